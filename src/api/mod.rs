@@ -1,0 +1,1 @@
+//! HTTP to domain types and back: the route table.

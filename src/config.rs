@@ -1,0 +1,1 @@
+//! Every setting, default and limit; the only reader of the environment.

@@ -1,0 +1,1 @@
+//! The ICRA network: credits for the candidates of one generation.

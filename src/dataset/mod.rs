@@ -1,0 +1,1 @@
+//! Recordings and the experiments cut from them.

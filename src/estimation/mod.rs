@@ -1,0 +1,1 @@
+//! The hybrid neural-genetic search and the refinement of its estimates.

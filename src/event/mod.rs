@@ -1,0 +1,1 @@
+//! The event hub: append to the store, then wake the subscribers.

@@ -1,0 +1,1 @@
+//! Random streams, statistics, interpolation and linear algebra.

@@ -1,0 +1,1 @@
+//! Integration of any model, many candidates at once.

@@ -1,0 +1,1 @@
+//! The only SQL: jobs, queue entries, events, checkpoints, results and datasets in SQLite.

@@ -1,0 +1,1 @@
+//! Works jobs off the queue, a slice at a time.
