@@ -38,6 +38,7 @@ impl Dynamics for PositioningDrive {
     type State<R: Real> = [R; 2];
     /// The force.
     type Held<R: Real> = [R; 1];
+    type Switches<R: Real> = [R; 0];
     type Constants<R: Real> = Constants<R>;
 
     fn constants<R: Real>(&self, parameters: &[R]) -> Constants<R> {
@@ -89,6 +90,11 @@ impl Dynamics for PositioningDrive {
             velocity,
             (force - friction - constants.offset) * constants.inverse_mass,
         ]
+    }
+
+    #[inline(always)]
+    fn switches<R: Real>(&self, _: &Constants<R>, _: &[R; 1], _: &[R; 2]) -> [R; 0] {
+        []
     }
 
     #[inline(always)]

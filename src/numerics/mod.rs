@@ -1,1 +1,5 @@
 //! Random streams, statistics, interpolation and linear algebra.
+
+pub mod least_squares;
+pub mod rng;
+pub mod statistics;

@@ -97,7 +97,12 @@ pub fn simulate<S: Sink>(
         return Some(Vec::new());
     };
     let mut order: Vec<usize> = (0..first.candidates.len()).collect();
-    let rate = |&index: &usize| plant.resolved_rate(first.candidates[index].parameters);
+    let rate = |&index: &usize| {
+        let candidate = &first.candidates[index];
+        candidate
+            .resolved_rate
+            .unwrap_or_else(|| plant.resolved_rate(candidate.parameters))
+    };
     let rates: Vec<f64> = order.iter().map(rate).collect();
     order.sort_by(|&a, &b| rates[a].total_cmp(&rates[b]));
     let pieces: Vec<(usize, &[usize])> = (0..runs.len())

@@ -76,13 +76,16 @@ impl<'a, D: Dynamics> Block<'a, D> {
                 }
             }
         }
-        let rate = |lane: usize| dynamics.resolved_rate(&lane_constants[lane]);
+        let rate = |lane: usize| {
+            let own = || dynamics.resolved_rate(&lane_constants[lane]);
+            of_lane(lane).resolved_rate.unwrap_or_else(own)
+        };
         let resolved_rate = Lanes(std::array::from_fn(rate));
         let sample_time = Lanes::splat(excitation.sample_time);
         let delay = dynamics
             .input_delay(&constants)
             .filter(|delay| delay.any(|seconds| seconds > 0.0))
-            .map(|delay| Delay::new(delay, excitation.sample_time, &resolved_rate));
+            .map(|delay| Delay::new(delay, &excitation, &resolved_rate));
         Block {
             dynamics,
             excitation,
@@ -90,7 +93,7 @@ impl<'a, D: Dynamics> Block<'a, D> {
             lane_constants,
             resolved_rate,
             delay,
-            whole_sample: Steps::resolving(&resolved_rate, &sample_time),
+            whole_sample: Steps::resolving(&resolved_rate, &sample_time, excitation.accuracy),
             state,
             sample: 0,
             failures: [None; LANES],
@@ -144,7 +147,8 @@ impl<'a, D: Dynamics> Block<'a, D> {
         let start = self.state;
         let Segment { held, steps } = segment;
         self.state = explicit::integrate(self.dynamics, &self.constants, held, &start, steps);
-        self.explicit_evaluations += 4 * steps.count.iter().map(|&n| u64::from(n)).sum::<u64>();
+        let steps_taken: u64 = steps.count.iter().map(|&count| u64::from(count)).sum();
+        self.explicit_evaluations += explicit::STAGES as u64 * steps_taken;
         let rate_before = self.dynamics.local_rate(&self.constants, held, &start);
         let rate_after = self.dynamics.local_rate(&self.constants, held, &self.state);
         let worst = rate_before.max(rate_after) * steps.length;
@@ -242,7 +246,12 @@ impl<'a, D: Dynamics> Block<'a, D> {
 }
 
 impl<D: Dynamics> Delay<D> {
-    fn new(delay: Lanes, sample_time: f64, rate: &Lanes) -> Self {
+    fn new(delay: Lanes, excitation: &Excitation<'_>, rate: &Lanes) -> Self {
+        let Excitation {
+            sample_time,
+            accuracy,
+            ..
+        } = *excitation;
         let whole = delay
             .0
             .map(|seconds| (seconds / sample_time).floor().max(0.0) as usize);
@@ -251,8 +260,8 @@ impl<D: Dynamics> Delay<D> {
         }));
         Delay {
             whole,
-            before: Steps::resolving(rate, &part),
-            after: Steps::resolving(rate, &(Lanes::splat(sample_time) - part)),
+            before: Steps::resolving(rate, &part, accuracy),
+            after: Steps::resolving(rate, &(Lanes::splat(sample_time) - part), accuracy),
             history: std::collections::VecDeque::new(),
         }
     }

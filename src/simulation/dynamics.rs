@@ -13,6 +13,8 @@ pub trait Dynamics: Send + Sync + 'static {
     type State<R: Real>: RealArray<R>;
     /// What is held over a sample, e.g. the valve command.
     type Held<R: Real>: RealArray<R>;
+    /// Quantities whose change of sign is a kink of the equations, e.g. a valve that opens.
+    type Switches<R: Real>: RealArray<R>;
     /// What follows from a candidate's parameters alone.
     type Constants<R: Real>: Copy + Send + Sync;
 
@@ -37,6 +39,14 @@ pub trait Dynamics: Send + Sync + 'static {
         held: &Self::Held<R>,
         state: &Self::State<R>,
     ) -> Self::State<R>;
+
+    /// The switches at a state. A step that crosses one is taken in two parts.
+    fn switches<R: Real>(
+        &self,
+        constants: &Self::Constants<R>,
+        held: &Self::Held<R>,
+        state: &Self::State<R>,
+    ) -> Self::Switches<R>;
 
     /// Writes the outputs, in the order of the model's description.
     fn outputs<R: Real>(

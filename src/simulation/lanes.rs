@@ -157,8 +157,8 @@ impl Lanes {
     #[inline(always)]
     pub fn map(self, function: impl Fn(f64) -> f64) -> Self {
         let mut result = self;
-        for value in &mut result.0 {
-            *value = function(*value);
+        for lane in 0..LANES {
+            result.0[lane] = function(self.0[lane]);
         }
         result
     }
@@ -167,8 +167,8 @@ impl Lanes {
     #[inline(always)]
     pub fn zip(self, other: Self, function: impl Fn(f64, f64) -> f64) -> Self {
         let mut result = self;
-        for (value, other) in result.0.iter_mut().zip(other.0) {
-            *value = function(*value, other);
+        for lane in 0..LANES {
+            result.0[lane] = function(self.0[lane], other.0[lane]);
         }
         result
     }

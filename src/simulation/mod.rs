@@ -16,6 +16,28 @@ pub mod stiff;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+/// How finely a simulation resolves a candidate's fastest rate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Accuracy {
+    /// Fine enough to rank candidates.
+    Screening,
+    /// Fine enough to estimate from: the servo's position within 0.1 µm of the trajectories in
+    /// `tests/known_answers`.
+    #[default]
+    Full,
+}
+
+impl Accuracy {
+    /// Step times rate [1].
+    #[must_use]
+    pub fn step_times_rate(self) -> f64 {
+        match self {
+            Accuracy::Screening => 0.33,
+            Accuracy::Full => 0.15,
+        }
+    }
+}
+
 /// The recorded inputs that drive a simulation.
 #[derive(Clone, Copy, Debug)]
 pub struct Excitation<'a> {
@@ -27,6 +49,8 @@ pub struct Excitation<'a> {
     pub input_set: usize,
     /// For each input of the set its samples, SI.
     pub inputs: &'a [Vec<f64>],
+    /// How finely.
+    pub accuracy: Accuracy,
 }
 
 /// What is simulated: a full parameter vector and where it starts.
@@ -36,6 +60,9 @@ pub struct Candidate<'a> {
     pub parameters: &'a [f64],
     /// For each state its value at the first sample, SI; none: the model's own.
     pub initial_state: &'a [Option<f64>],
+    /// The rate that its steps resolve [1/s], where that is not its own: candidates that are
+    /// compared to the last digits (a derivative by differences) take the same steps.
+    pub resolved_rate: Option<f64>,
 }
 
 /// Why a candidate's simulation ended before the record did.

@@ -116,6 +116,9 @@ impl Dynamics for SingleRodServo {
     type State<R: Real> = [R; 6];
     /// The valve command.
     type Held<R: Real> = [R; 1];
+    /// The ports opening and closing, the spool at its stops, and each pressure drop through zero
+    /// (where the flow is steepest).
+    type Switches<R: Real> = [R; 8];
     type Constants<R: Real> = Constants<R>;
 
     fn constants<R: Real>(&self, parameters: &[R]) -> Constants<R> {
@@ -230,6 +233,28 @@ impl Dynamics for SingleRodServo {
             acceleration,
             spool_rates.position,
             spool_rates.velocity,
+        ]
+    }
+
+    #[inline(always)]
+    fn switches<R: Real>(
+        &self,
+        constants: &Constants<R>,
+        &[command]: &[R; 1],
+        &[p1, p2, _, _, position, velocity]: &[R; 6],
+    ) -> [R; 8] {
+        let spool = Spool { position, velocity };
+        let [opens, opens_back, open, open_back] = constants.valve.switches(command, &spool);
+        let (supply, drain) = (constants.supply_pressure, constants.return_pressure);
+        [
+            opens,
+            opens_back,
+            open,
+            open_back,
+            supply - p1,
+            p1 - drain,
+            supply - p2,
+            p2 - drain,
         ]
     }
 

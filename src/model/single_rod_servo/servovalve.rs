@@ -53,16 +53,29 @@ impl<R: Real> Valve<R> {
         }
     }
 
-    /// The opening of the ports [1], positive towards extension.
+    /// The opening of the ports [1], positive towards extension: the spool beyond its dead band,
+    /// at most fully open.
     #[inline(always)]
     pub fn opening(&self, command: R, spool: &Spool<R>) -> R {
-        let spool = self.direct * command + (R::splat(1.0) - self.direct) * spool.position;
+        let spool = self.acting(command, spool);
         if !self.has_dead_band {
-            return spool;
+            return spool.clamp(-1.0, 1.0);
         }
-        (spool.abs() - self.dead_band)
-            .max(R::splat(0.0))
-            .copysign(spool)
+        let beyond = (spool.abs() - self.dead_band).max(R::splat(0.0));
+        Real::min(beyond, R::splat(1.0)).copysign(spool)
+    }
+
+    /// Where a port begins to open (both signs) and where it is fully open (both signs).
+    #[inline(always)]
+    pub fn switches(&self, command: R, spool: &Spool<R>) -> [R; 4] {
+        let spool = self.acting(command, spool);
+        let (opens, open) = (self.dead_band, self.dead_band + R::splat(1.0));
+        [spool - opens, spool + opens, spool - open, spool + open]
+    }
+
+    #[inline(always)]
+    fn acting(&self, command: R, spool: &Spool<R>) -> R {
+        self.direct * command + (R::splat(1.0) - self.direct) * spool.position
     }
 
     /// The spool's rates of change.

@@ -1,0 +1,165 @@
+//! Linear least squares by orthogonal triangles, fed a block of rows at a time.
+//!
+//! [`Triangle`] keeps the upper triangle R of `[J | r]` under Householder reflections, so that
+//! neither the condition of J is squared (as normal equations would) nor the memory grows with
+//! the number of rows (G. H. Golub, C. F. Van Loan, *Matrix Computations*, 2013, ch. 5 and 6.3).
+
+use nalgebra::{DMatrix, DVector};
+
+/// R of the rows seen so far; the last column belongs to the right-hand side.
+#[derive(Clone, Debug)]
+pub struct Triangle {
+    columns: usize,
+    matrix: DMatrix<f64>,
+    rows: usize,
+}
+
+impl Triangle {
+    /// No rows yet, for `columns` unknowns.
+    #[must_use]
+    pub fn new(columns: usize) -> Triangle {
+        Triangle {
+            columns,
+            matrix: DMatrix::zeros(0, columns + 1),
+            rows: 0,
+        }
+    }
+
+    /// How many rows have been seen.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Adds rows: `block` holds the unknowns' columns and, last, the right-hand side.
+    pub fn push(&mut self, block: &DMatrix<f64>) {
+        self.rows += block.nrows();
+        let kept = self.matrix.nrows();
+        let mut stacked = DMatrix::zeros(kept + block.nrows(), self.columns + 1);
+        stacked.rows_mut(0, kept).copy_from(&self.matrix);
+        stacked.rows_mut(kept, block.nrows()).copy_from(block);
+        self.matrix = stacked.qr().unpack_r();
+    }
+
+    /// The upper triangle of the unknowns, square.
+    #[must_use]
+    pub fn factor(&self) -> DMatrix<f64> {
+        self.padded()
+            .view((0, 0), (self.columns, self.columns))
+            .into_owned()
+    }
+
+    /// Qᵀ times the right-hand side, as long as there are unknowns.
+    #[must_use]
+    pub fn projected(&self) -> DVector<f64> {
+        self.padded()
+            .view((0, self.columns), (self.columns, 1))
+            .column(0)
+            .into_owned()
+    }
+
+    /// The gradient Jᵀr.
+    #[must_use]
+    pub fn gradient(&self) -> DVector<f64> {
+        let factor = self.factor();
+        let projected = self.projected();
+        DVector::from_fn(self.columns, |column, _| {
+            (0..=column)
+                .map(|row| factor[(row, column)] * projected[row])
+                .sum()
+        })
+    }
+
+    /// The sum of squares of the right-hand side that no solution can remove.
+    #[must_use]
+    pub fn residual_sum_of_squares(&self) -> f64 {
+        let padded = self.padded();
+        let last = padded[(self.columns, self.columns)];
+        last * last
+    }
+
+    fn padded(&self) -> DMatrix<f64> {
+        let mut padded = DMatrix::zeros(self.columns + 1, self.columns + 1);
+        let rows = self.matrix.nrows().min(self.columns + 1);
+        padded
+            .rows_mut(0, rows)
+            .copy_from(&self.matrix.rows(0, rows));
+        padded
+    }
+
+    /// Minimises `|J·d + r|² + damping·|D·d|²` over the unknowns that are `free`, the others kept
+    /// at zero; D holds the norms of J's columns. None where the system is singular.
+    #[must_use]
+    pub fn damped_step(&self, damping: f64, free: &[bool]) -> Option<DVector<f64>> {
+        let factor = self.factor();
+        let projected = self.projected();
+        let chosen: Vec<usize> = (0..self.columns).filter(|&column| free[column]).collect();
+        let n = chosen.len();
+        let mut stacked = DMatrix::zeros(self.columns + n, n + 1);
+        for (place, &column) in chosen.iter().enumerate() {
+            stacked
+                .view_mut((0, place), (self.columns, 1))
+                .copy_from(&factor.column(column));
+            stacked[(self.columns + place, place)] = damping.sqrt() * factor.column(column).norm();
+        }
+        for row in 0..self.columns {
+            stacked[(row, n)] = -projected[row];
+        }
+        let triangle = stacked.qr().unpack_r();
+        let upper = triangle.view((0, 0), (n, n)).into_owned();
+        let right = triangle.view((0, n), (n, 1)).column(0).into_owned();
+        let solution = upper.solve_upper_triangular(&right)?;
+        let mut step = DVector::zeros(self.columns);
+        for (place, &column) in chosen.iter().enumerate() {
+            step[column] = solution[place];
+        }
+        step.iter().all(|value| value.is_finite()).then_some(step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// y = 2 + 3·t with residuals 0.1·(1, −1, −1, 1), which are orthogonal to 1 and t.
+    fn line() -> DMatrix<f64> {
+        let rows = [0.0, 1.0, 2.0, 3.0].iter().zip([0.1, -0.1, -0.1, 0.1]);
+        DMatrix::from_row_iterator(
+            4,
+            3,
+            rows.flat_map(|(&t, noise)| [1.0, t, -(2.0 + 3.0 * t + noise)]),
+        )
+    }
+
+    #[test]
+    fn an_undamped_step_solves_a_line_however_the_rows_arrive() {
+        for cut in 1..4 {
+            let rows = line();
+            let mut triangle = Triangle::new(2);
+            triangle.push(&rows.rows(0, cut).into_owned());
+            triangle.push(&rows.rows(cut, 4 - cut).into_owned());
+            let step = triangle.damped_step(0.0, &[true, true]).unwrap();
+            assert!((step[0] - 2.0).abs() < 1e-12 && (step[1] - 3.0).abs() < 1e-12);
+            assert!((triangle.residual_sum_of_squares() - 0.04).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_fixed_unknown_stays_and_the_other_makes_the_best_of_it() {
+        let mut triangle = Triangle::new(2);
+        triangle.push(&line());
+        let step = triangle.damped_step(0.0, &[true, false]).unwrap();
+        assert_eq!(step[1], 0.0);
+        // The mean of 2, 5, 8, 11.
+        assert!((step[0] - 6.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn damping_shortens_the_step() {
+        let mut triangle = Triangle::new(2);
+        triangle.push(&line());
+        let free = [true, true];
+        let short = triangle.damped_step(10.0, &free).unwrap().norm();
+        assert!(short < 0.5 * triangle.damped_step(0.0, &free).unwrap().norm());
+    }
+}

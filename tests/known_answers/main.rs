@@ -1,0 +1,3 @@
+//! Trajectories and numbers that other programs computed.
+
+mod servo_trajectories;
