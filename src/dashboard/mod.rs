@@ -40,80 +40,54 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 const SVG: &str = "image/svg+xml";
 const TEXT: &str = "text/plain; charset=utf-8";
 
-const fn file(path: &'static str, content_type: &'static str, bytes: &'static [u8]) -> Asset {
+const fn page(path: &'static str, bytes: &'static [u8], policy: &'static str) -> Asset {
     Asset {
         path,
-        content_type,
-        policy: DASHBOARD_POLICY,
+        content_type: HTML,
+        policy,
         bytes,
     }
 }
 
-static ASSETS: [Asset; 21] = [
-    file("/", HTML, include_bytes!("assets/index.html")),
-    file("/assets/style.css", CSS, include_bytes!("assets/style.css")),
-    file("/assets/icon.svg", SVG, include_bytes!("assets/icon.svg")),
-    file("/assets/main.js", SCRIPT, include_bytes!("assets/main.js")),
-    file("/assets/api.js", SCRIPT, include_bytes!("assets/api.js")),
-    file("/assets/dom.js", SCRIPT, include_bytes!("assets/dom.js")),
-    file(
-        "/assets/format.js",
-        SCRIPT,
-        include_bytes!("assets/format.js"),
+/// The file of that name in `assets/`, served as `/assets/…`.
+macro_rules! asset {
+    ($name:literal, $content_type:expr) => {
+        Asset {
+            path: concat!("/assets/", $name),
+            content_type: $content_type,
+            policy: DASHBOARD_POLICY,
+            bytes: include_bytes!(concat!("assets/", $name)),
+        }
+    };
+}
+
+static ASSETS: [Asset; 22] = [
+    page("/", include_bytes!("assets/index.html"), DASHBOARD_POLICY),
+    page(
+        "/docs",
+        include_bytes!("assets/docs.html"),
+        REFERENCE_POLICY,
     ),
-    file("/assets/axes.js", SCRIPT, include_bytes!("assets/axes.js")),
-    file(
-        "/assets/chart.js",
-        SCRIPT,
-        include_bytes!("assets/chart.js"),
-    ),
-    file("/assets/jobs.js", SCRIPT, include_bytes!("assets/jobs.js")),
-    file("/assets/job.js", SCRIPT, include_bytes!("assets/job.js")),
-    file(
-        "/assets/job_feed.js",
-        SCRIPT,
-        include_bytes!("assets/job_feed.js"),
-    ),
-    file(
-        "/assets/job_progress.js",
-        SCRIPT,
-        include_bytes!("assets/job_progress.js"),
-    ),
-    file(
-        "/assets/job_result.js",
-        SCRIPT,
-        include_bytes!("assets/job_result.js"),
-    ),
-    file(
-        "/assets/job_trajectory.js",
-        SCRIPT,
-        include_bytes!("assets/job_trajectory.js"),
-    ),
-    file(
-        "/assets/datasets.js",
-        SCRIPT,
-        include_bytes!("assets/datasets.js"),
-    ),
-    file(
-        "/assets/submit.js",
-        SCRIPT,
-        include_bytes!("assets/submit.js"),
-    ),
-    Asset {
-        policy: REFERENCE_POLICY,
-        ..file("/docs", HTML, include_bytes!("assets/docs.html"))
-    },
-    file("/assets/docs.js", SCRIPT, include_bytes!("assets/docs.js")),
-    file(
-        "/assets/vendor/rapidoc-9.3.8-min.js",
-        SCRIPT,
-        include_bytes!("assets/vendor/rapidoc-9.3.8-min.js"),
-    ),
-    file(
-        "/assets/vendor/rapidoc-9.3.8.LICENSE",
-        TEXT,
-        include_bytes!("assets/vendor/rapidoc-9.3.8.LICENSE"),
-    ),
+    asset!("style.css", CSS),
+    asset!("icon.svg", SVG),
+    asset!("main.js", SCRIPT),
+    asset!("api.js", SCRIPT),
+    asset!("dom.js", SCRIPT),
+    asset!("format.js", SCRIPT),
+    asset!("axes.js", SCRIPT),
+    asset!("chart.js", SCRIPT),
+    asset!("jobs.js", SCRIPT),
+    asset!("job.js", SCRIPT),
+    asset!("job_feed.js", SCRIPT),
+    asset!("job_progress.js", SCRIPT),
+    asset!("job_result.js", SCRIPT),
+    asset!("job_tables.js", SCRIPT),
+    asset!("job_trajectory.js", SCRIPT),
+    asset!("datasets.js", SCRIPT),
+    asset!("submit.js", SCRIPT),
+    asset!("docs.js", SCRIPT),
+    asset!("vendor/rapidoc-9.3.8-min.js", SCRIPT),
+    asset!("vendor/rapidoc-9.3.8.LICENSE", TEXT),
 ];
 
 /// The routes of the pages. Unknown paths are left to the router that this one is merged into.
@@ -220,10 +194,7 @@ mod tests {
             let path = paths[seen].clone();
             seen += 1;
             assert_eq!(fetch(&path, None).await.status(), StatusCode::OK, "{path}");
-            if path.contains("/vendor/") {
-                continue;
-            }
-            let named = named_files(&text(&path).await);
+            let named = named_by(&path).await;
             let new: BTreeSet<String> = named
                 .into_iter()
                 .filter(|file| !paths.contains(file))
@@ -237,14 +208,16 @@ mod tests {
         );
     }
 
-    /// The quoted paths of a page (`"/assets/…"`) or a module (`"./….js"`).
-    fn named_files(text: &str) -> Vec<String> {
-        text.split('"')
-            .filter_map(|piece| match piece.strip_prefix("./") {
-                Some(module) if module.ends_with(".js") => Some(format!("/assets/{module}")),
-                _ => piece.starts_with("/assets/").then(|| piece.to_owned()),
-            })
-            .collect()
+    /// The quoted paths in a page (`"/assets/…"`) or a module (`"./….js"`) of ours.
+    async fn named_by(path: &str) -> Vec<String> {
+        if path.contains("/vendor/") {
+            return Vec::new();
+        }
+        let asset = |piece: &str| match piece.strip_prefix("./") {
+            Some(module) if module.ends_with(".js") => Some(format!("/assets/{module}")),
+            _ => piece.starts_with("/assets/").then(|| piece.to_owned()),
+        };
+        text(path).await.split('"').filter_map(asset).collect()
     }
 
     #[tokio::test]

@@ -1,7 +1,12 @@
 //! When the samples of a recording were taken.
 
+use std::ops::Range;
+
 /// How far a sample may lie from its place on a uniform grid, in sample times.
 pub const JITTER_TOLERANCE: f64 = 1e-3;
+
+/// How far a sample may lie from an instant that names it, in sample times. It covers rounding.
+const ON_TIME: f64 = 1e-6;
 
 /// The instants of the samples, in seconds from the first one.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,9 +95,22 @@ impl TimeAxis {
         }
     }
 
-    /// The first sample at or after `time` [s], which may be off by a millionth of a sample time.
-    pub(super) fn first_from(&self, time: f64) -> usize {
-        let early = time - 1e-6 * self.sample_time();
+    /// The samples between two times [s], both included; from the first, up to the last when absent.
+    #[must_use]
+    pub fn between(&self, from: Option<f64>, to: Option<f64>) -> Range<usize> {
+        let samples = self.samples();
+        let start = from.map_or(0, |from| self.first_from(from));
+        let end = to.map_or(samples, |to| {
+            let k = self.first_from(to);
+            let on_time = |k| self.instant(k) <= to + ON_TIME * self.sample_time();
+            if k < samples && on_time(k) { k + 1 } else { k }
+        });
+        start..end.max(start)
+    }
+
+    /// The first sample at or after `time` [s].
+    fn first_from(&self, time: f64) -> usize {
+        let early = time - ON_TIME * self.sample_time();
         match self {
             Self::Uniform {
                 sample_time,

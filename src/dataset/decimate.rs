@@ -56,7 +56,7 @@ impl Recording {
             .iter()
             .map(|signal| signal.values.as_slice())
             .collect();
-        let kept = kept_indices(&columns, self.between(from, to), max_points);
+        let kept = kept_indices(&columns, self.time.between(from, to), max_points);
         let values = |signal: &Signal| {
             kept.iter()
                 .map(|&k| signal.values[k])
@@ -76,22 +76,6 @@ impl Recording {
                 })
                 .collect(),
         }
-    }
-
-    /// The samples between two times, both included.
-    fn between(&self, from: Option<f64>, to: Option<f64>) -> Range<usize> {
-        let samples = self.time.samples();
-        let start = from.map_or(0, |from| self.time.first_from(from));
-        let end = to.map_or(samples, |to| {
-            let k = self.time.first_from(to);
-            let tolerance = 1e-6 * self.time.sample_time();
-            if k < samples && self.time.instant(k) <= to + tolerance {
-                k + 1
-            } else {
-                k
-            }
-        });
-        start..end.max(start)
     }
 }
 

@@ -132,8 +132,11 @@ mod tests {
         let experiment = recording
             .experiment(&map(&[("position", "pos")]), Some(window))
             .unwrap();
-        assert_eq!((experiment.sample_time, experiment.samples), (0.5, 3));
-        assert_eq!(experiment.signal("position"), Some(&[2.0, 3.0, 4.0][..]));
+        assert_eq!((experiment.sample_time, experiment.samples), (0.5, 4));
+        assert_eq!(
+            experiment.signal("position"),
+            Some(&[2.0, 3.0, 4.0, 5.0][..])
+        );
         assert!(experiment.notes.is_empty());
     }
 

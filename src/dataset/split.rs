@@ -5,14 +5,14 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use utoipa::ToSchema;
 
-/// A part of a recording, in seconds from its first sample: `from_s <= t < to_s`.
+/// A part of a recording, in seconds from its first sample: `from_s <= t <= to_s`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Window {
     /// Where it begins [s]; the first sample when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from_s: Option<f64>,
-    /// Where it ends [s], itself not included; after the last sample when absent.
+    /// Where it ends [s], itself included; the last sample when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_s: Option<f64>,
 }
@@ -26,12 +26,13 @@ impl Window {
     pub fn samples(&self, time: &TimeAxis) -> Result<Range<usize>, ExperimentError> {
         let duration_s = time.duration();
         let from_s = self.from_s.unwrap_or(0.0);
-        let to_s = self.to_s.unwrap_or(duration_s + time.sample_time());
-        let ordered = from_s.is_finite() && to_s.is_finite() && from_s < to_s;
+        let to_s = self.to_s.unwrap_or(duration_s);
+        let finite = from_s.is_finite() && to_s.is_finite();
+        let ordered = finite && (self.to_s.is_none() || from_s < to_s);
         if !ordered {
             return Err(ExperimentError::NotAnInterval { from_s, to_s });
         }
-        let range = time.first_from(from_s)..time.first_from(to_s);
+        let range = time.between(Some(from_s), self.to_s);
         if range.len() < super::MIN_SAMPLES {
             let samples = range.len();
             return Err(ExperimentError::EmptyWindow {
@@ -102,9 +103,11 @@ mod tests {
     }
 
     #[test]
-    fn adjacent_windows_share_no_sample() {
-        assert_eq!(window(0.0, 60.0).samples(&AXIS), Ok(0..6000));
-        assert_eq!(window(60.0, 120.0).samples(&AXIS), Ok(6000..12_000));
+    fn both_ends_of_a_window_belong_to_it() {
+        assert_eq!(window(0.0, 60.0).samples(&AXIS), Ok(0..6001));
+        assert_eq!(window(60.0, 200.0).samples(&AXIS), Ok(6000..12_000));
+        assert_eq!(window(0.005, 0.025).samples(&AXIS), Ok(1..3));
+        assert_eq!(window(-1.0, AXIS.duration()).samples(&AXIS), Ok(0..12_000));
         assert_eq!(Window::default().samples(&AXIS), Ok(0..12_000));
     }
 
@@ -112,6 +115,14 @@ mod tests {
     fn a_window_without_samples_is_refused() {
         assert!(matches!(
             window(120.0, 130.0).samples(&AXIS),
+            Err(ExperimentError::EmptyWindow { samples: 0, .. })
+        ));
+        let late = Window {
+            from_s: Some(130.0),
+            to_s: None,
+        };
+        assert!(matches!(
+            late.samples(&AXIS),
             Err(ExperimentError::EmptyWindow { samples: 0, .. })
         ));
         assert!(matches!(

@@ -73,7 +73,7 @@ function upload(view, outcome, stored) {
     }
     button.disabled = false;
   };
-  return h("form", { class: "panel", onsubmit: submit },
+  return h("form", { class: "panel fields", onsubmit: submit },
     h("label", {}, "Recording (CSV, or JSON)", file),
     h("label", {}, "Name", name), h("label", {}, "Time column", time), button,
     h("p", { class: "quiet" }, "CSV: a header row such as ", h("code", {}, "time [s],reference [m],position [mm]"),
@@ -154,7 +154,9 @@ function plots(view, dataset, outcome) {
 }
 
 async function plot(view, id, name) {
-  const address = `/v1/datasets/${id}/samples${query({ signals: name, max_points: POINTS })}`;
+  // A list of names is separated by commas; a name with a comma in it can only be had with all.
+  const signals = name.includes(",") ? null : name;
+  const address = `/v1/datasets/${id}/samples${query({ signals, max_points: POINTS })}`;
   const { data } = await get(address, view.signal);
   const { unit, values } = data.signals[name];
   const chart = lineChart({

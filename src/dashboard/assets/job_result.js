@@ -2,22 +2,14 @@
 // parameters of its best candidate so far.
 
 import { get } from "./api.js";
-import { facts, h, notice, table } from "./dom.js";
-import { count, number, percent, quantity, unitText, withError, words } from "./format.js";
+import { facts, h, notice } from "./dom.js";
+import { count, number, words } from "./format.js";
 import { isFinished } from "./job_feed.js";
+import {
+  bestTable, correlationTable, fitTable, initialStateTable, parameterTable, residualTable, startTable,
+} from "./job_tables.js";
 
 const WITH_RESULT = ["succeeded", "cancelled", "paused", "failed"];
-
-const PARAMETER_COLUMNS = [
-  { title: "Parameter" }, { title: "Estimate", numeric: true }, { title: "± standard error", numeric: true },
-  { title: "Confidence interval", numeric: true }, { title: "Unit" }, { title: "Bounds", numeric: true },
-  { title: "Remarks" },
-];
-
-const FIT_COLUMNS = [
-  { title: "Data" }, { title: "Output" }, { title: "Fit", numeric: true }, { title: "RMSE", numeric: true },
-  { title: "Largest error", numeric: true }, { title: "Samples", numeric: true },
-];
 
 export function resultPanel(view) {
   const outcome = notice();
@@ -28,7 +20,7 @@ export function resultPanel(view) {
   const drawBest = () => {
     if (state.job && !state.result) {
       const none = isFinished(state.job) ? "There is no estimate." : "No estimate yet.";
-      content.replaceChildren(state.last ? bestSoFar(state.last, state) : h("p", { class: "quiet" }, none));
+      content.replaceChildren(state.last ? bestSoFar(state) : h("p", { class: "quiet" }, none));
     }
   };
   return {
@@ -45,7 +37,7 @@ export function resultPanel(view) {
       }
       state.result = result;
       if (result) {
-        content.replaceChildren(...report(result, state));
+        content.replaceChildren(...report(result, state).filter(Boolean));
       } else {
         drawBest();
       }
@@ -69,48 +61,34 @@ async function read(job, view, outcome) {
   }
 }
 
-function described(model, list, name) {
-  return (model?.[list] ?? []).find((entry) => entry.name === name) ?? {};
-}
-
-function nameCell(name, symbol) {
-  return [words(name), symbol && h("span", { class: "symbol" }, plainSymbol(symbol))];
-}
-
-// `K_m` with a lowered m.
-function plainSymbol(symbol) {
-  const [base, ...index] = symbol.split("_");
-  return index.length ? [base, h("sub", {}, index.join(" ").replace(/[{}]/g, ""))] : symbol;
-}
-
-function bounds(lower, upper) {
-  return `${number(lower)} … ${number(upper)}`;
-}
-
-function bestSoFar(row, { job, model }) {
-  const rows = Object.entries(row.best ?? {}).map(([name, value]) => {
-    const about = described(model, "parameters", name);
-    const free = job.spec?.parameters?.[name]?.estimate ?? about;
-    return [nameCell(name, about.symbol), number(value, 6), "–", "–", unitText(about.unit ?? ""),
-      bounds(free.lower, free.upper), ""];
-  });
+function bestSoFar({ last, job, model }) {
+  const later = isFinished(job) ? "" : ", which comes with the result";
   return h("div", {},
-    h("p", { class: "quiet" }, `Best candidate of generation ${row.generation}, without uncertainty${isFinished(job) ? "" : ", which comes with the result"}.`),
-    table("Best parameters so far", PARAMETER_COLUMNS, rows));
+    h("p", { class: "quiet" }, `Best candidate of generation ${last.generation}, without uncertainty${later}.`),
+    bestTable(last, job, model));
 }
 
 function report(result, { job, model }) {
   const part = job.status === "succeeded" ? "" : " (best so far)";
+  const { initial_states: states = [], residuals = {}, starts = [], correlation } = result;
   return [
     verdict(result),
     h("h3", {}, `Parameters${part}`),
-    table("Estimated parameters", PARAMETER_COLUMNS, (result.parameters ?? []).map(parameterRow)),
+    parameterTable(result.parameters ?? []),
+    states.length > 0 && h("div", {}, h("h3", {}, "Initial states"), initialStateTable(states)),
     h("h3", {}, "Fit"),
-    table("Fit of the outputs", FIT_COLUMNS, fitRows(result.fit, model)),
+    fitTable(result.fit, model),
+    Object.keys(residuals).length > 0 && h("div", {}, h("h3", {}, "Residuals"), residualTable(residuals, model)),
     h("h3", {}, "Search"),
     search(result),
+    correlation?.names.length > 1 && folded("Correlation of the errors", correlationTable(correlation)),
+    starts.length > 0 && folded(`${starts.length} starts of the refinement, best first`, startTable(starts)),
     download(result, job),
   ];
+}
+
+function folded(title, content) {
+  return h("details", {}, h("summary", {}, title), content);
 }
 
 function verdict(result) {
@@ -124,47 +102,18 @@ function verdict(result) {
       h("li", {}, typeof reason === "string" ? reason : reason.detail ?? reason.code))));
 }
 
-function parameterRow(parameter) {
-  const [estimate, error] = withError(parameter.estimate, parameter.standard_error);
-  const interval = parameter.confidence_interval;
-  const remarks = [
-    parameter.at_bound && h("span", { class: "badge failed" }, "at bound"),
-    parameter.identifiable === false && h("span", { class: "badge failed" }, "not identifiable"),
-  ].filter(Boolean);
-  return [
-    nameCell(parameter.name, parameter.symbol), estimate, error, interval ? intervalText(interval) : "–",
-    unitText(parameter.unit), bounds(parameter.lower, parameter.upper),
-    remarks,
-  ];
-}
-
-function intervalText({ level, lower, upper, method }) {
-  const [low, high] = [lower, upper].map((end) =>
-    Number.isFinite(end) ? withError(end, Math.abs(upper - lower) / 4)[0] : "open");
-  return h("span", { title: method ? `method: ${words(method)}` : null },
-    `${low} … ${high}`, h("span", { class: "quiet" }, ` (${percent(100 * level)})`));
-}
-
-function fitRows(fit, model) {
-  return ["estimation", "validation"].flatMap((data) =>
-    Object.entries(fit?.[data] ?? {}).map(([output, values]) => {
-      const { unit } = described(model, "outputs", output);
-      return [data, words(output), percent(values.fit_percent), quantity(number(values.rmse), unit),
-        quantity(number(values.max_abs_error), unit), count(values.samples)];
-    }));
-}
-
 function search(result) {
   const { search: made = {}, criteria = {}, engine = {} } = result;
   const failed = Object.entries(made.failed_evaluations ?? {}).map(([cause, n]) => `${count(n)} ${words(cause)}`);
+  const criterion = [criteria.aic, criteria.aicc, criteria.bic].map((value) => number(value, 6)).join(" · ");
   return facts([
     ["Generations", count(made.generations)],
-    ["Best found in generation", made.best_generation === undefined ? null : count(made.best_generation)],
+    ["Best found in generation", Number.isFinite(made.best_generation) ? count(made.best_generation) : null],
     ["Evaluations", `${count(made.evaluations)}, ${count(made.distinct_evaluations)} of them distinct`],
     ["Failed evaluations", failed.join(", ")],
     ["Best credit", number(made.best_credit, 3)],
     ["Cost", number(criteria.cost, 6)],
-    ["AIC · AICc · BIC", [criteria.aic, criteria.aicc, criteria.bic].map((value) => number(value, 6)).join(" · ")],
+    ["AIC · AICc · BIC", criterion],
     ["FPE", number(criteria.fpe)],
     ["Seed", engine.seed === undefined ? null : String(engine.seed)],
     ["Version", engine.version],

@@ -2,7 +2,7 @@
 
 import { get, items, request } from "./api.js";
 import { facts, h, notice, table, warningList } from "./dom.js";
-import { count, number, unitText } from "./format.js";
+import { count, duration, number, unitText, words } from "./format.js";
 
 const SIGNAL_COLUMNS = [{ title: "Signal" }, { title: "Unit" }, { title: "Meaning" }];
 const PARAMETER_COLUMNS = [
@@ -64,7 +64,7 @@ function submitForm(view, { models, datasets, template }, outcome) {
   }
   const poster = new Poster(view, text, outcome);
   return h("form", { onsubmit: (event) => poster.submit(event) },
-    h("div", { class: "panel" },
+    h("div", { class: "panel fields" },
       h("label", {}, "Dataset", dataset), h("label", {}, "Model", model),
       datasets.length === 0 && h("p", {}, "There is no dataset yet: ", h("a", { href: "#/datasets" }, "upload one"), ".")),
     h("label", { class: "block" }, "Specification (JSON; everything left out has a default)", text),
@@ -177,13 +177,20 @@ class Poster {
   }
 }
 
+function prediction(name, value) {
+  if (name.endsWith("_s")) {
+    return [words(name.slice(0, -2)), duration(value)];
+  }
+  return [words(name), Number.isInteger(value) ? count(value) : number(value)];
+}
+
 // The completed specification, what it will cost, and what the pre-flight check found.
 function checked(answer) {
   const { findings = [], spec, ...rest } = answer;
   const predictions = Object.values(rest).filter((value) => value && typeof value === "object" && !Array.isArray(value));
   const numbers = Object.entries(Object.assign({}, rest, ...predictions))
     .filter(([, value]) => typeof value === "number")
-    .map(([name, value]) => [name.replaceAll("_", " "), Number.isInteger(value) ? count(value) : number(value)]);
+    .map(([name, value]) => prediction(name, value));
   return h("div", { class: "panel" },
     h("p", {}, h("strong", {}, "The specification is valid."), " Nothing was created."),
     facts(numbers),
