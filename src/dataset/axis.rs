@@ -13,7 +13,7 @@ const ON_TIME: f64 = 1e-6;
 pub enum TimeAxis {
     /// Sample k was taken at `k * sample_time`.
     Uniform {
-        /// The sample time [s].
+        /// The sample time `[s]`.
         sample_time: f64,
         /// The number of samples.
         samples: usize,
@@ -24,10 +24,10 @@ pub enum TimeAxis {
 
 impl TimeAxis {
     /// The axis of strictly increasing instants that begin at 0: uniform where every instant is
-    /// within [`JITTER_TOLERANCE`] of the grid between the first and the last.
+    /// within a thousandth of a sample time of the grid between the first and the last.
     ///
-    /// `scale` is the largest number that the source wrote for a time [s]; its rounding limits what
-    /// the instants can tell about the sample time.
+    /// `scale` is the largest number that the source wrote for a time `[s]`; its rounding limits
+    /// what the instants can tell about the sample time.
     #[must_use]
     pub fn from_instants(instants: Vec<f64>, scale: f64) -> Self {
         let samples = instants.len();
@@ -59,7 +59,7 @@ impl TimeAxis {
         }
     }
 
-    /// When sample `k` was taken [s].
+    /// When sample `k` was taken `[s]`.
     ///
     /// # Panics
     /// When `k` is past the end of a non-uniform axis.
@@ -71,7 +71,7 @@ impl TimeAxis {
         }
     }
 
-    /// The time from the first to the last sample [s].
+    /// The time from the first to the last sample `[s]`.
     #[must_use]
     pub fn duration(&self) -> f64 {
         match self.samples() {
@@ -86,7 +86,7 @@ impl TimeAxis {
         matches!(self, Self::Uniform { .. })
     }
 
-    /// The sample time [s]; the median interval where the samples are not uniform.
+    /// The sample time `[s]`; the median interval where the samples are not uniform.
     #[must_use]
     pub fn sample_time(&self) -> f64 {
         match self {
@@ -95,7 +95,8 @@ impl TimeAxis {
         }
     }
 
-    /// The samples between two times [s], both included; from the first, up to the last when absent.
+    /// The samples between two times `[s]`, both included; from the first, up to the last when
+    /// absent.
     #[must_use]
     pub fn between(&self, from: Option<f64>, to: Option<f64>) -> Range<usize> {
         let samples = self.samples();
@@ -108,7 +109,7 @@ impl TimeAxis {
         start..end.max(start)
     }
 
-    /// The first sample at or after `time` [s].
+    /// The first sample at or after `time` `[s]`.
     fn first_from(&self, time: f64) -> usize {
         let early = time - ON_TIME * self.sample_time();
         match self {

@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 /// Samples of some signals at common instants.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Samples {
-    /// When they were taken [s from the first sample of the recording].
+    /// When they were taken `[s]`, from the first sample of the recording.
     pub time_s: Vec<f64>,
     /// The signals by name, in the order of the recording.
     #[serde(serialize_with = "as_map")]
@@ -38,7 +38,7 @@ fn as_map<S: Serializer>(
 }
 
 impl Recording {
-    /// The samples between `from` and `to` [s from the first sample], both included; all signals
+    /// The samples between `from` and `to` `[s]` from the first sample, both included; all signals
     /// where `signals` is `None`, else those of the given names that exist. Where there are more
     /// than `max_points`, the time is cut into buckets and the minimum and the maximum of each
     /// signal in each bucket stay, at the instants at which they were measured.

@@ -82,9 +82,9 @@ pub enum ExperimentError {
     /// A bound of the window is not a finite number, or the window ends before it begins.
     #[error("the window from {from_s} s to {to_s} s is not an interval")]
     NotAnInterval {
-        /// Its beginning [s].
+        /// Its beginning `[s]`.
         from_s: f64,
-        /// Its end [s].
+        /// Its end `[s]`.
         to_s: f64,
     },
     /// Fewer than two samples lie in the window.
@@ -92,13 +92,13 @@ pub enum ExperimentError {
         "the window from {from_s} s to {to_s} s holds {samples} samples of a recording of {duration_s} s; at least 2 are needed"
     )]
     EmptyWindow {
-        /// Its beginning [s].
+        /// Its beginning `[s]`.
         from_s: f64,
-        /// Its end [s].
+        /// Its end `[s]`.
         to_s: f64,
         /// How many samples lie in it.
         samples: usize,
-        /// How long the recording is [s].
+        /// How long the recording is `[s]`.
         duration_s: f64,
     },
     /// The gaps of an irregular recording are so long that hardly a sample would be there.
@@ -106,7 +106,7 @@ pub enum ExperimentError {
         "on a grid of {sample_time} s, {samples} irregular samples would be spread over {grid_samples}; choose a window without the gaps"
     )]
     TooSparse {
-        /// The sample time of the grid [s].
+        /// The sample time of the grid `[s]`.
         sample_time: f64,
         /// How many samples there are.
         samples: usize,

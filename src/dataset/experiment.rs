@@ -6,7 +6,7 @@ use super::{ExperimentError, Recording, Signal, TimeAxis, Warning, Window};
 /// Uniform, in SI units and under the model's signal names; ready for an estimation.
 #[derive(Clone, Debug)]
 pub struct Experiment {
-    /// The sample time [s].
+    /// The sample time `[s]`.
     pub sample_time: f64,
     /// The number of samples of every signal.
     pub samples: usize,

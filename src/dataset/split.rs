@@ -9,10 +9,10 @@ use utoipa::ToSchema;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Window {
-    /// Where it begins [s]; the first sample when absent.
+    /// Where it begins `[s]`; the first sample when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from_s: Option<f64>,
-    /// Where it ends [s], itself included; the last sample when absent.
+    /// Where it ends `[s]`, itself included; the last sample when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_s: Option<f64>,
 }

@@ -10,9 +10,9 @@ use utoipa::ToSchema;
 pub struct Summary {
     /// The number of samples of every signal.
     pub samples: usize,
-    /// The time from the first to the last sample [s].
+    /// The time from the first to the last sample `[s]`.
     pub duration_s: f64,
-    /// The sample time [s]; the median interval where `uniform` is false.
+    /// The sample time `[s]`; the median interval where `uniform` is false.
     pub sample_time_s: f64,
     /// Whether the samples lie on a uniform grid.
     pub uniform: bool,

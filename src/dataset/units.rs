@@ -103,14 +103,14 @@ const fn affine(names: &'static str, si: &'static str, factor: f64, offset: f64)
     }
 }
 
-/// Standard gravity [m/s²].
+/// Standard gravity `[m/s²]`.
 const G_N: f64 = 9.806_65;
-/// International inch and foot [m].
+/// International inch and foot `[m]`.
 const INCH: f64 = 0.0254;
 const FOOT: f64 = 0.3048;
-/// Avoirdupois pound [kg].
+/// Avoirdupois pound `[kg]`.
 const POUND: f64 = 0.453_592_37;
-/// US liquid gallon [m³].
+/// US liquid gallon `[m³]`.
 const GALLON: f64 = 231.0 * INCH * INCH * INCH;
 
 const TABLE: &[Row] = &[

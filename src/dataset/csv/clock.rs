@@ -73,7 +73,7 @@ impl Clock {
         }
     }
 
-    /// The largest number that was read [s].
+    /// The largest number that was read `[s]`.
     pub(super) fn scale(&self) -> f64 {
         match self {
             Self::Numbers { unit, largest, .. } => largest * unit.factor,

@@ -19,7 +19,7 @@ use header::Header;
 use std::io::{self, BufRead, BufReader, Cursor, Read};
 use table::Table;
 
-/// How much of the text is looked at to tell the delimiter [bytes].
+/// How much of the text is looked at to tell the delimiter `[bytes]`.
 const HEAD_BYTES: u64 = 64 * 1024;
 
 /// What the text itself does not say.

@@ -30,7 +30,7 @@ pub(super) struct Column {
     pub(super) values: Option<Vec<f64>>,
 }
 
-/// The longest sample time [s]: 30 years, so that no duration overflows.
+/// The longest sample time `[s]`: 30 years, so that no duration overflows.
 const LONGEST_SAMPLE_TIME: f64 = 1e9;
 
 const FIELDS: [&str; 5] = ["name", "sample_time_s", "start", "time", "signals"];
