@@ -1,5 +1,6 @@
 //! Random streams, statistics, interpolation and linear algebra.
 
+pub mod interpolation;
 pub mod least_squares;
 pub mod rng;
 pub mod statistics;

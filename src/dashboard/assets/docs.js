@@ -1,0 +1,48 @@
+// The API reference: the vendored viewer on this server's own description. It loads no fonts.
+
+import "/assets/vendor/rapidoc-9.3.8-min.js";
+
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const viewer = document.createElement("rapi-doc");
+
+const ATTRIBUTES = {
+  "spec-url": "/openapi.json",
+  "load-fonts": "false",
+  "regular-font": "system-ui, sans-serif",
+  "mono-font": "ui-monospace, monospace",
+  "render-style": innerWidth < 800 ? "view" : "read",
+  "schema-style": "table",
+  "show-header": "false",
+  "allow-authentication": "false",
+  "allow-server-selection": "false",
+  "allow-spec-url-load": "false",
+  "allow-spec-file-load": "false",
+  "use-path-in-nav-bar": "true",
+  "show-method-in-nav-bar": "as-colored-text",
+};
+
+const THEMES = {
+  light: {
+    "bg-color": "#ffffff", "text-color": "#1b2127", "primary-color": "#1769aa",
+    "nav-bg-color": "#f4f6f8", "nav-text-color": "#1b2127", "nav-hover-bg-color": "#e4e9ee", "nav-hover-text-color": "#1b2127",
+  },
+  dark: {
+    "bg-color": "#14181c", "text-color": "#e4e8ec", "primary-color": "#7cbcf2",
+    "nav-bg-color": "#1e242a", "nav-text-color": "#e4e8ec", "nav-hover-bg-color": "#38424c", "nav-hover-text-color": "#e4e8ec",
+  },
+};
+
+function set(attributes) {
+  for (const [name, value] of Object.entries(attributes)) {
+    viewer.setAttribute(name, value);
+  }
+}
+function followTheme() {
+  const theme = dark.matches ? "dark" : "light";
+  set({ theme, ...THEMES[theme] });
+}
+
+dark.addEventListener("change", followTheme);
+set(ATTRIBUTES);
+followTheme();
+document.body.append(viewer);

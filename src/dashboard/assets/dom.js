@@ -1,0 +1,82 @@
+// Elements without markup in strings: text from a server is only ever text.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function fill(element, attributes, children) {
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === null || value === undefined || value === false) {
+      continue;
+    }
+    if (name.startsWith("on")) {
+      element.addEventListener(name.slice(2), value);
+    } else {
+      element.setAttribute(name, value === true ? "" : value);
+    }
+  }
+  element.append(...children.flat(Infinity).filter((child) => child !== null && child !== undefined && child !== false));
+  return element;
+}
+
+export function h(tag, attributes = {}, ...children) {
+  return fill(document.createElement(tag), attributes, children);
+}
+
+export function svg(tag, attributes = {}, ...children) {
+  return fill(document.createElementNS(SVG, tag), attributes, children);
+}
+
+// A table that scrolls by itself where the page is narrow.
+export function table(caption, columns, rows, { empty = "Nothing here yet." } = {}) {
+  if (rows.length === 0) {
+    return h("p", { class: "quiet" }, empty);
+  }
+  const cell = (column, content) => h("td", { class: column.numeric ? "number" : null }, content);
+  return h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption },
+    h("table", {},
+      h("caption", { class: "unseen" }, caption),
+      h("thead", {}, h("tr", {}, columns.map((column) =>
+        h("th", { scope: "col", class: column.numeric ? "number" : null }, column.title)))),
+      h("tbody", {}, rows.map((row) =>
+        h("tr", {}, row.map((content, k) => cell(columns[k], content)))))));
+}
+
+// A list of names and values.
+export function facts(pairs) {
+  const shown = pairs.filter(([, value]) => value !== null && value !== undefined && value !== "");
+  return h("dl", { class: "facts" }, shown.map(([name, value]) =>
+    h("div", {}, h("dt", {}, name), h("dd", {}, value))));
+}
+
+// What went wrong, with every fault and its place.
+export function problemBox(problem) {
+  const faults = problem.errors ?? [];
+  return h("div", { class: "problem", role: "alert" },
+    h("p", {}, problem.title && problem.title !== problem.message
+      ? [h("strong", {}, problem.title), ` – ${problem.message ?? problem.detail}`]
+      : problem.message ?? problem.detail),
+    faults.length > 0 && h("ul", {}, faults.map((fault) =>
+      h("li", {}, fault.pointer && [h("code", {}, fault.pointer), " "], fault.detail,
+        fault.code && h("span", { class: "quiet" }, ` (${fault.code})`)))),
+    problem.requestId && h("p", { class: "quiet" }, `Request ${problem.requestId}`));
+}
+
+export function warningList(warnings) {
+  return h("ul", { class: "warnings" }, warnings.map((warning) =>
+    h("li", {}, h("code", {}, warning.code), warning.signal && [" in ", h("strong", {}, warning.signal)],
+      `: ${warning.detail}`)));
+}
+
+// A place for the outcome of the last action; a new one replaces the old.
+export function notice() {
+  const place = h("div", { "aria-live": "polite" });
+  return {
+    place,
+    clear: () => place.replaceChildren(),
+    show: (...content) => place.replaceChildren(...content),
+    fail(error) {
+      if (error.name !== "AbortError") {
+        place.replaceChildren(problemBox(error));
+      }
+    },
+  };
+}

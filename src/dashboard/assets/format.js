@@ -1,0 +1,82 @@
+// Numbers, times and units as people read them.
+
+const SUPERSCRIPT = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
+
+export function power(exponent) {
+  return `10${[...String(exponent)].map((character) => SUPERSCRIPT[character]).join("")}`;
+}
+
+// A number to a few significant digits; a dash where there is none. Zeros at the end are dropped
+// unless they are `kept`, as the digits of a measured value are.
+export function number(value, digits = 4, kept = false) {
+  const trimmed = (text) => (kept || !text.includes(".") ? text : text.replace(/\.?0+$/, ""));
+  if (value === null || value === undefined || !Number.isFinite(value)) {
+    return "–";
+  }
+  if (value === 0) {
+    return "0";
+  }
+  const magnitude = Math.abs(value);
+  if (magnitude >= 1e-3 && magnitude < 1e6) {
+    const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(magnitude)));
+    return minus(trimmed(value.toFixed(Math.min(decimals, 12))));
+  }
+  const [mantissa, exponent] = value.toExponential(digits - 1).split("e");
+  return minus(`${trimmed(mantissa)}·${power(Number(exponent))}`);
+}
+
+export function count(value) {
+  return Number.isFinite(value) ? value.toLocaleString("en-GB").replaceAll(",", "\u202f") : "–";
+}
+
+export function percent(value) {
+  return Number.isFinite(value) ? `${number(value, 4)} %` : "–";
+}
+
+// An estimate and its standard error, both to the digit where the error has its second.
+export function withError(estimate, error) {
+  if (!Number.isFinite(error) || !Number.isFinite(estimate) || error <= 0) {
+    return [number(estimate, 6), "–"];
+  }
+  const above = Math.floor(Math.log10(Math.max(Math.abs(estimate), error)));
+  const digits = Math.min(10, Math.max(2, above - Math.floor(Math.log10(error)) + 2));
+  return [number(estimate, digits, true), number(error, 2, true)];
+}
+
+export function quantity(text, unit) {
+  return unit && unit !== "1" && text !== "–" ? `${text}\u00a0${unit}` : text;
+}
+
+export function unitText(unit) {
+  return unit === "1" ? "–" : unit;
+}
+
+export function duration(seconds) {
+  if (!Number.isFinite(seconds)) {
+    return "–";
+  }
+  if (seconds < 60) {
+    return `${number(seconds, 3)} s`;
+  }
+  const minutes = Math.round(seconds / 60);
+  return minutes < 120 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+}
+
+export function instant(text) {
+  if (!text) {
+    return "–";
+  }
+  const element = document.createElement("time");
+  element.dateTime = text;
+  element.title = text;
+  element.textContent = new Date(text).toLocaleString();
+  return element;
+}
+
+export function words(name) {
+  return name.replaceAll("_", " ");
+}
+
+function minus(text) {
+  return text.replace("-", "−");
+}

@@ -1,0 +1,120 @@
+// One job: its state and what can be done to it, live progress, and the result.
+
+import { send } from "./api.js";
+import { facts, h, notice, problemBox } from "./dom.js";
+import { instant } from "./format.js";
+import { JobFeed, isFinished } from "./job_feed.js";
+import { badge } from "./jobs.js";
+import { progressPanel } from "./job_progress.js";
+import { resultPanel } from "./job_result.js";
+import { trajectoryPanel } from "./job_trajectory.js";
+
+const ACTIONS = {
+  queued: ["pause", "cancel"],
+  running: ["pause", "cancel"],
+  paused: ["resume", "cancel"],
+};
+
+export function showJob(view, id) {
+  const heading = h("h1", { tabindex: "-1" }, id);
+  const parts = {
+    state: h("span", {}),
+    connection: h("span", { class: "quiet", role: "status" }),
+    actions: h("div", { class: "actions" }),
+    about: h("div", {}),
+    spec: h("div", {}),
+  };
+  const outcome = notice();
+  const panels = { progress: progressPanel(), result: resultPanel(view), trajectory: trajectoryPanel(view, id) };
+  const body = h("div", { hidden: true }, parts.actions, parts.about,
+    panels.progress.element, panels.result.element, panels.trajectory.element, parts.spec);
+  view.root.append(
+    h("div", { class: "title" }, heading, parts.state, parts.connection), outcome.place, body);
+
+  let shownStatus = null;
+  const feed = new JobFeed(id, view.signal, {
+    job: () => {
+      const job = feed.job;
+      body.hidden = false;
+      heading.textContent = job.name || job.id;
+      document.title = `${heading.textContent} · greybox`;
+      panels.progress.job(job);
+      if (job.status === shownStatus) {
+        return;
+      }
+      shownStatus = job.status;
+      parts.state.replaceChildren(badge(job.status));
+      parts.actions.replaceChildren(...buttons(job, feed, outcome));
+      parts.about.replaceChildren(about(job), job.error ? problemBox(asProblem(job.error)) : "");
+      parts.spec.replaceChildren(specification(job));
+      panels.result.job(job).then((found) => found && panels.trajectory.load());
+    },
+    history: () => {
+      const rows = feed.generations();
+      panels.progress.history(rows, feed.refinements);
+      panels.result.history(rows);
+    },
+    connection: (text) => {
+      parts.connection.textContent = text;
+    },
+    failed: (error) => outcome.fail(error),
+    recovered: () => outcome.clear(),
+  });
+  feed.start();
+}
+
+function asProblem(error) {
+  return { title: error.title, detail: error.detail ?? error.title, errors: error.errors };
+}
+
+function about(job) {
+  const datasets = (job.spec?.experiments ?? []).map((experiment) =>
+    h("a", { href: `#/datasets/${experiment.dataset}` }, experiment.dataset));
+  const labels = Object.entries(job.labels ?? {}).map(([name, value]) => `${name}: ${value}`).join(", ");
+  return facts([
+    ["Model", job.model],
+    [datasets.length > 1 ? "Datasets" : "Dataset", datasets.length ? datasets.flatMap((link) => [link, " "]) : null],
+    ["Labels", labels],
+    ["Created", instant(job.created_at)],
+    ["Started", job.started_at && instant(job.started_at)],
+    ["Finished", job.finished_at && instant(job.finished_at)],
+    ["Attempt", job.attempt > 1 ? job.attempt : null],
+  ]);
+}
+
+function buttons(job, feed, outcome) {
+  const button = (label, act, look) => h("button", { type: "button", class: look, onclick: act }, label);
+  const act = (action) => async (event) => {
+    event.target.disabled = true;
+    try {
+      outcome.clear();
+      await send("POST", `/v1/jobs/${job.id}/${action}`);
+      await feed.refresh();
+    } catch (error) {
+      outcome.fail(error);
+    }
+    event.target.disabled = false;
+  };
+  const remove = async () => {
+    if (!confirm("Delete this job and its result?")) {
+      return;
+    }
+    try {
+      await send("DELETE", `/v1/jobs/${job.id}`);
+      location.hash = "/jobs";
+    } catch (error) {
+      outcome.fail(error);
+    }
+  };
+  const name = (action) => action[0].toUpperCase() + action.slice(1);
+  return [
+    ...(ACTIONS[job.status] ?? []).map((action) => button(name(action), act(action))),
+    h("a", { class: "button", href: `#/new?from=${job.id}` }, "Use as template"),
+    isFinished(job) && button("Delete", remove, "danger"),
+  ].filter(Boolean);
+}
+
+function specification(job) {
+  return h("details", {}, h("summary", {}, "Complete specification"),
+    h("pre", { tabindex: "0" }, JSON.stringify(job.spec, null, 2)));
+}

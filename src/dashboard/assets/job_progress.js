@@ -1,0 +1,62 @@
+// How far a job is: a bar, the counts, and the two curves of the search.
+
+import { lineChart } from "./chart.js";
+import { facts, h } from "./dom.js";
+import { count, duration, number, words } from "./format.js";
+import { isFinished } from "./job_feed.js";
+
+export function progressPanel() {
+  const bar = h("progress", { max: "1", value: "0", "aria-label": "Progress of the job" });
+  const numbers = h("div", {});
+  const refinement = h("p", { class: "quiet" });
+  const cost = lineChart({
+    title: "Cost per generation",
+    x: { label: "generation", unit: "" },
+    y: { label: "cost", unit: "", log: true },
+    series: [{ name: "best", look: "first" }, { name: "mean", look: "faint" }],
+  });
+  const credit = lineChart({
+    title: "Best credit per generation",
+    x: { label: "generation", unit: "" },
+    y: { label: "credit", unit: "" },
+    series: [{ name: "best credit", look: "second" }],
+  });
+  const element = h("section", { "aria-label": "Progress" },
+    h("h2", {}, "Progress"), bar, numbers, h("div", { class: "pair" }, cost.element, credit.element), refinement);
+  return {
+    element,
+    job(job) {
+      const progress = job.progress ?? {};
+      bar.value = job.status === "succeeded" ? 1 : progress.fraction ?? 0;
+      bar.hidden = isFinished(job);
+      numbers.replaceChildren(counts(job, progress));
+    },
+    history(rows, refinements) {
+      const column = (name) => rows.map((row) => row[name] ?? null);
+      const generations = column("generation");
+      cost.set(generations, [column("best_cost"), column("mean_cost")]);
+      credit.set(generations, [column("best_credit")]);
+      refinement.textContent = refinementText([...refinements.values()]);
+    },
+  };
+}
+
+function counts(job, progress) {
+  const of = progress.generations ? ` of at most ${count(progress.generations)}` : "";
+  return facts([
+    ["Phase", isFinished(job) ? null : words(progress.phase ?? "waiting")],
+    ["Generation", progress.generation === undefined ? null : `${count(progress.generation)}${of}`],
+    ["Evaluations", progress.evaluations === undefined ? null : count(progress.evaluations)],
+    ["Best cost", number(progress.best_cost)],
+    ["Best credit", number(progress.best_credit, 3)],
+    ["Time left", job.status === "running" && Number.isFinite(progress.eta_s) ? duration(progress.eta_s) : null],
+  ]);
+}
+
+function refinementText(rows) {
+  if (rows.length === 0) {
+    return "";
+  }
+  const last = rows.reduce((a, b) => (b.iteration > a.iteration ? b : a));
+  return `Refinement: ${rows.length} iterations, cost ${number(last.cost, 6)}.`;
+}
