@@ -1,9 +1,13 @@
 //! What a job is: its specification, its life, its events and its outcome. Pure types.
 
 pub mod event;
+pub mod failure;
 pub mod id;
+pub mod progress;
 pub mod state;
 
 pub use event::{Event, GenerationEvent};
+pub use failure::Failure;
 pub use id::{DatasetId, InvalidId, JobId};
+pub use progress::{Phase, Progress};
 pub use state::{IllegalTransition, Status};
