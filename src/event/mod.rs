@@ -199,18 +199,19 @@ mod tests {
         }
     }
 
+    async fn read_all(mut feed: Feed) -> Vec<i64> {
+        let mut seen = Vec::new();
+        while let Some(events) = feed.next().await.expect("a read") {
+            seen.extend(events.into_iter().map(|event| event.id));
+        }
+        seen
+    }
+
     #[tokio::test]
     async fn a_feed_hands_out_each_event_once_and_ends_after_the_last() {
         let Fixture { hub, store, .. } = &fixture().await;
         let job = submit(store).await;
-        let mut feed = hub.feed(store.clone(), job, 0);
-        let reader = tokio::spawn(async move {
-            let mut seen = Vec::new();
-            while let Some(events) = feed.next().await.expect("a read") {
-                seen.extend(events.into_iter().map(|event| event.id));
-            }
-            seen
-        });
+        let reader = tokio::spawn(read_all(hub.feed(store.clone(), job, 0)));
         for _ in 0..20 {
             store.request_pause(job).await.expect("a wish");
             store.request_resume(job).await.expect("a wish");
