@@ -19,9 +19,9 @@ create table jobs (
     queue_entry           integer not null,
     running_ms            integer not null default 0,
     progress              text,
-    -- The last generation and refinement that an event told of, and when.
+    -- The last generation and the number of refinements that events told of, and when.
     told_generation       integer not null default 0,
-    told_refinement       integer not null default 0,
+    told_refinements      integer not null default 0,
     told_at_ms            integer not null default 0,
     error                 text,
     last_event            integer not null,
@@ -68,8 +68,10 @@ create table generations (
 ) strict, without rowid;
 
 create table checkpoints (
-    job  text not null primary key references jobs (id) on delete cascade,
-    data blob not null
+    job         text    not null primary key references jobs (id) on delete cascade,
+    state       blob    not null,
+    -- Iterations of the refinement that went before it.
+    refinements integer not null
 ) strict;
 
 create table results (

@@ -49,7 +49,7 @@ pub struct Slice {
     /// The job.
     pub job: JobRow,
     /// Where the last slice stopped; nothing in the first.
-    pub checkpoint: Option<Vec<u8>>,
+    pub checkpoint: Option<Checkpoint>,
     /// Time that the slices before worked [ms].
     pub running_ms: u64,
     /// What events told of so far.
@@ -63,8 +63,8 @@ pub struct Slice {
 pub struct Told {
     /// The last generation with an event; 0 for none.
     pub generation: u32,
-    /// The last refinement with an event; 0 for none.
-    pub refinement: u32,
+    /// Refinements with an event.
+    pub refinements: u32,
     /// When the last generation's event was made [ms since 1970].
     pub at_ms: i64,
 }
@@ -82,15 +82,17 @@ pub struct Record {
     pub progress: Option<Progress>,
     /// Where it can go on, at the end of a slice.
     pub checkpoint: Option<Checkpoint>,
+    /// Time worked, at the end of a slice [ms].
+    pub worked_ms: u64,
 }
 
-/// The end of a slice.
-#[derive(Clone, Debug)]
+/// Where a job can go on.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
 pub struct Checkpoint {
     /// The method's own state.
     pub state: Vec<u8>,
-    /// Time that the slice worked [ms].
-    pub worked_ms: u64,
+    /// Iterations of the refinement that went before it.
+    pub refinements: u32,
 }
 
 /// The end of a job, or its pause.
@@ -149,7 +151,7 @@ struct Control {
     queue_entry: i64,
     running_ms: i64,
     told_generation: u32,
-    told_refinement: u32,
+    told_refinements: u32,
     told_at_ms: i64,
 }
 
@@ -163,7 +165,7 @@ async fn begin(
         return Ok(Begin::Nothing);
     };
     let control: Control = sqlx::query_as(
-        "select epoch, attempt, queue_entry, running_ms, told_generation, told_refinement, \
+        "select epoch, attempt, queue_entry, running_ms, told_generation, told_refinements, \
          told_at_ms from jobs where id = ?",
     )
     .bind(id.to_string())
@@ -189,13 +191,13 @@ async fn begin(
     .execute(&mut **tx)
     .await?;
     tx.announce(Change::Job(id));
-    let checkpoint = sqlx::query_scalar("select data from checkpoints where job = ?")
+    let checkpoint = sqlx::query_as("select state, refinements from checkpoints where job = ?")
         .bind(id.to_string())
         .fetch_optional(&mut **tx)
         .await?;
     let told = Told {
         generation: control.told_generation,
-        refinement: control.told_refinement,
+        refinements: control.told_refinements,
         at_ms: control.told_at_ms,
     };
     let untold = newest_generation(tx, id, told.generation).await?;
@@ -256,13 +258,15 @@ async fn finish(
 async fn write_record(tx: &mut Tx, lease: Lease, record: Record) -> Result<Hold, StoreError> {
     let last_event: Option<i64> = sqlx::query_scalar(
         "update jobs set last_event = last_event + ?, revision = revision + 1, \
-         told_generation = ?, told_refinement = ?, told_at_ms = ?, \
+         running_ms = running_ms + ?, \
+         told_generation = ?, told_refinements = ?, told_at_ms = ?, \
          progress = coalesce(?, progress) \
          where id = ? and epoch = ? and status = 'running' returning last_event",
     )
     .bind(i64::try_from(record.events.len()).expect("a record is small"))
+    .bind(i64::try_from(record.worked_ms).unwrap_or(i64::MAX))
     .bind(record.told.generation)
-    .bind(record.told.refinement)
+    .bind(record.told.refinements)
     .bind(record.told.at_ms)
     .bind(record.progress.as_ref().map(jobs::json))
     .bind(lease.job.to_string())
@@ -287,13 +291,13 @@ async fn put_checkpoint(
     job: JobId,
     checkpoint: &Checkpoint,
 ) -> Result<(), StoreError> {
-    sqlx::query("insert or replace into checkpoints (job, data) values (?, ?)")
+    sqlx::query("insert or replace into checkpoints (job, state, refinements) values (?, ?, ?)")
         .bind(job.to_string())
         .bind(&checkpoint.state)
+        .bind(checkpoint.refinements)
         .execute(&mut **tx)
         .await?;
-    sqlx::query("update jobs set attempt = 0, running_ms = running_ms + ? where id = ?")
-        .bind(i64::try_from(checkpoint.worked_ms).unwrap_or(i64::MAX))
+    sqlx::query("update jobs set attempt = 0 where id = ?")
         .bind(job.to_string())
         .execute(&mut **tx)
         .await?;

@@ -28,8 +28,9 @@ async fn a_write_with_an_old_epoch_changes_nothing() {
         events: vec![Event::Generation(generation(1))],
         checkpoint: Some(Checkpoint {
             state: vec![1],
-            worked_ms: 5,
+            refinements: 0,
         }),
+        worked_ms: 5,
         ..Record::default()
     };
     let hold = fixture.store.record(old.lease, record.clone()).await;
@@ -68,7 +69,7 @@ async fn a_slice_goes_on_where_the_last_one_stopped() {
     };
     let told = Told {
         generation: 2,
-        refinement: 0,
+        refinements: 0,
         at_ms: 77,
     };
     let record = Record {
@@ -78,13 +79,18 @@ async fn a_slice_goes_on_where_the_last_one_stopped() {
         progress: Some(progress.clone()),
         checkpoint: Some(Checkpoint {
             state: b"state".to_vec(),
-            worked_ms: 40,
+            refinements: 2,
         }),
+        worked_ms: 40,
     };
     let hold = fixture.store.record(first.lease, record).await;
     assert_eq!(hold.expect("a write"), Hold::Kept);
     let second = fixture.begin(id).await;
-    assert_eq!(second.checkpoint.as_deref(), Some(&b"state"[..]));
+    let checkpoint = second.checkpoint.expect("a checkpoint");
+    assert_eq!(
+        (&*checkpoint.state, checkpoint.refinements),
+        (&b"state"[..], 2)
+    );
     assert_eq!((second.running_ms, second.told), (40, told));
     assert_eq!(second.untold, Some(generation(3)));
     assert_eq!(second.job.progress, Some(progress));
