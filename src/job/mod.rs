@@ -1,9 +1,13 @@
 //! What a job is: its specification, its life, its events and its outcome. Pure types.
 
 pub mod event;
+pub mod fault;
 pub mod id;
+pub mod outcome;
 pub mod state;
 
 pub use event::{Event, GenerationEvent};
+pub use fault::Fault;
 pub use id::{DatasetId, InvalidId, JobId};
+pub use outcome::Outcome;
 pub use state::{IllegalTransition, Status};
