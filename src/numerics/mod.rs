@@ -1,1 +1,3 @@
 //! Random streams, statistics, interpolation and linear algebra.
+
+pub mod interpolation;

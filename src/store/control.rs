@@ -45,7 +45,7 @@ impl StopRequest {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Control {
     /// Done, or asked of the worker, or so already: the job as it stands.
-    Accepted(JobRow),
+    Accepted(Box<JobRow>),
     /// There is no such job.
     NotFound,
     /// The job's state does not allow it.
@@ -81,21 +81,26 @@ impl Store {
         let queue = self.inner.queue.clone();
         self.inner
             .writer
-            .write(move |tx| {
-                Box::pin(async move {
-                    let Some(row) = jobs::fetch(&mut *tx, id).await? else {
-                        return Ok(Control::NotFound);
-                    };
-                    let Some(step) = wish.of(&row) else {
-                        return Ok(Control::Refused(row.status));
-                    };
-                    apply(&queue, tx, id, step).await?;
-                    let row = jobs::fetch(&mut *tx, id).await?;
-                    Ok(row.map_or(Control::NotFound, Control::Accepted))
-                })
-            })
+            .write(move |tx| Box::pin(control(queue, tx, id, wish)))
             .await
     }
+}
+
+async fn control(
+    queue: riverqueue::Client,
+    tx: &mut Tx,
+    id: JobId,
+    wish: Wish,
+) -> Result<Control, StoreError> {
+    let Some(row) = jobs::fetch(&mut *tx, id).await? else {
+        return Ok(Control::NotFound);
+    };
+    let Some(step) = wish.of(&row) else {
+        return Ok(Control::Refused(row.status));
+    };
+    apply(&queue, tx, id, step).await?;
+    let row = jobs::fetch(&mut *tx, id).await?;
+    Ok(row.map_or(Control::NotFound, |row| Control::Accepted(Box::new(row))))
 }
 
 #[derive(Clone, Copy)]

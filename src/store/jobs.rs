@@ -10,6 +10,7 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
 use super::control::StopRequest;
+use super::writer::Tx;
 use super::{Store, StoreError, corrupt};
 use crate::job::{JobId, Progress, Status};
 
@@ -50,7 +51,7 @@ pub struct JobRow {
 
 impl JobRow {
     /// The row as it was when the job was submitted.
-    pub(super) fn as_submitted(self) -> Self {
+    pub(super) fn into_submitted(self) -> Self {
         Self {
             status: Status::Queued,
             stop_request: None,
@@ -166,24 +167,24 @@ impl Store {
     pub async fn delete_job(&self, id: JobId) -> Result<JobRemoval, StoreError> {
         self.inner
             .writer
-            .write(move |tx| {
-                Box::pin(async move {
-                    let Some(row) = fetch(&mut *tx, id).await? else {
-                        return Ok(JobRemoval::NotFound);
-                    };
-                    if !row.status.is_terminal() {
-                        return Ok(JobRemoval::Unfinished(row.status));
-                    }
-                    sqlx::query("delete from jobs where id = ?")
-                        .bind(id.to_string())
-                        .execute(&mut **tx)
-                        .await?;
-                    tx.announce(super::Change::Job(id));
-                    Ok(JobRemoval::Removed)
-                })
-            })
+            .write(move |tx| Box::pin(delete(tx, id)))
             .await
     }
+}
+
+async fn delete(tx: &mut Tx, id: JobId) -> Result<JobRemoval, StoreError> {
+    let Some(row) = fetch(&mut *tx, id).await? else {
+        return Ok(JobRemoval::NotFound);
+    };
+    if !row.status.is_terminal() {
+        return Ok(JobRemoval::Unfinished(row.status));
+    }
+    sqlx::query("delete from jobs where id = ?")
+        .bind(id.to_string())
+        .execute(&mut **tx)
+        .await?;
+    tx.announce(super::Change::Job(id));
+    Ok(JobRemoval::Removed)
 }
 
 pub(super) async fn fetch(

@@ -7,6 +7,7 @@
 //! Writes of a worker carry a [`Lease`]: they change nothing once another slice of the job began.
 
 mod control;
+mod datasets;
 mod error;
 mod events;
 mod generations;
@@ -30,6 +31,7 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, S
 use crate::job::JobId;
 
 pub use control::{Control, StopRequest};
+pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
 pub use error::StoreError;
 pub use events::StoredEvent;
 pub use jobs::{JobFilter, JobRemoval, JobRow, Page};

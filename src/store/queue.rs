@@ -60,12 +60,12 @@ impl Store {
         let queue = self.inner.queue.clone();
         self.inner
             .writer
-            .write(move |tx| Box::pin(async move { recover(&queue, tx).await }))
+            .write(move |tx| Box::pin(recover(queue, tx)))
             .await
     }
 }
 
-async fn recover(queue: &Client, tx: &mut Tx) -> Result<(), StoreError> {
+async fn recover(queue: Client, tx: &mut Tx) -> Result<(), StoreError> {
     let freed = sqlx::query(
         "update river_job set state = 'available', scheduled_at = datetime('now', 'subsec') \
          where state in ('running', 'retryable') and queue = ?",
@@ -87,7 +87,7 @@ async fn recover(queue: &Client, tx: &mut Tx) -> Result<(), StoreError> {
     .await?;
     for id in &stranded {
         let job = super::jobs::parse_id(id)?;
-        let entry = enqueue(queue, tx, job).await?;
+        let entry = enqueue(&queue, tx, job).await?;
         sqlx::query("update jobs set queue_entry = ? where id = ?")
             .bind(entry)
             .bind(id)

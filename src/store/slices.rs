@@ -123,7 +123,7 @@ impl Store {
     pub async fn record(&self, lease: Lease, record: Record) -> Result<Hold, StoreError> {
         self.inner
             .writer
-            .write(move |tx| Box::pin(async move { write_record(tx, lease, &record).await }))
+            .write(move |tx| Box::pin(write_record(tx, lease, record)))
             .await
     }
 
@@ -137,15 +137,7 @@ impl Store {
     ) -> Result<Hold, StoreError> {
         self.inner
             .writer
-            .write(move |tx| {
-                Box::pin(async move {
-                    if write_record(tx, lease, &record).await? == Hold::Lost {
-                        return Ok(Hold::Lost);
-                    }
-                    end(tx, lease.job, &ending).await?;
-                    Ok(Hold::Kept)
-                })
-            })
+            .write(move |tx| Box::pin(finish(tx, lease, record, ending)))
             .await
     }
 }
@@ -248,7 +240,20 @@ async fn fail_poisoned(tx: &mut Tx, id: JobId, attempt: u32) -> Result<(), Store
     end(tx, id, &ending).await
 }
 
-async fn write_record(tx: &mut Tx, lease: Lease, record: &Record) -> Result<Hold, StoreError> {
+async fn finish(
+    tx: &mut Tx,
+    lease: Lease,
+    record: Record,
+    ending: Ending,
+) -> Result<Hold, StoreError> {
+    let hold = write_record(tx, lease, record).await?;
+    if hold == Hold::Kept {
+        end(tx, lease.job, &ending).await?;
+    }
+    Ok(hold)
+}
+
+async fn write_record(tx: &mut Tx, lease: Lease, record: Record) -> Result<Hold, StoreError> {
     let last_event: Option<i64> = sqlx::query_scalar(
         "update jobs set last_event = last_event + ?, revision = revision + 1, \
          told_generation = ?, told_refinement = ?, told_at_ms = ?, \

@@ -57,13 +57,13 @@ impl Store {
         let queue = self.inner.queue.clone();
         self.inner
             .writer
-            .write(move |tx| Box::pin(async move { submit(&queue, tx, job).await }))
+            .write(move |tx| Box::pin(submit(queue, tx, job)))
             .await
     }
 }
 
 async fn submit(
-    queue: &riverqueue::Client,
+    queue: riverqueue::Client,
     tx: &mut Tx,
     new: NewJob,
 ) -> Result<Submitted, StoreError> {
@@ -79,7 +79,7 @@ async fn submit(
     }
     let id = JobId::new();
     let created_at = Timestamp::now();
-    let entry = queue::enqueue(queue, tx, id).await?;
+    let entry = queue::enqueue(&queue, tx, id).await?;
     insert_row(tx, id, entry, &new, created_at).await?;
     let first = Event::State {
         status: Status::Queued,
@@ -121,8 +121,8 @@ async fn earlier_submission(
         return Ok(Some(Submitted::KeyReused));
     }
     let id = jobs::parse_id(&job)?;
-    Ok(Some(match jobs::fetch(&mut **tx, id).await? {
-        Some(row) => Submitted::Replayed(row.as_submitted()),
+    Ok(Some(match jobs::fetch(tx, id).await? {
+        Some(row) => Submitted::Replayed(row.into_submitted()),
         None => Submitted::Forgotten(id),
     }))
 }

@@ -90,9 +90,7 @@ impl Writer {
                 Done {
                     succeeded: outcome.is_ok(),
                     // A caller that went away does not need the answer.
-                    acknowledge: Box::new(move |commit| {
-                        let _ = reply.send(commit.and(outcome));
-                    }),
+                    acknowledge: Box::new(move |commit| drop(reply.send(commit.and(outcome)))),
                 }
             })
         });
