@@ -6,6 +6,7 @@ pub mod fault;
 pub mod id;
 pub mod outcome;
 pub mod progress;
+pub mod spec;
 pub mod state;
 
 pub use event::{Event, GenerationEvent};
@@ -14,4 +15,5 @@ pub use fault::Fault;
 pub use id::{DatasetId, InvalidId, JobId};
 pub use outcome::Outcome;
 pub use progress::{Phase, Progress};
+pub use spec::JobSpec;
 pub use state::{IllegalTransition, Status};
