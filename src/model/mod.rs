@@ -1,59 +1,22 @@
 //! What can be identified: the structure of a plant, its parameters, signals and equations.
 //!
-//! A model is one file (or folder) that implements [`Model`] and one line in [`catalogue`].
+//! A model is one file (or folder) with its equations ([`Dynamics`]) and its description, and one
+//! line in [`Catalogue::built_in`].
 
+mod parameter;
+
+pub mod positioning_drive;
+pub mod single_rod_servo;
+
+pub use parameter::{
+    InitialState, ParameterDescription, Scale, SignalDescription, StateDescription,
+};
+
+use crate::simulation::batch::{Plant, PlantOf};
+use crate::simulation::dynamics::Dynamics;
 use serde::Serialize;
+use std::sync::Arc;
 use utoipa::ToSchema;
-
-/// How a parameter's range is laid out for the search.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Scale {
-    /// Equal steps.
-    #[default]
-    Linear,
-    /// Equal ratios; both bounds are positive.
-    Log,
-}
-
-/// One physical parameter of a model.
-#[derive(Clone, Debug, Serialize, ToSchema)]
-pub struct ParameterDescription {
-    /// The name in requests and results, e.g. `bulk_modulus`.
-    pub name: &'static str,
-    /// The symbol in the equations, e.g. `K_m`.
-    pub symbol: &'static str,
-    /// The SI unit, e.g. `Pa`; `1` where there is none.
-    pub unit: &'static str,
-    /// What it is, in one sentence.
-    pub meaning: &'static str,
-    /// The value when a job does not name it, SI.
-    pub default: f64,
-    /// The default search range, SI.
-    pub lower: f64,
-    /// The default search range, SI.
-    pub upper: f64,
-    /// How the default search range is laid out.
-    pub scale: Scale,
-    /// Whether a job that does not name it estimates it.
-    pub unknown_by_default: bool,
-    /// Values outside `[minimum, maximum]` are physically impossible and refused.
-    pub minimum: f64,
-    /// Values outside `[minimum, maximum]` are physically impossible and refused.
-    #[schema(value_type = Option<f64>)]
-    pub maximum: f64,
-}
-
-/// An input, a state or an output of a model.
-#[derive(Clone, Debug, Serialize, ToSchema)]
-pub struct SignalDescription {
-    /// The name in requests and results.
-    pub name: &'static str,
-    /// The SI unit.
-    pub unit: &'static str,
-    /// What it is, in one sentence.
-    pub meaning: &'static str,
-}
 
 /// A model as the catalogue shows it.
 #[derive(Clone, Debug, Serialize, ToSchema)]
@@ -64,12 +27,12 @@ pub struct ModelDescription {
     pub title: &'static str,
     /// What the model covers and what it leaves out.
     pub summary: &'static str,
-    /// Input sets in the order of preference: a job drives the model by one set.
-    pub input_sets: Vec<Vec<&'static str>>,
-    /// All inputs.
+    /// The inputs.
     pub inputs: Vec<SignalDescription>,
-    /// The states, in the order of integration. Each can be given an initial value by its name.
-    pub states: Vec<SignalDescription>,
+    /// Sets of inputs that can drive the model, preferred ones first; a job uses one set.
+    pub input_sets: Vec<Vec<&'static str>>,
+    /// The states, in the order of integration.
+    pub states: Vec<StateDescription>,
     /// The outputs that can be measured.
     pub outputs: Vec<SignalDescription>,
     /// The parameters.
@@ -78,4 +41,109 @@ pub struct ModelDescription {
     pub equations: Vec<&'static str>,
     /// Where the equations come from.
     pub source: &'static str,
+}
+
+impl ModelDescription {
+    /// The place of a parameter.
+    #[must_use]
+    pub fn parameter_index(&self, name: &str) -> Option<usize> {
+        self.parameters
+            .iter()
+            .position(|parameter| parameter.name == name)
+    }
+
+    /// The place of a state.
+    #[must_use]
+    pub fn state_index(&self, name: &str) -> Option<usize> {
+        self.states.iter().position(|state| state.name == name)
+    }
+
+    /// The place of an output.
+    #[must_use]
+    pub fn output_index(&self, name: &str) -> Option<usize> {
+        self.outputs.iter().position(|output| output.name == name)
+    }
+
+    /// A value for each parameter when a job names none, SI.
+    #[must_use]
+    pub fn defaults(&self) -> Vec<f64> {
+        self.parameters
+            .iter()
+            .map(|parameter| parameter.default)
+            .collect()
+    }
+}
+
+/// A model: its description and its equations.
+pub struct Model {
+    description: ModelDescription,
+    plant: Box<dyn Plant>,
+}
+
+impl Model {
+    /// Joins a description and the equations it describes.
+    #[must_use]
+    pub fn new(description: ModelDescription, dynamics: impl Dynamics) -> Model {
+        let n_outputs = description.outputs.len();
+        Model {
+            description,
+            plant: Box::new(PlantOf {
+                dynamics,
+                n_outputs,
+            }),
+        }
+    }
+
+    /// What the model says of itself.
+    #[must_use]
+    pub fn description(&self) -> &ModelDescription {
+        &self.description
+    }
+
+    /// The equations, ready for simulation.
+    #[must_use]
+    pub fn plant(&self) -> &dyn Plant {
+        self.plant.as_ref()
+    }
+}
+
+impl std::fmt::Debug for Model {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter
+            .debug_struct("Model")
+            .field("name", &self.description.name)
+            .finish()
+    }
+}
+
+/// The models that can be named in a job.
+#[derive(Clone, Debug)]
+pub struct Catalogue {
+    models: Vec<Arc<Model>>,
+}
+
+impl Catalogue {
+    /// The models that are part of this program.
+    #[must_use]
+    pub fn built_in() -> Catalogue {
+        Catalogue {
+            models: vec![
+                Arc::new(single_rod_servo::model()),
+                Arc::new(positioning_drive::model()),
+            ],
+        }
+    }
+
+    /// A model by its name.
+    #[must_use]
+    pub fn get(&self, name: &str) -> Option<&Arc<Model>> {
+        self.models
+            .iter()
+            .find(|model| model.description.name == name)
+    }
+
+    /// All models.
+    pub fn iter(&self) -> impl Iterator<Item = &Arc<Model>> {
+        self.models.iter()
+    }
 }

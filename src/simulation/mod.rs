@@ -1,1 +1,64 @@
 //! Integration of any model, many candidates at once.
+//!
+//! [`dynamics`] is what a plant says of itself, [`lanes`] the numbers that its equations are
+//! written in, [`block`] one block of candidates going through a recording side by side:
+//! fixed-step Runge–Kutta ([`explicit`]) where that is accurate, an adaptive Rosenbrock method
+//! ([`stiff`]) for the single samples of the single candidates where it is not. [`batch`] spreads
+//! blocks over the processor's cores.
+
+pub mod batch;
+pub mod block;
+pub mod dynamics;
+pub mod explicit;
+pub mod lanes;
+pub mod stiff;
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// The recorded inputs that drive a simulation.
+#[derive(Clone, Copy, Debug)]
+pub struct Excitation<'a> {
+    /// The time from one sample to the next [s].
+    pub sample_time: f64,
+    /// How many samples.
+    pub samples: usize,
+    /// Which of the model's input sets is in use.
+    pub input_set: usize,
+    /// For each input of the set its samples, SI.
+    pub inputs: &'a [Vec<f64>],
+}
+
+/// What is simulated: a full parameter vector and where it starts.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate<'a> {
+    /// A value for each parameter of the model, SI.
+    pub parameters: &'a [f64],
+    /// For each state its value at the first sample, SI; none: the model's own.
+    pub initial_state: &'a [Option<f64>],
+}
+
+/// Why a candidate's simulation ended before the record did.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, ToSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Failure {
+    /// A state is no longer a finite number.
+    Diverged,
+    /// A state has left the range in which the model's equations hold.
+    OutOfRange,
+    /// The step budget of one candidate is used up.
+    StepBudget,
+}
+
+/// Up to [`lanes::LANES`] candidates going through a recording side by side.
+pub trait BlockSimulator: Send {
+    /// Simulates the next samples and writes all of the model's outputs at each of them,
+    /// `outputs[sample · n_outputs + output]`; a failed candidate's outputs are NaN.
+    fn advance(&mut self, samples: usize, outputs: &mut [lanes::Lanes]);
+    /// How each lane has failed, if it has.
+    fn failures(&self) -> &[Option<Failure>; lanes::LANES];
+    /// Derivatives evaluated so far, one lane each.
+    fn derivative_evaluations(&self) -> u64;
+}

@@ -156,6 +156,13 @@ fn connection(settings: &DatabaseSettings) -> SqliteConnectOptions {
         .statement_cache_capacity(256)
 }
 
+/// The version of the database's schema that this build works with.
+pub fn schema_version() -> i64 {
+    let migrations = sqlx::migrate!();
+    let versions = migrations.iter().map(|migration| migration.version);
+    versions.max().unwrap_or(0)
+}
+
 fn corrupt(what: &'static str, of: impl ToString, why: impl ToString) -> StoreError {
     StoreError::Corrupt {
         what,

@@ -1,0 +1,122 @@
+//! The settings of the method: the paper's numbers as defaults, and what the paper leaves open.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// How credits grow from one block of data to the next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CreditForm {
+    /// The paper's Eq. 11, its gain held inside the stability bound.
+    Paper,
+    /// The exact flow of which Eq. 11 is the Euler step.
+    #[default]
+    Hedge,
+}
+
+/// How the error spread σ of Eq. 10 is adjusted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ErrorSpread {
+    /// Tied to the spread of the candidates' errors: the selection pressure stays the same while
+    /// the population converges.
+    #[default]
+    Concentration,
+    /// The mean of the candidates' errors. Decays into random search as they converge.
+    MeanError,
+    /// The lowest of the candidates' errors.
+    BestError,
+}
+
+/// The order in which a generation's credits see the blocks of data.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BlockOrder {
+    /// A seeded random order, new in each generation.
+    #[default]
+    Shuffled,
+    /// As recorded. With an early stop the end of the record is never judged.
+    Recorded,
+}
+
+/// The estimation method.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MethodName {
+    /// ICRA credits and a genetic search, refined by least squares.
+    #[default]
+    IcraGenetic,
+}
+
+/// Everything that a job says under `method`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// The method.
+    pub name: MethodName,
+    /// Candidates in a generation (the paper's K), 2 to 10 000.
+    pub population: u32,
+    /// Generations at the most, 0 to 1 000 000. 0 refines the middle of the box.
+    pub generations: u32,
+    /// How likely two parents are crossed, 0 to 1.
+    pub crossover_probability: f64,
+    /// Fragments that a crossover cuts the strings into, 2 to 64.
+    pub crossover_parts: u32,
+    /// How likely each bit is reversed, 0 to 1.
+    pub mutation_probability: f64,
+    /// The credit gain ν, 0.01 to 300.
+    pub credit_gain: f64,
+    /// How credits grow.
+    pub credit_form: CreditForm,
+    /// How the error spread σ is adjusted.
+    pub error_spread: ErrorSpread,
+    /// The entropy, as a share of its maximum, at which the concentration rule aims, 0.05 to 0.95.
+    pub entropy_target: f64,
+    /// Samples in a block (the paper's N), 1 to 1 000 000.
+    pub block_samples: u32,
+    /// The order in which the blocks are judged.
+    pub block_order: BlockOrder,
+    /// Credit updates at the most in one generation (the paper's T); absent: one for each block.
+    pub credit_updates: Option<u32>,
+    /// Bits of the Gray code for each parameter, 4 to 32.
+    pub bits_per_parameter: u32,
+    /// Whether the candidate with the lowest cost always survives.
+    pub elitism: bool,
+    /// Every so many generations the elite takes one least-squares step; 0: never.
+    pub hill_climbing_interval: u32,
+    /// Stop when the lowest cost has gained less than 0.1 % in so many generations; 0: never.
+    pub stagnation_generations: u32,
+    /// Stop at this cost.
+    pub cost_target: Option<f64>,
+    /// Whether Levenberg–Marquardt refines the best candidates at the end.
+    pub refine: bool,
+    /// How many distinct candidates are refined, 1 to 32.
+    pub refine_candidates: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            name: MethodName::default(),
+            population: 30,
+            generations: 1000,
+            crossover_probability: 0.8,
+            crossover_parts: 3,
+            mutation_probability: 0.01,
+            credit_gain: 15.0,
+            credit_form: CreditForm::default(),
+            error_spread: ErrorSpread::default(),
+            entropy_target: 0.5,
+            block_samples: 15,
+            block_order: BlockOrder::default(),
+            credit_updates: None,
+            bits_per_parameter: 16,
+            elitism: true,
+            hill_climbing_interval: 10,
+            stagnation_generations: 15,
+            cost_target: None,
+            refine: true,
+            refine_candidates: 3,
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Parameters and signals as a model describes them.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// How a parameter's range is laid out for the search.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Scale {
+    /// Equal steps.
+    #[default]
+    Linear,
+    /// Equal ratios; both bounds are positive.
+    Log,
+}
+
+impl Scale {
+    /// The position of `value` between the bounds, 0 at the lower and 1 at the upper.
+    #[must_use]
+    pub fn position(self, value: f64, lower: f64, upper: f64) -> f64 {
+        match self {
+            Scale::Linear => (value - lower) / (upper - lower),
+            Scale::Log => libm::log(value / lower) / libm::log(upper / lower),
+        }
+    }
+
+    /// The value at a position between the bounds; exactly the bounds at 0 and 1.
+    #[must_use]
+    pub fn value(self, position: f64, lower: f64, upper: f64) -> f64 {
+        if position <= 0.0 {
+            return lower;
+        }
+        if position >= 1.0 {
+            return upper;
+        }
+        match self {
+            Scale::Linear => lower + position * (upper - lower),
+            Scale::Log => lower * libm::exp(position * libm::log(upper / lower)),
+        }
+    }
+}
+
+/// One physical parameter of a model.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct ParameterDescription {
+    /// The name in requests and results, e.g. `bulk_modulus`.
+    pub name: &'static str,
+    /// The symbol in the equations, e.g. `Km`.
+    pub symbol: &'static str,
+    /// The SI unit, e.g. `Pa`; `1` where there is none.
+    pub unit: &'static str,
+    /// What it is, in one sentence.
+    pub meaning: &'static str,
+    /// The value when a job does not name it, SI.
+    pub default: f64,
+    /// The default search range, SI.
+    pub lower: f64,
+    /// The default search range, SI.
+    pub upper: f64,
+    /// How the default search range is laid out.
+    pub scale: Scale,
+    /// Whether a job that does not name it estimates it.
+    pub unknown_by_default: bool,
+    /// Smaller values are physically impossible and refused; none: no limit.
+    pub minimum: Option<f64>,
+    /// Larger values are physically impossible and refused; none: no limit.
+    pub maximum: Option<f64>,
+}
+
+impl ParameterDescription {
+    /// A quantity that cannot be negative, known unless the job says otherwise.
+    #[must_use]
+    pub const fn known(
+        name: &'static str,
+        [symbol, unit, meaning]: [&'static str; 3],
+        default: f64,
+        [lower, upper]: [f64; 2],
+    ) -> Self {
+        ParameterDescription {
+            name,
+            symbol,
+            unit,
+            meaning,
+            default,
+            lower,
+            upper,
+            scale: Scale::Linear,
+            unknown_by_default: false,
+            minimum: Some(0.0),
+            maximum: None,
+        }
+    }
+
+    /// The same, estimated unless the job says otherwise.
+    #[must_use]
+    pub const fn unknown(self) -> Self {
+        ParameterDescription {
+            unknown_by_default: true,
+            ..self
+        }
+    }
+
+    /// The same, searched in equal ratios.
+    #[must_use]
+    pub const fn log_scale(self) -> Self {
+        ParameterDescription {
+            scale: Scale::Log,
+            ..self
+        }
+    }
+
+    /// The same, with other physical limits.
+    #[must_use]
+    pub const fn within(self, minimum: Option<f64>, maximum: Option<f64>) -> Self {
+        ParameterDescription {
+            minimum,
+            maximum,
+            ..self
+        }
+    }
+}
+
+/// An input, a state or an output of a model.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct SignalDescription {
+    /// The name in requests and results.
+    pub name: &'static str,
+    /// The SI unit.
+    pub unit: &'static str,
+    /// What it is, in one sentence.
+    pub meaning: &'static str,
+}
+
+/// Where a state starts when a job does not say.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum InitialState {
+    /// Where the model puts it: a fixed number or what follows from the parameters.
+    Model,
+    /// Estimated near the first samples of the output that measures it.
+    EstimatedFromOutput {
+        /// The output, by its place in the description.
+        output: usize,
+    },
+    /// Estimated near the slope of the first samples of the output whose derivative it is.
+    EstimatedFromSlope {
+        /// The output, by its place in the description.
+        output: usize,
+    },
+}
+
+/// A state of a model.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct StateDescription {
+    /// The name in requests and results.
+    pub name: &'static str,
+    /// The SI unit.
+    pub unit: &'static str,
+    /// What it is, in one sentence.
+    pub meaning: &'static str,
+    /// Where it starts when a job does not say.
+    pub initial: InitialState,
+}

@@ -1,0 +1,204 @@
+//! A positioning drive: a carriage under a recorded force, with viscous and Coulomb friction.
+//!
+//! `M·q'' = τ − Fv·q' − Fc·tanh(q'/vs) − F0`, SI: mass M, viscous friction Fv, Coulomb friction Fc
+//! with its sign smoothed over the friction velocity vs, constant offset F0 (A. Janot, M. Gautier,
+//! M. Brunot, "Data Set and Reference Models of EMPS", Workshop on Nonlinear System Identification
+//! Benchmarks, 2019). The recorded force is held over a sample, as the drive's amplifier holds it.
+//! An axis without a spring drifts, so where it starts is estimated with the rest.
+
+use super::{
+    InitialState, Model, ModelDescription, ParameterDescription, SignalDescription,
+    StateDescription,
+};
+use crate::simulation::dynamics::{Dynamics, SampledInputs};
+use crate::simulation::lanes::Real;
+
+/// The model with its description.
+#[must_use]
+pub fn model() -> Model {
+    Model::new(describe(), PositioningDrive)
+}
+
+/// The equations.
+#[derive(Clone, Copy, Debug)]
+struct PositioningDrive;
+
+#[derive(Clone, Copy, Debug)]
+struct Constants<R> {
+    inverse_mass: R,
+    viscous_friction: R,
+    coulomb_friction: R,
+    offset: R,
+    inverse_velocity: R,
+    input_delay: R,
+}
+
+impl Dynamics for PositioningDrive {
+    /// Position and velocity.
+    type State<R: Real> = [R; 2];
+    /// The force.
+    type Held<R: Real> = [R; 1];
+    type Constants<R: Real> = Constants<R>;
+
+    fn constants<R: Real>(&self, parameters: &[R]) -> Constants<R> {
+        let &[
+            mass,
+            viscous_friction,
+            coulomb_friction,
+            offset,
+            friction_velocity,
+            input_delay,
+        ] = parameters
+        else {
+            unreachable!("a parameter vector has as many values as the description has parameters")
+        };
+        Constants {
+            inverse_mass: R::splat(1.0) / mass,
+            viscous_friction,
+            coulomb_friction,
+            offset,
+            inverse_velocity: R::splat(1.0) / friction_velocity,
+            input_delay,
+        }
+    }
+
+    fn initial_state<R: Real>(&self, _constants: &Constants<R>) -> [R; 2] {
+        [R::splat(0.0); 2]
+    }
+
+    #[inline(always)]
+    fn hold<R: Real>(
+        &self,
+        _constants: &Constants<R>,
+        inputs: &SampledInputs<'_>,
+        _state: &[R; 2],
+    ) -> [R; 1] {
+        [R::splat(inputs.values[0])]
+    }
+
+    #[inline(always)]
+    fn derivative<R: Real>(
+        &self,
+        constants: &Constants<R>,
+        &[force]: &[R; 1],
+        &[_, velocity]: &[R; 2],
+    ) -> [R; 2] {
+        let friction = constants.viscous_friction * velocity
+            + constants.coulomb_friction * (velocity * constants.inverse_velocity).tanh();
+        [
+            velocity,
+            (force - friction - constants.offset) * constants.inverse_mass,
+        ]
+    }
+
+    #[inline(always)]
+    fn outputs<R: Real>(&self, _constants: &Constants<R>, state: &[R; 2], outputs: &mut [R]) {
+        outputs.copy_from_slice(state);
+    }
+
+    fn input_delay<R: Real>(&self, constants: &Constants<R>) -> Option<R> {
+        Some(constants.input_delay)
+    }
+
+    fn resolved_rate(&self, constants: &Constants<f64>) -> f64 {
+        let steepest = constants.coulomb_friction * constants.inverse_velocity;
+        (constants.viscous_friction + steepest) * constants.inverse_mass
+    }
+
+    #[inline(always)]
+    fn local_rate<R: Real>(
+        &self,
+        constants: &Constants<R>,
+        _held: &[R; 1],
+        &[_, velocity]: &[R; 2],
+    ) -> R {
+        let tanh = (velocity * constants.inverse_velocity).tanh();
+        let slope =
+            constants.coulomb_friction * constants.inverse_velocity * (R::splat(1.0) - tanh * tanh);
+        (constants.viscous_friction + slope) * constants.inverse_mass
+    }
+
+    fn state_scale(&self) -> &'static [f64] {
+        &[1e-2, 1e-2]
+    }
+
+    fn is_valid(&self, _constants: &Constants<f64>, _state: &[f64; 2]) -> bool {
+        true
+    }
+}
+
+fn describe() -> ModelDescription {
+    ModelDescription {
+        name: "positioning_drive",
+        title: "Positioning drive",
+        summary: "A carriage on a guide under a recorded drive force, with viscous and Coulomb \
+                  friction and a constant offset. Initial position and velocity are estimated \
+                  near the first samples.",
+        inputs: vec![SignalDescription {
+            name: "force",
+            unit: "N",
+            meaning: "drive force, held over a sample",
+        }],
+        input_sets: vec![vec!["force"]],
+        states: vec![
+            StateDescription {
+                name: "position",
+                unit: "m",
+                meaning: "position of the carriage",
+                initial: InitialState::EstimatedFromOutput { output: 0 },
+            },
+            StateDescription {
+                name: "velocity",
+                unit: "m/s",
+                meaning: "velocity of the carriage",
+                initial: InitialState::EstimatedFromSlope { output: 0 },
+            },
+        ],
+        outputs: vec![
+            SignalDescription {
+                name: "position",
+                unit: "m",
+                meaning: "position of the carriage",
+            },
+            SignalDescription {
+                name: "velocity",
+                unit: "m/s",
+                meaning: "velocity of the carriage",
+            },
+        ],
+        parameters: parameters(),
+        equations: vec!["q' = v", "v' = (force - Fv*v - Fc*tanh(v/vs) - F0) / M"],
+        source: "A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, Workshop \
+                 on Nonlinear System Identification Benchmarks, Eindhoven, 2019",
+    }
+}
+
+fn parameters() -> Vec<ParameterDescription> {
+    type P = ParameterDescription;
+    const MASS: [&str; 3] = ["M", "kg", "moving mass, rotating parts included"];
+    const VISCOUS: [&str; 3] = ["Fv", "N*s/m", "viscous friction"];
+    const COULOMB: [&str; 3] = ["Fc", "N", "Coulomb friction"];
+    const OFFSET: [&str; 3] = ["F0", "N", "constant offset of the force"];
+    const VELOCITY: [&str; 3] = ["vs", "m/s", "velocity over which friction changes its sign"];
+    const DELAY: [&str; 3] = ["td", "s", "time until the recorded force acts"];
+    let positive = Some(f64::MIN_POSITIVE);
+    vec![
+        P::known("mass", MASS, 100.0, [10.0, 1000.0])
+            .log_scale()
+            .unknown()
+            .within(positive, None),
+        P::known("viscous_friction", VISCOUS, 200.0, [1.0, 2000.0])
+            .log_scale()
+            .unknown(),
+        P::known("coulomb_friction", COULOMB, 20.0, [1.0, 500.0])
+            .log_scale()
+            .unknown(),
+        P::known("offset", OFFSET, 0.0, [-100.0, 100.0])
+            .unknown()
+            .within(None, None),
+        P::known("friction_velocity", VELOCITY, 2e-3, [1e-4, 2e-2])
+            .log_scale()
+            .within(positive, None),
+        P::known("input_delay", DELAY, 0.0, [0.0, 0.05]),
+    ]
+}

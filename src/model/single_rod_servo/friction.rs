@@ -1,0 +1,66 @@
+//! Dry friction of the piston and its guides.
+//!
+//! `F_f(v) = (Fc + Fs·exp(−(v/v_s)²))·tanh(v/v_t)`: Coulomb friction with its sign smoothed over
+//! the friction velocity v_t, and the Stribeck excess Fs at low speed (H. Olsson and others,
+//! "Friction models and friction compensation", European Journal of Control 4, 1998).
+
+use crate::simulation::lanes::Real;
+
+/// What follows from the friction parameters.
+#[derive(Clone, Copy, Debug)]
+pub struct Friction<R> {
+    coulomb: R,
+    stribeck: R,
+    inverse_velocity: R,
+    inverse_stribeck_velocity: R,
+    has_friction: bool,
+    has_stribeck: bool,
+}
+
+impl<R: Real> Friction<R> {
+    /// From Fc [N], v_t [m/s], Fs [N] and v_s [m/s].
+    pub fn new([coulomb, velocity, stribeck, stribeck_velocity]: [R; 4]) -> Self {
+        let has_stribeck = stribeck.any(|force| force != 0.0);
+        Friction {
+            coulomb,
+            stribeck,
+            inverse_velocity: R::splat(1.0) / velocity,
+            inverse_stribeck_velocity: R::splat(1.0) / stribeck_velocity,
+            has_friction: has_stribeck || coulomb.any(|force| force != 0.0),
+            has_stribeck,
+        }
+    }
+
+    /// The friction force at a velocity [N].
+    #[inline(always)]
+    pub fn force(&self, velocity: R) -> R {
+        if !self.has_friction {
+            return R::splat(0.0);
+        }
+        self.level(velocity) * (velocity * self.inverse_velocity).tanh()
+    }
+
+    /// The slope of the force at a velocity, without that of the Stribeck excess [N·s/m].
+    #[inline(always)]
+    pub fn slope(&self, velocity: R) -> R {
+        if !self.has_friction {
+            return R::splat(0.0);
+        }
+        let tanh = (velocity * self.inverse_velocity).tanh();
+        self.level(velocity) * self.inverse_velocity * (R::splat(1.0) - tanh * tanh)
+    }
+
+    /// The steepest slope, at standstill [N·s/m].
+    pub fn largest_slope(&self) -> R {
+        (self.coulomb + self.stribeck) * self.inverse_velocity
+    }
+
+    #[inline(always)]
+    fn level(&self, velocity: R) -> R {
+        if !self.has_stribeck {
+            return self.coulomb;
+        }
+        let ratio = velocity * self.inverse_stribeck_velocity;
+        self.coulomb + self.stribeck * (-(ratio * ratio)).exp()
+    }
+}

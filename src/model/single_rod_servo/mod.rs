@@ -1,0 +1,290 @@
+//! The electro-hydraulic servo of the paper: valve, single-rod cylinder, mass on a spring.
+//!
+//! SI, absolute pressures, x in [0, L] from the retracted end, a positive spool extends. With
+//! `ψ` of [`orifice`] and the opening u in [-1, 1]:
+//!
+//! ```text
+//! u ≥ 0:  Q1 = Kq·u·ψ(ps − p1)     Q2 = Kq·u·ψ(p2 − pt)      Q1 into chamber 1, Q2 out of chamber 2
+//! u < 0:  Q1 = Kq·u·ψ(p1 − pt)     Q2 = Kq·u·ψ(ps − p2)
+//! ```
+//!
+//! and the pressures of [`cylinder`], the motion of [`load`], the spool of [`servovalve`]. The
+//! paper's Eq. 1–6 are corrected in five places: the flow follows both signs of both pressure
+//! drops, the ports switch with the sign of the spool, p2' has its sign turned round, the root
+//! covers the pressure drop, and v' stands beside the other states. Its "C" and "B" are one
+//! damping; its numbers (Km 16324.71 kgf/cm², Ks and C in N and cm) give the nominal rig.
+//!
+//! Exact symmetry: (M, B, Ks, Km, forces, pressures, d0)·λ with Kq/√λ and leakage/λ leaves x(t)
+//! as it is, so position alone cannot tell the pressures and the mass apart.
+
+mod cylinder;
+mod description;
+mod friction;
+mod load;
+mod orifice;
+mod servovalve;
+
+use super::Model;
+use crate::simulation::dynamics::{Dynamics, SampledInputs};
+use crate::simulation::lanes::Real;
+use cylinder::Cylinder;
+use friction::Friction;
+use load::Load;
+use orifice::{signed_root, signed_root_slope};
+use servovalve::{Spool, Valve};
+
+/// The model with its description.
+#[must_use]
+pub fn model() -> Model {
+    Model::new(description::describe(), SingleRodServo)
+}
+
+/// Which input set stands for the position loop of the paper's Fig. 2.
+const REFERENCE: usize = 0;
+
+/// Chamber 2 starts at this share of the supply pressure.
+const INITIAL_PRESSURE_SHARE: f64 = 0.575;
+
+/// The equations.
+#[derive(Clone, Copy, Debug)]
+struct SingleRodServo;
+
+/// What follows from a candidate's parameters.
+#[derive(Clone, Copy, Debug)]
+struct Constants<R> {
+    mass: R,
+    flow_gain: R,
+    supply_pressure: R,
+    return_pressure: R,
+    transition_squared: R,
+    position_gain: R,
+    valve_offset: R,
+    input_delay: R,
+    supply_droop: R,
+    has_droop: bool,
+    valve: Valve<R>,
+    cylinder: Cylinder<R>,
+    load: Load<R>,
+}
+
+/// Opening of the valve and the pressure drops over its two ports.
+struct Ports<R> {
+    opening: R,
+    drops: (R, R),
+}
+
+impl<R: Real> Constants<R> {
+    /// The pressure drops that drive Q1 and Q2, by the sign of the opening.
+    #[inline(always)]
+    fn ports(&self, opening: R, pressures: (R, R)) -> Ports<R> {
+        let zero = R::splat(0.0);
+        let (p1, p2) = pressures;
+        let supply = self.supply(opening, pressures);
+        let drop_1 = opening.select_ge(zero, supply - p1, p1 - self.return_pressure);
+        let drop_2 = opening.select_ge(zero, p2 - self.return_pressure, supply - p2);
+        Ports {
+            opening,
+            drops: (drop_1, drop_2),
+        }
+    }
+
+    /// The supply pressure, which sags by the droop times the flow that the valve would take at
+    /// full pressure (a first approximation of the sag; exact for small droop).
+    #[inline(always)]
+    fn supply(&self, opening: R, (p1, p2): (R, R)) -> R {
+        if !self.has_droop {
+            return self.supply_pressure;
+        }
+        let chamber = opening.select_ge(R::splat(0.0), p1, p2);
+        let root = signed_root(self.supply_pressure - chamber, self.transition_squared);
+        let taken = (self.flow_gain * opening.abs() * root).max(R::splat(0.0));
+        self.supply_pressure - self.supply_droop * taken
+    }
+
+    #[inline(always)]
+    fn flows(&self, ports: &Ports<R>) -> (R, R) {
+        let gain = self.flow_gain * ports.opening;
+        (
+            gain * signed_root(ports.drops.0, self.transition_squared),
+            gain * signed_root(ports.drops.1, self.transition_squared),
+        )
+    }
+}
+
+impl Dynamics for SingleRodServo {
+    /// p1, p2, x, v, spool position, spool velocity.
+    type State<R: Real> = [R; 6];
+    /// The valve command.
+    type Held<R: Real> = [R; 1];
+    type Constants<R: Real> = Constants<R>;
+
+    fn constants<R: Real>(&self, parameters: &[R]) -> Constants<R> {
+        #[rustfmt::skip]
+        let &[
+            mass, damping, stiffness, bulk_modulus, flow_gain, supply_pressure, return_pressure,
+            transition_pressure, piston_area, annulus_area, stroke, dead_volume_1, dead_volume_2,
+            spring_neutral_position, position_gain, spool_natural_frequency, spool_damping_ratio,
+            spool_time_constant, dead_band, valve_offset, coulomb_friction, friction_velocity,
+            stribeck_friction, stribeck_velocity, internal_leakage, external_leakage,
+            air_fraction, end_stop_stiffness, end_stop_damping, input_delay, load_force,
+            supply_droop,
+        ] = parameters else {
+            unreachable!("a parameter vector has as many values as the description has parameters")
+        };
+        let is_there = |value: R| value.any(|value| value != 0.0);
+        Constants {
+            mass,
+            flow_gain,
+            supply_pressure,
+            return_pressure,
+            transition_squared: transition_pressure * transition_pressure,
+            position_gain,
+            valve_offset,
+            input_delay,
+            supply_droop,
+            has_droop: is_there(supply_droop),
+            valve: Valve::new([
+                spool_natural_frequency,
+                spool_damping_ratio,
+                spool_time_constant,
+                dead_band,
+            ]),
+            cylinder: Cylinder {
+                bulk_modulus,
+                piston_area,
+                annulus_area,
+                stroke,
+                dead_volume_1,
+                dead_volume_2,
+                internal_leakage,
+                external_leakage,
+                return_pressure,
+                air: Cylinder::air_pressure(air_fraction),
+                has_leakage: is_there(internal_leakage) || is_there(external_leakage),
+                has_air: is_there(air_fraction),
+            },
+            load: Load {
+                inverse_mass: R::splat(1.0) / mass,
+                damping,
+                stiffness,
+                neutral_position: spring_neutral_position,
+                constant_force: load_force,
+                friction: Friction::new([
+                    coulomb_friction,
+                    friction_velocity,
+                    stribeck_friction,
+                    stribeck_velocity,
+                ]),
+                stroke,
+                stop_stiffness: end_stop_stiffness,
+                stop_damping: end_stop_damping,
+                has_stops: is_there(end_stop_stiffness),
+            },
+        }
+    }
+
+    fn initial_state<R: Real>(&self, constants: &Constants<R>) -> [R; 6] {
+        let zero = R::splat(0.0);
+        let p2 = constants.supply_pressure * R::splat(INITIAL_PRESSURE_SHARE);
+        let p1 = p2 * constants.cylinder.annulus_area / constants.cylinder.piston_area;
+        [p1, p2, constants.load.neutral_position, zero, zero, zero]
+    }
+
+    #[inline(always)]
+    fn hold<R: Real>(
+        &self,
+        constants: &Constants<R>,
+        inputs: &SampledInputs<'_>,
+        state: &[R; 6],
+    ) -> [R; 1] {
+        let input = R::splat(inputs.values[0]);
+        let command = if inputs.input_set == REFERENCE {
+            (constants.position_gain * (input - state[2])).clamp(-1.0, 1.0)
+        } else {
+            input
+        };
+        [command + constants.valve_offset]
+    }
+
+    #[inline(always)]
+    fn derivative<R: Real>(
+        &self,
+        constants: &Constants<R>,
+        &[command]: &[R; 1],
+        &[p1, p2, x, v, spool_position, spool_velocity]: &[R; 6],
+    ) -> [R; 6] {
+        let spool = Spool {
+            position: spool_position,
+            velocity: spool_velocity,
+        };
+        let opening = constants.valve.opening(command, &spool);
+        let flows = constants.flows(&constants.ports(opening, (p1, p2)));
+        let (p1_rate, p2_rate) = constants.cylinder.pressure_rates(flows, (p1, p2), (x, v));
+        let force = constants.cylinder.piston_area * p1 - constants.cylinder.annulus_area * p2;
+        let acceleration = constants.load.acceleration(force, x, v);
+        let spool_rates = constants.valve.rates(command, &spool);
+        [
+            p1_rate,
+            p2_rate,
+            v,
+            acceleration,
+            spool_rates.position,
+            spool_rates.velocity,
+        ]
+    }
+
+    #[inline(always)]
+    fn outputs<R: Real>(&self, _constants: &Constants<R>, state: &[R; 6], outputs: &mut [R]) {
+        let &[p1, p2, x, v, _, _] = state;
+        outputs.copy_from_slice(&[x, v, p1, p2]);
+    }
+
+    fn input_delay<R: Real>(&self, constants: &Constants<R>) -> Option<R> {
+        Some(constants.input_delay)
+    }
+
+    fn resolved_rate(&self, constants: &Constants<f64>) -> f64 {
+        let middle = constants.load.stroke * 0.5;
+        let mode = constants
+            .cylinder
+            .hydraulic_mode_squared(middle, constants.mass)
+            .sqrt();
+        let friction = constants.load.friction.largest_slope() * constants.load.inverse_mass;
+        mode.max(constants.valve.rate()).max(friction)
+    }
+
+    #[inline(always)]
+    fn local_rate<R: Real>(
+        &self,
+        constants: &Constants<R>,
+        &[command]: &[R; 1],
+        &[p1, p2, x, v, spool_position, spool_velocity]: &[R; 6],
+    ) -> R {
+        let spool = Spool {
+            position: spool_position,
+            velocity: spool_velocity,
+        };
+        let opening = constants.valve.opening(command, &spool);
+        let Ports { opening, drops } = constants.ports(opening, (p1, p2));
+        let gain = (constants.flow_gain * opening).abs() * constants.cylinder.bulk_modulus;
+        let (volume_1, volume_2) = constants.cylinder.volumes(x);
+        let fill_1 = signed_root_slope(drops.0, constants.transition_squared) / volume_1;
+        let fill_2 = signed_root_slope(drops.1, constants.transition_squared) / volume_2;
+        let mode = constants
+            .cylinder
+            .hydraulic_mode_squared(x, constants.mass)
+            .sqrt();
+        (gain * fill_1.abs().max(fill_2.abs()))
+            .max(mode)
+            .max(constants.load.rate(x, v))
+    }
+
+    fn state_scale(&self) -> &'static [f64] {
+        &[1e6, 1e6, 1e-2, 1e-1, 1.0, 1e2]
+    }
+
+    fn is_valid(&self, constants: &Constants<f64>, state: &[f64; 6]) -> bool {
+        let (volume_1, volume_2) = constants.cylinder.volumes(state[2]);
+        volume_1 > 0.0 && volume_2 > 0.0
+    }
+}
