@@ -37,6 +37,8 @@ pub mod genetic;
 
 pub mod uncertainty;
 
+pub mod demo;
+
 pub mod model;
 
 pub mod simulation;
