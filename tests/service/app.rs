@@ -52,7 +52,10 @@ impl Answer {
         assert_eq!(problem["status"], status);
         assert_eq!(problem["request_id"], answer.header("x-request-id"));
         for field in ["type", "title", "detail", "instance"] {
-            assert!(problem[field].as_str().is_some_and(|text| !text.is_empty()), "{field}");
+            assert!(
+                problem[field].as_str().is_some_and(|text| !text.is_empty()),
+                "{field}"
+            );
         }
         assert!(problem["errors"].is_array());
         problem
@@ -71,7 +74,9 @@ impl TestApp {
             ..Settings::default()
         };
         Self {
-            app: App::start(settings).await.unwrap(),
+            app: App::start(settings, std::sync::Arc::new(crate::fake::Fake))
+                .await
+                .unwrap(),
             client: reqwest::Client::new(),
             _folder: folder,
         }
@@ -117,7 +122,10 @@ impl TestApp {
     /// Stores the recording of a drive and answers its identifier.
     pub async fn store_drive(&self) -> String {
         let stored = self.post_csv("/v1/datasets", drive_csv()).await;
-        stored.json()["id"].as_str().expect("an identifier").to_owned()
+        stored.json()["id"]
+            .as_str()
+            .expect("an identifier")
+            .to_owned()
     }
 
     /// Submits a job and answers its identifier.
@@ -129,7 +137,11 @@ impl TestApp {
     /// The job after it came to its end.
     pub async fn ended(&self, id: &str) -> Value {
         for _ in 0..20 {
-            let job = self.get(&format!("/v1/jobs/{id}?wait=30")).await.expect(200).json();
+            let job = self
+                .get(&format!("/v1/jobs/{id}?wait=30"))
+                .await
+                .expect(200)
+                .json();
             let status = job["status"].as_str().unwrap();
             if ["succeeded", "failed", "cancelled"].contains(&status) {
                 return job;
@@ -158,7 +170,8 @@ pub fn drive_csv() -> String {
         let time = f64::from(k) * SAMPLE_TIME;
         text += &format!("{time:.2},{force},{position}\n");
         let terminal = force / FRICTION;
-        position += terminal * SAMPLE_TIME + (velocity - terminal) * (1.0 - decay) * MASS / FRICTION;
+        position +=
+            terminal * SAMPLE_TIME + (velocity - terminal) * (1.0 - decay) * MASS / FRICTION;
         velocity = terminal + (velocity - terminal) * decay;
     }
     text

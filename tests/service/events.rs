@@ -61,7 +61,8 @@ impl Stream {
             }
             let field = |name: &str| {
                 let line = block.lines().find_map(|line| line.strip_prefix(name));
-                line.unwrap_or_else(|| panic!("{name} in {block}")).to_owned()
+                line.unwrap_or_else(|| panic!("{name} in {block}"))
+                    .to_owned()
             };
             return Some(StreamEvent {
                 id: field("id: ").parse().unwrap(),
@@ -103,7 +104,10 @@ async fn a_stream_tells_a_job_from_its_first_event_to_its_end() {
     assert_eq!(events[0].data["status"], "queued");
     assert_eq!(events[1].data["status"], "running");
     let end = events.last().unwrap();
-    assert_eq!((end.name.as_str(), &end.data["status"]), ("end", &"succeeded".into()));
+    assert_eq!(
+        (end.name.as_str(), &end.data["status"]),
+        ("end", &"succeeded".into())
+    );
     let names: std::collections::HashSet<&str> = events.iter().map(|e| e.name.as_str()).collect();
     for name in ["generation", "refinement", "result"] {
         assert!(names.contains(name), "{name}");
@@ -121,10 +125,15 @@ async fn a_client_that_comes_back_misses_nothing_and_gets_nothing_twice() {
         assert_eq!(rest, whole[last as usize..]);
     }
     let path = format!("/v1/jobs/{id}/events");
-    let query = app.get(&format!("{path}?last_event_id={}", whole.len() - 1)).await.expect(200);
+    let query = app
+        .get(&format!("{path}?last_event_id={}", whole.len() - 1))
+        .await
+        .expect(200);
     assert!(query.text.contains("event: end"));
     assert!(!query.text.contains("event: result"));
-    let ended = app.request(Method::GET, &path).header("last-event-id", whole.len());
+    let ended = app
+        .request(Method::GET, &path)
+        .header("last-event-id", whole.len());
     app.send(ended).await.expect(204);
 }
 

@@ -8,7 +8,12 @@ fn places(problem: &Value) -> Vec<(&str, &str)> {
     let errors = problem["errors"].as_array().unwrap();
     let mut places: Vec<_> = errors
         .iter()
-        .map(|error| (error["pointer"].as_str().unwrap(), error["code"].as_str().unwrap()))
+        .map(|error| {
+            (
+                error["pointer"].as_str().unwrap(),
+                error["code"].as_str().unwrap(),
+            )
+        })
         .collect();
     places.sort_unstable();
     places
@@ -45,9 +50,15 @@ async fn a_fault_in_validation_only_mode_is_the_same_fault() {
     let app = TestApp::start().await;
     let job = json!({"model": "positioning_drive", "experiments": [{"dataset": "ds_x"}]});
     let submitted = app.post_json("/v1/jobs", &job).await.problem(422);
-    let validated = app.post_json("/v1/jobs?validate_only=true", &job).await.problem(422);
+    let validated = app
+        .post_json("/v1/jobs?validate_only=true", &job)
+        .await
+        .problem(422);
     assert_eq!(places(&submitted), places(&validated));
-    assert_eq!(places(&submitted), [("/experiments/0/dataset", "unknown_dataset")]);
+    assert_eq!(
+        places(&submitted),
+        [("/experiments/0/dataset", "unknown_dataset")]
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]

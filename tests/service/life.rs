@@ -86,11 +86,15 @@ async fn jobs_and_results_have_strong_tags() {
         let first = app.get(&path).await.expect(200);
         let tag = first.header("etag").to_owned();
         assert!(tag.starts_with('"'), "{tag}");
-        let again = app.request(reqwest::Method::GET, &path).header("if-none-match", &tag);
+        let again = app
+            .request(reqwest::Method::GET, &path)
+            .header("if-none-match", &tag);
         let again = app.send(again).await.expect(304);
         assert_eq!(again.text, "");
         assert_eq!(again.header("etag"), tag);
-        let other = app.request(reqwest::Method::GET, &path).header("if-none-match", "\"x\"");
+        let other = app
+            .request(reqwest::Method::GET, &path)
+            .header("if-none-match", "\"x\"");
         app.send(other).await.expect(200);
     }
 }

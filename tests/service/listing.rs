@@ -6,7 +6,10 @@ use crate::app::{TestApp, drive_csv, drive_job};
 
 fn ids(page: &Value) -> Vec<String> {
     let items = page["items"].as_array().unwrap();
-    items.iter().map(|item| item["id"].as_str().unwrap().to_owned()).collect()
+    items
+        .iter()
+        .map(|item| item["id"].as_str().unwrap().to_owned())
+        .collect()
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -61,14 +64,19 @@ async fn recordings_are_listed_newest_first() {
     let app = TestApp::start().await;
     let mut stored = Vec::new();
     for name in ["a", "b", "c"] {
-        let answer = app.post_csv(&format!("/v1/datasets?name={name}"), drive_csv()).await;
+        let answer = app
+            .post_csv(&format!("/v1/datasets?name={name}"), drive_csv())
+            .await;
         stored.push(answer.expect(201).json()["id"].as_str().unwrap().to_owned());
     }
     stored.reverse();
     let first = app.get("/v1/datasets?limit=2").await.expect(200).json();
     assert_eq!(ids(&first), stored[..2]);
     let token = first["next_page_token"].as_str().unwrap();
-    let rest = app.get(&format!("/v1/datasets?limit=2&page_token={token}")).await.json();
+    let rest = app
+        .get(&format!("/v1/datasets?limit=2&page_token={token}"))
+        .await
+        .json();
     assert_eq!(ids(&rest), stored[2..]);
 }
 
@@ -76,11 +84,22 @@ async fn recordings_are_listed_newest_first() {
 async fn models_are_listed_and_shown_with_their_parameters() {
     let app = TestApp::start().await;
     let models = app.get("/v1/models").await.expect(200).json();
-    let names: Vec<_> = models["items"].as_array().unwrap().iter().map(|m| &m["name"]).collect();
+    let names: Vec<_> = models["items"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|m| &m["name"])
+        .collect();
     assert!(names.contains(&&json!("single_rod_servo")));
-    let drive = app.get("/v1/models/positioning_drive").await.expect(200).json();
+    let drive = app
+        .get("/v1/models/positioning_drive")
+        .await
+        .expect(200)
+        .json();
     let mass = &drive["parameters"][0];
-    for field in ["name", "symbol", "unit", "meaning", "default", "lower", "upper"] {
+    for field in [
+        "name", "symbol", "unit", "meaning", "default", "lower", "upper",
+    ] {
         assert!(!mass[field].is_null(), "{field}");
     }
 }

@@ -1,6 +1,7 @@
 //! The service as its clients see it: over a real socket, with a fresh database for each test.
 
 mod app;
+mod fake;
 
 mod datasets;
 

@@ -9,7 +9,10 @@ use crate::app::{TestApp, drive_job, endless_job};
 async fn an_accepted_job_says_where_it_is_and_when_to_come_back() {
     let app = TestApp::start().await;
     let dataset = app.store_drive().await;
-    let accepted = app.post_json("/v1/jobs", &drive_job(&dataset)).await.expect(202);
+    let accepted = app
+        .post_json("/v1/jobs", &drive_job(&dataset))
+        .await
+        .expect(202);
     let job = accepted.json();
     let path = format!("/v1/jobs/{}", job["id"].as_str().unwrap());
     assert_eq!(accepted.header("location"), path);
@@ -27,9 +30,16 @@ async fn model_and_recording_alone_are_a_job_with_every_default_shown() {
     let app = TestApp::start().await;
     let dataset = app.store_drive().await;
     let job = json!({"model": "positioning_drive", "experiments": [{"dataset": dataset}]});
-    let validated = app.post_json("/v1/jobs?validate_only=true", &job).await.expect(200).json();
+    let validated = app
+        .post_json("/v1/jobs?validate_only=true", &job)
+        .await
+        .expect(200)
+        .json();
     let spec = &validated["spec"];
-    assert_eq!(spec["experiments"][0]["signals"], json!({"force": "force", "position": "position"}));
+    assert_eq!(
+        spec["experiments"][0]["signals"],
+        json!({"force": "force", "position": "position"})
+    );
     assert!(spec["parameters"]["mass"]["estimate"]["lower"].is_number());
     assert_eq!(spec["method"]["population"], 30);
     assert!(spec["seed"].is_u64());
@@ -41,7 +51,7 @@ async fn model_and_recording_alone_are_a_job_with_every_default_shown() {
 async fn a_completed_specification_submitted_again_completes_to_itself() {
     let app = TestApp::start().await;
     let dataset = app.store_drive().await;
-    let validate = async |job| {
+    let validate = async |job: &serde_json::Value| {
         let answer = app.post_json("/v1/jobs?validate_only=true", job).await;
         answer.expect(200).json()["spec"].clone()
     };
@@ -57,14 +67,23 @@ async fn a_job_comes_to_its_end_with_a_result() {
     let job = app.ended(&id).await;
     assert_eq!(job["status"], "succeeded", "{job}");
     assert!(job["finished_at"].is_string());
-    let result = app.get(&format!("/v1/jobs/{id}/result")).await.expect(200).json();
+    let result = app
+        .get(&format!("/v1/jobs/{id}/result"))
+        .await
+        .expect(200)
+        .json();
     assert_eq!(result["job"], id);
     let mass = &result["parameters"][0];
     assert_eq!(mass["name"], "mass");
     let estimate = mass["estimate"].as_f64().unwrap();
-    assert!((estimate - 100.0).abs() < 1.0, "the rig has 100 kg, not {estimate}");
+    assert!(
+        (estimate - 100.0).abs() < 1.0,
+        "the rig has 100 kg, not {estimate}"
+    );
     assert_eq!(result["engine"]["seed"], 1);
-    let generations = app.get(&format!("/v1/jobs/{id}/generations?after=2&limit=2")).await;
+    let generations = app
+        .get(&format!("/v1/jobs/{id}/generations?after=2&limit=2"))
+        .await;
     let rows = generations.expect(200).json();
     assert_eq!(rows["items"][0]["generation"], 3);
     assert_eq!(rows["items"].as_array().unwrap().len(), 2);
@@ -74,8 +93,13 @@ async fn a_job_comes_to_its_end_with_a_result() {
 async fn a_client_that_prefers_to_wait_gets_the_ended_job() {
     let app = TestApp::start().await;
     let dataset = app.store_drive().await;
-    let request = app.request(Method::POST, "/v1/jobs").json(&drive_job(&dataset));
-    let answer = app.send(request.header("prefer", "wait=60")).await.expect(202);
+    let request = app
+        .request(Method::POST, "/v1/jobs")
+        .json(&drive_job(&dataset));
+    let answer = app
+        .send(request.header("prefer", "wait=60"))
+        .await
+        .expect(202);
     assert_eq!(answer.header("preference-applied"), "wait=60");
     assert_eq!(answer.json()["status"], "succeeded");
     assert_eq!(answer.header("retry-after"), "");
@@ -103,8 +127,15 @@ async fn a_wait_longer_than_a_minute_is_refused_in_a_query_and_shortened_as_a_pr
     let app = TestApp::start().await;
     let dataset = app.store_drive().await;
     let id = app.submit(&drive_job(&dataset)).await;
-    app.get(&format!("/v1/jobs/{id}?wait=61")).await.problem(422);
-    let request = app.request(Method::POST, "/v1/jobs").json(&drive_job(&dataset));
-    let answer = app.send(request.header("prefer", "wait=3600")).await.expect(202);
+    app.get(&format!("/v1/jobs/{id}?wait=61"))
+        .await
+        .problem(422);
+    let request = app
+        .request(Method::POST, "/v1/jobs")
+        .json(&drive_job(&dataset));
+    let answer = app
+        .send(request.header("prefer", "wait=3600"))
+        .await
+        .expect(202);
     assert_eq!(answer.header("preference-applied"), "wait=60");
 }
