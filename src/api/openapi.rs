@@ -1,12 +1,15 @@
 //! The record of the contract: OpenAPI 3.1, generated from the handlers.
 
+use std::sync::LazyLock;
+
 use axum::http::HeaderMap;
 use axum::response::Response;
 use utoipa::ToSchema;
 use utoipa::openapi::content::ContentBuilder;
+use utoipa::openapi::link::Link;
 use utoipa::openapi::path::{Operation, PathItem};
 use utoipa::openapi::response::Response as Description;
-use utoipa::openapi::schema::Schema;
+use utoipa::openapi::schema::{Schema, SchemaType, Type};
 use utoipa::openapi::{InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, Ref, RefOr};
 use utoipa::openapi::{ResponseBuilder, tag::TagBuilder};
 
@@ -22,8 +25,10 @@ pub fn openapi() -> OpenApi {
     name_schema::<Event>(&mut unnamed);
     let components = openapi.components.get_or_insert_default();
     components.schemas.extend(unnamed);
+    link_created(&mut openapi);
     for (path, item) in &mut openapi.paths.paths {
         for operation in operations(item) {
+            never_null(operation);
             describe_problems(path, operation);
         }
     }
@@ -42,7 +47,8 @@ fn name_schema<T: ToSchema>(schemas: &mut Vec<(String, RefOr<Schema>)>) {
     responses((status = 200, description = "OpenAPI 3.1", body = Object))
 )]
 pub async fn document(headers: HeaderMap) -> Response {
-    tagged_json(&headers, &openapi())
+    static OPENAPI: LazyLock<OpenApi> = LazyLock::new(openapi);
+    tagged_json(&headers, &*OPENAPI)
 }
 
 /// What the handlers do not say.
@@ -77,6 +83,48 @@ fn operations(item: &mut PathItem) -> impl Iterator<Item = &mut Operation> {
     [&mut item.get, &mut item.post, &mut item.delete]
         .into_iter()
         .filter_map(Option::as_mut)
+}
+
+/// Says of each resource that is made by a POST where one goes on with its identifier.
+fn link_created(openapi: &mut OpenApi) {
+    let mut by_path: Vec<(String, String)> = Vec::new();
+    for (path, item) in &mut openapi.paths.paths {
+        let ids = operations(item).filter_map(|operation| operation.operation_id.clone());
+        by_path.extend(ids.map(|id| (path.clone(), id)));
+    }
+    for (path, item) in &mut openapi.paths.paths {
+        let made = item
+            .post
+            .iter_mut()
+            .flat_map(|post| &mut post.responses.responses);
+        let made = made.filter(|(status, _)| ["201", "202"].contains(&status.as_str()));
+        let below = format!("{path}/{{id}}");
+        for (_, response) in made {
+            let RefOr::T(response) = response else {
+                continue;
+            };
+            for (_, id) in by_path.iter().filter(|(path, _)| path.starts_with(&below)) {
+                let link = Link::builder().operation_id(id);
+                let link = link.parameter("id", "$response.body#/id").build();
+                response.links.insert(id.clone(), RefOr::T(link));
+            }
+        }
+    }
+}
+
+/// A parameter is there or not; it has no way to say `null`.
+fn never_null(operation: &mut Operation) {
+    for parameter in operation.parameters.iter_mut().flatten() {
+        if let RefOr::T(parameter) = parameter
+            && let Some(RefOr::T(Schema::Object(schema))) = &mut parameter.schema
+            && let SchemaType::Array(types) = &mut schema.schema_type
+        {
+            types.retain(|kind| *kind != Type::Null);
+            if let [only] = types.as_slice() {
+                schema.schema_type = SchemaType::Type(only.clone());
+            }
+        }
+    }
 }
 
 /// Adds the problems that every operation of a kind can answer, and gives those that a handler

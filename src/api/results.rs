@@ -23,7 +23,7 @@ const MAX_ROWS: u64 = 10_000;
 #[into_params(parameter_in = Query)]
 pub struct GenerationsQuery {
     /// Only generations after this one.
-    #[param(minimum = 0, maximum = 4294967295_i64, default = 0, required = false)]
+    #[param(value_type = u64, maximum = 4294967295_i64, default = 0, required = false)]
     pub after: u32,
     /// So many at the most.
     #[param(minimum = 1, maximum = 10000, default = 1000, required = false)]

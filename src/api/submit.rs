@@ -50,7 +50,7 @@ pub struct Validation {
     post, path = "/v1/jobs", operation_id = "submit_job", tag = "jobs",
     params(
         SubmitQuery,
-        ("Idempotency-Key" = Option<String>, Header, max_length = 255,
+        ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
          description = "Makes the submission safe to repeat: the same key and body give the same \
                         answer again"),
         ("Prefer" = Option<String>, Header, example = "wait=30",
