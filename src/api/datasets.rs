@@ -129,7 +129,7 @@ pub async fn create(
     request: Request,
 ) -> Answer {
     let format = format_of(request.headers(), &options)?;
-    let _permit = permit(&state).await?;
+    let _permit = state.recording_permit().await?;
     let limit = state.limits.dataset_bytes;
     let reading = ReadingOptions {
         format,
@@ -210,19 +210,6 @@ fn digest(mut bytes: Sha256, options: &NewDatasetQuery) -> String {
     }
     format!("sha256:{}", hex(&bytes.finalize()))
 }
-
-/// Reading and writing whole recordings takes memory: only so many at once, the others wait.
-async fn permit(state: &ApiState) -> Answer<OwnedSemaphorePermit> {
-    let waiting = state.0.recordings.clone().acquire_owned();
-    let permit = tokio::time::timeout(LONGEST_QUEUE, waiting).await;
-    match permit {
-        Ok(Ok(permit)) => Ok(permit),
-        _ => Err(Problem::new(Kind::Busy, "too many recordings at once").retry_after(2)),
-    }
-}
-
-/// How long a request waits for its turn.
-const LONGEST_QUEUE: std::time::Duration = std::time::Duration::from_secs(10);
 
 /// The page of a list.
 pub struct WhichDatasets(Cursor<DatasetId>);
@@ -346,7 +333,7 @@ pub async fn samples(
     Params(query): Params<SamplesQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let permit = permit(&state).await?;
+    let permit = state.recording_permit().await?;
     let recording = state.store.recording(id).await?;
     let recording = recording.ok_or_else(|| no_dataset(id))?;
     check_names(&recording, query.signals.as_deref())?;

@@ -17,7 +17,7 @@ use tokio::sync::OwnedSemaphorePermit;
 use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
-use super::error::{Answer, Kind, Problem};
+use super::error::Answer;
 use super::extract::Named;
 use super::jobs::no_job;
 use super::manners::header_fault;
@@ -82,10 +82,7 @@ pub async fn events(
     if row.status.is_terminal() && after >= row.last_event {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let permit = state.0.streams.clone().try_acquire_owned().map_err(|_| {
-        let detail = "too many event streams are open";
-        Problem::new(Kind::Busy, detail).retry_after(2)
-    })?;
+    let permit = state.stream_permit()?;
     let replay = Replay {
         feed: state.hub.feed(state.store.clone(), id, after),
         job: id,

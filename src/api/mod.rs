@@ -21,17 +21,22 @@ pub mod results;
 pub mod submit;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::Router;
+use axum::http::StatusCode;
 use metrics_exporter_prometheus::PrometheusHandle;
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use crate::dataset::Recording;
 use crate::event::EventHub;
-use crate::model::Catalogue;
+use crate::job::{Fault, JobSpec};
+use crate::model::{Catalogue, Model};
 use crate::store::Store;
 
+use error::{Answer, Kind, Problem};
 pub use finish::finish;
 pub use openapi::openapi;
 
@@ -61,6 +66,9 @@ impl Default for Limits {
         }
     }
 }
+
+/// How long a request waits for its turn to read or write a recording.
+const LONGEST_QUEUE: Duration = Duration::from_secs(10);
 
 /// What the service works with.
 pub struct Parts {
@@ -98,6 +106,42 @@ impl ApiState {
             parts,
         }))
     }
+
+    /// Reading and writing whole recordings takes memory: only so many at once, others wait.
+    async fn recording_permit(&self) -> Answer<OwnedSemaphorePermit> {
+        let waiting = self.0.recordings.clone().acquire_owned();
+        match tokio::time::timeout(LONGEST_QUEUE, waiting).await {
+            Ok(Ok(permit)) => Ok(permit),
+            _ => Err(Problem::new(Kind::Busy, "too many recordings at once").retry_after(2)),
+        }
+    }
+
+    /// The recordings of a job, one for each experiment.
+    async fn recordings(&self, spec: &JobSpec) -> Answer<Vec<Recording>> {
+        let mut recordings = Vec::with_capacity(spec.experiments.len());
+        for (index, experiment) in spec.experiments.iter().enumerate() {
+            let recording = self.store.recording(experiment.dataset).await?;
+            recordings.push(recording.ok_or_else(|| {
+                let pointer = format!("/experiments/{index}/dataset");
+                let detail = format!("there is no dataset {}", experiment.dataset);
+                Problem::of_document(vec![Fault::new(pointer, "unknown_dataset", detail)])
+            })?);
+        }
+        Ok(recordings)
+    }
+
+    /// A model by its name.
+    fn model(&self, name: &str) -> Answer<Arc<Model>> {
+        let model = self.catalogue.get(name).cloned();
+        model.ok_or_else(|| Problem::not_found("model", name))
+    }
+
+    /// An event stream takes a connection and a place: only so many at once.
+    fn stream_permit(&self) -> Answer<OwnedSemaphorePermit> {
+        let permit = self.0.streams.clone().try_acquire_owned();
+        permit
+            .map_err(|_| Problem::new(Kind::Busy, "too many event streams are open").retry_after(2))
+    }
 }
 
 impl std::ops::Deref for ApiState {
@@ -106,6 +150,17 @@ impl std::ops::Deref for ApiState {
     fn deref(&self) -> &Parts {
         &self.0.parts
     }
+}
+
+/// Runs what computes or blocks beside the threads that serve.
+async fn blocking<T: Send + 'static>(
+    work: impl FnOnce() -> Answer<T> + Send + 'static,
+) -> Answer<T> {
+    let done = tokio::task::spawn_blocking(work).await;
+    done.unwrap_or_else(|panic| {
+        tracing::error!(%panic, "work for a request panicked");
+        Err(Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR))
+    })
 }
 
 /// Every resource of the service, with its description.

@@ -8,12 +8,13 @@ use axum::response::Response;
 use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
-use super::ApiState;
 use super::body::JsonDocument;
 use super::error::{Answer, Kind, Problem};
 use super::jobs::{self, Job};
 use super::manners::{idempotency_key, json, preferred_wait};
 use super::query::{FromQuery, Params, QueryReader};
+use super::{ApiState, blocking};
+use crate::job::assemble::{self, Finding, Preflight};
 use crate::job::spec::Context;
 use crate::job::{Fault, JobSpec, Status};
 use crate::store::{Idempotency, JobRow, NewJob, Submitted};
@@ -40,6 +41,39 @@ impl FromQuery for SubmitQuery {
 pub struct Validation {
     /// The specification with every default completed.
     spec: JobSpec,
+    /// What the job will cost.
+    predicted_cost: PredictedCost,
+    /// What its user should know before it runs.
+    findings: Vec<Finding>,
+}
+
+/// What a job will cost.
+#[derive(Serialize, ToSchema)]
+pub struct PredictedCost {
+    /// Numbers that are estimated: parameters and initial states.
+    unknowns: u64,
+    /// Measured samples that they are estimated from.
+    residuals: u64,
+    /// Candidates that are judged in the search at the most.
+    evaluations: u64,
+    /// Derivatives that one candidate takes, at the middle of the search box.
+    derivatives_per_evaluation: u64,
+}
+
+impl Validation {
+    fn new(spec: JobSpec, preflight: Preflight) -> Self {
+        let predicted_cost = PredictedCost {
+            unknowns: preflight.unknowns,
+            residuals: preflight.residuals,
+            evaluations: preflight.evaluations,
+            derivatives_per_evaluation: preflight.derivatives_per_evaluation,
+        };
+        Self {
+            spec,
+            predicted_cost,
+            findings: preflight.findings,
+        }
+    }
 }
 
 /// Submit an estimation.
@@ -78,8 +112,9 @@ pub async fn submit(
 ) -> Answer {
     let key = idempotency_key(&headers)?;
     let spec = read(&state, &document).await?;
+    let preflight = preflight(&state, &spec).await?;
     if query.validate_only {
-        return Ok(json(StatusCode::OK, &Validation { spec }));
+        return Ok(json(StatusCode::OK, &Validation::new(spec, preflight)));
     }
     let idempotency = key.map(|key| Idempotency {
         key,
@@ -120,6 +155,21 @@ async fn read(state: &ApiState, document: &JsonDocument) -> Answer<JobSpec> {
         max_duration_s: state.limits.max_duration_s,
     };
     JobSpec::read(&document.value, &context).map_err(Problem::of_document)
+}
+
+/// Cuts the experiments out of their recordings, as the worker will; says what speaks against it.
+async fn preflight(state: &ApiState, spec: &JobSpec) -> Answer<Preflight> {
+    let permit = state.recording_permit().await?;
+    let recordings = state.recordings(spec).await?;
+    let model = state.model(&spec.model)?;
+    let spec = spec.clone();
+    blocking(move || {
+        let _permit = permit;
+        let assembly = assemble::problem(&spec, &model, &recordings);
+        let assembly = assembly.map_err(Problem::of_document)?;
+        Ok(assemble::preflight(&assembly, &spec.method))
+    })
+    .await
 }
 
 fn new_job(spec: &JobSpec, idempotency: Option<Idempotency>) -> NewJob {

@@ -1,5 +1,7 @@
 //! The service as its clients see it: over a real socket, with a fresh database for each test.
 
+#![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
+
 mod app;
 mod fake;
 
