@@ -21,9 +21,9 @@ use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::job::{Failure, IllegalTransition, JobId, JobSpec, Phase, Progress, Status};
 use crate::store::{Control, JobFilter, JobRemoval, JobRow, StoreError};
 
-/// When a client may ask again if nothing better is known [s].
+/// When a client may ask again if nothing better is known `[s]`.
 const RETRY_S: f64 = 2.0;
-/// The longest that a client is told to stay away [s].
+/// The longest that a client is told to stay away `[s]`.
 const MAX_RETRY_S: f64 = 60.0;
 
 /// A job.

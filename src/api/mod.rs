@@ -1,6 +1,6 @@
 //! HTTP to domain types and back: the route table.
 //!
-//! No SQL and no numerics here. [`router`] is the whole service; [`finish`] puts the manners that
+//! No SQL and no numerics here. [`router`] is the whole service; [`finish()`] puts the manners that
 //! every answer shares (request id, problem documents, compression, logging) around routes, so
 //! that pages added beside the API have them too.
 
@@ -18,7 +18,9 @@ pub mod openapi;
 pub mod page;
 pub mod query;
 pub mod results;
+pub mod simulations;
 pub mod submit;
+pub mod trajectory;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -47,7 +49,7 @@ pub struct Limits {
     pub dataset_bytes: u64,
     /// The bytes of a JSON document (a job, a simulation) at the most, uncompressed.
     pub document_bytes: u64,
-    /// The longest computing time that a job may ask for [s].
+    /// The longest computing time that a job may ask for `[s]`.
     pub max_duration_s: f64,
     /// Recordings that are read or written at the same time at the most.
     pub recordings_at_once: usize,
@@ -176,6 +178,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(datasets::samples))
         .routes(routes!(models::list))
         .routes(routes!(models::show))
+        .routes(routes!(simulations::simulate))
         .routes(routes!(submit::submit, jobs::list))
         .routes(routes!(jobs::show, jobs::remove))
         .routes(routes!(jobs::cancel))
@@ -184,9 +187,10 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(events::events))
         .routes(routes!(results::generations))
         .routes(routes!(results::result))
+        .routes(routes!(trajectory::trajectory))
 }
 
-/// The resources, without the manners of [`finish`].
+/// The resources, without the manners of [`finish()`].
 pub fn resources(state: ApiState) -> Router {
     let (router, _openapi) = described().split_for_parts();
     router.with_state(state)

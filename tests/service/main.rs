@@ -22,3 +22,5 @@ mod listing;
 mod events;
 
 mod health;
+
+mod simulations;

@@ -42,6 +42,8 @@ async fn model_and_recording_alone_are_a_job_with_every_default_shown() {
     );
     assert!(spec["parameters"]["mass"]["estimate"]["lower"].is_number());
     assert_eq!(spec["method"]["population"], 30);
+    assert_eq!(validated["predicted_cost"]["residuals"], 300);
+    assert!(validated["findings"].is_array());
     assert!(spec["seed"].is_u64());
     let jobs = app.get("/v1/jobs").await.expect(200).json();
     assert_eq!(jobs["items"], json!([]));
