@@ -118,18 +118,24 @@ impl ApiState {
         }
     }
 
-    /// The recordings of a job, one for each experiment.
-    async fn recordings(&self, spec: &JobSpec) -> Answer<Vec<Recording>> {
+    /// The recordings of a job, one for each experiment; those that are gone are faults.
+    async fn recordings(&self, spec: &JobSpec) -> Answer<Result<Vec<Recording>, Vec<Fault>>> {
         let mut recordings = Vec::with_capacity(spec.experiments.len());
+        let mut faults = Vec::new();
         for (index, experiment) in spec.experiments.iter().enumerate() {
-            let recording = self.store.recording(experiment.dataset).await?;
-            recordings.push(recording.ok_or_else(|| {
+            if let Some(recording) = self.store.recording(experiment.dataset).await? {
+                recordings.push(recording);
+            } else {
                 let pointer = format!("/experiments/{index}/dataset");
                 let detail = format!("there is no dataset {}", experiment.dataset);
-                Problem::of_document(vec![Fault::new(pointer, "unknown_dataset", detail)])
-            })?);
+                faults.push(Fault::new(pointer, "unknown_dataset", detail));
+            }
         }
-        Ok(recordings)
+        Ok(if faults.is_empty() {
+            Ok(recordings)
+        } else {
+            Err(faults)
+        })
     }
 
     /// A model by its name.

@@ -170,3 +170,70 @@ fn as_problem(response: &mut Description) {
     let content = RefOr::T(content);
     response.content.insert(PROBLEM_JSON.to_owned(), content);
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use serde_json::Value;
+
+    use super::*;
+
+    /// Path, method and description of every operation.
+    fn all() -> Vec<(String, Value)> {
+        let described = serde_json::to_value(openapi()).unwrap();
+        let paths = described["paths"].as_object().unwrap().clone();
+        let operations = paths.into_iter().flat_map(|(path, item)| {
+            let methods = item.as_object().unwrap().clone();
+            methods
+                .into_iter()
+                .map(move |(method, operation)| (format!("{method} {path}"), operation))
+        });
+        operations.collect()
+    }
+
+    #[test]
+    fn every_operation_has_its_own_name() {
+        let names: Vec<String> = all()
+            .iter()
+            .map(|(_, operation)| operation["operationId"].as_str().unwrap().to_owned())
+            .collect();
+        let distinct: HashSet<&String> = names.iter().collect();
+        assert_eq!(distinct.len(), names.len(), "{names:?}");
+    }
+
+    #[test]
+    fn every_error_is_described_as_a_problem_document() {
+        for (name, operation) in all() {
+            let responses = operation["responses"].as_object().unwrap().iter();
+            for (status, response) in responses.filter(|(status, _)| status.as_str() >= "400") {
+                let content = response["content"].as_object().unwrap();
+                assert!(content.contains_key(PROBLEM_JSON), "{name} {status}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_request_body_has_an_example() {
+        let described = serde_json::to_value(openapi()).unwrap();
+        let bodies = all().into_iter().filter_map(|(name, operation)| {
+            let body = operation.get("requestBody")?;
+            Some((name, body["content"].as_object()?.clone()))
+        });
+        let mut n_bodies = 0;
+        for (name, content) in bodies {
+            for (media_type, body) in content {
+                let schema = body["schema"]["$ref"].as_str().unwrap_or_default();
+                let named = described.pointer(schema.trim_start_matches('#'));
+                let has_example = body.get("example").is_some()
+                    || named.is_some_and(|schema| schema.get("example").is_some());
+                assert!(has_example, "{name} as {media_type}");
+                n_bodies += 1;
+            }
+        }
+        assert_eq!(
+            n_bodies, 4,
+            "two forms of a recording, a simulation and a job"
+        );
+    }
+}

@@ -161,6 +161,7 @@ async fn read(state: &ApiState, document: &JsonDocument) -> Answer<JobSpec> {
 async fn preflight(state: &ApiState, spec: &JobSpec) -> Answer<Preflight> {
     let permit = state.recording_permit().await?;
     let recordings = state.recordings(spec).await?;
+    let recordings = recordings.map_err(Problem::of_document)?;
     let model = state.model(&spec.model)?;
     let spec = spec.clone();
     blocking(move || {

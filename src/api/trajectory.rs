@@ -10,7 +10,7 @@ use axum::response::Response;
 use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
-use super::error::{Answer, Problem};
+use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::extract::Named;
 use super::jobs::no_job;
 use super::manners::{json, prefers};
@@ -19,7 +19,7 @@ use super::results::settled_result;
 use super::{ApiState, blocking};
 use crate::dataset::kept_indices;
 use crate::job::assemble::{self, ExperimentTrajectory, OutputTrajectory};
-use crate::job::{DatasetId, JobId, JobSpec, Outcome};
+use crate::job::{DatasetId, Fault, JobId, JobSpec, Outcome};
 
 /// Points of a plot when the client does not say.
 const DEFAULT_POINTS: u64 = 2000;
@@ -89,7 +89,7 @@ struct Output {
     responses(
         (status = 200, description = "The outputs",
          content((Trajectory = "application/json"), (String = "text/csv"))),
-        (status = 409, description = "There is no result, or not yet")
+        (status = 409, description = "There is no result, or not yet, or its recording is gone")
     )
 )]
 pub async fn trajectory(
@@ -103,7 +103,7 @@ pub async fn trajectory(
     let permit = state.recording_permit().await?;
     let spec: JobSpec = serde_json::from_value(row.spec).map_err(unreadable)?;
     let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
-    let recordings = state.recordings(&spec).await?;
+    let recordings = state.recordings(&spec).await?.map_err(removed)?;
     let model = state.model(&spec.model)?;
     let as_csv = prefers(&headers, "text/csv");
     let points = query.max_points.unwrap_or(DEFAULT_POINTS);
@@ -129,6 +129,11 @@ pub async fn trajectory(
 fn unreadable(error: serde_json::Error) -> Problem {
     tracing::error!(%error, "a stored job does not read back");
     Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
+}
+
+/// The job has its result, but what it was made from has been removed since.
+fn removed(faults: Vec<Fault>) -> Problem {
+    Problem::of_faults(Kind::WrongState, faults.into_iter().map(ProblemFault::from))
 }
 
 fn decimated(experiment: &ExperimentTrajectory, points: usize) -> Experiment {
