@@ -74,7 +74,7 @@ impl TestApp {
             ..Settings::default()
         };
         Self {
-            app: App::start(settings, std::sync::Arc::new(crate::fake::Fake))
+            app: App::start_with(settings, std::sync::Arc::new(crate::fake::Fake))
                 .await
                 .unwrap(),
             client: reqwest::Client::new(),

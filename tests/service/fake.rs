@@ -38,6 +38,7 @@ impl Run for FakeRun {
             generation: self.at,
             evaluations: 1,
             best_cost: Some(1.0),
+            generation_best_cost: None,
             mean_cost: None,
             best_credit: None,
             entropy: None,
