@@ -3,7 +3,6 @@
 #![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
 
 mod app;
-mod fake;
 
 mod datasets;
 
