@@ -75,6 +75,8 @@ struct Links {
     generations: String,
     /// What came of it.
     result: String,
+    /// Measured beside simulated outputs.
+    trajectory: String,
     /// POST here to end it.
     cancel: String,
 }
@@ -86,6 +88,7 @@ impl From<JobRow> for Job {
             events: format!("{path}/events"),
             generations: format!("{path}/generations"),
             result: format!("{path}/result"),
+            trajectory: format!("{path}/trajectory"),
             cancel: format!("{path}/cancel"),
             job: path,
         };

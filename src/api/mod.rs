@@ -1,8 +1,8 @@
 //! HTTP to domain types and back: the route table.
 //!
-//! No SQL and no numerics here. [`router`] is the whole service; [`finish()`] puts the manners that
-//! every answer shares (request id, problem documents, compression, logging) around routes, so
-//! that pages added beside the API have them too.
+//! No SQL and no numerics here. [`resources`] is the API; [`finish()`] puts the manners that every
+//! answer shares (request id, problem documents, compression, logging) around it and around the
+//! pages that stand beside it.
 
 pub mod body;
 pub mod datasets;
@@ -200,9 +200,4 @@ fn described() -> OpenApiRouter<ApiState> {
 pub fn resources(state: ApiState) -> Router {
     let (router, _openapi) = described().split_for_parts();
     router.with_state(state)
-}
-
-/// The whole service.
-pub fn router(state: ApiState) -> Router {
-    finish(resources(state))
 }

@@ -110,34 +110,42 @@ pub async fn submit(
     headers: HeaderMap,
     document: JsonDocument,
 ) -> Answer {
-    let key = idempotency_key(&headers)?;
+    let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
+        key,
+        body_digest: document.digest.clone(),
+    });
+    if let Some(idempotency) = idempotency.as_ref().filter(|_| !query.validate_only)
+        && let Some(earlier) = state.store.earlier_submission(idempotency).await?
+    {
+        return answer(&state, earlier, &headers).await;
+    }
     let spec = read(&state, &document).await?;
     let preflight = preflight(&state, &spec).await?;
     if query.validate_only {
         return Ok(json(StatusCode::OK, &Validation::new(spec, preflight)));
     }
-    let idempotency = key.map(|key| Idempotency {
-        key,
-        body_digest: document.digest,
-    });
-    let (row, replayed) = match state.store.submit(new_job(&spec, idempotency)).await? {
-        Submitted::Created(row) => (row, false),
-        Submitted::Replayed(row) => (row, true),
+    let submitted = state.store.submit(new_job(&spec, idempotency)).await?;
+    answer(&state, submitted, &headers).await
+}
+
+async fn answer(state: &ApiState, submitted: Submitted, headers: &HeaderMap) -> Answer {
+    match submitted {
+        Submitted::Created(row) => accepted(state, row, false, headers).await,
+        Submitted::Replayed(row) => accepted(state, row, true, headers).await,
         Submitted::KeyReused => {
             let detail = "the key came before with another body; use a new key for a new job";
-            return Err(Problem::new(Kind::KeyReused, detail));
+            Err(Problem::new(Kind::KeyReused, detail))
         }
         Submitted::Forgotten(id) => {
             let detail = format!("the job {id} that this key made has been deleted");
-            return Err(Problem::new(Kind::WrongState, detail));
+            Err(Problem::new(Kind::WrongState, detail))
         }
         Submitted::NoDataset(id) => {
             let detail = format!("there is no dataset {id}");
             let fault = Fault::new("/experiments", "unknown_dataset", detail);
-            return Err(Problem::of_document(vec![fault]));
+            Err(Problem::of_document(vec![fault]))
         }
-    };
-    accepted(&state, row, replayed, &headers).await
+    }
 }
 
 /// The completed specification, or everything that is wrong with the document.
