@@ -12,6 +12,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::api::{self, ApiState, Parts};
 use crate::config::{SHUTDOWN_LIMIT, Settings, SettingsError};
+use crate::dashboard;
 use crate::event::EventHub;
 use crate::model::Catalogue;
 use crate::store::{Store, StoreError};
@@ -83,7 +84,8 @@ impl App {
             metrics: metrics(),
         });
         let closing = CancellationToken::new();
-        let server = tokio::spawn(serve(listener, api::router(state), closing.clone()));
+        let routes = api::resources(state).merge(dashboard::router());
+        let server = tokio::spawn(serve(listener, api::finish(routes), closing.clone()));
         tracing::info!(%address, "listening");
         Ok(Self {
             address,
