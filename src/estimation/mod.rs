@@ -1,5 +1,306 @@
-//! The hybrid neural-genetic search and the refinement of its estimates.
+//! The hybrid neural-genetic estimation: search, then refinement.
+//!
+//! One run reads like section 3 of the paper. Generation after generation ([`search`]):
+//!
+//! 1. every candidate is simulated over the recorded inputs ([`objective`]),
+//! 2. the ICRA network turns the errors in block after block of data into credits, until the
+//!    entropy criterion stops it (section 3.1, [`crate::credit`]),
+//! 3. the credits are the selection probabilities from which the genetic algorithm breeds the
+//!    next generation (section 3.2, [`crate::genetic`]), and the best candidate survives,
+//!
+//! until a [`StopReason`] holds. Then Levenberg–Marquardt descends from the best distinct
+//! candidates ([`refine`]), and the lowest cost of all is the estimate.
+//!
+//! Promises: the same problem, settings and seed give the same bits, for any number of threads
+//! and however often the run is laid down ([`Estimation::checkpoint`]) and taken up again; no
+//! clock, no I/O; a candidate that fails is a value.
 
+pub mod memory;
+pub mod objective;
+pub mod observer;
+pub mod problem;
+pub mod refine;
+pub mod report;
+pub mod search;
+pub mod sensitivity;
 pub mod settings;
+pub mod stop_reason;
+pub mod trajectory;
 
+pub use observer::{GenerationRow, Observer, RefinementRow};
+pub use problem::Problem;
+pub use report::Report;
 pub use settings::Settings;
+pub use stop_reason::StopReason;
+
+use objective::Objective;
+use refine::Descent;
+use search::Search;
+use serde::{Deserialize, Serialize};
+use std::sync::atomic::AtomicBool;
+
+/// What a run is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Phase {
+    /// Searching, a generation at a time.
+    Search,
+    /// Refining, an iteration at a time.
+    Refine,
+    /// The estimate stands; its uncertainty can be analysed.
+    Analyse,
+}
+
+/// What a unit of work came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Advance {
+    /// There is more to do.
+    Working,
+    /// The stop flag was raised; nothing has changed.
+    Interrupted,
+    /// The estimate stands.
+    Finished,
+}
+
+/// How far a run has come.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// What it is doing.
+    pub phase: Phase,
+    /// Generations judged.
+    pub generation: u32,
+    /// Generations at the most.
+    pub generations: u32,
+    /// Candidates judged.
+    pub evaluations: u64,
+    /// The lowest cost so far.
+    pub best_cost: Option<f64>,
+    /// The largest credit so far.
+    pub best_credit: Option<f64>,
+    /// The share of the work that is done, 0 to 1, if the search uses all its generations.
+    pub fraction: f64,
+}
+
+/// A run laid down. Serialises to about 1 kB for each 10 candidates and leader.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Checkpoint {
+    search: search::State,
+    descents: Vec<Descent>,
+    phase: Phase,
+    stop_reason: Option<StopReason>,
+}
+
+/// A checkpoint that does not belong to the problem and the settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the checkpoint has {found} unknowns where the problem has {expected}")]
+pub struct CheckpointError {
+    found: usize,
+    expected: usize,
+}
+
+/// The share of the work that the search is taken for, where a refinement follows.
+const SEARCH_SHARE: f64 = 0.9;
+
+/// One run.
+#[derive(Debug)]
+pub struct Estimation {
+    settings: Settings,
+    search: Search,
+    objective: Objective,
+    descents: Vec<Descent>,
+    phase: Phase,
+    stop_reason: Option<StopReason>,
+}
+
+impl Estimation {
+    /// Begins a run.
+    #[must_use]
+    pub fn start(problem: &Problem, settings: &Settings, seed: u64) -> Estimation {
+        let mut run = Estimation {
+            settings: settings.clone(),
+            search: Search::start(problem, settings, seed),
+            objective: Objective::new(problem, settings.block_samples as usize),
+            descents: Vec::new(),
+            phase: Phase::Search,
+            stop_reason: None,
+        };
+        if settings.generations == 0 {
+            // Nothing to search: the middle of the box is refined.
+            run.stop_reason = Some(StopReason::GenerationLimit);
+            run.descents = vec![Descent::from(vec![0.5; problem.coordinates.len()])];
+            run.phase = Phase::Refine;
+        }
+        run
+    }
+
+    /// Takes a run up where it was laid down.
+    ///
+    /// # Errors
+    /// When the checkpoint is that of another problem.
+    pub fn resume(
+        problem: &Problem,
+        settings: &Settings,
+        seed: u64,
+        checkpoint: Checkpoint,
+    ) -> Result<Estimation, CheckpointError> {
+        let expected = problem.coordinates.len();
+        let found = checkpoint
+            .search
+            .population
+            .first()
+            .map_or(0, |first| first.0.len());
+        if found != expected {
+            return Err(CheckpointError { found, expected });
+        }
+        Ok(Estimation {
+            settings: settings.clone(),
+            search: Search::resume(problem, settings, seed, checkpoint.search),
+            objective: Objective::new(problem, settings.block_samples as usize),
+            descents: checkpoint.descents,
+            phase: checkpoint.phase,
+            stop_reason: checkpoint.stop_reason,
+        })
+    }
+
+    /// One unit of work: a generation of the search or an iteration of the refinement. When
+    /// `stop` is raised inside a long simulation, nothing has changed and the unit is done again
+    /// later, with the same bits.
+    pub fn advance(
+        &mut self,
+        problem: &Problem,
+        stop: &AtomicBool,
+        observer: &mut dyn Observer,
+    ) -> Advance {
+        match self.phase {
+            Phase::Search => self.advance_search(problem, stop, observer),
+            Phase::Refine => self.advance_refinement(problem, stop, observer),
+            Phase::Analyse => Advance::Finished,
+        }
+    }
+
+    fn advance_search(
+        &mut self,
+        problem: &Problem,
+        stop: &AtomicBool,
+        observer: &mut dyn Observer,
+    ) -> Advance {
+        let Some(generation) = self.search.generation(problem, stop) else {
+            return Advance::Interrupted;
+        };
+        observer.generation(&generation.row);
+        if let Some(reason) = generation.stop {
+            self.stop_reason = Some(reason);
+            let starts = self.search.state.leaders.iter();
+            let starts = starts.map(|leader| self.search.positions(&leader.chromosome));
+            self.descents = starts.map(Descent::from).collect();
+            self.phase = Phase::Refine;
+        }
+        Advance::Working
+    }
+
+    fn advance_refinement(
+        &mut self,
+        problem: &Problem,
+        stop: &AtomicBool,
+        observer: &mut dyn Observer,
+    ) -> Advance {
+        let refine = self.settings.refine;
+        let open = self
+            .descents
+            .iter_mut()
+            .find(|descent| refine && descent.end.is_none());
+        let Some(descent) = open else {
+            self.phase = Phase::Analyse;
+            return Advance::Finished;
+        };
+        let (iterations, evaluations) = (descent.iterations, descent.evaluations);
+        if !descent.iterate(problem, &self.objective, stop) {
+            return Advance::Interrupted;
+        }
+        let progressed = descent.iterations > iterations;
+        self.search.state.counters.evaluations += descent.evaluations - evaluations;
+        self.search.state.counters.distinct_evaluations += descent.evaluations - evaluations;
+        if let (true, Some(cost)) = (progressed, self.best_cost()) {
+            let iteration = self.descents.iter().map(|descent| descent.iterations).sum();
+            observer.refinement(&RefinementRow { iteration, cost });
+        }
+        Advance::Working
+    }
+
+    /// What the run is doing.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// How far it has come.
+    #[must_use]
+    pub fn progress(&self) -> Progress {
+        let state = &self.search.state;
+        let searched = f64::from(state.generation) / f64::from(self.settings.generations.max(1));
+        let finished = self
+            .descents
+            .iter()
+            .filter(|descent| descent.end.is_some())
+            .count();
+        let refined = finished as f64 / self.descents.len().max(1) as f64;
+        Progress {
+            phase: self.phase,
+            generation: state.generation,
+            generations: self.settings.generations,
+            evaluations: state.counters.evaluations,
+            best_cost: self.best_cost(),
+            best_credit: state.best_credit.map(|(credit, _)| credit),
+            fraction: match self.phase {
+                Phase::Search => SEARCH_SHARE * searched.min(1.0),
+                Phase::Refine => SEARCH_SHARE + (1.0 - SEARCH_SHARE) * refined,
+                Phase::Analyse => 1.0,
+            },
+        }
+    }
+
+    /// The lowest cost so far.
+    fn best_cost(&self) -> Option<f64> {
+        let refined = self.descents.iter().filter_map(|descent| descent.cost);
+        let best = refined.fold(f64::INFINITY, f64::min);
+        let found = self
+            .search
+            .state
+            .leaders
+            .first()
+            .map(|champion| champion.cost);
+        if best.is_finite() { Some(best) } else { found }
+    }
+
+    /// Lays the run down.
+    #[must_use]
+    pub fn checkpoint(&self) -> Checkpoint {
+        Checkpoint {
+            search: self.search.state.clone(),
+            descents: self.descents.clone(),
+            phase: self.phase,
+            stop_reason: self.stop_reason,
+        }
+    }
+
+    /// The estimate: the best so far, with `stopped` as its reason where the run was ended before
+    /// it had finished. None before any candidate could be simulated.
+    #[must_use]
+    pub fn report(&self, problem: &Problem, stopped: Option<StopReason>) -> Option<Report> {
+        let refined = self
+            .descents
+            .iter()
+            .filter(|descent| descent.cost.is_some());
+        let best = refined.min_by(|a, b| {
+            let cost = |descent: &Descent| descent.cost.unwrap_or(f64::INFINITY);
+            cost(a).total_cmp(&cost(b))
+        });
+        let positions = match best {
+            Some(descent) => descent.positions.clone(),
+            None => self
+                .search
+                .positions(&self.search.state.leaders.first()?.chromosome),
+        };
+        Some(Report::new(problem, self, positions, stopped))
+    }
+}

@@ -1,1 +1,19 @@
 //! What a job is: its specification, its life, its events and its outcome. Pure types.
+
+pub mod event;
+pub mod failure;
+pub mod fault;
+pub mod id;
+pub mod outcome;
+pub mod progress;
+pub mod spec;
+pub mod state;
+
+pub use event::{Event, GenerationEvent};
+pub use failure::Failure;
+pub use fault::Fault;
+pub use id::{DatasetId, InvalidId, JobId};
+pub use outcome::Outcome;
+pub use progress::{Phase, Progress};
+pub use spec::JobSpec;
+pub use state::{IllegalTransition, Status};

@@ -1,1 +1,172 @@
 //! The only SQL: jobs, queue entries, events, checkpoints, results and datasets in SQLite.
+//!
+//! One connection writes, several read. The writer runs every change in `begin immediate`
+//! transactions with full sync, many changes in one (see [`writer`]); River, the queue, shares its
+//! connection. A method returns when what it wrote is on disk, and only then are listeners told.
+//!
+//! Writes of a worker carry a [`Lease`]: they change nothing once another slice of the job began.
+
+mod control;
+mod datasets;
+mod error;
+mod events;
+mod generations;
+mod jobs;
+mod lock;
+mod queue;
+mod results;
+mod slices;
+mod submit;
+#[cfg(test)]
+mod tests;
+mod writer;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use sqlx::SqlitePool;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+
+use crate::job::JobId;
+
+pub use control::{Control, StopRequest};
+pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
+pub use error::StoreError;
+pub use events::StoredEvent;
+pub use jobs::{JobFilter, JobRemoval, JobRow, Page};
+pub use queue::{QUEUE, SliceOfJob};
+pub use slices::{Begin, Checkpoint, Ending, Hold, Lease, Record, Slice, Told};
+pub use submit::{Idempotency, NewJob, Submitted};
+
+use lock::FileLock;
+use writer::Writer;
+
+/// Where the database is and how it is used.
+#[derive(Clone, Debug)]
+pub struct DatabaseSettings {
+    /// The SQLite file; created with its folder when absent.
+    pub path: PathBuf,
+    /// Connections that read at the same time.
+    pub readers: u32,
+    /// How long a statement waits for another connection's lock.
+    pub busy_timeout: Duration,
+}
+
+/// What a committed transaction changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// A job has more events or another state.
+    Job(JobId),
+    /// A running job was asked to stop.
+    StopRequested(JobId),
+}
+
+/// Is told of each change after it is on disk. Called by the writer: it must not block.
+pub type OnChange = Arc<dyn Fn(Change) + Send + Sync>;
+
+/// The database of one server. Cheap to clone.
+#[derive(Clone)]
+pub struct Store {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    writer: Writer,
+    writer_pool: SqlitePool,
+    readers: SqlitePool,
+    queue: riverqueue::Client,
+    _lock: FileLock,
+}
+
+impl Store {
+    /// Opens the database for this server alone, brings its schema up to date and makes what a
+    /// dead server left running ready to go on.
+    pub async fn open(
+        settings: &DatabaseSettings,
+        on_change: OnChange,
+    ) -> Result<Self, StoreError> {
+        if let Some(folder) = settings.path.parent().filter(|p| !p.as_os_str().is_empty()) {
+            std::fs::create_dir_all(folder).map_err(|source| StoreError::File {
+                path: folder.to_owned(),
+                source,
+            })?;
+        }
+        let lock = FileLock::take(&settings.path)?;
+        let writer_pool = SqlitePoolOptions::new()
+            .max_connections(1)
+            .min_connections(1)
+            .idle_timeout(None)
+            .max_lifetime(None)
+            .connect_with(connection(settings))
+            .await?;
+        riverqueue::migrate::SqliteMigrator::new(writer_pool.clone())
+            .migrate_up()
+            .await?;
+        sqlx::migrate!().run(&writer_pool).await?;
+        let queue = queue::inserter(&writer_pool)?;
+        let readers = SqlitePoolOptions::new()
+            .max_connections(settings.readers)
+            .connect_with(connection(settings).read_only(true))
+            .await?;
+        let store = Self {
+            inner: Arc::new(Inner {
+                writer: Writer::start(writer_pool.clone(), on_change),
+                writer_pool,
+                readers,
+                queue,
+                _lock: lock,
+            }),
+        };
+        store.recover_queue().await?;
+        Ok(store)
+    }
+
+    /// The connection that the queue's workers share with the writer.
+    pub fn queue_pool(&self) -> SqlitePool {
+        self.inner.writer_pool.clone()
+    }
+
+    /// Whether the database answers.
+    pub async fn ping(&self) -> Result<(), StoreError> {
+        sqlx::query("select 1").execute(self.readers()).await?;
+        Ok(())
+    }
+
+    /// Finishes the writes that were accepted, and closes the database.
+    pub async fn close(&self) {
+        self.inner.writer.close().await;
+        self.inner.readers.close().await;
+        self.inner.writer_pool.close().await;
+    }
+
+    fn readers(&self) -> &SqlitePool {
+        &self.inner.readers
+    }
+}
+
+fn connection(settings: &DatabaseSettings) -> SqliteConnectOptions {
+    SqliteConnectOptions::new()
+        .filename(&settings.path)
+        .create_if_missing(true)
+        .journal_mode(SqliteJournalMode::Wal)
+        .synchronous(SqliteSynchronous::Full)
+        .foreign_keys(true)
+        .busy_timeout(settings.busy_timeout)
+        .statement_cache_capacity(256)
+}
+
+/// The version of the database's schema that this build works with.
+pub fn schema_version() -> i64 {
+    let migrations = sqlx::migrate!();
+    let versions = migrations.iter().map(|migration| migration.version);
+    versions.max().unwrap_or(0)
+}
+
+fn corrupt(what: &'static str, of: impl ToString, why: impl ToString) -> StoreError {
+    StoreError::Corrupt {
+        what,
+        of: of.to_string(),
+        why: why.to_string(),
+    }
+}

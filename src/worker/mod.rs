@@ -1,1 +1,217 @@
-//! Works jobs off the queue, a slice at a time.
+//! Works the jobs: River hands out slices, this module works them and ends those asked to stop.
+//!
+//! ```text
+//! River ──entry──▶ slice ──spawn_blocking──▶ Run (the method)
+//!                    ▲ │                        │ rows
+//!       stop flag ───┘ └── store ◀── relay ◀────┘
+//! ```
+
+mod active;
+mod relay;
+pub mod run;
+mod slice;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use riverqueue::{
+    Client, Job, MaintenanceConfig, QueueConfig, RetryPolicy, Stopper, WorkContext, WorkError,
+    WorkOutcome, Workers,
+};
+use tokio::sync::{Semaphore, watch};
+use tokio::task::JoinSet;
+use tokio_util::sync::CancellationToken;
+
+use crate::event::EventHub;
+use crate::job::JobId;
+use crate::store::{QUEUE, SliceOfJob, Store, StoreError};
+
+use active::ActiveJobs;
+use run::Method;
+use slice::{After, SliceWorker};
+
+/// How often the queue is looked at. An entry that a slice hands on is found by looking, so this is
+/// the pause between two slices; a look that finds nothing writes nothing.
+const FETCH_POLL_INTERVAL: Duration = Duration::from_millis(50);
+/// The least time between two looks at the queue.
+const FETCH_COOLDOWN: Duration = Duration::from_millis(10);
+/// When River takes a slice for stuck. The database belongs to one server, which takes over what a
+/// dead one left when it opens, so this is only for a slice that never returns.
+const RESCUE_AFTER: Duration = Duration::from_hours(24);
+/// How soon a slice that the database refused is tried again.
+const RETRY_AFTER: Duration = Duration::from_secs(1);
+/// How soon an entry whose job is at work is looked at again.
+const LOOK_AGAIN_AFTER: Duration = Duration::from_millis(100);
+/// The least time between two looks for jobs that were asked to stop.
+const STOP_COOLDOWN: Duration = Duration::from_millis(20);
+
+/// How jobs are worked.
+#[derive(Clone, Copy, Debug)]
+pub struct WorkerSettings {
+    /// Jobs at work at the same time.
+    pub jobs_at_once: usize,
+    /// How long a slice works before others have their turn.
+    pub slice_length: Duration,
+}
+
+/// Works the jobs of a store until it is shut down.
+pub struct Worker {
+    slices: SliceWorker,
+    river: Stopper,
+    closing: CancellationToken,
+    tasks: JoinSet<()>,
+    alive: watch::Receiver<bool>,
+}
+
+impl Worker {
+    /// Begins to work.
+    pub fn start(
+        store: Store,
+        hub: EventHub,
+        method: Arc<dyn Method>,
+        settings: WorkerSettings,
+    ) -> Result<Self, StoreError> {
+        let slices = SliceWorker {
+            method,
+            active: ActiveJobs::default(),
+            slice_length: settings.slice_length,
+            store,
+        };
+        let mut running = river(&slices, settings.jobs_at_once)?.start()?;
+        let river = running.stopper();
+        let closing = CancellationToken::new();
+        let (alive_sender, alive) = watch::channel(true);
+        let mut tasks = JoinSet::new();
+        tasks.spawn(async move {
+            if let Err(error) = running.wait().await {
+                tracing::error!(%error, "the queue stopped working");
+            }
+            alive_sender.send_replace(false);
+        });
+        tasks.spawn(watch_stop_requests(
+            slices.clone(),
+            hub,
+            settings.jobs_at_once,
+            closing.clone(),
+        ));
+        Ok(Self {
+            slices,
+            river,
+            closing,
+            tasks,
+            alive,
+        })
+    }
+
+    /// Whether slices are being worked; for readiness.
+    pub fn alive(&self) -> watch::Receiver<bool> {
+        self.alive.clone()
+    }
+
+    /// Hands the slices at work back to the queue, each with a checkpoint, and stops.
+    pub async fn shutdown(mut self) {
+        self.river.stop();
+        self.closing.cancel();
+        self.slices.active.stop_all();
+        while let Some(ended) = self.tasks.join_next().await {
+            if let Err(error) = ended {
+                tracing::error!(%error, "a task of the worker ended badly");
+            }
+        }
+    }
+}
+
+fn river(slices: &SliceWorker, jobs_at_once: usize) -> Result<Client, StoreError> {
+    let mut workers = Workers::new();
+    workers.add(slices.clone())?;
+    Ok(Client::builder(slices.store.queue_pool())
+        .workers(workers)
+        .queue(
+            QUEUE,
+            QueueConfig::new(jobs_at_once).with_fetch_poll_interval(FETCH_POLL_INTERVAL),
+        )
+        .fetch_cooldown(FETCH_COOLDOWN)
+        .retry_policy(TryAgainSoon)
+        .maintenance(MaintenanceConfig::default().with_rescue_after(RESCUE_AFTER))
+        .without_job_timeout()
+        .build()?)
+}
+
+impl riverqueue::Worker<SliceOfJob> for SliceWorker {
+    type Error = StoreError;
+
+    async fn work(
+        &self,
+        _context: WorkContext,
+        entry: Job<SliceOfJob>,
+    ) -> Result<WorkOutcome, StoreError> {
+        let job = entry.args.job;
+        match SliceWorker::work(self, job, entry.row.id).await {
+            Ok(After::Again) => Ok(WorkOutcome::Snooze(Duration::ZERO)),
+            Ok(After::Later) => Ok(WorkOutcome::Snooze(LOOK_AGAIN_AFTER)),
+            Ok(After::Done) => Ok(WorkOutcome::Complete),
+            Err(error) => {
+                tracing::error!(%job, %error, "a slice could not be worked and is tried again");
+                Err(error)
+            }
+        }
+    }
+}
+
+/// The database refused a slice: it may not the next time.
+struct TryAgainSoon;
+
+impl RetryPolicy for TryAgainSoon {
+    fn next_retry(
+        &self,
+        _entry: &riverqueue::JobRow,
+        _error: &WorkError,
+        _now: jiff::Timestamp,
+    ) -> Duration {
+        RETRY_AFTER
+    }
+}
+
+/// Stops the jobs that are asked to: raises the flag of those at work, ends those between slices.
+async fn watch_stop_requests(
+    slices: SliceWorker,
+    hub: EventHub,
+    at_once: usize,
+    closing: CancellationToken,
+) {
+    let permits = Arc::new(Semaphore::new(at_once));
+    let mut settling = JoinSet::new();
+    loop {
+        match slices.store.stop_requests().await {
+            Ok(jobs) => {
+                for job in jobs {
+                    settling.spawn(settle(slices.clone(), job, permits.clone()));
+                }
+            }
+            Err(error) => tracing::error!(%error, "stop requests could not be read"),
+        }
+        tokio::time::sleep(STOP_COOLDOWN).await;
+        tokio::select! {
+            () = closing.cancelled() => break,
+            () = hub.stop_requested() => {}
+            // One that ended may have left a request that came too late for it.
+            Some(_) = settling.join_next(), if !settling.is_empty() => {}
+        }
+    }
+    while settling.join_next().await.is_some() {}
+}
+
+async fn settle(slices: SliceWorker, job: JobId, permits: Arc<Semaphore>) {
+    if slices.active.stop(job) {
+        return;
+    }
+    let _permit = permits
+        .acquire()
+        .await
+        .expect("the semaphore is never closed");
+    if let Err(error) = slices.settle(job).await {
+        tracing::error!(%job, %error, "a job could not be stopped and is tried again");
+    }
+}

@@ -1,0 +1,446 @@
+//! Recordings: store, list, show, sample, remove.
+
+use std::io::Read;
+
+use axum::body::Body;
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use jiff::Timestamp;
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+use tokio::sync::OwnedSemaphorePermit;
+use tokio_util::io::{ReaderStream, SyncIoBridge};
+use utoipa::{IntoParams, ToSchema};
+
+use super::ApiState;
+use super::body::{content_type, parse, unsupported};
+use super::error::{Answer, Kind, Problem, ProblemFault};
+use super::extract::Named;
+use super::manners::{hex, json, prefers, tagged_json};
+use super::page::{Cursor, Page, PageParams};
+use super::query::{FromQuery, NoQuery, Params, QueryReader};
+use crate::dataset::{self, Recording, Samples, Summary};
+use crate::job::DatasetId;
+use crate::job::spec::MAX_NAME_CHARS;
+use crate::store::{DatasetRemoval, DatasetRow, NewDataset};
+
+/// Points of a plot when the client does not say.
+const DEFAULT_POINTS: u64 = 2000;
+/// Points of a plot at the most.
+const MAX_POINTS: u64 = 100_000;
+/// Bytes of CSV that wait for a slow reader.
+const CSV_BUFFER_BYTES: usize = 64 * 1024;
+
+/// A stored recording.
+#[derive(Serialize, ToSchema)]
+pub struct Dataset {
+    /// Its identifier.
+    id: DatasetId,
+    /// A name for people.
+    name: Option<String>,
+    /// SHA-256 of the uncompressed bytes that came, followed by the options that came with them.
+    #[schema(example = "sha256:9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08")]
+    digest: String,
+    /// What it holds.
+    #[serde(flatten)]
+    summary: Summary,
+    /// When it was stored.
+    #[schema(value_type = String, format = DateTime)]
+    created_at: Timestamp,
+}
+
+impl From<DatasetRow> for Dataset {
+    fn from(row: DatasetRow) -> Self {
+        Self {
+            id: row.id,
+            name: row.name,
+            digest: row.digest,
+            summary: row.summary,
+            created_at: row.created_at,
+        }
+    }
+}
+
+/// What the recording itself does not say.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct NewDatasetQuery {
+    /// A name for people; wins over the one in a JSON body.
+    #[param(max_length = 200)]
+    pub name: Option<String>,
+    /// The time column of a CSV body; the first one when absent.
+    pub time: Option<String>,
+}
+
+impl FromQuery for NewDatasetQuery {
+    fn read(query: &mut QueryReader) -> Self {
+        let name = query.parsed("name", |name| {
+            let length = name.chars().count();
+            if length <= MAX_NAME_CHARS {
+                Ok(name.to_owned())
+            } else {
+                Err(format!(
+                    "{length} characters are more than {MAX_NAME_CHARS}"
+                ))
+            }
+        });
+        Self {
+            name,
+            time: query.text("time"),
+        }
+    }
+}
+
+/// How the bytes of a recording are written.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Csv,
+    Json,
+}
+
+/// Store a recording.
+///
+/// CSV: a header row, first column the time, units in brackets, an empty field is a missing
+/// sample. JSON: `sample_time_s` (or `time`) and `signals`, `null` is a missing sample. Everything
+/// is converted to SI.
+#[utoipa::path(
+    post, path = "/v1/datasets", tag = "datasets",
+    params(NewDatasetQuery),
+    request_body(
+        description = "The recording, optionally with `Content-Encoding: gzip`",
+        content(
+            (String = "text/csv",
+             example = "time [s],reference [m],position [mm]\n0,0.03,0\n0.01,0.03,1.2\n"),
+            (RecordingDocument = "application/json")
+        )
+    ),
+    responses(
+        (status = 201, description = "It is stored", body = Dataset,
+         headers(("Location" = String, description = "Where the recording is"))),
+        (status = 200, description = "The same bytes and options came before: the same recording",
+         body = Dataset,
+         headers(("Location" = String, description = "Where the recording is")))
+    )
+)]
+pub async fn create(
+    State(state): State<ApiState>,
+    Params(options): Params<NewDatasetQuery>,
+    request: Request,
+) -> Answer {
+    let format = format_of(request.headers(), &options)?;
+    let _permit = permit(&state).await?;
+    let limit = state.limits.dataset_bytes;
+    let reading = ReadingOptions {
+        format,
+        csv: dataset::csv::Options {
+            time: options.time.clone(),
+            name: options.name.clone(),
+        },
+    };
+    let parsed = parse(request.into_body(), limit, move |text| {
+        Ok(reading.read(text)?)
+    })
+    .await?;
+    let mut recording = parsed.value;
+    if options.name.is_some() {
+        recording.name.clone_from(&options.name);
+    }
+    let new = NewDataset {
+        name: recording.name.clone(),
+        digest: digest(parsed.digest, &options),
+        recording,
+    };
+    let (row, is_new) = state.store.insert_dataset(new).await?;
+    let status = if is_new {
+        StatusCode::CREATED
+    } else {
+        StatusCode::OK
+    };
+    let location = HeaderValue::from_str(&format!("/v1/datasets/{}", row.id));
+    let mut response = json(status, &Dataset::from(row));
+    let location = location.expect("an identifier is visible ASCII");
+    response.headers_mut().insert(header::LOCATION, location);
+    Ok(response)
+}
+
+struct ReadingOptions {
+    format: Format,
+    csv: dataset::csv::Options,
+}
+
+impl ReadingOptions {
+    fn read(&self, text: &mut dyn Read) -> Result<Recording, dataset::ReadError> {
+        match self.format {
+            Format::Csv => dataset::csv::read(text, &self.csv),
+            Format::Json => dataset::json::read(text),
+        }
+    }
+}
+
+fn format_of(headers: &HeaderMap, options: &NewDatasetQuery) -> Answer<Format> {
+    let format = match content_type(headers).as_str() {
+        "text/csv" => Format::Csv,
+        "application/json" => Format::Json,
+        _ => return Err(unsupported(headers, "text/csv and application/json")),
+    };
+    if format == Format::Json && options.time.is_some() {
+        let detail = "a JSON recording says itself what its time is".to_owned();
+        return Err(query_fault("time", "invalid_parameter", detail));
+    }
+    Ok(format)
+}
+
+fn query_fault(parameter: &str, code: &str, detail: String) -> Problem {
+    let fault = ProblemFault {
+        parameter: Some(parameter.to_owned()),
+        code: code.to_owned(),
+        detail,
+        ..ProblemFault::default()
+    };
+    Problem::of_faults(Kind::Invalid, [fault])
+}
+
+/// Of the bytes alone where there are no options, so that it can be checked with any tool.
+fn digest(mut bytes: Sha256, options: &NewDatasetQuery) -> String {
+    for (key, option) in [("name", &options.name), ("time", &options.time)] {
+        if let Some(option) = option {
+            bytes.update(format!("\0{key}={option}"));
+        }
+    }
+    format!("sha256:{}", hex(&bytes.finalize()))
+}
+
+/// Reading and writing whole recordings takes memory: only so many at once, the others wait.
+async fn permit(state: &ApiState) -> Answer<OwnedSemaphorePermit> {
+    let waiting = state.0.recordings.clone().acquire_owned();
+    let permit = tokio::time::timeout(LONGEST_QUEUE, waiting).await;
+    match permit {
+        Ok(Ok(permit)) => Ok(permit),
+        _ => Err(Problem::new(Kind::Busy, "too many recordings at once").retry_after(2)),
+    }
+}
+
+/// How long a request waits for its turn.
+const LONGEST_QUEUE: std::time::Duration = std::time::Duration::from_secs(10);
+
+/// The page of a list.
+pub struct WhichDatasets(Cursor<DatasetId>);
+
+impl FromQuery for WhichDatasets {
+    fn read(query: &mut QueryReader) -> Self {
+        Self(Cursor::read(query))
+    }
+}
+
+/// List recordings, newest first.
+#[utoipa::path(
+    get, path = "/v1/datasets", tag = "datasets",
+    params(PageParams),
+    responses((status = 200, description = "A page of recordings", body = Page<Dataset>,
+               headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
+)]
+pub async fn list(
+    State(state): State<ApiState>,
+    Params(WhichDatasets(cursor)): Params<WhichDatasets>,
+    uri: Uri,
+) -> Answer {
+    let page = state.store.datasets(cursor.before, cursor.limit).await?;
+    let items = page.rows.into_iter().map(Dataset::from).collect();
+    Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
+}
+
+/// Show a recording with its quality report.
+#[utoipa::path(
+    get, path = "/v1/datasets/{id}", tag = "datasets",
+    params(("id" = DatasetId, Path, description = "The recording")),
+    responses((status = 200, description = "The recording", body = Dataset))
+)]
+pub async fn show(
+    State(state): State<ApiState>,
+    Named(id): Named<DatasetId>,
+    _query: Params<NoQuery>,
+    headers: HeaderMap,
+) -> Answer {
+    let row = state
+        .store
+        .dataset(id)
+        .await?
+        .ok_or_else(|| no_dataset(id))?;
+    Ok(tagged_json(&headers, &Dataset::from(row)))
+}
+
+fn no_dataset(id: DatasetId) -> Problem {
+    Problem::not_found("dataset", &id.to_string())
+}
+
+/// Remove a recording that no job needs.
+#[utoipa::path(
+    delete, path = "/v1/datasets/{id}", tag = "datasets",
+    params(("id" = DatasetId, Path, description = "The recording")),
+    responses((status = 204, description = "It is removed"),
+              (status = 409, description = "A job needs it"))
+)]
+pub async fn remove(
+    State(state): State<ApiState>,
+    Named(id): Named<DatasetId>,
+    _query: Params<NoQuery>,
+) -> Answer {
+    match state.store.delete_dataset(id).await? {
+        DatasetRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
+        DatasetRemoval::NotFound => Err(no_dataset(id)),
+        DatasetRemoval::InUse(jobs) => {
+            let jobs: Vec<String> = jobs.iter().map(ToString::to_string).collect();
+            let detail = format!("needed by {}", jobs.join(", "));
+            Err(Problem::new(Kind::WrongState, detail))
+        }
+    }
+}
+
+/// Which samples.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct SamplesQuery {
+    /// Names of signals, separated by commas; all when absent.
+    #[param(value_type = Option<String>, example = "reference,position")]
+    pub signals: Option<Vec<String>>,
+    /// From this instant on [s].
+    pub from: Option<f64>,
+    /// Up to this instant [s].
+    pub to: Option<f64>,
+    /// Points at the most; the extremes of each stretch are kept.
+    #[param(minimum = 2, maximum = 100_000, default = 2000)]
+    pub max_points: Option<u64>,
+}
+
+impl FromQuery for SamplesQuery {
+    fn read(query: &mut QueryReader) -> Self {
+        let signals = query.text("signals");
+        let from = query.number("from");
+        let to = query.number("to");
+        if let (Some(from), Some(to)) = (from, to)
+            && from > to
+        {
+            let detail = format!("from {from} is after to {to}");
+            query.fault("from", "bounds_reversed", detail);
+        }
+        Self {
+            signals: signals.map(|names| names.split(',').map(str::to_owned).collect()),
+            from,
+            to,
+            max_points: query.integer("max_points", 2, MAX_POINTS),
+        }
+    }
+}
+
+/// Read samples: decimated for plots as JSON, or all of them as CSV.
+#[utoipa::path(
+    get, path = "/v1/datasets/{id}/samples", tag = "datasets",
+    params(("id" = DatasetId, Path, description = "The recording"), SamplesQuery),
+    responses((status = 200, description = "The samples in SI",
+               content((Samples = "application/json"), (String = "text/csv"))))
+)]
+pub async fn samples(
+    State(state): State<ApiState>,
+    Named(id): Named<DatasetId>,
+    Params(query): Params<SamplesQuery>,
+    headers: HeaderMap,
+) -> Answer {
+    let permit = permit(&state).await?;
+    let recording = state.store.recording(id).await?;
+    let recording = recording.ok_or_else(|| no_dataset(id))?;
+    check_names(&recording, query.signals.as_deref())?;
+    if prefers(&headers, "text/csv") {
+        return csv(recording, query, permit);
+    }
+    let points = query.max_points.unwrap_or(DEFAULT_POINTS);
+    let points = usize::try_from(points).expect("the limit is small");
+    let names = query.signals.as_deref();
+    let samples = recording.decimate(names, query.from, query.to, points);
+    Ok(json(StatusCode::OK, &samples))
+}
+
+fn check_names(recording: &Recording, names: Option<&[String]>) -> Answer<()> {
+    let names = names.into_iter().flatten();
+    let unknown = names.filter(|name| recording.signal(name).is_none());
+    let faults: Vec<ProblemFault> = unknown
+        .map(|name| ProblemFault {
+            parameter: Some("signals".to_owned()),
+            code: "unknown_signal".to_owned(),
+            detail: format!("the recording has no signal `{name}`"),
+            ..ProblemFault::default()
+        })
+        .collect();
+    if faults.is_empty() {
+        Ok(())
+    } else {
+        Err(Problem::of_faults(Kind::Invalid, faults))
+    }
+}
+
+/// Every sample as CSV, written only as fast as the client reads.
+fn csv(mut recording: Recording, query: SamplesQuery, permit: OwnedSemaphorePermit) -> Answer {
+    for (parameter, given) in [
+        ("from", query.from.is_some()),
+        ("to", query.to.is_some()),
+        ("max_points", query.max_points.is_some()),
+    ] {
+        if given {
+            let detail = "text/csv always has all samples".to_owned();
+            return Err(query_fault(parameter, "invalid_parameter", detail));
+        }
+    }
+    if let Some(names) = query.signals {
+        recording
+            .signals
+            .retain(|signal| names.contains(&signal.name));
+    }
+    let (reader, writer) = tokio::io::duplex(CSV_BUFFER_BYTES);
+    let writer = SyncIoBridge::new(writer);
+    tokio::task::spawn_blocking(move || {
+        let _permit = permit;
+        if let Err(error) = recording.write_csv(writer) {
+            tracing::debug!(%error, "a reader of CSV left");
+        }
+    });
+    let mut response = Response::new(Body::from_stream(ReaderStream::new(reader)));
+    let csv_type = HeaderValue::from_static("text/csv; charset=utf-8");
+    response
+        .headers_mut()
+        .insert(header::CONTENT_TYPE, csv_type);
+    Ok(response)
+}
+
+/// A recording as JSON: uniform with `sample_time_s`, or with the instants in `time`.
+#[derive(ToSchema)]
+#[schema(example = json!({
+    "name": "rig 4, run 3",
+    "sample_time_s": 0.01,
+    "start": "2026-03-02T08:15:00Z",
+    "signals": {"reference": {"unit": "m", "values": [0.03, 0.03]},
+                "position": {"unit": "mm", "values": [0.0, 1.2]}}
+}))]
+pub struct RecordingDocument {
+    /// A name for people.
+    pub name: Option<String>,
+    /// The time between two samples [s], where they are uniform.
+    #[schema(exclusive_minimum = 0)]
+    pub sample_time_s: Option<f64>,
+    /// The instants of the samples, where they are not.
+    pub time: Option<RecordedSignal>,
+    /// When the first sample was taken.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub start: Option<Timestamp>,
+    /// The signals by name, all of the same length.
+    pub signals: std::collections::BTreeMap<String, RecordedSignal>,
+}
+
+/// The samples of one signal.
+#[derive(ToSchema)]
+pub struct RecordedSignal {
+    /// The unit, e.g. `mm`; SI is assumed when absent.
+    #[schema(example = "mm")]
+    pub unit: Option<String>,
+    /// The samples; `null` is a missing one.
+    pub values: Vec<Option<f64>>,
+}

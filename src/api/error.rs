@@ -1,0 +1,329 @@
+//! Every answer that is not a success: one RFC 9457 problem document.
+//!
+//! A handler returns a [`Problem`]; the outermost layer ([`super::finish`]) turns it, and every bare
+//! error status that the framework made, into the document with the path and the request's id.
+
+use axum::body::Body;
+use axum::http::{HeaderName, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::job::{Fault, IllegalTransition};
+use crate::store::StoreError;
+
+/// The faults that one answer tells at the most; the rest are counted.
+const MAX_FAULTS: usize = 100;
+
+/// What kind of problem, as the `type` of the document names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// The body is not what its content type says.
+    Malformed,
+    /// Nothing is there.
+    NotFound,
+    /// The resource does not know the method.
+    MethodNotAllowed,
+    /// The body came too slowly.
+    RequestTimeout,
+    /// The resource is not in a state for that.
+    WrongState,
+    /// The body is larger than allowed.
+    TooLarge,
+    /// The body is of a type or encoding that is not understood.
+    UnsupportedMediaType,
+    /// The request was understood but is wrong.
+    Invalid,
+    /// The idempotency key was used with another body.
+    KeyReused,
+    /// Too much at once.
+    Busy,
+    /// The server failed.
+    Internal,
+    /// Another error status, made by the framework.
+    Other(StatusCode),
+}
+
+impl Kind {
+    fn status(self) -> StatusCode {
+        match self {
+            Kind::Malformed => StatusCode::BAD_REQUEST,
+            Kind::NotFound => StatusCode::NOT_FOUND,
+            Kind::MethodNotAllowed => StatusCode::METHOD_NOT_ALLOWED,
+            Kind::RequestTimeout => StatusCode::REQUEST_TIMEOUT,
+            Kind::WrongState => StatusCode::CONFLICT,
+            Kind::TooLarge => StatusCode::PAYLOAD_TOO_LARGE,
+            Kind::UnsupportedMediaType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
+            Kind::Invalid | Kind::KeyReused => StatusCode::UNPROCESSABLE_ENTITY,
+            Kind::Busy => StatusCode::SERVICE_UNAVAILABLE,
+            Kind::Internal => StatusCode::INTERNAL_SERVER_ERROR,
+            Kind::Other(status) => status,
+        }
+    }
+
+    fn uri(self) -> &'static str {
+        match self {
+            Kind::Malformed => "/problems/malformed",
+            Kind::NotFound => "/problems/not-found",
+            Kind::MethodNotAllowed => "/problems/method-not-allowed",
+            Kind::RequestTimeout => "/problems/request-timeout",
+            Kind::WrongState => "/problems/wrong-state",
+            Kind::TooLarge => "/problems/too-large",
+            Kind::UnsupportedMediaType => "/problems/unsupported-media-type",
+            Kind::Invalid => "/problems/invalid",
+            Kind::KeyReused => "/problems/idempotency-key-reused",
+            Kind::Busy => "/problems/busy",
+            Kind::Internal => "/problems/internal",
+            Kind::Other(_) => "about:blank",
+        }
+    }
+
+    fn title(self) -> &'static str {
+        match self {
+            Kind::Malformed => "The body cannot be read",
+            Kind::NotFound => "There is no such thing here",
+            Kind::MethodNotAllowed => "The method is not allowed here",
+            Kind::RequestTimeout => "The body came too slowly",
+            Kind::WrongState => "The state does not allow that",
+            Kind::TooLarge => "The body is too large",
+            Kind::UnsupportedMediaType => "The body's type is not understood",
+            Kind::Invalid => "The request is wrong",
+            Kind::KeyReused => "The idempotency key was used before with another body",
+            Kind::Busy => "The server is busy",
+            Kind::Internal => "The server failed",
+            Kind::Other(status) => status.canonical_reason().unwrap_or("Error"),
+        }
+    }
+
+    fn of_status(status: StatusCode) -> Self {
+        match status.as_u16() {
+            400 => Kind::Malformed,
+            404 => Kind::NotFound,
+            405 => Kind::MethodNotAllowed,
+            408 => Kind::RequestTimeout,
+            413 => Kind::TooLarge,
+            415 => Kind::UnsupportedMediaType,
+            422 => Kind::Invalid,
+            500 => Kind::Internal,
+            503 => Kind::Busy,
+            _ => Kind::Other(status),
+        }
+    }
+}
+
+/// A request that was not served, and why.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    kind: Kind,
+    detail: String,
+    errors: Vec<ProblemFault>,
+    headers: Vec<(HeaderName, HeaderValue)>,
+}
+
+/// What a handler answers.
+pub type Answer<T = Response> = Result<T, Problem>;
+
+impl Problem {
+    /// A problem without single faults.
+    pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
+        Self {
+            kind,
+            detail: detail.into(),
+            errors: Vec::new(),
+            headers: Vec::new(),
+        }
+    }
+
+    /// A problem that lists its faults.
+    pub fn of_faults(kind: Kind, faults: impl IntoIterator<Item = ProblemFault>) -> Self {
+        let mut errors: Vec<ProblemFault> = faults.into_iter().collect();
+        let detail = match errors.as_slice() {
+            [] => "something is wrong".to_owned(),
+            [one] => one.sentence(),
+            [first, rest @ ..] => format!("{} (and {} more)", first.sentence(), rest.len()),
+        };
+        errors.truncate(MAX_FAULTS);
+        Self {
+            errors,
+            ..Self::new(kind, detail)
+        }
+    }
+
+    /// The document of a job is wrong.
+    pub fn of_document(faults: Vec<Fault>) -> Self {
+        Self::of_faults(Kind::Invalid, faults.into_iter().map(ProblemFault::from))
+    }
+
+    /// There is no `what` of that name.
+    pub fn not_found(what: &str, name: &str) -> Self {
+        /// Longer names are cut in the sentence.
+        const LONGEST: usize = 80;
+        let name: String = name.chars().take(LONGEST).collect();
+        Self::new(Kind::NotFound, format!("there is no {what} `{name}`"))
+    }
+
+    /// The body is larger than `limit` bytes.
+    pub fn too_large(limit: u64) -> Self {
+        let detail = format!("the body has more than {limit} bytes, the limit here");
+        Self::new(Kind::TooLarge, detail)
+    }
+
+    /// The client may try again after so many seconds.
+    pub fn retry_after(self, seconds: u32) -> Self {
+        self.with_header(header::RETRY_AFTER, HeaderValue::from(seconds))
+    }
+
+    /// The answer carries this header too.
+    pub fn with_header(mut self, name: HeaderName, value: HeaderValue) -> Self {
+        self.headers.push((name, value));
+        self
+    }
+
+    /// What a bare error status of the framework means.
+    pub fn of_status(status: StatusCode) -> Self {
+        let kind = Kind::of_status(status);
+        let detail = match kind {
+            Kind::NotFound => "no resource has this path",
+            Kind::MethodNotAllowed => "the header `Allow` lists the methods of this resource",
+            Kind::UnsupportedMediaType => {
+                "the body's encoding is not understood; the header `Accept-Encoding` lists those \
+                 that are"
+            }
+            Kind::Internal => "the failure was logged under the request's id",
+            other => other.title(),
+        };
+        Self::new(kind, detail)
+    }
+
+    /// The document, as the answer to the request to `instance`.
+    pub fn document(self, instance: &str, request_id: &str) -> Response {
+        let status = self.kind.status();
+        let document = ProblemDocument {
+            kind: self.kind.uri(),
+            title: self.kind.title(),
+            status: status.as_u16(),
+            detail: self.detail,
+            instance: instance.to_owned(),
+            errors: self.errors,
+            request_id: request_id.to_owned(),
+        };
+        let body = serde_json::to_vec(&document).expect("a problem has only text keys");
+        let mut response = Response::new(Body::from(body));
+        *response.status_mut() = status;
+        let problem_json = HeaderValue::from_static(PROBLEM_JSON);
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, problem_json);
+        for (name, value) in self.headers {
+            headers.insert(name, value);
+        }
+        response
+    }
+}
+
+/// The media type of a problem document.
+pub const PROBLEM_JSON: &str = "application/problem+json";
+
+impl IntoResponse for Problem {
+    /// A bare status that carries the problem to the outermost layer.
+    fn into_response(self) -> Response {
+        let mut response = self.kind.status().into_response();
+        response.extensions_mut().insert(self);
+        response
+    }
+}
+
+impl From<StoreError> for Problem {
+    fn from(error: StoreError) -> Self {
+        if matches!(error, StoreError::Closed) {
+            return Self::new(Kind::Busy, "the server is shutting down").retry_after(2);
+        }
+        tracing::error!(%error, "the store failed while a request was served");
+        Self::of_status(StatusCode::INTERNAL_SERVER_ERROR)
+    }
+}
+
+impl From<IllegalTransition> for Problem {
+    fn from(illegal: IllegalTransition) -> Self {
+        Self::new(Kind::WrongState, illegal.to_string())
+    }
+}
+
+/// RFC 9457 problem details.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(as = Problem)]
+pub struct ProblemDocument {
+    /// What kind of problem, for programs.
+    #[serde(rename = "type")]
+    #[schema(value_type = String, example = "/problems/invalid")]
+    kind: &'static str,
+    /// What kind of problem, for people.
+    #[schema(value_type = String, example = "The request is wrong")]
+    title: &'static str,
+    /// The status of the answer.
+    #[schema(minimum = 400, maximum = 599, example = 422)]
+    status: u16,
+    /// What is wrong with this request.
+    detail: String,
+    /// The path of the request.
+    #[schema(example = "/v1/jobs")]
+    instance: String,
+    /// Each single fault; empty where there is only the one that `detail` tells.
+    errors: Vec<ProblemFault>,
+    /// The `X-Request-Id` of the answer, under which the server logged it.
+    request_id: String,
+}
+
+/// One fault, with its place.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, ToSchema)]
+#[schema(as = ProblemFault)]
+pub struct ProblemFault {
+    /// The place in a JSON body.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false, example = "/parameters/mass/estimate/lower")]
+    pub pointer: Option<String>,
+    /// The query parameter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub parameter: Option<String>,
+    /// The request header.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub header: Option<String>,
+    /// The line in a body of text, from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub line: Option<u64>,
+    /// The column: its name in CSV, the number of the character in text that is not JSON.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub column: Option<String>,
+    /// What kind of fault, for programs.
+    #[schema(example = "bounds_reversed")]
+    pub code: String,
+    /// What is wrong, for people.
+    #[schema(example = "lower 120 is not below upper 20")]
+    pub detail: String,
+}
+
+impl ProblemFault {
+    fn sentence(&self) -> String {
+        let place = self.pointer.as_ref().filter(|pointer| !pointer.is_empty());
+        let place = place.or(self.parameter.as_ref()).or(self.header.as_ref());
+        match (place, self.line) {
+            (Some(place), _) => format!("{place}: {}", self.detail),
+            (None, Some(line)) => format!("line {line}: {}", self.detail),
+            (None, None) => self.detail.clone(),
+        }
+    }
+}
+
+impl From<Fault> for ProblemFault {
+    fn from(fault: Fault) -> Self {
+        Self {
+            pointer: Some(fault.pointer),
+            code: fault.code.into_owned(),
+            detail: fault.detail,
+            ..Self::default()
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! The events of a job as a stream: everything from the first (or after the last that the client
+//! has), then live.
+//!
+//! A stream reads its events from the store in pages, only as fast as its client takes them: a
+//! slow reader costs one page of memory and delays no one. The hub merely says that there is more.
+
+use std::convert::Infallible;
+use std::fmt::Write as _;
+use std::time::Duration;
+
+use axum::body::{Body, Bytes};
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use futures_util::stream;
+use tokio::sync::OwnedSemaphorePermit;
+use utoipa::IntoParams;
+
+use super::ApiState;
+use super::error::{Answer, Kind, Problem};
+use super::extract::Named;
+use super::jobs::no_job;
+use super::manners::header_fault;
+use super::query::{FromQuery, Params, QueryReader};
+use crate::event::Feed;
+use crate::job::{Event, JobId};
+use crate::store::StoredEvent;
+
+/// After so long without an event a comment shows that the stream lives.
+const KEEP_ALIVE: Duration = Duration::from_secs(15);
+/// How soon a client that lost its stream comes back.
+const RETRY: &str = "retry: 2000\n\n";
+/// What shows that the stream lives.
+const COMMENT: &str = ": alive\n\n";
+
+/// Where to go on.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct EventsQuery {
+    /// The last event that the client has, for clients that cannot set `Last-Event-ID`.
+    #[param(minimum = 0, maximum = 9007199254740991_i64)]
+    pub last_event_id: Option<i64>,
+}
+
+impl FromQuery for EventsQuery {
+    fn read(query: &mut QueryReader) -> Self {
+        let last = query.integer("last_event_id", 0, crate::job::spec::MAX_SEED);
+        Self {
+            last_event_id: last.map(u64::cast_signed),
+        }
+    }
+}
+
+/// Follow a job.
+///
+/// Server-sent events `state`, `generation`, `refinement`, `result` and, always last, `end`, with
+/// ids 1, 2, 3 … without a gap. Each event is stored before it is sent; a client that comes back
+/// with `Last-Event-ID` misses none.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}/events", tag = "jobs",
+    params(
+        ("id" = JobId, Path, description = "The job"),
+        EventsQuery,
+        ("Last-Event-ID" = Option<i64>, Header, minimum = 0, maximum = 9007199254740991_i64,
+         description = "The last event that the client has; wins over `last_event_id`")
+    ),
+    responses(
+        (status = 200, description = "The events; the data of each is JSON", body = Event,
+         content_type = "text/event-stream"),
+        (status = 204, description = "The job has ended and the client has all its events")
+    )
+)]
+pub async fn events(
+    State(state): State<ApiState>,
+    Named(id): Named<JobId>,
+    Params(query): Params<EventsQuery>,
+    headers: HeaderMap,
+) -> Answer {
+    let last = last_event_id(&headers)?.or(query.last_event_id);
+    let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
+    let after = last.unwrap_or(0);
+    if row.status.is_terminal() && after >= row.last_event {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    }
+    let permit = state.0.streams.clone().try_acquire_owned().map_err(|_| {
+        let detail = "too many event streams are open";
+        Problem::new(Kind::Busy, detail).retry_after(2)
+    })?;
+    let replay = Replay {
+        feed: state.hub.feed(state.store.clone(), id, after),
+        job: id,
+        greeted: false,
+        _permit: permit,
+    };
+    Ok(replay.into_response())
+}
+
+/// `Last-Event-ID`, which browsers send when they come back; an empty one counts as none.
+fn last_event_id(headers: &HeaderMap) -> Answer<Option<i64>> {
+    let Some(value) = headers
+        .get("last-event-id")
+        .filter(|value| !value.is_empty())
+    else {
+        return Ok(None);
+    };
+    let number = value
+        .to_str()
+        .ok()
+        .and_then(|text| text.parse::<i64>().ok());
+    match number.filter(|number| *number >= 0) {
+        Some(number) => Ok(Some(number)),
+        None => {
+            let detail = "an event's id is a whole number from 1".to_owned();
+            Err(header_fault("Last-Event-ID", detail))
+        }
+    }
+}
+
+/// One client's way through the events of a job.
+struct Replay {
+    feed: Feed,
+    job: JobId,
+    greeted: bool,
+    _permit: OwnedSemaphorePermit,
+}
+
+impl Replay {
+    fn into_response(self) -> Response {
+        let chunks = stream::unfold(self, |mut replay| async move {
+            let chunk = replay.next().await?;
+            Some((Ok::<_, Infallible>(chunk), replay))
+        });
+        let mut response = Response::new(Body::from_stream(chunks));
+        let headers = response.headers_mut();
+        let event_stream = HeaderValue::from_static("text/event-stream");
+        headers.insert(header::CONTENT_TYPE, event_stream);
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        headers.insert("x-accel-buffering", HeaderValue::from_static("no"));
+        response
+    }
+
+    /// The next piece of the stream; `None` at its end.
+    async fn next(&mut self) -> Option<Bytes> {
+        if !self.greeted {
+            self.greeted = true;
+            return Some(Bytes::from_static(RETRY.as_bytes()));
+        }
+        match tokio::time::timeout(KEEP_ALIVE, self.feed.next()).await {
+            Err(_silence) => Some(Bytes::from_static(COMMENT.as_bytes())),
+            Ok(Ok(events)) => events.map(|events| written(&events)),
+            Ok(Err(error)) => {
+                tracing::error!(%error, job = %self.job, "an event stream broke off");
+                None
+            }
+        }
+    }
+}
+
+/// Events in the form of the stream. Their data are one line each.
+fn written(events: &[StoredEvent]) -> Bytes {
+    let mut text = String::new();
+    for event in events {
+        let StoredEvent { id, name, data } = event;
+        write!(text, "id: {id}\nevent: {name}\ndata: {data}\n\n")
+            .expect("writing to a string does not fail");
+    }
+    text.into()
+}

@@ -1,0 +1,192 @@
+//! What every answer has, whoever made it: a request id, a log line, a problem document where it
+//! is an error, gzip where the client takes it.
+
+use std::any::Any;
+use std::time::Instant;
+
+use axum::Router;
+use axum::extract::{MatchedPath, Request};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::middleware::{Next, from_fn};
+use axum::response::{IntoResponse, Response};
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::compression::CompressionLayer;
+use tower_http::decompression::RequestDecompressionLayer;
+use uuid::Uuid;
+
+use super::error::{PROBLEM_JSON, Problem};
+use super::manners::GZIP_TAG_END;
+
+const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+/// The characters of a client's request id at the most; a longer one is replaced.
+const MAX_ID_CHARS: usize = 128;
+
+/// Puts the shared manners around routes. Unknown paths and methods get them too.
+pub fn finish(routes: Router) -> Router {
+    routes
+        .fallback(|| async { StatusCode::NOT_FOUND })
+        .layer(RequestDecompressionLayer::new())
+        .layer(CatchPanicLayer::custom(panicked))
+        .layer(CompressionLayer::new())
+        .layer(from_fn(answer))
+}
+
+fn panicked(panic: Box<dyn Any + Send + 'static>) -> Response {
+    let message = panic
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or("no message");
+    tracing::error!(message, "a handler panicked");
+    StatusCode::INTERNAL_SERVER_ERROR.into_response()
+}
+
+/// The outermost layer.
+async fn answer(request: Request, next: Next) -> Response {
+    let begun = Instant::now();
+    let id = request_id(request.headers());
+    let path = request.uri().path().to_owned();
+    let method = request.method().clone();
+    let route = request.extensions().get::<MatchedPath>().cloned();
+    let response = next.run(request).await;
+    let mut response = with_problem(response, &path, &id);
+    mark_compressed(response.headers_mut());
+    let value = HeaderValue::from_str(&id).expect("the id was checked or made here");
+    response.headers_mut().insert(REQUEST_ID, value);
+
+    let status = response.status().as_u16();
+    let duration_s = begun.elapsed().as_secs_f64();
+    let duration_ms = duration_s * 1e3;
+    tracing::info!(%method, path, status, duration_ms, request_id = id, "answered");
+    let route = route.map_or_else(|| "none".to_owned(), |route| route.as_str().to_owned());
+    let labels = [
+        ("method", method.to_string()),
+        ("route", route),
+        ("status", status.to_string()),
+    ];
+    metrics::counter!("greybox_http_requests_total", &labels).increment(1);
+    metrics::histogram!("greybox_http_request_duration_seconds", &labels).record(duration_s);
+    response
+}
+
+/// The client's id when it is one line of visible text, else a new one.
+fn request_id(headers: &HeaderMap) -> String {
+    let given = headers.get(REQUEST_ID).and_then(|id| id.to_str().ok());
+    given
+        .filter(|id| (1..=MAX_ID_CHARS).contains(&id.len()))
+        .map_or_else(|| Uuid::now_v7().to_string(), str::to_owned)
+}
+
+/// An error without a problem document gets one.
+fn with_problem(mut response: Response, path: &str, id: &str) -> Response {
+    let status = response.status();
+    let is_error = status.is_client_error() || status.is_server_error();
+    if !is_error || is_problem(response.headers()) {
+        return response;
+    }
+    let problem = response.extensions_mut().remove::<Problem>();
+    let problem = problem.unwrap_or_else(|| Problem::of_status(status));
+    let mut document = problem.document(path, id);
+    for name in [header::ALLOW, header::ACCEPT_ENCODING] {
+        if let Some(value) = response.headers_mut().remove(&name) {
+            document.headers_mut().insert(name, value);
+        }
+    }
+    document
+}
+
+fn is_problem(headers: &HeaderMap) -> bool {
+    let content_type = headers.get(header::CONTENT_TYPE);
+    content_type.is_some_and(|value| value.as_bytes() == PROBLEM_JSON.as_bytes())
+}
+
+/// Compressed bytes are other bytes, so a strong tag must be another one too.
+fn mark_compressed(headers: &mut HeaderMap) {
+    let Some(tag) = headers.get(header::ETAG).and_then(|tag| tag.to_str().ok()) else {
+        return;
+    };
+    if headers.contains_key(header::CONTENT_ENCODING) && tag.starts_with('"') {
+        let marked = format!("{}{GZIP_TAG_END}", tag.trim_end_matches('"'));
+        let marked = HeaderValue::from_str(&marked).expect("an addition to a valid value");
+        headers.insert(header::ETAG, marked);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::body::{Body, to_bytes};
+    use axum::routing::get;
+    use serde_json::Value;
+    use tower::util::ServiceExt;
+
+    use super::*;
+
+    async fn ask(request: Request) -> (Response<()>, Value) {
+        let routes = Router::new()
+            .route("/fine", get(|| async { "fine" }))
+            .route("/broken", get(|| async { panic!("at the disco") as () }))
+            .route("/none", get(|| async { Problem::not_found("job", "x") }));
+        let response = finish(routes).oneshot(request).await.unwrap();
+        let (parts, body) = response.into_parts();
+        let body = to_bytes(body, 10_000).await.unwrap();
+        let json = serde_json::from_slice(&body).unwrap_or(Value::Null);
+        (Response::from_parts(parts, ()), json)
+    }
+
+    fn get_request(path: &str) -> Request {
+        Request::get(path).body(Body::empty()).unwrap()
+    }
+
+    #[tokio::test]
+    async fn every_error_is_a_problem_document_with_path_and_request_id() {
+        for (request, status, kind) in [
+            (get_request("/nowhere"), 404, "/problems/not-found"),
+            (get_request("/none"), 404, "/problems/not-found"),
+            (get_request("/broken"), 500, "/problems/internal"),
+            (
+                Request::delete("/fine").body(Body::empty()).unwrap(),
+                405,
+                "/problems/method-not-allowed",
+            ),
+        ] {
+            let path = request.uri().path().to_owned();
+            let (response, problem) = ask(request).await;
+            assert_eq!(response.status(), status);
+            assert_eq!(response.headers()["content-type"], PROBLEM_JSON);
+            assert_eq!(problem["type"], kind);
+            assert_eq!(problem["status"], status);
+            assert_eq!(problem["instance"], path);
+            let id = response.headers()["x-request-id"].to_str().unwrap();
+            assert_eq!(problem["request_id"], id);
+        }
+    }
+
+    #[tokio::test]
+    async fn a_wrong_method_is_answered_with_the_right_ones() {
+        let request = Request::put("/fine").body(Body::empty()).unwrap();
+        let (response, _) = ask(request).await;
+        assert_eq!(response.headers()["allow"], "GET,HEAD");
+    }
+
+    #[tokio::test]
+    async fn an_encoding_that_is_not_understood_is_refused_with_those_that_are() {
+        let request = Request::get("/fine").header("content-encoding", "br");
+        let (response, problem) = ask(request.body(Body::empty()).unwrap()).await;
+        assert_eq!(response.status(), 415);
+        assert_eq!(response.headers()["accept-encoding"], "gzip");
+        assert_eq!(problem["type"], "/problems/unsupported-media-type");
+    }
+
+    #[tokio::test]
+    async fn a_request_id_is_echoed_or_made() {
+        let id = async |given: &str| {
+            let request = Request::get("/fine").header("x-request-id", given);
+            let (response, _) = ask(request.body(Body::empty()).unwrap()).await;
+            let id = response.headers()["x-request-id"].to_str().unwrap();
+            id.to_owned()
+        };
+        assert_eq!(id("plant-7").await, "plant-7");
+        assert_ne!(id("").await, id("").await);
+        assert_ne!(id(&"x".repeat(129)).await, "x".repeat(129));
+    }
+}

@@ -1,0 +1,94 @@
+//! Whether the process lives, whether it can work, what it is, what it counted.
+
+use axum::extract::State;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::ApiState;
+use super::error::{Answer, Kind, Problem};
+use super::manners::json;
+
+/// How long an unready client may wait before it asks again [s].
+const RETRY_S: u32 = 2;
+
+/// A word about the state of the process.
+#[derive(Serialize, ToSchema)]
+pub struct Health {
+    /// `alive` or `ready`.
+    #[schema(value_type = String, example = "ready")]
+    status: &'static str,
+}
+
+/// What this process is.
+#[derive(Serialize, ToSchema)]
+pub struct Version {
+    /// The program.
+    #[schema(value_type = String, example = "greybox")]
+    name: &'static str,
+    /// Its version.
+    #[schema(value_type = String, example = "0.1.0")]
+    version: &'static str,
+    /// The version of the API, the first part of its paths.
+    #[schema(value_type = String, example = "v1")]
+    api: &'static str,
+    /// The version of the database's schema.
+    schema: i64,
+}
+
+/// The process is alive.
+#[utoipa::path(
+    get, path = "/livez", tag = "health",
+    responses((status = 200, description = "It is", body = Health))
+)]
+pub async fn livez() -> Response {
+    json(StatusCode::OK, &Health { status: "alive" })
+}
+
+/// The database answers and the workers run.
+#[utoipa::path(
+    get, path = "/readyz", tag = "health",
+    responses((status = 200, description = "Ready to work", body = Health))
+)]
+pub async fn readyz(State(state): State<ApiState>) -> Answer {
+    let not_ready = |detail: &str| Problem::new(Kind::Busy, detail).retry_after(RETRY_S);
+    if let Err(error) = state.store.ping().await {
+        tracing::warn!(%error, "the database does not answer");
+        return Err(not_ready("the database does not answer"));
+    }
+    if !(state.workers_run)() {
+        return Err(not_ready("the workers do not run"));
+    }
+    Ok(json(StatusCode::OK, &Health { status: "ready" }))
+}
+
+/// The build and the schema.
+#[utoipa::path(
+    get, path = "/version", tag = "health",
+    responses((status = 200, description = "What this process is", body = Version))
+)]
+pub async fn version() -> Response {
+    let version = Version {
+        name: env!("CARGO_PKG_NAME"),
+        version: env!("CARGO_PKG_VERSION"),
+        api: "v1",
+        schema: crate::store::schema_version(),
+    };
+    json(StatusCode::OK, &version)
+}
+
+/// Counters and timings, as Prometheus reads them.
+#[utoipa::path(
+    get, path = "/metrics", tag = "health",
+    responses((status = 200, description = "Prometheus text format 0.0.4",
+               content_type = "text/plain; version=0.0.4", body = String))
+)]
+pub async fn metrics(State(state): State<ApiState>) -> Answer {
+    for (status, count) in state.store.job_counts().await? {
+        metrics::gauge!("greybox_jobs", "status" => status.as_str()).set(count as f64);
+    }
+    let text_type = HeaderValue::from_static("text/plain; version=0.0.4");
+    let headers = [(header::CONTENT_TYPE, text_type)];
+    Ok((headers, state.metrics.render()).into_response())
+}

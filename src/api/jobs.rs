@@ -1,0 +1,358 @@
+//! Jobs: list, show, cancel, pause, resume, delete.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use jiff::Timestamp;
+use serde::Serialize;
+use serde_json::Value;
+use tokio::time::Instant;
+use utoipa::{IntoParams, ToSchema};
+
+use super::ApiState;
+use super::error::{Answer, Kind, Problem};
+use super::extract::Named;
+use super::manners::{MAX_WAIT_S, json, tagged_json};
+use super::page::{Cursor, Page, PageParams};
+use super::query::{FromQuery, NoQuery, Params, QueryReader};
+use crate::job::{Failure, IllegalTransition, JobId, JobSpec, Phase, Progress, Status};
+use crate::store::{Control, JobFilter, JobRemoval, JobRow, StoreError};
+
+/// When a client may ask again if nothing better is known [s].
+const RETRY_S: f64 = 2.0;
+/// The longest that a client is told to stay away [s].
+const MAX_RETRY_S: f64 = 60.0;
+
+/// A job.
+#[derive(Serialize, ToSchema)]
+pub struct Job {
+    /// Its identifier.
+    id: JobId,
+    /// A name for people.
+    name: Option<String>,
+    /// Words to find it by.
+    labels: BTreeMap<String, String>,
+    /// Where it is in its life.
+    status: Status,
+    /// The model whose parameters it estimates.
+    #[schema(example = "single_rod_servo")]
+    model: String,
+    /// What it was asked to do, with every default completed.
+    #[schema(value_type = JobSpec)]
+    spec: Value,
+    /// How far it came.
+    progress: Progress,
+    /// Slices begun since the last checkpoint: 1 in a life without crashes, 0 before the first.
+    attempt: u32,
+    /// Why it failed; `null` unless it did.
+    #[schema(value_type = Option<Failure>)]
+    error: Option<Value>,
+    /// When it was accepted.
+    #[schema(value_type = String, format = DateTime)]
+    created_at: Timestamp,
+    /// When its first slice began.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    started_at: Option<Timestamp>,
+    /// When it came to its end.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    finished_at: Option<Timestamp>,
+    /// Where its other resources are.
+    links: Links,
+}
+
+/// Where the resources of a job are.
+#[derive(Serialize, ToSchema)]
+struct Links {
+    /// The job.
+    #[serde(rename = "self")]
+    job: String,
+    /// What happens to it, as a stream.
+    events: String,
+    /// The history of its search.
+    generations: String,
+    /// What came of it.
+    result: String,
+    /// POST here to end it.
+    cancel: String,
+}
+
+impl From<JobRow> for Job {
+    fn from(row: JobRow) -> Self {
+        let path = path_of(row.id);
+        let links = Links {
+            events: format!("{path}/events"),
+            generations: format!("{path}/generations"),
+            result: format!("{path}/result"),
+            cancel: format!("{path}/cancel"),
+            job: path,
+        };
+        Self {
+            id: row.id,
+            name: row.name,
+            labels: row.labels,
+            status: row.status,
+            model: row.model,
+            progress: row.progress.unwrap_or_else(|| no_progress(&row.spec)),
+            spec: row.spec,
+            attempt: row.attempt,
+            error: row.error,
+            created_at: row.created_at,
+            started_at: row.started_at,
+            finished_at: row.finished_at,
+            links,
+        }
+    }
+}
+
+/// The progress of a job before its first slice.
+fn no_progress(spec: &Value) -> Progress {
+    let generations = spec.pointer("/method/generations").and_then(Value::as_u64);
+    Progress {
+        phase: Phase::Search,
+        generation: 0,
+        generations: generations.and_then(|n| n.try_into().ok()).unwrap_or(0),
+        evaluations: 0,
+        best_cost: None,
+        best_credit: None,
+        fraction: 0.0,
+        eta_s: None,
+    }
+}
+
+/// The path of a job.
+pub fn path_of(id: JobId) -> String {
+    format!("/v1/jobs/{id}")
+}
+
+/// The job, and when to ask again if it is not at its end.
+pub fn answer(status: StatusCode, row: JobRow) -> Response {
+    let retry = retry_after(&row);
+    let mut response = json(status, &Job::from(row));
+    insert_retry(&mut response, retry);
+    response
+}
+
+/// When a client may ask again for an unfinished job.
+pub fn retry_after(row: &JobRow) -> Option<HeaderValue> {
+    if row.status.is_terminal() {
+        return None;
+    }
+    let eta = row.progress.as_ref().and_then(|progress| progress.eta_s);
+    let seconds = eta.unwrap_or(RETRY_S).clamp(1.0, MAX_RETRY_S).ceil();
+    Some(HeaderValue::from(seconds as u32))
+}
+
+fn insert_retry(response: &mut Response, retry: Option<HeaderValue>) {
+    if let Some(retry) = retry {
+        response.headers_mut().insert(header::RETRY_AFTER, retry);
+    }
+}
+
+/// The job as it is once `done` holds, or after `wait`, or when the server shuts down.
+pub async fn wait_until(
+    state: &ApiState,
+    id: JobId,
+    wait: Duration,
+    done: impl Fn(&JobRow) -> bool,
+) -> Result<Option<JobRow>, StoreError> {
+    let deadline = Instant::now() + wait;
+    let mut changes = state.hub.subscribe(id);
+    loop {
+        let row = state.store.job(id).await?;
+        if row.as_ref().is_none_or(&done) {
+            return Ok(row);
+        }
+        tokio::select! {
+            more = changes.changed() => if !more { return Ok(row) },
+            () = tokio::time::sleep_until(deadline) => return Ok(row),
+        }
+    }
+}
+
+/// Which jobs to list.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct JobsQuery {
+    /// Only those in this state.
+    #[param(inline)]
+    pub status: Option<Status>,
+    /// Only those with this label, `site`, or with this value of it, `site:hall 2`.
+    pub label: Option<String>,
+}
+
+/// The filter and the place in the list.
+pub struct WhichJobs(JobFilter);
+
+impl FromQuery for WhichJobs {
+    fn read(query: &mut QueryReader) -> Self {
+        let status = query.parsed("status", |word| {
+            word.parse::<Status>().map_err(|error| error.to_string())
+        });
+        let label = query
+            .text("label")
+            .map(|label| match label.split_once([':', '=']) {
+                Some((label, value)) => (label.to_owned(), Some(value.to_owned())),
+                None => (label, None),
+            });
+        let cursor = Cursor::read(query);
+        Self(JobFilter {
+            status,
+            label,
+            before: cursor.before,
+            limit: cursor.limit,
+        })
+    }
+}
+
+/// List jobs, newest first.
+#[utoipa::path(
+    get, path = "/v1/jobs", tag = "jobs",
+    params(JobsQuery, PageParams),
+    responses((status = 200, description = "A page of jobs", body = Page<Job>,
+               headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
+)]
+pub async fn list(
+    State(state): State<ApiState>,
+    Params(WhichJobs(filter)): Params<WhichJobs>,
+    uri: Uri,
+) -> Answer {
+    let page = state.store.jobs(&filter).await?;
+    let items = page.rows.into_iter().map(Job::from).collect();
+    Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
+}
+
+/// How long to wait for a change.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct WaitQuery {
+    /// Answer when the job's status changes, or after so many seconds.
+    #[param(minimum = 0, maximum = 60)]
+    pub wait: Option<u64>,
+}
+
+impl FromQuery for WaitQuery {
+    fn read(query: &mut QueryReader) -> Self {
+        Self {
+            wait: query.integer("wait", 0, MAX_WAIT_S),
+        }
+    }
+}
+
+/// Show a job.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}", tag = "jobs",
+    params(
+        ("id" = JobId, Path, description = "The job"),
+        WaitQuery,
+        ("If-None-Match" = Option<String>, Header, description = "The `ETag` that the client has")
+    ),
+    responses(
+        (status = 200, description = "The job", body = Job,
+         headers(("ETag" = String, description = "Changes with the answer"),
+                 ("Retry-After" = u32, description = "When to ask again, on unfinished jobs"))),
+        (status = 304, description = "The client has this already")
+    )
+)]
+pub async fn show(
+    State(state): State<ApiState>,
+    Named(id): Named<JobId>,
+    Params(query): Params<WaitQuery>,
+    headers: HeaderMap,
+) -> Answer {
+    let mut row = state.store.job(id).await?;
+    if let (Some(wait), Some(before)) = (query.wait, &row) {
+        let before = before.status;
+        let changed = |row: &JobRow| row.status != before || row.status.is_terminal();
+        row = wait_until(&state, id, Duration::from_secs(wait), changed).await?;
+    }
+    let row = row.ok_or_else(|| no_job(id))?;
+    let retry = retry_after(&row);
+    let mut response = tagged_json(&headers, &Job::from(row));
+    insert_retry(&mut response, retry);
+    Ok(response)
+}
+
+/// There is no such job.
+pub fn no_job(id: JobId) -> Problem {
+    Problem::not_found("job", &id.to_string())
+}
+
+/// End a job; the best estimate so far stays readable. Idempotent.
+#[utoipa::path(
+    post, path = "/v1/jobs/{id}/cancel", tag = "jobs",
+    params(("id" = JobId, Path, description = "The job")),
+    responses((status = 200, description = "The job, which is or soon will be cancelled",
+               body = Job),
+              (status = 409, description = "The job has ended in another way"))
+)]
+pub async fn cancel(
+    State(state): State<ApiState>,
+    Named(id): Named<JobId>,
+    _query: Params<NoQuery>,
+) -> Answer {
+    controlled(id, Status::Cancelled, state.store.request_cancel(id).await?)
+}
+
+/// Hold a job; the best estimate so far stays readable. Idempotent.
+#[utoipa::path(
+    post, path = "/v1/jobs/{id}/pause", tag = "jobs",
+    params(("id" = JobId, Path, description = "The job")),
+    responses((status = 200, description = "The job, which is or soon will be paused",
+               body = Job),
+              (status = 409, description = "The job has ended"))
+)]
+pub async fn pause(
+    State(state): State<ApiState>,
+    Named(id): Named<JobId>,
+    _query: Params<NoQuery>,
+) -> Answer {
+    controlled(id, Status::Paused, state.store.request_pause(id).await?)
+}
+
+/// Let a paused job go on. Idempotent.
+#[utoipa::path(
+    post, path = "/v1/jobs/{id}/resume", tag = "jobs",
+    params(("id" = JobId, Path, description = "The job")),
+    responses((status = 200, description = "The job, which is queued or running", body = Job),
+              (status = 409, description = "The job has ended"))
+)]
+pub async fn resume(
+    State(state): State<ApiState>,
+    Named(id): Named<JobId>,
+    _query: Params<NoQuery>,
+) -> Answer {
+    controlled(id, Status::Queued, state.store.request_resume(id).await?)
+}
+
+fn controlled(id: JobId, to: Status, control: Control) -> Answer {
+    match control {
+        Control::Accepted(row) => Ok(answer(StatusCode::OK, *row)),
+        Control::NotFound => Err(no_job(id)),
+        Control::Refused(from) => Err(IllegalTransition { from, to }.into()),
+    }
+}
+
+/// Forget a job that has ended, with its events, history and result.
+#[utoipa::path(
+    delete, path = "/v1/jobs/{id}", tag = "jobs",
+    params(("id" = JobId, Path, description = "The job")),
+    responses((status = 204, description = "It is forgotten"),
+              (status = 409, description = "The job has not ended"))
+)]
+pub async fn remove(
+    State(state): State<ApiState>,
+    Named(id): Named<JobId>,
+    _query: Params<NoQuery>,
+) -> Answer {
+    match state.store.delete_job(id).await? {
+        JobRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
+        JobRemoval::NotFound => Err(no_job(id)),
+        JobRemoval::Unfinished(status) => {
+            let detail = format!("the job is {status}; cancel it first");
+            Err(Problem::new(Kind::WrongState, detail))
+        }
+    }
+}

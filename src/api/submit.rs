@@ -1,0 +1,166 @@
+//! Submitting a job: read it whole, say everything that is wrong, store it once.
+
+use std::collections::HashMap;
+
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::response::Response;
+use serde::Serialize;
+use utoipa::{IntoParams, ToSchema};
+
+use super::ApiState;
+use super::body::JsonDocument;
+use super::error::{Answer, Kind, Problem};
+use super::jobs::{self, Job};
+use super::manners::{idempotency_key, json, preferred_wait};
+use super::query::{FromQuery, Params, QueryReader};
+use crate::job::spec::Context;
+use crate::job::{Fault, JobSpec, Status};
+use crate::store::{Idempotency, JobRow, NewJob, Submitted};
+
+/// How to treat the submitted job.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct SubmitQuery {
+    /// Say what would happen, and create nothing.
+    #[param(required = false)]
+    pub validate_only: bool,
+}
+
+impl FromQuery for SubmitQuery {
+    fn read(query: &mut QueryReader) -> Self {
+        Self {
+            validate_only: query.flag("validate_only"),
+        }
+    }
+}
+
+/// What a job would do.
+#[derive(Serialize, ToSchema)]
+pub struct Validation {
+    /// The specification with every default completed.
+    spec: JobSpec,
+}
+
+/// Submit an estimation.
+///
+/// The answer means that the job is stored and will be worked on, whatever happens to the server.
+/// The same `Idempotency-Key` never makes two jobs.
+#[utoipa::path(
+    post, path = "/v1/jobs", tag = "jobs",
+    params(
+        SubmitQuery,
+        ("Idempotency-Key" = Option<String>, Header, max_length = 255,
+         description = "Makes the submission safe to repeat: the same key and body give the same \
+                        answer again"),
+        ("Prefer" = Option<String>, Header, example = "wait=30",
+         description = "`wait=N`: answer when the job has ended or was paused, or after N seconds \
+                        (at most 60)")
+    ),
+    request_body(content = JobSpec, content_type = "application/json"),
+    responses(
+        (status = 202, description = "The job is stored", body = Job,
+         headers(("Location" = String, description = "Where the job is"),
+                 ("Retry-After" = u32, description = "When to ask again, on unfinished jobs"),
+                 ("Preference-Applied" = String, description = "The wait that was applied"),
+                 ("Idempotent-Replayed" = String,
+                  description = "`true` when this answers an earlier submission again"))),
+        (status = 200, description = "With `validate_only`: what the job would do",
+         body = Validation),
+        (status = 409, description = "The job that this key made has been deleted")
+    )
+)]
+pub async fn submit(
+    State(state): State<ApiState>,
+    Params(query): Params<SubmitQuery>,
+    headers: HeaderMap,
+    document: JsonDocument,
+) -> Answer {
+    let key = idempotency_key(&headers)?;
+    let spec = read(&state, &document).await?;
+    if query.validate_only {
+        return Ok(json(StatusCode::OK, &Validation { spec }));
+    }
+    let idempotency = key.map(|key| Idempotency {
+        key,
+        body_digest: document.digest,
+    });
+    let (row, replayed) = match state.store.submit(new_job(&spec, idempotency)).await? {
+        Submitted::Created(row) => (row, false),
+        Submitted::Replayed(row) => (row, true),
+        Submitted::KeyReused => {
+            let detail = "the key came before with another body; use a new key for a new job";
+            return Err(Problem::new(Kind::KeyReused, detail));
+        }
+        Submitted::Forgotten(id) => {
+            let detail = format!("the job {id} that this key made has been deleted");
+            return Err(Problem::new(Kind::WrongState, detail));
+        }
+        Submitted::NoDataset(id) => {
+            let detail = format!("there is no dataset {id}");
+            let fault = Fault::new("/experiments", "unknown_dataset", detail);
+            return Err(Problem::of_document(vec![fault]));
+        }
+    };
+    accepted(&state, row, replayed, &headers).await
+}
+
+/// The completed specification, or everything that is wrong with the document.
+async fn read(state: &ApiState, document: &JsonDocument) -> Answer<JobSpec> {
+    let mut datasets = HashMap::new();
+    for id in JobSpec::datasets_named(&document.value) {
+        if let Some(row) = state.store.dataset(id).await? {
+            datasets.insert(id, row.summary);
+        }
+    }
+    let models = state.catalogue.iter().map(|model| model.description());
+    let context = Context {
+        models: models.collect(),
+        datasets: &datasets,
+        max_duration_s: state.limits.max_duration_s,
+    };
+    JobSpec::read(&document.value, &context).map_err(Problem::of_document)
+}
+
+fn new_job(spec: &JobSpec, idempotency: Option<Idempotency>) -> NewJob {
+    let mut datasets: Vec<_> = spec.experiments.iter().map(|e| e.dataset).collect();
+    datasets.sort();
+    datasets.dedup();
+    NewJob {
+        name: spec.name.clone(),
+        labels: spec.labels.clone(),
+        model: spec.model.clone(),
+        spec: serde_json::to_value(spec).expect("a specification has only text keys"),
+        datasets,
+        idempotency,
+    }
+}
+
+/// 202, after the wait that the client prefers.
+async fn accepted(state: &ApiState, row: JobRow, replayed: bool, headers: &HeaderMap) -> Answer {
+    let id = row.id;
+    let wait = preferred_wait(headers);
+    let mut row = row;
+    if let Some(wait) = wait {
+        let settled = |row: &JobRow| row.status.is_terminal() || row.status == Status::Paused;
+        let later = jobs::wait_until(state, id, wait, settled).await?;
+        row = later.ok_or_else(|| jobs::no_job(id))?;
+    }
+    let mut response = jobs::answer(StatusCode::ACCEPTED, row);
+    let mut say = |name: HeaderName, value: String| {
+        let value = HeaderValue::from_str(&value).expect("paths and numbers are visible ASCII");
+        response.headers_mut().insert(name, value);
+    };
+    say(header::LOCATION, jobs::path_of(id));
+    if let Some(wait) = wait {
+        let applied = format!("wait={}", wait.as_secs());
+        say(HeaderName::from_static("preference-applied"), applied);
+    }
+    if replayed {
+        say(
+            HeaderName::from_static("idempotent-replayed"),
+            "true".to_owned(),
+        );
+    }
+    Ok::<Response, Problem>(response)
+}

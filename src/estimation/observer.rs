@@ -1,0 +1,56 @@
+//! What a run tells while it goes on.
+
+use crate::simulation::Failure;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Watches a run.
+pub trait Observer {
+    /// A generation has been judged.
+    fn generation(&mut self, row: &GenerationRow);
+    /// The refinement has finished an iteration.
+    fn refinement(&mut self, row: &RefinementRow);
+}
+
+/// One generation of the search.
+#[derive(Clone, Debug)]
+pub struct GenerationRow {
+    /// Counts from 1.
+    pub generation: u32,
+    /// Candidates judged so far.
+    pub evaluations: u64,
+    /// The lowest cost so far; infinite while every candidate has failed.
+    pub best_cost: f64,
+    /// The lowest cost in this generation (without elitism it may rise).
+    pub generation_best_cost: f64,
+    /// The mean cost of this generation's candidates that did not fail.
+    pub mean_cost: Option<f64>,
+    /// The largest credit in this generation.
+    pub best_credit: f64,
+    /// The entropy of the credits.
+    pub entropy: f64,
+    /// Blocks that were judged before the entropy criterion stopped.
+    pub credit_updates: u32,
+    /// The unknowns of the candidate with the lowest cost so far, SI.
+    pub best: Vec<(String, f64)>,
+}
+
+/// One iteration of the refinement.
+#[derive(Clone, Copy, Debug)]
+pub struct RefinementRow {
+    /// Counts from 1, over all starts.
+    pub iteration: u32,
+    /// The cost that it reached.
+    pub cost: f64,
+}
+
+/// What a run has done so far.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Counters {
+    /// Candidates judged.
+    pub evaluations: u64,
+    /// Of them, simulated and not remembered. After an interruption some may be simulated again.
+    pub distinct_evaluations: u64,
+    /// Simulations that failed, by cause.
+    pub failed_evaluations: BTreeMap<Failure, u64>,
+}

@@ -1,0 +1,254 @@
+//! What is estimated: a model, the experiments that it shall explain, and which of its numbers
+//! are unknown.
+//!
+//! The unknowns are *coordinates*: parameters shared by all experiments and initial states of
+//! single experiments. A candidate is a vector of *positions*, one for each coordinate, from 0
+//! (lower bound) to 1 (upper bound) along the coordinate's scale.
+
+use crate::model::{Model, Scale};
+use crate::simulation::batch::Run;
+use crate::simulation::{Accuracy, Candidate, Excitation};
+use std::sync::Arc;
+
+/// One experiment, uniform and in SI units.
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    /// The time from one sample to the next [s].
+    pub sample_time: f64,
+    /// How many samples.
+    pub samples: usize,
+    /// How many of them, from the first, are estimated from; the rest validates.
+    pub estimation_samples: usize,
+    /// Which of the model's input sets drives it.
+    pub input_set: usize,
+    /// The samples of each input of the set; none of them missing.
+    pub inputs: Vec<Vec<f64>>,
+    /// For each of the problem's outputs its samples; NaN where missing.
+    pub measured: Vec<Vec<f64>>,
+    /// For each state of the model where it starts; none: where the model says.
+    pub initial_state: Vec<Option<f64>>,
+}
+
+/// An output that is measured in at least one experiment.
+#[derive(Clone, Debug)]
+pub struct MeasuredOutput {
+    /// Its place among the model's outputs.
+    pub index: usize,
+    /// Its name.
+    pub name: String,
+    /// Its SI unit.
+    pub unit: String,
+    /// The standard deviation of its measurement noise, where the job declares it.
+    pub noise_std: Option<f64>,
+    /// What residuals are divided by in the cost: the declared noise, else the spread of the
+    /// measured signal.
+    pub residual_scale: f64,
+}
+
+/// What a coordinate stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// A parameter, by its place in the model's description.
+    Parameter(usize),
+    /// A state at the first sample of an experiment, both by their places.
+    InitialState {
+        /// The experiment.
+        experiment: usize,
+        /// The state.
+        state: usize,
+    },
+}
+
+/// One unknown number.
+#[derive(Clone, Debug)]
+pub struct Coordinate {
+    /// Its name: the parameter's, or the state's.
+    pub name: String,
+    /// Its symbol in the equations.
+    pub symbol: String,
+    /// Its SI unit.
+    pub unit: String,
+    /// What it stands for.
+    pub target: Target,
+    /// The search range, SI.
+    pub lower: f64,
+    /// The search range, SI.
+    pub upper: f64,
+    /// How the range is laid out.
+    pub scale: Scale,
+}
+
+impl Coordinate {
+    /// The value at a position, SI.
+    #[must_use]
+    pub fn value(&self, position: f64) -> f64 {
+        self.scale.value(position, self.lower, self.upper)
+    }
+
+    /// dvalue/dposition at a position.
+    #[must_use]
+    pub fn slope(&self, position: f64) -> f64 {
+        match self.scale {
+            Scale::Linear => self.upper - self.lower,
+            Scale::Log => self.value(position) * libm::log(self.upper / self.lower),
+        }
+    }
+}
+
+/// The whole problem.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// The structure.
+    pub model: Arc<Model>,
+    /// A value for each parameter; those of free parameters are replaced.
+    pub parameters: Vec<f64>,
+    /// The unknowns.
+    pub coordinates: Vec<Coordinate>,
+    /// The outputs that are compared.
+    pub outputs: Vec<MeasuredOutput>,
+    /// The experiments, at least one.
+    pub experiments: Vec<Experiment>,
+}
+
+/// A candidate spelled out for one experiment.
+#[derive(Clone, Debug)]
+pub struct Filled {
+    /// A value for each parameter, SI.
+    pub parameters: Vec<f64>,
+    /// Where each state starts.
+    pub initial_state: Vec<Option<f64>>,
+}
+
+impl Problem {
+    /// The value of each coordinate at a candidate's positions, SI.
+    #[must_use]
+    pub fn values(&self, positions: &[f64]) -> Vec<f64> {
+        let pairs = self.coordinates.iter().zip(positions);
+        pairs
+            .map(|(coordinate, position)| coordinate.value(*position))
+            .collect()
+    }
+
+    /// The names of the coordinates with their values at a candidate's positions, SI.
+    #[must_use]
+    pub fn named_values(&self, positions: &[f64]) -> Vec<(String, f64)> {
+        let names = self
+            .coordinates
+            .iter()
+            .map(|coordinate| coordinate.name.clone());
+        names.zip(self.values(positions)).collect()
+    }
+
+    /// The candidate spelled out for an experiment.
+    #[must_use]
+    pub fn fill(&self, experiment: usize, positions: &[f64]) -> Filled {
+        let mut filled = Filled {
+            parameters: self.parameters.clone(),
+            initial_state: self.experiments[experiment].initial_state.clone(),
+        };
+        for (coordinate, position) in self.coordinates.iter().zip(positions) {
+            let value = coordinate.value(*position);
+            match coordinate.target {
+                Target::Parameter(index) => filled.parameters[index] = value,
+                Target::InitialState {
+                    experiment: of,
+                    state,
+                } if of == experiment => {
+                    filled.initial_state[state] = Some(value);
+                }
+                Target::InitialState { .. } => {}
+            }
+        }
+        filled
+    }
+
+    /// The candidate's fastest rate that a step must resolve [1/s].
+    #[must_use]
+    pub fn resolved_rate(&self, positions: &[f64]) -> f64 {
+        self.model
+            .plant()
+            .resolved_rate(&self.fill(0, positions).parameters)
+    }
+
+    /// Residuals at hand: samples that are there, over all outputs and experiments, in the part
+    /// that is estimated from.
+    #[must_use]
+    pub fn n_residuals(&self) -> usize {
+        let count = |experiment: &Experiment| -> usize {
+            let part = |values: &Vec<f64>| present(&values[..experiment.estimation_samples]);
+            experiment.measured.iter().map(part).sum()
+        };
+        self.experiments.iter().map(count).sum()
+    }
+}
+
+fn present(values: &[f64]) -> usize {
+    values.iter().filter(|value| !value.is_nan()).count()
+}
+
+/// How much of each experiment is simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// What is estimated from.
+    Estimation,
+    /// The whole experiment.
+    Whole,
+}
+
+/// Candidates spelled out for all experiments, ready for a batch.
+#[derive(Debug)]
+pub struct Spelled {
+    filled: Vec<Vec<Filled>>,
+    resolved_rate: Option<f64>,
+}
+
+impl Spelled {
+    /// Spells candidates out. With a `resolved_rate` all of them take the same steps.
+    #[must_use]
+    pub fn new(problem: &Problem, candidates: &[Vec<f64>], resolved_rate: Option<f64>) -> Self {
+        let of_experiment = |experiment| {
+            candidates
+                .iter()
+                .map(|positions| problem.fill(experiment, positions))
+                .collect()
+        };
+        let filled = (0..problem.experiments.len()).map(of_experiment).collect();
+        Spelled {
+            filled,
+            resolved_rate,
+        }
+    }
+
+    /// One run for each experiment.
+    #[must_use]
+    pub fn runs<'a>(
+        &'a self,
+        problem: &'a Problem,
+        extent: Extent,
+        accuracy: Accuracy,
+    ) -> Vec<Run<'a>> {
+        let pairs = problem.experiments.iter().zip(&self.filled);
+        pairs
+            .map(|(experiment, filled)| Run {
+                excitation: Excitation {
+                    sample_time: experiment.sample_time,
+                    samples: match extent {
+                        Extent::Estimation => experiment.estimation_samples,
+                        Extent::Whole => experiment.samples,
+                    },
+                    input_set: experiment.input_set,
+                    inputs: &experiment.inputs,
+                    accuracy,
+                },
+                candidates: filled
+                    .iter()
+                    .map(|filled| Candidate {
+                        parameters: &filled.parameters,
+                        initial_state: &filled.initial_state,
+                        resolved_rate: self.resolved_rate,
+                    })
+                    .collect(),
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,194 @@
+//! Levenberg–Marquardt within the search box, from several good candidates.
+//!
+//! In positions (0 to 1 along each coordinate's scale) the scaled residuals are linearised
+//! ([`super::sensitivity`]); the damped least-squares steps for eight dampings are simulated
+//! together and the best of them is taken (K. Levenberg 1944, D. W. Marquardt 1963; the form
+//! with a triangle instead of normal equations after J. J. Moré, "The Levenberg–Marquardt
+//! algorithm", Lecture Notes in Mathematics 630, 1978). A coordinate that stands at a bound and
+//! is drawn beyond it is held there for the step.
+
+use super::objective::Objective;
+use super::problem::Problem;
+use super::sensitivity::{self, SensitivityError};
+use crate::numerics::least_squares::Triangle;
+use crate::simulation::Accuracy;
+use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
+use std::sync::atomic::AtomicBool;
+
+/// Iterations at the most from one start.
+pub const LARGEST_ITERATION_COUNT: u32 = 60;
+/// A descent ends when an iteration gains less than this share of the cost ...
+const SMALLEST_GAIN: f64 = 1e-10;
+/// ... or moves no coordinate by more than this share of its range.
+const SMALLEST_MOVE: f64 = 1e-9;
+/// The dampings that are tried, relative to the last good one.
+const DAMPING_FACTORS: [f64; 8] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e4];
+const FIRST_DAMPING: f64 = 1e-3;
+const SMALLEST_DAMPING: f64 = 1e-14;
+/// Rows that are gathered before they go into the triangle.
+const ROWS: usize = 1024;
+
+/// The residuals linearised at a candidate.
+#[derive(Clone, Debug)]
+pub struct Linearisation {
+    /// The triangle of `[J | r]`.
+    pub triangle: Triangle,
+    /// The mean square of the residuals.
+    pub cost: f64,
+}
+
+/// Linearises the residuals at a candidate.
+///
+/// # Errors
+/// When the stop flag was raised, or a simulation failed.
+pub fn linearise(
+    problem: &Problem,
+    positions: &[f64],
+    stop: &AtomicBool,
+) -> Result<Linearisation, SensitivityError> {
+    let columns = positions.len();
+    let mut triangle = Triangle::new(columns);
+    let mut gathered: Vec<f64> = Vec::with_capacity(ROWS * (columns + 1));
+    let mut sum = 0.0;
+    let flush = |triangle: &mut Triangle, gathered: &mut Vec<f64>| {
+        let rows = gathered.len() / (columns + 1);
+        triangle.push(&DMatrix::from_row_slice(rows, columns + 1, gathered));
+        gathered.clear();
+    };
+    sensitivity::visit_rows(problem, positions, stop, |row| {
+        gathered.extend_from_slice(row.derivatives);
+        gathered.push(row.residual);
+        sum += row.residual * row.residual;
+        if gathered.len() == ROWS * (columns + 1) {
+            flush(&mut triangle, &mut gathered);
+        }
+    })?;
+    if !gathered.is_empty() {
+        flush(&mut triangle, &mut gathered);
+    }
+    let cost = sum / triangle.rows() as f64;
+    Ok(Linearisation { triangle, cost })
+}
+
+/// The candidates that the dampings lead to, with their dampings.
+#[must_use]
+pub fn trial_steps(
+    linearisation: &Linearisation,
+    positions: &[f64],
+    damping: f64,
+) -> Vec<(f64, Vec<f64>)> {
+    let gradient = linearisation.triangle.gradient();
+    let free: Vec<bool> = positions
+        .iter()
+        .zip(gradient.iter())
+        .map(|(z, slope)| !((*z <= 0.0 && *slope > 0.0) || (*z >= 1.0 && *slope < 0.0)))
+        .collect();
+    let trial = |factor: &f64| {
+        let damping = (damping * factor).max(SMALLEST_DAMPING);
+        let step = linearisation.triangle.damped_step(damping, &free)?;
+        let moved = positions
+            .iter()
+            .zip(step.iter())
+            .map(|(z, d)| (z + d).clamp(0.0, 1.0));
+        Some((damping, moved.collect()))
+    };
+    DAMPING_FACTORS.iter().filter_map(trial).collect()
+}
+
+/// Why a descent ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DescentEnd {
+    /// No step gains anything more.
+    Converged,
+    /// The iterations are used up.
+    IterationLimit,
+    /// The candidate or its neighbours cannot be simulated.
+    Failed,
+}
+
+/// One descent from one start.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Descent {
+    /// Where it started.
+    pub start: Vec<f64>,
+    /// The cost there; none where the start cannot be simulated, or before the first iteration.
+    pub start_cost: Option<f64>,
+    /// Where it is.
+    pub positions: Vec<f64>,
+    /// The cost there.
+    pub cost: Option<f64>,
+    /// Iterations done.
+    pub iterations: u32,
+    /// Candidates simulated.
+    pub evaluations: u64,
+    /// Why it ended, if it did.
+    pub end: Option<DescentEnd>,
+    damping: f64,
+}
+
+impl Descent {
+    /// A descent that begins at a candidate.
+    #[must_use]
+    pub fn from(start: Vec<f64>) -> Descent {
+        Descent {
+            positions: start.clone(),
+            start,
+            start_cost: None,
+            cost: None,
+            iterations: 0,
+            evaluations: 0,
+            end: None,
+            damping: FIRST_DAMPING,
+        }
+    }
+
+    /// One iteration. Answers false, with nothing changed, when `stop` was raised.
+    pub fn iterate(&mut self, problem: &Problem, objective: &Objective, stop: &AtomicBool) -> bool {
+        let linearisation = match linearise(problem, &self.positions, stop) {
+            Ok(linearisation) => linearisation,
+            Err(SensitivityError::Interrupted) => return false,
+            Err(SensitivityError::Failed(_)) => {
+                self.end = Some(DescentEnd::Failed);
+                return true;
+            }
+        };
+        let trials = trial_steps(&linearisation, &self.positions, self.damping);
+        let candidates: Vec<Vec<f64>> = trials.iter().map(|(_, moved)| moved.clone()).collect();
+        let Some(evaluations) = objective.evaluate(problem, &candidates, Accuracy::Full, stop)
+        else {
+            return false;
+        };
+        self.iterations += 1;
+        self.evaluations += (1 + 2 * self.positions.len() + candidates.len()) as u64;
+        self.start_cost.get_or_insert(linearisation.cost);
+        let before = self
+            .cost
+            .map_or(linearisation.cost, |cost| cost.min(linearisation.cost));
+        self.cost = Some(before);
+        let best = evaluations
+            .iter()
+            .zip(trials)
+            .min_by(|(a, _), (b, _)| a.cost.total_cmp(&b.cost))
+            .filter(|(evaluation, _)| evaluation.cost < before);
+        let Some((evaluation, (damping, moved))) = best else {
+            self.end = Some(DescentEnd::Converged);
+            return true;
+        };
+        let distance = moved
+            .iter()
+            .zip(&self.positions)
+            .map(|(new, old)| (new - old).abs())
+            .fold(0.0, f64::max);
+        self.positions = moved;
+        self.cost = Some(evaluation.cost);
+        self.damping = damping;
+        if before - evaluation.cost < SMALLEST_GAIN * before || distance < SMALLEST_MOVE {
+            self.end = Some(DescentEnd::Converged);
+        } else if self.iterations >= LARGEST_ITERATION_COUNT {
+            self.end = Some(DescentEnd::IterationLimit);
+        }
+        true
+    }
+}

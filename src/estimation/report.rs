@@ -1,0 +1,79 @@
+//! What a run came to.
+
+use super::observer::Counters;
+use super::problem::Problem;
+use super::refine::DescentEnd;
+use super::{Estimation, StopReason};
+
+/// What a run came to.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// Why it ended.
+    pub stop_reason: StopReason,
+    /// The position of each coordinate, 0 to 1 between its bounds.
+    pub positions: Vec<f64>,
+    /// The value of each coordinate, SI.
+    pub values: Vec<f64>,
+    /// The cost.
+    pub cost: Option<f64>,
+    /// Generations judged.
+    pub generations: u32,
+    /// What has been done.
+    pub counters: Counters,
+    /// The largest credit of any generation.
+    pub best_credit: Option<f64>,
+    /// The generation that found the best candidate of the search.
+    pub best_generation: Option<u32>,
+    /// Each start of the refinement.
+    pub refinements: Vec<Refinement>,
+}
+
+/// One descent of the refinement.
+#[derive(Clone, Debug)]
+pub struct Refinement {
+    /// The cost where it started.
+    pub start_cost: Option<f64>,
+    /// The cost where it ended.
+    pub cost: Option<f64>,
+    /// The value of each coordinate where it ended, SI.
+    pub values: Vec<f64>,
+    /// Iterations.
+    pub iterations: u32,
+    /// Why it ended, if it did.
+    pub end: Option<DescentEnd>,
+}
+
+impl Report {
+    pub(super) fn new(
+        problem: &Problem,
+        run: &Estimation,
+        positions: Vec<f64>,
+        stopped: Option<StopReason>,
+    ) -> Report {
+        let state = &run.search.state;
+        let reason = stopped
+            .or(run.stop_reason)
+            .unwrap_or(StopReason::GenerationLimit);
+        Report {
+            stop_reason: reason,
+            values: problem.values(&positions),
+            positions,
+            cost: run.best_cost(),
+            generations: state.generation,
+            counters: state.counters.clone(),
+            best_credit: state.best_credit.map(|(credit, _)| credit),
+            best_generation: state.best_generation,
+            refinements: run
+                .descents
+                .iter()
+                .map(|descent| Refinement {
+                    start_cost: descent.start_cost,
+                    cost: descent.cost,
+                    values: problem.values(&descent.positions),
+                    iterations: descent.iterations,
+                    end: descent.end,
+                })
+                .collect(),
+        }
+    }
+}

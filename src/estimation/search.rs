@@ -1,0 +1,446 @@
+//! The hybrid neural-genetic search: the paper's section 3, a generation at a time.
+//!
+//! A generation is simulated, judged by the ICRA network and bred into the next one. Everything
+//! that the next generation depends on stands in [`State`], and every random number comes from a
+//! stream named by seed, generation and purpose: a search that is laid down after any generation
+//! goes on with the same bits.
+
+use super::memory::Memory;
+use super::objective::{Evaluation, Objective};
+use super::observer::{Counters, GenerationRow};
+use super::problem::Problem;
+use super::refine;
+use super::settings::{BlockOrder, CreditForm, ErrorSpread, Settings};
+use super::stop_reason::{Stagnation, StopReason};
+use crate::credit::{self, Credits, icra::Network, spread};
+use crate::genetic::{Chromosome, Encoding, operators};
+use crate::numerics::rng::{self, Purpose, stream};
+use crate::simulation::Accuracy;
+use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// A candidate and its cost.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Judged {
+    /// Its string.
+    pub chromosome: Chromosome,
+    /// Its cost.
+    pub cost: f64,
+}
+
+/// Everything that the next generation depends on.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct State {
+    /// Generations judged.
+    pub generation: u32,
+    /// The candidates of the next generation.
+    pub population: Vec<Chromosome>,
+    /// The best distinct candidates so far, the champion first.
+    pub leaders: Vec<Judged>,
+    /// The largest credit so far, and the generation that first had it.
+    pub best_credit: Option<(f64, u32)>,
+    /// The generation in which the champion was found.
+    pub best_generation: Option<u32>,
+    /// What has been done.
+    pub counters: Counters,
+    /// How long nothing has been gained.
+    pub stagnation: Stagnation,
+}
+
+/// Two leaders differ by at least this share of the range in one coordinate.
+const SMALLEST_DISTANCE: f64 = 0.02;
+
+/// The search of one run.
+#[derive(Debug)]
+pub struct Search {
+    settings: Settings,
+    seed: u64,
+    encoding: Encoding,
+    objective: Objective,
+    memory: Memory,
+    /// What is laid down at a checkpoint.
+    pub state: State,
+}
+
+/// A generation that has been judged.
+#[derive(Debug)]
+pub struct Generation {
+    /// What it looked like.
+    pub row: GenerationRow,
+    /// Why the search ends with it, if it does.
+    pub stop: Option<StopReason>,
+}
+
+impl Search {
+    /// Begins a search.
+    #[must_use]
+    pub fn start(problem: &Problem, settings: &Settings, seed: u64) -> Search {
+        let encoding = Encoding {
+            bits: settings.bits_per_parameter,
+            genes: problem.coordinates.len(),
+        };
+        let mut rng = stream(seed, 0, Purpose::Population);
+        let candidates = settings.population as usize;
+        let state = State {
+            generation: 0,
+            population: operators::random_population(encoding, candidates, &mut rng),
+            leaders: Vec::new(),
+            best_credit: None,
+            best_generation: None,
+            counters: Counters::default(),
+            stagnation: Stagnation::default(),
+        };
+        Search::resume(problem, settings, seed, state)
+    }
+
+    /// Takes a search up where it was laid down.
+    #[must_use]
+    pub fn resume(problem: &Problem, settings: &Settings, seed: u64, state: State) -> Search {
+        Search {
+            settings: settings.clone(),
+            seed,
+            encoding: Encoding {
+                bits: settings.bits_per_parameter,
+                genes: problem.coordinates.len(),
+            },
+            objective: Objective::new(problem, settings.block_samples as usize),
+            memory: Memory::default(),
+            state,
+        }
+    }
+
+    /// The positions of a candidate.
+    #[must_use]
+    pub fn positions(&self, chromosome: &Chromosome) -> Vec<f64> {
+        self.encoding.decode(chromosome)
+    }
+
+    /// Judges one generation and breeds the next. Answers nothing, with nothing changed, when
+    /// `stop` was raised.
+    pub fn generation(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<Generation> {
+        let population = self.state.population.clone();
+        let evaluations = self.evaluate(problem, &population, stop)?;
+        let climbed = self.climb(problem, &population, &evaluations, stop)?;
+
+        let credits = self.judge(&evaluations);
+        self.state.generation += 1;
+        self.state.counters.evaluations += population.len() as u64;
+        self.remember_leaders(&population, &evaluations);
+        self.remember_credit(&credits);
+        if let Some(climbed) = &climbed {
+            self.lead(climbed.clone());
+        }
+        let row = self.row(problem, &evaluations, &credits);
+        let stop = self.stop_reason();
+        self.state.population = self.breed(&population, &evaluations, &credits, climbed);
+        Some(Generation { row, stop })
+    }
+
+    /// Simulates the candidates that have not been simulated before.
+    fn evaluate(
+        &mut self,
+        problem: &Problem,
+        population: &[Chromosome],
+        stop: &AtomicBool,
+    ) -> Option<Vec<Arc<Evaluation>>> {
+        let mut known: HashSet<&Chromosome> = HashSet::new();
+        let fresh: Vec<&Chromosome> = population
+            .iter()
+            .filter(|candidate| self.memory.recall(candidate).is_none() && known.insert(candidate))
+            .collect();
+        let positions: Vec<Vec<f64>> = fresh.iter().map(|c| self.encoding.decode(c)).collect();
+        let evaluations =
+            self.objective
+                .evaluate(problem, &positions, Accuracy::Screening, stop)?;
+        let counters = &mut self.state.counters;
+        counters.distinct_evaluations += evaluations.len() as u64;
+        let fresh: Vec<(Chromosome, Arc<Evaluation>)> = fresh
+            .into_iter()
+            .cloned()
+            .zip(evaluations.into_iter().map(Arc::new))
+            .collect();
+        for failure in fresh
+            .iter()
+            .filter_map(|(_, evaluation)| evaluation.failure)
+        {
+            *counters.failed_evaluations.entry(failure).or_default() += 1;
+        }
+        let all = population
+            .iter()
+            .map(|candidate| {
+                let just_now = fresh.iter().find(|(chromosome, _)| chromosome == candidate);
+                just_now
+                    .map(|(_, evaluation)| evaluation.clone())
+                    .or_else(|| self.memory.recall(candidate))
+                    .expect("every candidate was either remembered or just simulated")
+            })
+            .collect();
+        for (chromosome, evaluation) in fresh {
+            self.memory.remember(chromosome, evaluation);
+        }
+        Some(all)
+    }
+
+    /// Section 3.1: the ICRA network distributes credit over the generation, block after block,
+    /// until the entropy criterion stops it.
+    fn judge(&self, evaluations: &[Arc<Evaluation>]) -> Credits {
+        let mut order: Vec<usize> = (0..self.objective.n_blocks()).collect();
+        if self.settings.block_order == BlockOrder::Shuffled {
+            rng::shuffle(&mut self.stream(Purpose::BlockOrder), &mut order);
+        }
+        let errors: Vec<Vec<f64>> = order
+            .iter()
+            .map(|&block| evaluations.iter().map(|e| e.block_errors[block]).collect())
+            .collect();
+        let updates = self
+            .settings
+            .credit_updates
+            .map_or(order.len(), |limit| limit as usize);
+        let updates = updates.min(order.len());
+        let mean_errors: Vec<f64> = evaluations
+            .iter()
+            .map(|e| e.block_errors.iter().sum::<f64>() / e.block_errors.len() as f64)
+            .collect();
+        let growth = self.settings.credit_gain * updates as f64;
+        let network = Network {
+            form: match self.settings.credit_form {
+                CreditForm::Paper => credit::Form::Paper,
+                CreditForm::Hedge => credit::Form::Hedge,
+            },
+            gain: self.settings.credit_gain,
+            spread: spread::error_spread(self.spread_rule(), &mean_errors, growth),
+            updates,
+        };
+        credit::assign(&network, evaluations.len(), |block| &errors[block])
+    }
+
+    fn spread_rule(&self) -> spread::Rule {
+        match self.settings.error_spread {
+            ErrorSpread::Concentration => spread::Rule::Concentration(self.settings.entropy_target),
+            ErrorSpread::MeanError => spread::Rule::MeanError,
+            ErrorSpread::BestError => spread::Rule::BestError,
+        }
+    }
+
+    /// Section 3.2: roulette by credit, crossover, mutation; then elitism.
+    fn breed(
+        &self,
+        population: &[Chromosome],
+        evaluations: &[Arc<Evaluation>],
+        credits: &Credits,
+        climbed: Option<Judged>,
+    ) -> Vec<Chromosome> {
+        let settings = &self.settings;
+        let mut selection = self.stream(Purpose::Selection);
+        let mut crossover = self.stream(Purpose::Crossover);
+        let mut mutation = self.stream(Purpose::Mutation);
+        let mut parent = || &population[operators::roulette(&credits.credit, &mut selection)];
+        let mut next = Vec::with_capacity(population.len() + 1);
+        while next.len() < population.len() {
+            let parents = (parent(), parent());
+            let cross = rng::unit(&mut crossover) < settings.crossover_probability;
+            let parts = settings.crossover_parts as usize;
+            let children = if cross {
+                operators::cross(self.encoding, parents, parts, &mut crossover)
+            } else {
+                (parents.0.clone(), parents.1.clone())
+            };
+            for mut child in [children.0, children.1] {
+                let probability = settings.mutation_probability;
+                operators::mutate(self.encoding, &mut child, probability, &mut mutation);
+                next.push(child);
+            }
+        }
+        next.truncate(population.len());
+        if settings.elitism {
+            next[0] = self.elite(population, evaluations);
+        }
+        if let Some(climbed) = climbed {
+            let place = usize::from(settings.elitism).min(next.len() - 1);
+            next[place] = climbed.chromosome;
+        }
+        next
+    }
+
+    /// The candidate with the lowest cost over all the data, of this generation or before.
+    fn elite(&self, population: &[Chromosome], evaluations: &[Arc<Evaluation>]) -> Chromosome {
+        match self.state.leaders.first() {
+            Some(champion) => champion.chromosome.clone(),
+            None => population[index_of_best(evaluations)].clone(),
+        }
+    }
+
+    /// Hill-climbing: now and then the best candidate takes one least-squares step. Answers the
+    /// candidate that it leads to, if that is better; nothing at all when interrupted.
+    fn climb(
+        &mut self,
+        problem: &Problem,
+        population: &[Chromosome],
+        evaluations: &[Arc<Evaluation>],
+        stop: &AtomicBool,
+    ) -> Option<Option<Judged>> {
+        let interval = self.settings.hill_climbing_interval;
+        let best = index_of_best(evaluations);
+        let due = interval > 0 && (self.state.generation + 1).is_multiple_of(interval);
+        if !due || evaluations[best].failure.is_some() {
+            return Some(None);
+        }
+        let positions = self.encoding.decode(&population[best]);
+        let linearisation = match refine::linearise(problem, &positions, stop) {
+            Ok(linearisation) => linearisation,
+            Err(super::sensitivity::SensitivityError::Interrupted) => return None,
+            Err(super::sensitivity::SensitivityError::Failed(_)) => return Some(None),
+        };
+        let steps = refine::trial_steps(&linearisation, &positions, 1.0);
+        let trials: Vec<Chromosome> = steps
+            .iter()
+            .map(|(_, moved)| self.encoding.encode(moved))
+            .collect();
+        let judged = self.evaluate(problem, &trials, stop)?;
+        self.state.counters.evaluations += (trials.len() + 2 * positions.len() + 1) as u64;
+        let climbed = trials
+            .into_iter()
+            .zip(&judged)
+            .min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost))
+            .filter(|(_, evaluation)| evaluation.cost < evaluations[best].cost)
+            .map(|(chromosome, evaluation)| Judged {
+                chromosome,
+                cost: evaluation.cost,
+            });
+        Some(climbed)
+    }
+
+    fn remember_leaders(&mut self, population: &[Chromosome], evaluations: &[Arc<Evaluation>]) {
+        for (chromosome, evaluation) in population.iter().zip(evaluations) {
+            if evaluation.failure.is_none() {
+                self.lead(Judged {
+                    chromosome: chromosome.clone(),
+                    cost: evaluation.cost,
+                });
+            }
+        }
+    }
+
+    /// Enters a candidate among the leaders, in place of those that it resembles and beats.
+    fn lead(&mut self, candidate: Judged) {
+        let worst = self
+            .state
+            .leaders
+            .last()
+            .map_or(f64::INFINITY, |leader| leader.cost);
+        let places = self.settings.refine_candidates.max(1) as usize;
+        if self.state.leaders.len() >= places && candidate.cost >= worst {
+            return;
+        }
+        let positions = self.encoding.decode(&candidate.chromosome);
+        let alike = |leader: &Judged| {
+            let other = self.encoding.decode(&leader.chromosome);
+            positions
+                .iter()
+                .zip(other)
+                .all(|(a, b)| (a - b).abs() < SMALLEST_DISTANCE)
+        };
+        let leaders = &self.state.leaders;
+        if leaders
+            .iter()
+            .any(|leader| alike(leader) && leader.cost <= candidate.cost)
+        {
+            return;
+        }
+        let leads = leaders
+            .first()
+            .is_none_or(|champion| candidate.cost < champion.cost);
+        let mut kept: Vec<Judged> = leaders
+            .iter()
+            .filter(|leader| !alike(leader))
+            .cloned()
+            .collect();
+        kept.push(candidate);
+        kept.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        kept.truncate(places);
+        self.state.leaders = kept;
+        if leads {
+            self.state.best_generation = Some(self.state.generation);
+        }
+    }
+
+    fn remember_credit(&mut self, credits: &Credits) {
+        let best = largest(&credits.credit);
+        if self
+            .state
+            .best_credit
+            .is_none_or(|(credit, _)| best > credit)
+        {
+            self.state.best_credit = Some((best, self.state.generation));
+        }
+    }
+
+    fn row(
+        &self,
+        problem: &Problem,
+        evaluations: &[Arc<Evaluation>],
+        credits: &Credits,
+    ) -> GenerationRow {
+        let champion = self.state.leaders.first();
+        let costs = || {
+            evaluations
+                .iter()
+                .map(|e| e.cost)
+                .filter(|cost| cost.is_finite())
+        };
+        GenerationRow {
+            generation: self.state.generation,
+            evaluations: self.state.counters.evaluations,
+            best_cost: champion.map_or(f64::INFINITY, |champion| champion.cost),
+            generation_best_cost: costs().fold(f64::INFINITY, f64::min),
+            mean_cost: crate::numerics::statistics::mean(costs()),
+            best_credit: largest(&credits.credit),
+            entropy: credits.entropy,
+            credit_updates: credits.updates as u32,
+            best: champion.map_or_else(Vec::new, |champion| {
+                problem.named_values(&self.encoding.decode(&champion.chromosome))
+            }),
+        }
+    }
+
+    fn stop_reason(&mut self) -> Option<StopReason> {
+        let cost = self
+            .state
+            .leaders
+            .first()
+            .map_or(f64::INFINITY, |champion| champion.cost);
+        let patience = self.settings.stagnation_generations;
+        let stagnated = self.state.stagnation.observe(cost, patience);
+        if self
+            .settings
+            .cost_target
+            .is_some_and(|target| cost <= target)
+        {
+            Some(StopReason::CostTarget)
+        } else if self.state.generation >= self.settings.generations {
+            Some(StopReason::GenerationLimit)
+        } else {
+            stagnated.then_some(StopReason::Stagnation)
+        }
+    }
+
+    fn stream(&self, purpose: Purpose) -> impl rng::Rng {
+        stream(self.seed, u64::from(self.state.generation), purpose)
+    }
+}
+
+fn index_of_best(evaluations: &[Arc<Evaluation>]) -> usize {
+    let costs = evaluations
+        .iter()
+        .map(|evaluation| evaluation.cost)
+        .enumerate();
+    costs
+        .min_by(|(_, a), (_, b)| a.total_cmp(b))
+        .map_or(0, |(index, _)| index)
+}
+
+fn largest(credits: &[f64]) -> f64 {
+    credits.iter().copied().fold(0.0, f64::max)
+}

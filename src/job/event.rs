@@ -1,0 +1,134 @@
+//! What is told while a job lives: the events of its stream, in the shapes that clients see.
+//!
+//! An event is a name and one line of JSON. The first event of a job is `state`, the last `end`.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use super::Status;
+
+/// One event of a job.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+#[serde(untagged)]
+pub enum Event {
+    /// `state`: the job came into a state.
+    State {
+        /// The state.
+        status: Status,
+    },
+    /// `generation`: the search finished a generation.
+    Generation(GenerationEvent),
+    /// `refinement`: the refinement finished an iteration.
+    Refinement {
+        /// Counts from 1.
+        iteration: u32,
+        /// The cost that the iteration reached.
+        cost: f64,
+    },
+    /// `result`: the job has an estimate.
+    Result {
+        /// The `parameters` of the result.
+        #[schema(value_type = Vec<Object>)]
+        parameters: Value,
+        /// The `fit` of the result.
+        #[schema(value_type = Object)]
+        fit: Value,
+    },
+    /// `end`: the last event; nothing follows.
+    End {
+        /// The terminal state.
+        status: Status,
+    },
+}
+
+/// What a generation of the search came to. The same row is kept in the job's history.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct GenerationEvent {
+    /// Counts from 1.
+    pub generation: u32,
+    /// Candidates judged since the job began.
+    pub evaluations: u64,
+    /// The lowest cost over all the data so far; `null` while every candidate diverged.
+    pub best_cost: Option<f64>,
+    /// The mean cost of this generation's candidates that did not diverge.
+    pub mean_cost: Option<f64>,
+    /// The largest credit at the end of the competition.
+    pub best_credit: Option<f64>,
+    /// The entropy of the credits at the end of the competition [nat].
+    pub entropy: Option<f64>,
+    /// Blocks of data judged before the credits were concentrated enough.
+    pub credit_updates: u32,
+    /// The champion: each free parameter's value, SI.
+    #[schema(value_type = Object)]
+    pub best: serde_json::Map<String, Value>,
+}
+
+impl Event {
+    /// The name of the event in the stream.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Event::State { .. } => "state",
+            Event::Generation(_) => "generation",
+            Event::Refinement { .. } => "refinement",
+            Event::Result { .. } => "result",
+            Event::End { .. } => "end",
+        }
+    }
+
+    /// The data of the event: one line of JSON.
+    pub fn data(&self) -> String {
+        serde_json::to_string(self).expect("an event has only text keys")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn data_has_the_shapes_that_clients_rely_on() {
+        let state = Event::State {
+            status: Status::Queued,
+        };
+        assert_eq!(
+            (state.name(), &*state.data()),
+            ("state", r#"{"status":"queued"}"#)
+        );
+
+        let refinement = Event::Refinement {
+            iteration: 3,
+            cost: 0.5,
+        };
+        assert_eq!(refinement.data(), r#"{"iteration":3,"cost":0.5}"#);
+
+        let result = Event::Result {
+            parameters: json!([{"name": "mass"}]),
+            fit: json!({}),
+        };
+        assert_eq!(
+            result.data(),
+            r#"{"parameters":[{"name":"mass"}],"fit":{}}"#
+        );
+    }
+
+    #[test]
+    fn a_generation_is_one_line_without_nan() {
+        let event = Event::Generation(GenerationEvent {
+            generation: 1,
+            evaluations: 30,
+            best_cost: Some(f64::NAN),
+            mean_cost: None,
+            best_credit: Some(0.4),
+            entropy: Some(1.2),
+            credit_updates: 430,
+            best: serde_json::Map::from_iter([("mass".to_owned(), json!(58.0))]),
+        });
+        assert_eq!(
+            event.data(),
+            r#"{"generation":1,"evaluations":30,"best_cost":null,"mean_cost":null,"best_credit":0.4,"entropy":1.2,"credit_updates":430,"best":{"mass":58.0}}"#
+        );
+    }
+}

@@ -1,0 +1,52 @@
+//! Why a job failed, in the shape of a problem (RFC 9457).
+
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// Why a job failed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Failure {
+    /// Names the kind of failure.
+    #[serde(rename = "type")]
+    pub kind: Cow<'static, str>,
+    /// The kind in words.
+    pub title: Cow<'static, str>,
+    /// 422 where the job itself is at fault, 500 where the program is.
+    pub status: u16,
+    /// What happened.
+    pub detail: String,
+}
+
+impl Failure {
+    /// The method panicked.
+    pub fn panicked(message: &str) -> Self {
+        Self {
+            kind: "/problems/estimation-panicked".into(),
+            title: "The estimation broke off".into(),
+            status: 500,
+            detail: format!("the method panicked: {message}"),
+        }
+    }
+
+    /// The job took its server down, again and again.
+    pub fn crashed_too_often(attempts: u32) -> Self {
+        Self {
+            kind: "/problems/crashed-too-often".into(),
+            title: "The server went down with this job".into(),
+            status: 500,
+            detail: format!("{attempts} slices in a row ended without a checkpoint"),
+        }
+    }
+
+    /// The stored job or checkpoint cannot be worked.
+    pub fn cannot_run(detail: String) -> Self {
+        Self {
+            kind: "/problems/cannot-run".into(),
+            title: "The job cannot be worked".into(),
+            status: 422,
+            detail,
+        }
+    }
+}

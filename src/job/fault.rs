@@ -1,0 +1,74 @@
+//! One thing that is wrong with a document, said so that its author can mend it.
+//!
+//! A reader that finds faults reports all of them at once, each with the place in the document.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// One fault in a submitted document.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Fault {
+    /// Where: a JSON pointer (RFC 6901) into the document, empty for the whole of it.
+    #[schema(example = "/parameters/mass/estimate/lower")]
+    pub pointer: String,
+    /// What kind of fault, for programs: stable snake_case.
+    #[schema(value_type = String, example = "bounds_reversed")]
+    pub code: Cow<'static, str>,
+    /// What is wrong, for people, with the numbers in it.
+    #[schema(example = "lower 120 is not below upper 20")]
+    pub detail: String,
+}
+
+impl Fault {
+    /// A fault at `pointer`.
+    pub fn new(
+        pointer: impl Into<String>,
+        code: impl Into<Cow<'static, str>>,
+        detail: impl Into<String>,
+    ) -> Self {
+        Self {
+            pointer: pointer.into(),
+            code: code.into(),
+            detail: detail.into(),
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.pointer.is_empty() {
+            write!(f, "{}", self.detail)
+        } else {
+            write!(f, "{}: {}", self.pointer, self.detail)
+        }
+    }
+}
+
+impl std::error::Error for Fault {}
+
+/// Appends one reference token to a JSON pointer, escaped as RFC 6901 section 3 asks.
+pub fn pointer_to(parent: &str, token: &str) -> String {
+    format!("{parent}/{}", token.replace('~', "~0").replace('/', "~1"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pointer_escapes_tilde_and_slash_so_that_serde_json_finds_the_place_again() {
+        let document = serde_json::json!({"labels": {"a/b~c": 7}});
+        let pointer = pointer_to("/labels", "a/b~c");
+        assert_eq!(pointer, "/labels/a~1b~0c");
+        assert_eq!(document.pointer(&pointer), Some(&serde_json::json!(7)));
+    }
+
+    #[test]
+    fn a_fault_reads_as_place_and_sentence() {
+        let fault = Fault::new("/seed", "out_of_range", "-1 is below 0");
+        assert_eq!(fault.to_string(), "/seed: -1 is below 0");
+    }
+}

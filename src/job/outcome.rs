@@ -1,0 +1,311 @@
+//! The result document of a job: what was estimated, how well it is known, and what made it.
+//!
+//! Every number in it is finite. A number that could not be had is absent (`null`) and a
+//! `…_reason` beside it says why.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// The result of a job.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Outcome {
+    /// The job that it belongs to.
+    #[schema(example = "job_0198c0de-0000-7000-8000-000000000001")]
+    pub job: String,
+    /// The model whose parameters were estimated.
+    #[schema(example = "single_rod_servo")]
+    pub model: String,
+    /// Why the search ended: `generation_limit`, `cost_target`, `stagnation`, `time_limit`,
+    /// `cancelled` or `paused`.
+    #[schema(example = "stagnation")]
+    pub stop_reason: String,
+    /// Whether to trust the numbers, and why not.
+    pub verdict: Verdict,
+    /// The estimated parameters, in the order of the model.
+    pub parameters: Vec<ParameterEstimate>,
+    /// The estimated initial states, experiment by experiment.
+    pub initial_states: Vec<InitialStateEstimate>,
+    /// How the estimates' errors hang together; `null` where no covariance could be had.
+    pub correlation: Option<Correlation>,
+    /// How well the simulated outputs follow the measured ones.
+    pub fit: Fit,
+    /// What the residuals look like, by output.
+    pub residuals: BTreeMap<String, ResidualReport>,
+    /// The cost at the estimate and the usual information criteria.
+    pub criteria: Criteria,
+    /// What the search did.
+    pub search: SearchReport,
+    /// Each start of the refinement and where it ended, best first.
+    pub starts: Vec<StartReport>,
+    /// What made this result; equal engines make equal bits.
+    pub engine: Engine,
+}
+
+/// How far a result can be trusted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Verdict {
+    /// The grade.
+    pub trust: Trust,
+    /// What speaks against the result; empty when nothing does.
+    pub reasons: Vec<Reason>,
+}
+
+/// The grade of a verdict.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Trust {
+    /// Do not use the numbers.
+    Low,
+    /// Use the numbers with the reasons in mind.
+    Medium,
+    /// Nothing speaks against the numbers.
+    High,
+}
+
+/// One thing that speaks against a result.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Reason {
+    /// What kind of doubt, for programs.
+    #[schema(example = "residuals_not_white")]
+    pub code: String,
+    /// What the doubt is, for people, with the numbers in it.
+    pub detail: String,
+}
+
+/// One estimated parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ParameterEstimate {
+    /// The name in the job, e.g. `mass`.
+    #[schema(example = "mass")]
+    pub name: String,
+    /// The symbol in the equations.
+    #[schema(example = "M")]
+    pub symbol: String,
+    /// The SI unit of every number below.
+    #[schema(example = "kg")]
+    pub unit: String,
+    /// What is known about its value.
+    #[serde(flatten)]
+    pub estimate: Estimate,
+}
+
+/// One estimated initial state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct InitialStateEstimate {
+    /// The experiment, counted from 0 in the order of the job.
+    pub experiment: usize,
+    /// The state of the model.
+    #[schema(example = "velocity")]
+    pub state: String,
+    /// The SI unit of every number below.
+    #[schema(example = "m/s")]
+    pub unit: String,
+    /// What is known about its value.
+    #[serde(flatten)]
+    pub estimate: Estimate,
+}
+
+/// An estimated value and how well it is known.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Estimate {
+    /// The value with the lowest cost.
+    #[schema(example = 58.02)]
+    pub estimate: f64,
+    /// One standard deviation of the estimate's error.
+    #[schema(example = 0.31)]
+    pub standard_error: Option<f64>,
+    /// Why there is no standard error.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub standard_error_reason: Option<String>,
+    /// The range that holds the true value with the stated probability.
+    pub confidence_interval: Option<ConfidenceInterval>,
+    /// Why there is no confidence interval.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confidence_interval_reason: Option<String>,
+    /// The lower bound of the search.
+    #[schema(example = 20.0)]
+    pub lower: f64,
+    /// The upper bound of the search.
+    #[schema(example = 120.0)]
+    pub upper: f64,
+    /// Whether the estimate lies at a bound: the true value may then be outside.
+    pub at_bound: bool,
+    /// Whether the data determine it at all.
+    pub identifiable: bool,
+}
+
+/// A confidence interval; an end that the data leave open is `null`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ConfidenceInterval {
+    /// The probability that the interval holds the true value.
+    #[schema(example = 0.95)]
+    pub level: f64,
+    /// The lower end.
+    pub lower: Option<f64>,
+    /// The upper end.
+    pub upper: Option<f64>,
+    /// How it was made: `fisher` (curvature at the estimate) or `profile` (likelihood profile).
+    #[schema(example = "fisher")]
+    pub method: String,
+}
+
+/// The correlation of the estimates' errors.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Correlation {
+    /// The rows' and columns' names.
+    pub names: Vec<String>,
+    /// Row by row; `null` where a variance is zero or unknown.
+    pub matrix: Vec<Vec<Option<f64>>>,
+}
+
+/// The fit over the data used for estimation, and over the data held back.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Fit {
+    /// Over the data that were used, by output.
+    pub estimation: BTreeMap<String, OutputFit>,
+    /// Over the data that were held back, by output; empty when none were.
+    pub validation: BTreeMap<String, OutputFit>,
+}
+
+/// How one simulated output follows the measured one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct OutputFit {
+    /// `100·(1 − ‖y − ŷ‖ / ‖y − mean(y)‖)`; `null` where the measured output is constant.
+    #[schema(example = 97.3)]
+    pub fit_percent: Option<f64>,
+    /// Root-mean-square error, SI.
+    #[schema(example = 1.1e-5)]
+    pub rmse: Option<f64>,
+    /// Largest error, SI.
+    #[schema(example = 9e-5)]
+    pub max_abs_error: Option<f64>,
+    /// The number of samples compared; missing samples are not.
+    #[schema(example = 9000)]
+    pub samples: u64,
+    /// Why a number above is `null`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+/// What the residuals of one output look like over the estimation data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ResidualReport {
+    /// The noise level that the cost was scaled with, SI.
+    pub noise_std: f64,
+    /// Where the noise level came from: `given` in the job, or `estimated` from the residuals.
+    #[schema(example = "given")]
+    pub noise_std_source: String,
+    /// Mean squared residual in units of the noise level; near 1 when the model explains the data.
+    pub chi_square_per_sample: Option<f64>,
+    /// The correlation of neighbouring residuals.
+    pub lag_1_autocorrelation: Option<f64>,
+    /// Whether the residuals pass for white noise at the 1 % level; `null` when too few.
+    pub white: Option<bool>,
+    /// How many independent residuals they are worth.
+    pub effective_samples: Option<f64>,
+}
+
+/// The cost and the information criteria.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Criteria {
+    /// The cost at the estimate.
+    pub cost: Option<f64>,
+    /// Akaike's information criterion.
+    pub aic: Option<f64>,
+    /// Akaike's criterion, corrected for few samples.
+    pub aicc: Option<f64>,
+    /// The Bayesian information criterion.
+    pub bic: Option<f64>,
+    /// Akaike's final prediction error.
+    pub fpe: Option<f64>,
+    /// Why a number above is `null`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+/// What the search did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct SearchReport {
+    /// Generations completed.
+    pub generations: u32,
+    /// Candidates judged, repeats included.
+    pub evaluations: u64,
+    /// Candidates simulated; repeats are not simulated again.
+    pub distinct_evaluations: u64,
+    /// Candidates whose simulation failed, counted by cause.
+    pub failed_evaluations: BTreeMap<String, u64>,
+    /// The best credit of the last generation; `null` for methods without credits.
+    pub best_credit: Option<f64>,
+    /// The generation in which the champion was found.
+    pub best_generation: Option<u32>,
+}
+
+/// One start of the refinement.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct StartReport {
+    /// The cost where it started.
+    pub initial_cost: Option<f64>,
+    /// The cost where it ended.
+    pub cost: Option<f64>,
+    /// Where it ended, SI.
+    pub parameters: BTreeMap<String, f64>,
+}
+
+/// What made a result.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Engine {
+    /// The seed of every random number.
+    pub seed: u64,
+    /// The version of greybox.
+    pub version: String,
+    /// The digest of the completed specification.
+    #[schema(example = "sha256:9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08")]
+    pub spec_digest: String,
+    /// The digests of the recordings, in the order of the experiments.
+    pub dataset_digests: Vec<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_estimate_stands_beside_its_name_as_the_contract_shows_it() {
+        let parameter = ParameterEstimate {
+            name: "mass".into(),
+            symbol: "M".into(),
+            unit: "kg".into(),
+            estimate: Estimate {
+                estimate: 58.02,
+                standard_error: None,
+                standard_error_reason: Some("the job was cancelled".into()),
+                confidence_interval: Some(ConfidenceInterval {
+                    level: 0.95,
+                    lower: Some(57.4),
+                    upper: None,
+                    method: "fisher".into(),
+                }),
+                confidence_interval_reason: None,
+                lower: 20.0,
+                upper: 120.0,
+                at_bound: false,
+                identifiable: true,
+            },
+        };
+        let json = serde_json::to_value(&parameter).unwrap();
+        assert_eq!(
+            json,
+            serde_json::json!({
+                "name": "mass", "symbol": "M", "unit": "kg", "estimate": 58.02,
+                "standard_error": null, "standard_error_reason": "the job was cancelled",
+                "confidence_interval":
+                    {"level": 0.95, "lower": 57.4, "upper": null, "method": "fisher"},
+                "lower": 20.0, "upper": 120.0, "at_bound": false, "identifiable": true
+            })
+        );
+        let back: ParameterEstimate = serde_json::from_value(json).unwrap();
+        assert_eq!(back, parameter);
+    }
+}

@@ -1,0 +1,494 @@
+//! What a job is asked to do. A [`JobSpec`] that exists can run.
+//!
+//! [`JobSpec::read`] turns a submitted document into one: it collects all faults at once and
+//! completes every default, so that the stored specification says everything that made a result
+//! and reads back to itself.
+
+use std::collections::{BTreeMap, HashMap};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use super::fault::Fault;
+use super::id::DatasetId;
+use crate::dataset::Summary;
+use crate::estimation::Settings;
+use crate::model::{InitialState, ModelDescription, Scale};
+
+pub mod document;
+mod experiment;
+mod method;
+mod parameter;
+mod reader;
+#[cfg(test)]
+mod tests;
+
+use reader::{Faults, Field, did_you_mean, listed};
+
+/// The experiments of one job at the most.
+pub const MAX_EXPERIMENTS: usize = 32;
+/// The labels of one job at the most.
+pub const MAX_LABELS: usize = 16;
+/// The characters of a name or a label at the most.
+pub const MAX_NAME_CHARS: usize = 200;
+/// The largest seed: every JSON client keeps it exactly.
+pub const MAX_SEED: u64 = (1 << 53) - 1;
+/// The share of the data held back at the most.
+pub const MAX_VALIDATION_FRACTION: f64 = 0.9;
+/// How long a job may compute when it does not say [s].
+pub const DEFAULT_MAX_DURATION_S: f64 = 3600.0;
+
+/// An estimation job: what is measured, what is unknown, how it is looked for.
+///
+/// Only `model` and `experiments` are needed; everything else has a default.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({
+    "name": "rig 4 commissioning",
+    "labels": {"site": "hall 2"},
+    "model": "single_rod_servo",
+    "experiments": [{
+        "dataset": "ds_0192d3a4b5c67d8e9f00112233445566",
+        "signals": {"reference": "reference", "position": "position"},
+        "window": {"from_s": 0, "to_s": 60}
+    }],
+    "parameters": {
+        "mass": {"estimate": {"lower": 20, "upper": 120}},
+        "supply_pressure": {"value": 7e6}
+    },
+    "outputs": {"position": {"noise_std": 1e-5}},
+    "method": {"name": "icra_genetic", "population": 30, "generations": 200},
+    "validation": {"fraction": 0.25},
+    "limits": {"max_duration_s": 600},
+    "seed": 1
+}))]
+pub struct JobSpec {
+    /// A name for people.
+    #[schema(max_length = 200)]
+    pub name: Option<String>,
+    /// Up to 16 words to find the job by, e.g. `{"site": "hall 2"}`.
+    #[serde(default)]
+    #[schema(example = json!({"site": "hall 2"}))]
+    pub labels: BTreeMap<String, String>,
+    /// The model whose parameters are estimated; `/v1/models` lists them.
+    #[schema(example = "single_rod_servo")]
+    pub model: String,
+    /// The recordings to explain, all with the same parameters.
+    #[schema(min_items = 1, max_items = 32)]
+    pub experiments: Vec<ExperimentSpec>,
+    /// By the model's name, what is known about each parameter. A parameter that is not named is
+    /// estimated when the model calls it unknown by default, else it has the model's default.
+    #[serde(default)]
+    pub parameters: BTreeMap<String, ParameterSpec>,
+    /// By the model's name, what is known about each measured output.
+    #[serde(default)]
+    pub outputs: BTreeMap<String, OutputSpec>,
+    /// How the parameters are looked for.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub method: Settings,
+    /// Which data are held back to check the result.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub validation: ValidationSpec,
+    /// When to stop at the latest.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub limits: LimitsSpec,
+    /// Where every random number comes from; drawn when absent.
+    #[schema(required = false, maximum = 9007199254740991_i64)]
+    pub seed: u64,
+}
+
+/// One recording and how the model sees it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ExperimentSpec {
+    /// The stored recording.
+    pub dataset: DatasetId,
+    /// From the model's signals to the recording's; left out, equal names are taken.
+    #[serde(default)]
+    #[schema(example = json!({"reference": "reference", "position": "position"}))]
+    pub signals: BTreeMap<String, String>,
+    /// The part of the recording to use; left out, all of it.
+    pub window: Option<WindowSpec>,
+    /// By the model's name, where each state starts; left out, as the model says.
+    #[serde(default)]
+    pub initial_state: BTreeMap<String, InitialStateSpec>,
+}
+
+/// A part of a recording, in seconds from its first sample.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WindowSpec {
+    /// The first instant used; left out, the first sample.
+    #[schema(minimum = 0)]
+    pub from_s: Option<f64>,
+    /// The last instant used; left out, the last sample.
+    #[schema(minimum = 0)]
+    pub to_s: Option<f64>,
+}
+
+/// Where a state starts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum InitialStateSpec {
+    /// At a known value, SI.
+    Fixed(FixedValue),
+    /// At a bare number, SI. The completed specification says `{"value": …}`.
+    Number(f64),
+    /// At the first measured sample; for states that are measured outputs.
+    Measured(FirstSample),
+    /// Unknown: estimated between two bounds.
+    Free(FreeState),
+}
+
+/// The word `first_sample`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FirstSample {
+    /// The first measured sample.
+    FirstSample,
+}
+
+/// An unknown initial state.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FreeState {
+    /// The bounds of the search.
+    pub estimate: StateRange,
+}
+
+/// The search range of an initial state, SI.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"lower": -0.1, "upper": 0.1}))]
+pub struct StateRange {
+    /// The lower bound.
+    pub lower: f64,
+    /// The upper bound.
+    pub upper: f64,
+}
+
+/// What is known about a parameter: its value, or a range to look in.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum ParameterSpec {
+    /// Known.
+    Fixed(FixedValue),
+    /// Unknown: estimated between two bounds.
+    Free(FreeParameter),
+}
+
+/// A known value, SI.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FixedValue {
+    /// The value, SI.
+    #[schema(example = 7e6)]
+    pub value: f64,
+}
+
+/// An unknown parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FreeParameter {
+    /// The range of the search; what is left out is the model's.
+    pub estimate: SearchRange,
+}
+
+/// The search range of a parameter, SI.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"lower": 2e8, "upper": 2.4e9, "scale": "log"}))]
+pub struct SearchRange {
+    /// The lower bound.
+    #[schema(required = false)]
+    pub lower: f64,
+    /// The upper bound.
+    #[schema(required = false)]
+    pub upper: f64,
+    /// How the range is laid out.
+    #[schema(required = false)]
+    pub scale: Scale,
+}
+
+/// What is known about a measured output.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OutputSpec {
+    /// The standard deviation of its measurement noise, SI; left out, it is estimated.
+    #[schema(exclusive_minimum = 0, example = 1e-5)]
+    pub noise_std: Option<f64>,
+}
+
+/// Which data are held back to check the result.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ValidationSpec {
+    /// The share of each experiment, at its end, that the estimation does not see.
+    #[schema(minimum = 0, maximum = 0.9)]
+    pub fraction: f64,
+}
+
+impl Default for ValidationSpec {
+    fn default() -> Self {
+        Self { fraction: 0.25 }
+    }
+}
+
+/// When to stop at the latest.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct LimitsSpec {
+    /// Computing time [s]; the best estimate so far is then the result.
+    #[schema(exclusive_minimum = 0)]
+    pub max_duration_s: f64,
+}
+
+impl Default for LimitsSpec {
+    fn default() -> Self {
+        Self {
+            max_duration_s: DEFAULT_MAX_DURATION_S,
+        }
+    }
+}
+
+/// What a document is read against.
+pub struct Context<'a> {
+    /// The models that there are.
+    pub models: Vec<&'a ModelDescription>,
+    /// The recordings that the document may name; see [`JobSpec::datasets_named`].
+    pub datasets: &'a HashMap<DatasetId, Summary>,
+    /// The longest computing time that a job may ask for [s].
+    pub max_duration_s: f64,
+}
+
+impl JobSpec {
+    /// Reads a submitted document, or says everything that is wrong with it.
+    pub fn read(document: &Value, context: &Context<'_>) -> Result<JobSpec, Vec<Fault>> {
+        let faults = Faults::default();
+        let spec = read_spec(&Field::root(document, &faults), context);
+        let found = faults.into_vec();
+        match spec {
+            Some(spec) if found.is_empty() => Ok(spec),
+            _ => Err(found),
+        }
+    }
+
+    /// The recordings that a document names, whether or not the rest of it makes sense.
+    pub fn datasets_named(document: &Value) -> Vec<DatasetId> {
+        let experiments = document.get("experiments").and_then(Value::as_array);
+        let mut ids: Vec<DatasetId> = experiments
+            .into_iter()
+            .flatten()
+            .take(MAX_EXPERIMENTS)
+            .filter_map(|experiment| experiment.get("dataset")?.as_str()?.parse().ok())
+            .collect();
+        ids.sort();
+        ids.dedup();
+        ids
+    }
+}
+
+/// Every section is read even when an earlier one is wrong; only a section that cannot be
+/// understood without another (signals without the model) is left out.
+fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
+    let mut root = document.object()?;
+    let name = root
+        .optional("name")
+        .and_then(|field| short_text(&field).map(str::to_owned));
+    let labels = root.optional("labels").map(|field| read_labels(&field));
+    let model = root
+        .required("model")
+        .and_then(|field| read_model(&field, &context.models));
+    let experiments = root
+        .required("experiments")
+        .and_then(|field| experiment::read_all(&field, model, context.datasets));
+    let parameters = root.optional("parameters");
+    let parameters = model.map(|model| parameter::read_all(parameters.as_ref(), model));
+    let outputs = root.optional("outputs");
+    let outputs = outputs.map(|field| read_outputs(&field, model, experiments.as_deref()));
+    let method = root.optional("method").map(|field| method::read(&field));
+    let validation = root
+        .optional("validation")
+        .map(|field| read_validation(&field));
+    let limits = root
+        .optional("limits")
+        .map(|field| read_limits(&field, context.max_duration_s));
+    let seed = root
+        .optional("seed")
+        .map_or_else(|| Some(drawn_seed()), |field| field.integer(0, MAX_SEED));
+    if let (Some(model), Some(parameters), Some(experiments)) = (model, &parameters, &experiments)
+        && !anything_free(model, parameters, experiments)
+    {
+        let detail = "every parameter and every initial state is fixed: there is nothing to \
+                      estimate; free one with {\"estimate\": {}}";
+        root.fault("nothing_to_estimate", detail);
+    }
+    root.finish();
+    Some(JobSpec {
+        name,
+        labels: labels.unwrap_or_default(),
+        model: model?.name.to_owned(),
+        experiments: experiments?,
+        parameters: parameters?,
+        outputs: outputs.unwrap_or_default(),
+        method: method.unwrap_or_default(),
+        validation: validation.unwrap_or_default(),
+        limits: limits.unwrap_or(LimitsSpec {
+            max_duration_s: DEFAULT_MAX_DURATION_S.min(context.max_duration_s),
+        }),
+        seed: seed?,
+    })
+}
+
+fn read_model<'m>(
+    field: &Field<'_>,
+    models: &[&'m ModelDescription],
+) -> Option<&'m ModelDescription> {
+    let name = field.text()?;
+    let model = models.iter().copied().find(|model| model.name == name);
+    if model.is_none() {
+        let names: Vec<&str> = models.iter().map(|model| model.name).collect();
+        let hint = did_you_mean(name, names.iter().copied());
+        let name: String = name.chars().take(MAX_NAME_CHARS).collect();
+        let detail = format!("there is no model `{name}`, only {}{hint}", listed(&names));
+        field.fault("unknown_model", detail);
+    }
+    model
+}
+
+fn read_labels(field: &Field<'_>) -> BTreeMap<String, String> {
+    let Some(object) = field.object() else {
+        return BTreeMap::new();
+    };
+    let entries = object.entries();
+    if entries.len() > MAX_LABELS {
+        let detail = format!("{} labels are more than {MAX_LABELS}", entries.len());
+        field.fault("too_many", detail);
+    }
+    let mut labels = BTreeMap::new();
+    for (key, value) in entries {
+        if key.is_empty() || key.chars().count() > MAX_NAME_CHARS {
+            let detail = format!("a label's name has 1 to {MAX_NAME_CHARS} characters");
+            value.fault("out_of_range", detail);
+        }
+        if let Some(text) = short_text(&value) {
+            labels.insert(key.to_owned(), text.to_owned());
+        }
+    }
+    labels
+}
+
+/// A text of at most [`MAX_NAME_CHARS`] characters.
+fn short_text<'v>(field: &Field<'v>) -> Option<&'v str> {
+    let text = field.text()?;
+    let length = text.chars().count();
+    if length > MAX_NAME_CHARS {
+        let detail = format!("{length} characters are more than {MAX_NAME_CHARS}");
+        field.fault("too_long", detail);
+        return None;
+    }
+    Some(text)
+}
+
+fn read_outputs(
+    field: &Field<'_>,
+    model: Option<&ModelDescription>,
+    experiments: Option<&[ExperimentSpec]>,
+) -> BTreeMap<String, OutputSpec> {
+    let mut outputs = BTreeMap::new();
+    for (name, field) in field.object().map(|o| o.entries()).unwrap_or_default() {
+        check_output(name, &field, model, experiments);
+        let Some(mut object) = field.object() else {
+            continue;
+        };
+        let noise_std = object.optional("noise_std").and_then(|f| f.positive());
+        object.finish();
+        outputs.insert(name.to_owned(), OutputSpec { noise_std });
+    }
+    outputs
+}
+
+/// An output that is described must be one of the model, and be measured.
+fn check_output(
+    name: &str,
+    field: &Field<'_>,
+    model: Option<&ModelDescription>,
+    experiments: Option<&[ExperimentSpec]>,
+) {
+    let Some(model) = model else {
+        return;
+    };
+    let known = || model.outputs.iter().map(|output| output.name);
+    if !known().any(|output| output == name) {
+        let names: Vec<&str> = known().collect();
+        let hint = did_you_mean(name, known());
+        let detail = format!(
+            "the outputs of `{}` are {}{hint}",
+            model.name,
+            listed(&names)
+        );
+        field.fault("unknown_output", detail);
+    } else if let Some(experiments) = experiments
+        && !experiments.iter().any(|e| e.signals.contains_key(name))
+    {
+        let detail = format!("no experiment measures `{name}`");
+        field.fault("output_not_measured", detail);
+    }
+}
+
+fn read_validation(field: &Field<'_>) -> ValidationSpec {
+    let mut validation = ValidationSpec::default();
+    if let Some(mut object) = field.object() {
+        let fraction = object
+            .optional("fraction")
+            .and_then(|field| field.number_within(0.0, MAX_VALIDATION_FRACTION));
+        validation.fraction = fraction.unwrap_or(validation.fraction);
+        object.finish();
+    }
+    validation
+}
+
+fn read_limits(field: &Field<'_>, longest: f64) -> LimitsSpec {
+    let mut max_duration_s = DEFAULT_MAX_DURATION_S.min(longest);
+    if let Some(mut object) = field.object() {
+        if let Some(field) = object.optional("max_duration_s")
+            && let Some(asked) = field.positive()
+        {
+            if asked > longest {
+                let detail = format!("{asked} s is more than this server allows, {longest} s");
+                field.fault("out_of_range", detail);
+            }
+            max_duration_s = asked;
+        }
+        object.finish();
+    }
+    LimitsSpec { max_duration_s }
+}
+
+fn anything_free(
+    model: &ModelDescription,
+    parameters: &BTreeMap<String, ParameterSpec>,
+    experiments: &[ExperimentSpec],
+) -> bool {
+    let free_state = |experiment: &ExperimentSpec| {
+        model
+            .states
+            .iter()
+            .any(|state| match experiment.initial_state.get(state.name) {
+                Some(said) => matches!(said, InitialStateSpec::Free(_)),
+                None => state.initial != InitialState::Model,
+            })
+    };
+    let mut said = parameters.values();
+    said.any(|p| matches!(p, ParameterSpec::Free(_))) || experiments.iter().any(free_state)
+}
+
+/// A seed for a job that brings none, from the random bits of a fresh identifier.
+fn drawn_seed() -> u64 {
+    Uuid::now_v7().as_u64_pair().1 & MAX_SEED
+}

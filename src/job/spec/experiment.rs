@@ -1,0 +1,338 @@
+//! The `experiments` section: which recordings, which of their signals, which part, from where.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::reader::{Field, Object, did_you_mean, listed};
+use super::{
+    ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec, MAX_EXPERIMENTS,
+    StateRange, WindowSpec,
+};
+use crate::dataset::Summary;
+use crate::job::id::DatasetId;
+use crate::model::{ModelDescription, SignalDescription};
+
+/// The experiments, or `None` when any of them is wrong.
+pub(super) fn read_all(
+    field: &Field<'_>,
+    model: Option<&ModelDescription>,
+    datasets: &HashMap<DatasetId, Summary>,
+) -> Option<Vec<ExperimentSpec>> {
+    let items = field.array()?;
+    if items.is_empty() || items.len() > MAX_EXPERIMENTS {
+        let detail = format!(
+            "{} experiments: there must be 1 to {MAX_EXPERIMENTS}",
+            items.len()
+        );
+        field.fault("out_of_range", detail);
+        return None;
+    }
+    let read: Vec<_> = items
+        .iter()
+        .map(|item| read(item, model, datasets))
+        .collect();
+    read.into_iter().collect()
+}
+
+fn read(
+    field: &Field<'_>,
+    model: Option<&ModelDescription>,
+    datasets: &HashMap<DatasetId, Summary>,
+) -> Option<ExperimentSpec> {
+    let mut object = field.object()?;
+    let dataset = object
+        .required("dataset")
+        .and_then(|field| read_dataset(&field, datasets));
+    let recording = dataset.map(|(_, recording)| recording);
+    let signals = object.optional("signals");
+    let signals = match (model, recording) {
+        (Some(model), Some(recording)) => Link { model, recording }.read(&object, signals.as_ref()),
+        _ => None,
+    };
+    let window = object.optional("window");
+    let window = window.map(|field| read_window(&field, recording));
+    let initial_state = object.optional("initial_state");
+    let initial_state = match (&initial_state, model) {
+        (Some(field), Some(model)) => read_initial_state(field, model, signals.as_ref()),
+        _ => BTreeMap::new(),
+    };
+    object.finish();
+    Some(ExperimentSpec {
+        dataset: dataset?.0,
+        signals: signals?,
+        window: window.flatten(),
+        initial_state,
+    })
+}
+
+fn read_dataset<'d>(
+    field: &Field<'_>,
+    datasets: &'d HashMap<DatasetId, Summary>,
+) -> Option<(DatasetId, &'d Summary)> {
+    let id: DatasetId = match field.text()?.parse() {
+        Ok(id) => id,
+        Err(error) => {
+            field.fault("unknown_dataset", format!("{error}"));
+            return None;
+        }
+    };
+    let found = datasets.get(&id).map(|summary| (id, summary));
+    if found.is_none() {
+        field.fault("unknown_dataset", format!("there is no dataset {id}"));
+    }
+    found
+}
+
+/// A model and the recording that it is to explain.
+struct Link<'a> {
+    model: &'a ModelDescription,
+    recording: &'a Summary,
+}
+
+impl Link<'_> {
+    /// The map from model signals to recorded ones: one whole set of inputs, and at least one
+    /// measured output.
+    fn read(
+        &self,
+        experiment: &Object<'_>,
+        signals: Option<&Field<'_>>,
+    ) -> Option<BTreeMap<String, String>> {
+        let named = match signals {
+            Some(field) => self.named(field)?,
+            None => self.of_equal_names(),
+        };
+        let place = |code: &'static str, detail: String| match signals {
+            Some(field) => field.fault(code, detail),
+            None => experiment.fault(code, detail),
+        };
+        let inputs = self.inputs(&named);
+        if inputs.is_none() {
+            place("inputs_missing", self.inputs_missing());
+        }
+        let is_output = |name: &str| self.model.outputs.iter().any(|o| o.name == name);
+        if !named.keys().any(|name| is_output(name)) {
+            let names: Vec<&str> = self.model.outputs.iter().map(|o| o.name).collect();
+            let detail = format!(
+                "no output is measured: {} of `{}` must be recorded",
+                listed(&names),
+                self.model.name
+            );
+            place("no_measured_output", detail);
+            return None;
+        }
+        let inputs = inputs?;
+        let used = |name: &str| is_output(name) || inputs.contains(&name);
+        if let (Some(field), Some(unused)) = (signals, named.keys().find(|name| !used(name))) {
+            let detail = format!(
+                "`{unused}` is not used when the model is driven by {}; leave one of them out",
+                listed(&inputs)
+            );
+            field.fault("inputs_conflict", detail);
+            return None;
+        }
+        Some(named.into_iter().filter(|(name, _)| used(name)).collect())
+    }
+
+    /// The model's inputs and outputs that the recording has under the same name.
+    fn of_equal_names(&self) -> BTreeMap<String, String> {
+        self.model_signals()
+            .filter(|signal| self.recorded(signal.name) && self.unit_fits(signal, signal.name))
+            .map(|signal| (signal.name.to_owned(), signal.name.to_owned()))
+            .collect()
+    }
+
+    fn named(&self, field: &Field<'_>) -> Option<BTreeMap<String, String>> {
+        let mut named = BTreeMap::new();
+        let entries = field.object()?.entries();
+        let n_entries = entries.len();
+        for (name, field) in entries {
+            let signal = self.model_signals().find(|signal| signal.name == name);
+            if signal.is_none() {
+                let hint = did_you_mean(name, self.model_signals().map(|signal| signal.name));
+                let detail = format!("`{}` has no signal of this name{hint}", self.model.name);
+                field.fault("unknown_model_signal", detail);
+            }
+            let recorded = field.text();
+            if let (Some(signal), Some(recorded)) = (signal, recorded)
+                && self.fits(&field, signal, recorded)
+            {
+                named.insert(name.to_owned(), recorded.to_owned());
+            }
+        }
+        (named.len() == n_entries).then_some(named)
+    }
+
+    /// Whether the recording has the signal in a unit that the model can take.
+    fn fits(&self, field: &Field<'_>, signal: &SignalDescription, recorded: &str) -> bool {
+        if !self.recorded(recorded) {
+            let names = self.recording.signals.iter().map(|s| s.name.as_str());
+            let hint = did_you_mean(recorded, names.clone());
+            let names: Vec<&str> = names.collect();
+            let detail = format!("the recording has only {}{hint}", listed(&names));
+            field.fault("unknown_dataset_signal", detail);
+            return false;
+        }
+        if !self.unit_fits(signal, recorded) {
+            let unit = self.unit_of(recorded).unwrap_or_default();
+            let detail = format!(
+                "`{recorded}` is recorded in {unit}, `{}` is in {}",
+                signal.name, signal.unit
+            );
+            field.fault("unit_mismatch", detail);
+            return false;
+        }
+        true
+    }
+
+    fn model_signals(&self) -> impl Iterator<Item = &SignalDescription> {
+        self.model.inputs.iter().chain(&self.model.outputs)
+    }
+
+    fn recorded(&self, name: &str) -> bool {
+        self.unit_of(name).is_some()
+    }
+
+    fn unit_of(&self, recorded: &str) -> Option<&str> {
+        let signal = self.recording.signals.iter().find(|s| s.name == recorded);
+        signal.map(|signal| signal.unit.as_str())
+    }
+
+    /// A recording without a unit is taken to be in the model's.
+    fn unit_fits(&self, signal: &SignalDescription, recorded: &str) -> bool {
+        self.unit_of(recorded)
+            .is_some_and(|unit| unit.is_empty() || unit == "1" || unit == signal.unit)
+    }
+
+    /// The first of the model's input sets that is fully there.
+    fn inputs(&self, named: &BTreeMap<String, String>) -> Option<Vec<&'static str>> {
+        let mut sets = self.model.input_sets.iter();
+        sets.find(|set| set.iter().all(|input| named.contains_key(*input)))
+            .cloned()
+    }
+
+    fn inputs_missing(&self) -> String {
+        let sets: Vec<String> = self
+            .model
+            .input_sets
+            .iter()
+            .map(|set| set.join(" + "))
+            .collect();
+        let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
+        let names: Vec<&str> = self
+            .recording
+            .signals
+            .iter()
+            .map(|signal| signal.name.as_str())
+            .collect();
+        format!(
+            "`{}` is driven by {}, which `signals` must give or the recording have by name; \
+             it has {}",
+            self.model.name,
+            listed(&sets),
+            listed(&names)
+        )
+    }
+}
+
+fn read_window(field: &Field<'_>, recording: Option<&Summary>) -> Option<WindowSpec> {
+    let mut object = field.object()?;
+    let from = object.optional("from_s");
+    let to = object.optional("to_s");
+    object.finish();
+    let from_s = from.as_ref().and_then(|f| inside(f, recording));
+    let to_s = to.as_ref().and_then(|f| inside(f, recording));
+    let start = from_s.unwrap_or(0.0);
+    if let Some(end) = to_s
+        && start >= end
+    {
+        let detail = format!("from_s {start} is not before to_s {end}");
+        field.fault("bounds_reversed", detail);
+    }
+    Some(WindowSpec { from_s, to_s })
+}
+
+/// An instant of the recording; the end of its last sample counts as inside.
+fn inside(field: &Field<'_>, recording: Option<&Summary>) -> Option<f64> {
+    let instant = field.number()?;
+    let end = recording.map(|recording| recording.duration_s + recording.sample_time_s);
+    if instant < 0.0 || end.is_some_and(|end| instant > end) {
+        let duration = recording.map_or(f64::INFINITY, |recording| recording.duration_s);
+        let detail = format!("{instant} s is outside the recording, 0 s to {duration} s");
+        field.fault("outside_recording", detail);
+        return None;
+    }
+    Some(instant)
+}
+
+fn read_initial_state(
+    field: &Field<'_>,
+    model: &ModelDescription,
+    signals: Option<&BTreeMap<String, String>>,
+) -> BTreeMap<String, InitialStateSpec> {
+    let mut states = BTreeMap::new();
+    for (name, field) in field.object().map(|o| o.entries()).unwrap_or_default() {
+        if !model.states.iter().any(|state| state.name == name) {
+            let names: Vec<&str> = model.states.iter().map(|state| state.name).collect();
+            let hint = did_you_mean(name, names.iter().copied());
+            let detail = format!(
+                "the states of `{}` are {}{hint}",
+                model.name,
+                listed(&names)
+            );
+            field.fault("unknown_state", detail);
+        }
+        let measured = signals.is_none_or(|signals| signals.contains_key(name))
+            && model.outputs.iter().any(|output| output.name == name);
+        if let Some(state) = read_state(&field, name, measured) {
+            states.insert(name.to_owned(), state);
+        }
+    }
+    states
+}
+
+fn read_state(field: &Field<'_>, name: &str, measured: bool) -> Option<InitialStateSpec> {
+    if field.value.is_number() {
+        let value = field.number()?;
+        return Some(InitialStateSpec::Fixed(FixedValue { value }));
+    }
+    if field.value.is_string() {
+        let first = field.choice(&[("first_sample", FirstSample::FirstSample)])?;
+        if !measured {
+            let detail = format!("`{name}` is not a measured output, so it has no first sample");
+            field.fault("state_not_measured", detail);
+        }
+        return Some(InitialStateSpec::Measured(first));
+    }
+    let mut object = field.object()?;
+    let value = object.optional("value");
+    let estimate = object.optional("estimate");
+    let read = match (value, estimate) {
+        (Some(value), None) => value
+            .number()
+            .map(|value| InitialStateSpec::Fixed(FixedValue { value })),
+        (None, Some(estimate)) => {
+            read_range(&estimate).map(|estimate| InitialStateSpec::Free(FreeState { estimate }))
+        }
+        _ => {
+            let detail = "a number, \"first_sample\", {\"value\": …} or {\"estimate\": \
+                          {\"lower\": …, \"upper\": …}} is needed";
+            object.fault("missing_field", detail);
+            None
+        }
+    };
+    object.finish();
+    read
+}
+
+fn read_range(field: &Field<'_>) -> Option<StateRange> {
+    let mut object = field.object()?;
+    let lower = object.required("lower").and_then(|field| field.number());
+    let upper = object.required("upper").and_then(|field| field.number());
+    object.finish();
+    let (lower, upper) = (lower?, upper?);
+    if lower >= upper {
+        let detail = format!("lower {lower} is not below upper {upper}");
+        field.fault("bounds_reversed", detail);
+        return None;
+    }
+    Some(StateRange { lower, upper })
+}

@@ -1,0 +1,130 @@
+//! The `method` section: the settings of the method, each within its range.
+
+use serde::de::DeserializeOwned;
+use serde::de::IntoDeserializer;
+use serde::de::value::StrDeserializer;
+
+use super::reader::{Field, Object};
+use crate::estimation::Settings;
+
+/// The settings; what the section leaves out is the method's default.
+pub(super) fn read(field: &Field<'_>) -> Settings {
+    let mut settings = Settings::default();
+    let Some(mut object) = field.object() else {
+        return settings;
+    };
+    let mut section = Section(&mut object);
+    section.word("name", &mut settings.name);
+    section.count("population", 2..=10_000, &mut settings.population);
+    section.count("generations", 0..=1_000_000, &mut settings.generations);
+    section.number(
+        "crossover_probability",
+        0.0..=1.0,
+        &mut settings.crossover_probability,
+    );
+    section.count("crossover_parts", 2..=64, &mut settings.crossover_parts);
+    section.number(
+        "mutation_probability",
+        0.0..=1.0,
+        &mut settings.mutation_probability,
+    );
+    section.number("credit_gain", 0.01..=300.0, &mut settings.credit_gain);
+    section.word("credit_form", &mut settings.credit_form);
+    section.word("error_spread", &mut settings.error_spread);
+    section.number("entropy_target", 0.05..=0.95, &mut settings.entropy_target);
+    section.count("block_samples", 1..=1_000_000, &mut settings.block_samples);
+    section.word("block_order", &mut settings.block_order);
+    let mut credit_updates = 0;
+    if section.count("credit_updates", 1..=1_000_000, &mut credit_updates) {
+        settings.credit_updates = Some(credit_updates);
+    }
+    section.count(
+        "bits_per_parameter",
+        4..=32,
+        &mut settings.bits_per_parameter,
+    );
+    section.flag("elitism", &mut settings.elitism);
+    section.count(
+        "hill_climbing_interval",
+        0..=1_000_000,
+        &mut settings.hill_climbing_interval,
+    );
+    section.count(
+        "stagnation_generations",
+        0..=1_000_000,
+        &mut settings.stagnation_generations,
+    );
+    let mut cost_target = 0.0;
+    if section.number("cost_target", 0.0..=f64::INFINITY, &mut cost_target) {
+        settings.cost_target = Some(cost_target);
+    }
+    section.flag("refine", &mut settings.refine);
+    section.count("refine_candidates", 1..=32, &mut settings.refine_candidates);
+    object.finish();
+    settings
+}
+
+/// Puts what the document says into the place of the default; answers whether it said anything.
+struct Section<'o, 'v>(&'o mut Object<'v>);
+
+impl Section<'_, '_> {
+    fn count(
+        &mut self,
+        name: &'static str,
+        range: std::ops::RangeInclusive<u32>,
+        place: &mut u32,
+    ) -> bool {
+        let (least, most) = (u64::from(*range.start()), u64::from(*range.end()));
+        let field = self.0.optional(name);
+        let value = field.and_then(|field| field.integer(least, most));
+        let value = value.and_then(|value| u32::try_from(value).ok());
+        put(value, place)
+    }
+
+    fn number(
+        &mut self,
+        name: &'static str,
+        range: std::ops::RangeInclusive<f64>,
+        place: &mut f64,
+    ) -> bool {
+        let field = self.0.optional(name);
+        put(
+            field.and_then(|field| field.number_within(*range.start(), *range.end())),
+            place,
+        )
+    }
+
+    fn flag(&mut self, name: &'static str, place: &mut bool) -> bool {
+        put(
+            self.0.optional(name).and_then(|field| field.boolean()),
+            place,
+        )
+    }
+
+    fn word<T: DeserializeOwned>(&mut self, name: &'static str, place: &mut T) -> bool {
+        put(
+            self.0.optional(name).and_then(|field| variant(&field)),
+            place,
+        )
+    }
+}
+
+fn put<T>(value: Option<T>, place: &mut T) -> bool {
+    let said = value.is_some();
+    if let Some(value) = value {
+        *place = value;
+    }
+    said
+}
+
+/// One of the words of an enumeration; the fault lists them all.
+fn variant<T: DeserializeOwned>(field: &Field<'_>) -> Option<T> {
+    let word: StrDeserializer<'_, serde::de::value::Error> = field.text()?.into_deserializer();
+    match T::deserialize(word) {
+        Ok(value) => Some(value),
+        Err(error) => {
+            field.fault("unknown_choice", error.to_string());
+            None
+        }
+    }
+}

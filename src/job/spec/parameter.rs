@@ -1,0 +1,127 @@
+//! The `parameters` section: what is known about each parameter of the model.
+
+use std::collections::BTreeMap;
+
+use super::reader::{Field, did_you_mean};
+use super::{FixedValue, FreeParameter, ParameterSpec, SearchRange};
+use crate::model::{ModelDescription, ParameterDescription, Scale};
+
+/// One entry for each parameter of the model; what the section leaves out is the model's.
+pub(super) fn read_all(
+    section: Option<&Field<'_>>,
+    model: &ModelDescription,
+) -> BTreeMap<String, ParameterSpec> {
+    let mut parameters: BTreeMap<String, ParameterSpec> = model
+        .parameters
+        .iter()
+        .map(|parameter| (parameter.name.to_owned(), by_default(parameter)))
+        .collect();
+    let entries = section.and_then(|field| field.object());
+    for (name, field) in entries.map(|o| o.entries()).unwrap_or_default() {
+        let Some(parameter) = model.parameters.iter().find(|p| p.name == name) else {
+            let hint = did_you_mean(name, model.parameters.iter().map(|p| p.name));
+            let detail = format!("`{}` has no parameter of this name{hint}", model.name);
+            field.fault("unknown_parameter", detail);
+            continue;
+        };
+        if let Some(read) = read(&field, parameter) {
+            parameters.insert(name.to_owned(), read);
+        }
+    }
+    parameters
+}
+
+fn by_default(parameter: &ParameterDescription) -> ParameterSpec {
+    if parameter.unknown_by_default {
+        ParameterSpec::Free(FreeParameter {
+            estimate: SearchRange {
+                lower: parameter.lower,
+                upper: parameter.upper,
+                scale: parameter.scale,
+            },
+        })
+    } else {
+        ParameterSpec::Fixed(FixedValue {
+            value: parameter.default,
+        })
+    }
+}
+
+fn read(field: &Field<'_>, parameter: &ParameterDescription) -> Option<ParameterSpec> {
+    let mut object = field.object()?;
+    let value = object.optional("value");
+    let estimate = object.optional("estimate");
+    let read = match (value, estimate) {
+        (Some(value), None) => {
+            let value = possible(&value, parameter);
+            value.map(|value| ParameterSpec::Fixed(FixedValue { value }))
+        }
+        (None, Some(estimate)) => {
+            let range = read_range(&estimate, parameter);
+            range.map(|estimate| ParameterSpec::Free(FreeParameter { estimate }))
+        }
+        (Some(_), Some(_)) => {
+            let detail = "`value` and `estimate` exclude each other";
+            object.fault("value_and_estimate", detail);
+            None
+        }
+        (None, None) => {
+            let detail = "either `value` or `estimate` is needed";
+            object.fault("missing_field", detail);
+            None
+        }
+    };
+    object.finish();
+    read
+}
+
+fn read_range(field: &Field<'_>, parameter: &ParameterDescription) -> Option<SearchRange> {
+    let mut object = field.object()?;
+    let lower = object.optional("lower");
+    let upper = object.optional("upper");
+    let scale = object
+        .optional("scale")
+        .map(|field| field.choice(&[("linear", Scale::Linear), ("log", Scale::Log)]));
+    let at_lower = lower.clone();
+    let lower = lower.map_or(Some(parameter.lower), |field| possible(&field, parameter));
+    let upper = upper.map_or(Some(parameter.upper), |field| possible(&field, parameter));
+    let scale = scale.unwrap_or(Some(parameter.scale));
+    object.finish();
+    let (lower, upper, scale) = (lower?, upper?, scale?);
+    let at_lower = at_lower.as_ref().unwrap_or(field);
+    if lower >= upper {
+        let detail = format!("lower {lower} is not below upper {upper}");
+        at_lower.fault("bounds_reversed", detail);
+        return None;
+    }
+    if scale == Scale::Log && lower <= 0.0 {
+        let detail =
+            format!("a log scale needs lower {lower} above 0; or say \"scale\": \"linear\"");
+        at_lower.fault("log_scale_not_positive", detail);
+        return None;
+    }
+    Some(SearchRange {
+        lower,
+        upper,
+        scale,
+    })
+}
+
+/// A number that the parameter can physically have.
+fn possible(field: &Field<'_>, parameter: &ParameterDescription) -> Option<f64> {
+    let number = field.number()?;
+    let (name, unit) = (parameter.name, parameter.unit);
+    if let Some(minimum) = parameter.minimum.filter(|minimum| number < *minimum) {
+        let detail =
+            format!("{number} {unit} is below the least possible {name}, {minimum} {unit}");
+        field.fault("impossible_value", detail);
+        return None;
+    }
+    if let Some(maximum) = parameter.maximum.filter(|maximum| number > *maximum) {
+        let detail =
+            format!("{number} {unit} is above the largest possible {name}, {maximum} {unit}");
+        field.fault("impossible_value", detail);
+        return None;
+    }
+    Some(number)
+}

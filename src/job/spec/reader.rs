@@ -1,0 +1,325 @@
+//! Reading a JSON document into types while collecting every fault on the way.
+//!
+//! A [`Field`] knows its place; asking it for a type it does not have records a fault and answers
+//! `None`. An [`Object`] remembers which of its fields were asked for, so that [`Object::finish`]
+//! can refuse the others: a typo must not run a wrong job.
+
+use std::borrow::Cow;
+use std::cell::RefCell;
+
+use serde_json::{Map, Value};
+
+use crate::job::fault::{Fault, pointer_to};
+
+/// The faults found so far in one document.
+#[derive(Default)]
+pub(super) struct Faults(RefCell<Vec<Fault>>);
+
+impl Faults {
+    pub(super) fn add(
+        &self,
+        pointer: impl Into<String>,
+        code: impl Into<Cow<'static, str>>,
+        detail: impl Into<String>,
+    ) {
+        self.0.borrow_mut().push(Fault::new(pointer, code, detail));
+    }
+
+    pub(super) fn into_vec(self) -> Vec<Fault> {
+        self.0.into_inner()
+    }
+}
+
+/// A value at its place in the document.
+#[derive(Clone)]
+pub(super) struct Field<'v> {
+    pub(super) pointer: String,
+    pub(super) value: &'v Value,
+    faults: &'v Faults,
+}
+
+impl<'v> Field<'v> {
+    pub(super) fn root(value: &'v Value, faults: &'v Faults) -> Self {
+        Self {
+            pointer: String::new(),
+            value,
+            faults,
+        }
+    }
+
+    /// Records a fault at this place.
+    pub(super) fn fault(&self, code: impl Into<Cow<'static, str>>, detail: impl Into<String>) {
+        self.faults.add(self.pointer.clone(), code, detail);
+    }
+
+    fn wrong_type<T>(&self, expected: &str) -> Option<T> {
+        self.fault(
+            "wrong_type",
+            format!("{} is not {expected}", shown(self.value)),
+        );
+        None
+    }
+
+    pub(super) fn object(&self) -> Option<Object<'v>> {
+        match self.value {
+            Value::Object(map) => Some(Object {
+                pointer: self.pointer.clone(),
+                map,
+                known: Vec::new(),
+                faults: self.faults,
+            }),
+            _ => self.wrong_type("an object"),
+        }
+    }
+
+    pub(super) fn array(&self) -> Option<Vec<Field<'v>>> {
+        match self.value {
+            Value::Array(items) => {
+                let fields = items.iter().enumerate().map(|(index, value)| Field {
+                    pointer: format!("{}/{index}", self.pointer),
+                    value,
+                    faults: self.faults,
+                });
+                Some(fields.collect())
+            }
+            _ => self.wrong_type("an array"),
+        }
+    }
+
+    pub(super) fn text(&self) -> Option<&'v str> {
+        match self.value {
+            Value::String(text) => Some(text),
+            _ => self.wrong_type("a string"),
+        }
+    }
+
+    pub(super) fn boolean(&self) -> Option<bool> {
+        match self.value {
+            Value::Bool(value) => Some(*value),
+            _ => self.wrong_type("true or false"),
+        }
+    }
+
+    pub(super) fn number(&self) -> Option<f64> {
+        match self.value.as_f64() {
+            Some(number) if number.is_finite() => Some(number),
+            _ => self.wrong_type("a number"),
+        }
+    }
+
+    /// A whole number in `[least, most]`; `1e3` and `1000.0` count as whole.
+    pub(super) fn integer(&self, least: u64, most: u64) -> Option<u64> {
+        let Value::Number(number) = self.value else {
+            return self.wrong_type("a whole number");
+        };
+        let whole = number.as_u64().or_else(|| {
+            let value = number.as_f64()?;
+            let exact = value.fract() == 0.0 && (0.0..=LARGEST_EXACT).contains(&value);
+            exact.then_some(value as u64)
+        });
+        match whole {
+            Some(value) if (least..=most).contains(&value) => Some(value),
+            None if !number.as_f64().is_some_and(|value| value.fract() == 0.0) => {
+                self.wrong_type("a whole number")
+            }
+            _ => {
+                let detail = format!("{number} is outside {least} to {most}");
+                self.fault("out_of_range", detail);
+                None
+            }
+        }
+    }
+
+    /// A number in `[least, most]`.
+    pub(super) fn number_within(&self, least: f64, most: f64) -> Option<f64> {
+        let number = self.number()?;
+        if (least..=most).contains(&number) {
+            return Some(number);
+        }
+        let detail = if most.is_infinite() {
+            format!("{number} is below {least}")
+        } else {
+            format!("{number} is outside {least} to {most}")
+        };
+        self.fault("out_of_range", detail);
+        None
+    }
+
+    /// A number above zero.
+    pub(super) fn positive(&self) -> Option<f64> {
+        let number = self.number()?;
+        if number > 0.0 {
+            return Some(number);
+        }
+        self.fault("not_positive", format!("{number} is not above 0"));
+        None
+    }
+
+    /// One of `choices`, by its name.
+    pub(super) fn choice<T: Copy>(&self, choices: &[(&str, T)]) -> Option<T> {
+        let text = self.text()?;
+        let chosen = choices.iter().find(|(name, _)| *name == text);
+        if let Some((_, value)) = chosen {
+            return Some(*value);
+        }
+        let names: Vec<&str> = choices.iter().map(|(name, _)| *name).collect();
+        let detail = format!("`{text}` is not one of {}", listed(&names));
+        self.fault("unknown_choice", detail);
+        None
+    }
+}
+
+/// Above this, neighbouring doubles are more than 1 apart and a JSON client may lose digits.
+pub(super) const LARGEST_EXACT: f64 = 9_007_199_254_740_991.0;
+
+/// An object of which every field must be asked for.
+pub(super) struct Object<'v> {
+    pub(super) pointer: String,
+    map: &'v Map<String, Value>,
+    known: Vec<&'static str>,
+    faults: &'v Faults,
+}
+
+impl<'v> Object<'v> {
+    /// The field `name`; absent and `null` are the same.
+    pub(super) fn optional(&mut self, name: &'static str) -> Option<Field<'v>> {
+        self.known.push(name);
+        let value = self.map.get(name).filter(|value| !value.is_null())?;
+        Some(self.field(name, value))
+    }
+
+    /// The field `name`, whose absence is a fault.
+    pub(super) fn required(&mut self, name: &'static str) -> Option<Field<'v>> {
+        let field = self.optional(name);
+        if field.is_none() {
+            let detail = format!("`{name}` is missing");
+            self.faults
+                .add(self.pointer.clone(), "missing_field", detail);
+        }
+        field
+    }
+
+    /// Every entry, for objects whose keys are data.
+    pub(super) fn entries(&self) -> Vec<(&'v str, Field<'v>)> {
+        let entries = self.map.iter();
+        entries
+            .map(|(name, value)| (name.as_str(), self.field(name, value)))
+            .collect()
+    }
+
+    /// Records a fault at this object.
+    pub(super) fn fault(&self, code: impl Into<Cow<'static, str>>, detail: impl Into<String>) {
+        self.faults.add(self.pointer.clone(), code, detail);
+    }
+
+    /// Refuses every field that was not asked for.
+    pub(super) fn finish(self) {
+        for (name, field) in self.entries() {
+            if !self.known.contains(&name) {
+                let hint = did_you_mean(name, self.known.iter().copied());
+                let detail = format!("`{name}` is not a field here{hint}");
+                field.fault("unknown_field", detail);
+            }
+        }
+    }
+
+    fn field(&self, name: &str, value: &'v Value) -> Field<'v> {
+        Field {
+            pointer: pointer_to(&self.pointer, name),
+            value,
+            faults: self.faults,
+        }
+    }
+}
+
+/// `; did you mean …?` when one of `candidates` is close to `name`, else nothing.
+pub(super) fn did_you_mean<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> String {
+    /// Jaro-Winkler similarity from which a name passes for a slip of another.
+    const CLOSE: f64 = 0.84;
+    let scored = candidates.map(|candidate| (strsim::jaro_winkler(name, candidate), candidate));
+    match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        Some((similarity, candidate)) if similarity >= CLOSE => {
+            format!("; did you mean `{candidate}`?")
+        }
+        _ => String::new(),
+    }
+}
+
+/// `` `a`, `b` or `c` ``.
+pub(super) fn listed(names: &[&str]) -> String {
+    let quoted: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+    match quoted.split_last() {
+        None => "nothing".into(),
+        Some((last, [])) => last.clone(),
+        Some((last, rest)) => format!("{} or {last}", rest.join(", ")),
+    }
+}
+
+/// A value as a fault's sentence shows it: short.
+fn shown(value: &Value) -> String {
+    /// Longer values are cut.
+    const LONGEST: usize = 40;
+    match value {
+        Value::Object(_) => "an object".into(),
+        Value::Array(_) => "an array".into(),
+        other => {
+            let text = other.to_string();
+            match text.char_indices().nth(LONGEST) {
+                Some((end, _)) => format!("{}…", &text[..end]),
+                None => text,
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn faults_of(value: &Value, read: impl FnOnce(Field<'_>)) -> Vec<Fault> {
+        let faults = Faults::default();
+        read(Field::root(value, &faults));
+        faults.into_vec()
+    }
+
+    #[test]
+    fn a_field_that_was_not_asked_for_is_a_fault_with_a_suggestion() {
+        let value = json!({"populaton": 30});
+        let faults = faults_of(&value, |field| {
+            let mut object = field.object().unwrap();
+            object.optional("population");
+            object.finish();
+        });
+        assert_eq!(
+            faults,
+            [Fault::new(
+                "/populaton",
+                "unknown_field",
+                "`populaton` is not a field here; did you mean `population`?"
+            )]
+        );
+    }
+
+    #[test]
+    fn whole_numbers_may_be_written_as_floats_and_others_are_told_apart() {
+        assert!(faults_of(&json!(1e3), |f| assert_eq!(f.integer(1, 2000), Some(1000))).is_empty());
+        let code = |value: Value| {
+            let faults = faults_of(&value, |field| assert_eq!(field.integer(1, 10), None));
+            faults[0].code.to_string()
+        };
+        assert_eq!(code(json!(1.5)), "wrong_type");
+        assert_eq!(code(json!("3")), "wrong_type");
+        assert_eq!(code(json!(0)), "out_of_range");
+        assert_eq!(code(json!(-3)), "out_of_range");
+        assert_eq!(code(json!(1e300)), "out_of_range");
+    }
+
+    #[test]
+    fn long_values_are_cut_at_a_character() {
+        let faults = faults_of(&json!("ä".repeat(100)), |field| {
+            field.number();
+        });
+        assert!(faults[0].detail.chars().count() < 70);
+    }
+}

@@ -1,0 +1,195 @@
+//! Cancel, pause and resume. Each is idempotent.
+//!
+//! A job that is not at work changes its state here and now. A running job is asked to stop: the
+//! worker sees the request, ends the slice and writes the state together with the best estimate.
+
+use super::jobs::{self, JobRow};
+use super::writer::Tx;
+use super::{Change, Store, StoreError, corrupt, queue, results, slices};
+use crate::job::{Event, JobId, Status};
+
+/// What a running job is asked to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopRequest {
+    /// End, and keep the best estimate so far.
+    Cancel,
+    /// Hold, and keep the best estimate so far.
+    Pause,
+}
+
+impl StopRequest {
+    fn as_str(self) -> &'static str {
+        match self {
+            StopRequest::Cancel => "cancel",
+            StopRequest::Pause => "pause",
+        }
+    }
+
+    /// The state that the request leads to.
+    pub fn leads_to(self) -> Status {
+        match self {
+            StopRequest::Cancel => Status::Cancelled,
+            StopRequest::Pause => Status::Paused,
+        }
+    }
+
+    pub(super) fn read(word: &str, of: &str) -> Result<Self, StoreError> {
+        [StopRequest::Cancel, StopRequest::Pause]
+            .into_iter()
+            .find(|request| request.as_str() == word)
+            .ok_or_else(|| corrupt("request", of, format!("`{word}` is no request")))
+    }
+}
+
+/// The answer to a wish to cancel, pause or resume.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Control {
+    /// Done, or asked of the worker, or so already: the job as it stands.
+    Accepted(Box<JobRow>),
+    /// There is no such job.
+    NotFound,
+    /// The job's state does not allow it.
+    Refused(Status),
+}
+
+impl Store {
+    /// Asks a job to end.
+    pub async fn request_cancel(&self, id: JobId) -> Result<Control, StoreError> {
+        self.control(id, Wish::Cancel).await
+    }
+
+    /// Asks a job to hold.
+    pub async fn request_pause(&self, id: JobId) -> Result<Control, StoreError> {
+        self.control(id, Wish::Pause).await
+    }
+
+    /// Lets a paused job go on.
+    pub async fn request_resume(&self, id: JobId) -> Result<Control, StoreError> {
+        self.control(id, Wish::Resume).await
+    }
+
+    /// The running jobs that were asked to stop and have not yet.
+    pub async fn stop_requests(&self) -> Result<Vec<JobId>, StoreError> {
+        let ids: Vec<String> =
+            sqlx::query_scalar("select id from jobs where request is not null order by id")
+                .fetch_all(self.readers())
+                .await?;
+        ids.iter().map(|id| jobs::parse_id(id)).collect()
+    }
+
+    async fn control(&self, id: JobId, wish: Wish) -> Result<Control, StoreError> {
+        let queue = self.inner.queue.clone();
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(control(queue, tx, id, wish)))
+            .await
+    }
+}
+
+async fn control(
+    queue: riverqueue::Client,
+    tx: &mut Tx,
+    id: JobId,
+    wish: Wish,
+) -> Result<Control, StoreError> {
+    let Some(row) = jobs::fetch(&mut *tx, id).await? else {
+        return Ok(Control::NotFound);
+    };
+    let Some(step) = wish.of(&row) else {
+        return Ok(Control::Refused(row.status));
+    };
+    apply(&queue, tx, id, step).await?;
+    let row = jobs::fetch(&mut *tx, id).await?;
+    Ok(row.map_or(Control::NotFound, |row| Control::Accepted(Box::new(row))))
+}
+
+#[derive(Clone, Copy)]
+enum Wish {
+    Cancel,
+    Pause,
+    Resume,
+}
+
+/// What a wish comes to, given the job's state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    Nothing,
+    Ask(StopRequest),
+    Withdraw,
+    Become(Status),
+}
+
+impl Wish {
+    fn of(self, row: &JobRow) -> Option<Step> {
+        let asked = row.stop_request;
+        match (self, row.status) {
+            (Wish::Cancel, Status::Queued | Status::Paused) => {
+                Some(Step::Become(Status::Cancelled))
+            }
+            (Wish::Cancel, Status::Running) if asked != Some(StopRequest::Cancel) => {
+                Some(Step::Ask(StopRequest::Cancel))
+            }
+            (Wish::Pause, Status::Queued) => Some(Step::Become(Status::Paused)),
+            (Wish::Pause, Status::Running) if asked.is_none() => {
+                Some(Step::Ask(StopRequest::Pause))
+            }
+            (Wish::Resume, Status::Paused) => Some(Step::Become(Status::Queued)),
+            (Wish::Resume, Status::Running) if asked == Some(StopRequest::Pause) => {
+                Some(Step::Withdraw)
+            }
+            (Wish::Cancel, Status::Running | Status::Cancelled)
+            | (Wish::Pause, Status::Paused | Status::Running)
+            | (Wish::Resume, Status::Queued | Status::Running) => Some(Step::Nothing),
+            (_, Status::Succeeded | Status::Failed | Status::Cancelled) => None,
+        }
+    }
+}
+
+async fn apply(
+    queue: &riverqueue::Client,
+    tx: &mut Tx,
+    id: JobId,
+    step: Step,
+) -> Result<(), StoreError> {
+    match step {
+        Step::Nothing => Ok(()),
+        Step::Ask(request) => {
+            set_request(tx, id, Some(request)).await?;
+            tx.announce(Change::StopRequested(id));
+            Ok(())
+        }
+        Step::Withdraw => set_request(tx, id, None).await,
+        Step::Become(Status::Queued) => {
+            let entry = queue::enqueue(queue, tx, id).await?;
+            sqlx::query("update jobs set queue_entry = ? where id = ?")
+                .bind(entry)
+                .bind(id.to_string())
+                .execute(&mut **tx)
+                .await?;
+            let status = Status::Queued;
+            slices::change_status(tx, id, status, &[Event::State { status }]).await
+        }
+        Step::Become(status) => {
+            let mut told = vec![Event::State { status }];
+            if status.is_terminal() {
+                told.push(Event::End { status });
+                results::mark_cancelled(tx, id).await?;
+            }
+            slices::change_status(tx, id, status, &told).await
+        }
+    }
+}
+
+async fn set_request(
+    tx: &mut Tx,
+    id: JobId,
+    request: Option<StopRequest>,
+) -> Result<(), StoreError> {
+    sqlx::query("update jobs set request = ?, revision = revision + 1 where id = ?")
+        .bind(request.map(StopRequest::as_str))
+        .bind(id.to_string())
+        .execute(&mut **tx)
+        .await?;
+    tx.announce(Change::Job(id));
+    Ok(())
+}

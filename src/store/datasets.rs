@@ -1,0 +1,334 @@
+//! Stored recordings: each kept once however often it is posted, samples as they are in memory.
+//!
+//! Samples are little-endian `f64` in chunks of at most 8 MiB; a missing sample is NaN.
+
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use sqlx::{QueryBuilder, Row, Sqlite};
+
+use super::jobs::{Page, from_json, json, time};
+use super::writer::Tx;
+use super::{Store, StoreError, corrupt};
+use crate::dataset::{Recording, Signal, Summary, TimeAxis, Warning};
+use crate::job::{DatasetId, JobId};
+
+/// The most bytes in one chunk.
+const CHUNK_BYTES: usize = 8 << 20;
+
+/// A recording to be stored.
+#[derive(Clone, Debug)]
+pub struct NewDataset {
+    /// A name for people.
+    pub name: Option<String>,
+    /// A digest of the bytes that came and of the options they were read with.
+    pub digest: String,
+    /// What was read.
+    pub recording: Recording,
+}
+
+/// A recording as it is shown: all but its samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DatasetRow {
+    /// Its identifier.
+    pub id: DatasetId,
+    /// A name for people.
+    pub name: Option<String>,
+    /// A digest of the bytes that came and of the options they were read with.
+    pub digest: String,
+    /// What it holds, in a few numbers.
+    pub summary: Summary,
+    /// When it was stored.
+    pub created_at: Timestamp,
+}
+
+/// What became of a wish to remove a recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DatasetRemoval {
+    /// It is gone.
+    Removed,
+    /// There is no such recording.
+    NotFound,
+    /// These jobs have not ended and read it.
+    InUse(Vec<JobId>),
+}
+
+/// A recording without its samples, as it is stored.
+#[derive(Serialize, Deserialize)]
+struct Description {
+    start: Option<Timestamp>,
+    /// [s]; nothing where the time axis is stored as samples.
+    sample_time: Option<f64>,
+    samples: usize,
+    signals: Vec<SignalDescription>,
+    notes: Vec<Warning>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct SignalDescription {
+    name: String,
+    unit: String,
+    recorded_unit: String,
+}
+
+impl Store {
+    /// Stores a recording, or finds the one that has the same digest. Says whether it is new.
+    pub async fn insert_dataset(&self, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(insert(tx, new)))
+            .await
+    }
+
+    /// A recording without its samples.
+    pub async fn dataset(&self, id: DatasetId) -> Result<Option<DatasetRow>, StoreError> {
+        let row = sqlx::query_as::<_, Columns>(
+            "select id, name, digest, summary, created_at from datasets where id = ?",
+        )
+        .bind(id.to_string())
+        .fetch_optional(self.readers())
+        .await?;
+        row.map(Columns::read).transpose()
+    }
+
+    /// Recordings, newest first, older than `before`.
+    pub async fn datasets(
+        &self,
+        before: Option<DatasetId>,
+        limit: u32,
+    ) -> Result<Page<DatasetRow, DatasetId>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new(
+            "select id, name, digest, summary, created_at from datasets",
+        );
+        if let Some(before) = before {
+            query.push(" where id < ").push_bind(before.to_string());
+        }
+        query
+            .push(" order by id desc limit ")
+            .push_bind(i64::from(limit) + 1);
+        let rows: Vec<Columns> = query.build_query_as().fetch_all(self.readers()).await?;
+        let rows = rows
+            .into_iter()
+            .map(Columns::read)
+            .collect::<Result<Vec<_>, _>>()?;
+        Ok(Page::cut(rows, limit, |row| row.id))
+    }
+
+    /// A recording with its samples.
+    pub async fn recording(&self, id: DatasetId) -> Result<Option<Recording>, StoreError> {
+        let key = id.to_string();
+        let mut transaction = self.readers().begin().await?;
+        let stored: Option<(Option<String>, String)> =
+            sqlx::query_as("select name, description from datasets where id = ?")
+                .bind(&key)
+                .fetch_optional(&mut *transaction)
+                .await?;
+        let Some((name, description)) = stored else {
+            return Ok(None);
+        };
+        let description: Description = from_json("description", &key, &description)?;
+        let chunks = sqlx::query(
+            "select position, samples from dataset_chunks where dataset = ? \
+             order by position, chunk",
+        )
+        .bind(&key)
+        .fetch_all(&mut *transaction)
+        .await?;
+        let mut series = vec![Vec::new(); description.signals.len() + 1];
+        for chunk in &chunks {
+            let position: i64 = chunk.try_get("position")?;
+            let samples: &[u8] = chunk.try_get("samples")?;
+            let into = usize::try_from(position)
+                .ok()
+                .and_then(|position| series.get_mut(position))
+                .ok_or_else(|| corrupt("recording", &key, "it has a chunk of no signal"))?;
+            into.extend(decode(samples));
+        }
+        assemble(&key, name, description, series).map(Some)
+    }
+
+    /// Removes a recording that no unfinished job reads.
+    pub async fn delete_dataset(&self, id: DatasetId) -> Result<DatasetRemoval, StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(delete(tx, id)))
+            .await
+    }
+}
+
+#[derive(sqlx::FromRow)]
+struct Columns {
+    id: String,
+    name: Option<String>,
+    digest: String,
+    summary: String,
+    created_at: String,
+}
+
+impl Columns {
+    fn read(self) -> Result<DatasetRow, StoreError> {
+        Ok(DatasetRow {
+            summary: from_json("summary", &self.id, &self.summary)?,
+            created_at: time(&self.id, &self.created_at)?,
+            id: self
+                .id
+                .parse()
+                .map_err(|why| corrupt("identifier", &self.id, why))?,
+            name: self.name,
+            digest: self.digest,
+        })
+    }
+}
+
+async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
+    let same: Option<Columns> = sqlx::query_as(
+        "select id, name, digest, summary, created_at from datasets where digest = ?",
+    )
+    .bind(&new.digest)
+    .fetch_optional(&mut **tx)
+    .await?;
+    if let Some(same) = same {
+        return Ok((same.read()?, false));
+    }
+    let row = DatasetRow {
+        id: DatasetId::new(),
+        name: new.name,
+        digest: new.digest,
+        summary: new.recording.summary(),
+        created_at: Timestamp::now(),
+    };
+    let key = row.id.to_string();
+    sqlx::query(
+        "insert into datasets (id, name, digest, description, summary, created_at) \
+         values (?, ?, ?, ?, ?, ?)",
+    )
+    .bind(&key)
+    .bind(&row.name)
+    .bind(&row.digest)
+    .bind(json(&describe(&new.recording)))
+    .bind(json(&row.summary))
+    .bind(row.created_at.to_string())
+    .execute(&mut **tx)
+    .await?;
+    if let TimeAxis::Instants(instants) = &new.recording.time {
+        insert_samples(tx, &key, 0, instants).await?;
+    }
+    for (position, signal) in (1..).zip(&new.recording.signals) {
+        insert_samples(tx, &key, position, &signal.values).await?;
+    }
+    Ok((row, true))
+}
+
+async fn insert_samples(
+    tx: &mut Tx,
+    dataset: &str,
+    position: i64,
+    samples: &[f64],
+) -> Result<(), StoreError> {
+    for (number, chunk) in (0_i64..).zip(samples.chunks(CHUNK_BYTES / size_of::<f64>())) {
+        sqlx::query(
+            "insert into dataset_chunks (dataset, position, chunk, samples) values (?, ?, ?, ?)",
+        )
+        .bind(dataset)
+        .bind(position)
+        .bind(number)
+        .bind(encode(chunk))
+        .execute(&mut **tx)
+        .await?;
+    }
+    Ok(())
+}
+
+async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval, StoreError> {
+    let key = id.to_string();
+    let readers: Vec<String> = sqlx::query_scalar(
+        "select jobs.id from job_datasets join jobs on jobs.id = job_datasets.job \
+         where dataset = ? and status in ('queued', 'running', 'paused') order by jobs.id",
+    )
+    .bind(&key)
+    .fetch_all(&mut **tx)
+    .await?;
+    if !readers.is_empty() {
+        let readers = readers.iter().map(|job| super::jobs::parse_id(job));
+        return Ok(DatasetRemoval::InUse(readers.collect::<Result<_, _>>()?));
+    }
+    let removed = sqlx::query("delete from datasets where id = ?")
+        .bind(&key)
+        .execute(&mut **tx)
+        .await?
+        .rows_affected();
+    Ok(if removed == 0 {
+        DatasetRemoval::NotFound
+    } else {
+        DatasetRemoval::Removed
+    })
+}
+
+fn describe(recording: &Recording) -> Description {
+    Description {
+        start: recording.start,
+        sample_time: match recording.time {
+            TimeAxis::Uniform { sample_time, .. } => Some(sample_time),
+            TimeAxis::Instants(_) => None,
+        },
+        samples: recording.time.samples(),
+        signals: recording
+            .signals
+            .iter()
+            .map(|signal| SignalDescription {
+                name: signal.name.clone(),
+                unit: signal.unit.clone(),
+                recorded_unit: signal.recorded_unit.clone(),
+            })
+            .collect(),
+        notes: recording.notes.clone(),
+    }
+}
+
+/// Puts a recording together again; the first of the series is the time axis.
+fn assemble(
+    key: &str,
+    name: Option<String>,
+    description: Description,
+    mut series: Vec<Vec<f64>>,
+) -> Result<Recording, StoreError> {
+    let samples = description.samples;
+    let instants = std::mem::take(&mut series[0]);
+    let time = match description.sample_time {
+        Some(sample_time) => TimeAxis::Uniform {
+            sample_time,
+            samples,
+        },
+        None => TimeAxis::Instants(instants),
+    };
+    let lengths_agree = time.samples() == samples && series[1..].iter().all(|s| s.len() == samples);
+    if !lengths_agree {
+        return Err(corrupt("recording", key, "samples are missing"));
+    }
+    let signals = description
+        .signals
+        .into_iter()
+        .zip(series.into_iter().skip(1))
+        .map(|(signal, values)| Signal {
+            name: signal.name,
+            unit: signal.unit,
+            recorded_unit: signal.recorded_unit,
+            values,
+        })
+        .collect();
+    Ok(Recording {
+        name,
+        start: description.start,
+        time,
+        signals,
+        notes: description.notes,
+    })
+}
+
+fn encode(samples: &[f64]) -> Vec<u8> {
+    samples.iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+fn decode(bytes: &[u8]) -> impl Iterator<Item = f64> {
+    let (samples, _) = bytes.as_chunks();
+    samples.iter().map(|sample| f64::from_le_bytes(*sample))
+}

@@ -1,0 +1,56 @@
+//! The history of a search: a row a generation, none left out.
+
+use sqlx::{QueryBuilder, Sqlite};
+
+use super::jobs::from_json;
+use super::writer::Tx;
+use super::{Store, StoreError, jobs};
+use crate::job::{GenerationEvent, JobId};
+
+/// Rows in one statement; SQLite takes 32766 values in one.
+const ROWS_PER_STATEMENT: usize = 1000;
+
+impl Store {
+    /// Generations of a job above `after`, in order, at most `limit`.
+    pub async fn generations(
+        &self,
+        job: JobId,
+        after: u32,
+        limit: u32,
+    ) -> Result<Vec<GenerationEvent>, StoreError> {
+        let job = job.to_string();
+        let rows: Vec<String> = sqlx::query_scalar(
+            "select row from generations where job = ? and generation > ? \
+             order by generation limit ?",
+        )
+        .bind(&job)
+        .bind(after)
+        .bind(limit)
+        .fetch_all(self.readers())
+        .await?;
+        rows.iter()
+            .map(|row| from_json("generation", &job, row))
+            .collect()
+    }
+}
+
+/// Writes generations. One that is done again after a crash came to the same row.
+pub(super) async fn insert(
+    tx: &mut Tx,
+    job: JobId,
+    generations: &[GenerationEvent],
+) -> Result<(), StoreError> {
+    let job = job.to_string();
+    for rows in generations.chunks(ROWS_PER_STATEMENT) {
+        let mut query = QueryBuilder::<Sqlite>::new(
+            "insert or replace into generations (job, generation, row) ",
+        );
+        query.push_values(rows, |mut row, generation| {
+            row.push_bind(job.clone())
+                .push_bind(generation.generation)
+                .push_bind(jobs::json(generation));
+        });
+        query.build().execute(&mut **tx).await?;
+    }
+    Ok(())
+}

@@ -1,0 +1,259 @@
+//! Jobs as they are shown and listed.
+
+use std::collections::BTreeMap;
+
+use jiff::Timestamp;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+
+use super::control::StopRequest;
+use super::writer::Tx;
+use super::{Store, StoreError, corrupt};
+use crate::job::{JobId, Progress, Status};
+
+/// A job as it stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JobRow {
+    /// Its identifier.
+    pub id: JobId,
+    /// The name for people.
+    pub name: Option<String>,
+    /// Labels to find it by.
+    pub labels: BTreeMap<String, String>,
+    /// The model's name.
+    pub model: String,
+    /// The completed specification.
+    pub spec: Value,
+    /// Where it is in its life.
+    pub status: Status,
+    /// What was asked of it and has not taken effect yet.
+    pub stop_request: Option<StopRequest>,
+    /// How far it came; nothing before its first slice.
+    pub progress: Option<Progress>,
+    /// Slices begun since the last checkpoint: 1 in a life without crashes, 0 before the first.
+    pub attempt: u32,
+    /// Why it failed.
+    pub error: Option<Value>,
+    /// When it was accepted.
+    pub created_at: Timestamp,
+    /// When its first slice began.
+    pub started_at: Option<Timestamp>,
+    /// When it came to its end.
+    pub finished_at: Option<Timestamp>,
+    /// The id of its last event.
+    pub last_event: i64,
+    /// Grows with every change of what is shown.
+    pub revision: i64,
+}
+
+impl JobRow {
+    /// The row as it was when the job was submitted.
+    pub(super) fn into_submitted(self) -> Self {
+        Self {
+            status: Status::Queued,
+            stop_request: None,
+            progress: None,
+            attempt: 0,
+            error: None,
+            started_at: None,
+            finished_at: None,
+            last_event: 1,
+            revision: 1,
+            ..self
+        }
+    }
+}
+
+/// Which jobs to list.
+#[derive(Clone, Debug, Default)]
+pub struct JobFilter {
+    /// Only those in this state.
+    pub status: Option<Status>,
+    /// Only those with this label, and with this value where one is given.
+    pub label: Option<(String, Option<String>)>,
+    /// Only those older than this one: the last of the page before.
+    pub before: Option<JobId>,
+    /// At most so many.
+    pub limit: u32,
+}
+
+/// A page of a list that is ordered newest first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Page<T, Id> {
+    /// The rows.
+    pub rows: Vec<T>,
+    /// The last row's identifier, when more rows follow.
+    pub next: Option<Id>,
+}
+
+impl<T, Id> Page<T, Id> {
+    /// A page from one row more than its limit, if there are so many.
+    pub(super) fn cut(mut rows: Vec<T>, limit: u32, id: impl Fn(&T) -> Id) -> Self {
+        let more = rows.len() > limit as usize;
+        rows.truncate(limit as usize);
+        let next = rows.last().filter(|_| more).map(id);
+        Self { rows, next }
+    }
+}
+
+/// What became of a wish to delete a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JobRemoval {
+    /// It is gone, with its events, history and result.
+    Removed,
+    /// There is no such job.
+    NotFound,
+    /// It has not ended.
+    Unfinished(Status),
+}
+
+const COLUMNS: &str = "id, name, labels, model, spec, status, request, progress, attempt, error, \
+     created_at, started_at, finished_at, last_event, revision";
+
+impl Store {
+    /// A job, if there is one.
+    pub async fn job(&self, id: JobId) -> Result<Option<JobRow>, StoreError> {
+        let mut connection = self.readers().acquire().await?;
+        fetch(&mut connection, id).await
+    }
+
+    /// Jobs, newest first.
+    pub async fn jobs(&self, filter: &JobFilter) -> Result<Page<JobRow, JobId>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        query.push(COLUMNS).push(" from jobs where 1 = 1");
+        if let Some(status) = filter.status {
+            query.push(" and status = ").push_bind(status.as_str());
+        }
+        if let Some((label, value)) = &filter.label {
+            query
+                .push(" and id in (select job from job_labels where label = ")
+                .push_bind(label);
+            if let Some(value) = value {
+                query.push(" and value = ").push_bind(value);
+            }
+            query.push(")");
+        }
+        if let Some(before) = filter.before {
+            query.push(" and id < ").push_bind(before.to_string());
+        }
+        query
+            .push(" order by id desc limit ")
+            .push_bind(i64::from(filter.limit) + 1);
+        let rows = query.build().fetch_all(self.readers()).await?;
+        let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        Ok(Page::cut(rows, filter.limit, |row| row.id))
+    }
+
+    /// How many jobs are in each state.
+    pub async fn job_counts(&self) -> Result<Vec<(Status, u64)>, StoreError> {
+        let rows: Vec<(String, i64)> =
+            sqlx::query_as("select status, count(*) from jobs group by status")
+                .fetch_all(self.readers())
+                .await?;
+        rows.into_iter()
+            .map(|(status, count)| {
+                let known = status
+                    .parse()
+                    .map_err(|why| corrupt("status", "a job", why))?;
+                Ok((known, count.unsigned_abs()))
+            })
+            .collect()
+    }
+
+    /// Forgets a job that has ended.
+    pub async fn delete_job(&self, id: JobId) -> Result<JobRemoval, StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(delete(tx, id)))
+            .await
+    }
+}
+
+async fn delete(tx: &mut Tx, id: JobId) -> Result<JobRemoval, StoreError> {
+    let Some(row) = fetch(&mut *tx, id).await? else {
+        return Ok(JobRemoval::NotFound);
+    };
+    if !row.status.is_terminal() {
+        return Ok(JobRemoval::Unfinished(row.status));
+    }
+    sqlx::query("delete from jobs where id = ?")
+        .bind(id.to_string())
+        .execute(&mut **tx)
+        .await?;
+    tx.announce(super::Change::Job(id));
+    Ok(JobRemoval::Removed)
+}
+
+pub(super) async fn fetch(
+    connection: &mut SqliteConnection,
+    id: JobId,
+) -> Result<Option<JobRow>, StoreError> {
+    let mut query = QueryBuilder::<Sqlite>::new("select ");
+    query
+        .push(COLUMNS)
+        .push(" from jobs where id = ")
+        .push_bind(id.to_string());
+    let row = query.build().fetch_optional(connection).await?;
+    row.as_ref().map(read).transpose()
+}
+
+fn read(row: &SqliteRow) -> Result<JobRow, StoreError> {
+    let id: String = row.try_get("id")?;
+    let status: String = row.try_get("status")?;
+    let request: Option<String> = row.try_get("request")?;
+    Ok(JobRow {
+        name: row.try_get("name")?,
+        labels: from_json("labels", &id, row.try_get("labels")?)?,
+        model: row.try_get("model")?,
+        spec: from_json("specification", &id, row.try_get("spec")?)?,
+        status: status.parse().map_err(|why| corrupt("status", &id, why))?,
+        stop_request: request
+            .map(|word| StopRequest::read(&word, &id))
+            .transpose()?,
+        progress: optional(row, "progress", &id)?,
+        attempt: row.try_get("attempt")?,
+        error: optional(row, "error", &id)?,
+        created_at: time(&id, row.try_get("created_at")?)?,
+        started_at: optional_time(&id, row.try_get("started_at")?)?,
+        finished_at: optional_time(&id, row.try_get("finished_at")?)?,
+        last_event: row.try_get("last_event")?,
+        revision: row.try_get("revision")?,
+        id: parse_id(&id)?,
+    })
+}
+
+pub(super) fn parse_id(text: &str) -> Result<JobId, StoreError> {
+    text.parse().map_err(|why| corrupt("identifier", text, why))
+}
+
+pub(super) fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("what is stored has only text keys")
+}
+
+pub(super) fn from_json<T: DeserializeOwned>(
+    what: &'static str,
+    of: &str,
+    text: &str,
+) -> Result<T, StoreError> {
+    serde_json::from_str(text).map_err(|why| corrupt(what, of, why))
+}
+
+fn optional<T: DeserializeOwned>(
+    row: &SqliteRow,
+    column: &'static str,
+    of: &str,
+) -> Result<Option<T>, StoreError> {
+    let text: Option<&str> = row.try_get(column)?;
+    text.map(|text| from_json(column, of, text)).transpose()
+}
+
+pub(super) fn time(of: &str, text: &str) -> Result<Timestamp, StoreError> {
+    text.parse().map_err(|why| corrupt("time", of, why))
+}
+
+fn optional_time(of: &str, text: Option<&str>) -> Result<Option<Timestamp>, StoreError> {
+    text.map(|text| time(of, text)).transpose()
+}

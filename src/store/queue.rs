@@ -1,0 +1,105 @@
+//! The queue entries of jobs, kept by River in the same file.
+//!
+//! A job that is not ended or paused has one entry that may begin its slices; `jobs.queue_entry`
+//! says which. The others are stale and do nothing. The database belongs to one server, so every
+//! entry that is `running` when it opens was left by a dead one and is made available at once.
+
+use std::time::Duration;
+
+use riverqueue::{Client, InsertOpts, JobArgs};
+use serde::{Deserialize, Serialize};
+use sqlx::SqlitePool;
+
+use super::writer::Tx;
+use super::{Store, StoreError};
+use crate::job::JobId;
+
+/// The queue that slices of jobs wait in.
+pub const QUEUE: &str = "jobs";
+
+/// A slice may be tried as often as it takes; how often is too often is the job's affair
+/// (its `attempt`), not the entry's.
+const ENTRY_ATTEMPTS: i32 = i32::MAX;
+
+/// How often the queue may be told of new entries.
+const NOTIFY_COOLDOWN: Duration = Duration::from_millis(10);
+
+/// The entry of a job in the queue: "work a slice of this job".
+#[derive(Clone, Debug, Serialize, Deserialize, JobArgs)]
+#[river(kind = "slice")]
+pub struct SliceOfJob {
+    /// Which job.
+    pub job: JobId,
+}
+
+/// A client that only inserts.
+pub(super) fn inserter(pool: &SqlitePool) -> Result<Client, StoreError> {
+    Ok(Client::builder(pool.clone())
+        .fetch_cooldown(NOTIFY_COOLDOWN)
+        .build()?)
+}
+
+/// Adds an entry for a job in the caller's transaction and returns the entry's id.
+pub(super) async fn enqueue(queue: &Client, tx: &mut Tx, job: JobId) -> Result<i64, StoreError> {
+    let entry = queue
+        .insert(SliceOfJob { job })
+        .opts(
+            InsertOpts::default()
+                .with_queue(QUEUE)
+                .with_max_attempts(ENTRY_ATTEMPTS),
+        )
+        .tx(tx.for_queue())
+        .await?;
+    Ok(entry.id())
+}
+
+impl Store {
+    /// Makes what a dead server left ready to go on: entries that it was working, its leadership,
+    /// and any unfinished job that has no live entry.
+    pub(super) async fn recover_queue(&self) -> Result<(), StoreError> {
+        let queue = self.inner.queue.clone();
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(recover(queue, tx)))
+            .await
+    }
+}
+
+async fn recover(queue: Client, tx: &mut Tx) -> Result<(), StoreError> {
+    let freed = sqlx::query(
+        "update river_job set state = 'available', scheduled_at = datetime('now', 'subsec') \
+         where state in ('running', 'retryable') and queue = ?",
+    )
+    .bind(QUEUE)
+    .execute(&mut **tx)
+    .await?
+    .rows_affected();
+    sqlx::query("delete from river_leader")
+        .execute(&mut **tx)
+        .await?;
+    let stranded: Vec<String> = sqlx::query_scalar(
+        "select id from jobs where status in ('queued', 'running') and not exists \
+         (select 1 from river_job where river_job.id = jobs.queue_entry and queue = ? \
+          and state in ('available', 'pending', 'scheduled'))",
+    )
+    .bind(QUEUE)
+    .fetch_all(&mut **tx)
+    .await?;
+    for id in &stranded {
+        let job = super::jobs::parse_id(id)?;
+        let entry = enqueue(&queue, tx, job).await?;
+        sqlx::query("update jobs set queue_entry = ? where id = ?")
+            .bind(entry)
+            .bind(id)
+            .execute(&mut **tx)
+            .await?;
+    }
+    if freed > 0 || !stranded.is_empty() {
+        tracing::info!(
+            slices = freed,
+            stranded = stranded.len(),
+            "took over the jobs of the server before"
+        );
+    }
+    Ok(())
+}

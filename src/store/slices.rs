@@ -1,0 +1,383 @@
+//! The worker's side: a slice begins, records what it did, and hands on or ends the job.
+//!
+//! `jobs.epoch` fences: the transaction that begins a slice raises it, and a write with an older
+//! one changes no row and says [`Hold::Lost`], which ends that worker's slice.
+
+use jiff::Timestamp;
+use serde_json::Value;
+
+use super::control::StopRequest;
+use super::jobs::{self, JobRow};
+use super::writer::Tx;
+use super::{Change, Store, StoreError, events, generations, results};
+use crate::job::{Event, Failure, GenerationEvent, JobId, Progress, Status};
+
+/// The right to write about a job, until its next slice begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lease {
+    /// The job.
+    pub job: JobId,
+    epoch: i64,
+}
+
+/// Whether a write with a lease took place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
+pub enum Hold {
+    /// It did.
+    Kept,
+    /// Another slice has begun; nothing was written and nothing ever will be with this lease.
+    Lost,
+}
+
+/// What came of the wish to begin a slice.
+#[derive(Clone, Debug)]
+pub enum Begin {
+    /// Work it.
+    Slice(Box<Slice>),
+    /// The job ended, is paused, is gone, or the entry is stale: there is nothing to do.
+    Nothing,
+    /// The job took its server down too often and has failed now.
+    Poisoned,
+}
+
+/// All that a worker needs to go on with a job.
+#[derive(Clone, Debug)]
+pub struct Slice {
+    /// What its writes carry.
+    pub lease: Lease,
+    /// The job.
+    pub job: JobRow,
+    /// Where the last slice stopped; nothing in the first.
+    pub checkpoint: Option<Checkpoint>,
+    /// Time that the slices before worked [ms].
+    pub running_ms: u64,
+    /// What events told of so far.
+    pub told: Told,
+    /// The newest generation, if no event told of it yet.
+    pub untold: Option<GenerationEvent>,
+}
+
+/// How far the events of a job's search go.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Told {
+    /// The last generation with an event; 0 for none.
+    pub generation: u32,
+    /// Refinements with an event.
+    pub refinements: u32,
+    /// When the last generation's event was made [ms since 1970].
+    pub at_ms: i64,
+}
+
+/// What a slice did since it last wrote.
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    /// Rows for the history.
+    pub generations: Vec<GenerationEvent>,
+    /// Events, in order.
+    pub events: Vec<Event>,
+    /// How far the events go now.
+    pub told: Told,
+    /// How far the job came.
+    pub progress: Option<Progress>,
+    /// Where it can go on, at the end of a slice.
+    pub checkpoint: Option<Checkpoint>,
+    /// Time worked, at the end of a slice [ms].
+    pub worked_ms: u64,
+}
+
+/// Where a job can go on.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct Checkpoint {
+    /// The method's own state.
+    pub state: Vec<u8>,
+    /// Iterations of the refinement that went before it.
+    pub refinements: u32,
+}
+
+/// The end of a job, or its pause.
+#[derive(Clone, Debug)]
+pub struct Ending {
+    /// Paused or terminal.
+    pub status: Status,
+    /// The result, or the best so far.
+    pub outcome: Option<Value>,
+    /// Why it failed.
+    pub error: Option<Failure>,
+}
+
+impl Store {
+    /// Begins a slice for a queue entry, or, without one, for a job that was asked to stop.
+    /// A job whose last `attempt_limit` slices all ended without a checkpoint fails instead.
+    pub async fn begin_slice(
+        &self,
+        job: JobId,
+        entry: Option<i64>,
+        attempt_limit: u32,
+    ) -> Result<Begin, StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(begin(tx, job, entry, attempt_limit)))
+            .await
+    }
+
+    /// Writes what a slice did so far.
+    pub async fn record(&self, lease: Lease, record: Record) -> Result<Hold, StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(write_record(tx, lease, record)))
+            .await
+    }
+
+    /// Writes what a slice did last, and the state, the result and the last events of its job, in
+    /// one transaction.
+    pub async fn finish(
+        &self,
+        lease: Lease,
+        record: Record,
+        ending: Ending,
+    ) -> Result<Hold, StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(finish(tx, lease, record, ending)))
+            .await
+    }
+}
+
+#[derive(sqlx::FromRow)]
+struct Control {
+    epoch: i64,
+    attempt: u32,
+    queue_entry: i64,
+    running_ms: i64,
+    told_generation: u32,
+    told_refinements: u32,
+    told_at_ms: i64,
+}
+
+async fn begin(
+    tx: &mut Tx,
+    id: JobId,
+    entry: Option<i64>,
+    attempt_limit: u32,
+) -> Result<Begin, StoreError> {
+    let Some(row) = jobs::fetch(&mut *tx, id).await? else {
+        return Ok(Begin::Nothing);
+    };
+    let control: Control = sqlx::query_as(
+        "select epoch, attempt, queue_entry, running_ms, told_generation, told_refinements, \
+         told_at_ms from jobs where id = ?",
+    )
+    .bind(id.to_string())
+    .fetch_one(&mut **tx)
+    .await?;
+    let stale = entry.is_some_and(|entry| entry != control.queue_entry);
+    if stale || !matches!(row.status, Status::Queued | Status::Running) {
+        return Ok(Begin::Nothing);
+    }
+    if control.attempt >= attempt_limit {
+        fail_poisoned(tx, id, control.attempt).await?;
+        return Ok(Begin::Poisoned);
+    }
+    if row.status == Status::Queued {
+        let status = Status::Running;
+        change_status(tx, id, status, &[Event::State { status }]).await?;
+    }
+    sqlx::query(
+        "update jobs set epoch = epoch + 1, attempt = attempt + 1, revision = revision + 1 \
+         where id = ?",
+    )
+    .bind(id.to_string())
+    .execute(&mut **tx)
+    .await?;
+    tx.announce(Change::Job(id));
+    let checkpoint = sqlx::query_as("select state, refinements from checkpoints where job = ?")
+        .bind(id.to_string())
+        .fetch_optional(&mut **tx)
+        .await?;
+    let told = Told {
+        generation: control.told_generation,
+        refinements: control.told_refinements,
+        at_ms: control.told_at_ms,
+    };
+    let untold = newest_generation(tx, id, told.generation).await?;
+    let job = jobs::fetch(&mut *tx, id).await?.unwrap_or(row);
+    Ok(Begin::Slice(Box::new(Slice {
+        lease: Lease {
+            job: id,
+            epoch: control.epoch + 1,
+        },
+        job,
+        checkpoint,
+        running_ms: control.running_ms.unsigned_abs(),
+        told,
+        untold,
+    })))
+}
+
+async fn newest_generation(
+    tx: &mut Tx,
+    id: JobId,
+    above: u32,
+) -> Result<Option<GenerationEvent>, StoreError> {
+    let id = id.to_string();
+    let row: Option<String> = sqlx::query_scalar(
+        "select row from generations where job = ? and generation > ? \
+         order by generation desc limit 1",
+    )
+    .bind(&id)
+    .bind(above)
+    .fetch_optional(&mut **tx)
+    .await?;
+    row.map(|row| jobs::from_json("generation", &id, &row))
+        .transpose()
+}
+
+async fn fail_poisoned(tx: &mut Tx, id: JobId, attempt: u32) -> Result<(), StoreError> {
+    let ending = Ending {
+        status: Status::Failed,
+        outcome: None,
+        error: Some(Failure::crashed_too_often(attempt)),
+    };
+    end(tx, id, &ending).await
+}
+
+async fn finish(
+    tx: &mut Tx,
+    lease: Lease,
+    record: Record,
+    ending: Ending,
+) -> Result<Hold, StoreError> {
+    let hold = write_record(tx, lease, record).await?;
+    if hold == Hold::Kept {
+        end(tx, lease.job, &ending).await?;
+    }
+    Ok(hold)
+}
+
+async fn write_record(tx: &mut Tx, lease: Lease, record: Record) -> Result<Hold, StoreError> {
+    let last_event: Option<i64> = sqlx::query_scalar(
+        "update jobs set last_event = last_event + ?, revision = revision + 1, \
+         running_ms = running_ms + ?, \
+         told_generation = ?, told_refinements = ?, told_at_ms = ?, \
+         progress = coalesce(?, progress) \
+         where id = ? and epoch = ? and status = 'running' returning last_event",
+    )
+    .bind(i64::try_from(record.events.len()).expect("a record is small"))
+    .bind(i64::try_from(record.worked_ms).unwrap_or(i64::MAX))
+    .bind(record.told.generation)
+    .bind(record.told.refinements)
+    .bind(record.told.at_ms)
+    .bind(record.progress.as_ref().map(jobs::json))
+    .bind(lease.job.to_string())
+    .bind(lease.epoch)
+    .fetch_optional(&mut **tx)
+    .await?;
+    let Some(last_event) = last_event else {
+        return Ok(Hold::Lost);
+    };
+    let n_events = i64::try_from(record.events.len()).expect("a record is small");
+    events::insert(tx, lease.job, last_event - n_events + 1, &record.events).await?;
+    generations::insert(tx, lease.job, &record.generations).await?;
+    if let Some(checkpoint) = &record.checkpoint {
+        put_checkpoint(tx, lease.job, checkpoint).await?;
+    }
+    tx.announce(Change::Job(lease.job));
+    Ok(Hold::Kept)
+}
+
+async fn put_checkpoint(
+    tx: &mut Tx,
+    job: JobId,
+    checkpoint: &Checkpoint,
+) -> Result<(), StoreError> {
+    sqlx::query("insert or replace into checkpoints (job, state, refinements) values (?, ?, ?)")
+        .bind(job.to_string())
+        .bind(&checkpoint.state)
+        .bind(checkpoint.refinements)
+        .execute(&mut **tx)
+        .await?;
+    sqlx::query("update jobs set attempt = 0 where id = ?")
+        .bind(job.to_string())
+        .execute(&mut **tx)
+        .await?;
+    Ok(())
+}
+
+async fn end(tx: &mut Tx, id: JobId, ending: &Ending) -> Result<(), StoreError> {
+    let status = ending.status;
+    if let Some(outcome) = &ending.outcome {
+        results::put(tx, id, outcome).await?;
+    }
+    if let Some(error) = &ending.error {
+        sqlx::query("update jobs set error = ? where id = ?")
+            .bind(jobs::json(error))
+            .bind(id.to_string())
+            .execute(&mut **tx)
+            .await?;
+    }
+    let mut told = Vec::new();
+    if status.is_terminal()
+        && let Some(outcome) = &ending.outcome
+    {
+        told.push(Event::Result {
+            parameters: outcome["parameters"].clone(),
+            fit: outcome["fit"].clone(),
+        });
+    }
+    told.push(Event::State { status });
+    if status.is_terminal() {
+        told.push(Event::End { status });
+    }
+    change_status(tx, id, status, &told).await
+}
+
+/// Brings a job into a state and tells of it. The only place where a job changes its state.
+pub(super) async fn change_status(
+    tx: &mut Tx,
+    id: JobId,
+    to: Status,
+    told: &[Event],
+) -> Result<(), StoreError> {
+    let key = id.to_string();
+    let from: String = sqlx::query_scalar("select status from jobs where id = ?")
+        .bind(&key)
+        .fetch_one(&mut **tx)
+        .await?;
+    let from: Status = from
+        .parse()
+        .map_err(|why| super::corrupt("status", &key, why))?;
+    let to = from
+        .advance_to(to)
+        .map_err(|why| super::corrupt("status", &key, why))?;
+    let now = Timestamp::now().to_string();
+    let n_events = i64::try_from(told.len()).expect("a change tells of little");
+    let last_event: i64 = sqlx::query_scalar(
+        "update jobs set status = ?, request = null, revision = revision + 1, \
+         last_event = last_event + ?, started_at = coalesce(started_at, ?), finished_at = ? \
+         where id = ? returning last_event",
+    )
+    .bind(to.as_str())
+    .bind(n_events)
+    .bind((to == Status::Running).then_some(&now))
+    .bind(to.is_terminal().then_some(&now))
+    .bind(&key)
+    .fetch_one(&mut **tx)
+    .await?;
+    events::insert(tx, id, last_event - n_events + 1, told).await?;
+    if to.is_terminal() {
+        sqlx::query("delete from checkpoints where job = ?")
+            .bind(&key)
+            .execute(&mut **tx)
+            .await?;
+    }
+    tx.announce(Change::Job(id));
+    Ok(())
+}
+
+impl Slice {
+    /// What the job was asked to do before the slice began.
+    pub fn stop_request(&self) -> Option<StopRequest> {
+        self.job.stop_request
+    }
+}

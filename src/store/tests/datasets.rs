@@ -1,0 +1,158 @@
+//! Recordings: stored once, read back to the bit, kept while a job needs them.
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::dataset::{Recording, Signal, TimeAxis, Warning};
+use crate::job::DatasetId;
+
+fn recording(time: TimeAxis, values: Vec<f64>) -> Recording {
+    Recording {
+        start: Some("2026-03-02T08:15:00Z".parse().expect("a time")),
+        notes: vec![Warning {
+            code: "dropped_row".into(),
+            signal: None,
+            detail: "row 7 was empty".to_owned(),
+        }],
+        ..Recording::new(
+            time,
+            vec![
+                Signal::new("position", "m", values.clone()),
+                Signal {
+                    recorded_unit: "bar".to_owned(),
+                    ..Signal::new("pressure", "Pa", values)
+                },
+            ],
+        )
+    }
+}
+
+fn new_dataset(digest: &str, recording: Recording) -> NewDataset {
+    NewDataset {
+        name: Some("rig 4, run 3".to_owned()),
+        digest: digest.to_owned(),
+        recording,
+    }
+}
+
+fn uniform(samples: usize) -> TimeAxis {
+    TimeAxis::Uniform {
+        sample_time: 0.01,
+        samples,
+    }
+}
+
+async fn insert(fixture: &Fixture, digest: &str) -> (DatasetRow, bool) {
+    let recording = recording(uniform(3), vec![1.0, f64::NAN, 3.0]);
+    fixture
+        .store
+        .insert_dataset(new_dataset(digest, recording))
+        .await
+        .expect("a dataset")
+}
+
+#[tokio::test]
+async fn the_same_recording_is_stored_once() {
+    let fixture = Fixture::new().await;
+    let (first, created) = insert(&fixture, "sha256:1").await;
+    let (again, created_again) = insert(&fixture, "sha256:1").await;
+    assert!(created && !created_again);
+    assert_eq!(first, again);
+    let (other, _) = insert(&fixture, "sha256:2").await;
+    let page = fixture.store.datasets(None, 1).await.expect("a page");
+    assert_eq!(page.rows, std::slice::from_ref(&other));
+    let page = fixture.store.datasets(page.next, 1).await.expect("a page");
+    assert_eq!((page.rows, page.next), (vec![first.clone()], None));
+    let shown = fixture.store.dataset(first.id).await.expect("a read");
+    assert_eq!(shown, Some(first));
+}
+
+#[tokio::test]
+async fn a_recording_is_kept_while_a_job_needs_it() {
+    let fixture = Fixture::new().await;
+    let (dataset, _) = insert(&fixture, "sha256:1").await;
+    let mut reader = job(None);
+    reader.datasets = vec![dataset.id, dataset.id];
+    let Ok(Submitted::Created(reader)) = fixture.store.submit(reader).await else {
+        panic!("not created");
+    };
+    let delete = || fixture.store.delete_dataset(dataset.id);
+    let refused = delete().await.expect("a removal");
+    assert_eq!(refused, DatasetRemoval::InUse(vec![reader.id]));
+    fixture
+        .store
+        .request_cancel(reader.id)
+        .await
+        .expect("a wish");
+    assert_eq!(delete().await.expect("a removal"), DatasetRemoval::Removed);
+    assert_eq!(delete().await.expect("a removal"), DatasetRemoval::NotFound);
+    let gone = fixture.store.recording(dataset.id).await.expect("a read");
+    assert!(gone.is_none());
+}
+
+#[tokio::test]
+async fn a_job_on_a_recording_that_is_not_there_is_refused() {
+    let fixture = Fixture::new().await;
+    let missing = DatasetId::new();
+    let mut reader = job(None);
+    reader.datasets = vec![missing];
+    let refused = fixture.store.submit(reader).await;
+    assert!(matches!(refused, Ok(Submitted::NoDataset(id)) if id == missing));
+}
+
+#[tokio::test]
+async fn a_recording_larger_than_a_chunk_comes_back_whole() {
+    let fixture = Fixture::new().await;
+    let samples = (8 << 20) / 8 + 3;
+    let values: Vec<f64> = (0..samples).map(|k| k as f64).collect();
+    let long = recording(uniform(samples), values.clone());
+    let (row, _) = fixture
+        .store
+        .insert_dataset(new_dataset("sha256:long", long))
+        .await
+        .expect("a dataset");
+    let back = fixture.store.recording(row.id).await.expect("a read");
+    assert_eq!(back.expect("a recording").signals[1].values, values);
+}
+
+fn bits(values: &[f64]) -> Vec<u64> {
+    values.iter().map(|value| value.to_bits()).collect()
+}
+
+async fn round_trip(recording: Recording) -> Recording {
+    let fixture = Fixture::new().await;
+    let (row, _) = fixture
+        .store
+        .insert_dataset(new_dataset("sha256:1", recording))
+        .await
+        .expect("a dataset");
+    let back = fixture.store.recording(row.id).await.expect("a read");
+    back.expect("a recording")
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(8))]
+
+    #[test]
+    fn a_recording_comes_back_to_the_bit(
+        values in prop::collection::vec(prop::num::f64::ANY, 2..50),
+        is_uniform in any::<bool>(),
+    ) {
+        let time = if is_uniform {
+            uniform(values.len())
+        } else {
+            TimeAxis::Instants((0..values.len()).map(|k| (k as f64).sqrt()).collect())
+        };
+        let stored = recording(time, values);
+        let runtime = tokio::runtime::Runtime::new().expect("a runtime");
+        let back = runtime.block_on(round_trip(stored.clone()));
+        prop_assert_eq!(&back.time, &stored.time);
+        prop_assert_eq!(back.start, stored.start);
+        prop_assert_eq!(&back.notes, &stored.notes);
+        for (back, stored) in back.signals.iter().zip(&stored.signals) {
+            prop_assert_eq!(&back.name, &stored.name);
+            prop_assert_eq!(&back.recorded_unit, &stored.recorded_unit);
+            prop_assert_eq!(bits(&back.values), bits(&stored.values));
+        }
+    }
+}

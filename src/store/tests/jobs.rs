@@ -1,0 +1,229 @@
+//! Submitting, showing, listing, controlling and deleting jobs.
+
+use serde_json::json;
+
+use super::*;
+
+#[tokio::test]
+async fn a_submitted_job_is_shown_listed_and_told_of() {
+    let fixture = Fixture::new().await;
+    let row = fixture.submit().await;
+    assert_eq!(row.status, Status::Queued);
+    assert_eq!(
+        fixture.store.job(row.id).await.expect("a read"),
+        Some(row.clone())
+    );
+    let events = fixture.events(row.id).await;
+    assert_eq!(events[0].data, r#"{"status":"queued"}"#);
+    assert_eq!(
+        *fixture.changes.lock().expect("unpoisoned"),
+        [Change::Job(row.id)]
+    );
+}
+
+#[tokio::test]
+async fn two_servers_on_one_database_are_refused() {
+    let fixture = Fixture::new().await;
+    let second = Store::open(&fixture.settings, Arc::new(|_| ())).await;
+    assert!(matches!(second, Err(StoreError::Locked { .. })));
+}
+
+#[tokio::test]
+async fn the_same_key_never_makes_two_jobs() {
+    let fixture = Fixture::new().await;
+    let key = Some(("k", "sha256:1"));
+    let Ok(Submitted::Created(first)) = fixture.store.submit(job(key)).await else {
+        panic!("not created");
+    };
+    fixture.begin(first.id).await;
+    let Ok(Submitted::Replayed(again)) = fixture.store.submit(job(key)).await else {
+        panic!("not replayed");
+    };
+    assert_eq!(again, first);
+    let other_body = fixture.store.submit(job(Some(("k", "sha256:2")))).await;
+    assert!(matches!(other_body, Ok(Submitted::KeyReused)));
+    fixture
+        .store
+        .request_cancel(first.id)
+        .await
+        .expect("a wish");
+    let slice = fixture.begin(first.id).await;
+    assert_eq!(fixture.finish(&slice, Status::Cancelled).await, Hold::Kept);
+    let removed = fixture.store.delete_job(first.id).await;
+    assert_eq!(removed.expect("a removal"), JobRemoval::Removed);
+    let after = fixture.store.submit(job(key)).await;
+    assert!(matches!(after, Ok(Submitted::Forgotten(id)) if id == first.id));
+}
+
+#[tokio::test]
+async fn a_key_raced_by_many_clients_makes_one_job() {
+    let fixture = Fixture::new().await;
+    let submissions = (0..50).map(|_| fixture.store.submit(job(Some(("k", "sha256:1")))));
+    let answers = futures_util::future::join_all(submissions).await;
+    let created = answers
+        .iter()
+        .filter(|answer| matches!(answer, Ok(Submitted::Created(_))))
+        .count();
+    let replayed = answers
+        .iter()
+        .filter(|answer| matches!(answer, Ok(Submitted::Replayed(_))))
+        .count();
+    assert_eq!((created, replayed), (1, 49));
+}
+
+#[tokio::test]
+async fn a_write_that_fails_harms_none_of_its_group() {
+    let fixture = Fixture::new().await;
+    let row = fixture.submit().await;
+    let broken = fixture.store.inner.writer.write(|tx| {
+        Box::pin(async move {
+            sqlx::query("insert into idempotency values ('half', '', '')")
+                .execute(&mut **tx)
+                .await?;
+            sqlx::query("insert into results values ('nobody', '')")
+                .execute(&mut **tx)
+                .await?;
+            Ok(())
+        })
+    });
+    let (broken, good) = tokio::join!(broken, fixture.store.submit(job(None)));
+    assert!(matches!(broken, Err(StoreError::Database(_))));
+    let Ok(Submitted::Created(good)) = good else {
+        panic!("not created");
+    };
+    let half: i64 = sqlx::query_scalar("select count(*) from idempotency")
+        .fetch_one(fixture.store.readers())
+        .await
+        .expect("a count");
+    assert_eq!(half, 0);
+    let listed = fixture
+        .store
+        .jobs(&JobFilter {
+            limit: 10,
+            ..JobFilter::default()
+        })
+        .await
+        .expect("a list");
+    let listed: Vec<JobId> = listed.rows.iter().map(|row| row.id).collect();
+    assert_eq!(listed, [good.id, row.id]);
+}
+
+#[tokio::test]
+async fn pages_cover_the_list_once_newest_first() {
+    let fixture = Fixture::new().await;
+    let mut expected = Vec::new();
+    for _ in 0..7 {
+        expected.insert(0, fixture.submit().await.id);
+    }
+    let mut seen = Vec::new();
+    let mut filter = JobFilter {
+        limit: 3,
+        ..JobFilter::default()
+    };
+    loop {
+        let page = fixture.store.jobs(&filter).await.expect("a page");
+        seen.extend(page.rows.iter().map(|row| row.id));
+        match page.next {
+            Some(last) => filter.before = Some(last),
+            None => break,
+        }
+    }
+    assert_eq!(seen, expected);
+}
+
+#[tokio::test]
+async fn lists_are_narrowed_by_state_and_label() {
+    let fixture = Fixture::new().await;
+    let queued = fixture.submit().await.id;
+    let running = fixture.submit().await.id;
+    fixture.begin(running).await;
+    let list = |status, label: Option<(&str, Option<&str>)>| {
+        let filter = JobFilter {
+            status,
+            label: label.map(|(label, value)| (label.to_owned(), value.map(str::to_owned))),
+            before: None,
+            limit: 10,
+        };
+        let store = fixture.store.clone();
+        async move {
+            let page = store.jobs(&filter).await.expect("a page");
+            page.rows.iter().map(|row| row.id).collect::<Vec<_>>()
+        }
+    };
+    assert_eq!(list(Some(Status::Running), None).await, [running]);
+    assert_eq!(list(None, Some(("site", None))).await, [running, queued]);
+    assert_eq!(
+        list(Some(Status::Queued), Some(("site", Some("hall 2")))).await,
+        [queued]
+    );
+    assert!(list(None, Some(("site", Some("hall 3")))).await.is_empty());
+}
+
+#[tokio::test]
+async fn a_queued_job_is_cancelled_and_paused_at_once() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    fixture.store.request_pause(id).await.expect("a wish");
+    assert_eq!(fixture.status(id).await, Status::Paused);
+    fixture.store.request_resume(id).await.expect("a wish");
+    assert_eq!(fixture.status(id).await, Status::Queued);
+    fixture.store.request_cancel(id).await.expect("a wish");
+    fixture.store.request_cancel(id).await.expect("a wish");
+    let events = fixture.events(id).await;
+    assert_eq!(ids(&events), [1, 2, 3, 4, 5]);
+    assert!(events[4].is_last());
+    let resumed = fixture.store.request_resume(id).await.expect("a wish");
+    assert_eq!(resumed, Control::Refused(Status::Cancelled));
+}
+
+#[tokio::test]
+async fn a_running_job_is_asked_and_a_pause_can_be_taken_back() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    fixture.begin(id).await;
+    fixture.store.request_pause(id).await.expect("a wish");
+    assert_eq!(fixture.store.stop_requests().await.expect("a read"), [id]);
+    let changes = fixture.changes.lock().expect("unpoisoned").clone();
+    assert!(changes.contains(&Change::StopRequested(id)));
+    fixture.store.request_resume(id).await.expect("a wish");
+    assert!(
+        fixture
+            .store
+            .stop_requests()
+            .await
+            .expect("a read")
+            .is_empty()
+    );
+    assert_eq!(fixture.status(id).await, Status::Running);
+}
+
+#[tokio::test]
+async fn the_estimate_of_a_paused_job_outlives_its_cancellation() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    let slice = fixture.begin(id).await;
+    assert_eq!(fixture.finish(&slice, Status::Paused).await, Hold::Kept);
+    fixture.store.request_cancel(id).await.expect("a wish");
+    let mut expected = outcome();
+    expected["stop_reason"] = json!("cancelled");
+    let result = fixture.store.result(id).await.expect("a read");
+    assert_eq!(result, Some(expected));
+    let exact = &result.expect("a result")["parameters"][0]["estimate"];
+    assert_eq!(
+        exact.as_f64().map(f64::to_bits),
+        Some(58.02e-7_f64.to_bits())
+    );
+}
+
+#[tokio::test]
+async fn an_unfinished_job_is_not_deleted() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    let removal = fixture.store.delete_job(id).await;
+    assert_eq!(
+        removal.expect("a removal"),
+        JobRemoval::Unfinished(Status::Queued)
+    );
+    let unknown = fixture.store.delete_job(JobId::new()).await;
+    assert_eq!(unknown.expect("a removal"), JobRemoval::NotFound);
+}

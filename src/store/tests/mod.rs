@@ -1,0 +1,144 @@
+//! The store against a fresh database each: fencing, replay, idempotency, group commit, paging.
+
+mod datasets;
+mod jobs;
+mod life;
+mod slices;
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::*;
+use crate::job::{Event, GenerationEvent, Phase, Progress, Status};
+
+struct Fixture {
+    store: Store,
+    changes: Arc<Mutex<Vec<Change>>>,
+    settings: DatabaseSettings,
+    _folder: tempfile::TempDir,
+}
+
+impl Fixture {
+    async fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let settings = DatabaseSettings {
+            path: folder.path().join("jobs.db"),
+            readers: 2,
+            busy_timeout: Duration::from_secs(5),
+        };
+        let changes = Arc::new(Mutex::new(Vec::new()));
+        let store = open(&settings, &changes).await;
+        Self {
+            store,
+            changes,
+            settings,
+            _folder: folder,
+        }
+    }
+
+    /// Closes the database and opens it again, as the next server does.
+    async fn reopen(self) -> Self {
+        self.store.close().await;
+        let Self {
+            store,
+            changes,
+            settings,
+            _folder,
+        } = self;
+        drop(store);
+        let store = open(&settings, &changes).await;
+        Self {
+            store,
+            changes,
+            settings,
+            _folder,
+        }
+    }
+
+    async fn submit(&self) -> JobRow {
+        match self.store.submit(job(None)).await.expect("a submission") {
+            Submitted::Created(row) => row,
+            other => panic!("not created: {other:?}"),
+        }
+    }
+
+    async fn begin(&self, id: JobId) -> Slice {
+        match self.store.begin_slice(id, None, 5).await.expect("a start") {
+            Begin::Slice(slice) => *slice,
+            other => panic!("no slice: {other:?}"),
+        }
+    }
+
+    async fn finish(&self, slice: &Slice, status: Status) -> Hold {
+        let ending = Ending {
+            status,
+            outcome: Some(outcome()),
+            error: None,
+        };
+        self.store
+            .finish(slice.lease, Record::default(), ending)
+            .await
+            .expect("an end")
+    }
+
+    async fn events(&self, id: JobId) -> Vec<StoredEvent> {
+        self.store.events_after(id, 0, 1000).await.expect("events")
+    }
+
+    async fn status(&self, id: JobId) -> Status {
+        self.store
+            .job(id)
+            .await
+            .expect("a read")
+            .expect("a job")
+            .status
+    }
+}
+
+async fn open(settings: &DatabaseSettings, changes: &Arc<Mutex<Vec<Change>>>) -> Store {
+    let changes = changes.clone();
+    let on_change = Arc::new(move |change| changes.lock().expect("unpoisoned").push(change));
+    Store::open(settings, on_change).await.expect("a database")
+}
+
+fn job(key: Option<(&str, &str)>) -> NewJob {
+    NewJob {
+        name: Some("rig 4".to_owned()),
+        labels: BTreeMap::from([("site".to_owned(), "hall 2".to_owned())]),
+        model: "positioning_drive".to_owned(),
+        spec: json!({"model": "positioning_drive", "parameters": {"mass": {"value": 1e-5}}}),
+        datasets: Vec::new(),
+        idempotency: key.map(|(key, body_digest)| Idempotency {
+            key: key.to_owned(),
+            body_digest: body_digest.to_owned(),
+        }),
+    }
+}
+
+fn outcome() -> Value {
+    json!({"stop_reason": "paused", "parameters": [{"name": "mass", "estimate": 58.02e-7}], "fit": {}})
+}
+
+fn generation(number: u32) -> GenerationEvent {
+    GenerationEvent {
+        generation: number,
+        evaluations: u64::from(number) * 30,
+        best_cost: Some(1.0 / f64::from(number)),
+        mean_cost: None,
+        best_credit: Some(0.1),
+        entropy: Some(2.0),
+        credit_updates: 400,
+        best: serde_json::Map::from_iter([("mass".to_owned(), json!(0.1 + 0.2))]),
+    }
+}
+
+fn ids(events: &[StoredEvent]) -> Vec<i64> {
+    events.iter().map(|event| event.id).collect()
+}
+
+fn names(events: &[StoredEvent]) -> Vec<&str> {
+    events.iter().map(|event| &*event.name).collect()
+}

@@ -1,0 +1,224 @@
+//! What workers write: slices, fences, checkpoints and ends.
+
+use super::*;
+use crate::job::Failure;
+
+#[tokio::test]
+async fn a_job_survives_the_server_that_took_it() {
+    let fixture = Fixture::new().await;
+    let row = fixture.submit().await;
+    let slice = fixture.begin(row.id).await;
+    let fixture = fixture.reopen().await;
+    assert_eq!(fixture.status(row.id).await, Status::Running);
+    let next = fixture.begin(row.id).await;
+    assert_eq!(next.job.attempt, 2);
+    assert_eq!(fixture.finish(&slice, Status::Succeeded).await, Hold::Lost);
+    assert_eq!(fixture.finish(&next, Status::Succeeded).await, Hold::Kept);
+}
+
+#[tokio::test]
+async fn a_write_with_an_old_epoch_changes_nothing() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    let old = fixture.begin(id).await;
+    let new = fixture.begin(id).await;
+    let before = fixture.store.job(id).await.expect("a read");
+    let record = Record {
+        generations: vec![generation(1)],
+        events: vec![Event::Generation(generation(1))],
+        checkpoint: Some(Checkpoint {
+            state: vec![1],
+            refinements: 0,
+        }),
+        worked_ms: 5,
+        ..Record::default()
+    };
+    let hold = fixture.store.record(old.lease, record.clone()).await;
+    assert_eq!(hold.expect("a write"), Hold::Lost);
+    assert_eq!(fixture.finish(&old, Status::Failed).await, Hold::Lost);
+    assert_eq!(fixture.store.job(id).await.expect("a read"), before);
+    assert_eq!(fixture.events(id).await.len(), 2);
+    assert!(
+        fixture
+            .store
+            .generations(id, 0, 10)
+            .await
+            .expect("rows")
+            .is_empty()
+    );
+    let hold = fixture.store.record(new.lease, record).await;
+    assert_eq!(hold.expect("a write"), Hold::Kept);
+    assert_eq!(fixture.events(id).await.len(), 3);
+}
+
+#[tokio::test]
+async fn a_slice_goes_on_where_the_last_one_stopped() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    let first = fixture.begin(id).await;
+    assert_eq!(first.checkpoint, None);
+    let progress = Progress {
+        phase: Phase::Search,
+        generation: 3,
+        generations: 10,
+        evaluations: 90,
+        best_cost: Some(0.1 + 0.2),
+        best_credit: None,
+        fraction: 0.3,
+        eta_s: Some(2.0),
+    };
+    let told = Told {
+        generation: 2,
+        refinements: 0,
+        at_ms: 77,
+    };
+    let record = Record {
+        generations: (1..=3).map(generation).collect(),
+        events: vec![Event::Generation(generation(2))],
+        told,
+        progress: Some(progress.clone()),
+        checkpoint: Some(Checkpoint {
+            state: b"state".to_vec(),
+            refinements: 2,
+        }),
+        worked_ms: 40,
+    };
+    let hold = fixture.store.record(first.lease, record).await;
+    assert_eq!(hold.expect("a write"), Hold::Kept);
+    let second = fixture.begin(id).await;
+    let checkpoint = second.checkpoint.expect("a checkpoint");
+    assert_eq!(
+        (&*checkpoint.state, checkpoint.refinements),
+        (&b"state"[..], 2)
+    );
+    assert_eq!((second.running_ms, second.told), (40, told));
+    assert_eq!(second.untold, Some(generation(3)));
+    assert_eq!(second.job.progress, Some(progress));
+    assert_eq!(second.job.attempt, 1);
+}
+
+#[tokio::test]
+async fn a_job_that_takes_its_server_down_five_times_fails() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    for attempt in 1..=5 {
+        assert_eq!(fixture.begin(id).await.job.attempt, attempt);
+    }
+    let sixth = fixture.store.begin_slice(id, None, 5).await;
+    assert!(matches!(sixth, Ok(Begin::Poisoned)));
+    let row = fixture.store.job(id).await.expect("a read").expect("a job");
+    assert_eq!((row.status, row.attempt), (Status::Failed, 5));
+    let expected = serde_json::to_value(Failure::crashed_too_often(5)).expect("JSON");
+    assert_eq!(row.error, Some(expected));
+    assert_eq!(
+        names(&fixture.events(id).await),
+        ["state", "state", "state", "end"]
+    );
+}
+
+#[tokio::test]
+async fn the_end_of_a_job_is_told_with_its_result() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    let slice = fixture.begin(id).await;
+    assert_eq!(fixture.finish(&slice, Status::Succeeded).await, Hold::Kept);
+    assert_eq!(fixture.finish(&slice, Status::Failed).await, Hold::Lost);
+    let events = fixture.events(id).await;
+    assert_eq!(ids(&events), [1, 2, 3, 4, 5]);
+    assert_eq!(names(&events), ["state", "state", "result", "state", "end"]);
+    assert!(events[4].is_last());
+    assert_eq!(
+        fixture.store.result(id).await.expect("a read"),
+        Some(outcome())
+    );
+    let begun = fixture.store.begin_slice(id, None, 5).await;
+    assert!(matches!(begun, Ok(Begin::Nothing)));
+}
+
+#[tokio::test]
+async fn only_the_newest_queue_entry_begins_a_slice() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    let entry = async || -> i64 {
+        sqlx::query_scalar("select queue_entry from jobs")
+            .fetch_one(fixture.store.readers())
+            .await
+            .expect("an entry")
+    };
+    let first = entry().await;
+    fixture.store.request_pause(id).await.expect("a wish");
+    fixture.store.request_resume(id).await.expect("a wish");
+    let second = entry().await;
+    assert_ne!(first, second);
+    let stale = fixture.store.begin_slice(id, Some(first), 5).await;
+    assert!(matches!(stale, Ok(Begin::Nothing)));
+    let fresh = fixture.store.begin_slice(id, Some(second), 5).await;
+    assert!(matches!(fresh, Ok(Begin::Slice(_))));
+}
+
+async fn execute(tx: &mut writer::Tx, statement: &'static str) -> Result<(), StoreError> {
+    sqlx::query(statement).execute(&mut **tx).await?;
+    Ok(())
+}
+
+#[tokio::test]
+async fn entries_that_a_dead_server_left_running_are_available_at_once() {
+    let fixture = Fixture::new().await;
+    fixture.submit().await;
+    let lost = fixture.submit().await;
+    for statement in [
+        "update river_job set state = 'running', attempt = 1",
+        "delete from river_job where id = (select max(id) from river_job)",
+    ] {
+        fixture
+            .store
+            .inner
+            .writer
+            .write(move |tx| Box::pin(execute(tx, statement)))
+            .await
+            .expect("a broken queue");
+    }
+    let fixture = fixture.reopen().await;
+    let entries: Vec<(String, String)> = sqlx::query_as(
+        "select jobs.id, river_job.state from jobs join river_job on river_job.id = queue_entry \
+         order by jobs.id",
+    )
+    .fetch_all(fixture.store.readers())
+    .await
+    .expect("entries");
+    assert_eq!(entries.len(), 2);
+    assert!(entries.iter().all(|(_, state)| state == "available"));
+    assert_eq!(entries[1].0, lost.id.to_string());
+}
+
+#[tokio::test]
+async fn events_are_replayed_from_any_id() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    let slice = fixture.begin(id).await;
+    let record = Record {
+        events: (1..=2500)
+            .map(|iteration| Event::Refinement {
+                iteration,
+                cost: 1.0,
+            })
+            .collect(),
+        ..Record::default()
+    };
+    let hold = fixture.store.record(slice.lease, record).await;
+    assert_eq!(hold.expect("a write"), Hold::Kept);
+    let mut seen = Vec::new();
+    loop {
+        let after = seen.last().copied().unwrap_or(0);
+        let page = fixture
+            .store
+            .events_after(id, after, 700)
+            .await
+            .expect("a page");
+        if page.is_empty() {
+            break;
+        }
+        seen.extend(ids(&page));
+    }
+    assert_eq!(seen, (1..=2502).collect::<Vec<i64>>());
+}

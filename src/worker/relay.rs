@@ -1,0 +1,248 @@
+//! From the rows of a run to the events and the history of its job.
+//!
+//! Every generation becomes a row of the history. It becomes an event too if the last such event
+//! is old enough; the last generation of a search always does. What was told before a crash is not
+//! told again: a slice that does a generation again comes to the same row.
+
+use std::time::Duration;
+
+use jiff::Timestamp;
+
+use super::run::Row;
+use crate::job::{Event, GenerationEvent, Progress};
+use crate::store::{Record, Slice, Told};
+
+/// The least time between two `generation` events of a job: five a second.
+const GENERATION_EVENT_GAP: Duration = Duration::from_millis(200);
+
+/// Collects what a slice has to write.
+#[derive(Debug)]
+pub(super) struct Relay {
+    told: Told,
+    /// The newest generation, while no event tells of it.
+    untold: Option<GenerationEvent>,
+    /// Iterations of the refinement so far, in this slice and before it.
+    refinements: u32,
+    generations: Vec<GenerationEvent>,
+    events: Vec<Event>,
+    progress: Option<Progress>,
+    /// Time that the job worked before this slice [s].
+    worked_before: f64,
+}
+
+impl Relay {
+    /// Goes on where the last slice stopped.
+    pub(super) fn new(slice: &Slice) -> Self {
+        Self {
+            told: slice.told,
+            untold: slice.untold.clone(),
+            refinements: slice.checkpoint.as_ref().map_or(0, |c| c.refinements),
+            generations: Vec::new(),
+            events: Vec::new(),
+            progress: None,
+            worked_before: Duration::from_millis(slice.running_ms).as_secs_f64(),
+        }
+    }
+
+    /// Iterations of the refinement so far.
+    pub(super) fn refinements(&self) -> u32 {
+        self.refinements
+    }
+
+    /// Takes in a row at a time [of the wall clock].
+    pub(super) fn take(&mut self, row: Row, now: Timestamp) {
+        match row {
+            Row::Generation(generation) => {
+                self.generations.push(generation.clone());
+                if generation.generation > self.told.generation {
+                    self.untold = Some(generation);
+                    self.tell_if_due(now);
+                }
+            }
+            Row::Refinement { iteration, cost } => {
+                self.tell(now);
+                self.refinements += 1;
+                if self.refinements > self.told.refinements {
+                    self.told.refinements = self.refinements;
+                    self.events.push(Event::Refinement { iteration, cost });
+                }
+            }
+        }
+    }
+
+    /// Notes how far the run came after `worked` of this slice.
+    pub(super) fn note(&mut self, progress: Progress, worked: Duration) {
+        let so_far = self.worked_before + worked.as_secs_f64();
+        let rest = so_far * (1.0 - progress.fraction) / progress.fraction;
+        self.progress = Some(Progress {
+            eta_s: Some(rest).filter(|rest| rest.is_finite()),
+            ..progress
+        });
+    }
+
+    /// Tells of the newest generation if the last event is old enough.
+    pub(super) fn tell_if_due(&mut self, now: Timestamp) {
+        let gap = i64::try_from(GENERATION_EVENT_GAP.as_millis()).expect("a gap is short");
+        let since = now.as_millisecond() - self.told.at_ms;
+        // A clock that was set back does not silence a job.
+        if since >= gap || since < 0 {
+            self.tell(now);
+        }
+    }
+
+    /// Tells of the newest generation.
+    pub(super) fn tell(&mut self, now: Timestamp) {
+        if let Some(generation) = self.untold.take() {
+            self.told.generation = generation.generation;
+            self.told.at_ms = now.as_millisecond();
+            self.events.push(Event::Generation(generation));
+        }
+    }
+
+    /// Whether there is anything to write.
+    pub(super) fn is_empty(&self) -> bool {
+        self.generations.is_empty() && self.events.is_empty() && self.progress.is_none()
+    }
+
+    /// What has come together since the last call.
+    pub(super) fn record(&mut self) -> Record {
+        Record {
+            generations: std::mem::take(&mut self.generations),
+            events: std::mem::take(&mut self.events),
+            told: self.told,
+            progress: self.progress.take(),
+            ..Record::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use jiff::ToSpan;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn relay() -> Relay {
+        Relay {
+            told: Told::default(),
+            untold: None,
+            refinements: 0,
+            generations: Vec::new(),
+            events: Vec::new(),
+            progress: None,
+            worked_before: 10.0,
+        }
+    }
+
+    fn row(generation: u32) -> Row {
+        Row::Generation(GenerationEvent {
+            generation,
+            evaluations: 0,
+            best_cost: None,
+            mean_cost: None,
+            best_credit: None,
+            entropy: None,
+            credit_updates: 0,
+            best: serde_json::Map::new(),
+        })
+    }
+
+    fn at(ms: i64) -> Timestamp {
+        Timestamp::UNIX_EPOCH + 1_000_000_i64.seconds() + ms.milliseconds()
+    }
+
+    fn told(events: &[Event]) -> Vec<u32> {
+        let number = |event: &Event| match event {
+            Event::Generation(generation) => Some(generation.generation),
+            _ => None,
+        };
+        events.iter().filter_map(number).collect()
+    }
+
+    #[test]
+    fn the_last_generation_before_the_refinement_is_always_told() {
+        let mut relay = relay();
+        for generation in 1..=5 {
+            relay.take(row(generation), at(i64::from(generation)));
+        }
+        let refinement = Row::Refinement {
+            iteration: 1,
+            cost: 0.5,
+        };
+        relay.take(refinement, at(6));
+        let record = relay.record();
+        assert_eq!(told(&record.events), [1, 5]);
+        assert_eq!(record.events[2].name(), "refinement");
+        assert_eq!(record.generations.len(), 5);
+        assert_eq!((record.told.generation, record.told.refinements), (5, 1));
+    }
+
+    #[test]
+    fn what_was_told_before_a_crash_is_not_told_again() {
+        let mut relay = relay();
+        relay.told = Told {
+            generation: 2,
+            refinements: 1,
+            at_ms: 0,
+        };
+        for generation in 1..=3 {
+            relay.take(row(generation), at(1000 * i64::from(generation)));
+        }
+        for iteration in 1..=2 {
+            relay.take(
+                Row::Refinement {
+                    iteration,
+                    cost: 1.0,
+                },
+                at(9000),
+            );
+        }
+        let record = relay.record();
+        assert_eq!(told(&record.events), [3]);
+        assert_eq!(record.events.len(), 2);
+        assert_eq!(record.generations.len(), 3);
+    }
+
+    #[test]
+    fn the_time_left_follows_from_the_time_worked_in_all_slices() {
+        let mut relay = relay();
+        let progress = Progress {
+            phase: crate::job::Phase::Search,
+            generation: 1,
+            generations: 4,
+            evaluations: 30,
+            best_cost: None,
+            best_credit: None,
+            fraction: 0.25,
+            eta_s: None,
+        };
+        relay.note(progress, Duration::from_secs(2));
+        let noted = relay.record().progress.expect("progress");
+        assert_eq!(noted.eta_s, Some(36.0));
+    }
+
+    proptest! {
+        #[test]
+        fn no_second_has_more_than_five_generation_events(
+            gaps in proptest::collection::vec(0_i64..400, 1..200)
+        ) {
+            let mut relay = relay();
+            let mut now = 0;
+            let mut times = Vec::new();
+            for (generation, gap) in (1..).zip(&gaps) {
+                now += gap;
+                relay.take(row(generation), at(now));
+                times.extend(relay.record().events.iter().map(|_| now));
+            }
+            for (k, first) in times.iter().enumerate() {
+                let within = times[k..].iter().filter(|t| **t < first + 1000).count();
+                prop_assert!(within <= 5);
+            }
+            relay.tell(at(now));
+            let last = told(&relay.record().events);
+            let newest = u32::try_from(gaps.len()).expect("few");
+            prop_assert!(last == [newest] || relay.told.generation == newest);
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! The seam between the service and the method: what a slice needs of the run of a job.
+//!
+//! A run is synchronous and seeded. It owns all that it needs, goes on in units, and can be laid
+//! down after any unit and taken up again with the same bits.
+
+use std::sync::atomic::AtomicBool;
+
+use serde_json::Value;
+
+use crate::dataset::Recording;
+use crate::job::{Failure, GenerationEvent, Progress};
+use crate::store::JobRow;
+
+/// Begins the runs of jobs.
+pub trait Method: Send + Sync + 'static {
+    /// Begins the run of a job, or takes it up where it was laid down.
+    fn begin(&self, assignment: Assignment) -> Result<Box<dyn Run>, Failure>;
+}
+
+/// All that a run is made of.
+#[derive(Debug)]
+pub struct Assignment {
+    /// The job.
+    pub job: JobRow,
+    /// The recordings that the job reads, each with its digest, one for each experiment.
+    pub datasets: Vec<(String, Recording)>,
+    /// Where the run was laid down; nothing when it begins.
+    pub checkpoint: Option<Vec<u8>>,
+}
+
+/// The run of one job.
+pub trait Run: Send {
+    /// Does one unit of work. When `stop` is raised it may return at once, with nothing changed.
+    fn advance(&mut self, stop: &AtomicBool, rows: &mut dyn FnMut(Row)) -> Advance;
+
+    /// How far it came.
+    fn progress(&self) -> Progress;
+
+    /// All that is needed to take it up again.
+    fn checkpoint(&self) -> Vec<u8>;
+
+    /// The result: final when the run has finished, else the best so far, which is nothing before
+    /// the first candidate was judged.
+    fn outcome(&mut self, stopped: Option<StopReason>) -> Result<Option<Value>, Failure>;
+}
+
+/// What a unit of work came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Advance {
+    /// There is more to do.
+    Working,
+    /// The stop flag was raised; nothing has changed.
+    Interrupted,
+    /// There is no more to do.
+    Finished,
+}
+
+/// A line of the job's history.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Row {
+    /// The search finished a generation.
+    Generation(GenerationEvent),
+    /// The refinement finished an iteration.
+    Refinement {
+        /// Counts from 1.
+        iteration: u32,
+        /// The cost that it reached.
+        cost: f64,
+    },
+}
+
+/// Why a run is ended before it has finished.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopReason {
+    /// The job's time is used up.
+    TimeLimit,
+    /// By request.
+    Cancelled,
+    /// By request, to be taken up again.
+    Paused,
+}

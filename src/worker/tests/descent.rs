@@ -1,0 +1,197 @@
+//! A small method for tests: seeded, deterministic, with places where it waits or breaks on order.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex};
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::PATIENCE;
+use crate::job::{Failure, GenerationEvent, JobId, Phase, Progress};
+use crate::worker::run::{Advance, Assignment, Method, Row, Run, StopReason};
+
+/// Looks for the minimum of (x − 3)² by seeded trial; then halves the distance a few times.
+pub(super) struct Descent {
+    pub(super) gate: Arc<Gate>,
+}
+
+/// Where a run with `wait_at` waits until it is stopped; tests wait for it to get there.
+#[derive(Default)]
+pub(super) struct Gate {
+    n_waiting: Mutex<usize>,
+    arrived: Condvar,
+}
+
+impl Gate {
+    fn hold_until(&self, stop: &AtomicBool) {
+        *self.n_waiting.lock().expect("unpoisoned") += 1;
+        self.arrived.notify_all();
+        while !stop.load(Ordering::Relaxed) {
+            std::thread::yield_now();
+        }
+    }
+
+    pub(super) fn wait_for_arrival(&self) {
+        let waiting = self.n_waiting.lock().expect("unpoisoned");
+        let (_guard, timeout) = self
+            .arrived
+            .wait_timeout_while(waiting, PATIENCE, |n| *n == 0)
+            .expect("unpoisoned");
+        assert!(!timeout.timed_out(), "no run came to the gate");
+    }
+}
+
+#[derive(Clone, Copy, Deserialize)]
+struct Orders {
+    generations: u32,
+    refinements: u32,
+    #[serde(default)]
+    wait_at: Option<u32>,
+    #[serde(default)]
+    panic_at: Option<u32>,
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct State {
+    unit: u32,
+    random: u64,
+    best: f64,
+}
+
+struct DescentRun {
+    id: JobId,
+    orders: Orders,
+    state: State,
+    gate: Arc<Gate>,
+}
+
+impl Method for Descent {
+    fn begin(&self, assignment: Assignment) -> Result<Box<dyn Run>, Failure> {
+        let orders = serde_json::from_value(assignment.job.spec["method"].clone())
+            .map_err(|error| Failure::cannot_run(error.to_string()))?;
+        let start = State {
+            unit: 0,
+            random: 1,
+            best: 100.0,
+        };
+        let state = assignment.checkpoint.map_or(start, |bytes| {
+            serde_json::from_slice(&bytes).expect("a checkpoint of this method")
+        });
+        Ok(Box::new(DescentRun {
+            id: assignment.job.id,
+            orders,
+            state,
+            gate: self.gate.clone(),
+        }))
+    }
+}
+
+impl DescentRun {
+    fn cost(&self) -> f64 {
+        (self.state.best - 3.0).powi(2)
+    }
+
+    fn search(&mut self) {
+        for _ in 0..30 {
+            let random = self.state.random;
+            self.state.random = random
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            let trial = (self.state.random >> 11) as f64 / (1_u64 << 53) as f64 * 200.0 - 100.0;
+            if (trial - 3.0).abs() < (self.state.best - 3.0).abs() {
+                self.state.best = trial;
+            }
+        }
+    }
+}
+
+impl Run for DescentRun {
+    fn advance(&mut self, stop: &AtomicBool, rows: &mut dyn FnMut(Row)) -> Advance {
+        let unit = self.state.unit + 1;
+        if self.orders.wait_at == Some(unit) {
+            self.gate.hold_until(stop);
+            return Advance::Interrupted;
+        }
+        assert!(self.orders.panic_at != Some(unit), "unit {unit} is cursed");
+        self.state.unit = unit;
+        if unit <= self.orders.generations {
+            self.search();
+            rows(Row::Generation(GenerationEvent {
+                generation: unit,
+                evaluations: u64::from(unit) * 30,
+                best_cost: Some(self.cost()),
+                mean_cost: None,
+                best_credit: None,
+                entropy: None,
+                credit_updates: 0,
+                best: serde_json::Map::from_iter([("x".to_owned(), json!(self.state.best))]),
+            }));
+        } else {
+            self.state.best = 3.0 + (self.state.best - 3.0) / 2.0;
+            rows(Row::Refinement {
+                iteration: unit - self.orders.generations,
+                cost: self.cost(),
+            });
+        }
+        if unit >= self.orders.generations + self.orders.refinements {
+            Advance::Finished
+        } else {
+            Advance::Working
+        }
+    }
+
+    fn progress(&self) -> Progress {
+        let total = f64::from(self.orders.generations + self.orders.refinements);
+        Progress {
+            phase: Phase::Search,
+            generation: self.state.unit.min(self.orders.generations),
+            generations: self.orders.generations,
+            evaluations: 0,
+            best_cost: Some(self.cost()),
+            best_credit: None,
+            fraction: f64::from(self.state.unit) / total,
+            eta_s: None,
+        }
+    }
+
+    fn checkpoint(&self) -> Vec<u8> {
+        serde_json::to_vec(&self.state).expect("plain numbers")
+    }
+
+    fn outcome(&mut self, stopped: Option<StopReason>) -> Result<Option<Value>, Failure> {
+        let reason = match stopped {
+            None => "generation_limit",
+            Some(StopReason::TimeLimit) => "time_limit",
+            Some(StopReason::Cancelled) => "cancelled",
+            Some(StopReason::Paused) => "paused",
+        };
+        Ok(Some(json!({
+            "job": self.id,
+            "stop_reason": reason,
+            "parameters": [{"name": "x", "estimate": self.state.best}],
+            "fit": {},
+        })))
+    }
+}
+
+/// The bits of the estimate of a run that nothing interrupts.
+pub(super) fn unbroken(generations: u32, refinements: u32) -> u64 {
+    let mut run = DescentRun {
+        id: JobId::new(),
+        orders: Orders {
+            generations,
+            refinements,
+            wait_at: None,
+            panic_at: None,
+        },
+        state: State {
+            unit: 0,
+            random: 1,
+            best: 100.0,
+        },
+        gate: Arc::default(),
+    };
+    let never = AtomicBool::new(false);
+    while run.advance(&never, &mut |_| ()) == Advance::Working {}
+    run.state.best.to_bits()
+}
