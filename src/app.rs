@@ -1,1 +1,306 @@
-//! The composition root: store, events, worker and router, started in order and stopped in reverse.
+//! Puts a server together (store, events, worker, router) and takes it apart in order.
+
+use std::net::SocketAddr;
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+use axum::Router;
+use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
+use tokio::net::TcpListener;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+use crate::api::{self, ApiState, Parts};
+use crate::config::{SHUTDOWN_LIMIT, Settings, SettingsError};
+use crate::event::EventHub;
+use crate::model::Catalogue;
+use crate::store::{Store, StoreError};
+use crate::worker::{Worker, run::Method};
+
+/// What is left of the shutdown's time for the connections after the slices were handed back.
+const LAST_WORDS: Duration = Duration::from_millis(500);
+
+/// Why a server did not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// A setting cannot be.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// The store did not open.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {source}")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// Why.
+        source: std::io::Error,
+    },
+}
+
+/// A server at work.
+pub struct App {
+    address: SocketAddr,
+    store: Store,
+    hub: EventHub,
+    worker: Worker,
+    closing: CancellationToken,
+    server: JoinHandle<std::io::Result<()>>,
+}
+
+impl App {
+    /// Starts a server: when this returns it answers, and works the jobs that wait.
+    pub async fn start(settings: Settings, method: Arc<dyn Method>) -> Result<Self, StartError> {
+        let worker_settings = settings.worker()?;
+        let listener = listen(settings.listen).await?;
+        let address = listener.local_addr().map_err(|source| StartError::Listen {
+            address: settings.listen,
+            source,
+        })?;
+        share_threads(settings.threads());
+        let hub = EventHub::new();
+        let store = Store::open(&settings.database()?, hub.on_change()).await?;
+        let worker = Worker::start(store.clone(), hub.clone(), method, worker_settings)?;
+        let alive = worker.alive();
+        let state = ApiState::new(Parts {
+            store: store.clone(),
+            hub: hub.clone(),
+            catalogue: Catalogue::built_in(),
+            limits: settings.limits(),
+            workers_run: Arc::new(move || *alive.borrow()),
+            metrics: metrics(),
+        });
+        let closing = CancellationToken::new();
+        let server = tokio::spawn(serve(listener, api::router(state), closing.clone()));
+        tracing::info!(%address, "listening");
+        Ok(Self {
+            address,
+            store,
+            hub,
+            worker,
+            closing,
+            server,
+        })
+    }
+
+    /// The address that it listens on.
+    pub fn local_addr(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Returns when the process is asked to end (SIGTERM or ctrl-c).
+    pub async fn wait_for_signal(&self) -> std::io::Result<()> {
+        terminated().await
+    }
+
+    /// Takes no more connections, ends the streams, hands the slices back and closes the
+    /// database, in less than five seconds.
+    pub async fn shutdown(self) {
+        let Self {
+            store,
+            hub,
+            worker,
+            closing,
+            mut server,
+            ..
+        } = self;
+        closing.cancel();
+        hub.close();
+        let slices = tokio::time::timeout(SHUTDOWN_LIMIT - LAST_WORDS, worker.shutdown());
+        if slices.await.is_err() {
+            tracing::warn!("a slice did not stop in time; it goes on from its last checkpoint");
+        }
+        match tokio::time::timeout(LAST_WORDS, &mut server).await {
+            Ok(Ok(Ok(()))) => {}
+            Ok(Ok(Err(error))) => tracing::error!(%error, "the server ended badly"),
+            Ok(Err(error)) => tracing::error!(%error, "the server ended badly"),
+            Err(_) => {
+                tracing::warn!("connections that did not end were cut");
+                server.abort();
+            }
+        }
+        store.close().await;
+    }
+}
+
+async fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
+    TcpListener::bind(address)
+        .await
+        .map_err(|source| StartError::Listen { address, source })
+}
+
+async fn serve(
+    listener: TcpListener,
+    router: Router,
+    closing: CancellationToken,
+) -> std::io::Result<()> {
+    axum::serve(listener, router)
+        .with_graceful_shutdown(closing.cancelled_owned())
+        .await
+}
+
+/// Gives the computation its threads. They are the process's; the first server decides.
+fn share_threads(threads: usize) {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(|number| format!("compute-{number}"));
+    if let Err(error) = pool.build_global() {
+        tracing::debug!(%error, "the process has its threads already");
+    }
+}
+
+/// The metrics of the process.
+fn metrics() -> PrometheusHandle {
+    static HANDLE: OnceLock<PrometheusHandle> = OnceLock::new();
+    HANDLE
+        .get_or_init(|| {
+            let recorder = PrometheusBuilder::new().build_recorder();
+            let handle = recorder.handle();
+            if let Err(error) = metrics::set_global_recorder(recorder) {
+                tracing::warn!(%error, "the metrics stay empty: something else records them");
+            }
+            handle
+        })
+        .clone()
+}
+
+#[cfg(unix)]
+async fn terminated() -> std::io::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let mut terminate = signal(SignalKind::terminate())?;
+    tokio::select! {
+        _ = terminate.recv() => Ok(()),
+        interrupted = tokio::signal::ctrl_c() => interrupted,
+    }
+}
+
+#[cfg(not(unix))]
+async fn terminated() -> std::io::Result<()> {
+    tokio::signal::ctrl_c().await
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Instant;
+
+    use serde_json::json;
+
+    use super::*;
+    use crate::job::{JobId, Status};
+    use crate::store::{NewJob, Submitted};
+    use crate::worker::tests::descent::{Descent, Gate};
+
+    struct Fixture {
+        app: App,
+        gate: Arc<Gate>,
+        settings: Settings,
+        _folder: tempfile::TempDir,
+    }
+
+    async fn fixture() -> Fixture {
+        let folder = tempfile::tempdir().expect("a folder");
+        let settings = Settings {
+            listen: (std::net::Ipv4Addr::LOCALHOST, 0).into(),
+            database: Some(format!(
+                "sqlite://{}",
+                folder.path().join("jobs.db").display()
+            )),
+            ..Settings::default()
+        };
+        let gate = Arc::new(Gate::default());
+        Fixture {
+            app: start(&settings, &gate).await.expect("a server"),
+            gate,
+            settings,
+            _folder: folder,
+        }
+    }
+
+    async fn start(settings: &Settings, gate: &Arc<Gate>) -> Result<App, StartError> {
+        let method = Arc::new(Descent { gate: gate.clone() });
+        App::start(settings.clone(), method).await
+    }
+
+    async fn submit_a_job_that_waits(store: &Store) -> JobId {
+        let job = NewJob {
+            name: None,
+            labels: Default::default(),
+            model: "descent".to_owned(),
+            spec: json!({"method": {"generations": 9, "refinements": 0, "wait_at": 5}}),
+            datasets: Vec::new(),
+            idempotency: None,
+        };
+        match store.submit(job).await.expect("a submission") {
+            Submitted::Created(row) => row.id,
+            other => panic!("not created: {other:?}"),
+        }
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_started_server_is_ready() {
+        let Fixture { app, _folder, .. } = fixture().await;
+        let url = format!("http://{}/readyz", app.local_addr());
+        let answer = reqwest::get(url).await.expect("an answer");
+        assert_eq!(answer.status(), 200);
+        app.shutdown().await;
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_taken_port_and_a_taken_database_are_named() {
+        let Fixture {
+            app,
+            gate,
+            settings,
+            _folder,
+        } = fixture().await;
+        let taken_port = Settings {
+            listen: app.local_addr(),
+            ..settings.clone()
+        };
+        let refused = start(&taken_port, &gate)
+            .await
+            .err()
+            .expect("the port is taken");
+        let message = refused.to_string();
+        let expected = format!("cannot listen on {}: ", app.local_addr());
+        assert!(message.starts_with(&expected), "{message}");
+        let refused = start(&settings, &gate)
+            .await
+            .err()
+            .expect("the file is taken");
+        let message = refused.to_string();
+        assert!(
+            message.ends_with("is in use by another greybox server"),
+            "{message}"
+        );
+        app.shutdown().await;
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_shutdown_ends_streams_and_hands_slices_back_within_five_seconds() {
+        let Fixture {
+            app,
+            gate,
+            settings,
+            _folder,
+        } = fixture().await;
+        let id = submit_a_job_that_waits(&app.store).await;
+        gate.wait_for_arrival();
+        let url = format!("http://{}/v1/jobs/{id}/events", app.local_addr());
+        let stream = reqwest::get(url).await.expect("a stream");
+        assert_eq!(stream.status(), 200);
+        let reader = tokio::spawn(stream.text());
+        let asked = Instant::now();
+        app.shutdown().await;
+        assert!(asked.elapsed() < Duration::from_secs(5));
+        let told = reader.await.expect("a reader").expect("an orderly end");
+        assert!(told.contains("event: state"), "{told}");
+
+        let app = start(&settings, &gate).await.expect("the same database");
+        let job = app.store.job(id).await.expect("a read").expect("the job");
+        assert_eq!(job.status, Status::Running);
+        assert_eq!(job.progress.expect("progress").generation, 4);
+        app.shutdown().await;
+    }
+}

@@ -1,1 +1,230 @@
-//! Every setting, default and limit; the only reader of the environment.
+//! Every setting, default and limit of a server, and the only reader of the environment.
+//!
+//! A setting is a flag or a `GREYBOX_*` variable; the flag wins.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use directories::ProjectDirs;
+
+use crate::api::Limits;
+use crate::store::DatabaseSettings;
+use crate::worker::WorkerSettings;
+
+/// The database file's name in the user's data folder.
+const DATABASE_FILE: &str = "greybox.db";
+/// Connections that read the database at the same time.
+const READERS: u32 = 4;
+/// How long a statement waits for another connection's lock.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
+/// How long an ordered shutdown may take.
+pub const SHUTDOWN_LIMIT: Duration = Duration::from_millis(4500);
+
+/// How a server runs.
+#[derive(Clone, Debug, Args)]
+pub struct Settings {
+    /// Address and port to listen on; port 0 takes a free one
+    #[arg(long, env = "GREYBOX_LISTEN", default_value_t = default_listen())]
+    pub listen: SocketAddr,
+
+    /// Database file, `sqlite://<path>` [default: greybox.db in the user's data folder]
+    #[arg(long, env = "GREYBOX_DATABASE", value_name = "URL")]
+    pub database: Option<String>,
+
+    /// Threads that compute [default: one for each processor]
+    #[arg(long, env = "GREYBOX_THREADS")]
+    pub threads: Option<NonZeroUsize>,
+
+    /// Jobs at work at the same time; they share the threads [default: as many as threads]
+    #[arg(long, env = "GREYBOX_JOBS_AT_ONCE", value_name = "N")]
+    pub jobs_at_once: Option<NonZeroUsize>,
+
+    /// How long a job works before it makes a checkpoint and others have their turn [s]
+    #[arg(
+        long,
+        env = "GREYBOX_SLICE_S",
+        value_name = "SECONDS",
+        default_value_t = 10.0
+    )]
+    pub slice_s: f64,
+
+    /// Largest recording that is taken [MiB]
+    #[arg(
+        long,
+        env = "GREYBOX_MAX_BODY_MIB",
+        value_name = "MIB",
+        default_value_t = 64
+    )]
+    pub max_body_mib: u16,
+
+    /// What is logged, e.g. `info` or `greybox=debug`
+    #[arg(
+        long,
+        env = "GREYBOX_LOG",
+        value_name = "FILTER",
+        default_value = "info"
+    )]
+    pub log: String,
+}
+
+/// A setting that cannot be.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SettingsError {
+    /// The database is not given as a SQLite file.
+    #[error("the database `{0}` is not of the form sqlite://<path to a file>")]
+    Database(String),
+    /// There is no place for the default database.
+    #[error("the user has no data folder; say where the database is with --database")]
+    NoDataFolder,
+    /// The length of a slice is not a time.
+    #[error("a slice of {0} s is not between 0 and 3600 s")]
+    Slice(f64),
+}
+
+fn default_listen() -> SocketAddr {
+    (Ipv4Addr::LOCALHOST, 8080).into()
+}
+
+impl Default for Settings {
+    /// The settings of a server that is given none, whatever the environment says.
+    fn default() -> Self {
+        Self {
+            listen: default_listen(),
+            database: None,
+            threads: None,
+            jobs_at_once: None,
+            slice_s: 10.0,
+            max_body_mib: 64,
+            log: "info".to_owned(),
+        }
+    }
+}
+
+impl Settings {
+    /// Threads that compute.
+    pub fn threads(&self) -> usize {
+        self.threads
+            .or_else(|| std::thread::available_parallelism().ok())
+            .map_or(1, NonZeroUsize::get)
+    }
+
+    /// Where the database is and how it is used.
+    pub fn database(&self) -> Result<DatabaseSettings, SettingsError> {
+        Ok(DatabaseSettings {
+            path: match &self.database {
+                Some(url) => path_of(url)?,
+                None => default_database()?,
+            },
+            readers: READERS,
+            busy_timeout: BUSY_TIMEOUT,
+        })
+    }
+
+    /// How jobs are worked.
+    pub fn worker(&self) -> Result<WorkerSettings, SettingsError> {
+        if !(0.0..=3600.0).contains(&self.slice_s) {
+            return Err(SettingsError::Slice(self.slice_s));
+        }
+        Ok(WorkerSettings {
+            jobs_at_once: self.jobs_at_once.map_or(self.threads(), NonZeroUsize::get),
+            slice_length: Duration::from_secs_f64(self.slice_s),
+        })
+    }
+
+    /// What one client may ask for.
+    pub fn limits(&self) -> Limits {
+        Limits {
+            dataset_bytes: u64::from(self.max_body_mib) << 20,
+            ..Limits::default()
+        }
+    }
+}
+
+/// The file that a `sqlite://` address names. A database in memory would lose jobs.
+fn path_of(url: &str) -> Result<PathBuf, SettingsError> {
+    let path = url.strip_prefix("sqlite://").unwrap_or_default();
+    let is_file = !path.is_empty() && !path.starts_with(':') && !path.contains('?');
+    if is_file && !path.ends_with('/') {
+        Ok(PathBuf::from(path))
+    } else {
+        Err(SettingsError::Database(url.to_owned()))
+    }
+}
+
+fn default_database() -> Result<PathBuf, SettingsError> {
+    ProjectDirs::from("", "", "greybox")
+        .map(|folders| folders.data_dir().join(DATABASE_FILE))
+        .ok_or(SettingsError::NoDataFolder)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        settings: Settings,
+    }
+
+    fn parse(flags: &[&str]) -> Settings {
+        let command = std::iter::once("greybox").chain(flags.iter().copied());
+        Command::try_parse_from(command).expect("flags").settings
+    }
+
+    #[test]
+    fn flags_say_how_the_server_runs() {
+        let settings = parse(&[
+            "--listen=127.0.0.1:0",
+            "--database=sqlite:///var/lib/greybox/jobs.db",
+            "--threads=3",
+            "--slice-s=0.005",
+            "--max-body-mib=1",
+        ]);
+        let database = settings.database().expect("a path");
+        assert_eq!(database.path, PathBuf::from("/var/lib/greybox/jobs.db"));
+        let worker = settings.worker().expect("a slice");
+        assert_eq!(worker.slice_length, Duration::from_millis(5));
+        assert_eq!(worker.jobs_at_once, 3);
+        assert_eq!(settings.limits().dataset_bytes, 1 << 20);
+    }
+
+    #[test]
+    fn the_defaults_of_the_flags_are_those_of_the_program() {
+        let (flags, program) = (parse(&[]), Settings::default());
+        assert_eq!(format!("{flags:?}"), format!("{program:?}"));
+        assert_eq!(program.listen.to_string(), "127.0.0.1:8080");
+    }
+
+    #[test]
+    fn what_is_no_database_file_is_refused() {
+        for url in [
+            "postgres://localhost/greybox",
+            "sqlite::memory:",
+            "sqlite://:memory:",
+            "sqlite://",
+            "sqlite:///var/lib/",
+            "jobs.db",
+        ] {
+            let settings = parse(&[&format!("--database={url}")]);
+            let refused = settings.database().err();
+            assert_eq!(refused, Some(SettingsError::Database(url.to_owned())));
+        }
+    }
+
+    #[test]
+    fn a_slice_that_is_no_time_is_refused() {
+        for slice_s in [-1.0, f64::NAN, 1e9] {
+            let settings = Settings {
+                slice_s,
+                ..Settings::default()
+            };
+            assert!(matches!(settings.worker(), Err(SettingsError::Slice(_))));
+        }
+    }
+}

@@ -11,7 +11,7 @@ mod relay;
 pub mod run;
 mod slice;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -11,13 +11,13 @@ use crate::job::{Failure, GenerationEvent, JobId, Phase, Progress};
 use crate::worker::run::{Advance, Assignment, Method, Row, Run, StopReason};
 
 /// Looks for the minimum of (x − 3)² by seeded trial; then halves the distance a few times.
-pub(super) struct Descent {
-    pub(super) gate: Arc<Gate>,
+pub(crate) struct Descent {
+    pub(crate) gate: Arc<Gate>,
 }
 
 /// Where a run with `wait_at` waits until it is stopped; tests wait for it to get there.
 #[derive(Default)]
-pub(super) struct Gate {
+pub(crate) struct Gate {
     n_waiting: Mutex<usize>,
     arrived: Condvar,
 }
@@ -31,7 +31,7 @@ impl Gate {
         }
     }
 
-    pub(super) fn wait_for_arrival(&self) {
+    pub(crate) fn wait_for_arrival(&self) {
         let waiting = self.n_waiting.lock().expect("unpoisoned");
         let (_guard, timeout) = self
             .arrived
@@ -175,7 +175,7 @@ impl Run for DescentRun {
 }
 
 /// The bits of the estimate of a run that nothing interrupts.
-pub(super) fn unbroken(generations: u32, refinements: u32) -> u64 {
+pub(crate) fn unbroken(generations: u32, refinements: u32) -> u64 {
     let mut run = DescentRun {
         id: JobId::new(),
         orders: Orders {

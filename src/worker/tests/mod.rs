@@ -1,6 +1,6 @@
 //! Jobs worked to their end, by a small real method, through everything that can come between.
 
-mod descent;
+pub(crate) mod descent;
 
 use std::collections::BTreeMap;
 use std::path::Path;
