@@ -10,7 +10,9 @@ use std::path::Path;
 /// A recording: JSON where the name ends so, else CSV.
 pub fn recording(path: &Path, time: Option<&str>) -> Result<Recording, CommandError> {
     let file = File::open(path).map_err(|error| unreadable(path, &error))?;
-    let is_json = path.extension().is_some_and(|extension| extension == "json");
+    let is_json = path
+        .extension()
+        .is_some_and(|extension| extension == "json");
     let read = if is_json {
         dataset::json::read(file)
     } else {
@@ -45,8 +47,9 @@ pub fn write(path: Option<&Path>, bytes: &[u8]) -> Result<(), CommandError> {
         None => match std::io::stdout().write_all(bytes) {
             // Whoever read the output has seen enough of it.
             Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-            written => written
-                .map_err(|error| CommandError::failed(format!("standard output: {error}"))),
+            written => {
+                written.map_err(|error| CommandError::failed(format!("standard output: {error}")))
+            }
         },
     }
 }

@@ -15,7 +15,14 @@ pub fn of(outcome: &Outcome, truths: Option<&[(String, f64)]>) -> String {
 fn estimates(outcome: &Outcome, truths: Option<&[(String, f64)]>) -> String {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY);
-    let mut header = vec!["parameter", "unit", "estimate", "std. error", "interval", ""];
+    let mut header = vec![
+        "parameter",
+        "unit",
+        "estimate",
+        "std. error",
+        "interval",
+        "",
+    ];
     if truths.is_some() {
         header.splice(2..2, ["true value"]);
         header.splice(4..4, ["error"]);
@@ -124,9 +131,17 @@ mod tests {
 
     #[test]
     fn numbers_keep_five_digits_and_large_and_small_ones_their_power() {
-        let shown = [58.0167, 0.0123456, 21_412.3, 1.6009e9, 9.87e-6, 0.0, -370.25];
+        let shown = [
+            58.0167, 0.0123456, 21_412.3, 1.6009e9, 9.87e-6, 0.0, -370.25,
+        ];
         let expected = [
-            "58.017", "0.012346", "21412", "1.6009e9", "9.8700e-6", "0", "-370.25",
+            "58.017",
+            "0.012346",
+            "21412",
+            "1.6009e9",
+            "9.8700e-6",
+            "0",
+            "-370.25",
         ];
         assert_eq!(shown.map(short), expected);
     }
@@ -144,7 +159,14 @@ mod tests {
         }));
         let cells = row("mass (M)".to_owned(), "kg", &estimate, Some(Some(50.0)));
         let expected = [
-            "mass (M)", "kg", "50.000", "59.000", "+18.00 %", "0.50000", "58.000 to - (95.000 %)", "",
+            "mass (M)",
+            "kg",
+            "50.000",
+            "59.000",
+            "+18.00 %",
+            "0.50000",
+            "58.000 to - (95.000 %)",
+            "",
         ];
         assert_eq!(cells, expected);
         let cells = row("mass (M)".to_owned(), "kg", &estimate, None);
@@ -158,7 +180,10 @@ mod tests {
             "lower": 20.0, "upper": 120.0, "at_bound": true, "identifiable": false,
         }));
         assert_eq!(remark(&at_bound), "at a bound");
-        let unknown = Estimate { at_bound: false, ..at_bound };
+        let unknown = Estimate {
+            at_bound: false,
+            ..at_bound
+        };
         assert_eq!(remark(&unknown), "not identifiable");
     }
 }
