@@ -105,7 +105,7 @@ enum Format {
 /// sample. JSON: `sample_time_s` (or `time`) and `signals`, `null` is a missing sample. Everything
 /// is converted to SI.
 #[utoipa::path(
-    post, path = "/v1/datasets", tag = "datasets",
+    post, path = "/v1/datasets", operation_id = "create_dataset", tag = "datasets",
     params(NewDatasetQuery),
     request_body(
         description = "The recording, optionally with `Content-Encoding: gzip`",
@@ -235,7 +235,7 @@ impl FromQuery for WhichDatasets {
 
 /// List recordings, newest first.
 #[utoipa::path(
-    get, path = "/v1/datasets", tag = "datasets",
+    get, path = "/v1/datasets", operation_id = "list_datasets", tag = "datasets",
     params(PageParams),
     responses((status = 200, description = "A page of recordings", body = Page<Dataset>,
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
@@ -252,7 +252,7 @@ pub async fn list(
 
 /// Show a recording with its quality report.
 #[utoipa::path(
-    get, path = "/v1/datasets/{id}", tag = "datasets",
+    get, path = "/v1/datasets/{id}", operation_id = "show_dataset", tag = "datasets",
     params(("id" = DatasetId, Path, description = "The recording")),
     responses((status = 200, description = "The recording", body = Dataset))
 )]
@@ -276,7 +276,7 @@ fn no_dataset(id: DatasetId) -> Problem {
 
 /// Remove a recording that no job needs.
 #[utoipa::path(
-    delete, path = "/v1/datasets/{id}", tag = "datasets",
+    delete, path = "/v1/datasets/{id}", operation_id = "remove_dataset", tag = "datasets",
     params(("id" = DatasetId, Path, description = "The recording")),
     responses((status = 204, description = "It is removed"),
               (status = 409, description = "A job needs it"))
@@ -335,7 +335,7 @@ impl FromQuery for SamplesQuery {
 
 /// Read samples: decimated for plots as JSON, or all of them as CSV.
 #[utoipa::path(
-    get, path = "/v1/datasets/{id}/samples", tag = "datasets",
+    get, path = "/v1/datasets/{id}/samples", operation_id = "read_samples", tag = "datasets",
     params(("id" = DatasetId, Path, description = "The recording"), SamplesQuery),
     responses((status = 200, description = "The samples in SI",
                content((Samples = "application/json"), (String = "text/csv"))))

@@ -23,7 +23,7 @@ use super::jobs::no_job;
 use super::manners::header_fault;
 use super::query::{FromQuery, Params, QueryReader};
 use crate::event::Feed;
-use crate::job::{Event, JobId};
+use crate::job::JobId;
 use crate::store::StoredEvent;
 
 /// After so long without an event a comment shows that the stream lives.
@@ -57,7 +57,7 @@ impl FromQuery for EventsQuery {
 /// ids 1, 2, 3 … without a gap. Each event is stored before it is sent; a client that comes back
 /// with `Last-Event-ID` misses none.
 #[utoipa::path(
-    get, path = "/v1/jobs/{id}/events", tag = "jobs",
+    get, path = "/v1/jobs/{id}/events", operation_id = "follow_job", tag = "jobs",
     params(
         ("id" = JobId, Path, description = "The job"),
         EventsQuery,
@@ -65,8 +65,8 @@ impl FromQuery for EventsQuery {
          description = "The last event that the client has; wins over `last_event_id`")
     ),
     responses(
-        (status = 200, description = "The events; the data of each is JSON", body = Event,
-         content_type = "text/event-stream"),
+        (status = 200, content_type = "text/event-stream", body = String,
+         description = "The events; the data of each is one line of JSON, an `Event`"),
         (status = 204, description = "The job has ended and the client has all its events")
     )
 )]

@@ -39,7 +39,7 @@ pub struct Version {
 
 /// The process is alive.
 #[utoipa::path(
-    get, path = "/livez", tag = "health",
+    get, path = "/livez", operation_id = "livez", tag = "health",
     responses((status = 200, description = "It is", body = Health))
 )]
 pub async fn livez() -> Response {
@@ -48,7 +48,7 @@ pub async fn livez() -> Response {
 
 /// The database answers and the workers run.
 #[utoipa::path(
-    get, path = "/readyz", tag = "health",
+    get, path = "/readyz", operation_id = "readyz", tag = "health",
     responses((status = 200, description = "Ready to work", body = Health))
 )]
 pub async fn readyz(State(state): State<ApiState>) -> Answer {
@@ -65,7 +65,7 @@ pub async fn readyz(State(state): State<ApiState>) -> Answer {
 
 /// The build and the schema.
 #[utoipa::path(
-    get, path = "/version", tag = "health",
+    get, path = "/version", operation_id = "version", tag = "health",
     responses((status = 200, description = "What this process is", body = Version))
 )]
 pub async fn version() -> Response {
@@ -80,7 +80,7 @@ pub async fn version() -> Response {
 
 /// Counters and timings, as Prometheus reads them.
 #[utoipa::path(
-    get, path = "/metrics", tag = "health",
+    get, path = "/metrics", operation_id = "metrics", tag = "health",
     responses((status = 200, description = "Prometheus text format 0.0.4",
                content_type = "text/plain; version=0.0.4", body = String))
 )]

@@ -209,7 +209,7 @@ impl FromQuery for WhichJobs {
 
 /// List jobs, newest first.
 #[utoipa::path(
-    get, path = "/v1/jobs", tag = "jobs",
+    get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
     params(JobsQuery, PageParams),
     responses((status = 200, description = "A page of jobs", body = Page<Job>,
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
@@ -243,7 +243,7 @@ impl FromQuery for WaitQuery {
 
 /// Show a job.
 #[utoipa::path(
-    get, path = "/v1/jobs/{id}", tag = "jobs",
+    get, path = "/v1/jobs/{id}", operation_id = "show_job", tag = "jobs",
     params(
         ("id" = JobId, Path, description = "The job"),
         WaitQuery,
@@ -282,7 +282,7 @@ pub fn no_job(id: JobId) -> Problem {
 
 /// End a job; the best estimate so far stays readable. Idempotent.
 #[utoipa::path(
-    post, path = "/v1/jobs/{id}/cancel", tag = "jobs",
+    post, path = "/v1/jobs/{id}/cancel", operation_id = "cancel_job", tag = "jobs",
     params(("id" = JobId, Path, description = "The job")),
     responses((status = 200, description = "The job, which is or soon will be cancelled",
                body = Job),
@@ -298,7 +298,7 @@ pub async fn cancel(
 
 /// Hold a job; the best estimate so far stays readable. Idempotent.
 #[utoipa::path(
-    post, path = "/v1/jobs/{id}/pause", tag = "jobs",
+    post, path = "/v1/jobs/{id}/pause", operation_id = "pause_job", tag = "jobs",
     params(("id" = JobId, Path, description = "The job")),
     responses((status = 200, description = "The job, which is or soon will be paused",
                body = Job),
@@ -314,7 +314,7 @@ pub async fn pause(
 
 /// Let a paused job go on. Idempotent.
 #[utoipa::path(
-    post, path = "/v1/jobs/{id}/resume", tag = "jobs",
+    post, path = "/v1/jobs/{id}/resume", operation_id = "resume_job", tag = "jobs",
     params(("id" = JobId, Path, description = "The job")),
     responses((status = 200, description = "The job, which is queued or running", body = Job),
               (status = 409, description = "The job has ended"))
@@ -337,7 +337,7 @@ fn controlled(id: JobId, to: Status, control: Control) -> Answer {
 
 /// Forget a job that has ended, with its events, history and result.
 #[utoipa::path(
-    delete, path = "/v1/jobs/{id}", tag = "jobs",
+    delete, path = "/v1/jobs/{id}", operation_id = "remove_job", tag = "jobs",
     params(("id" = JobId, Path, description = "The job")),
     responses((status = 204, description = "It is forgotten"),
               (status = 409, description = "The job has not ended"))

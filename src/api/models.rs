@@ -23,7 +23,7 @@ pub struct Models<'a> {
 
 /// List the models with their signals, parameters and equations.
 #[utoipa::path(
-    get, path = "/v1/models", tag = "models",
+    get, path = "/v1/models", operation_id = "list_models", tag = "models",
     responses((status = 200, description = "All models", body = Models))
 )]
 pub async fn list(State(state): State<ApiState>, _query: Params<NoQuery>) -> Response {
@@ -34,7 +34,7 @@ pub async fn list(State(state): State<ApiState>, _query: Params<NoQuery>) -> Res
 
 /// Show one model.
 #[utoipa::path(
-    get, path = "/v1/models/{name}", tag = "models",
+    get, path = "/v1/models/{name}", operation_id = "show_model", tag = "models",
     params(("name" = String, Path, description = "The model's name",
             example = "single_rod_servo")),
     responses((status = 200, description = "The model", body = ModelDescription))

@@ -2,23 +2,26 @@
 
 use axum::http::HeaderMap;
 use axum::response::Response;
-use utoipa::PartialSchema;
+use utoipa::ToSchema;
 use utoipa::openapi::content::ContentBuilder;
 use utoipa::openapi::path::{Operation, PathItem};
 use utoipa::openapi::response::Response as Description;
+use utoipa::openapi::schema::Schema;
 use utoipa::openapi::{InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, Ref, RefOr};
 use utoipa::openapi::{ResponseBuilder, tag::TagBuilder};
 
-use super::error::{PROBLEM_JSON, ProblemDocument, ProblemFault};
+use super::error::{PROBLEM_JSON, ProblemDocument};
 use super::manners::tagged_json;
+use crate::job::Event;
 
 /// The description of the whole API.
 pub fn openapi() -> OpenApi {
     let (_router, mut openapi) = super::described().split_for_parts();
+    let mut unnamed = Vec::new();
+    name_schema::<ProblemDocument>(&mut unnamed);
+    name_schema::<Event>(&mut unnamed);
     let components = openapi.components.get_or_insert_default();
-    let schemas = &mut components.schemas;
-    schemas.insert("Problem".to_owned(), ProblemDocument::schema());
-    schemas.insert("ProblemFault".to_owned(), ProblemFault::schema());
+    components.schemas.extend(unnamed);
     for (path, item) in &mut openapi.paths.paths {
         for operation in operations(item) {
             describe_problems(path, operation);
@@ -27,9 +30,15 @@ pub fn openapi() -> OpenApi {
     openapi
 }
 
+/// Names a type and those that it is made of, for what no handler takes or answers as a body.
+fn name_schema<T: ToSchema>(schemas: &mut Vec<(String, RefOr<Schema>)>) {
+    schemas.push((T::name().into_owned(), T::schema()));
+    T::schemas(schemas);
+}
+
 /// The description of this API.
 #[utoipa::path(
-    get, path = "/openapi.json", tag = "health",
+    get, path = "/openapi.json", operation_id = "openapi", tag = "health",
     responses((status = 200, description = "OpenAPI 3.1", body = Object))
 )]
 pub async fn document(headers: HeaderMap) -> Response {

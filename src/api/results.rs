@@ -51,7 +51,7 @@ pub struct Generations {
 
 /// Read the history of a search, a row a generation.
 #[utoipa::path(
-    get, path = "/v1/jobs/{id}/generations", tag = "jobs",
+    get, path = "/v1/jobs/{id}/generations", operation_id = "read_generations", tag = "jobs",
     params(("id" = JobId, Path, description = "The job"), GenerationsQuery),
     responses((status = 200, description = "Generations in order; fewer than `limit` when there \
                                             are no more yet", body = Generations))
@@ -74,7 +74,7 @@ pub async fn generations(
 /// Read the estimate: final when the job succeeded, the best so far when it was paused or
 /// cancelled.
 #[utoipa::path(
-    get, path = "/v1/jobs/{id}/result", tag = "jobs",
+    get, path = "/v1/jobs/{id}/result", operation_id = "read_result", tag = "jobs",
     params(
         ("id" = JobId, Path, description = "The job"),
         ("If-None-Match" = Option<String>, Header, description = "The `ETag` that the client has")

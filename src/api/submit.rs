@@ -47,7 +47,7 @@ pub struct Validation {
 /// The answer means that the job is stored and will be worked on, whatever happens to the server.
 /// The same `Idempotency-Key` never makes two jobs.
 #[utoipa::path(
-    post, path = "/v1/jobs", tag = "jobs",
+    post, path = "/v1/jobs", operation_id = "submit_job", tag = "jobs",
     params(
         SubmitQuery,
         ("Idempotency-Key" = Option<String>, Header, max_length = 255,

@@ -1,5 +1,6 @@
 //! What a job is: its specification, its life, its events and its outcome. Pure types.
 
+pub mod assemble;
 pub mod event;
 pub mod failure;
 pub mod fault;

@@ -59,7 +59,7 @@ pub enum Trust {
     /// Do not use the numbers.
     Low,
     /// Use the numbers with the reasons in mind.
-    Medium,
+    Moderate,
     /// Nothing speaks against the numbers.
     High,
 }

@@ -33,6 +33,12 @@ impl Scale {
         if position >= 1.0 {
             return upper;
         }
+        self.value_beyond(position, lower, upper)
+    }
+
+    /// The value at a position that may lie outside the bounds.
+    #[must_use]
+    pub fn value_beyond(self, position: f64, lower: f64, upper: f64) -> f64 {
         match self {
             Scale::Linear => lower + position * (upper - lower),
             Scale::Log => lower * libm::exp(position * libm::log(upper / lower)),

@@ -79,6 +79,18 @@ pub enum Failure {
     StepBudget,
 }
 
+impl Failure {
+    /// The name in results.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Failure::Diverged => "diverged",
+            Failure::OutOfRange => "out_of_range",
+            Failure::StepBudget => "step_budget",
+        }
+    }
+}
+
 /// Up to [`lanes::LANES`] candidates going through a recording side by side.
 pub trait BlockSimulator: Send {
     /// Simulates the next samples and writes all of the model's outputs at each of them,

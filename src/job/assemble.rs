@@ -1,0 +1,156 @@
+//! Where the service and the method meet: a specification and its recordings become a problem,
+//! and what was found becomes the result document.
+
+mod experiment;
+mod outcome;
+mod preflight;
+
+pub use outcome::{Origin, outcome};
+pub use preflight::{Finding, Preflight, preflight};
+
+use super::fault::{Fault, pointer_to};
+use super::spec::{JobSpec, ParameterSpec};
+use crate::dataset::Recording;
+use crate::estimation::Problem;
+use crate::estimation::problem::{Coordinate, MeasuredOutput, Target};
+use crate::model::{Model, ModelDescription};
+use crate::numerics::statistics;
+use experiment::Cut;
+use std::sync::Arc;
+
+/// A problem ready to be estimated, and what was changed or noticed on the way.
+#[derive(Debug)]
+pub struct Assembly {
+    /// The problem.
+    pub problem: Problem,
+    /// What its user should know.
+    pub findings: Vec<Finding>,
+}
+
+/// Assembles the problem of a specification from its recordings, one for each experiment.
+///
+/// # Errors
+/// All that keeps the experiments from being cut out of the recordings, with JSON pointers.
+pub fn problem(
+    spec: &JobSpec,
+    model: &Arc<Model>,
+    recordings: &[Recording],
+) -> Result<Assembly, Vec<Fault>> {
+    let description = model.description();
+    let outputs = measured_outputs(spec, description);
+    let mut cuts = Vec::new();
+    let mut faults = Vec::new();
+    for (index, (experiment, recording)) in spec.experiments.iter().zip(recordings).enumerate() {
+        let pointer = format!("/experiments/{index}");
+        let cutter = experiment::Cutter {
+            description,
+            outputs: &outputs,
+            validation_fraction: spec.validation.fraction,
+            pointer: &pointer,
+        };
+        match cutter.cut(experiment, recording) {
+            Ok(cut) => cuts.push(cut),
+            Err(found) => faults.extend(found),
+        }
+    }
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    let (parameters, mut coordinates) = parameters(spec, description);
+    for (index, cut) in cuts.iter().enumerate() {
+        coordinates.extend(
+            cut.free_states
+                .iter()
+                .map(|free| free.coordinate(description, index)),
+        );
+    }
+    let outputs = scaled(outputs, spec, &cuts);
+    let findings = cuts
+        .iter_mut()
+        .flat_map(|cut| std::mem::take(&mut cut.findings))
+        .collect();
+    let experiments = cuts.into_iter().map(|cut| cut.experiment).collect();
+    let problem = Problem {
+        model: Arc::clone(model),
+        parameters,
+        coordinates,
+        outputs,
+        experiments,
+    };
+    if problem.n_residuals() <= problem.coordinates.len() {
+        let detail = format!(
+            "{} measured samples cannot fix {} unknowns",
+            problem.n_residuals(),
+            problem.coordinates.len()
+        );
+        return Err(vec![Fault::new("/experiments", "too_few_samples", detail)]);
+    }
+    Ok(Assembly { problem, findings })
+}
+
+/// The outputs that at least one experiment measures, in the model's order.
+fn measured_outputs(spec: &JobSpec, description: &ModelDescription) -> Vec<MeasuredOutput> {
+    let is_measured = |name: &str| {
+        spec.experiments
+            .iter()
+            .any(|experiment| experiment.signals.contains_key(name))
+    };
+    let outputs = description.outputs.iter().enumerate();
+    outputs
+        .filter(|(_, output)| is_measured(output.name))
+        .map(|(index, output)| MeasuredOutput {
+            index,
+            name: output.name.to_owned(),
+            unit: output.unit.to_owned(),
+            noise_std: spec
+                .outputs
+                .get(output.name)
+                .and_then(|output| output.noise_std),
+            residual_scale: 1.0,
+        })
+        .collect()
+}
+
+/// Residuals count in units of the declared noise, else of the measured signal's own spread.
+fn scaled(mut outputs: Vec<MeasuredOutput>, spec: &JobSpec, cuts: &[Cut]) -> Vec<MeasuredOutput> {
+    for (place, output) in outputs.iter_mut().enumerate() {
+        let spreads = cuts
+            .iter()
+            .filter_map(|cut| statistics::standard_deviation(&cut.experiment.measured[place]));
+        let spread = spreads.fold(0.0, f64::max);
+        let declared = spec
+            .outputs
+            .get(&output.name)
+            .and_then(|output| output.noise_std);
+        let own = if spread > 0.0 { spread } else { 1.0 };
+        output.residual_scale = declared.unwrap_or(own);
+    }
+    outputs
+}
+
+/// A value for each parameter, and the free ones as coordinates.
+fn parameters(spec: &JobSpec, description: &ModelDescription) -> (Vec<f64>, Vec<Coordinate>) {
+    let mut values = description.defaults();
+    let mut coordinates = Vec::new();
+    for (index, parameter) in description.parameters.iter().enumerate() {
+        match spec.parameters.get(parameter.name) {
+            Some(ParameterSpec::Fixed(fixed)) => values[index] = fixed.value,
+            Some(ParameterSpec::Free(free)) => coordinates.push(Coordinate {
+                name: parameter.name.to_owned(),
+                symbol: parameter.symbol.to_owned(),
+                unit: parameter.unit.to_owned(),
+                target: Target::Parameter(index),
+                lower: free.estimate.lower,
+                upper: free.estimate.upper,
+                scale: free.estimate.scale,
+            }),
+            None => {}
+        }
+    }
+    (values, coordinates)
+}
+
+/// The place of an experiment's signal in the specification.
+fn signal_pointer(pointer: &str, signal: &str) -> String {
+    pointer_to(&format!("{pointer}/signals"), signal)
+}

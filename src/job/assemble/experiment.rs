@@ -1,0 +1,273 @@
+//! One experiment: cut out of its recording, its inputs without holes, its start settled.
+
+use super::{Finding, signal_pointer};
+use crate::dataset::{Recording, Split, Window};
+use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Target};
+use crate::job::fault::Fault;
+use crate::job::spec::{ExperimentSpec, InitialStateSpec};
+use crate::model::{InitialState, ModelDescription, Scale};
+use crate::numerics::statistics;
+
+/// An estimated initial position may differ from the first samples by this share of the range of
+/// its output ...
+const POSITION_SHARE: f64 = 0.02;
+/// ... and an estimated initial rate from the first slope by this share of the steepest slope.
+const SLOPE_SHARE: f64 = 0.1;
+/// A slope is taken over this share of the record, at least one sample.
+const SLOPE_SPAN_SHARE: f64 = 1e-3;
+
+/// What is needed to cut an experiment.
+pub(super) struct Cutter<'a> {
+    pub description: &'a ModelDescription,
+    pub outputs: &'a [MeasuredOutput],
+    pub validation_fraction: f64,
+    pub pointer: &'a str,
+}
+
+/// An experiment that has been cut.
+pub(super) struct Cut {
+    pub experiment: Experiment,
+    pub free_states: Vec<FreeState>,
+    pub findings: Vec<Finding>,
+}
+
+/// A state whose initial value is estimated.
+pub(super) struct FreeState {
+    state: usize,
+    lower: f64,
+    upper: f64,
+}
+
+impl FreeState {
+    pub(super) fn coordinate(
+        &self,
+        description: &ModelDescription,
+        experiment: usize,
+    ) -> Coordinate {
+        let state = &description.states[self.state];
+        let name = match experiment {
+            0 => format!("initial_{}", state.name),
+            later => format!("initial_{}_{later}", state.name),
+        };
+        Coordinate {
+            name,
+            symbol: format!("{}(0)", state.name),
+            unit: state.unit.to_owned(),
+            target: Target::InitialState {
+                experiment,
+                state: self.state,
+            },
+            lower: self.lower,
+            upper: self.upper,
+            scale: Scale::Linear,
+        }
+    }
+}
+
+impl Cutter<'_> {
+    pub(super) fn cut(
+        &self,
+        spec: &ExperimentSpec,
+        recording: &Recording,
+    ) -> Result<Cut, Vec<Fault>> {
+        let fault = |pointer: String, code: &'static str, detail: String| {
+            vec![Fault::new(pointer, code, detail)]
+        };
+        let pairs: Vec<(String, String)> = spec
+            .signals
+            .iter()
+            .map(|(model, data)| (model.clone(), data.clone()))
+            .collect();
+        let window = spec.window.map(|window| Window {
+            from_s: window.from_s,
+            to_s: window.to_s,
+        });
+        let data = recording.experiment(&pairs, window).map_err(|error| {
+            fault(
+                self.pointer.to_owned(),
+                "experiment_not_possible",
+                error.to_string(),
+            )
+        })?;
+        let split = Split::new(data.samples, self.validation_fraction).map_err(|error| {
+            fault(
+                "/validation/fraction".to_owned(),
+                "too_few_samples",
+                error.to_string(),
+            )
+        })?;
+        let mut findings: Vec<Finding> = data
+            .notes
+            .iter()
+            .map(|note| Finding::new(&note.code, self.pointer, &note.detail))
+            .collect();
+        let (input_set, names) = self.input_set(spec).ok_or_else(|| {
+            fault(
+                format!("{}/signals", self.pointer),
+                "input_missing",
+                format!("no input set of `{}` is complete", self.description.name),
+            )
+        })?;
+        let mut faults = Vec::new();
+        let mut inputs = Vec::new();
+        for name in names {
+            let values = data.signal(name).unwrap_or_default().to_vec();
+            match bridged(values) {
+                Some((values, 0)) => inputs.push(values),
+                Some((values, holes)) => {
+                    let detail = format!(
+                        "{holes} missing samples of the input `{name}` were bridged by the sample \
+                         before; outputs there are less certain than elsewhere"
+                    );
+                    let pointer = signal_pointer(self.pointer, name);
+                    findings.push(Finding::new("input_bridged", &pointer, &detail));
+                    inputs.push(values);
+                }
+                None => {
+                    let detail = format!("every sample of the input `{name}` is missing");
+                    let pointer = signal_pointer(self.pointer, name);
+                    faults.push(Fault::new(pointer, "input_missing", detail));
+                }
+            }
+        }
+        let measured = self.measured(&data);
+        if measured.iter().flatten().all(|value| value.is_nan()) {
+            let detail = "every sample of every measured output is missing";
+            let pointer = format!("{}/signals", self.pointer);
+            faults.push(Fault::new(pointer, "output_missing", detail));
+        }
+        if !faults.is_empty() {
+            return Err(faults);
+        }
+        let mut experiment = Experiment {
+            sample_time: data.sample_time,
+            samples: data.samples,
+            estimation_samples: split.estimation.end,
+            input_set,
+            inputs,
+            measured,
+            initial_state: vec![None; self.description.states.len()],
+        };
+        let free_states = self.settle_start(spec, &mut experiment);
+        Ok(Cut {
+            experiment,
+            free_states,
+            findings,
+        })
+    }
+
+    /// The first set of inputs that is fully mapped.
+    fn input_set(&self, spec: &ExperimentSpec) -> Option<(usize, &[&'static str])> {
+        let sets = self.description.input_sets.iter().enumerate();
+        let mut complete =
+            sets.filter(|(_, set)| set.iter().all(|name| spec.signals.contains_key(*name)));
+        complete.next().map(|(index, set)| (index, set.as_slice()))
+    }
+
+    /// The samples of each measured output; missing throughout where this experiment does not
+    /// measure it.
+    fn measured(&self, data: &crate::dataset::Experiment) -> Vec<Vec<f64>> {
+        let samples = |output: &MeasuredOutput| {
+            data.signal(&output.name)
+                .map_or_else(|| vec![f64::NAN; data.samples], <[f64]>::to_vec)
+        };
+        self.outputs.iter().map(samples).collect()
+    }
+
+    /// Settles where each state starts, and answers those that are estimated.
+    fn settle_start(&self, spec: &ExperimentSpec, experiment: &mut Experiment) -> Vec<FreeState> {
+        let mut free = Vec::new();
+        for (state, description) in self.description.states.iter().enumerate() {
+            let series = |output: usize| {
+                let place = self
+                    .outputs
+                    .iter()
+                    .position(|measured| measured.index == output)?;
+                Some(experiment.measured[place].as_slice())
+            };
+            match spec.initial_state.get(description.name) {
+                Some(InitialStateSpec::Fixed(fixed)) => {
+                    experiment.initial_state[state] = Some(fixed.value);
+                }
+                Some(InitialStateSpec::Number(value)) => {
+                    experiment.initial_state[state] = Some(*value);
+                }
+                Some(InitialStateSpec::Measured(_)) => {
+                    let output = self.description.output_index(description.name);
+                    let first = output.and_then(series).and_then(first_present);
+                    experiment.initial_state[state] = first;
+                }
+                Some(InitialStateSpec::Free(range)) => {
+                    let (lower, upper) = (range.estimate.lower, range.estimate.upper);
+                    free.push(FreeState {
+                        state,
+                        lower,
+                        upper,
+                    });
+                }
+                None => {
+                    let sample_time = experiment.sample_time;
+                    let range = match description.initial {
+                        InitialState::Model => None,
+                        InitialState::EstimatedFromOutput { output } => {
+                            series(output).and_then(range_of_start)
+                        }
+                        InitialState::EstimatedFromSlope { output } => {
+                            series(output).and_then(|values| range_of_slope(values, sample_time))
+                        }
+                    };
+                    free.extend(range.map(|(lower, upper)| FreeState {
+                        state,
+                        lower,
+                        upper,
+                    }));
+                }
+            }
+        }
+        free
+    }
+}
+
+/// The input with each hole bridged by the sample before (the first one by the sample after), and
+/// the number of holes; none where there is no sample at all.
+fn bridged(mut values: Vec<f64>) -> Option<(Vec<f64>, usize)> {
+    let mut last = first_present(&values)?;
+    let mut holes = 0;
+    for value in &mut values {
+        if value.is_nan() {
+            *value = last;
+            holes += 1;
+        }
+        last = *value;
+    }
+    Some((values, holes))
+}
+
+fn first_present(values: &[f64]) -> Option<f64> {
+    values.iter().copied().find(|value| !value.is_nan())
+}
+
+/// Around the first sample, by a share of the signal's range.
+fn range_of_start(values: &[f64]) -> Option<(f64, f64)> {
+    let first = first_present(values)?;
+    let (low, high) = statistics::range(values)?;
+    around(first, POSITION_SHARE * (high - low))
+}
+
+/// Around the first slope, by a share of the steepest one.
+fn range_of_slope(values: &[f64], sample_time: f64) -> Option<(f64, f64)> {
+    let span = ((values.len() as f64 * SLOPE_SPAN_SHARE) as usize).max(1);
+    let ahead = values.iter().skip(span);
+    let slopes: Vec<f64> = values
+        .iter()
+        .zip(ahead)
+        .map(|(a, b)| (b - a) / (span as f64 * sample_time))
+        .filter(|slope| !slope.is_nan())
+        .collect();
+    let steepest = slopes.iter().map(|slope| slope.abs()).fold(0.0, f64::max);
+    around(*slopes.first()?, SLOPE_SHARE * steepest)
+}
+
+fn around(centre: f64, half: f64) -> Option<(f64, f64)> {
+    (half > 0.0).then_some((centre - half, centre + half))
+}

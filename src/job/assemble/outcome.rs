@@ -1,0 +1,236 @@
+//! The result document of a run.
+
+use crate::estimation::problem::{Coordinate, Problem, Target};
+use crate::estimation::report::{Refinement, Report};
+use crate::job::outcome::{
+    ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, InitialStateEstimate,
+    Outcome, OutputFit, ParameterEstimate, Reason, ResidualReport, SearchReport, StartReport,
+    Trust, Verdict,
+};
+use crate::uncertainty::{Analysis, CoordinateUncertainty, fit, verdict};
+use std::collections::BTreeMap;
+
+/// What made a result, beside the method.
+#[derive(Clone, Debug)]
+pub struct Origin {
+    /// The job, as clients name it.
+    pub job: String,
+    /// The seed.
+    pub seed: u64,
+    /// The digest of the completed specification.
+    pub spec_digest: String,
+    /// The digest of each recording.
+    pub dataset_digests: Vec<String>,
+}
+
+/// The result document of an analysed run.
+#[must_use]
+pub fn outcome(
+    origin: &Origin,
+    problem: &Problem,
+    report: &Report,
+    analysis: &Analysis,
+) -> Outcome {
+    let (parameters, initial_states) = estimates(problem, report, analysis);
+    Outcome {
+        job: origin.job.clone(),
+        model: problem.model.description().name.to_owned(),
+        stop_reason: report.stop_reason.name().to_owned(),
+        verdict: verdict_of(&analysis.verdict),
+        parameters,
+        initial_states,
+        correlation: analysis.correlation.as_ref().map(|matrix| Correlation {
+            names: problem
+                .coordinates
+                .iter()
+                .map(|known| known.name.clone())
+                .collect(),
+            matrix: matrix
+                .iter()
+                .map(|row| row.iter().map(|v| finite(*v)).collect())
+                .collect(),
+        }),
+        fit: Fit {
+            estimation: fits(problem, &analysis.estimation_fit),
+            validation: fits(problem, &analysis.validation_fit),
+        },
+        residuals: residuals(problem, analysis),
+        criteria: criteria(report, analysis),
+        search: search(report),
+        starts: report
+            .refinements
+            .iter()
+            .map(|start| start_of(problem, start))
+            .collect(),
+        engine: Engine {
+            seed: origin.seed,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            spec_digest: origin.spec_digest.clone(),
+            dataset_digests: origin.dataset_digests.clone(),
+        },
+    }
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+fn verdict_of(verdict: &verdict::Verdict) -> Verdict {
+    let reason = |reason: &verdict::Reason| Reason {
+        code: reason.code.to_owned(),
+        detail: reason.detail.clone(),
+    };
+    Verdict {
+        trust: match verdict.trust {
+            verdict::Trust::Low => Trust::Low,
+            verdict::Trust::Moderate => Trust::Moderate,
+            verdict::Trust::High => Trust::High,
+        },
+        reasons: verdict.reasons.iter().map(reason).collect(),
+    }
+}
+
+fn estimates(
+    problem: &Problem,
+    report: &Report,
+    analysis: &Analysis,
+) -> (Vec<ParameterEstimate>, Vec<InitialStateEstimate>) {
+    let mut parameters = Vec::new();
+    let mut initial_states = Vec::new();
+    for (index, coordinate) in problem.coordinates.iter().enumerate() {
+        let known = &analysis.coordinates[index];
+        let missing = analysis.missing.as_deref();
+        let estimate = estimate(coordinate, report.values[index], known, missing);
+        let (name, unit) = (coordinate.name.clone(), coordinate.unit.clone());
+        match coordinate.target {
+            Target::Parameter(_) => parameters.push(ParameterEstimate {
+                name,
+                symbol: coordinate.symbol.clone(),
+                unit,
+                estimate,
+            }),
+            Target::InitialState { experiment, state } => {
+                let state = problem.model.description().states[state].name.to_owned();
+                initial_states.push(InitialStateEstimate {
+                    experiment,
+                    state,
+                    unit,
+                    estimate,
+                });
+            }
+        }
+    }
+    (parameters, initial_states)
+}
+
+fn estimate(
+    coordinate: &Coordinate,
+    value: f64,
+    known: &CoordinateUncertainty,
+    missing: Option<&str>,
+) -> Estimate {
+    let standard_error = known.standard_error.and_then(finite);
+    let interval = known.interval.map(|(lower, upper)| ConfidenceInterval {
+        level: 0.95,
+        lower: finite(lower),
+        upper: finite(upper),
+        method: known.method.to_owned(),
+    });
+    let reason = |absent: bool| {
+        absent.then(|| {
+            missing
+                .unwrap_or("the number is beyond all bounds")
+                .to_owned()
+        })
+    };
+    Estimate {
+        estimate: value,
+        standard_error_reason: reason(standard_error.is_none()),
+        standard_error,
+        confidence_interval_reason: reason(interval.is_none()),
+        confidence_interval: interval,
+        lower: coordinate.lower,
+        upper: coordinate.upper,
+        at_bound: known.at_bound,
+        identifiable: known.identifiable,
+    }
+}
+
+fn fits(problem: &Problem, fits: &[fit::OutputFit]) -> BTreeMap<String, OutputFit> {
+    let entry = |fit: &fit::OutputFit| OutputFit {
+        fit_percent: fit.fit_percent.and_then(finite),
+        rmse: fit.rmse.and_then(finite),
+        max_abs_error: fit.max_abs_error.and_then(finite),
+        samples: fit.samples as u64,
+        reason: match (fit.samples, fit.fit_percent) {
+            (0, _) => Some("no samples are held in this part".to_owned()),
+            (_, None) => Some("the measured signal does not vary".to_owned()),
+            _ => None,
+        },
+    };
+    let pairs = problem.outputs.iter().zip(fits);
+    pairs
+        .map(|(output, fit)| (output.name.clone(), entry(fit)))
+        .collect()
+}
+
+fn residuals(problem: &Problem, analysis: &Analysis) -> BTreeMap<String, ResidualReport> {
+    let pairs = problem.outputs.iter().zip(&analysis.residuals);
+    pairs
+        .map(|(output, report)| {
+            let given = output
+                .noise_std
+                .is_some_and(|declared| declared >= report.noise_std);
+            let entry = ResidualReport {
+                noise_std: report.noise_std,
+                noise_std_source: if given { "given" } else { "estimated" }.to_owned(),
+                chi_square_per_sample: report.chi_square_per_sample.and_then(finite),
+                lag_1_autocorrelation: report.lag_1_autocorrelation.and_then(finite),
+                white: report.white,
+                effective_samples: report.effective_samples.and_then(finite),
+            };
+            (output.name.clone(), entry)
+        })
+        .collect()
+}
+
+fn criteria(report: &Report, analysis: &Analysis) -> Criteria {
+    let known = analysis.criteria;
+    let cost = report.cost.and_then(finite);
+    Criteria {
+        cost,
+        aic: known.map(|criteria| criteria.aic),
+        aicc: known.map(|criteria| criteria.aicc),
+        bic: known.map(|criteria| criteria.bic),
+        fpe: known.and_then(|criteria| finite(criteria.fpe)),
+        reason: known
+            .is_none()
+            .then(|| "too few samples, or a simulation that fails or fits exactly".to_owned()),
+    }
+}
+
+fn search(report: &Report) -> SearchReport {
+    let failed = report.counters.failed_evaluations.iter();
+    SearchReport {
+        generations: report.generations,
+        evaluations: report.counters.evaluations,
+        distinct_evaluations: report.counters.distinct_evaluations,
+        failed_evaluations: failed
+            .map(|(failure, count)| (failure.name().to_owned(), *count))
+            .collect(),
+        best_credit: report.best_credit,
+        best_generation: report.best_generation,
+    }
+}
+
+fn start_of(problem: &Problem, start: &Refinement) -> StartReport {
+    let names = problem
+        .coordinates
+        .iter()
+        .map(|coordinate| coordinate.name.clone());
+    StartReport {
+        initial_cost: start.start_cost.and_then(finite),
+        cost: start.cost.and_then(finite),
+        parameters: names.zip(start.values.iter().copied()).collect(),
+    }
+}

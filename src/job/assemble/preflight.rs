@@ -1,0 +1,96 @@
+//! What can be said of a job before it runs.
+
+use super::Assembly;
+use crate::estimation::Settings;
+use crate::numerics::statistics;
+use crate::simulation::Accuracy;
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// One thing that the user of a job should know before it runs.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Finding {
+    /// What kind of finding, for programs: stable snake_case.
+    #[schema(example = "input_constant")]
+    pub code: String,
+    /// Where: a JSON pointer into the specification.
+    #[schema(example = "/experiments/0/signals/reference")]
+    pub pointer: String,
+    /// What it is, for people, with the numbers in it.
+    pub detail: String,
+}
+
+impl Finding {
+    /// A finding at a place of the specification.
+    #[must_use]
+    pub fn new(code: &str, pointer: &str, detail: &str) -> Finding {
+        Finding {
+            code: code.to_owned(),
+            pointer: pointer.to_owned(),
+            detail: detail.to_owned(),
+        }
+    }
+}
+
+/// What a job will come to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Preflight {
+    /// Numbers that are estimated: parameters and initial states.
+    pub unknowns: u64,
+    /// Measured samples that they are estimated from.
+    pub residuals: u64,
+    /// Candidates that are judged in the search at the most.
+    pub evaluations: u64,
+    /// Derivatives that one candidate takes, at the middle of the search box.
+    pub derivatives_per_evaluation: u64,
+    /// What its user should know.
+    pub findings: Vec<Finding>,
+}
+
+/// The step of a candidate against its sample time beyond which the recording is too coarse to
+/// show its fastest mode: Nyquist's limit, π radians a sample.
+const NYQUIST: f64 = std::f64::consts::PI;
+
+/// Says what an assembled job will come to.
+#[must_use]
+pub fn preflight(assembly: &Assembly, settings: &Settings) -> Preflight {
+    let problem = &assembly.problem;
+    let middle = vec![0.5; problem.coordinates.len()];
+    let rate = problem.resolved_rate(&middle);
+    let mut findings = assembly.findings.clone();
+    let mut derivatives = 0.0;
+    for (index, experiment) in problem.experiments.iter().enumerate() {
+        let steps = rate * experiment.sample_time / Accuracy::Screening.step_times_rate();
+        derivatives += 4.0 * steps.ceil().max(1.0) * experiment.estimation_samples as f64;
+        let pointer = format!("/experiments/{index}");
+        if rate * experiment.sample_time > NYQUIST {
+            let detail = format!(
+                "the plant's fastest mode ({:.0} Hz at the middle of the search box) lies above \
+                 half the sampling rate ({:.0} Hz): it is simulated, but the recording shows it \
+                 only through what it leaves at the samples",
+                rate / (2.0 * NYQUIST),
+                0.5 / experiment.sample_time
+            );
+            findings.push(Finding::new(
+                "sampled_below_fastest_mode",
+                &pointer,
+                &detail,
+            ));
+        }
+        for (input, values) in experiment.inputs.iter().enumerate() {
+            let name = problem.model.description().input_sets[experiment.input_set][input];
+            if statistics::range(values).is_some_and(|(low, high)| low == high) {
+                let detail = format!("the input `{name}` never changes: it excites nothing");
+                let pointer = super::signal_pointer(&pointer, name);
+                findings.push(Finding::new("input_constant", &pointer, &detail));
+            }
+        }
+    }
+    Preflight {
+        unknowns: problem.coordinates.len() as u64,
+        residuals: problem.n_residuals() as u64,
+        evaluations: u64::from(settings.population) * u64::from(settings.generations),
+        derivatives_per_evaluation: derivatives as u64,
+        findings,
+    }
+}

@@ -1,0 +1,202 @@
+//! A server on a free port with an empty database, and a client that talks to it.
+
+use std::net::Ipv4Addr;
+
+use greybox::app::App;
+use greybox::config::Settings;
+use reqwest::header::HeaderMap;
+use reqwest::{Method, RequestBuilder, StatusCode};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+/// A running server.
+pub struct TestApp {
+    app: App,
+    client: reqwest::Client,
+    _folder: TempDir,
+}
+
+/// What the server answered.
+pub struct Answer {
+    pub status: StatusCode,
+    pub headers: HeaderMap,
+    pub text: String,
+}
+
+impl Answer {
+    /// The body as JSON.
+    #[track_caller]
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.text).unwrap_or_else(|error| panic!("{error}: {}", self.text))
+    }
+
+    /// A header as text, empty when absent.
+    pub fn header(&self, name: &str) -> &str {
+        let value = self.headers.get(name);
+        value.map_or("", |value| value.to_str().unwrap())
+    }
+
+    /// The answer, which has this status.
+    #[track_caller]
+    pub fn expect(self, status: u16) -> Self {
+        assert_eq!(self.status, status, "{}", self.text);
+        self
+    }
+
+    /// The problem document, which has this status and the shape that every problem has.
+    #[track_caller]
+    pub fn problem(self, status: u16) -> Value {
+        let answer = self.expect(status);
+        assert_eq!(answer.header("content-type"), "application/problem+json");
+        let problem = answer.json();
+        assert_eq!(problem["status"], status);
+        assert_eq!(problem["request_id"], answer.header("x-request-id"));
+        for field in ["type", "title", "detail", "instance"] {
+            assert!(
+                problem[field].as_str().is_some_and(|text| !text.is_empty()),
+                "{field}"
+            );
+        }
+        assert!(problem["errors"].is_array());
+        problem
+    }
+}
+
+impl TestApp {
+    /// A server with an empty database.
+    pub async fn start() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let database = format!("sqlite://{}", folder.path().join("greybox.db").display());
+        let settings = Settings {
+            listen: (Ipv4Addr::LOCALHOST, 0).into(),
+            database: Some(database),
+            max_body_mib: 1,
+            ..Settings::default()
+        };
+        Self {
+            app: App::start(settings, std::sync::Arc::new(crate::fake::Fake))
+                .await
+                .unwrap(),
+            client: reqwest::Client::new(),
+            _folder: folder,
+        }
+    }
+
+    /// A request to the server.
+    pub fn request(&self, method: Method, path: &str) -> RequestBuilder {
+        let url = format!("http://{}{path}", self.app.local_addr());
+        self.client.request(method, url)
+    }
+
+    /// Sends a request and reads the whole answer.
+    pub async fn send(&self, request: RequestBuilder) -> Answer {
+        let response = request.send().await.unwrap();
+        Answer {
+            status: response.status(),
+            headers: response.headers().clone(),
+            text: response.text().await.unwrap(),
+        }
+    }
+
+    pub async fn get(&self, path: &str) -> Answer {
+        self.send(self.request(Method::GET, path)).await
+    }
+
+    pub async fn post(&self, path: &str) -> Answer {
+        self.send(self.request(Method::POST, path)).await
+    }
+
+    pub async fn delete(&self, path: &str) -> Answer {
+        self.send(self.request(Method::DELETE, path)).await
+    }
+
+    pub async fn post_json(&self, path: &str, body: &Value) -> Answer {
+        self.send(self.request(Method::POST, path).json(body)).await
+    }
+
+    pub async fn post_csv(&self, path: &str, body: impl Into<reqwest::Body>) -> Answer {
+        let request = self.request(Method::POST, path).body(body);
+        self.send(request.header("content-type", "text/csv")).await
+    }
+
+    /// Stores the recording of a drive and answers its identifier.
+    pub async fn store_drive(&self) -> String {
+        let stored = self.post_csv("/v1/datasets", drive_csv()).await;
+        stored.json()["id"]
+            .as_str()
+            .expect("an identifier")
+            .to_owned()
+    }
+
+    /// Submits a job and answers its identifier.
+    pub async fn submit(&self, job: &Value) -> String {
+        let accepted = self.post_json("/v1/jobs", job).await.expect(202);
+        accepted.json()["id"].as_str().unwrap().to_owned()
+    }
+
+    /// The job after it came to its end.
+    pub async fn ended(&self, id: &str) -> Value {
+        for _ in 0..20 {
+            let job = self
+                .get(&format!("/v1/jobs/{id}?wait=30"))
+                .await
+                .expect(200)
+                .json();
+            let status = job["status"].as_str().unwrap();
+            if ["succeeded", "failed", "cancelled"].contains(&status) {
+                return job;
+            }
+        }
+        panic!("the job did not end");
+    }
+
+    /// Stops the server in order.
+    pub async fn shutdown(self) {
+        self.app.shutdown().await;
+    }
+}
+
+/// A drive of 100 kg with 200 N·s/m of friction, pushed by ±50 N that turn every half second:
+/// 4 s at 100 Hz, integrated exactly between the samples.
+pub fn drive_csv() -> String {
+    const MASS: f64 = 100.0;
+    const FRICTION: f64 = 200.0;
+    const SAMPLE_TIME: f64 = 0.01;
+    let decay = (-FRICTION / MASS * SAMPLE_TIME).exp();
+    let (mut position, mut velocity) = (0.0, 0.0);
+    let mut text = String::from("time [s],force [N],position [m]\n");
+    for k in 0..400 {
+        let force = if (k / 50) % 2 == 0 { 50.0 } else { -50.0 };
+        let time = f64::from(k) * SAMPLE_TIME;
+        text += &format!("{time:.2},{force},{position}\n");
+        let terminal = force / FRICTION;
+        position +=
+            terminal * SAMPLE_TIME + (velocity - terminal) * (1.0 - decay) * MASS / FRICTION;
+        velocity = terminal + (velocity - terminal) * decay;
+    }
+    text
+}
+
+/// A small job on the recording of [`drive_csv`].
+pub fn drive_job(dataset: &str) -> Value {
+    json!({
+        "model": "positioning_drive",
+        "experiments": [{"dataset": dataset, "initial_state": {"position": 0, "velocity": 0}}],
+        "parameters": {
+            "mass": {"estimate": {"lower": 10, "upper": 1000}},
+            "viscous_friction": {"estimate": {"lower": 1, "upper": 2000}},
+            "coulomb_friction": {"value": 0},
+            "offset": {"value": 0}
+        },
+        "method": {"population": 10, "generations": 5},
+        "seed": 1
+    })
+}
+
+/// A job that works until it is stopped.
+pub fn endless_job(dataset: &str) -> Value {
+    let mut job = drive_job(dataset);
+    job["method"] = json!({"population": 10, "generations": 1_000_000,
+                           "stagnation_generations": 0, "hill_climbing_interval": 0});
+    job
+}

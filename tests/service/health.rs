@@ -1,0 +1,66 @@
+//! What operators and tools ask of a server.
+
+use reqwest::Method;
+use serde_json::json;
+
+use crate::app::TestApp;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_running_server_is_alive_and_ready_and_says_what_it_is() {
+    let app = TestApp::start().await;
+    assert_eq!(
+        app.get("/livez").await.expect(200).json(),
+        json!({"status": "alive"})
+    );
+    assert_eq!(
+        app.get("/readyz").await.expect(200).json(),
+        json!({"status": "ready"})
+    );
+    let version = app.get("/version").await.expect(200).json();
+    assert_eq!(version["version"], env!("CARGO_PKG_VERSION"));
+    assert!(version["schema"].as_i64() >= Some(1));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn requests_and_jobs_are_counted() {
+    let app = TestApp::start().await;
+    app.get("/livez").await.expect(200);
+    let metrics = app.get("/metrics").await.expect(200);
+    assert!(metrics.header("content-type").starts_with("text/plain"));
+    assert!(
+        metrics.text.contains("greybox_http_requests_total"),
+        "{}",
+        metrics.text
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_server_shows_the_committed_description_of_itself() {
+    let app = TestApp::start().await;
+    let shown = app.get("/openapi.json").await.expect(200).json();
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi/openapi.json");
+    let committed = std::fs::read_to_string(path).unwrap();
+    let committed: serde_json::Value = serde_json::from_str(&committed).unwrap();
+    assert!(
+        shown == committed,
+        "run `greybox openapi > openapi/openapi.json`"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn answers_are_compressed_for_clients_that_take_it_under_another_tag() {
+    let app = TestApp::start().await;
+    let path = "/v1/models/single_rod_servo";
+    let plain = app.get(path).await.expect(200);
+    let request = app
+        .request(Method::GET, path)
+        .header("accept-encoding", "gzip");
+    let response = request.send().await.unwrap();
+    assert_eq!(response.headers()["content-encoding"], "gzip");
+    let tag = response.headers()["etag"].to_str().unwrap().to_owned();
+    assert_ne!(tag, plain.header("etag"));
+    let bytes = response.bytes().await.unwrap();
+    assert!(bytes.len() < plain.text.len() / 2);
+    let again = app.request(Method::GET, path).header("if-none-match", tag);
+    app.send(again).await.expect(304);
+}

@@ -1,0 +1,105 @@
+//! Lists come newest first, page by page, and filtered.
+
+use serde_json::{Value, json};
+
+use crate::app::{TestApp, drive_csv, drive_job};
+
+fn ids(page: &Value) -> Vec<String> {
+    let items = page["items"].as_array().unwrap();
+    items
+        .iter()
+        .map(|item| item["id"].as_str().unwrap().to_owned())
+        .collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pages_follow_each_other_newest_first_without_loss() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let mut submitted = Vec::new();
+    for _ in 0..5 {
+        submitted.push(app.submit(&drive_job(&dataset)).await);
+    }
+    submitted.reverse();
+    let mut path = "/v1/jobs?limit=2".to_owned();
+    let mut listed = Vec::new();
+    for pages_left in (0..3).rev() {
+        let answer = app.get(&path).await.expect(200);
+        let page = answer.json();
+        listed.extend(ids(&page));
+        let link = answer.header("link").to_owned();
+        if pages_left == 0 {
+            assert_eq!(link, "");
+            assert!(page["next_page_token"].is_null());
+            break;
+        }
+        let (url, relation) = link.split_once(">; ").expect("a link");
+        assert_eq!(relation, "rel=\"next\"");
+        path = url.trim_start_matches('<').to_owned();
+        assert!(path.contains(page["next_page_token"].as_str().unwrap()));
+    }
+    assert_eq!(listed, submitted);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn jobs_are_found_by_label_and_by_status() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let mut job = drive_job(&dataset);
+    job["labels"] = json!({"site": "hall 2"});
+    let labelled = app.submit(&job).await;
+    let other = app.submit(&drive_job(&dataset)).await;
+    app.ended(&labelled).await;
+    app.ended(&other).await;
+    let found = async |query: &str| ids(&app.get(&format!("/v1/jobs?{query}")).await.json());
+    assert_eq!(found("label=site").await, [labelled.as_str()]);
+    assert_eq!(found("label=site:hall%202").await, [labelled.as_str()]);
+    assert!(found("label=site:hall%203").await.is_empty());
+    assert_eq!(found("status=succeeded").await, [other, labelled]);
+    assert!(found("status=paused").await.is_empty());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn recordings_are_listed_newest_first() {
+    let app = TestApp::start().await;
+    let mut stored = Vec::new();
+    for name in ["a", "b", "c"] {
+        let answer = app
+            .post_csv(&format!("/v1/datasets?name={name}"), drive_csv())
+            .await;
+        stored.push(answer.expect(201).json()["id"].as_str().unwrap().to_owned());
+    }
+    stored.reverse();
+    let first = app.get("/v1/datasets?limit=2").await.expect(200).json();
+    assert_eq!(ids(&first), stored[..2]);
+    let token = first["next_page_token"].as_str().unwrap();
+    let rest = app
+        .get(&format!("/v1/datasets?limit=2&page_token={token}"))
+        .await
+        .json();
+    assert_eq!(ids(&rest), stored[2..]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn models_are_listed_and_shown_with_their_parameters() {
+    let app = TestApp::start().await;
+    let models = app.get("/v1/models").await.expect(200).json();
+    let names: Vec<_> = models["items"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|m| &m["name"])
+        .collect();
+    assert!(names.contains(&&json!("single_rod_servo")));
+    let drive = app
+        .get("/v1/models/positioning_drive")
+        .await
+        .expect(200)
+        .json();
+    let mass = &drive["parameters"][0];
+    for field in [
+        "name", "symbol", "unit", "meaning", "default", "lower", "upper",
+    ] {
+        assert!(!mass[field].is_null(), "{field}");
+    }
+}

@@ -1,0 +1,141 @@
+//! A job that is accepted is stored whole, shown whole, and comes to its end.
+
+use reqwest::Method;
+use serde_json::json;
+
+use crate::app::{TestApp, drive_job, endless_job};
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_accepted_job_says_where_it_is_and_when_to_come_back() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let accepted = app
+        .post_json("/v1/jobs", &drive_job(&dataset))
+        .await
+        .expect(202);
+    let job = accepted.json();
+    let path = format!("/v1/jobs/{}", job["id"].as_str().unwrap());
+    assert_eq!(accepted.header("location"), path);
+    assert!(accepted.header("retry-after").parse::<u32>().is_ok());
+    assert_eq!(job["status"], "queued");
+    assert_eq!(job["links"]["self"], path);
+    assert_eq!(job["progress"]["phase"], "search");
+    assert_eq!(job["progress"]["generations"], 5);
+    assert!(job["error"].is_null());
+    assert!(job["created_at"].as_str().unwrap().ends_with('Z'));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn model_and_recording_alone_are_a_job_with_every_default_shown() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let job = json!({"model": "positioning_drive", "experiments": [{"dataset": dataset}]});
+    let validated = app
+        .post_json("/v1/jobs?validate_only=true", &job)
+        .await
+        .expect(200)
+        .json();
+    let spec = &validated["spec"];
+    assert_eq!(
+        spec["experiments"][0]["signals"],
+        json!({"force": "force", "position": "position"})
+    );
+    assert!(spec["parameters"]["mass"]["estimate"]["lower"].is_number());
+    assert_eq!(spec["method"]["population"], 30);
+    assert!(spec["seed"].is_u64());
+    let jobs = app.get("/v1/jobs").await.expect(200).json();
+    assert_eq!(jobs["items"], json!([]));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_completed_specification_submitted_again_completes_to_itself() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let validate = async |job: &serde_json::Value| {
+        let answer = app.post_json("/v1/jobs?validate_only=true", job).await;
+        answer.expect(200).json()["spec"].clone()
+    };
+    let completed = validate(&drive_job(&dataset)).await;
+    assert_eq!(validate(&completed).await, completed);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_comes_to_its_end_with_a_result() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let id = app.submit(&drive_job(&dataset)).await;
+    let job = app.ended(&id).await;
+    assert_eq!(job["status"], "succeeded", "{job}");
+    assert!(job["finished_at"].is_string());
+    let result = app
+        .get(&format!("/v1/jobs/{id}/result"))
+        .await
+        .expect(200)
+        .json();
+    assert_eq!(result["job"], id);
+    let mass = &result["parameters"][0];
+    assert_eq!(mass["name"], "mass");
+    let estimate = mass["estimate"].as_f64().unwrap();
+    assert!(
+        (estimate - 100.0).abs() < 1.0,
+        "the rig has 100 kg, not {estimate}"
+    );
+    assert_eq!(result["engine"]["seed"], 1);
+    let generations = app
+        .get(&format!("/v1/jobs/{id}/generations?after=2&limit=2"))
+        .await;
+    let rows = generations.expect(200).json();
+    assert_eq!(rows["items"][0]["generation"], 3);
+    assert_eq!(rows["items"].as_array().unwrap().len(), 2);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_that_prefers_to_wait_gets_the_ended_job() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let request = app
+        .request(Method::POST, "/v1/jobs")
+        .json(&drive_job(&dataset));
+    let answer = app
+        .send(request.header("prefer", "wait=60"))
+        .await
+        .expect(202);
+    assert_eq!(answer.header("preference-applied"), "wait=60");
+    assert_eq!(answer.json()["status"], "succeeded");
+    assert_eq!(answer.header("retry-after"), "");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn waiting_ends_with_a_change_of_state() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let id = app.submit(&endless_job(&dataset)).await;
+    let path = format!("/v1/jobs/{id}");
+    let mut job = app.get(&path).await.expect(200).json();
+    while job["status"] == "queued" {
+        job = app.get(&format!("{path}?wait=60")).await.expect(200).json();
+    }
+    assert_eq!(job["status"], "running");
+    let wait = format!("{path}?wait=60");
+    let cancel = format!("{path}/cancel");
+    let (waited, _) = tokio::join!(app.get(&wait), app.post(&cancel));
+    assert_eq!(waited.expect(200).json()["status"], "cancelled");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_wait_longer_than_a_minute_is_refused_in_a_query_and_shortened_as_a_preference() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let id = app.submit(&drive_job(&dataset)).await;
+    app.get(&format!("/v1/jobs/{id}?wait=61"))
+        .await
+        .problem(422);
+    let request = app
+        .request(Method::POST, "/v1/jobs")
+        .json(&drive_job(&dataset));
+    let answer = app
+        .send(request.header("prefer", "wait=3600"))
+        .await
+        .expect(202);
+    assert_eq!(answer.header("preference-applied"), "wait=60");
+}
