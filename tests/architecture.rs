@@ -22,8 +22,9 @@ const LAYERS: &[(&str, &[&str])] = &[
     // Simulation stands behind `/v1/simulations` only.
     ("api", &["dashboard", "event", "store", "job", "dataset", "model", "simulation"]),
     ("dashboard", &[]),
-    // The settings of the method and the forms of its results are part of a job.
-    ("job", &["estimation", "uncertainty", "model", "simulation", "dataset"]),
+    // The settings of the method and the forms of its results are part of a job; a problem is
+    // assembled, and looked over beforehand, from the statistics of its recordings.
+    ("job", &["estimation", "uncertainty", "model", "simulation", "dataset", "numerics"]),
     ("store", &["job", "dataset"]),
     ("event", &["store", "job"]),
     ("worker", &["event", "store", "job", "uncertainty", "estimation", "model", "dataset"]),
@@ -78,7 +79,9 @@ const PLACES: &[(&str, &[&str])] = &[
     ("directories", &["config"]),
     ("indicatif", &["cli"]),
     ("comfy_table", &["cli"]),
-    ("nalgebra", &["numerics", "uncertainty", "simulation/stiff.rs"]),
+    // "Did you mean" belongs to the reading of documents and of queries.
+    ("strsim", &["job", "api"]),
+    ("nalgebra", &["numerics", "uncertainty", "estimation/refine.rs", "simulation/stiff.rs"]),
     ("rand", &["numerics/rng.rs"]),
     ("rand_chacha", &["numerics/rng.rs"]),
     // The pool is the process's: whoever starts the process sizes it.

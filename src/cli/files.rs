@@ -2,6 +2,7 @@
 
 use super::error::CommandError;
 use crate::dataset::{self, Recording};
+use crate::job::spec::document;
 use serde_json::Value;
 use std::fs::File;
 use std::io::Write;
@@ -32,11 +33,10 @@ pub fn recording(path: &Path, time: Option<&str>) -> Result<Recording, CommandEr
     })
 }
 
-/// A JSON document.
+/// A JSON document, read as strictly as the service reads it.
 pub fn document(path: &Path) -> Result<Value, CommandError> {
     let text = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
-    serde_json::from_slice(&text)
-        .map_err(|error| CommandError::input(format!("{}: {error}", path.display())))
+    document::parse(&text[..]).map_err(|error| unreadable(path, &error))
 }
 
 /// Writes to a file, or to standard output.

@@ -82,7 +82,7 @@ fn remark(estimate: &Estimate) -> &'static str {
 fn verdict(outcome: &Outcome) -> String {
     let trust = match outcome.verdict.trust {
         Trust::High => "high",
-        Trust::Medium => "medium",
+        Trust::Moderate => "moderate",
         Trust::Low => "low",
     };
     let mut text = format!("trust {trust}, ended by {}\n", outcome.stop_reason);
