@@ -4,9 +4,11 @@
 mod experiment;
 mod outcome;
 mod preflight;
+mod trajectory;
 
 pub use outcome::{Origin, outcome};
 pub use preflight::{Finding, Preflight, preflight};
+pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};
 
 use super::fault::{Fault, pointer_to};
 use super::spec::{JobSpec, ParameterSpec};

@@ -11,6 +11,7 @@ pub mod block;
 pub mod dynamics;
 pub mod explicit;
 pub mod lanes;
+pub mod single;
 pub mod stiff;
 
 use serde::{Deserialize, Serialize};

@@ -7,7 +7,7 @@
 //! definitions of the identification toolboxes). With several outputs n·ln V is a sum.
 
 use crate::estimation::problem::Problem;
-use crate::estimation::trajectory::Trajectory;
+use crate::simulation::single::Outputs;
 
 /// Which part of the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,7 +46,7 @@ pub struct Criteria {
 
 /// The fit of each output in a part of the data.
 #[must_use]
-pub fn of(problem: &Problem, trajectories: &[Trajectory], part: Part) -> Vec<OutputFit> {
+pub fn of(problem: &Problem, trajectories: &[Outputs], part: Part) -> Vec<OutputFit> {
     let of_output = |output: usize| {
         let mut pairs = Vec::new();
         for (data, trajectory) in problem.experiments.iter().zip(trajectories) {
@@ -54,7 +54,7 @@ pub fn of(problem: &Problem, trajectories: &[Trajectory], part: Part) -> Vec<Out
                 Part::Estimation => 0..data.estimation_samples,
                 Part::Validation => data.estimation_samples..data.samples,
             };
-            let simulated = &trajectory.outputs[problem.outputs[output].index];
+            let simulated = &trajectory[problem.outputs[output].index];
             let measured = &data.measured[output];
             let both = range.map(|sample| (measured[sample], simulated[sample]));
             pairs.extend(both.filter(|(measured, _)| !measured.is_nan()));

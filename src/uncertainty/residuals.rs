@@ -6,7 +6,7 @@
 //! [`NEGLIGIBLE_CORRELATION`] do not count.
 
 use crate::estimation::problem::Problem;
-use crate::estimation::trajectory::Trajectory;
+use crate::simulation::single::Outputs;
 
 /// Lags that are looked at.
 const LAGS: usize = 25;
@@ -33,7 +33,7 @@ pub struct ResidualReport {
 
 /// Looks at the residuals of each output in the part that was estimated from.
 #[must_use]
-pub fn report(problem: &Problem, trajectories: &[Trajectory]) -> Vec<ResidualReport> {
+pub fn report(problem: &Problem, trajectories: &[Outputs]) -> Vec<ResidualReport> {
     let of_output = |output: usize| {
         let series: Vec<Vec<f64>> = trajectories
             .iter()
@@ -50,14 +50,9 @@ pub fn report(problem: &Problem, trajectories: &[Trajectory]) -> Vec<ResidualRep
 }
 
 /// measured − simulated of one output in one experiment [SI]; NaN where not measured.
-fn series(
-    problem: &Problem,
-    trajectory: &Trajectory,
-    experiment: usize,
-    output: usize,
-) -> Vec<f64> {
+fn series(problem: &Problem, trajectory: &Outputs, experiment: usize, output: usize) -> Vec<f64> {
     let data = &problem.experiments[experiment];
-    let simulated = &trajectory.outputs[problem.outputs[output].index];
+    let simulated = &trajectory[problem.outputs[output].index];
     let used = data.measured[output][..data.estimation_samples]
         .iter()
         .zip(simulated);

@@ -1,0 +1,115 @@
+//! Measured and simulated outputs of a result, side by side.
+
+use crate::dataset::Recording;
+use crate::estimation::{Problem, trajectory};
+use crate::job::fault::Fault;
+use crate::job::id::DatasetId;
+use crate::job::outcome::{Estimate, Outcome};
+use crate::job::spec::JobSpec;
+use crate::model::Model;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// One experiment of a result.
+#[derive(Clone, Debug)]
+pub struct ExperimentTrajectory {
+    /// The recording.
+    pub dataset: DatasetId,
+    /// The instants, from the recording's first sample [s].
+    pub time: Vec<f64>,
+    /// How many of the instants were estimated from; the rest validates.
+    pub estimation_samples: usize,
+    /// The outputs that are measured.
+    pub outputs: Vec<OutputTrajectory>,
+}
+
+/// One output of an experiment.
+#[derive(Clone, Debug)]
+pub struct OutputTrajectory {
+    /// Its name.
+    pub name: String,
+    /// Its SI unit.
+    pub unit: String,
+    /// Measured samples; NaN where missing.
+    pub measured: Vec<f64>,
+    /// Simulated samples.
+    pub simulated: Vec<f64>,
+    /// measured − simulated; NaN where missing.
+    pub residual: Vec<f64>,
+}
+
+/// Simulates a result over the recordings that it was made from.
+///
+/// # Errors
+/// When the recordings do not fit the specification any more, or the simulation fails.
+pub fn trajectory(
+    spec: &JobSpec,
+    model: &Arc<Model>,
+    recordings: &[Recording],
+    outcome: &Outcome,
+) -> Result<Vec<ExperimentTrajectory>, Vec<Fault>> {
+    let problem = super::problem(spec, model, recordings)?.problem;
+    let positions = positions(&problem, outcome);
+    let never = AtomicBool::new(false);
+    let simulated = trajectory::simulate(&problem, &positions, &never)
+        .expect("a stop flag that nobody raises stops nothing")
+        .map_err(|failure| {
+            let detail = format!("the simulation of the estimate fails: {}", failure.name());
+            vec![Fault::new("", "simulation_fails", detail)]
+        })?;
+    let experiments = spec
+        .experiments
+        .iter()
+        .zip(&problem.experiments)
+        .zip(simulated);
+    Ok(experiments
+        .map(|((spec, data), simulated)| {
+            let from = spec.window.and_then(|window| window.from_s).unwrap_or(0.0);
+            let outputs = problem.outputs.iter().zip(&data.measured);
+            ExperimentTrajectory {
+                dataset: spec.dataset,
+                time: (0..data.samples)
+                    .map(|k| from + k as f64 * data.sample_time)
+                    .collect(),
+                estimation_samples: data.estimation_samples,
+                outputs: outputs
+                    .map(|(output, measured)| OutputTrajectory {
+                        name: output.name.clone(),
+                        unit: output.unit.clone(),
+                        residual: difference(measured, &simulated[output.index]),
+                        simulated: simulated[output.index].clone(),
+                        measured: measured.clone(),
+                    })
+                    .collect(),
+            }
+        })
+        .collect())
+}
+
+/// The estimates as positions: parameters first, then initial states, as the coordinates stand.
+fn positions(problem: &Problem, outcome: &Outcome) -> Vec<f64> {
+    let parameters = outcome
+        .parameters
+        .iter()
+        .map(|parameter| &parameter.estimate);
+    let states = outcome.initial_states.iter().map(|state| &state.estimate);
+    let position = |(coordinate, known): (&crate::estimation::problem::Coordinate, &Estimate)| {
+        coordinate
+            .scale
+            .position(known.estimate, coordinate.lower, coordinate.upper)
+    };
+    problem
+        .coordinates
+        .iter()
+        .zip(parameters.chain(states))
+        .map(position)
+        .collect()
+}
+
+fn difference(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
+    measured
+        .iter()
+        .zip(simulated)
+        .map(|(measured, simulated)| measured - simulated)
+        .collect()
+}
