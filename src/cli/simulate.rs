@@ -2,11 +2,10 @@
 
 use super::error::CommandError;
 use super::files;
-use crate::dataset::{Recording, Signal, TimeAxis};
-use crate::estimation::problem::{Experiment, Problem};
-use crate::estimation::trajectory;
+use crate::dataset::{Experiment, Recording, Signal, TimeAxis};
 use crate::job::Fault;
 use crate::model::{Catalogue, Model, ModelDescription};
+use crate::simulation::{Accuracy, Candidate, Excitation, single};
 use clap::Args;
 use serde_json::Value;
 use std::path::PathBuf;
@@ -47,10 +46,10 @@ pub fn simulate(arguments: &Arguments) -> Result<(), CommandError> {
         }
         None => model.description().defaults(),
     };
-    let experiment = experiment(&recording, model.description()).map_err(|error| {
+    let inputs = inputs(&recording, model.description()).map_err(|error| {
         CommandError::input(format!("{}: {error}", arguments.recording.display()))
     })?;
-    let outputs = outputs(model, parameters, experiment)?;
+    let outputs = outputs(&model, &parameters, inputs)?;
     files::write(arguments.output.as_deref(), &files::csv(&outputs))
 }
 
@@ -114,74 +113,71 @@ fn read_parameter(
     }
 }
 
-/// The recording as an experiment without measured outputs, driven by the first set of inputs
-/// that it has.
-fn experiment(recording: &Recording, model: &ModelDescription) -> Result<Experiment, String> {
-    let has = |input: &&str| recording.signal(input).is_some();
-    let input_set = model
-        .input_sets
-        .iter()
-        .position(|set| set.iter().all(|input| has(&input)));
+/// The recording as far as it drives the model: by the first set of inputs that it has.
+struct Inputs {
+    input_set: usize,
+    experiment: Experiment,
+}
+
+fn inputs(recording: &Recording, model: &ModelDescription) -> Result<Inputs, String> {
+    let has = |input: &str| recording.signal(input).is_some();
+    let mut sets = model.input_sets.iter();
+    let input_set = sets.position(|set| set.iter().all(|input| has(input)));
     let input_set = input_set.ok_or_else(|| {
         let sets: Vec<String> = model.input_sets.iter().map(|set| set.join(" + ")).collect();
-        format!(
-            "`{}` is driven by {}, which the recording does not have",
-            model.name,
-            sets.join(" or by ")
-        )
+        let (name, sets) = (model.name, sets.join(" or by "));
+        format!("`{name}` is driven by {sets}, which the recording does not have")
     })?;
-    let inputs = model.input_sets[input_set].iter();
-    let names: Vec<(String, String)> = inputs
-        .map(|name| ((*name).to_owned(), (*name).to_owned()))
-        .collect();
-    let cut = recording
-        .experiment(&names, None)
-        .map_err(|error| error.to_string())?;
-    if let Some((name, _)) = cut
-        .signals
-        .iter()
-        .find(|(_, values)| values.iter().any(|v| v.is_nan()))
-    {
-        return Err(format!(
-            "`{name}` has missing samples, and an input must be known at all times"
-        ));
+    let names = model.input_sets[input_set].iter();
+    let names = names.map(|name| ((*name).to_owned(), (*name).to_owned()));
+    let experiment = recording.experiment(&names.collect::<Vec<_>>(), None);
+    let experiment = experiment.map_err(|error| error.to_string())?;
+    let has_gaps = |values: &[f64]| values.iter().any(|value| value.is_nan());
+    let mut signals = experiment.signals.iter();
+    if let Some((name, _)) = signals.find(|(_, values)| has_gaps(values)) {
+        let why = "an input must be known at all times";
+        return Err(format!("`{name}` has missing samples; {why}"));
     }
-    Ok(Experiment {
-        sample_time: cut.sample_time,
-        samples: cut.samples,
-        estimation_samples: cut.samples,
+    Ok(Inputs {
         input_set,
-        inputs: cut.signals.into_iter().map(|(_, values)| values).collect(),
-        measured: Vec::new(),
-        initial_state: vec![None; model.states.len()],
+        experiment,
     })
 }
 
 /// All outputs of the model, as a recording.
-fn outputs(
-    model: Arc<Model>,
-    parameters: Vec<f64>,
-    experiment: Experiment,
-) -> Result<Recording, CommandError> {
-    let time = TimeAxis::Uniform {
-        sample_time: experiment.sample_time,
-        samples: experiment.samples,
+fn outputs(model: &Model, parameters: &[f64], inputs: Inputs) -> Result<Recording, CommandError> {
+    let Experiment {
+        sample_time,
+        samples,
+        signals,
+        ..
+    } = inputs.experiment;
+    let values: Vec<Vec<f64>> = signals.into_iter().map(|(_, values)| values).collect();
+    let excitation = Excitation {
+        sample_time,
+        samples,
+        input_set: inputs.input_set,
+        inputs: &values,
+        accuracy: Accuracy::Full,
     };
-    let problem = Problem {
-        model,
+    let description = model.description();
+    let candidate = Candidate {
         parameters,
-        coordinates: Vec::new(),
-        outputs: Vec::new(),
-        experiments: vec![experiment],
+        initial_state: &vec![None; description.states.len()],
+        resolved_rate: None,
     };
     let never = AtomicBool::new(false);
-    let simulated = trajectory::simulate(&problem, &[], &never)
+    let simulated = single::outputs(model.plant(), &[(excitation, candidate)], &never)
         .expect("nobody stops this simulation")
-        .map_err(|failure| CommandError::failed(format!("the simulation failed: {failure:?}")))?;
-    let columns = simulated
-        .into_iter()
-        .flat_map(|trajectory| trajectory.outputs);
-    let signals = problem.model.description().outputs.iter().zip(columns);
+        .map_err(|failure| {
+            CommandError::failed(format!("the simulation ended early: {}", failure.name()))
+        })?;
+    let columns = simulated.into_iter().flatten();
+    let signals = description.outputs.iter().zip(columns);
     let signals = signals.map(|(signal, values)| Signal::new(signal.name, signal.unit, values));
+    let time = TimeAxis::Uniform {
+        sample_time,
+        samples,
+    };
     Ok(Recording::new(time, signals.collect()))
 }
