@@ -13,6 +13,8 @@
 //! (synchronous, seeded, no I/O, no clock, no environment) below it. Who may import whom is a
 //! table in `tests/architecture.rs`, and a test.
 
+pub mod cli;
+
 pub mod app;
 
 pub mod config;

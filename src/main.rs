@@ -1,1 +1,7 @@
-fn main() {}
+//! The program: the command line of greybox.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    greybox::cli::main()
+}

@@ -2,9 +2,7 @@
 
 use super::{Demo, SAMPLE_TIME};
 use crate::model::{Model, single_rod_servo};
-use crate::simulation::batch::{self, Run, Sink};
-use crate::simulation::lanes::Lanes;
-use crate::simulation::{Accuracy, Candidate, Excitation};
+use crate::simulation::{Accuracy, Candidate, Excitation, single};
 use std::sync::atomic::AtomicBool;
 
 /// Stroke of the cylinder [m].
@@ -79,15 +77,6 @@ pub fn simulate_under_command(parameters: &[f64], command: &[f64]) -> Trajectory
     drive(parameters, "valve_command", command)
 }
 
-/// All outputs of the one lane in use, sample after sample.
-struct Recorder(Vec<f64>);
-
-impl Sink for Recorder {
-    fn consume(&mut self, _first_sample: usize, outputs: &[Lanes]) {
-        self.0.extend(outputs.iter().map(|lanes| lanes.0[0]));
-    }
-}
-
 fn drive(parameters: &[f64], input: &str, samples: &[f64]) -> Trajectory {
     let model = model();
     let description = model.description();
@@ -96,33 +85,27 @@ fn drive(parameters: &[f64], input: &str, samples: &[f64]) -> Trajectory {
         .iter()
         .position(|set| set[..] == [input])
         .expect("the servo has an input set of this one input");
-    let inputs = [samples.to_vec()];
-    let initial_state = vec![None; description.states.len()];
-    let run = Run {
-        excitation: Excitation {
-            sample_time: SAMPLE_TIME,
-            samples: samples.len(),
-            input_set,
-            inputs: &inputs,
-            accuracy: Accuracy::Full,
-        },
-        candidates: vec![Candidate {
-            parameters,
-            initial_state: &initial_state,
-            resolved_rate: None,
-        }],
+    let excitation = Excitation {
+        sample_time: SAMPLE_TIME,
+        samples: samples.len(),
+        input_set,
+        inputs: &[samples.to_vec()],
+        accuracy: Accuracy::Full,
+    };
+    let candidate = Candidate {
+        parameters,
+        initial_state: &vec![None; description.states.len()],
+        resolved_rate: None,
     };
     let never = AtomicBool::new(false);
-    let pieces = batch::simulate(model.plant(), &[run], &never, |_| Recorder(Vec::new()));
-    let piece = pieces
-        .and_then(|mut pieces| pieces.pop())
-        .expect("a simulation that nobody stops ends with one piece for one candidate");
-    assert_eq!(piece.failures[0], None, "the rig can be simulated");
+    let outputs = single::outputs(model.plant(), &[(excitation, candidate)], &never)
+        .expect("nobody stops this simulation")
+        .expect("the rig can be simulated")
+        .pop()
+        .expect("one recording has one trajectory");
     let column = |output: &str| {
         let index = description.output_index(output);
-        let index = index.expect("the servo has this output");
-        let values = piece.sink.0.iter().skip(index);
-        values.step_by(description.outputs.len()).copied().collect()
+        outputs[index.expect("the servo has this output")].clone()
     };
     Trajectory {
         position: column("position"),

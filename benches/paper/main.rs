@@ -1,0 +1,193 @@
+//! The paper's search, unabridged: its Figures 4 and 7 on demonstration recording A.
+//!
+//! `cargo bench --bench paper` searches twice, with and without elitism, with the paper's numbers
+//! (section 4: 30 candidates, 1000 generations, credit gain 15, crossover 0.8, mutation 0.01,
+//! 12 000 samples), without what this project adds to it (hill climbing, refinement, the stop on
+//! stagnation). It writes `benches/figures/best_credit.svg` and `squared_error.svg`, the rows
+//! behind them as CSV, and prints what the paper states in words.
+
+mod chart;
+
+use chart::{Chart, Line, Scale};
+use greybox::demo::{self, Demo, sensors};
+use greybox::estimation::{
+    Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Settings,
+};
+use greybox::job::DatasetId;
+use greybox::job::assemble;
+use greybox::job::spec::{Context, JobSpec};
+use greybox::model::Catalogue;
+use serde_json::json;
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+/// Where the figures go.
+const FIGURES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/figures");
+
+/// The seed of the recording and of the search.
+const SEED: u64 = 1;
+
+/// Where the curves are told apart.
+const WITH: &str = "with elitism";
+const WITHOUT: &str = "without elitism";
+
+fn main() -> std::io::Result<()> {
+    let problem = problem();
+    let searches = [(WITH, true), (WITHOUT, false)].map(|(name, elitism)| {
+        let started = Instant::now();
+        let rows = search(&problem, elitism);
+        let seconds = started.elapsed().as_secs_f64();
+        println!("{name}: {}, in {seconds:.0} s", in_words(&rows));
+        (name, rows)
+    });
+    std::fs::create_dir_all(FIGURES)?;
+    let folder = Path::new(FIGURES);
+    std::fs::write(folder.join("best_credit.svg"), best_credit(&searches).svg())?;
+    std::fs::write(
+        folder.join("squared_error.svg"),
+        squared_error(&searches).svg(),
+    )?;
+    std::fs::write(folder.join("paper.csv"), table(&searches))?;
+    println!("figures in benches/figures");
+    Ok(())
+}
+
+/// The job of the demonstration, over all of its data.
+fn problem() -> Problem {
+    let recording = demo::recording(Demo::A, SEED);
+    let dataset = DatasetId::new();
+    let mut job = demo::job(Demo::A);
+    job["experiments"][0]["dataset"] = json!(dataset);
+    job["validation"] = json!({ "fraction": 0 });
+    let models = Catalogue::built_in();
+    let context = Context {
+        models: models.iter().map(|model| model.description()).collect(),
+        datasets: &HashMap::from([(dataset, recording.summary())]),
+        max_duration_s: f64::INFINITY,
+    };
+    let spec = JobSpec::read(&job, &context).expect("the demonstration's job is sound");
+    let model = models
+        .get(&spec.model)
+        .expect("the demonstration's model exists");
+    assemble::problem(&spec, model, &[recording])
+        .expect("the demonstration's recording belongs to its job")
+        .problem
+}
+
+/// The settings of the paper; what it leaves open has the program's defaults.
+fn settings(elitism: bool) -> Settings {
+    Settings {
+        population: 30,
+        generations: 1000,
+        credit_gain: 15.0,
+        crossover_probability: 0.8,
+        mutation_probability: 0.01,
+        elitism,
+        hill_climbing_interval: 0,
+        stagnation_generations: 0,
+        refine: false,
+        ..Settings::default()
+    }
+}
+
+/// Keeps every row.
+struct Rows(Vec<GenerationRow>);
+
+impl Observer for Rows {
+    fn generation(&mut self, row: &GenerationRow) {
+        self.0.push(row.clone());
+    }
+
+    fn refinement(&mut self, _row: &RefinementRow) {}
+}
+
+fn search(problem: &Problem, elitism: bool) -> Vec<GenerationRow> {
+    let mut rows = Rows(Vec::new());
+    let never = AtomicBool::new(false);
+    let mut run = Estimation::start(problem, &settings(elitism), SEED);
+    while run.advance(problem, &never, &mut rows) != Advance::Finished {}
+    rows.0
+}
+
+/// The sum of the squared errors of the generation's best candidate [mm²].
+fn square_millimetres(row: &GenerationRow) -> f64 {
+    let noise = 1e3 * sensors::POSITION_NOISE;
+    row.generation_best_cost * noise * noise * demo::SAMPLES as f64
+}
+
+fn in_words(rows: &[GenerationRow]) -> String {
+    let Some(last) = rows.last() else {
+        return "nothing was searched".to_owned();
+    };
+    let best = rows.iter().map(|row| row.best_credit).fold(0.0, f64::max);
+    let updates = rows
+        .iter()
+        .map(|row| f64::from(row.credit_updates))
+        .sum::<f64>();
+    let near = |row: &&GenerationRow| row.best_cost <= 1.05 * last.best_cost;
+    let parameters = last
+        .best
+        .iter()
+        .map(|(name, value)| format!("{name} {value:.5e}"));
+    format!(
+        "best credit {best:.3}, {:.0} credit updates a generation, within 5 % of the last cost {:.4} from \
+         generation {}, {}",
+        updates / rows.len() as f64,
+        last.best_cost,
+        rows.iter().find(near).map_or(0, |row| row.generation),
+        parameters.collect::<Vec<_>>().join(", ")
+    )
+}
+
+type Searches = [(&'static str, Vec<GenerationRow>); 2];
+
+fn best_credit(searches: &Searches) -> Chart {
+    Chart {
+        title: "Best credit in each generation (the paper's Figure 4)".to_owned(),
+        x_label: "generation".to_owned(),
+        y_label: "best credit".to_owned(),
+        y_scale: Scale::Linear,
+        lines: lines(searches, |row| row.best_credit),
+    }
+}
+
+fn squared_error(searches: &Searches) -> Chart {
+    Chart {
+        title: "Squared error of each generation's best candidate (the paper's Figure 7)"
+            .to_owned(),
+        x_label: "generation".to_owned(),
+        y_label: "squared error [mm²]".to_owned(),
+        y_scale: Scale::Log,
+        lines: lines(searches, square_millimetres),
+    }
+}
+
+fn lines(searches: &Searches, value: impl Fn(&GenerationRow) -> f64) -> Vec<Line> {
+    let line = |(name, rows): &(&str, Vec<GenerationRow>)| Line {
+        name: (*name).to_owned(),
+        points: rows
+            .iter()
+            .map(|row| (f64::from(row.generation), value(row)))
+            .collect(),
+    };
+    // The line without elitism moves more and is drawn first.
+    searches.iter().rev().map(line).collect()
+}
+
+fn table(searches: &Searches) -> String {
+    let mut text = "search,generation,best_credit,squared_error [mm^2],credit_updates\n".to_owned();
+    for (name, rows) in searches {
+        for row in rows {
+            text += &format!(
+                "{name},{},{},{},{}\n",
+                row.generation,
+                row.best_credit,
+                square_millimetres(row),
+                row.credit_updates
+            );
+        }
+    }
+    text
+}

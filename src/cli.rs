@@ -1,0 +1,91 @@
+//! The command line. A command reads its files, calls the service or the method, and shows what
+//! came of it; what went wrong is said in one sentence a fault.
+//!
+//! Exit codes: 0 done, 1 something failed on the way, 2 what was given is wrong.
+
+mod client;
+mod demo;
+mod error;
+mod estimate;
+mod event_stream;
+mod files;
+mod progress;
+mod record;
+mod serve;
+mod simulate;
+mod table;
+
+use crate::config::Settings;
+use clap::{Parser, Subcommand};
+use error::CommandError;
+use std::process::ExitCode;
+
+/// Finds the physical parameters of a plant from recorded data.
+#[derive(Debug, Parser)]
+#[command(name = "greybox", version, about)]
+struct CommandLine {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Serve the HTTP API and the dashboard
+    Serve(Settings),
+    /// Start a server, estimate from a recording with known parameters, compare
+    Demo(demo::Arguments),
+    /// Estimate from a recording without a server
+    Estimate(estimate::Arguments),
+    /// Simulate a model under the inputs of a recording
+    Simulate(simulate::Arguments),
+    /// Make one of the demonstration recordings, as CSV
+    Record(record::Arguments),
+    /// Print the description of the HTTP API, OpenAPI 3.1
+    Openapi,
+    /// Ask a server whether it is ready
+    Health(serve::HealthArguments),
+}
+
+/// Runs the command that the process was started with.
+#[must_use]
+pub fn main() -> ExitCode {
+    match run(CommandLine::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            error.exit_code()
+        }
+    }
+}
+
+fn run(command: Command) -> Result<(), CommandError> {
+    match command {
+        Command::Serve(settings) => serve::serve(settings),
+        Command::Demo(arguments) => demo::demo(arguments),
+        Command::Estimate(arguments) => estimate::estimate(&arguments),
+        Command::Simulate(arguments) => simulate::simulate(&arguments),
+        Command::Record(arguments) => record::record(&arguments),
+        Command::Openapi => files::write(None, &openapi()),
+        Command::Health(arguments) => serve::health(arguments),
+    }
+}
+
+/// The description as it is committed: indented, with a newline at its end.
+fn openapi() -> Vec<u8> {
+    let description = crate::api::openapi();
+    let mut text =
+        serde_json::to_vec_pretty(&description).expect("a description has only text keys");
+    text.push(b'\n');
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_commands_and_their_flags_do_not_contradict_each_other() {
+        CommandLine::command().debug_assert();
+    }
+}

@@ -1,0 +1,68 @@
+//! `greybox serve` and `greybox health`.
+
+use super::client::Client;
+use super::error::CommandError;
+use crate::app::App;
+use crate::config::Settings;
+use clap::Args;
+use std::future::Future;
+use std::io::IsTerminal;
+use tracing_subscriber::EnvFilter;
+
+/// What `health` is given.
+#[derive(Debug, Args)]
+pub struct HealthArguments {
+    /// The server
+    #[arg(default_value = "http://127.0.0.1:8080")]
+    url: String,
+}
+
+/// Serves until the process is asked to end.
+pub fn serve(settings: Settings) -> Result<(), CommandError> {
+    log(&settings.log)?;
+    block_on(async {
+        let app = start(settings).await?;
+        println!("listening on http://{}", app.local_addr());
+        let asked = app.wait_for_signal().await;
+        app.shutdown().await;
+        asked.map_err(CommandError::failed)
+    })
+}
+
+/// Succeeds when the server says that it is ready.
+pub fn health(arguments: HealthArguments) -> Result<(), CommandError> {
+    block_on(async {
+        let answer = Client::new(&arguments.url)?.get("/readyz").await?;
+        println!("{}", answer["status"].as_str().unwrap_or("answered"));
+        Ok(())
+    })
+}
+
+/// A server at work.
+pub async fn start(settings: Settings) -> Result<App, CommandError> {
+    App::start(settings).await.map_err(CommandError::failed)
+}
+
+/// Runs what waits for the network.
+pub fn block_on<T>(work: impl Future<Output = Result<T, CommandError>>) -> Result<T, CommandError> {
+    tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()
+        .map_err(CommandError::failed)?
+        .block_on(work)
+}
+
+/// Logs to standard error, as text for people and as JSON for programs.
+pub fn log(filter: &str) -> Result<(), CommandError> {
+    let filter = EnvFilter::try_new(filter)
+        .map_err(|error| CommandError::input(format!("--log {filter}: {error}")))?;
+    let log = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr);
+    if std::io::stderr().is_terminal() {
+        log.init();
+    } else {
+        log.json().init();
+    }
+    Ok(())
+}

@@ -1,0 +1,189 @@
+//! A result as people read it: a table of parameters, the verdict and how well the outputs fit.
+
+use crate::job::outcome::{Estimate, Outcome, OutputFit, Trust};
+use comfy_table::{Table, presets};
+use std::collections::BTreeMap;
+
+/// What is shown of a result; `truths` are the known values of a plant that has them.
+pub fn of(outcome: &Outcome, truths: Option<&[(String, f64)]>) -> String {
+    let mut text = format!("{}\n\n{}", estimates(outcome, truths), verdict(outcome));
+    text += &fit("estimation", &outcome.fit.estimation);
+    text += &fit("validation", &outcome.fit.validation);
+    text
+}
+
+fn estimates(outcome: &Outcome, truths: Option<&[(String, f64)]>) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY);
+    let mut header = vec![
+        "parameter",
+        "unit",
+        "estimate",
+        "std. error",
+        "interval",
+        "",
+    ];
+    if truths.is_some() {
+        header.splice(2..2, ["true value"]);
+        header.splice(4..4, ["error"]);
+    }
+    table.set_header(header);
+    for parameter in &outcome.parameters {
+        let truth = truths.map(|truths| {
+            let of_name = truths.iter().find(|(name, _)| *name == parameter.name);
+            of_name.map(|(_, value)| *value)
+        });
+        let name = format!("{} ({})", parameter.name, parameter.symbol);
+        table.add_row(row(name, &parameter.unit, &parameter.estimate, truth));
+    }
+    for state in &outcome.initial_states {
+        let name = format!("{} at the start of {}", state.state, state.experiment);
+        let truth = truths.map(|_| None);
+        table.add_row(row(name, &state.unit, &state.estimate, truth));
+    }
+    table.trim_fmt()
+}
+
+/// `truth`: no such column, a column without a value, or a value.
+fn row(name: String, unit: &str, estimate: &Estimate, truth: Option<Option<f64>>) -> Vec<String> {
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), short);
+    let interval = estimate
+        .confidence_interval
+        .as_ref()
+        .map_or("-".to_owned(), |interval| {
+            let (lower, upper) = (number(interval.lower), number(interval.upper));
+            format!("{lower} to {upper} ({} %)", short(100.0 * interval.level))
+        });
+    let mut cells = vec![
+        name,
+        unit.to_owned(),
+        short(estimate.estimate),
+        number(estimate.standard_error),
+        interval,
+        remark(estimate).to_owned(),
+    ];
+    if let Some(truth) = truth {
+        let error = truth.map(|truth| 100.0 * (estimate.estimate / truth - 1.0));
+        let error = error.filter(|error| error.is_finite());
+        cells.insert(2, number(truth));
+        cells.insert(4, error.map_or("-".to_owned(), |e| format!("{e:+.2} %")));
+    }
+    cells
+}
+
+fn remark(estimate: &Estimate) -> &'static str {
+    match (estimate.at_bound, estimate.identifiable) {
+        (true, _) => "at a bound",
+        (false, false) => "not identifiable",
+        (false, true) => "",
+    }
+}
+
+fn verdict(outcome: &Outcome) -> String {
+    let trust = match outcome.verdict.trust {
+        Trust::High => "high",
+        Trust::Moderate => "moderate",
+        Trust::Low => "low",
+    };
+    let mut text = format!("trust {trust}, ended by {}\n", outcome.stop_reason);
+    for reason in &outcome.verdict.reasons {
+        text += &format!("  {}: {}\n", reason.code, reason.detail);
+    }
+    text
+}
+
+fn fit(data: &str, outputs: &BTreeMap<String, OutputFit>) -> String {
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), short);
+    outputs
+        .iter()
+        .map(|(output, fit)| {
+            format!(
+                "{data} data, {output}: fit {} %, rmse {}, largest error {}, {} samples\n",
+                number(fit.fit_percent),
+                number(fit.rmse),
+                number(fit.max_abs_error),
+                fit.samples
+            )
+        })
+        .collect()
+}
+
+/// Digits that are shown of a number.
+const DIGITS: i32 = 5;
+
+/// A number with [`DIGITS`] significant digits.
+pub fn short(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let magnitude = value.abs().log10().floor() as i32;
+    if (-3..DIGITS + 1).contains(&magnitude) {
+        let decimals = (DIGITS - 1 - magnitude).max(0) as usize;
+        format!("{value:.decimals$}")
+    } else {
+        format!("{value:.*e}", DIGITS as usize - 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_keep_five_digits_and_large_and_small_ones_their_power() {
+        let shown = [
+            58.0167, 0.0123456, 21_412.3, 1.6009e9, 9.87e-6, 0.0, -370.25,
+        ];
+        let expected = [
+            "58.017",
+            "0.012346",
+            "21412",
+            "1.6009e9",
+            "9.8700e-6",
+            "0",
+            "-370.25",
+        ];
+        assert_eq!(shown.map(short), expected);
+    }
+
+    fn estimate(json: serde_json::Value) -> Estimate {
+        serde_json::from_value(json).expect("an estimate")
+    }
+
+    #[test]
+    fn a_row_shows_truth_and_error_where_the_truth_is_known() {
+        let estimate = estimate(serde_json::json!({
+            "estimate": 59.0, "standard_error": 0.5,
+            "confidence_interval": {"level": 0.95, "lower": 58.0, "upper": null, "method": "profile"},
+            "lower": 20.0, "upper": 120.0, "at_bound": false, "identifiable": true,
+        }));
+        let cells = row("mass (M)".to_owned(), "kg", &estimate, Some(Some(50.0)));
+        let expected = [
+            "mass (M)",
+            "kg",
+            "50.000",
+            "59.000",
+            "+18.00 %",
+            "0.50000",
+            "58.000 to - (95.000 %)",
+            "",
+        ];
+        assert_eq!(cells, expected);
+        let cells = row("mass (M)".to_owned(), "kg", &estimate, None);
+        assert_eq!(cells.len(), 6);
+    }
+
+    #[test]
+    fn a_parameter_at_its_bound_or_without_information_is_marked() {
+        let at_bound = estimate(serde_json::json!({
+            "estimate": 20.0, "standard_error": null, "confidence_interval": null,
+            "lower": 20.0, "upper": 120.0, "at_bound": true, "identifiable": false,
+        }));
+        assert_eq!(remark(&at_bound), "at a bound");
+        let unknown = Estimate {
+            at_bound: false,
+            ..at_bound
+        };
+        assert_eq!(remark(&unknown), "not identifiable");
+    }
+}

@@ -1,0 +1,206 @@
+//! The commands as a user types them: files in, files and exit codes out.
+
+use greybox::job::Outcome;
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+fn greybox(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_greybox"));
+    command.args(arguments);
+    command
+}
+
+fn run(arguments: &[&str]) -> Output {
+    greybox(arguments).output().expect("the program starts")
+}
+
+/// What a command that succeeds prints.
+fn printed(arguments: &[&str]) -> String {
+    let output = run(arguments);
+    let complaints = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{arguments:?}: {complaints}");
+    String::from_utf8(output.stdout).expect("text")
+}
+
+/// What a command that is given something wrong complains about, a line each.
+fn complaints(arguments: &[&str]) -> Vec<String> {
+    let output = run(arguments);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+    let text = String::from_utf8(output.stderr).expect("text");
+    text.lines().map(str::to_owned).collect()
+}
+
+fn path<'a>(folder: &'a Path, name: &str, place: &'a mut String) -> &'a str {
+    *place = folder
+        .join(name)
+        .to_str()
+        .expect("a path of text")
+        .to_owned();
+    place
+}
+
+fn column(csv_text: &str, name: &str) -> Vec<f64> {
+    let mut reader = csv::Reader::from_reader(csv_text.as_bytes());
+    let headers = reader.headers().expect("a header").clone();
+    let index = headers.iter().position(|header| header == name);
+    let index = index.unwrap_or_else(|| panic!("no column {name} in {headers:?}"));
+    let number = |row: csv::StringRecord| row[index].parse().expect("a number");
+    reader
+        .records()
+        .map(|row| number(row.expect("a row")))
+        .collect()
+}
+
+#[test]
+fn a_recording_that_is_simulated_again_agrees_to_half_a_code_of_its_sensor() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut place = String::new();
+    let recording = path(folder.path(), "d.csv", &mut place);
+    printed(&["record", "d", "--seed", "3", "--output", recording]);
+    let recorded = std::fs::read_to_string(recording).expect("a recording");
+    let parameters = json!({
+        "flow_gain": 1.03 * 8.91e-8, "spool_natural_frequency": 376.991_118_430_775_2,
+        "dead_band": 0.02, "valve_offset": 0.01, "coulomb_friction": 100,
+    });
+    let mut place = String::new();
+    let given = path(folder.path(), "parameters.json", &mut place);
+    std::fs::write(given, parameters.to_string()).expect("a file");
+    let simulated = printed(&["simulate", recording, given]);
+    let (measured, simulated) = (
+        column(&recorded, "position [m]"),
+        column(&simulated, "position [m]"),
+    );
+    assert_eq!((measured.len(), simulated.len()), (12_000, 12_000));
+    let apart = measured.iter().zip(&simulated).map(|(a, b)| (a - b).abs());
+    assert!(apart.fold(0.0, f64::max) <= 0.5 * 0.14 / 4095.0 * (1.0 + 1e-6));
+}
+
+/// Ten seconds of recording A and a search too short to find anything: only the way matters.
+fn short_job() -> Value {
+    json!({
+        "name": "short",
+        "model": "single_rod_servo",
+        "experiments": [{"window": {"from_s": 0, "to_s": 3}}],
+        "outputs": {"position": {"noise_std": 9.9e-6}},
+        "method": {"population": 6, "generations": 3, "refine": false},
+        "seed": 5,
+    })
+}
+
+#[test]
+fn an_estimation_writes_its_result_and_its_history() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [mut a, mut b, mut c, mut d] = [const { String::new() }; 4];
+    let recording = path(folder.path(), "a.csv", &mut a);
+    let job = path(folder.path(), "job.json", &mut b);
+    let result = path(folder.path(), "result.json", &mut c);
+    let history = path(folder.path(), "history.csv", &mut d);
+    printed(&["record", "a", "--output", recording]);
+    std::fs::write(job, short_job().to_string()).expect("a file");
+    let command = [
+        "estimate",
+        recording,
+        job,
+        "--output",
+        result,
+        "--history",
+        history,
+    ];
+    let shown = printed(&command);
+    for name in [
+        "mass (M)",
+        "damping (B)",
+        "stiffness (Ks)",
+        "bulk_modulus (Km)",
+        "trust ",
+    ] {
+        assert!(shown.contains(name), "{shown}");
+    }
+    let text = std::fs::read(result).expect("a result");
+    let outcome: Outcome = serde_json::from_slice(&text).expect("a result document");
+    assert_eq!(
+        (outcome.job.as_str(), outcome.search.generations),
+        ("short", 3)
+    );
+    assert_eq!(outcome.parameters.len(), 4);
+    let history = std::fs::read_to_string(history).expect("a history");
+    assert_eq!(column(&history, "generation"), [1.0, 2.0, 3.0]);
+    let costs = column(&history, "best_cost");
+    assert!(costs.is_sorted_by(|a, b| a >= b), "{costs:?}");
+    assert_eq!(
+        column(&history, "mass").last(),
+        Some(&outcome.parameters[0].estimate.estimate)
+    );
+}
+
+#[test]
+fn every_fault_of_a_job_is_named_with_its_place() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [mut a, mut b] = [const { String::new() }; 2];
+    let recording = path(folder.path(), "a.csv", &mut a);
+    let job = path(folder.path(), "job.json", &mut b);
+    printed(&["record", "a", "--output", recording]);
+    let mut document = short_job();
+    document["method"]["population"] = json!(1);
+    document["parameters"] = json!({"mass": {"estimate": {"lower": 120, "upper": 20}}});
+    std::fs::write(job, document.to_string()).expect("a file");
+    let complaints = complaints(&["estimate", recording, job]);
+    assert_eq!(complaints.len(), 2, "{complaints:?}");
+    for pointer in ["/method/population", "/parameters/mass/estimate"] {
+        let place = format!("error: {job}: {pointer}");
+        assert!(
+            complaints.iter().any(|line| line.starts_with(&place)),
+            "{complaints:?}"
+        );
+    }
+}
+
+#[test]
+fn what_cannot_be_read_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [mut a, mut b] = [const { String::new() }; 2];
+    let recording = path(folder.path(), "bad.csv", &mut a);
+    let absent = path(folder.path(), "absent.json", &mut b);
+    std::fs::write(recording, "time [s],reference [m]\n0,1\n0.01,n/a\n").expect("a file");
+    let complaint = complaints(&["simulate", recording]).join("\n");
+    assert!(
+        complaint.contains("row") || complaint.contains("line"),
+        "{complaint}"
+    );
+    let complaint = complaints(&["estimate", absent, absent]).join("\n");
+    assert!(
+        complaint.starts_with(&format!("error: {absent}: ")),
+        "{complaint}"
+    );
+    std::fs::write(recording, "time [s],reference [m]\n0,0.07\n0.01,0.07\n").expect("a file");
+    std::fs::write(absent, r#"{"mass": -1, "mas": 2, "damping": "much"}"#).expect("a file");
+    let faults = complaints(&["simulate", recording, absent]);
+    assert_eq!(faults.len(), 3, "{faults:?}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_server_says_where_it_listens_is_healthy_and_ends_when_it_is_asked_to() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let database = format!("sqlite://{}", folder.path().join("jobs.db").display());
+    let mut server = greybox(&["serve", "--listen", "127.0.0.1:0", "--database", &database])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    let mut line = String::new();
+    let output = server.stdout.take().expect("its output");
+    BufReader::new(output).read_line(&mut line).expect("a line");
+    let url = line
+        .trim_end()
+        .strip_prefix("listening on ")
+        .expect("where it listens");
+    assert_eq!(printed(&["health", url]), "ready\n");
+    let asked = Command::new("kill").arg(server.id().to_string()).status();
+    assert!(asked.expect("a signal").success());
+    assert_eq!(server.wait().expect("an end").code(), Some(0));
+    let gone = run(&["health", url]);
+    assert_eq!(gone.status.code(), Some(1));
+}
