@@ -12,10 +12,13 @@ use tokio_util::sync::CancellationToken;
 
 use crate::api::{self, ApiState, Parts};
 use crate::config::{SHUTDOWN_LIMIT, Settings, SettingsError};
+use crate::dashboard;
 use crate::event::EventHub;
 use crate::model::Catalogue;
 use crate::store::{Store, StoreError};
-use crate::worker::{Worker, run::Method};
+use crate::worker::Worker;
+use crate::worker::identification::Identification;
+use crate::worker::run::Method;
 
 /// What is left of the shutdown's time for the connections after the slices were handed back.
 const LAST_WORDS: Duration = Duration::from_millis(500);
@@ -51,7 +54,16 @@ pub struct App {
 
 impl App {
     /// Starts a server: when this returns it answers, and works the jobs that wait.
-    pub async fn start(settings: Settings, method: Arc<dyn Method>) -> Result<Self, StartError> {
+    pub async fn start(settings: Settings) -> Result<Self, StartError> {
+        let method = Identification::new(Catalogue::built_in());
+        Self::start_with(settings, Arc::new(method)).await
+    }
+
+    /// Starts a server that works its jobs by another method.
+    pub async fn start_with(
+        settings: Settings,
+        method: Arc<dyn Method>,
+    ) -> Result<Self, StartError> {
         let worker_settings = settings.worker()?;
         let listener = listen(settings.listen).await?;
         let address = listener.local_addr().map_err(|source| StartError::Listen {
@@ -72,7 +84,8 @@ impl App {
             metrics: metrics(),
         });
         let closing = CancellationToken::new();
-        let server = tokio::spawn(serve(listener, api::router(state), closing.clone()));
+        let routes = api::resources(state).merge(dashboard::router());
+        let server = tokio::spawn(serve(listener, api::finish(routes), closing.clone()));
         tracing::info!(%address, "listening");
         Ok(Self {
             address,
@@ -219,7 +232,7 @@ mod tests {
 
     async fn start(settings: &Settings, gate: &Arc<Gate>) -> Result<App, StartError> {
         let method = Arc::new(Descent { gate: gate.clone() });
-        App::start(settings.clone(), method).await
+        App::start_with(settings.clone(), method).await
     }
 
     async fn submit_a_job_that_waits(store: &Store) -> JobId {

@@ -13,9 +13,9 @@ use sha2::{Digest, Sha256};
 use tokio_stream::StreamExt;
 use tokio_util::io::{StreamReader, SyncIoBridge};
 
-use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::manners::hex;
+use super::{ApiState, blocking};
 use crate::dataset::ReadError;
 use crate::job::spec::document;
 
@@ -50,7 +50,7 @@ where
         left: limit,
         broken: None,
     };
-    let blocking = tokio::task::spawn_blocking(move || {
+    blocking(move || {
         let parsed = parser(&mut source);
         let rest = io::copy(&mut source, &mut io::sink());
         match source.broken {
@@ -65,13 +65,8 @@ where
                 digest: source.digest,
             }),
         }
-    });
-    blocking.await.unwrap_or_else(|panic| {
-        tracing::error!(%panic, "a parser panicked");
-        Err(Problem::of_status(
-            axum::http::StatusCode::INTERNAL_SERVER_ERROR,
-        ))
     })
+    .await
 }
 
 fn silent() -> Problem {

@@ -129,7 +129,7 @@ pub async fn create(
     request: Request,
 ) -> Answer {
     let format = format_of(request.headers(), &options)?;
-    let _permit = permit(&state).await?;
+    let _permit = state.recording_permit().await?;
     let limit = state.limits.dataset_bytes;
     let reading = ReadingOptions {
         format,
@@ -211,19 +211,6 @@ fn digest(mut bytes: Sha256, options: &NewDatasetQuery) -> String {
     format!("sha256:{}", hex(&bytes.finalize()))
 }
 
-/// Reading and writing whole recordings takes memory: only so many at once, the others wait.
-async fn permit(state: &ApiState) -> Answer<OwnedSemaphorePermit> {
-    let waiting = state.0.recordings.clone().acquire_owned();
-    let permit = tokio::time::timeout(LONGEST_QUEUE, waiting).await;
-    match permit {
-        Ok(Ok(permit)) => Ok(permit),
-        _ => Err(Problem::new(Kind::Busy, "too many recordings at once").retry_after(2)),
-    }
-}
-
-/// How long a request waits for its turn.
-const LONGEST_QUEUE: std::time::Duration = std::time::Duration::from_secs(10);
-
 /// The page of a list.
 pub struct WhichDatasets(Cursor<DatasetId>);
 
@@ -304,9 +291,9 @@ pub struct SamplesQuery {
     /// Names of signals, separated by commas; all when absent.
     #[param(value_type = Option<String>, example = "reference,position")]
     pub signals: Option<Vec<String>>,
-    /// From this instant on [s].
+    /// From this instant on `[s]`.
     pub from: Option<f64>,
-    /// Up to this instant [s].
+    /// Up to this instant `[s]`.
     pub to: Option<f64>,
     /// Points at the most; the extremes of each stretch are kept.
     #[param(minimum = 2, maximum = 100_000, default = 2000)]
@@ -346,7 +333,7 @@ pub async fn samples(
     Params(query): Params<SamplesQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let permit = permit(&state).await?;
+    let permit = state.recording_permit().await?;
     let recording = state.store.recording(id).await?;
     let recording = recording.ok_or_else(|| no_dataset(id))?;
     check_names(&recording, query.signals.as_deref())?;
@@ -378,7 +365,7 @@ fn check_names(recording: &Recording, names: Option<&[String]>) -> Answer<()> {
     }
 }
 
-/// Every sample as CSV, written only as fast as the client reads.
+/// Every sample as CSV.
 fn csv(mut recording: Recording, query: SamplesQuery, permit: OwnedSemaphorePermit) -> Answer {
     for (parameter, given) in [
         ("from", query.from.is_some()),
@@ -395,6 +382,16 @@ fn csv(mut recording: Recording, query: SamplesQuery, permit: OwnedSemaphorePerm
             .signals
             .retain(|signal| names.contains(&signal.name));
     }
+    Ok(streamed(recording, Some(permit)))
+}
+
+/// A recording as CSV.
+pub fn csv_answer(recording: Recording) -> Response {
+    streamed(recording, None)
+}
+
+/// Written only as fast as the client reads; the permit is kept as long.
+fn streamed(recording: Recording, permit: Option<OwnedSemaphorePermit>) -> Response {
     let (reader, writer) = tokio::io::duplex(CSV_BUFFER_BYTES);
     let writer = SyncIoBridge::new(writer);
     tokio::task::spawn_blocking(move || {
@@ -408,11 +405,12 @@ fn csv(mut recording: Recording, query: SamplesQuery, permit: OwnedSemaphorePerm
     response
         .headers_mut()
         .insert(header::CONTENT_TYPE, csv_type);
-    Ok(response)
+    response
 }
 
 /// A recording as JSON: uniform with `sample_time_s`, or with the instants in `time`.
 #[derive(ToSchema)]
+#[serde(deny_unknown_fields)]
 #[schema(example = json!({
     "name": "rig 4, run 3",
     "sample_time_s": 0.01,
@@ -423,7 +421,7 @@ fn csv(mut recording: Recording, query: SamplesQuery, permit: OwnedSemaphorePerm
 pub struct RecordingDocument {
     /// A name for people.
     pub name: Option<String>,
-    /// The time between two samples [s], where they are uniform.
+    /// The time between two samples `[s]`, where they are uniform.
     #[schema(exclusive_minimum = 0)]
     pub sample_time_s: Option<f64>,
     /// The instants of the samples, where they are not.
@@ -437,6 +435,7 @@ pub struct RecordingDocument {
 
 /// The samples of one signal.
 #[derive(ToSchema)]
+#[serde(deny_unknown_fields)]
 pub struct RecordedSignal {
     /// The unit, e.g. `mm`; SI is assumed when absent.
     #[schema(example = "mm")]

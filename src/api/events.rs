@@ -14,10 +14,10 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use tokio::sync::OwnedSemaphorePermit;
-use utoipa::IntoParams;
+use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
-use super::error::{Answer, Kind, Problem};
+use super::error::Answer;
 use super::extract::Named;
 use super::jobs::no_job;
 use super::manners::header_fault;
@@ -65,8 +65,8 @@ impl FromQuery for EventsQuery {
          description = "The last event that the client has; wins over `last_event_id`")
     ),
     responses(
-        (status = 200, content_type = "text/event-stream", body = String,
-         description = "The events; the data of each is one line of JSON, an `Event`"),
+        (status = 200, content_type = "text/event-stream", body = StreamedEvent,
+         description = "The events, one after the other"),
         (status = 204, description = "The job has ended and the client has all its events")
     )
 )]
@@ -82,10 +82,7 @@ pub async fn events(
     if row.status.is_terminal() && after >= row.last_event {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let permit = state.0.streams.clone().try_acquire_owned().map_err(|_| {
-        let detail = "too many event streams are open";
-        Problem::new(Kind::Busy, detail).retry_after(2)
-    })?;
+    let permit = state.stream_permit()?;
     let replay = Replay {
         feed: state.hub.feed(state.store.clone(), id, after),
         job: id,
@@ -93,6 +90,20 @@ pub async fn events(
         _permit: permit,
     };
     Ok(replay.into_response())
+}
+
+/// An event as it is streamed. Comments and `retry` come between.
+#[derive(ToSchema)]
+pub struct StreamedEvent {
+    /// 1, 2, 3 … without a gap.
+    #[schema(example = "17")]
+    pub id: String,
+    /// `state`, `generation`, `refinement`, `result` or `end`.
+    #[schema(example = "refinement")]
+    pub event: String,
+    /// One line of JSON, an `Event`.
+    #[schema(example = r#"{"iteration":3,"cost":1.1e-6}"#)]
+    pub data: String,
 }
 
 /// `Last-Event-ID`, which browsers send when they come back; an empty one counts as none.

@@ -10,7 +10,7 @@ use super::ApiState;
 use super::error::{Answer, Kind, Problem};
 use super::manners::json;
 
-/// How long an unready client may wait before it asks again [s].
+/// How long an unready client may wait before it asks again `[s]`.
 const RETRY_S: u32 = 2;
 
 /// A word about the state of the process.

@@ -21,9 +21,9 @@ use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::job::{Failure, IllegalTransition, JobId, JobSpec, Phase, Progress, Status};
 use crate::store::{Control, JobFilter, JobRemoval, JobRow, StoreError};
 
-/// When a client may ask again if nothing better is known [s].
+/// When a client may ask again if nothing better is known `[s]`.
 const RETRY_S: f64 = 2.0;
-/// The longest that a client is told to stay away [s].
+/// The longest that a client is told to stay away `[s]`.
 const MAX_RETRY_S: f64 = 60.0;
 
 /// A job.
@@ -75,6 +75,8 @@ struct Links {
     generations: String,
     /// What came of it.
     result: String,
+    /// Measured beside simulated outputs.
+    trajectory: String,
     /// POST here to end it.
     cancel: String,
 }
@@ -86,6 +88,7 @@ impl From<JobRow> for Job {
             events: format!("{path}/events"),
             generations: format!("{path}/generations"),
             result: format!("{path}/result"),
+            trajectory: format!("{path}/trajectory"),
             cancel: format!("{path}/cancel"),
             job: path,
         };

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 
 use super::error::{Answer, Kind, Problem, ProblemFault};
 
-/// How long a client may let the server hold its answer back [s].
+/// How long a client may let the server hold its answer back `[s]`.
 pub const MAX_WAIT_S: u64 = 60;
 /// The characters of an idempotency key at the most.
 const MAX_KEY_CHARS: usize = 255;

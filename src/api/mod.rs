@@ -1,8 +1,8 @@
 //! HTTP to domain types and back: the route table.
 //!
-//! No SQL and no numerics here. [`router`] is the whole service; [`finish`] puts the manners that
-//! every answer shares (request id, problem documents, compression, logging) around routes, so
-//! that pages added beside the API have them too.
+//! No SQL and no numerics here. [`resources`] is the API; [`finish()`] puts the manners that every
+//! answer shares (request id, problem documents, compression, logging) around it and around the
+//! pages that stand beside it.
 
 pub mod body;
 pub mod datasets;
@@ -18,20 +18,27 @@ pub mod openapi;
 pub mod page;
 pub mod query;
 pub mod results;
+pub mod simulations;
 pub mod submit;
+pub mod trajectory;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::Router;
+use axum::http::StatusCode;
 use metrics_exporter_prometheus::PrometheusHandle;
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use crate::dataset::Recording;
 use crate::event::EventHub;
-use crate::model::Catalogue;
+use crate::job::{Fault, JobSpec};
+use crate::model::{Catalogue, Model};
 use crate::store::Store;
 
+use error::{Answer, Kind, Problem};
 pub use finish::finish;
 pub use openapi::openapi;
 
@@ -42,7 +49,7 @@ pub struct Limits {
     pub dataset_bytes: u64,
     /// The bytes of a JSON document (a job, a simulation) at the most, uncompressed.
     pub document_bytes: u64,
-    /// The longest computing time that a job may ask for [s].
+    /// The longest computing time that a job may ask for `[s]`.
     pub max_duration_s: f64,
     /// Recordings that are read or written at the same time at the most.
     pub recordings_at_once: usize,
@@ -61,6 +68,9 @@ impl Default for Limits {
         }
     }
 }
+
+/// How long a request waits for its turn to read or write a recording.
+const LONGEST_QUEUE: Duration = Duration::from_secs(10);
 
 /// What the service works with.
 pub struct Parts {
@@ -98,6 +108,48 @@ impl ApiState {
             parts,
         }))
     }
+
+    /// Reading and writing whole recordings takes memory: only so many at once, others wait.
+    async fn recording_permit(&self) -> Answer<OwnedSemaphorePermit> {
+        let waiting = self.0.recordings.clone().acquire_owned();
+        match tokio::time::timeout(LONGEST_QUEUE, waiting).await {
+            Ok(Ok(permit)) => Ok(permit),
+            _ => Err(Problem::new(Kind::Busy, "too many recordings at once").retry_after(2)),
+        }
+    }
+
+    /// The recordings of a job, one for each experiment; those that are gone are faults.
+    async fn recordings(&self, spec: &JobSpec) -> Answer<Result<Vec<Recording>, Vec<Fault>>> {
+        let mut recordings = Vec::with_capacity(spec.experiments.len());
+        let mut faults = Vec::new();
+        for (index, experiment) in spec.experiments.iter().enumerate() {
+            if let Some(recording) = self.store.recording(experiment.dataset).await? {
+                recordings.push(recording);
+            } else {
+                let pointer = format!("/experiments/{index}/dataset");
+                let detail = format!("there is no dataset {}", experiment.dataset);
+                faults.push(Fault::new(pointer, "unknown_dataset", detail));
+            }
+        }
+        Ok(if faults.is_empty() {
+            Ok(recordings)
+        } else {
+            Err(faults)
+        })
+    }
+
+    /// A model by its name.
+    fn model(&self, name: &str) -> Answer<Arc<Model>> {
+        let model = self.catalogue.get(name).cloned();
+        model.ok_or_else(|| Problem::not_found("model", name))
+    }
+
+    /// An event stream takes a connection and a place: only so many at once.
+    fn stream_permit(&self) -> Answer<OwnedSemaphorePermit> {
+        let permit = self.0.streams.clone().try_acquire_owned();
+        permit
+            .map_err(|_| Problem::new(Kind::Busy, "too many event streams are open").retry_after(2))
+    }
 }
 
 impl std::ops::Deref for ApiState {
@@ -106,6 +158,17 @@ impl std::ops::Deref for ApiState {
     fn deref(&self) -> &Parts {
         &self.0.parts
     }
+}
+
+/// Runs what computes or blocks beside the threads that serve.
+async fn blocking<T: Send + 'static>(
+    work: impl FnOnce() -> Answer<T> + Send + 'static,
+) -> Answer<T> {
+    let done = tokio::task::spawn_blocking(work).await;
+    done.unwrap_or_else(|panic| {
+        tracing::error!(%panic, "work for a request panicked");
+        Err(Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR))
+    })
 }
 
 /// Every resource of the service, with its description.
@@ -121,6 +184,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(datasets::samples))
         .routes(routes!(models::list))
         .routes(routes!(models::show))
+        .routes(routes!(simulations::simulate))
         .routes(routes!(submit::submit, jobs::list))
         .routes(routes!(jobs::show, jobs::remove))
         .routes(routes!(jobs::cancel))
@@ -129,15 +193,11 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(events::events))
         .routes(routes!(results::generations))
         .routes(routes!(results::result))
+        .routes(routes!(trajectory::trajectory))
 }
 
-/// The resources, without the manners of [`finish`].
+/// The resources, without the manners of [`finish()`].
 pub fn resources(state: ApiState) -> Router {
     let (router, _openapi) = described().split_for_parts();
     router.with_state(state)
-}
-
-/// The whole service.
-pub fn router(state: ApiState) -> Router {
-    finish(resources(state))
 }

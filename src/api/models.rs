@@ -7,7 +7,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::ApiState;
-use super::error::{Answer, Problem};
+use super::error::Answer;
 use super::extract::Named;
 use super::manners::{json, tagged_json};
 use super::query::{NoQuery, Params};
@@ -45,7 +45,5 @@ pub async fn show(
     _query: Params<NoQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let model = state.catalogue.get(&name);
-    let model = model.ok_or_else(|| Problem::not_found("model", &name))?;
-    Ok(tagged_json(&headers, model.description()))
+    Ok(tagged_json(&headers, state.model(&name)?.description()))
 }

@@ -1,12 +1,15 @@
 //! The record of the contract: OpenAPI 3.1, generated from the handlers.
 
+use std::sync::LazyLock;
+
 use axum::http::HeaderMap;
 use axum::response::Response;
 use utoipa::ToSchema;
 use utoipa::openapi::content::ContentBuilder;
+use utoipa::openapi::link::Link;
 use utoipa::openapi::path::{Operation, PathItem};
 use utoipa::openapi::response::Response as Description;
-use utoipa::openapi::schema::Schema;
+use utoipa::openapi::schema::{Schema, SchemaType, Type};
 use utoipa::openapi::{InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, Ref, RefOr};
 use utoipa::openapi::{ResponseBuilder, tag::TagBuilder};
 
@@ -22,8 +25,10 @@ pub fn openapi() -> OpenApi {
     name_schema::<Event>(&mut unnamed);
     let components = openapi.components.get_or_insert_default();
     components.schemas.extend(unnamed);
+    link_created(&mut openapi);
     for (path, item) in &mut openapi.paths.paths {
         for operation in operations(item) {
+            never_null(operation);
             describe_problems(path, operation);
         }
     }
@@ -42,7 +47,8 @@ fn name_schema<T: ToSchema>(schemas: &mut Vec<(String, RefOr<Schema>)>) {
     responses((status = 200, description = "OpenAPI 3.1", body = Object))
 )]
 pub async fn document(headers: HeaderMap) -> Response {
-    tagged_json(&headers, &openapi())
+    static OPENAPI: LazyLock<OpenApi> = LazyLock::new(openapi);
+    tagged_json(&headers, &*OPENAPI)
 }
 
 /// What the handlers do not say.
@@ -77,6 +83,48 @@ fn operations(item: &mut PathItem) -> impl Iterator<Item = &mut Operation> {
     [&mut item.get, &mut item.post, &mut item.delete]
         .into_iter()
         .filter_map(Option::as_mut)
+}
+
+/// Says of each resource that is made by a POST where one goes on with its identifier.
+fn link_created(openapi: &mut OpenApi) {
+    let mut by_path: Vec<(String, String)> = Vec::new();
+    for (path, item) in &mut openapi.paths.paths {
+        let ids = operations(item).filter_map(|operation| operation.operation_id.clone());
+        by_path.extend(ids.map(|id| (path.clone(), id)));
+    }
+    for (path, item) in &mut openapi.paths.paths {
+        let made = item
+            .post
+            .iter_mut()
+            .flat_map(|post| &mut post.responses.responses);
+        let made = made.filter(|(status, _)| ["201", "202"].contains(&status.as_str()));
+        let below = format!("{path}/{{id}}");
+        for (_, response) in made {
+            let RefOr::T(response) = response else {
+                continue;
+            };
+            for (_, id) in by_path.iter().filter(|(path, _)| path.starts_with(&below)) {
+                let link = Link::builder().operation_id(id);
+                let link = link.parameter("id", "$response.body#/id").build();
+                response.links.insert(id.clone(), RefOr::T(link));
+            }
+        }
+    }
+}
+
+/// A parameter is there or not; it has no way to say `null`.
+fn never_null(operation: &mut Operation) {
+    for parameter in operation.parameters.iter_mut().flatten() {
+        if let RefOr::T(parameter) = parameter
+            && let Some(RefOr::T(Schema::Object(schema))) = &mut parameter.schema
+            && let SchemaType::Array(types) = &mut schema.schema_type
+        {
+            types.retain(|kind| *kind != Type::Null);
+            if let [only] = types.as_slice() {
+                schema.schema_type = SchemaType::Type(only.clone());
+            }
+        }
+    }
 }
 
 /// Adds the problems that every operation of a kind can answer, and gives those that a handler
@@ -121,4 +169,71 @@ fn as_problem(response: &mut Description) {
     let content = ContentBuilder::new().schema(Some(schema)).build();
     let content = RefOr::T(content);
     response.content.insert(PROBLEM_JSON.to_owned(), content);
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use serde_json::Value;
+
+    use super::*;
+
+    /// Path, method and description of every operation.
+    fn all() -> Vec<(String, Value)> {
+        let described = serde_json::to_value(openapi()).unwrap();
+        let paths = described["paths"].as_object().unwrap().clone();
+        let operations = paths.into_iter().flat_map(|(path, item)| {
+            let methods = item.as_object().unwrap().clone();
+            methods
+                .into_iter()
+                .map(move |(method, operation)| (format!("{method} {path}"), operation))
+        });
+        operations.collect()
+    }
+
+    #[test]
+    fn every_operation_has_its_own_name() {
+        let names: Vec<String> = all()
+            .iter()
+            .map(|(_, operation)| operation["operationId"].as_str().unwrap().to_owned())
+            .collect();
+        let distinct: HashSet<&String> = names.iter().collect();
+        assert_eq!(distinct.len(), names.len(), "{names:?}");
+    }
+
+    #[test]
+    fn every_error_is_described_as_a_problem_document() {
+        for (name, operation) in all() {
+            let responses = operation["responses"].as_object().unwrap().iter();
+            for (status, response) in responses.filter(|(status, _)| status.as_str() >= "400") {
+                let content = response["content"].as_object().unwrap();
+                assert!(content.contains_key(PROBLEM_JSON), "{name} {status}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_request_body_has_an_example() {
+        let described = serde_json::to_value(openapi()).unwrap();
+        let bodies = all().into_iter().filter_map(|(name, operation)| {
+            let body = operation.get("requestBody")?;
+            Some((name, body["content"].as_object()?.clone()))
+        });
+        let mut n_bodies = 0;
+        for (name, content) in bodies {
+            for (media_type, body) in content {
+                let schema = body["schema"]["$ref"].as_str().unwrap_or_default();
+                let named = described.pointer(schema.trim_start_matches('#'));
+                let has_example = body.get("example").is_some()
+                    || named.is_some_and(|schema| schema.get("example").is_some());
+                assert!(has_example, "{name} as {media_type}");
+                n_bodies += 1;
+            }
+        }
+        assert_eq!(
+            n_bodies, 4,
+            "two forms of a recording, a simulation and a job"
+        );
+    }
 }

@@ -1,8 +1,9 @@
 //! What a job came to: the history of its search and its result.
 
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, StatusCode, header};
 use serde::Serialize;
+use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
@@ -12,6 +13,7 @@ use super::jobs::{no_job, retry_after};
 use super::manners::{json, tagged_json};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::job::{GenerationEvent, JobId, Outcome, Status};
+use crate::store::JobRow;
 
 /// Rows of the history in one answer when the client does not say.
 const DEFAULT_ROWS: u64 = 1000;
@@ -23,7 +25,7 @@ const MAX_ROWS: u64 = 10_000;
 #[into_params(parameter_in = Query)]
 pub struct GenerationsQuery {
     /// Only generations after this one.
-    #[param(minimum = 0, maximum = 4294967295_i64, default = 0, required = false)]
+    #[param(value_type = u64, maximum = 4294967295_i64, default = 0, required = false)]
     pub after: u32,
     /// So many at the most.
     #[param(minimum = 1, maximum = 10000, default = 1000, required = false)]
@@ -93,23 +95,23 @@ pub async fn result(
     headers: HeaderMap,
 ) -> Answer {
     let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
+    Ok(tagged_json(&headers, &settled_result(&state, &row).await?))
+}
+
+/// The result of a job that has one.
+pub async fn settled_result(state: &ApiState, row: &JobRow) -> Answer<Value> {
     let settled = row.status.is_terminal() || row.status == Status::Paused;
-    let result = if settled {
-        state.store.result(id).await?
-    } else {
-        None
-    };
-    if let Some(outcome) = result {
-        return Ok(tagged_json(&headers, &outcome));
+    if settled && let Some(outcome) = state.store.result(row.id).await? {
+        return Ok(outcome);
     }
     let detail = match row.status {
         Status::Failed => "the job failed, its `error` says why".to_owned(),
-        status if status.is_terminal() => format!("the job was {status} before it had an estimate"),
+        status if settled => format!("the job was {status} before it had an estimate"),
         status => format!("the job is {status} and has no result yet"),
     };
     let problem = Problem::new(Kind::WrongState, detail);
-    Err(match retry_after(&row) {
-        Some(retry) => problem.with_header(axum::http::header::RETRY_AFTER, retry),
+    Err(match retry_after(row) {
+        Some(retry) => problem.with_header(header::RETRY_AFTER, retry),
         None => problem,
     })
 }

@@ -8,12 +8,13 @@ use axum::response::Response;
 use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
-use super::ApiState;
 use super::body::JsonDocument;
 use super::error::{Answer, Kind, Problem};
 use super::jobs::{self, Job};
 use super::manners::{idempotency_key, json, preferred_wait};
 use super::query::{FromQuery, Params, QueryReader};
+use super::{ApiState, blocking};
+use crate::job::assemble::{self, Finding, Preflight};
 use crate::job::spec::Context;
 use crate::job::{Fault, JobSpec, Status};
 use crate::store::{Idempotency, JobRow, NewJob, Submitted};
@@ -40,6 +41,39 @@ impl FromQuery for SubmitQuery {
 pub struct Validation {
     /// The specification with every default completed.
     spec: JobSpec,
+    /// What the job will cost.
+    predicted_cost: PredictedCost,
+    /// What its user should know before it runs.
+    findings: Vec<Finding>,
+}
+
+/// What a job will cost.
+#[derive(Serialize, ToSchema)]
+pub struct PredictedCost {
+    /// Numbers that are estimated: parameters and initial states.
+    unknowns: u64,
+    /// Measured samples that they are estimated from.
+    residuals: u64,
+    /// Candidates that are judged in the search at the most.
+    evaluations: u64,
+    /// Derivatives that one candidate takes, at the middle of the search box.
+    derivatives_per_evaluation: u64,
+}
+
+impl Validation {
+    fn new(spec: JobSpec, preflight: Preflight) -> Self {
+        let predicted_cost = PredictedCost {
+            unknowns: preflight.unknowns,
+            residuals: preflight.residuals,
+            evaluations: preflight.evaluations,
+            derivatives_per_evaluation: preflight.derivatives_per_evaluation,
+        };
+        Self {
+            spec,
+            predicted_cost,
+            findings: preflight.findings,
+        }
+    }
 }
 
 /// Submit an estimation.
@@ -50,7 +84,7 @@ pub struct Validation {
     post, path = "/v1/jobs", operation_id = "submit_job", tag = "jobs",
     params(
         SubmitQuery,
-        ("Idempotency-Key" = Option<String>, Header, max_length = 255,
+        ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
          description = "Makes the submission safe to repeat: the same key and body give the same \
                         answer again"),
         ("Prefer" = Option<String>, Header, example = "wait=30",
@@ -76,33 +110,42 @@ pub async fn submit(
     headers: HeaderMap,
     document: JsonDocument,
 ) -> Answer {
-    let key = idempotency_key(&headers)?;
-    let spec = read(&state, &document).await?;
-    if query.validate_only {
-        return Ok(json(StatusCode::OK, &Validation { spec }));
-    }
-    let idempotency = key.map(|key| Idempotency {
+    let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
         key,
-        body_digest: document.digest,
+        body_digest: document.digest.clone(),
     });
-    let (row, replayed) = match state.store.submit(new_job(&spec, idempotency)).await? {
-        Submitted::Created(row) => (row, false),
-        Submitted::Replayed(row) => (row, true),
+    if let Some(idempotency) = idempotency.as_ref().filter(|_| !query.validate_only)
+        && let Some(earlier) = state.store.earlier_submission(idempotency).await?
+    {
+        return answer(&state, earlier, &headers).await;
+    }
+    let spec = read(&state, &document).await?;
+    let preflight = preflight(&state, &spec).await?;
+    if query.validate_only {
+        return Ok(json(StatusCode::OK, &Validation::new(spec, preflight)));
+    }
+    let submitted = state.store.submit(new_job(&spec, idempotency)).await?;
+    answer(&state, submitted, &headers).await
+}
+
+async fn answer(state: &ApiState, submitted: Submitted, headers: &HeaderMap) -> Answer {
+    match submitted {
+        Submitted::Created(row) => accepted(state, row, false, headers).await,
+        Submitted::Replayed(row) => accepted(state, row, true, headers).await,
         Submitted::KeyReused => {
             let detail = "the key came before with another body; use a new key for a new job";
-            return Err(Problem::new(Kind::KeyReused, detail));
+            Err(Problem::new(Kind::KeyReused, detail))
         }
         Submitted::Forgotten(id) => {
             let detail = format!("the job {id} that this key made has been deleted");
-            return Err(Problem::new(Kind::WrongState, detail));
+            Err(Problem::new(Kind::WrongState, detail))
         }
         Submitted::NoDataset(id) => {
             let detail = format!("there is no dataset {id}");
             let fault = Fault::new("/experiments", "unknown_dataset", detail);
-            return Err(Problem::of_document(vec![fault]));
+            Err(Problem::of_document(vec![fault]))
         }
-    };
-    accepted(&state, row, replayed, &headers).await
+    }
 }
 
 /// The completed specification, or everything that is wrong with the document.
@@ -120,6 +163,22 @@ async fn read(state: &ApiState, document: &JsonDocument) -> Answer<JobSpec> {
         max_duration_s: state.limits.max_duration_s,
     };
     JobSpec::read(&document.value, &context).map_err(Problem::of_document)
+}
+
+/// Cuts the experiments out of their recordings, as the worker will; says what speaks against it.
+async fn preflight(state: &ApiState, spec: &JobSpec) -> Answer<Preflight> {
+    let permit = state.recording_permit().await?;
+    let recordings = state.recordings(spec).await?;
+    let recordings = recordings.map_err(Problem::of_document)?;
+    let model = state.model(&spec.model)?;
+    let spec = spec.clone();
+    blocking(move || {
+        let _permit = permit;
+        let assembly = assemble::problem(&spec, &model, &recordings);
+        let assembly = assembly.map_err(Problem::of_document)?;
+        Ok(assemble::preflight(&assembly, &spec.method))
+    })
+    .await
 }
 
 fn new_job(spec: &JobSpec, idempotency: Option<Idempotency>) -> NewJob {

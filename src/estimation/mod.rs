@@ -22,6 +22,7 @@ pub mod problem;
 pub mod refine;
 pub mod report;
 pub mod search;
+pub mod segments;
 pub mod sensitivity;
 pub mod settings;
 pub mod stop_reason;
@@ -106,6 +107,8 @@ const SEARCH_SHARE: f64 = 0.9;
 pub struct Estimation {
     settings: Settings,
     search: Search,
+    /// What the search judges, where that is not the free run ([`segments`]).
+    segmented: Option<Problem>,
     objective: Objective,
     descents: Vec<Descent>,
     phase: Phase,
@@ -116,9 +119,11 @@ impl Estimation {
     /// Begins a run.
     #[must_use]
     pub fn start(problem: &Problem, settings: &Settings, seed: u64) -> Estimation {
+        let segmented = segments::segmented(problem);
         let mut run = Estimation {
             settings: settings.clone(),
-            search: Search::start(problem, settings, seed),
+            search: Search::start(segmented.as_ref().unwrap_or(problem), settings, seed),
+            segmented,
             objective: Objective::new(problem, settings.block_samples as usize),
             descents: Vec::new(),
             phase: Phase::Search,
@@ -152,9 +157,12 @@ impl Estimation {
         if found != expected {
             return Err(CheckpointError { found, expected });
         }
+        let segmented = segments::segmented(problem);
+        let searched = segmented.as_ref().unwrap_or(problem);
         Ok(Estimation {
             settings: settings.clone(),
-            search: Search::resume(problem, settings, seed, checkpoint.search),
+            search: Search::resume(searched, settings, seed, checkpoint.search),
+            segmented,
             objective: Objective::new(problem, settings.block_samples as usize),
             descents: checkpoint.descents,
             phase: checkpoint.phase,
@@ -184,18 +192,33 @@ impl Estimation {
         stop: &AtomicBool,
         observer: &mut dyn Observer,
     ) -> Advance {
-        let Some(generation) = self.search.generation(problem, stop) else {
+        let searched = self.segmented.as_ref().unwrap_or(problem);
+        let Some(generation) = self.search.generation(searched, stop) else {
             return Advance::Interrupted;
         };
         observer.generation(&generation.row);
         if let Some(reason) = generation.stop {
             self.stop_reason = Some(reason);
             let starts = self.search.state.leaders.iter();
-            let starts = starts.map(|leader| self.search.positions(&leader.chromosome));
+            let starts = starts.map(|leader| self.positions(problem, &leader.chromosome));
             self.descents = starts.map(Descent::from).collect();
             self.phase = Phase::Refine;
         }
         Advance::Working
+    }
+
+    /// The positions of a candidate of the search. What a segmented search cannot judge, the
+    /// initial states, stands in the middle of its range: at what was measured.
+    fn positions(&self, problem: &Problem, chromosome: &crate::genetic::Chromosome) -> Vec<f64> {
+        let mut positions = self.search.positions(chromosome);
+        if self.segmented.is_some() {
+            for (position, coordinate) in positions.iter_mut().zip(&problem.coordinates) {
+                if matches!(coordinate.target, problem::Target::InitialState { .. }) {
+                    *position = 0.5;
+                }
+            }
+        }
+        positions
     }
 
     fn advance_refinement(

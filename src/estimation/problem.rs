@@ -25,7 +25,8 @@ pub struct Experiment {
     pub inputs: Vec<Vec<f64>>,
     /// For each of the problem's outputs its samples; NaN where missing.
     pub measured: Vec<Vec<f64>>,
-    /// For each state of the model where it starts; none: where the model says.
+    /// For each state of the model where it starts; none: where a coordinate or else the model
+    /// says.
     pub initial_state: Vec<Option<f64>>,
 }
 

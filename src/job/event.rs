@@ -51,6 +51,9 @@ pub struct GenerationEvent {
     pub evaluations: u64,
     /// The lowest cost over all the data so far; `null` while every candidate diverged.
     pub best_cost: Option<f64>,
+    /// The lowest cost in this generation; without elitism it may rise.
+    #[serde(default)]
+    pub generation_best_cost: Option<f64>,
     /// The mean cost of this generation's candidates that did not diverge.
     pub mean_cost: Option<f64>,
     /// The largest credit at the end of the competition.
@@ -120,6 +123,7 @@ mod tests {
             generation: 1,
             evaluations: 30,
             best_cost: Some(f64::NAN),
+            generation_best_cost: None,
             mean_cost: None,
             best_credit: Some(0.4),
             entropy: Some(1.2),
@@ -128,7 +132,7 @@ mod tests {
         });
         assert_eq!(
             event.data(),
-            r#"{"generation":1,"evaluations":30,"best_cost":null,"mean_cost":null,"best_credit":0.4,"entropy":1.2,"credit_updates":430,"best":{"mass":58.0}}"#
+            r#"{"generation":1,"evaluations":30,"best_cost":null,"generation_best_cost":null,"mean_cost":null,"best_credit":0.4,"entropy":1.2,"credit_updates":430,"best":{"mass":58.0}}"#
         );
     }
 }

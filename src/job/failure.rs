@@ -5,6 +5,8 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::Fault;
+
 /// Why a job failed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Failure {
@@ -17,6 +19,9 @@ pub struct Failure {
     pub status: u16,
     /// What happened.
     pub detail: String,
+    /// What is wrong with the job, place by place.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub errors: Vec<Fault>,
 }
 
 impl Failure {
@@ -27,6 +32,7 @@ impl Failure {
             title: "The estimation broke off".into(),
             status: 500,
             detail: format!("the method panicked: {message}"),
+            errors: Vec::new(),
         }
     }
 
@@ -37,16 +43,31 @@ impl Failure {
             title: "The server went down with this job".into(),
             status: 500,
             detail: format!("{attempts} slices in a row ended without a checkpoint"),
+            errors: Vec::new(),
         }
     }
 
-    /// The stored job or checkpoint cannot be worked.
-    pub fn cannot_run(detail: String) -> Self {
+    /// The run came to its end without any candidate that could be simulated.
+    pub fn no_estimate() -> Self {
+        Self {
+            kind: "/problems/no-estimate".into(),
+            title: "There is no estimate".into(),
+            status: 422,
+            detail: "no candidate could be simulated over the recordings: the search ranges or \
+                     the fixed values are far from the plant"
+                .to_owned(),
+            errors: Vec::new(),
+        }
+    }
+
+    /// The stored job, its recordings or its checkpoint cannot be worked.
+    pub fn cannot_run(detail: String, errors: Vec<Fault>) -> Self {
         Self {
             kind: "/problems/cannot-run".into(),
             title: "The job cannot be worked".into(),
             status: 422,
             detail,
+            errors,
         }
     }
 }

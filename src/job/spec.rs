@@ -22,6 +22,7 @@ mod experiment;
 mod method;
 mod parameter;
 mod reader;
+pub mod simulation;
 #[cfg(test)]
 mod tests;
 
@@ -37,7 +38,7 @@ pub const MAX_NAME_CHARS: usize = 200;
 pub const MAX_SEED: u64 = (1 << 53) - 1;
 /// The share of the data held back at the most.
 pub const MAX_VALIDATION_FRACTION: f64 = 0.9;
-/// How long a job may compute when it does not say [s].
+/// How long a job may compute when it does not say `[s]`.
 pub const DEFAULT_MAX_DURATION_S: f64 = 3600.0;
 
 /// An estimation job: what is measured, what is unknown, how it is looked for.
@@ -243,7 +244,7 @@ impl Default for ValidationSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LimitsSpec {
-    /// Computing time [s]; the best estimate so far is then the result.
+    /// Computing time `[s]`; the best estimate so far is then the result.
     #[schema(exclusive_minimum = 0)]
     pub max_duration_s: f64,
 }
@@ -262,7 +263,7 @@ pub struct Context<'a> {
     pub models: Vec<&'a ModelDescription>,
     /// The recordings that the document may name; see [`JobSpec::datasets_named`].
     pub datasets: &'a HashMap<DatasetId, Summary>,
-    /// The longest computing time that a job may ask for [s].
+    /// The longest computing time that a job may ask for `[s]`.
     pub max_duration_s: f64,
 }
 

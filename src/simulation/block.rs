@@ -13,18 +13,52 @@ use super::{BlockSimulator, Candidate, Excitation, Failure, stiff};
 /// and not a time, so that the outcome does not depend on the machine's load.
 pub const STIFF_BUDGET: u64 = 4_000_000;
 
+/// The vector registers that a block is compiled for. All give the same bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Width {
+    /// What every processor of this architecture has.
+    Baseline,
+    /// AVX2: four numbers in a register.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+}
+
+impl Width {
+    /// The widths that this machine has, the widest last.
+    #[must_use]
+    pub fn available() -> Vec<Width> {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            return vec![Width::Baseline, Width::Avx2];
+        }
+        vec![Width::Baseline]
+    }
+
+    fn widest() -> Width {
+        *Width::available()
+            .last()
+            .expect("every machine has the baseline")
+    }
+}
+
 /// Starts the simulation of up to [`LANES`] candidates; lanes left over repeat the first.
 pub fn simulator<'a, D: Dynamics>(
     dynamics: &'a D,
     excitation: Excitation<'a>,
     candidates: &[Candidate<'_>],
 ) -> Box<dyn BlockSimulator + 'a> {
-    Box::new(Block::new(dynamics, excitation, candidates))
+    Box::new(Block::new(
+        dynamics,
+        excitation,
+        candidates,
+        Width::widest(),
+    ))
 }
 
 struct Block<'a, D: Dynamics> {
     dynamics: &'a D,
     excitation: Excitation<'a>,
+    width: Width,
     constants: D::Constants<Lanes>,
     lane_constants: [D::Constants<f64>; LANES],
     delay: Option<Delay<D>>,
@@ -54,7 +88,12 @@ struct Segment<D: Dynamics> {
 }
 
 impl<'a, D: Dynamics> Block<'a, D> {
-    fn new(dynamics: &'a D, excitation: Excitation<'a>, candidates: &[Candidate<'_>]) -> Self {
+    fn new(
+        dynamics: &'a D,
+        excitation: Excitation<'a>,
+        candidates: &[Candidate<'_>],
+        width: Width,
+    ) -> Self {
         assert!(
             !candidates.is_empty() && candidates.len() <= LANES,
             "a block holds 1 to {LANES} candidates"
@@ -88,6 +127,7 @@ impl<'a, D: Dynamics> Block<'a, D> {
         Block {
             dynamics,
             excitation,
+            width,
             constants,
             lane_constants,
             delay,
@@ -316,16 +356,17 @@ impl<D: Dynamics> BlockSimulator for Block<'_, D> {
         if samples == 0 {
             return;
         }
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has just said that it has AVX2.
-            #[expect(unsafe_code, reason = "run-time dispatch over vector widths")]
-            unsafe {
-                self.advance_avx2(samples, outputs);
+        match self.width {
+            Width::Baseline => self.advance_lanes(samples, outputs),
+            #[cfg(target_arch = "x86_64")]
+            Width::Avx2 => {
+                // SAFETY: `Width::available` offers this width only where the processor has it.
+                #[expect(unsafe_code, reason = "run-time dispatch over vector widths")]
+                unsafe {
+                    self.advance_avx2(samples, outputs);
+                }
             }
-            return;
         }
-        self.advance_lanes(samples, outputs);
     }
 
     fn failures(&self) -> &[Option<Failure>; LANES] {
@@ -334,5 +375,166 @@ impl<D: Dynamics> BlockSimulator for Block<'_, D> {
 
     fn derivative_evaluations(&self) -> u64 {
         self.explicit_evaluations + self.stiff_evaluations.iter().sum::<u64>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// x'' = −ω²·x + u − friction, whose parameters are ω² and a dry friction; stiff where the
+    /// friction is strong.
+    struct Pendulum;
+
+    impl Dynamics for Pendulum {
+        type State<R: Real> = [R; 2];
+        type Held<R: Real> = [R; 1];
+        type Switches<R: Real> = [R; 1];
+        type Constants<R: Real> = [R; 3];
+
+        fn constants<R: Real>(&self, parameters: &[R]) -> [R; 3] {
+            [parameters[0], parameters[1], parameters[2]]
+        }
+        fn initial_state<R: Real>(&self, _: &[R; 3]) -> [R; 2] {
+            [R::splat(1.0), R::splat(0.0)]
+        }
+        fn hold<R: Real>(&self, _: &[R; 3], inputs: &SampledInputs<'_>, _: &[R; 2]) -> [R; 1] {
+            [R::splat(inputs.values[0])]
+        }
+        #[inline(always)]
+        fn derivative<R: Real>(&self, c: &[R; 3], held: &[R; 1], x: &[R; 2]) -> [R; 2] {
+            [
+                x[1],
+                held[0] - c[0] * x[0] - c[1] * (x[1] * R::splat(100.0)).tanh(),
+            ]
+        }
+        fn switches<R: Real>(&self, _: &[R; 3], _: &[R; 1], x: &[R; 2]) -> [R; 1] {
+            [x[0]]
+        }
+        fn outputs<R: Real>(&self, _: &[R; 3], x: &[R; 2], outputs: &mut [R]) {
+            outputs.copy_from_slice(x);
+        }
+        fn input_delay<R: Real>(&self, c: &[R; 3]) -> Option<R> {
+            Some(c[2])
+        }
+        fn resolved_rate(&self, c: &[f64; 3]) -> f64 {
+            c[0].abs().sqrt()
+        }
+        fn local_rate<R: Real>(&self, c: &[R; 3], _: &[R; 1], x: &[R; 2]) -> R {
+            let tanh = (x[1] * R::splat(100.0)).tanh();
+            c[1] * R::splat(100.0) * (R::splat(1.0) - tanh * tanh) + c[0].abs().sqrt()
+        }
+        fn state_scale(&self) -> &'static [f64] {
+            &[1.0, 1.0]
+        }
+        fn is_valid(&self, _: &[f64; 3], x: &[f64; 2]) -> bool {
+            x[0].abs() < 1e6
+        }
+    }
+
+    fn simulate(parameters: &[[f64; 3]], inputs: &[Vec<f64>], width: Width) -> Vec<Lanes> {
+        let excitation = Excitation {
+            sample_time: 0.1,
+            samples: inputs[0].len(),
+            input_set: 0,
+            inputs,
+            accuracy: crate::simulation::Accuracy::Full,
+        };
+        let candidate = |parameters| Candidate {
+            parameters,
+            initial_state: &[None, None],
+            resolved_rate: None,
+        };
+        let candidates: Vec<_> = parameters.iter().map(|p| candidate(p.as_slice())).collect();
+        let mut block = Block::new(&Pendulum, excitation, &candidates, width);
+        let mut outputs = vec![Lanes([0.0; LANES]); 2 * inputs[0].len()];
+        block.advance(inputs[0].len(), &mut outputs);
+        outputs
+    }
+
+    /// Slow and fast, smooth and stiff, with and without delay, and one that explodes.
+    const MIXED: [[f64; 3]; 8] = [
+        [4.0, 0.0, 0.0],
+        [90.0, 0.3, 0.0],
+        [4.0, 2.0, 0.03],
+        [25.0, 5.0, 0.25],
+        [1.0, 0.1, 0.1],
+        [-1e4, 0.0, 0.0],
+        [9.0, 0.02, 0.0],
+        [16.0, 1.0, 1.0],
+    ];
+
+    fn square_wave() -> [Vec<f64>; 1] {
+        [(0..120)
+            .map(|k| if k / 20 % 2 == 0 { 1.0 } else { -0.5 })
+            .collect()]
+    }
+
+    fn bits(outputs: &[Lanes], lane: usize) -> Vec<u64> {
+        outputs.iter().map(|row| row.0[lane].to_bits()).collect()
+    }
+
+    #[test]
+    fn every_vector_width_gives_the_same_bits() {
+        let widths = Width::available();
+        println!("widths on this machine: {widths:?}");
+        let baseline = simulate(&MIXED, &square_wave(), widths[0]);
+        for width in widths {
+            let other = simulate(&MIXED, &square_wave(), width);
+            for lane in (0..LANES).filter(|lane| *lane != 5) {
+                assert_eq!(
+                    bits(&baseline, lane),
+                    bits(&other, lane),
+                    "{width:?} lane {lane}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_candidate_does_not_see_its_neighbours_not_even_one_that_explodes() {
+        let together = simulate(&MIXED, &square_wave(), Width::widest());
+        assert!(
+            together.last().unwrap().0[5].is_nan(),
+            "the unstable candidate has failed"
+        );
+        for lane in (0..LANES).filter(|lane| *lane != 5) {
+            let alone = simulate(&MIXED[lane..=lane], &square_wave(), Width::widest());
+            assert_eq!(bits(&together, lane), bits(&alone, 0), "lane {lane}");
+        }
+    }
+
+    #[test]
+    fn an_undamped_swing_is_the_cosine() {
+        let outputs = simulate(&[[4.0, 0.0, 0.0]], &[vec![0.0; 100]], Width::widest());
+        for (sample, row) in outputs.chunks_exact(2).enumerate() {
+            let expected = (2.0 * 0.1 * sample as f64).cos();
+            assert!((row[0].0[0] - expected).abs() < 1e-4, "at {sample}");
+        }
+    }
+
+    #[test]
+    fn a_delay_shifts_the_response_by_its_length() {
+        let steps = |delay| simulate(&[[4.0, 0.0, delay]], &square_wave(), Width::widest());
+        // The square wave holds its first value for 20 samples, so a delay of 5 samples acts like
+        // a wave that changes 5 samples later.
+        let later: Vec<f64> = (0..120i32)
+            .map(|k| {
+                if (k - 5).max(0) / 20 % 2 == 0 {
+                    1.0
+                } else {
+                    -0.5
+                }
+            })
+            .collect();
+        let shifted = simulate(&[[4.0, 0.0, 0.0]], &[later], Width::widest());
+        for (a, b) in steps(0.5).iter().zip(&shifted) {
+            assert!((a.0[0] - b.0[0]).abs() < 1e-9);
+        }
+        // Half a sample more lies between the neighbours.
+        let (before, half, after) = (steps(0.5), steps(0.55), steps(0.6));
+        let row = 2 * 30;
+        let between = (half[row].0[0] - before[row].0[0]) * (half[row].0[0] - after[row].0[0]);
+        assert!(between < 0.0);
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use jiff::Timestamp;
 use serde_json::Value;
+use sqlx::SqliteConnection;
 
 use super::jobs::{self, JobRow};
 use super::writer::Tx;
@@ -60,6 +61,16 @@ impl Store {
             .write(move |tx| Box::pin(submit(queue, tx, job)))
             .await
     }
+
+    /// What became of the submission that came with this key before, if one did: a client that
+    /// repeats it gets the same answer, even where the job could not be submitted any more.
+    pub async fn earlier_submission(
+        &self,
+        idempotency: &Idempotency,
+    ) -> Result<Option<Submitted>, StoreError> {
+        let mut connection = self.readers().acquire().await?;
+        earlier_submission(&mut connection, idempotency).await
+    }
 }
 
 async fn submit(
@@ -106,13 +117,13 @@ async fn submit(
 }
 
 async fn earlier_submission(
-    tx: &mut Tx,
+    connection: &mut SqliteConnection,
     idempotency: &Idempotency,
 ) -> Result<Option<Submitted>, StoreError> {
     let earlier: Option<(String, String)> =
         sqlx::query_as("select body_digest, job from idempotency where key = ?")
             .bind(&idempotency.key)
-            .fetch_optional(&mut **tx)
+            .fetch_optional(&mut *connection)
             .await?;
     let Some((body_digest, job)) = earlier else {
         return Ok(None);
@@ -121,7 +132,7 @@ async fn earlier_submission(
         return Ok(Some(Submitted::KeyReused));
     }
     let id = jobs::parse_id(&job)?;
-    Ok(Some(match jobs::fetch(tx, id).await? {
+    Ok(Some(match jobs::fetch(connection, id).await? {
         Some(row) => Submitted::Replayed(row.into_submitted()),
         None => Submitted::Forgotten(id),
     }))

@@ -5,8 +5,8 @@
 //!
 //! | rule | trust | when |
 //! |---|---|---|
-//! | `at_bound` | low | an estimate stands at an end of its search range |
-//! | `not_identifiable` | low | an interval is wider than the search range, or there is none |
+//! | `at_bound` | low, for an initial state moderate | it stands at an end of its search range |
+//! | `not_identifiable` | the same | its interval is wider than its search range, or is none |
 //! | `misfit` | low | chi²/n above 1.5: residuals far larger than the declared noise |
 //! | `not_finished` | low | the run was ended before its refinement |
 //! | `slight_misfit` | moderate | chi²/n between 1.15 and 1.5 |
@@ -17,7 +17,7 @@
 //! | `starts_disagree` | moderate | no second start of the refinement came near the lowest cost |
 
 use super::Analysis;
-use crate::estimation::problem::Problem;
+use crate::estimation::problem::{Problem, Target};
 use crate::estimation::report::Report;
 use crate::estimation::stop_reason::StopReason;
 
@@ -111,13 +111,18 @@ fn check_completion(verdict: &mut Verdict, report: &Report) {
 
 fn check_coordinates(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
     for (coordinate, known) in problem.coordinates.iter().zip(&analysis.coordinates) {
+        // Where the record starts is not what the job is for.
+        let trust = match coordinate.target {
+            Target::Parameter(_) => Trust::Low,
+            Target::InitialState { .. } => Trust::Moderate,
+        };
         if known.at_bound {
             let detail = format!(
                 "`{}` stands at an end of its search range {} to {} {}; widen the range, or look \
                  for an effect that the model leaves out",
                 coordinate.name, coordinate.lower, coordinate.upper, coordinate.unit
             );
-            verdict.lower(Trust::Low, "at_bound", detail);
+            verdict.lower(trust, "at_bound", detail);
         }
         if known.standard_error.is_some() && !known.identifiable {
             let detail = format!(
@@ -125,7 +130,7 @@ fn check_coordinates(verdict: &mut Verdict, problem: &Problem, analysis: &Analys
                  it; give its value, or record an experiment that excites it",
                 coordinate.name
             );
-            verdict.lower(Trust::Low, "not_identifiable", detail);
+            verdict.lower(trust, "not_identifiable", detail);
         }
     }
     if let Some(missing) = &analysis.missing {

@@ -7,6 +7,7 @@
 //! ```
 
 mod active;
+pub mod identification;
 mod relay;
 pub mod run;
 mod slice;

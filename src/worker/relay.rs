@@ -140,6 +140,7 @@ mod tests {
             generation,
             evaluations: 0,
             best_cost: None,
+            generation_best_cost: None,
             mean_cost: None,
             best_credit: None,
             entropy: None,

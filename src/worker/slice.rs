@@ -158,7 +158,7 @@ impl SliceWorker {
             let recording = self.store.recording(id).await?;
             let (Some(row), Some(recording)) = (row, recording) else {
                 let detail = format!("the dataset {id} is no longer stored");
-                return Ok(Err(Failure::cannot_run(detail)));
+                return Ok(Err(Failure::cannot_run(detail, Vec::new())));
             };
             recordings.push((row.digest, recording));
         }
@@ -326,6 +326,9 @@ impl Conclusion<'_> {
             Ok(computed) => computed,
             Err(failure) => return self.end_without_result(None, failure).await,
         };
+        if outcome.is_none() && status == Status::Succeeded {
+            return self.end_without_result(None, Failure::no_estimate()).await;
+        }
         self.relay.tell(Timestamp::now());
         let mut record = self.last_record();
         if status == Status::Paused {

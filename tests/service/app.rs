@@ -74,9 +74,7 @@ impl TestApp {
             ..Settings::default()
         };
         Self {
-            app: App::start(settings, std::sync::Arc::new(crate::fake::Fake))
-                .await
-                .unwrap(),
+            app: App::start(settings).await.unwrap(),
             client: reqwest::Client::new(),
             _folder: folder,
         }

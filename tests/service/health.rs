@@ -64,3 +64,17 @@ async fn answers_are_compressed_for_clients_that_take_it_under_another_tag() {
     let again = app.request(Method::GET, path).header("if-none-match", tag);
     app.send(again).await.expect(304);
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn people_get_a_dashboard_and_a_reference() {
+    let app = TestApp::start().await;
+    for path in ["/", "/docs"] {
+        let page = app.get(path).await.expect(200);
+        assert!(
+            page.header("content-type").starts_with("text/html"),
+            "{path}"
+        );
+        assert!(!page.header("x-request-id").is_empty());
+    }
+    app.get("/assets/none.js").await.problem(404);
+}

@@ -56,3 +56,28 @@ async fn a_key_that_is_empty_or_too_long_is_refused() {
         assert_eq!(problem["errors"][0]["header"], "Idempotency-Key");
     }
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_repeated_submission_gets_its_answer_even_when_its_recording_is_gone() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let job = drive_job(&dataset);
+    let first = submit(&app, "order-7", &job).await.expect(202).json();
+    app.ended(first["id"].as_str().unwrap()).await;
+    app.delete(&format!("/v1/datasets/{dataset}"))
+        .await
+        .expect(204);
+    let again = submit(&app, "order-7", &job).await.expect(202);
+    assert_eq!(again.json(), first);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_key_of_a_deleted_job_makes_no_other() {
+    let app = TestApp::start().await;
+    let job = drive_job(&app.store_drive().await);
+    let first = submit(&app, "order-7", &job).await.expect(202).json();
+    let id = first["id"].as_str().unwrap();
+    app.ended(id).await;
+    app.delete(&format!("/v1/jobs/{id}")).await.expect(204);
+    submit(&app, "order-7", &job).await.problem(409);
+}

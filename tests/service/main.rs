@@ -1,7 +1,8 @@
 //! The service as its clients see it: over a real socket, with a fresh database for each test.
 
+#![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
+
 mod app;
-mod fake;
 
 mod datasets;
 
@@ -20,3 +21,5 @@ mod listing;
 mod events;
 
 mod health;
+
+mod simulations;

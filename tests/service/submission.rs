@@ -42,6 +42,8 @@ async fn model_and_recording_alone_are_a_job_with_every_default_shown() {
     );
     assert!(spec["parameters"]["mass"]["estimate"]["lower"].is_number());
     assert_eq!(spec["method"]["population"], 30);
+    assert_eq!(validated["predicted_cost"]["residuals"], 300);
+    assert!(validated["findings"].is_array());
     assert!(spec["seed"].is_u64());
     let jobs = app.get("/v1/jobs").await.expect(200).json();
     assert_eq!(jobs["items"], json!([]));
@@ -138,4 +140,39 @@ async fn a_wait_longer_than_a_minute_is_refused_in_a_query_and_shortened_as_a_pr
         .await
         .expect(202);
     assert_eq!(answer.header("preference-applied"), "wait=60");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_trajectory_of_a_result_shows_what_was_measured_and_simulated() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let id = app.submit(&drive_job(&dataset)).await;
+    app.ended(&id).await;
+    let path = format!("/v1/jobs/{id}/trajectory");
+    let trajectory = app
+        .get(&format!("{path}?max_points=60"))
+        .await
+        .expect(200)
+        .json();
+    let experiment = &trajectory["experiments"][0];
+    assert_eq!(experiment["dataset"], dataset);
+    let n_points = experiment["time_s"].as_array().unwrap().len();
+    assert!(n_points <= 60);
+    let position = &experiment["outputs"]["position"];
+    for series in ["measured", "simulated", "residual"] {
+        assert_eq!(position[series].as_array().unwrap().len(), n_points);
+    }
+    for k in 0..n_points {
+        let at = |series: &str| position[series][k].as_f64().unwrap();
+        assert_eq!(at("residual"), at("measured") - at("simulated"));
+    }
+    let request = app.request(Method::GET, &path).header("accept", "text/csv");
+    let csv = app.send(request).await.expect(200);
+    assert_eq!(
+        csv.text.lines().next(),
+        Some(
+            "experiment,time [s],position_measured [m],position_simulated [m],position_residual [m]"
+        )
+    );
+    assert_eq!(csv.text.lines().count(), 401);
 }

@@ -10,9 +10,9 @@ use crate::numerics::statistics;
 
 /// An estimated initial position may differ from the first samples by this share of the range of
 /// its output ...
-const POSITION_SHARE: f64 = 0.02;
+const POSITION_SHARE: f64 = 0.05;
 /// ... and an estimated initial rate from the first slope by this share of the steepest slope.
-const SLOPE_SHARE: f64 = 0.1;
+const SLOPE_SHARE: f64 = 0.5;
 /// A slope is taken over this share of the record, at least one sample.
 const SLOPE_SPAN_SHARE: f64 = 1e-3;
 

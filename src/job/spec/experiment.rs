@@ -45,7 +45,9 @@ fn read(
     let recording = dataset.map(|(_, recording)| recording);
     let signals = object.optional("signals");
     let signals = match (model, recording) {
-        (Some(model), Some(recording)) => Link { model, recording }.read(&object, signals.as_ref()),
+        (Some(model), Some(recording)) => {
+            Link { model, recording }.read(&object, signals.as_ref(), true)
+        }
         _ => None,
     };
     let window = object.optional("window");
@@ -82,19 +84,20 @@ fn read_dataset<'d>(
     found
 }
 
-/// A model and the recording that it is to explain.
-struct Link<'a> {
-    model: &'a ModelDescription,
-    recording: &'a Summary,
+/// A model and the recording that drives it.
+pub(super) struct Link<'a> {
+    pub(super) model: &'a ModelDescription,
+    pub(super) recording: &'a Summary,
 }
 
 impl Link<'_> {
-    /// The map from model signals to recorded ones: one whole set of inputs, and at least one
-    /// measured output.
-    fn read(
+    /// The map from model signals to recorded ones: one whole set of inputs, and the outputs that
+    /// are measured, at least one of them where `explains` holds.
+    pub(super) fn read(
         &self,
-        experiment: &Object<'_>,
+        owner: &Object<'_>,
         signals: Option<&Field<'_>>,
+        explains: bool,
     ) -> Option<BTreeMap<String, String>> {
         let named = match signals {
             Some(field) => self.named(field)?,
@@ -102,25 +105,18 @@ impl Link<'_> {
         };
         let place = |code: &'static str, detail: String| match signals {
             Some(field) => field.fault(code, detail),
-            None => experiment.fault(code, detail),
+            None => owner.fault(code, detail),
         };
         let inputs = self.inputs(&named);
         if inputs.is_none() {
             place("inputs_missing", self.inputs_missing());
         }
-        let is_output = |name: &str| self.model.outputs.iter().any(|o| o.name == name);
-        if !named.keys().any(|name| is_output(name)) {
-            let names: Vec<&str> = self.model.outputs.iter().map(|o| o.name).collect();
-            let detail = format!(
-                "no output is measured: {} of `{}` must be recorded",
-                listed(&names),
-                self.model.name
-            );
-            place("no_measured_output", detail);
+        if explains && !named.keys().any(|name| self.is_output(name)) {
+            place("no_measured_output", self.no_measured_output());
             return None;
         }
         let inputs = inputs?;
-        let used = |name: &str| is_output(name) || inputs.contains(&name);
+        let used = |name: &str| self.is_output(name) || inputs.contains(&name);
         if let (Some(field), Some(unused)) = (signals, named.keys().find(|name| !used(name))) {
             let detail = format!(
                 "`{unused}` is not used when the model is driven by {}; leave one of them out",
@@ -130,6 +126,19 @@ impl Link<'_> {
             return None;
         }
         Some(named.into_iter().filter(|(name, _)| used(name)).collect())
+    }
+
+    fn is_output(&self, name: &str) -> bool {
+        self.model.outputs.iter().any(|output| output.name == name)
+    }
+
+    fn no_measured_output(&self) -> String {
+        let names: Vec<&str> = self.model.outputs.iter().map(|o| o.name).collect();
+        format!(
+            "no output is measured: {} of `{}` must be recorded",
+            listed(&names),
+            self.model.name
+        )
     }
 
     /// The model's inputs and outputs that the recording has under the same name.
@@ -233,7 +242,7 @@ impl Link<'_> {
     }
 }
 
-fn read_window(field: &Field<'_>, recording: Option<&Summary>) -> Option<WindowSpec> {
+pub(super) fn read_window(field: &Field<'_>, recording: Option<&Summary>) -> Option<WindowSpec> {
     let mut object = field.object()?;
     let from = object.optional("from_s");
     let to = object.optional("to_s");
@@ -263,7 +272,7 @@ fn inside(field: &Field<'_>, recording: Option<&Summary>) -> Option<f64> {
     Some(instant)
 }
 
-fn read_initial_state(
+pub(super) fn read_initial_state(
     field: &Field<'_>,
     model: &ModelDescription,
     signals: Option<&BTreeMap<String, String>>,

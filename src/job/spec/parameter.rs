@@ -18,17 +18,52 @@ pub(super) fn read_all(
         .collect();
     let entries = section.and_then(|field| field.object());
     for (name, field) in entries.map(|o| o.entries()).unwrap_or_default() {
-        let Some(parameter) = model.parameters.iter().find(|p| p.name == name) else {
-            let hint = did_you_mean(name, model.parameters.iter().map(|p| p.name));
-            let detail = format!("`{}` has no parameter of this name{hint}", model.name);
-            field.fault("unknown_parameter", detail);
+        let Some(index) = known(name, &field, model) else {
             continue;
         };
-        if let Some(read) = read(&field, parameter) {
+        if let Some(read) = read(&field, &model.parameters[index]) {
             parameters.insert(name.to_owned(), read);
         }
     }
     parameters
+}
+
+/// A value for each parameter, in the order of the model: a number or `{"value": …}`.
+pub(super) fn read_values(section: Option<&Field<'_>>, model: &ModelDescription) -> Vec<f64> {
+    let mut values = model.defaults();
+    let entries = section.and_then(|field| field.object());
+    for (name, field) in entries.map(|o| o.entries()).unwrap_or_default() {
+        let Some(index) = known(name, &field, model) else {
+            continue;
+        };
+        let parameter = &model.parameters[index];
+        let value = if field.value.is_number() {
+            possible(&field, parameter)
+        } else {
+            read_value(&field, parameter)
+        };
+        values[index] = value.unwrap_or(values[index]);
+    }
+    values
+}
+
+fn read_value(field: &Field<'_>, parameter: &ParameterDescription) -> Option<f64> {
+    let mut object = field.object()?;
+    let value = object.required("value");
+    let value = value.and_then(|value| possible(&value, parameter));
+    object.finish();
+    value
+}
+
+/// The place of a parameter; a fault when the model has none of that name.
+fn known(name: &str, field: &Field<'_>, model: &ModelDescription) -> Option<usize> {
+    let index = model.parameter_index(name);
+    if index.is_none() {
+        let hint = did_you_mean(name, model.parameters.iter().map(|p| p.name));
+        let detail = format!("`{}` has no parameter of this name{hint}", model.name);
+        field.fault("unknown_parameter", detail);
+    }
+    index
 }
 
 fn by_default(parameter: &ParameterDescription) -> ParameterSpec {

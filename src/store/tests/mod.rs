@@ -127,6 +127,7 @@ fn generation(number: u32) -> GenerationEvent {
         generation: number,
         evaluations: u64::from(number) * 30,
         best_cost: Some(1.0 / f64::from(number)),
+        generation_best_cost: None,
         mean_cost: None,
         best_credit: Some(0.1),
         entropy: Some(2.0),

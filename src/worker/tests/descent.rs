@@ -68,7 +68,7 @@ struct DescentRun {
 impl Method for Descent {
     fn begin(&self, assignment: Assignment) -> Result<Box<dyn Run>, Failure> {
         let orders = serde_json::from_value(assignment.job.spec["method"].clone())
-            .map_err(|error| Failure::cannot_run(error.to_string()))?;
+            .map_err(|error| Failure::cannot_run(error.to_string(), Vec::new()))?;
         let start = State {
             unit: 0,
             random: 1,
@@ -120,6 +120,7 @@ impl Run for DescentRun {
                 generation: unit,
                 evaluations: u64::from(unit) * 30,
                 best_cost: Some(self.cost()),
+                generation_best_cost: None,
                 mean_cost: None,
                 best_credit: None,
                 entropy: None,

@@ -1,0 +1,284 @@
+//! Simulating one parameter set, while the client waits.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use serde::Serialize;
+use serde_json::Value;
+use utoipa::{IntoParams, ToSchema};
+
+use super::body::JsonDocument;
+use super::datasets::{RecordingDocument, csv_answer};
+use super::error::{Answer, Kind, Problem};
+use super::manners::{json, prefers};
+use super::query::{FromQuery, Params, QueryReader};
+use super::{ApiState, blocking};
+use crate::dataset::{self, Recording, SampledSignal, Signal, TimeAxis, Window};
+use crate::job::fault::Fault;
+use crate::job::spec::simulation::{SimulationSpec, Source};
+use crate::job::spec::{InitialStateSpec, WindowSpec};
+use crate::job::{DatasetId, spec::FixedValue};
+use crate::model::Model;
+use crate::simulation::{Accuracy, Candidate, Excitation, single};
+
+/// How long a client may let the server compute.
+const LONGEST: Duration = Duration::from_secs(20);
+/// Points of the answer at the most.
+const MAX_POINTS: u64 = 100_000;
+
+/// How finely.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct SimulationQuery {
+    /// Points of the answer at the most; the extremes of each stretch are kept.
+    #[param(minimum = 2, maximum = 100_000, default = 100_000)]
+    pub max_points: Option<u64>,
+}
+
+impl FromQuery for SimulationQuery {
+    fn read(query: &mut QueryReader) -> Self {
+        Self {
+            max_points: query.integer("max_points", 2, MAX_POINTS),
+        }
+    }
+}
+
+/// A simulation, as submitted: driven by a stored recording or by inline inputs.
+#[derive(ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({
+    "model": "positioning_drive",
+    "inputs": {"sample_time_s": 0.01,
+               "signals": {"force": {"unit": "N", "values": [50.0, 50.0, -50.0, -50.0]}}},
+    "parameters": {"mass": {"value": 95.0}},
+    "initial_state": {"velocity": 0.0}
+}))]
+pub struct SimulationDocument {
+    /// The model; `/v1/models` lists them.
+    pub model: String,
+    /// A stored recording that has the inputs.
+    #[schema(nullable = false)]
+    pub dataset: Option<DatasetId>,
+    /// The inputs themselves.
+    #[schema(nullable = false)]
+    pub inputs: Option<RecordingDocument>,
+    /// From the model's signals to the recording's; left out, equal names are taken.
+    #[schema(required = false)]
+    pub signals: BTreeMap<String, String>,
+    /// The part of the recording to use; left out, all of it.
+    #[schema(nullable = false)]
+    pub window: Option<WindowSpec>,
+    /// Values by the model's names; left out, the model's defaults.
+    #[schema(required = false)]
+    pub parameters: BTreeMap<String, FixedValue>,
+    /// Where states start; left out, as the model says.
+    #[schema(required = false)]
+    pub initial_state: BTreeMap<String, InitialStateSpec>,
+}
+
+/// Simulated outputs.
+#[derive(Serialize, ToSchema)]
+pub struct Simulation {
+    /// The model.
+    model: String,
+    /// The instants, from the recording's first sample `[s]`.
+    time_s: Vec<f64>,
+    /// Every output of the model by name.
+    outputs: BTreeMap<String, SampledSignal>,
+}
+
+/// Simulate one parameter set and answer the outputs: as JSON, or every sample as CSV.
+#[utoipa::path(
+    post, path = "/v1/simulations", operation_id = "simulate", tag = "models",
+    params(SimulationQuery),
+    request_body(content = SimulationDocument, content_type = "application/json"),
+    responses((status = 200, description = "The outputs in SI",
+               content((Simulation = "application/json"), (String = "text/csv"))))
+)]
+pub async fn simulate(
+    State(state): State<ApiState>,
+    Params(query): Params<SimulationQuery>,
+    headers: HeaderMap,
+    document: JsonDocument,
+) -> Answer {
+    let permit = state.recording_permit().await?;
+    let recording = recording(&state, &document.value).await?;
+    let models: Vec<_> = state.catalogue.iter().map(|m| m.description()).collect();
+    let summary = recording.as_ref().map(Recording::summary);
+    let spec = SimulationSpec::read(&document.value, &models, summary.as_ref());
+    let spec = spec.map_err(Problem::of_document)?;
+    let recording = recording.expect("a specification that exists has a source");
+    let model = state.model(&spec.model)?;
+
+    let stop = Arc::new(AtomicBool::new(false));
+    let _stop_when_the_client_leaves = StopOnDrop(stop.clone());
+    let name = spec.model.clone();
+    let work = blocking(move || {
+        let _permit = permit;
+        let run = SimulationRun::new(&spec, &model, &recording)?;
+        run.outputs(&stop)
+    });
+    let Ok(outputs) = tokio::time::timeout(LONGEST, work).await else {
+        let detail = format!(
+            "the simulation takes longer than {} s; simulate a shorter window",
+            LONGEST.as_secs()
+        );
+        return Err(Problem::new(Kind::Invalid, detail));
+    };
+    let outputs = outputs?;
+    if prefers(&headers, "text/csv") {
+        return Ok(csv_answer(outputs));
+    }
+    let points = query.max_points.unwrap_or(MAX_POINTS);
+    let points = usize::try_from(points).expect("the limit is small");
+    let samples = outputs.decimate(None, None, None, points);
+    let simulation = Simulation {
+        model: name,
+        time_s: samples.time_s,
+        outputs: samples.signals.into_iter().collect(),
+    };
+    Ok(json(StatusCode::OK, &simulation))
+}
+
+/// Raises a stop flag when it goes out of scope.
+struct StopOnDrop(Arc<AtomicBool>);
+
+impl Drop for StopOnDrop {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+/// The recording that drives the simulation, if the document names one.
+async fn recording(state: &ApiState, document: &Value) -> Answer<Option<Recording>> {
+    match SimulationSpec::source(document) {
+        Source::Dataset(id) => Ok(state.store.recording(id).await?),
+        Source::Inline(inputs) => {
+            let text = inputs.to_string();
+            let recording = dataset::json::read(text.as_bytes());
+            let recording = recording.map_err(|error| {
+                let faults = error.faults().iter().map(|fault| {
+                    let pointer = fault.pointer.as_deref().unwrap_or_default();
+                    Fault::new(
+                        format!("/inputs{pointer}"),
+                        fault.code,
+                        fault.detail.clone(),
+                    )
+                });
+                Problem::of_document(faults.collect())
+            })?;
+            Ok(Some(recording))
+        }
+        Source::Unclear => Ok(None),
+    }
+}
+
+/// All that one simulation needs.
+struct SimulationRun<'m> {
+    model: &'m Model,
+    sample_time: f64,
+    samples: usize,
+    /// When the first sample was taken `[s]`.
+    from: f64,
+    input_set: usize,
+    inputs: Vec<Vec<f64>>,
+    parameters: Vec<f64>,
+    initial_state: Vec<Option<f64>>,
+}
+
+impl<'m> SimulationRun<'m> {
+    fn new(spec: &SimulationSpec, model: &'m Model, recording: &Recording) -> Answer<Self> {
+        let description = model.description();
+        let window = spec.window.map(|window| Window {
+            from_s: window.from_s,
+            to_s: window.to_s,
+        });
+        let pairs: Vec<_> = spec.signals.clone().into_iter().collect();
+        let data = recording.experiment(&pairs, window);
+        let data = data.map_err(|error| {
+            let fault = Fault::new("", "experiment_not_possible", error.to_string());
+            Problem::of_document(vec![fault])
+        })?;
+        let mapped = |set: &Vec<&str>| set.iter().all(|name| spec.signals.contains_key(*name));
+        let input_set = description.input_sets.iter().position(mapped);
+        let input_set = input_set.expect("a specification that exists maps one set of inputs");
+        let mut inputs = Vec::new();
+        for name in &description.input_sets[input_set] {
+            let values = data.signal(name).unwrap_or_default().to_vec();
+            refuse_missing(name, &values)?;
+            inputs.push(values);
+        }
+        let first = |name: &str| {
+            let values = data.signal(name).unwrap_or_default().iter();
+            values.copied().find(|value| !value.is_nan())
+        };
+        let initial_state =
+            description
+                .states
+                .iter()
+                .map(|state| match spec.initial_state.get(state.name)? {
+                    InitialStateSpec::Fixed(FixedValue { value }) => Some(*value),
+                    InitialStateSpec::Number(value) => Some(*value),
+                    InitialStateSpec::Measured(_) => first(state.name),
+                    InitialStateSpec::Free(_) => None,
+                });
+        Ok(Self {
+            model,
+            sample_time: data.sample_time,
+            samples: data.samples,
+            from: spec.window.and_then(|window| window.from_s).unwrap_or(0.0),
+            input_set,
+            inputs,
+            parameters: spec.parameters.clone(),
+            initial_state: initial_state.collect(),
+        })
+    }
+
+    /// The outputs as a recording.
+    fn outputs(&self, stop: &AtomicBool) -> Answer<Recording> {
+        let excitation = Excitation {
+            sample_time: self.sample_time,
+            samples: self.samples,
+            input_set: self.input_set,
+            inputs: &self.inputs,
+            accuracy: Accuracy::Full,
+        };
+        let candidate = Candidate {
+            parameters: &self.parameters,
+            initial_state: &self.initial_state,
+            resolved_rate: None,
+        };
+        let simulated = single::outputs(self.model.plant(), &[(excitation, candidate)], stop);
+        let Some(simulated) = simulated else {
+            return Err(Problem::new(Kind::Busy, "the simulation was stopped").retry_after(2));
+        };
+        let outputs = simulated.map_err(|failure| {
+            let detail = format!("the simulation fails: {}", failure.name());
+            Problem::of_document(vec![Fault::new("/parameters", "simulation_fails", detail)])
+        })?;
+        let described = self.model.description().outputs.iter();
+        let signals = described
+            .zip(outputs.into_iter().flatten())
+            .map(|(output, values)| Signal::new(output.name, output.unit, values));
+        let instants = (0..self.samples).map(|k| self.from + k as f64 * self.sample_time);
+        Ok(Recording::new(
+            TimeAxis::Instants(instants.collect()),
+            signals.collect(),
+        ))
+    }
+}
+
+/// An input must be known at every instant.
+fn refuse_missing(name: &str, values: &[f64]) -> Answer<()> {
+    let missing = values.iter().filter(|value| value.is_nan()).count();
+    if missing == 0 {
+        return Ok(());
+    }
+    let detail = format!("{missing} samples of the input `{name}` are missing");
+    let fault = Fault::new("/signals", "input_missing", detail);
+    Err(Problem::of_document(vec![fault]))
+}

@@ -1,0 +1,118 @@
+//! A parameter set is simulated while the client waits.
+
+use reqwest::Method;
+use serde_json::{Value, json};
+
+use crate::app::TestApp;
+
+/// 50 N on a drive of 100 kg with 200 N·s/m, for 2 s from rest.
+fn push() -> Value {
+    json!({
+        "model": "positioning_drive",
+        "inputs": {"sample_time_s": 0.01,
+                   "signals": {"force": {"unit": "N", "values": vec![50.0; 201]}}},
+        "parameters": {"mass": 100, "viscous_friction": {"value": 200},
+                       "coulomb_friction": 0, "offset": 0},
+        "initial_state": {"position": 0, "velocity": 0}
+    })
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn inline_inputs_drive_a_model_as_its_equation_says() {
+    let app = TestApp::start().await;
+    let simulation = app
+        .post_json("/v1/simulations", &push())
+        .await
+        .expect(200)
+        .json();
+    assert_eq!(simulation["time_s"].as_array().unwrap().len(), 201);
+    let position = &simulation["outputs"]["position"];
+    assert_eq!(position["unit"], "m");
+    // x(t) = F/d·(t − m/d·(1 − e^(−d·t/m))) for m·x'' + d·x' = F from rest; here t = 2 s.
+    let expected = 0.25 * (2.0 - 0.5 * (1.0 - (-4.0_f64).exp()));
+    let reached = position["values"][200].as_f64().unwrap();
+    assert!(
+        (reached - expected).abs() < 1e-9,
+        "{reached} is not {expected}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stored_recording_drives_a_model_in_a_window() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let mut document = push();
+    document.as_object_mut().unwrap().remove("inputs");
+    document["dataset"] = json!(dataset);
+    document["window"] = json!({"from_s": 1, "to_s": 2});
+    document["initial_state"] = json!({"position": "first_sample"});
+    let request = app.request(Method::POST, "/v1/simulations").json(&document);
+    let csv = app
+        .send(request.header("accept", "text/csv"))
+        .await
+        .expect(200);
+    let mut lines = csv.text.lines();
+    assert_eq!(lines.next(), Some("time [s],position [m],velocity [m/s]"));
+    assert!(lines.next().unwrap().starts_with('1'));
+    assert_eq!(lines.count(), 100);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn all_faults_of_a_simulation_are_told_at_once() {
+    let app = TestApp::start().await;
+    let mut document = push();
+    document["parameters"]["mas"] = json!(1);
+    document["parameters"]["mass"] = json!(-1);
+    document["initial_state"]["velocity"] = json!({"estimate": {"lower": 0, "upper": 1}});
+    document["windo"] = json!({});
+    let problem = app
+        .post_json("/v1/simulations", &document)
+        .await
+        .problem(422);
+    let errors = problem["errors"].as_array().unwrap();
+    let mut codes: Vec<_> = errors.iter().map(|e| e["code"].as_str().unwrap()).collect();
+    codes.sort_unstable();
+    assert_eq!(
+        codes,
+        [
+            "estimate_in_simulation",
+            "impossible_value",
+            "unknown_field",
+            "unknown_parameter"
+        ]
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_simulation_needs_one_source_of_inputs_without_holes() {
+    let app = TestApp::start().await;
+    let code = async |change: fn(&mut Value)| {
+        let mut document = push();
+        change(&mut document);
+        let problem = app
+            .post_json("/v1/simulations", &document)
+            .await
+            .problem(422);
+        problem["errors"][0]["code"].as_str().unwrap().to_owned()
+    };
+    let unknown = "ds_00000000000000000000000000000000";
+    assert_eq!(
+        code(|d| d["dataset"] = json!("ds_x")).await,
+        "dataset_and_inputs"
+    );
+    assert_eq!(code(|d| d["inputs"] = Value::Null).await, "missing_field");
+    assert_eq!(
+        code(|d| d["inputs"]["signals"] = json!({"f": {"values": [1, 2]}})).await,
+        "inputs_missing"
+    );
+    assert_eq!(
+        code(|d| d["inputs"]["signals"]["force"]["values"][3] = Value::Null).await,
+        "input_missing"
+    );
+    let document = json!({"model": "positioning_drive", "dataset": unknown});
+    let problem = app
+        .post_json("/v1/simulations", &document)
+        .await
+        .problem(422);
+    assert_eq!(problem["errors"][0]["code"], "unknown_dataset");
+}
