@@ -97,9 +97,8 @@ mod tests {
             let mut events = Vec::new();
             for piece in text.as_bytes().chunks(size) {
                 received.bytes.extend_from_slice(piece);
-                while let Some(event) = received.take_event().expect("events") {
-                    events.push((event.name, event.data));
-                }
+                let complete = std::iter::from_fn(|| received.take_event().expect("events"));
+                events.extend(complete.map(|event| (event.name, event.data)));
             }
             let state = ("state".to_owned(), json!({"status": "queued"}));
             let end = ("end".to_owned(), json!({"status": "succeeded"}));
