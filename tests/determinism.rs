@@ -1,6 +1,11 @@
 //! The same problem, settings and seed give the same bits: for any number of threads, and however
 //! often the run is laid down and taken up again.
 
+#![expect(
+    clippy::unwrap_used,
+    reason = "a test that cannot set itself up has failed"
+)]
+
 use greybox::demo::{self, Demo};
 use greybox::estimation::{
     Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Settings,
@@ -36,7 +41,8 @@ fn problem() -> (Problem, Settings) {
     let dataset = DatasetId::new();
     let mut document = demo::job(Demo::D);
     document["experiments"] = serde_json::json!([{ "dataset": dataset.to_string() }]);
-    document["method"] = serde_json::json!({ "generations": 12, "population": 12, "refine_candidates": 2 });
+    document["method"] =
+        serde_json::json!({ "generations": 12, "population": 12, "refine_candidates": 2 });
     let catalogue = Catalogue::built_in();
     let datasets = HashMap::from([(dataset, recording.summary())]);
     let context = Context {
