@@ -123,7 +123,9 @@ impl ApiState {
         let mut recordings = Vec::with_capacity(spec.experiments.len());
         let mut faults = Vec::new();
         for (index, experiment) in spec.experiments.iter().enumerate() {
-            if let Some(recording) = self.store.recording(experiment.dataset).await? {
+            if let Some(mut recording) = self.store.recording(experiment.dataset).await? {
+                let used = |name: &String| experiment.signals.values().any(|used| used == name);
+                recording.signals.retain(|signal| used(&signal.name));
                 recordings.push(recording);
             } else {
                 let pointer = format!("/experiments/{index}/dataset");

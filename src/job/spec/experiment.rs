@@ -11,6 +11,9 @@ use crate::dataset::Summary;
 use crate::job::id::DatasetId;
 use crate::model::{ModelDescription, SignalDescription};
 
+/// Values that the experiments of one job read at the most: recorded samples times signals.
+const MAX_VALUES: usize = 20_000_000;
+
 /// The experiments, or `None` when any of them is wrong.
 pub(super) fn read_all(
     field: &Field<'_>,
@@ -30,7 +33,19 @@ pub(super) fn read_all(
         .iter()
         .map(|item| read(item, model, datasets))
         .collect();
-    read.into_iter().collect()
+    let experiments: Vec<ExperimentSpec> = read.into_iter().collect::<Option<_>>()?;
+    let n_values: usize = experiments
+        .iter()
+        .map(|experiment| datasets[&experiment.dataset].samples * experiment.signals.len())
+        .sum();
+    if n_values > MAX_VALUES {
+        let detail = format!(
+            "the experiments read {n_values} values, more than {MAX_VALUES}; use fewer of them or \
+             thin the recordings out"
+        );
+        field.fault("too_many_values", detail);
+    }
+    Some(experiments)
 }
 
 fn read(

@@ -212,6 +212,30 @@ fn an_unknown_model_hides_no_fault_that_does_not_depend_on_it() {
 }
 
 #[test]
+fn a_job_does_not_read_more_than_memory_holds() {
+    let mut summary = recording();
+    summary.samples = 1_000_000;
+    let datasets = HashMap::from([(DATASET.parse().unwrap(), summary)]);
+    let cart = cart();
+    let context = Context {
+        models: vec![&cart],
+        datasets: &datasets,
+        max_duration_s: 7200.0,
+    };
+    let read = |n_experiments: usize| {
+        let experiments = vec![json!({"dataset": DATASET}); n_experiments];
+        JobSpec::read(
+            &json!({"model": "cart", "experiments": experiments}),
+            &context,
+        )
+    };
+    assert!(read(10).is_ok());
+    let faults = read(11).unwrap_err();
+    assert_eq!(faults[0].code, "too_many_values");
+    assert!(faults[0].detail.contains("22000000"));
+}
+
+#[test]
 fn an_experiment_needs_a_recording_inputs_and_an_output() {
     let one = |experiment: Value| faults(|document| document["experiments"] = json!([experiment]));
     let with_signals = |signals: Value| one(json!({"dataset": DATASET, "signals": signals}));

@@ -1,0 +1,117 @@
+//! The same problem, settings and seed give the same bits: for any number of threads, and however
+//! often the run is laid down and taken up again.
+
+use greybox::demo::{self, Demo};
+use greybox::estimation::{
+    Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Settings,
+};
+use greybox::job::spec::{Context, JobSpec};
+use greybox::job::{DatasetId, assemble};
+use greybox::model::Catalogue;
+use std::collections::HashMap;
+use std::sync::atomic::AtomicBool;
+
+const SEED: u64 = 5;
+
+/// Writes down the bits of everything that it is told.
+#[derive(Default, PartialEq, Debug)]
+struct Diary(Vec<u64>);
+
+impl Observer for Diary {
+    fn generation(&mut self, row: &GenerationRow) {
+        self.0
+            .extend([row.best_cost, row.best_credit, row.entropy].map(f64::to_bits));
+        self.0
+            .extend(row.best.iter().map(|(_, value)| value.to_bits()));
+    }
+
+    fn refinement(&mut self, row: &RefinementRow) {
+        self.0.push(row.cost.to_bits());
+    }
+}
+
+/// Four seconds of recording D: friction, dead band, and nine unknowns.
+fn problem() -> (Problem, Settings) {
+    let recording = demo::recording_of(Demo::D, 3, 400);
+    let dataset = DatasetId::new();
+    let mut document = demo::job(Demo::D);
+    document["experiments"] = serde_json::json!([{ "dataset": dataset.to_string() }]);
+    document["method"] = serde_json::json!({ "generations": 12, "population": 12, "refine_candidates": 2 });
+    let catalogue = Catalogue::built_in();
+    let datasets = HashMap::from([(dataset, recording.summary())]);
+    let context = Context {
+        models: catalogue.iter().map(|model| model.description()).collect(),
+        datasets: &datasets,
+        max_duration_s: 60.0,
+    };
+    let spec = JobSpec::read(&document, &context).unwrap();
+    let model = catalogue.get(&spec.model).unwrap();
+    let assembly = assemble::problem(&spec, model, &[recording]).unwrap();
+    (assembly.problem, spec.method)
+}
+
+/// Runs to the end; after every unit of work for which `lay_down` says so, the run is written
+/// down as JSON, dropped, and taken up from that text.
+fn run(lay_down: impl Fn(usize) -> bool) -> (Diary, Vec<u64>) {
+    let (problem, settings) = problem();
+    let go_on = AtomicBool::new(false);
+    let mut diary = Diary::default();
+    let mut run = Estimation::start(&problem, &settings, SEED);
+    let mut unit = 0;
+    while run.advance(&problem, &go_on, &mut diary) == Advance::Working {
+        if lay_down(unit) {
+            let text = serde_json::to_string(&run.checkpoint()).unwrap();
+            let checkpoint = serde_json::from_str(&text).unwrap();
+            run = Estimation::resume(&problem, &settings, SEED, checkpoint).unwrap();
+        }
+        unit += 1;
+    }
+    let report = run.report(&problem, None).unwrap();
+    (
+        diary,
+        report.values.iter().map(|value| value.to_bits()).collect(),
+    )
+}
+
+#[test]
+fn laying_a_run_down_after_any_unit_changes_no_bit() {
+    let unbroken = run(|_| false);
+    assert!(
+        unbroken.0.0.len() > 100,
+        "the run has generations and refinements to compare"
+    );
+    assert_eq!(unbroken, run(|_| true));
+    assert_eq!(unbroken, run(|unit| unit % 3 == 1));
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let with_threads = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| run(|_| false))
+    };
+    let single = with_threads(1);
+    assert_eq!(single, with_threads(2));
+    assert_eq!(single, with_threads(5));
+}
+
+#[test]
+fn an_interrupted_unit_is_done_again_with_the_same_bits() {
+    let (problem, settings) = problem();
+    let (go_on, halt) = (AtomicBool::new(false), AtomicBool::new(true));
+    let mut plain = Diary::default();
+    let mut interrupted = Diary::default();
+    let mut first = Estimation::start(&problem, &settings, SEED);
+    let mut second = Estimation::start(&problem, &settings, SEED);
+    while first.advance(&problem, &go_on, &mut plain) == Advance::Working {
+        let advance = second.advance(&problem, &halt, &mut interrupted);
+        assert!(matches!(advance, Advance::Interrupted | Advance::Working));
+        if advance == Advance::Interrupted {
+            second.advance(&problem, &go_on, &mut interrupted);
+        }
+    }
+    assert_eq!(plain, interrupted);
+}
