@@ -36,7 +36,8 @@ fn problem() -> (Problem, Settings) {
     let dataset = DatasetId::new();
     let mut document = demo::job(Demo::D);
     document["experiments"] = serde_json::json!([{ "dataset": dataset.to_string() }]);
-    document["method"] = serde_json::json!({ "generations": 12, "population": 12, "refine_candidates": 2 });
+    document["method"] =
+        serde_json::json!({ "generations": 12, "population": 12, "refine_candidates": 2 });
     let catalogue = Catalogue::built_in();
     let datasets = HashMap::from([(dataset, recording.summary())]);
     let context = Context {
