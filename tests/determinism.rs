@@ -1,6 +1,11 @@
 //! The same problem, settings and seed give the same bits: for any number of threads, and however
 //! often the run is laid down and taken up again.
 
+#![expect(
+    clippy::unwrap_used,
+    reason = "a test that cannot set itself up has failed"
+)]
+
 use greybox::demo::{self, Demo};
 use greybox::estimation::{
     Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Settings,

@@ -210,15 +210,18 @@ impl Estimation {
     /// The positions of a candidate of the search. What a segmented search cannot judge, the
     /// initial states, stands in the middle of its range: at what was measured.
     fn positions(&self, problem: &Problem, chromosome: &crate::genetic::Chromosome) -> Vec<f64> {
-        let mut positions = self.search.positions(chromosome);
-        if self.segmented.is_some() {
-            for (position, coordinate) in positions.iter_mut().zip(&problem.coordinates) {
-                if matches!(coordinate.target, problem::Target::InitialState { .. }) {
-                    *position = 0.5;
-                }
-            }
-        }
-        positions
+        let found = self
+            .search
+            .positions(chromosome)
+            .into_iter()
+            .zip(&problem.coordinates);
+        let unjudged = |coordinate: &problem::Coordinate| {
+            let is_state = matches!(coordinate.target, problem::Target::InitialState { .. });
+            is_state && self.segmented.is_some()
+        };
+        found
+            .map(|(position, coordinate)| if unjudged(coordinate) { 0.5 } else { position })
+            .collect()
     }
 
     fn advance_refinement(

@@ -121,15 +121,11 @@ impl Sink for SquareSums<'_> {
         for (offset, row) in outputs.chunks_exact(self.n_outputs).enumerate() {
             let sample = first_sample + offset;
             let sum = &mut self.sums[sample / self.block_samples];
-            for (place, &output) in self.outputs.iter().enumerate() {
-                let measured = self.experiment.measured[place][sample];
-                if !measured.is_nan() {
-                    let weight = self.weights[place];
-                    *sum += row[output].map(|value| {
-                        let residual = (measured - value) * weight;
-                        residual * residual
-                    });
-                }
+            let measured = self.experiment.measured.iter().map(|values| values[sample]);
+            let outputs = self.outputs.iter().zip(measured).zip(self.weights);
+            for ((&output, measured), weight) in outputs.filter(|((_, y), _)| !y.is_nan()) {
+                let residual = row[output].map(|value| (measured - value) * weight);
+                *sum += residual * residual;
             }
         }
     }

@@ -54,33 +54,43 @@ pub fn visit_rows(
     let candidates = shifted_candidates(positions, &shifts);
     let recorded = record(problem, &candidates, stop)?;
     let mut derivatives = vec![0.0; positions.len()];
-    for (experiment, columns) in recorded.iter().enumerate() {
-        let data = &problem.experiments[experiment];
-        for sample in 0..data.estimation_samples {
-            for (output, description) in problem.outputs.iter().enumerate() {
-                let measured = data.measured[output][sample];
-                if measured.is_nan() {
-                    continue;
-                }
-                let at = |column: usize| columns.value(column, sample, output);
-                for (coordinate, derivative) in derivatives.iter_mut().enumerate() {
-                    let (back, ahead) = shifts[coordinate];
-                    let change = at(2 + 2 * coordinate) - at(1 + 2 * coordinate);
-                    *derivative = -change / (back + ahead) / description.residual_scale;
-                }
-                let residual = (measured - at(0)) / description.residual_scale;
-                let derivatives = &derivatives;
-                visit(Row {
-                    experiment,
-                    output,
-                    sample,
-                    residual,
-                    derivatives,
-                });
-            }
+    for (experiment, sample, output) in places(problem) {
+        let measured = problem.experiments[experiment].measured[output][sample];
+        if measured.is_nan() {
+            continue;
         }
+        let scale = problem.outputs[output].residual_scale;
+        let at = |column: usize| recorded[experiment].value(column, sample, output);
+        for (coordinate, derivative) in derivatives.iter_mut().enumerate() {
+            let (back, ahead) = shifts[coordinate];
+            let change = at(2 + 2 * coordinate) - at(1 + 2 * coordinate);
+            *derivative = -change / (back + ahead) / scale;
+        }
+        let residual = (measured - at(0)) / scale;
+        let derivatives = &derivatives;
+        visit(Row {
+            experiment,
+            output,
+            sample,
+            residual,
+            derivatives,
+        });
     }
     Ok(())
+}
+
+/// Every (experiment, sample, output) that is estimated from, sample by sample.
+fn places(problem: &Problem) -> impl Iterator<Item = (usize, usize, usize)> {
+    let n_outputs = problem.outputs.len();
+    problem
+        .experiments
+        .iter()
+        .enumerate()
+        .flat_map(move |(experiment, data)| {
+            (0..data.estimation_samples).flat_map(move |sample| {
+                (0..n_outputs).map(move |output| (experiment, sample, output))
+            })
+        })
 }
 
 /// How far a position is shifted back and ahead: at a bound, to one side only.

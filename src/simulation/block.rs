@@ -108,11 +108,9 @@ impl<'a, D: Dynamics> Block<'a, D> {
         let constants = dynamics.constants(&parameters);
         let mut state = dynamics.initial_state(&constants);
         for (index, value) in state.as_mut().iter_mut().enumerate() {
-            for lane in 0..LANES {
-                if let Some(given) = of_lane(lane).initial_state[index] {
-                    value.0[lane] = given;
-                }
-            }
+            let own = *value;
+            let given = |lane| of_lane(lane).initial_state[index].unwrap_or(own.0[lane]);
+            *value = Lanes(std::array::from_fn(given));
         }
         let rate = |lane: usize| {
             let own = || dynamics.resolved_rate(&lane_constants[lane]);
@@ -190,8 +188,8 @@ impl<'a, D: Dynamics> Block<'a, D> {
         let rate_before = self.dynamics.local_rate(&self.constants, held, &start);
         let rate_after = self.dynamics.local_rate(&self.constants, held, &self.state);
         let worst = rate_before.max(rate_after) * steps.length;
-        // A comparison that is also false for NaN.
-        if worst.any(|value| !(value <= LARGEST_STEP_TIMES_RATE)) || !self.all_finite() {
+        let too_fast = |value: f64| value.is_nan() || value > LARGEST_STEP_TIMES_RATE;
+        if worst.any(too_fast) || !self.all_finite() {
             self.mend(segment, &start, &worst);
         }
     }
@@ -318,9 +316,8 @@ impl<D: Dynamics> Delay<D> {
             for lane in 0..LANES {
                 let age = self.whole[lane] + extra;
                 let source = &self.history[longest - 1 - age];
-                for (value, from) in seen.as_mut().iter_mut().zip(source.as_ref()) {
-                    value.0[lane] = from.0[lane];
-                }
+                let of_lane: D::Held<f64> = lane_of(source, lane);
+                set_lane_of(&mut seen, lane, &of_lane);
             }
             seen
         };
@@ -379,162 +376,4 @@ impl<D: Dynamics> BlockSimulator for Block<'_, D> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// x'' = −ω²·x + u − friction, whose parameters are ω² and a dry friction; stiff where the
-    /// friction is strong.
-    struct Pendulum;
-
-    impl Dynamics for Pendulum {
-        type State<R: Real> = [R; 2];
-        type Held<R: Real> = [R; 1];
-        type Switches<R: Real> = [R; 1];
-        type Constants<R: Real> = [R; 3];
-
-        fn constants<R: Real>(&self, parameters: &[R]) -> [R; 3] {
-            [parameters[0], parameters[1], parameters[2]]
-        }
-        fn initial_state<R: Real>(&self, _: &[R; 3]) -> [R; 2] {
-            [R::splat(1.0), R::splat(0.0)]
-        }
-        fn hold<R: Real>(&self, _: &[R; 3], inputs: &SampledInputs<'_>, _: &[R; 2]) -> [R; 1] {
-            [R::splat(inputs.values[0])]
-        }
-        #[inline(always)]
-        fn derivative<R: Real>(&self, c: &[R; 3], held: &[R; 1], x: &[R; 2]) -> [R; 2] {
-            [
-                x[1],
-                held[0] - c[0] * x[0] - c[1] * (x[1] * R::splat(100.0)).tanh(),
-            ]
-        }
-        fn switches<R: Real>(&self, _: &[R; 3], _: &[R; 1], x: &[R; 2]) -> [R; 1] {
-            [x[0]]
-        }
-        fn outputs<R: Real>(&self, _: &[R; 3], x: &[R; 2], outputs: &mut [R]) {
-            outputs.copy_from_slice(x);
-        }
-        fn input_delay<R: Real>(&self, c: &[R; 3]) -> Option<R> {
-            Some(c[2])
-        }
-        fn resolved_rate(&self, c: &[f64; 3]) -> f64 {
-            c[0].abs().sqrt()
-        }
-        fn local_rate<R: Real>(&self, c: &[R; 3], _: &[R; 1], x: &[R; 2]) -> R {
-            let tanh = (x[1] * R::splat(100.0)).tanh();
-            c[1] * R::splat(100.0) * (R::splat(1.0) - tanh * tanh) + c[0].abs().sqrt()
-        }
-        fn state_scale(&self) -> &'static [f64] {
-            &[1.0, 1.0]
-        }
-        fn is_valid(&self, _: &[f64; 3], x: &[f64; 2]) -> bool {
-            x[0].abs() < 1e6
-        }
-    }
-
-    fn simulate(parameters: &[[f64; 3]], inputs: &[Vec<f64>], width: Width) -> Vec<Lanes> {
-        let excitation = Excitation {
-            sample_time: 0.1,
-            samples: inputs[0].len(),
-            input_set: 0,
-            inputs,
-            accuracy: crate::simulation::Accuracy::Full,
-        };
-        let candidate = |parameters| Candidate {
-            parameters,
-            initial_state: &[None, None],
-            resolved_rate: None,
-        };
-        let candidates: Vec<_> = parameters.iter().map(|p| candidate(p.as_slice())).collect();
-        let mut block = Block::new(&Pendulum, excitation, &candidates, width);
-        let mut outputs = vec![Lanes([0.0; LANES]); 2 * inputs[0].len()];
-        block.advance(inputs[0].len(), &mut outputs);
-        outputs
-    }
-
-    /// Slow and fast, smooth and stiff, with and without delay, and one that explodes.
-    const MIXED: [[f64; 3]; 8] = [
-        [4.0, 0.0, 0.0],
-        [90.0, 0.3, 0.0],
-        [4.0, 2.0, 0.03],
-        [25.0, 5.0, 0.25],
-        [1.0, 0.1, 0.1],
-        [-1e4, 0.0, 0.0],
-        [9.0, 0.02, 0.0],
-        [16.0, 1.0, 1.0],
-    ];
-
-    fn square_wave() -> [Vec<f64>; 1] {
-        [(0..120)
-            .map(|k| if k / 20 % 2 == 0 { 1.0 } else { -0.5 })
-            .collect()]
-    }
-
-    fn bits(outputs: &[Lanes], lane: usize) -> Vec<u64> {
-        outputs.iter().map(|row| row.0[lane].to_bits()).collect()
-    }
-
-    #[test]
-    fn every_vector_width_gives_the_same_bits() {
-        let widths = Width::available();
-        println!("widths on this machine: {widths:?}");
-        let baseline = simulate(&MIXED, &square_wave(), widths[0]);
-        for width in widths {
-            let other = simulate(&MIXED, &square_wave(), width);
-            for lane in (0..LANES).filter(|lane| *lane != 5) {
-                assert_eq!(
-                    bits(&baseline, lane),
-                    bits(&other, lane),
-                    "{width:?} lane {lane}"
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn a_candidate_does_not_see_its_neighbours_not_even_one_that_explodes() {
-        let together = simulate(&MIXED, &square_wave(), Width::widest());
-        assert!(
-            together.last().unwrap().0[5].is_nan(),
-            "the unstable candidate has failed"
-        );
-        for lane in (0..LANES).filter(|lane| *lane != 5) {
-            let alone = simulate(&MIXED[lane..=lane], &square_wave(), Width::widest());
-            assert_eq!(bits(&together, lane), bits(&alone, 0), "lane {lane}");
-        }
-    }
-
-    #[test]
-    fn an_undamped_swing_is_the_cosine() {
-        let outputs = simulate(&[[4.0, 0.0, 0.0]], &[vec![0.0; 100]], Width::widest());
-        for (sample, row) in outputs.chunks_exact(2).enumerate() {
-            let expected = (2.0 * 0.1 * sample as f64).cos();
-            assert!((row[0].0[0] - expected).abs() < 1e-4, "at {sample}");
-        }
-    }
-
-    #[test]
-    fn a_delay_shifts_the_response_by_its_length() {
-        let steps = |delay| simulate(&[[4.0, 0.0, delay]], &square_wave(), Width::widest());
-        // The square wave holds its first value for 20 samples, so a delay of 5 samples acts like
-        // a wave that changes 5 samples later.
-        let later: Vec<f64> = (0..120i32)
-            .map(|k| {
-                if (k - 5).max(0) / 20 % 2 == 0 {
-                    1.0
-                } else {
-                    -0.5
-                }
-            })
-            .collect();
-        let shifted = simulate(&[[4.0, 0.0, 0.0]], &[later], Width::widest());
-        for (a, b) in steps(0.5).iter().zip(&shifted) {
-            assert!((a.0[0] - b.0[0]).abs() < 1e-9);
-        }
-        // Half a sample more lies between the neighbours.
-        let (before, half, after) = (steps(0.5), steps(0.55), steps(0.6));
-        let row = 2 * 30;
-        let between = (half[row].0[0] - before[row].0[0]) * (half[row].0[0] - after[row].0[0]);
-        assert!(between < 0.0);
-    }
-}
+mod tests;

@@ -180,12 +180,10 @@ impl Kink {
             share: Lanes::splat(1.0),
         };
         for (before, after) in before.as_ref().iter().zip(after.as_ref()) {
-            for lane in 0..LANES {
-                let (before, after) = (before.0[lane], after.0[lane]);
-                if before * after < 0.0 {
-                    kink.is_in[lane] = true;
-                    kink.share.0[lane] = kink.share.0[lane].min(before / (before - after));
-                }
+            for lane in (0..LANES).filter(|&lane| before.0[lane] * after.0[lane] < 0.0) {
+                let share = before.0[lane] / (before.0[lane] - after.0[lane]);
+                kink.is_in[lane] = true;
+                kink.share.0[lane] = kink.share.0[lane].min(share);
             }
         }
         kink

@@ -134,7 +134,7 @@ fn rosenbrock_step<D: Dynamics>(
     }
     let mut next = *state;
     let mut error: f64 = 0.0;
-    for row in 0..n {
+    for (row, &scale) in scale.iter().enumerate() {
         let mut change = 0.0;
         let mut estimate = 0.0;
         for stage in 0..4 {
@@ -142,7 +142,7 @@ fn rosenbrock_step<D: Dynamics>(
             estimate += E[stage] * stages[stage].as_ref()[row];
         }
         next.as_mut()[row] += change;
-        let size = Real::max(next.as_ref()[row].abs(), scale[row]);
+        let size = Real::max(next.as_ref()[row].abs(), scale);
         error = error.max((estimate / (TOLERANCE * size)).abs());
     }
     (error.is_finite() && next.as_ref().iter().all(|value| value.is_finite()))

@@ -174,7 +174,12 @@ impl SliceWorker {
         units: mpsc::Sender<Unit>,
     ) -> impl Future<Output = Computed> {
         let method = self.method.clone();
-        let slice_length = self.slice_length;
+        // After a crash a single unit, so that a job which is not to blame has a checkpoint again
+        // before the server may go down once more.
+        let slice_length = match slice.job.attempt {
+            0 | 1 => self.slice_length,
+            _ => Duration::ZERO,
+        };
         let assignment = Assignment {
             job: slice.job,
             datasets,

@@ -109,27 +109,7 @@ impl Cutter<'_> {
             )
         })?;
         let mut faults = Vec::new();
-        let mut inputs = Vec::new();
-        for name in names {
-            let values = data.signal(name).unwrap_or_default().to_vec();
-            match bridged(values) {
-                Some((values, 0)) => inputs.push(values),
-                Some((values, holes)) => {
-                    let detail = format!(
-                        "{holes} missing samples of the input `{name}` were bridged by the sample \
-                         before; outputs there are less certain than elsewhere"
-                    );
-                    let pointer = signal_pointer(self.pointer, name);
-                    findings.push(Finding::new("input_bridged", &pointer, &detail));
-                    inputs.push(values);
-                }
-                None => {
-                    let detail = format!("every sample of the input `{name}` is missing");
-                    let pointer = signal_pointer(self.pointer, name);
-                    faults.push(Fault::new(pointer, "input_missing", detail));
-                }
-            }
-        }
+        let inputs = self.inputs(&data, names, &mut findings, &mut faults);
         let measured = self.measured(&data);
         if measured.iter().flatten().all(|value| value.is_nan()) {
             let detail = "every sample of every measured output is missing";
@@ -154,6 +134,35 @@ impl Cutter<'_> {
             free_states,
             findings,
         })
+    }
+
+    /// The samples of each input, their holes bridged.
+    fn inputs(
+        &self,
+        data: &crate::dataset::Experiment,
+        names: &[&'static str],
+        findings: &mut Vec<Finding>,
+        faults: &mut Vec<Fault>,
+    ) -> Vec<Vec<f64>> {
+        let mut inputs = Vec::new();
+        for name in names {
+            let pointer = signal_pointer(self.pointer, name);
+            let Some((values, holes)) = bridged(data.signal(name).unwrap_or_default().to_vec())
+            else {
+                let detail = format!("every sample of the input `{name}` is missing");
+                faults.push(Fault::new(pointer, "input_missing", detail));
+                continue;
+            };
+            if holes > 0 {
+                let detail = format!(
+                    "{holes} missing samples of the input `{name}` were bridged by the sample \
+                     before; outputs there are less certain than elsewhere"
+                );
+                findings.push(Finding::new("input_bridged", &pointer, &detail));
+            }
+            inputs.push(values);
+        }
+        inputs
     }
 
     /// The first set of inputs that is fully mapped.
@@ -206,16 +215,7 @@ impl Cutter<'_> {
                     });
                 }
                 None => {
-                    let sample_time = experiment.sample_time;
-                    let range = match description.initial {
-                        InitialState::Model => None,
-                        InitialState::EstimatedFromOutput { output } => {
-                            series(output).and_then(range_of_start)
-                        }
-                        InitialState::EstimatedFromSlope { output } => {
-                            series(output).and_then(|values| range_of_slope(values, sample_time))
-                        }
-                    };
+                    let range = default_range(description.initial, series, experiment.sample_time);
                     free.extend(range.map(|(lower, upper)| FreeState {
                         state,
                         lower,
@@ -245,6 +245,19 @@ fn bridged(mut values: Vec<f64>) -> Option<(Vec<f64>, usize)> {
 
 fn first_present(values: &[f64]) -> Option<f64> {
     values.iter().copied().find(|value| !value.is_nan())
+}
+
+/// Where an initial value is looked for when the job does not say; none where the model knows it.
+fn default_range<'a>(
+    initial: InitialState,
+    series: impl Fn(usize) -> Option<&'a [f64]>,
+    sample_time: f64,
+) -> Option<(f64, f64)> {
+    match initial {
+        InitialState::Model => None,
+        InitialState::EstimatedFromOutput { output } => range_of_start(series(output)?),
+        InitialState::EstimatedFromSlope { output } => range_of_slope(series(output)?, sample_time),
+    }
 }
 
 /// Around the first sample, by a share of the signal's range.

@@ -1,0 +1,188 @@
+//! P1 to P5 and P8: a server that is killed fifty times at random moments, and what it promised.
+
+use std::path::Path;
+use std::time::Duration;
+
+use futures_util::future::join_all;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde_json::Value;
+
+use super::follower::Follower;
+use super::plant;
+use super::server::{Options, Server, text};
+
+const KILLS: usize = 50;
+const JOBS: usize = 10;
+const SAMPLES: usize = 150;
+const GENERATIONS: u32 = 150;
+
+/// Fast slices, many threads: as unlike the unbroken run as can be.
+const BROKEN: Options = Options {
+    threads: 2,
+    slice_s: 0.01,
+};
+
+/// One slice, one thread.
+const UNBROKEN: Options = Options {
+    threads: 1,
+    slice_s: 3600.0,
+};
+
+/// The `parameters` of every job on a server that nothing happens to.
+async fn unbroken(folder: &Path) -> Vec<Value> {
+    let server = Server::start(folder, UNBROKEN);
+    let dataset = server.store(&plant::recording(SAMPLES)).await;
+    let mut jobs = Vec::new();
+    for seed in 0..JOBS {
+        let job = plant::job(&dataset, GENERATIONS, seed as u64);
+        jobs.push(
+            server
+                .submit(&job, &format!("job {seed}"))
+                .await
+                .expect("an answer"),
+        );
+    }
+    let mut parameters = Vec::new();
+    for job in jobs {
+        server.ended(&job).await;
+        let result = server.show(&format!("/v1/jobs/{job}/result")).await;
+        parameters.push(result["parameters"].clone());
+    }
+    parameters
+}
+
+/// What the clients know of the jobs.
+struct Clients {
+    dataset: String,
+    /// By seed, those that were answered 202.
+    followers: Vec<Follower>,
+    random: ChaCha8Rng,
+    /// How often a kill met a job that had begun and not ended.
+    n_interruptions: usize,
+}
+
+impl Clients {
+    /// One life of the server: a submission every few lives, followers all along, then the kill.
+    async fn live(&mut self, server: Server, life: usize) {
+        let due = life * JOBS / KILLS;
+        let submission = async {
+            let seed = self.followers.len();
+            let job = plant::job(&self.dataset, GENERATIONS, seed as u64);
+            server.submit(&job, &format!("job {seed}")).await.ok()
+        };
+        let moment = Duration::from_millis(self.random.random_range(0..250));
+        let following = self
+            .followers
+            .iter()
+            .map(|follower| follow_for(follower.clone(), &server, moment));
+        let submission = async {
+            match self.followers.len() <= due {
+                true => tokio::time::timeout(moment, submission)
+                    .await
+                    .ok()
+                    .flatten(),
+                false => None,
+            }
+        };
+        let (followers, accepted, ()) =
+            tokio::join!(join_all(following), submission, tokio::time::sleep(moment));
+        server.kill();
+        let was_at_work = |follower: &&Follower| follower.events.len() > 1 && !follower.has_ended();
+        self.n_interruptions += followers.iter().filter(was_at_work).count();
+        self.followers = followers;
+        self.followers
+            .extend(accepted.as_deref().map(Follower::new));
+    }
+}
+
+/// Follows until the moment of the kill, and keeps what was received.
+async fn follow_for(follower: Follower, server: &Server, moment: Duration) -> Follower {
+    if follower.has_ended() {
+        return follower;
+    }
+    follower.follow_for(server, moment).await
+}
+
+/// Every job that was accepted has ended once, told so without gap or repeat, and found the bits.
+async fn check(server: &Server, follower: Follower, expected: &Value) {
+    let job = follower.job.clone();
+    let shown = server.ended(&job).await;
+    assert_eq!(shown["status"], "succeeded", "{shown}");
+    let follower = match follower.has_ended() {
+        true => follower,
+        false => follower.follow(server).await,
+    };
+    let ids: Vec<u64> = follower.events.iter().map(|event| event.id).collect();
+    assert!(
+        ids.iter().copied().eq(1..=ids.len() as u64),
+        "{job}: {ids:?}"
+    );
+    let ends = follower.events.iter().filter(|event| event.name == "end");
+    assert_eq!(ends.count(), 1);
+    assert!(follower.has_ended());
+    let again = Follower::new(&job).follow(server).await;
+    assert_eq!(
+        again.events, follower.events,
+        "what is told again is what was told"
+    );
+    let result = server.show(&format!("/v1/jobs/{job}/result")).await;
+    assert_eq!(&result["parameters"], expected, "{job}");
+    let path = format!("/v1/jobs/{job}/generations?limit=1000");
+    let generations = server.show(&path).await;
+    let numbers = generations["items"].as_array().expect("rows").iter();
+    let numbers: Vec<u64> = numbers
+        .filter_map(|row| row["generation"].as_u64())
+        .collect();
+    assert!(
+        numbers.iter().copied().eq(1..=u64::from(GENERATIONS)),
+        "{job}: {numbers:?}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn p1_to_p5_accepted_jobs_survive_fifty_kills_and_come_to_the_same_bits() {
+    let calm = tempfile::tempdir().expect("a folder");
+    let expected = unbroken(calm.path()).await;
+
+    let folder = tempfile::tempdir().expect("a folder");
+    let server = Server::start(folder.path(), BROKEN);
+    let mut clients = Clients {
+        dataset: server.store(&plant::recording(SAMPLES)).await,
+        followers: Vec::new(),
+        random: ChaCha8Rng::seed_from_u64(1),
+        n_interruptions: 0,
+    };
+    clients.live(server, 0).await;
+    for life in 1..KILLS {
+        clients
+            .live(Server::start(folder.path(), BROKEN), life)
+            .await;
+    }
+    let server = Server::start(folder.path(), BROKEN);
+    assert!(!clients.followers.is_empty());
+    // Otherwise the kills came when nothing was at stake, and the rest proves nothing.
+    assert!(
+        clients.n_interruptions >= KILLS,
+        "{}",
+        clients.n_interruptions
+    );
+    let n_accepted = clients.followers.len();
+    for (seed, follower) in clients.followers.into_iter().enumerate() {
+        // P8: the same key finds the job that was accepted.
+        let job = plant::job(&clients.dataset, GENERATIONS, seed as u64);
+        let again = server
+            .submit(&job, &format!("job {seed}"))
+            .await
+            .expect("an answer");
+        assert_eq!(again, follower.job);
+        check(&server, follower, &expected[seed]).await;
+    }
+    // A submission whose answer the kill cut off may have made one more job, never two.
+    let listed = server.show("/v1/jobs?limit=100").await;
+    let listed = listed["items"].as_array().expect("a list");
+    assert!(listed.len() <= n_accepted + 1, "{}", listed.len());
+    let mut ids: Vec<String> = listed.iter().map(|job| text(&job["id"])).collect();
+    ids.dedup();
+    assert_eq!(ids.len(), listed.len());
+}

@@ -1,0 +1,147 @@
+//! The program as a process: started on a free port, asked over HTTP, killed or asked to end.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use reqwest::{Client, RequestBuilder, StatusCode};
+use serde_json::Value;
+
+/// Nothing here takes so long unless it hangs.
+pub const PATIENCE: Duration = Duration::from_secs(300);
+
+/// How a server is started.
+#[derive(Clone, Copy)]
+pub struct Options {
+    pub threads: usize,
+    pub slice_s: f64,
+}
+
+/// A server process; killed when dropped.
+pub struct Server {
+    process: Child,
+    pub url: String,
+    client: Client,
+}
+
+impl Server {
+    /// Starts the program on a database and waits until it listens.
+    pub fn start(folder: &Path, options: Options) -> Self {
+        let database = format!("sqlite://{}", folder.join("greybox.db").display());
+        let mut process = Command::new(env!("CARGO_BIN_EXE_greybox"))
+            .args(["serve", "--listen", "127.0.0.1:0", "--log", "warn"])
+            .args(["--database", &database])
+            .args(["--threads", &options.threads.to_string()])
+            .args(["--slice-s", &options.slice_s.to_string()])
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let output = process.stdout.take().expect("its output is piped");
+        let mut line = String::new();
+        BufReader::new(output)
+            .read_line(&mut line)
+            .expect("the program says where it listens");
+        let url = line.trim().strip_prefix("listening on ");
+        Self {
+            url: url.unwrap_or_else(|| panic!("it said: {line}")).to_owned(),
+            process,
+            client: Client::new(),
+        }
+    }
+
+    /// Kills the process as a power cut would.
+    pub fn kill(mut self) {
+        self.process.kill().expect("a live process");
+        self.process.wait().expect("a dead process");
+    }
+
+    /// Asks the process to end (SIGTERM) and says how it ended and how long that took.
+    pub fn terminate(mut self) -> (ExitStatus, Duration) {
+        let asked = Instant::now();
+        let id = self.process.id().to_string();
+        let sent = Command::new("kill").args(["-TERM", &id]).status();
+        assert!(sent.expect("the kill command").success());
+        let status = self.process.wait().expect("an ended process");
+        (status, asked.elapsed())
+    }
+
+    pub fn get(&self, path: &str) -> RequestBuilder {
+        self.client.get(format!("{}{path}", self.url))
+    }
+
+    pub fn post(&self, path: &str) -> RequestBuilder {
+        self.client.post(format!("{}{path}", self.url))
+    }
+
+    /// The JSON of a path that is there.
+    pub async fn show(&self, path: &str) -> Value {
+        let (status, body) = answer(self.get(path)).await.expect("an answer");
+        assert_eq!(status, StatusCode::OK, "{body}");
+        body
+    }
+
+    /// Stores a recording and returns its identifier.
+    pub async fn store(&self, recording: &Value) -> String {
+        let request = self.post("/v1/datasets").json(recording);
+        let (status, body) = answer(request).await.expect("an answer");
+        assert!(status.is_success(), "{body}");
+        text(&body["id"])
+    }
+
+    /// Submits a job under a key and returns its identifier; an error when the server went down.
+    pub async fn submit(&self, job: &Value, key: &str) -> Result<String, reqwest::Error> {
+        let request = self
+            .post("/v1/jobs")
+            .header("idempotency-key", key)
+            .json(job);
+        let (status, body) = answer(request).await?;
+        assert_eq!(status, StatusCode::ACCEPTED, "{body}");
+        Ok(text(&body["id"]))
+    }
+
+    /// The job when it has come to its end.
+    pub async fn ended(&self, job: &str) -> Value {
+        let ended = ["succeeded", "failed", "cancelled"];
+        let asked = Instant::now();
+        while asked.elapsed() < PATIENCE {
+            let shown = self.show(&format!("/v1/jobs/{job}?wait=20")).await;
+            if ended.iter().any(|status| shown["status"] == *status) {
+                return shown;
+            }
+        }
+        panic!("{job} did not end");
+    }
+
+    /// The job when it is in a state.
+    pub async fn in_state(&self, job: &str, status: &str) -> Value {
+        let asked = Instant::now();
+        while asked.elapsed() < PATIENCE {
+            let shown = self.show(&format!("/v1/jobs/{job}?wait=20")).await;
+            if shown["status"] == status {
+                return shown;
+            }
+        }
+        panic!("{job} did not become {status}");
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        // It may have ended before.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// The status and the JSON of an answer.
+pub async fn answer(request: RequestBuilder) -> Result<(StatusCode, Value), reqwest::Error> {
+    let answer = request.send().await?;
+    Ok((answer.status(), answer.json().await?))
+}
+
+/// A text in a document.
+#[track_caller]
+pub fn text(value: &Value) -> String {
+    value.as_str().expect("a text").to_owned()
+}
