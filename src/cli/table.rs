@@ -1,4 +1,4 @@
-//! A result as people read it: a table of parameters, the verdict and how well the outputs fit.
+//! A result as people read it: a table of parameters (Markdown), the verdict and how well the outputs fit.
 
 use crate::job::outcome::{Estimate, Outcome, OutputFit, Trust};
 use comfy_table::{Table, presets};
@@ -14,7 +14,7 @@ pub fn of(outcome: &Outcome, truths: Option<&[(String, f64)]>) -> String {
 
 fn estimates(outcome: &Outcome, truths: Option<&[(String, f64)]>) -> String {
     let mut table = Table::new();
-    table.load_style(presets::UTF8_HORIZONTAL_ONLY);
+    table.load_style(presets::ASCII_MARKDOWN);
     let mut header = vec![
         "parameter",
         "unit",
@@ -52,7 +52,7 @@ fn row(name: String, unit: &str, estimate: &Estimate, truth: Option<Option<f64>>
         .as_ref()
         .map_or("-".to_owned(), |interval| {
             let (lower, upper) = (number(interval.lower), number(interval.upper));
-            format!("{lower} to {upper} ({} %)", short(100.0 * interval.level))
+            format!("{lower} to {upper} ({:.0} %)", 100.0 * interval.level)
         });
     let mut cells = vec![
         name,
@@ -165,7 +165,7 @@ mod tests {
             "59.000",
             "+18.00 %",
             "0.50000",
-            "58.000 to - (95.000 %)",
+            "58.000 to - (95 %)",
             "",
         ];
         assert_eq!(cells, expected);

@@ -1,9 +1,9 @@
 //! Whether the method finds what is there: estimates from noisy recordings, started from a wide
 //! box, against the values that made the recordings; and whether it says so where it cannot.
 //!
-//! The tolerances are those that the project promises. They are 3 to 30 times the Cramér–Rao
-//! bounds of the recordings (A, four unknowns: mass 0.12, damping 0.23, stiffness 0.02, bulk
-//! modulus 0.13 %; D with its nuisances: 0.28, 3.1, 0.06, 0.28 %), so that chance cannot fail them.
+//! The tolerances are those that the project promises. On A (120 s, quantisation noise only) they
+//! are more than eight times the Cramér–Rao bounds (mass 0.12, damping 0.23, stiffness 0.02, bulk
+//! modulus 0.13 %); on D about three times the standard errors that come with the estimate.
 
 mod run;
 
@@ -92,7 +92,10 @@ fn a_plant_with_effects_that_the_job_leaves_out_is_not_trusted() {
 
 #[test]
 fn the_unknowns_are_recovered_from_an_imperfect_plant_when_its_effects_are_free_too() {
-    let outcome = run(demo::job(Demo::D), demo::recording(Demo::D, 1));
+    let mut job = demo::job(Demo::D);
+    // Nine unknowns and dry friction are dear; the refinement does the rest of a shorter search.
+    job["method"] = json!({"generations": 40, "refine_candidates": 2});
+    let outcome = run(job, demo::recording(Demo::D, 1));
     println!("{:?}", outcome.verdict);
     assert_recovers(
         Demo::D,
