@@ -42,7 +42,7 @@ pub struct Settings {
     #[arg(long, env = "GREYBOX_JOBS_AT_ONCE", value_name = "N")]
     pub jobs_at_once: Option<NonZeroUsize>,
 
-    /// How long a job works before it makes a checkpoint and others have their turn [s]
+    /// How long a job works before it makes a checkpoint and others have their turn `[s]`
     #[arg(
         long,
         env = "GREYBOX_SLICE_S",
@@ -51,7 +51,7 @@ pub struct Settings {
     )]
     pub slice_s: f64,
 
-    /// Largest recording that is taken [MiB]
+    /// Largest recording that is taken `[MiB]`
     #[arg(
         long,
         env = "GREYBOX_MAX_BODY_MIB",

@@ -20,13 +20,13 @@ const TEXTBOOK: [Level; 2] = [(0.025, 0.5), (0.010, 0.05)];
 /// The excitation of the paper.
 const PAPER: [Level; 1] = [(0.010, 0.2)];
 
-/// Set points of recordings A, C and D [m].
+/// Set points of recordings A, C and D `[m]`.
 #[must_use]
 pub fn textbook(seed: u64, samples: usize) -> Vec<f64> {
     sum(&TEXTBOOK, seed, samples)
 }
 
-/// Set points of recording B [m].
+/// Set points of recording B `[m]`.
 #[must_use]
 pub fn as_in_the_paper(seed: u64, samples: usize) -> Vec<f64> {
     sum(&PAPER, seed, samples)

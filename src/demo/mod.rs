@@ -21,7 +21,7 @@ pub use job::job;
 
 use crate::dataset::{Recording, Signal, TimeAxis};
 
-/// The time from one sample to the next [s].
+/// The time from one sample to the next `[s]`.
 pub const SAMPLE_TIME: f64 = 0.01;
 
 /// Samples of a recording: 120 s.

@@ -29,9 +29,9 @@ pub(super) fn imperfect_parameters() -> impl Iterator<Item = &'static str> {
 /// What the rig does, a value for each sample.
 #[derive(Clone, Debug)]
 pub struct Trajectory {
-    /// Position of the piston [m].
+    /// Position of the piston `[m]`.
     pub position: Vec<f64>,
-    /// Pressure of each chamber [Pa].
+    /// Pressure of each chamber `[Pa]`.
     pub chamber_pressures: [Vec<f64>; 2],
 }
 
@@ -65,13 +65,13 @@ pub fn command(reference: &[f64], position: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The rig in its position loop, under set points [m].
+/// The rig in its position loop, under set points `[m]`.
 #[must_use]
 pub fn simulate(parameters: &[f64], reference: &[f64]) -> Trajectory {
     drive(parameters, "reference", reference)
 }
 
-/// The rig with its position loop open, under commands to the valve [1].
+/// The rig with its position loop open, under commands to the valve `[1]`.
 #[must_use]
 pub fn simulate_under_command(parameters: &[f64], command: &[f64]) -> Trajectory {
     drive(parameters, "valve_command", command)

@@ -6,19 +6,19 @@ use crate::numerics::rng::{self, Purpose};
 /// The largest code of the potentiometer: 12 bits over the stroke.
 const LARGEST_CODE: f64 = 4095.0;
 
-/// One code of the potentiometer [m], about 34.2 µm.
+/// One code of the potentiometer `[m]`, about 34.2 µm.
 pub const POSITION_CODE: f64 = STROKE / LARGEST_CODE;
 
-/// Standard deviation of rounding to a code, code/√12 [m]: all the noise that the position has.
+/// Standard deviation of rounding to a code, code/√12 `[m]`: all the noise that the position has.
 pub const POSITION_NOISE: f64 = 9.9e-6;
 
 /// The range of a pressure sensor [Pa]: the supply pressure.
 const PRESSURE_RANGE: f64 = 7e6;
 
-/// Standard deviation of a pressure sensor's noise [Pa]: 0.1 % of its range.
+/// Standard deviation of a pressure sensor's noise `[Pa]`: 0.1 % of its range.
 pub const PRESSURE_NOISE: f64 = 1e-3 * PRESSURE_RANGE;
 
-/// Positions as the potentiometer says them: the nearest code, within its ends [m].
+/// Positions as the potentiometer says them: the nearest code, within its ends `[m]`.
 #[must_use]
 pub fn potentiometer(positions: &[f64]) -> Vec<f64> {
     positions
@@ -27,7 +27,7 @@ pub fn potentiometer(positions: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Pressures of both chambers with the sensors' noise, normal and independent [Pa].
+/// Pressures of both chambers with the sensors' noise, normal and independent `[Pa]`.
 #[must_use]
 pub fn pressures(seed: u64, chambers: &[Vec<f64>; 2]) -> [Vec<f64>; 2] {
     std::array::from_fn(|chamber| {

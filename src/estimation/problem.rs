@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// One experiment, uniform and in SI units.
 #[derive(Clone, Debug)]
 pub struct Experiment {
-    /// The time from one sample to the next [s].
+    /// The time from one sample to the next `[s]`.
     pub sample_time: f64,
     /// How many samples.
     pub samples: usize,

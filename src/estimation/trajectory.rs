@@ -6,7 +6,7 @@ use crate::simulation::{Accuracy, Failure};
 use std::sync::atomic::AtomicBool;
 
 /// Simulates one candidate over the whole of every experiment, validation parts included:
-/// for each experiment, for each of the model's outputs, its samples [SI]. Answers nothing when
+/// for each experiment, for each of the model's outputs, its samples `[SI]`. Answers nothing when
 /// `stop` was raised.
 ///
 /// # Errors

@@ -58,7 +58,7 @@ pub struct GenerationEvent {
     pub mean_cost: Option<f64>,
     /// The largest credit at the end of the competition.
     pub best_credit: Option<f64>,
-    /// The entropy of the credits at the end of the competition [nat].
+    /// The entropy of the credits at the end of the competition `[nat]`.
     pub entropy: Option<f64>,
     /// Blocks of data judged before the credits were concentrated enough.
     pub credit_updates: u32,

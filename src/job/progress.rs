@@ -32,6 +32,6 @@ pub struct Progress {
     pub best_credit: Option<f64>,
     /// How much of the most work there can be is done, 0 to 1.
     pub fraction: f64,
-    /// Working time until the end if all generations are needed [s].
+    /// Working time until the end if all generations are needed `[s]`.
     pub eta_s: Option<f64>,
 }

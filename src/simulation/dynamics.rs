@@ -56,13 +56,13 @@ pub trait Dynamics: Send + Sync + 'static {
         outputs: &mut [R],
     );
 
-    /// How long the held quantities take to act [s]; none where the plant has no delay.
+    /// How long the held quantities take to act `[s]`; none where the plant has no delay.
     fn input_delay<R: Real>(&self, _constants: &Self::Constants<R>) -> Option<R> {
         None
     }
 
     /// The fastest rate that a step must resolve [1/s], a property of the candidate: the fixed
-    /// step is [`super::explicit::STEP_TIMES_RATE`] divided by it.
+    /// step is [`super::Accuracy::step_times_rate`] divided by it.
     fn resolved_rate(&self, constants: &Self::Constants<f64>) -> f64;
 
     /// A bound of the fastest rate at this state [1/s]; where a step times this rate leaves the

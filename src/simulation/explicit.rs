@@ -50,7 +50,7 @@ struct Stage {
 pub struct Steps {
     /// Steps of each lane.
     pub count: [u32; LANES],
-    /// Their length [s].
+    /// Their length `[s]`.
     pub length: Lanes,
 }
 

@@ -29,7 +29,7 @@ pub enum Accuracy {
 }
 
 impl Accuracy {
-    /// Step times rate [1].
+    /// Step times rate `[1]`.
     #[must_use]
     pub fn step_times_rate(self) -> f64 {
         match self {
@@ -42,7 +42,7 @@ impl Accuracy {
 /// The recorded inputs that drive a simulation.
 #[derive(Clone, Copy, Debug)]
 pub struct Excitation<'a> {
-    /// The time from one sample to the next [s].
+    /// The time from one sample to the next `[s]`.
     pub sample_time: f64,
     /// How many samples.
     pub samples: usize,

@@ -1,7 +1,7 @@
 //! The only SQL: jobs, queue entries, events, checkpoints, results and datasets in SQLite.
 //!
 //! One connection writes, several read. The writer runs every change in `begin immediate`
-//! transactions with full sync, many changes in one (see [`writer`]); River, the queue, shares its
+//! transactions with full sync, many changes in one (see `writer`); River, the queue, shares its
 //! connection. A method returns when what it wrote is on disk, and only then are listeners told.
 //!
 //! Writes of a worker carry a [`Lease`]: they change nothing once another slice of the job began.

@@ -50,7 +50,7 @@ pub struct Slice {
     pub job: JobRow,
     /// Where the last slice stopped; nothing in the first.
     pub checkpoint: Option<Checkpoint>,
-    /// Time that the slices before worked [ms].
+    /// Time that the slices before worked `[ms]`.
     pub running_ms: u64,
     /// What events told of so far.
     pub told: Told,
@@ -82,7 +82,7 @@ pub struct Record {
     pub progress: Option<Progress>,
     /// Where it can go on, at the end of a slice.
     pub checkpoint: Option<Checkpoint>,
-    /// Time worked, at the end of a slice [ms].
+    /// Time worked, at the end of a slice `[ms]`.
     pub worked_ms: u64,
 }
 

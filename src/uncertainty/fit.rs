@@ -23,9 +23,9 @@ pub enum Part {
 pub struct OutputFit {
     /// The fit [%]; none where the measured signal does not vary.
     pub fit_percent: Option<f64>,
-    /// The root mean square of the residuals [SI].
+    /// The root mean square of the residuals `[SI]`.
     pub rmse: Option<f64>,
-    /// The largest residual [SI].
+    /// The largest residual `[SI]`.
     pub max_abs_error: Option<f64>,
     /// Residuals.
     pub samples: usize,

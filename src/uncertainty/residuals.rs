@@ -3,7 +3,7 @@
 //! Residuals of a right model are white: their autocorrelation at lags 1 to 25 stays within
 //! ±2.58/√n in 99 of 100 cases (L. Ljung, *System Identification*, 1999, ch. 16). With many
 //! thousand samples that finds colour too faint to matter, so correlations below
-//! [`NEGLIGIBLE_CORRELATION`] do not count.
+//! `NEGLIGIBLE_CORRELATION` do not count.
 
 use crate::estimation::problem::Problem;
 use crate::simulation::single::Outputs;
@@ -19,7 +19,7 @@ const NEGLIGIBLE_CORRELATION: f64 = 0.1;
 #[derive(Clone, Debug)]
 pub struct ResidualReport {
     /// The standard deviation that the intervals are made with: the declared noise, or the
-    /// residuals' own where that is larger or none is declared [SI].
+    /// residuals' own where that is larger or none is declared `[SI]`.
     pub noise_std: f64,
     /// The mean square of the residuals divided by that of the declared noise.
     pub chi_square_per_sample: Option<f64>,

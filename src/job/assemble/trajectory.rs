@@ -15,7 +15,7 @@ use std::sync::atomic::AtomicBool;
 pub struct ExperimentTrajectory {
     /// The recording.
     pub dataset: DatasetId,
-    /// The instants, from the recording's first sample [s].
+    /// The instants, from the recording's first sample `[s]`.
     pub time: Vec<f64>,
     /// How many of the instants were estimated from; the rest validates.
     pub estimation_samples: usize,

@@ -1,14 +1,14 @@
 //! The electro-hydraulic servo of the paper: valve, single-rod cylinder, mass on a spring.
 //!
 //! SI, absolute pressures, x in [0, L] from the retracted end, a positive spool extends. With
-//! `ψ` of [`orifice`] and the opening u in [-1, 1]:
+//! `ψ` of `orifice` and the opening u in [-1, 1]:
 //!
 //! ```text
 //! u ≥ 0:  Q1 = Kq·u·ψ(ps − p1)     Q2 = Kq·u·ψ(p2 − pt)      Q1 into chamber 1, Q2 out of chamber 2
 //! u < 0:  Q1 = Kq·u·ψ(p1 − pt)     Q2 = Kq·u·ψ(ps − p2)
 //! ```
 //!
-//! and the pressures of [`cylinder`], the motion of [`load`], the spool of [`servovalve`]. The
+//! and the pressures of `cylinder`, the motion of `load`, the spool of `servovalve`. The
 //! paper's Eq. 1–6 are corrected in five places: the flow follows both signs of both pressure
 //! drops, the ports switch with the sign of the spool, p2' has its sign turned round, the root
 //! covers the pressure drop, and v' stands beside the other states. Its "C" and "B" are one
