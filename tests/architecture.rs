@@ -81,7 +81,7 @@ const PLACES: &[(&str, &[&str])] = &[
     ("comfy_table", &["cli"]),
     // "Did you mean" belongs to the reading of documents and of queries.
     ("strsim", &["job", "api"]),
-    ("nalgebra", &["numerics", "uncertainty", "estimation/refine.rs", "simulation/stiff.rs"]),
+    ("nalgebra", &["numerics", "uncertainty", "simulation/stiff.rs"]),
     ("rand", &["numerics/rng.rs"]),
     ("rand_chacha", &["numerics/rng.rs"]),
     // The pool is the process's: whoever starts the process sizes it.

@@ -14,7 +14,7 @@ use super::jobs::{self, Job};
 use super::manners::{idempotency_key, json, preferred_wait};
 use super::query::{FromQuery, Params, QueryReader};
 use super::{ApiState, blocking};
-use crate::job::assemble::{self, Finding, Preflight};
+use crate::job::assemble::{self, Assembly, Finding, Identifiability, Preflight};
 use crate::job::spec::Context;
 use crate::job::{Fault, JobSpec, Status};
 use crate::store::{Idempotency, JobRow, NewJob, Submitted};
@@ -43,6 +43,8 @@ pub struct Validation {
     spec: JobSpec,
     /// What the job will cost.
     predicted_cost: PredictedCost,
+    /// What its data could fix.
+    identifiability: Identifiability,
     /// What its user should know before it runs.
     findings: Vec<Finding>,
 }
@@ -60,8 +62,11 @@ pub struct PredictedCost {
     derivatives_per_evaluation: u64,
 }
 
+/// What can be said of a job before it runs.
+type Foreseen = (Preflight, Identifiability);
+
 impl Validation {
-    fn new(spec: JobSpec, preflight: Preflight) -> Self {
+    fn new(spec: JobSpec, (preflight, identifiability): Foreseen) -> Self {
         let predicted_cost = PredictedCost {
             unknowns: preflight.unknowns,
             residuals: preflight.residuals,
@@ -71,6 +76,7 @@ impl Validation {
         Self {
             spec,
             predicted_cost,
+            identifiability,
             findings: preflight.findings,
         }
     }
@@ -120,10 +126,17 @@ pub async fn submit(
         return answer(&state, earlier, &headers).await;
     }
     let spec = read(&state, &document).await?;
-    let preflight = preflight(&state, &spec).await?;
     if query.validate_only {
-        return Ok(json(StatusCode::OK, &Validation::new(spec, preflight)));
+        let method = spec.method.clone();
+        let look_ahead = move |assembly: &Assembly| {
+            let mut preflight = assemble::preflight(assembly, &method);
+            let ahead = assemble::foresee(assembly, &method, &mut preflight.findings);
+            (preflight, ahead)
+        };
+        let foreseen = assembled(&state, &spec, look_ahead).await?;
+        return Ok(json(StatusCode::OK, &Validation::new(spec, foreseen)));
     }
+    assembled(&state, &spec, |_| ()).await?;
     let submitted = state.store.submit(new_job(&spec, idempotency)).await?;
     answer(&state, submitted, &headers).await
 }
@@ -165,8 +178,13 @@ async fn read(state: &ApiState, document: &JsonDocument) -> Answer<JobSpec> {
     JobSpec::read(&document.value, &context).map_err(Problem::of_document)
 }
 
-/// Cuts the experiments out of their recordings, as the worker will; says what speaks against it.
-async fn preflight(state: &ApiState, spec: &JobSpec) -> Answer<Preflight> {
+/// Cuts the experiments out of their recordings, as the worker will, and looks at what comes out;
+/// says what speaks against it.
+async fn assembled<T: Send + 'static>(
+    state: &ApiState,
+    spec: &JobSpec,
+    look: impl FnOnce(&Assembly) -> T + Send + 'static,
+) -> Answer<T> {
     let permit = state.recording_permit().await?;
     let recordings = state.recordings(spec).await?;
     let recordings = recordings.map_err(Problem::of_document)?;
@@ -176,7 +194,7 @@ async fn preflight(state: &ApiState, spec: &JobSpec) -> Answer<Preflight> {
         let _permit = permit;
         let assembly = assemble::problem(&spec, &model, &recordings);
         let assembly = assembly.map_err(Problem::of_document)?;
-        Ok(assemble::preflight(&assembly, &spec.method))
+        Ok(look(&assembly))
     })
     .await
 }

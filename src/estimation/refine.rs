@@ -11,9 +11,8 @@
 use super::objective::Objective;
 use super::problem::Problem;
 use super::sensitivity::{self, SensitivityError};
-use crate::numerics::least_squares::Triangle;
+use crate::numerics::least_squares::{Rows, Triangle};
 use crate::simulation::Accuracy;
-use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 
@@ -32,8 +31,6 @@ fn smallest_progress(accuracy: Accuracy) -> (f64, f64) {
 const DAMPING_FACTORS: [f64; 8] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e4];
 const FIRST_DAMPING: f64 = 1e-3;
 const SMALLEST_DAMPING: f64 = 1e-14;
-/// Rows that are gathered before they go into the triangle.
-const ROWS: usize = 1024;
 
 /// The residuals linearised at a candidate.
 #[derive(Clone, Debug)]
@@ -54,26 +51,13 @@ pub fn linearise(
     accuracy: Accuracy,
     stop: &AtomicBool,
 ) -> Result<Linearisation, SensitivityError> {
-    let columns = positions.len();
-    let mut triangle = Triangle::new(columns);
-    let mut gathered: Vec<f64> = Vec::with_capacity(ROWS * (columns + 1));
+    let mut rows = Rows::new(positions.len());
     let mut sum = 0.0;
-    let flush = |triangle: &mut Triangle, gathered: &mut Vec<f64>| {
-        let rows = gathered.len() / (columns + 1);
-        triangle.push(&DMatrix::from_row_slice(rows, columns + 1, gathered));
-        gathered.clear();
-    };
     sensitivity::visit_rows(problem, positions, accuracy, stop, |row| {
-        gathered.extend_from_slice(row.derivatives);
-        gathered.push(row.residual);
+        rows.add(row.derivatives.iter().copied(), row.residual);
         sum += row.residual * row.residual;
-        if gathered.len() == ROWS * (columns + 1) {
-            flush(&mut triangle, &mut gathered);
-        }
     })?;
-    if !gathered.is_empty() {
-        flush(&mut triangle, &mut gathered);
-    }
+    let triangle = rows.finish();
     let cost = sum / triangle.rows() as f64;
     Ok(Linearisation { triangle, cost })
 }

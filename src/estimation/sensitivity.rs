@@ -10,9 +10,10 @@ use crate::simulation::lanes::{LANES, Lanes};
 use crate::simulation::{Accuracy, Failure};
 use std::sync::atomic::AtomicBool;
 
-/// Half the distance of a central difference, as a share of the search range. Its truncation
-/// error is of the order of its square; the integrator's noise counts against its inverse.
-const SHIFT: f64 = 1e-3;
+/// Half the distance of a central difference, as a share of the search range. All lanes take the
+/// same steps, so that only rounding counts against a short one; a long one sees where commands
+/// saturate and ports open, and errs with the root of its length.
+const SHIFT: f64 = 1e-5;
 
 /// One residual and its derivatives.
 #[derive(Clone, Copy, Debug)]
@@ -25,8 +26,19 @@ pub struct Row<'a> {
     pub sample: usize,
     /// (measured − simulated)/scale.
     pub residual: f64,
-    /// ∂residual/∂position of each coordinate.
+    /// ∂residual/∂position of each coordinate, or along each direction.
     pub derivatives: &'a [f64],
+}
+
+/// Along what a problem is differentiated.
+#[derive(Clone, Copy, Debug)]
+pub struct Directions<'a> {
+    /// A point of the search box.
+    pub from: &'a [f64],
+    /// Vectors of the search box.
+    pub vectors: &'a [Vec<f64>],
+    /// How much of each vector is gone to both sides.
+    pub shift: f64,
 }
 
 /// Why there are no derivatives.
@@ -40,7 +52,8 @@ pub enum SensitivityError {
     Failed(Failure),
 }
 
-/// Visits every residual that the problem is estimated from, sample by sample.
+/// Visits every residual that the problem is estimated from, sample by sample, with its
+/// derivatives by the coordinates.
 ///
 /// # Errors
 /// When the stop flag was raised, or a simulation failed.
@@ -49,12 +62,47 @@ pub fn visit_rows(
     positions: &[f64],
     accuracy: Accuracy,
     stop: &AtomicBool,
+    visit: impl FnMut(Row<'_>),
+) -> Result<(), SensitivityError> {
+    let n = positions.len();
+    let axes: Vec<Vec<f64>> = (0..n)
+        .map(|axis| {
+            (0..n)
+                .map(|index| if index == axis { 1.0 } else { 0.0 })
+                .collect()
+        })
+        .collect();
+    let axes = Directions {
+        from: positions,
+        vectors: &axes,
+        shift: SHIFT,
+    };
+    visit_directions(problem, axes, accuracy, stop, visit)
+}
+
+/// The same with derivatives along given directions of the box.
+///
+/// # Errors
+/// As [`visit_rows`].
+pub fn visit_directions(
+    problem: &Problem,
+    directions: Directions<'_>,
+    accuracy: Accuracy,
+    stop: &AtomicBool,
     mut visit: impl FnMut(Row<'_>),
 ) -> Result<(), SensitivityError> {
-    let shifts: Vec<(f64, f64)> = positions.iter().map(|z| shifts(*z)).collect();
-    let candidates = shifted_candidates(positions, &shifts);
+    let Directions {
+        from: positions,
+        vectors,
+        shift,
+    } = directions;
+    let steps: Vec<(f64, f64)> = vectors
+        .iter()
+        .map(|direction| steps(positions, direction, shift))
+        .collect();
+    let candidates = shifted_candidates(positions, vectors, &steps);
     let recorded = record(problem, &candidates, accuracy, stop)?;
-    let mut derivatives = vec![0.0; positions.len()];
+    let mut derivatives = vec![0.0; vectors.len()];
     for (experiment, sample, output) in places(problem) {
         let measured = problem.experiments[experiment].measured[output][sample];
         if measured.is_nan() {
@@ -62,9 +110,9 @@ pub fn visit_rows(
         }
         let scale = problem.outputs[output].residual_scale;
         let at = |column: usize| recorded[experiment].value(column, sample, output);
-        for (coordinate, derivative) in derivatives.iter_mut().enumerate() {
-            let (back, ahead) = shifts[coordinate];
-            let change = at(2 + 2 * coordinate) - at(1 + 2 * coordinate);
+        for (column, derivative) in derivatives.iter_mut().enumerate() {
+            let (back, ahead) = steps[column];
+            let change = at(2 + 2 * column) - at(1 + 2 * column);
             *derivative = -change / (back + ahead) / scale;
         }
         let residual = (measured - at(0)) / scale;
@@ -94,22 +142,39 @@ fn places(problem: &Problem) -> impl Iterator<Item = (usize, usize, usize)> {
         })
 }
 
-/// How far a position is shifted back and ahead: at a bound, to one side only.
-fn shifts(position: f64) -> (f64, f64) {
-    (
-        SHIFT.min(position.max(0.0)),
-        SHIFT.min((1.0 - position).max(0.0)),
-    )
+/// How far one goes back and ahead along a direction: at a bound, to one side only.
+fn steps(positions: &[f64], direction: &[f64], shift: f64) -> (f64, f64) {
+    let room = |side: f64| {
+        let each = positions.iter().zip(direction).map(|(position, part)| {
+            let part = side * part;
+            if part > 0.0 {
+                (1.0 - position).max(0.0) / part
+            } else if part < 0.0 {
+                position.max(0.0) / -part
+            } else {
+                f64::INFINITY
+            }
+        });
+        each.fold(shift, f64::min)
+    };
+    (room(-1.0), room(1.0))
 }
 
-/// The candidate, then for each coordinate its neighbours back and ahead.
-fn shifted_candidates(positions: &[f64], shifts: &[(f64, f64)]) -> Vec<Vec<f64>> {
+/// The candidate, then for each direction its neighbours back and ahead.
+fn shifted_candidates(
+    positions: &[f64],
+    directions: &[Vec<f64>],
+    steps: &[(f64, f64)],
+) -> Vec<Vec<f64>> {
     let mut candidates = vec![positions.to_vec()];
-    for (coordinate, (back, ahead)) in shifts.iter().enumerate() {
-        for shift in [-back, *ahead] {
-            let mut shifted = positions.to_vec();
-            shifted[coordinate] += shift;
-            candidates.push(shifted);
+    for (direction, (back, ahead)) in directions.iter().zip(steps) {
+        for step in [-back, *ahead] {
+            let pairs = positions.iter().zip(direction);
+            candidates.push(
+                pairs
+                    .map(|(position, part)| position + step * part)
+                    .collect(),
+            );
         }
     }
     candidates

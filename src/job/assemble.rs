@@ -2,10 +2,12 @@
 //! and what was found becomes the result document.
 
 mod experiment;
+mod foresight;
 mod outcome;
 mod preflight;
 mod trajectory;
 
+pub use foresight::{Identifiability, Prediction, foresee};
 pub use outcome::{Origin, outcome};
 pub use preflight::{Finding, Preflight, preflight};
 pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};

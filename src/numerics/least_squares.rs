@@ -117,6 +117,53 @@ impl Triangle {
     }
 }
 
+/// Single rows on their way into a [`Triangle`].
+#[derive(Debug)]
+pub struct Rows {
+    triangle: Triangle,
+    gathered: Vec<f64>,
+}
+
+/// Rows that are gathered before they go into the triangle.
+const GATHERED_ROWS: usize = 1024;
+
+impl Rows {
+    /// No rows yet, for `columns` unknowns.
+    #[must_use]
+    pub fn new(columns: usize) -> Rows {
+        Rows {
+            triangle: Triangle::new(columns),
+            gathered: Vec::with_capacity(GATHERED_ROWS * (columns + 1)),
+        }
+    }
+
+    /// Adds a row and its right-hand side.
+    pub fn add(&mut self, row: impl IntoIterator<Item = f64>, right: f64) {
+        self.gathered.extend(row);
+        self.gathered.push(right);
+        if self.gathered.len() == GATHERED_ROWS * (self.triangle.columns + 1) {
+            self.flush();
+        }
+    }
+
+    /// The triangle of all rows.
+    #[must_use]
+    pub fn finish(mut self) -> Triangle {
+        if !self.gathered.is_empty() {
+            self.flush();
+        }
+        self.triangle
+    }
+
+    fn flush(&mut self) {
+        let width = self.triangle.columns + 1;
+        let rows = self.gathered.len() / width;
+        let block = DMatrix::from_row_slice(rows, width, &self.gathered);
+        self.triangle.push(&block);
+        self.gathered.clear();
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

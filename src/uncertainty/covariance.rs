@@ -12,7 +12,7 @@
 use super::residuals::ResidualReport;
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{self, SensitivityError};
-use crate::numerics::least_squares::Triangle;
+use crate::numerics::least_squares::{Rows, Triangle};
 use crate::simulation::Accuracy;
 use nalgebra::{DMatrix, DVector};
 use std::sync::atomic::AtomicBool;
@@ -20,8 +20,6 @@ use std::sync::atomic::AtomicBool;
 /// Numbers of blocks that the middle of the sandwich is made of. Few long blocks catch long
 /// memories, many short ones are less noisy themselves.
 const BLOCK_COUNTS: [usize; 3] = [24, 48, 96];
-/// Rows that are gathered before they go into the triangle.
-const ROWS: usize = 1024;
 /// Beyond this condition number of the column-scaled sensitivities a combination of unknowns is
 /// not fixed by the data.
 const LARGEST_CONDITION: f64 = 1e8;
@@ -161,8 +159,7 @@ fn widest(first: DMatrix<f64>, second: DMatrix<f64>) -> DMatrix<f64> {
 
 /// The rows on their way into a triangle and into block sums.
 struct Gathered {
-    triangle: Triangle,
-    rows: Vec<f64>,
+    rows: Rows,
     columns: usize,
     seen: usize,
     total: usize,
@@ -173,8 +170,7 @@ impl Gathered {
     fn new(columns: usize, total: usize) -> Gathered {
         let zeros = |count: &usize| vec![DVector::zeros(columns); *count];
         Gathered {
-            triangle: Triangle::new(columns),
-            rows: Vec::with_capacity(ROWS * (columns + 1)),
+            rows: Rows::new(columns),
             columns,
             seen: 0,
             total: total.max(1),
@@ -183,9 +179,8 @@ impl Gathered {
     }
 
     fn add(&mut self, derivatives: &[f64], residual: f64, weight: f64) {
-        self.rows
-            .extend(derivatives.iter().map(|derivative| derivative * weight));
-        self.rows.push(residual * weight);
+        let weighted = derivatives.iter().map(|derivative| derivative * weight);
+        self.rows.add(weighted, residual * weight);
         for sums in &mut self.sums {
             let block = (self.seen * sums.len() / self.total).min(sums.len() - 1);
             for (sum, derivative) in sums[block].iter_mut().zip(derivatives) {
@@ -193,22 +188,10 @@ impl Gathered {
             }
         }
         self.seen += 1;
-        if self.rows.len() == ROWS * (self.columns + 1) {
-            self.flush();
-        }
     }
 
-    fn flush(&mut self) {
-        let rows = self.rows.len() / (self.columns + 1);
-        if rows > 0 {
-            self.triangle
-                .push(&DMatrix::from_row_slice(rows, self.columns + 1, &self.rows));
-            self.rows.clear();
-        }
-    }
-
-    fn finish(mut self) -> Option<(Triangle, Vec<Vec<DVector<f64>>>)> {
-        self.flush();
-        (self.triangle.rows() >= self.columns).then_some((self.triangle, self.sums))
+    fn finish(self) -> Option<(Triangle, Vec<Vec<DVector<f64>>>)> {
+        let triangle = self.rows.finish();
+        (triangle.rows() >= self.columns).then_some((triangle, self.sums))
     }
 }

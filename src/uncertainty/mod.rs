@@ -3,10 +3,12 @@
 //! [`analyse`] linearises the residuals at the estimate and derives standard errors and
 //! intervals ([`covariance`]), looks at what the model leaves unexplained ([`residuals`],
 //! [`fit`]), and says in words what follows ([`verdict`]). A fit per cent alone certifies
-//! nothing: a wrong structure can fit 99 % with parameters wrong by factors.
+//! nothing: a wrong structure can fit 99 % with parameters wrong by factors. What the data could
+//! fix at all is foreseen by [`identifiability`].
 
 pub mod covariance;
 pub mod fit;
+pub mod identifiability;
 pub mod residuals;
 pub mod verdict;
 

@@ -44,6 +44,10 @@ async fn model_and_recording_alone_are_a_job_with_every_default_shown() {
     assert_eq!(spec["method"]["population"], 30);
     assert_eq!(validated["predicted_cost"]["residuals"], 300);
     assert!(validated["findings"].is_array());
+    let ahead = &validated["identifiability"];
+    assert_eq!(ahead["points"], 5);
+    assert_eq!(ahead["predictions"][0]["name"], "mass");
+    assert!(ahead["predictions"][0]["standard_error"].as_f64() > Some(0.0));
     assert!(spec["seed"].is_u64());
     let jobs = app.get("/v1/jobs").await.expect(200).json();
     assert_eq!(jobs["items"], json!([]));

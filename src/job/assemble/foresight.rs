@@ -1,0 +1,114 @@
+//! What a job's data could fix, said before the job runs.
+
+use super::{Assembly, Finding, preflight};
+use crate::estimation::Settings;
+use crate::estimation::problem::{Coordinate, Target};
+use crate::uncertainty::identifiability::{self, Foreseen};
+use serde::{Deserialize, Serialize};
+use std::sync::atomic::AtomicBool;
+use utoipa::ToSchema;
+
+/// Derivatives that may be spent on looking ahead: some seconds.
+const BUDGET: f64 = 1e9;
+
+/// What the data could fix, by the sensitivities of the outputs at several points of the box.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Identifiability {
+    /// Points of the search box that were simulated; 0 where none could be, or where the
+    /// recording is too long to look ahead.
+    #[schema(example = 5)]
+    pub points: u64,
+    /// What an ideal estimator would reach.
+    pub predictions: Vec<Prediction>,
+    /// What the data do not see, in words.
+    pub flat_directions: Vec<String>,
+}
+
+/// How well one unknown could be known.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Prediction {
+    /// The parameter, or the state whose start is estimated.
+    #[schema(example = "mass")]
+    pub name: String,
+    /// The experiment, where it is an initial state.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub experiment: Option<usize>,
+    /// Its SI unit.
+    #[schema(example = "kg")]
+    pub unit: String,
+    /// The predicted standard error at the middle of the search box; `null` where the data do
+    /// not fix it there.
+    #[schema(example = 0.08)]
+    pub standard_error: Option<f64>,
+    /// The smallest and the largest prediction over the points, as a share of the search range.
+    pub share_of_range: Option<[f64; 2]>,
+}
+
+/// Looks ahead, where that takes no longer than a client waits; what it finds joins the findings.
+#[must_use]
+pub fn foresee(
+    assembly: &Assembly,
+    settings: &Settings,
+    findings: &mut Vec<Finding>,
+) -> Identifiability {
+    let problem = &assembly.problem;
+    let columns = 1 + 2 * problem.coordinates.len();
+    let cost = preflight::preflight(assembly, settings).derivatives_per_evaluation as f64;
+    let cost = cost * (columns * identifiability::POINTS) as f64;
+    if cost > BUDGET {
+        let detail = format!(
+            "the recording is too long to look ahead ({cost:.1e} derivatives): what the data fix \
+             is seen in the result"
+        );
+        findings.push(Finding::new(
+            "identifiability_not_checked",
+            "/experiments",
+            &detail,
+        ));
+        return Identifiability {
+            points: 0,
+            predictions: Vec::new(),
+            flat_directions: Vec::new(),
+        };
+    }
+    let never = AtomicBool::new(false);
+    let foresight = identifiability::foresee(problem, &never).expect("nobody interrupts");
+    for flat in &foresight.flat {
+        let place = flat
+            .parts
+            .first()
+            .map(|(index, _)| &problem.coordinates[*index]);
+        let pointer = place.map_or_else(String::new, pointer_of);
+        findings.push(Finding::new("not_identifiable", &pointer, &flat.words));
+    }
+    let pairs = problem.coordinates.iter().zip(&foresight.coordinates);
+    Identifiability {
+        points: foresight.points as u64,
+        predictions: pairs
+            .map(|(coordinate, foreseen)| prediction(coordinate, foreseen))
+            .collect(),
+        flat_directions: foresight.flat.into_iter().map(|flat| flat.words).collect(),
+    }
+}
+
+fn prediction(coordinate: &Coordinate, foreseen: &Foreseen) -> Prediction {
+    Prediction {
+        name: coordinate.name.clone(),
+        experiment: match coordinate.target {
+            Target::Parameter(_) => None,
+            Target::InitialState { experiment, .. } => Some(experiment),
+        },
+        unit: coordinate.unit.clone(),
+        standard_error: foreseen.standard_error,
+        share_of_range: foreseen.share_of_range.map(|(low, high)| [low, high]),
+    }
+}
+
+fn pointer_of(coordinate: &Coordinate) -> String {
+    match coordinate.target {
+        Target::Parameter(_) => format!("/parameters/{}", coordinate.name),
+        Target::InitialState { experiment, .. } => {
+            format!("/experiments/{experiment}/initial_state")
+        }
+    }
+}

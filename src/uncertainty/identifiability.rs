@@ -1,0 +1,299 @@
+//! What the data could fix, seen before anything is estimated.
+//!
+//! At several points of the search box the residuals are linearised. With J their derivatives by
+//! the positions, each divided by its output's noise, an ideal estimator has the covariance
+//! `(JᵀJ)⁻¹` (the Cramér–Rao bound; L. Ljung, *System Identification*, 1999, ch. 7): so much is
+//! predicted of each unknown. A direction v along which `1/|J·v|` exceeds half the box at every
+//! point is *flat*: the unknowns may move along it together and the outputs stay as they are.
+//! Where large effects of single unknowns cancel, J·v is all rounding: so the directions that J
+//! proposes are tried at each point by going along them.
+
+use crate::estimation::problem::Problem;
+use crate::estimation::sensitivity::{self, SensitivityError};
+use crate::model::Scale;
+use crate::numerics::least_squares::Rows;
+use crate::simulation::Accuracy;
+use nalgebra::DMatrix;
+use std::sync::atomic::AtomicBool;
+
+/// Points of the box that are looked at, the middle first.
+pub const POINTS: usize = 5;
+
+/// The noise of an output that declares none, as a share of the spread of its signal.
+const ASSUMED_NOISE: f64 = 0.01;
+
+/// A direction with a larger standard deviation than this share of the box is flat.
+const FLAT: f64 = 0.5;
+
+/// How far a proposed direction is gone to both sides, as a share of the search range.
+const TRIED: f64 = 1e-2;
+
+/// Unknowns with a smaller part in a direction than this share of the largest are left out of it.
+const SMALLEST_PART: f64 = 0.05;
+
+/// What is foreseen of one coordinate.
+#[derive(Clone, Debug)]
+pub struct Foreseen {
+    /// The predicted standard error in the middle of the box, SI; none where the data do not fix
+    /// the coordinate, or the simulation fails there.
+    pub standard_error: Option<f64>,
+    /// The smallest and the largest predicted standard error over the points, as a share of the
+    /// search range.
+    pub share_of_range: Option<(f64, f64)>,
+}
+
+/// A direction that the data do not see.
+#[derive(Clone, Debug)]
+pub struct FlatDirection {
+    /// The coordinates that take part, by their places, with their exponents (on a log scale) or
+    /// their shares of the range (on a linear one); the largest is 1.
+    pub parts: Vec<(usize, f64)>,
+    /// In words, e.g. what a ratio keeps fixed.
+    pub words: String,
+}
+
+/// What is foreseen of a problem.
+#[derive(Clone, Debug)]
+pub struct Foresight {
+    /// Points of the box that could be simulated.
+    pub points: usize,
+    /// One for each coordinate.
+    pub coordinates: Vec<Foreseen>,
+    /// What the data do not see.
+    pub flat: Vec<FlatDirection>,
+}
+
+/// Looks at a problem before it is estimated. Answers nothing when `stop` was raised.
+#[must_use]
+pub fn foresee(problem: &Problem, stop: &AtomicBool) -> Option<Foresight> {
+    let n = problem.coordinates.len();
+    let weights = weights(problem);
+    let mut factors = Vec::with_capacity(POINTS);
+    for point in 0..POINTS {
+        match information_factor(problem, &position(point, n), &weights, stop) {
+            Ok(factor) => factors.push((point, factor)),
+            Err(SensitivityError::Interrupted) => return None,
+            Err(SensitivityError::Failed(_)) => {}
+        }
+    }
+    let points: Vec<Vec<f64>> = factors
+        .iter()
+        .map(|(point, _)| position(*point, n))
+        .collect();
+    let flat = match flat_directions(problem, &points, proposed(&factors), &weights, stop) {
+        Ok(directions) => directions,
+        Err(SensitivityError::Interrupted) => return None,
+        Err(SensitivityError::Failed(_)) => Vec::new(),
+    };
+    let deviations: Vec<Vec<f64>> = factors
+        .iter()
+        .map(|(_, factor)| deviations(factor))
+        .collect();
+    let middle_is_there = factors.first().is_some_and(|(point, _)| *point == 0);
+    let coordinates = (0..n)
+        .map(|index| {
+            let of_points = deviations.iter().map(|deviations| deviations[index]);
+            let low = of_points.clone().fold(f64::INFINITY, f64::min);
+            let high = of_points.fold(0.0, f64::max);
+            let slope = problem.coordinates[index].slope(0.5).abs();
+            let in_middle = deviations.first().filter(|_| middle_is_there);
+            Foreseen {
+                standard_error: in_middle
+                    .map(|deviations| deviations[index] * slope)
+                    .filter(|error| error.is_finite()),
+                share_of_range: (low.is_finite() && high.is_finite()).then_some((low, high)),
+            }
+        })
+        .collect();
+    Some(Foresight {
+        points: factors.len(),
+        coordinates,
+        flat: flat
+            .iter()
+            .map(|direction| named(problem, direction))
+            .collect(),
+    })
+}
+
+/// The middle of the box, then points that fill its inner part evenly (steps of the n-dimensional
+/// golden ratio; M. Roberts, 2018).
+fn position(point: usize, n: usize) -> Vec<f64> {
+    if point == 0 {
+        return vec![0.5; n];
+    }
+    let mut ratio = 2.0_f64;
+    for _ in 0..40 {
+        ratio = libm::pow(1.0 + ratio, 1.0 / (n as f64 + 1.0));
+    }
+    (1..=n)
+        .map(|dimension| {
+            let step = libm::pow(ratio, -(dimension as f64));
+            0.15 + 0.7 * (0.5 + point as f64 * step).fract()
+        })
+        .collect()
+}
+
+/// What makes a residual one of unit noise, for each output.
+fn weights(problem: &Problem) -> Vec<f64> {
+    let outputs = problem.outputs.iter();
+    outputs
+        .map(|output| match output.noise_std {
+            Some(noise) => output.residual_scale / noise,
+            None => 1.0 / ASSUMED_NOISE,
+        })
+        .collect()
+}
+
+/// The triangle of the weighted derivatives.
+fn information_factor(
+    problem: &Problem,
+    positions: &[f64],
+    weights: &[f64],
+    stop: &AtomicBool,
+) -> Result<DMatrix<f64>, SensitivityError> {
+    let mut rows = Rows::new(positions.len());
+    sensitivity::visit_rows(problem, positions, Accuracy::Full, stop, |row| {
+        let weight = weights[row.output];
+        rows.add(
+            row.derivatives.iter().map(|derivative| derivative * weight),
+            0.0,
+        );
+    })?;
+    Ok(rows.finish().factor())
+}
+
+/// The predicted standard deviation of each coordinate as a share of its range; infinite where
+/// the data do not fix it.
+fn deviations(factor: &DMatrix<f64>) -> Vec<f64> {
+    let n = factor.ncols();
+    let svd = factor.clone().svd(false, true);
+    let Some(directions) = svd.v_t else {
+        return vec![f64::INFINITY; n];
+    };
+    let variance = |coordinate: usize| -> f64 {
+        let parts = svd.singular_values.iter().enumerate();
+        parts
+            .map(|(index, size)| {
+                let part = directions[(index, coordinate)];
+                if part.abs() < 1e-6 {
+                    0.0
+                } else {
+                    (part / size).powi(2)
+                }
+            })
+            .sum()
+    };
+    (0..n)
+        .map(|coordinate| variance(coordinate).sqrt())
+        .collect()
+}
+
+/// The directions that are flat at the point that has most of them.
+fn proposed(factors: &[(usize, DMatrix<f64>)]) -> Vec<Vec<f64>> {
+    let mut most = Vec::new();
+    for (_, factor) in factors {
+        let svd = factor.clone().svd(false, true);
+        let Some(directions) = svd.v_t else { continue };
+        let sizes = svd.singular_values.iter().enumerate();
+        let flat: Vec<Vec<f64>> = sizes
+            .filter(|(_, size)| **size * FLAT < 1.0)
+            .map(|(index, _)| directions.row(index).iter().copied().collect())
+            .collect();
+        if flat.len() > most.len() {
+            most = flat;
+        }
+    }
+    most
+}
+
+/// Those of the proposed directions along which the outputs stay as they are at every point.
+fn flat_directions(
+    problem: &Problem,
+    points: &[Vec<f64>],
+    mut directions: Vec<Vec<f64>>,
+    weights: &[f64],
+    stop: &AtomicBool,
+) -> Result<Vec<Vec<f64>>, SensitivityError> {
+    for positions in points {
+        if directions.is_empty() {
+            break;
+        }
+        let mut squares = vec![0.0; directions.len()];
+        let gather = |row: sensitivity::Row<'_>| {
+            for (square, derivative) in squares.iter_mut().zip(row.derivatives) {
+                *square += (derivative * weights[row.output]).powi(2);
+            }
+        };
+        let along = sensitivity::Directions {
+            from: positions,
+            vectors: &directions,
+            shift: TRIED,
+        };
+        sensitivity::visit_directions(problem, along, Accuracy::Full, stop, gather)?;
+        let mut sizes = squares.iter().map(|square| square.sqrt());
+        directions.retain(|_| sizes.next().is_some_and(|size| size * FLAT < 1.0));
+    }
+    Ok(directions)
+}
+
+/// A direction in the parameters' own terms: what moves, and what stays fixed meanwhile.
+fn named(problem: &Problem, direction: &[f64]) -> FlatDirection {
+    let step = |index: usize| {
+        let coordinate = &problem.coordinates[index];
+        match coordinate.scale {
+            Scale::Log => direction[index] * libm::log(coordinate.upper / coordinate.lower),
+            Scale::Linear => direction[index],
+        }
+    };
+    let steps: Vec<f64> = (0..direction.len()).map(step).collect();
+    let largest = steps
+        .iter()
+        .copied()
+        .max_by(|a, b| a.abs().total_cmp(&b.abs()))
+        .unwrap_or(1.0);
+    let parts: Vec<(usize, f64)> = steps
+        .iter()
+        .map(|step| step / largest)
+        .enumerate()
+        .filter(|(_, part)| part.abs() >= SMALLEST_PART)
+        .collect();
+    let words = words(problem, &parts);
+    FlatDirection { parts, words }
+}
+
+fn words(problem: &Problem, parts: &[(usize, f64)]) -> String {
+    let name = |index: usize| format!("`{}`", problem.coordinates[index].name);
+    let on_log_scale = |index: usize| matches!(problem.coordinates[index].scale, Scale::Log);
+    if let &[(only, _)] = parts {
+        return format!("the data hardly depend on {}: give its value", name(only));
+    }
+    let all_log = parts.iter().all(|(index, _)| on_log_scale(*index));
+    if let (true, &[(first, a), (second, b)]) = (all_log, parts) {
+        let kept = match b / a {
+            ratio if (ratio - 1.0).abs() < 0.1 => format!("{}/{}", name(first), name(second)),
+            ratio if (ratio + 1.0).abs() < 0.1 => format!("{}*{}", name(first), name(second)),
+            ratio => format!("{}^{:.2}/{}", name(first), ratio, name(second)),
+        };
+        return format!("the data fix {kept}, not both: give one of them");
+    }
+    let moves: Vec<String> = parts
+        .iter()
+        .map(|&(index, part)| {
+            if on_log_scale(index) {
+                format!("{}^{part:.2}", name(index))
+            } else {
+                format!("{part:+.2} of the range of {}", name(index))
+            }
+        })
+        .collect();
+    format!(
+        "{} can change together ({}) and the outputs stay as they are: give one of them, or \
+         measure one more output",
+        parts
+            .iter()
+            .map(|(index, _)| name(*index))
+            .collect::<Vec<_>>()
+            .join(", "),
+        moves.join(", ")
+    )
+}

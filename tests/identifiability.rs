@@ -1,0 +1,139 @@
+//! What the data could fix is foreseen, and what they could not is named.
+
+use greybox::demo::{self, Demo};
+use greybox::job::assemble::{self, Finding, Identifiability};
+use greybox::job::spec::Context;
+use greybox::job::{DatasetId, JobSpec};
+use greybox::model::Catalogue;
+use serde_json::{Value, json};
+use std::collections::HashMap;
+
+/// Looks ahead at a job on recording A with these parameters.
+fn foresee(parameters: Value) -> (Identifiability, Vec<Finding>) {
+    foresee_from(parameters, json!({}))
+}
+
+/// The same, from this initial state.
+fn foresee_from(parameters: Value, initial_state: Value) -> (Identifiability, Vec<Finding>) {
+    let recording = demo::recording(Demo::A, 1);
+    let dataset = DatasetId::new();
+    let mut job = demo::job(Demo::A);
+    job["experiments"][0]["dataset"] = json!(dataset);
+    job["experiments"][0]["initial_state"] = initial_state;
+    job["parameters"] = parameters;
+    job["validation"] = json!({ "fraction": 0 });
+    let models = Catalogue::built_in();
+    let context = Context {
+        models: models.iter().map(|model| model.description()).collect(),
+        datasets: &HashMap::from([(dataset, recording.summary())]),
+        max_duration_s: f64::INFINITY,
+    };
+    let spec = JobSpec::read(&job, &context).unwrap_or_else(|faults| panic!("{faults:?}"));
+    let model = models.get(&spec.model).expect("the servo");
+    let assembly =
+        assemble::problem(&spec, model, &[recording]).unwrap_or_else(|faults| panic!("{faults:?}"));
+    let mut findings = Vec::new();
+    let ahead = assemble::foresee(&assembly, &spec.method, &mut findings);
+    (ahead, findings)
+}
+
+/// A search range of a factor about a value, on a log scale.
+fn about(value: f64, factor: f64) -> Value {
+    json!({ "estimate": { "lower": value / factor, "upper": value * factor, "scale": "log" } })
+}
+
+fn four_unknowns() -> Value {
+    json!({
+        "mass": about(58.0, 2.0),
+        "damping": about(370.0, 2.0),
+        "stiffness": about(21_412.0, 2.0),
+        "bulk_modulus": about(1.6009e9, 2.0),
+    })
+}
+
+#[test]
+fn the_predicted_errors_are_the_cramer_rao_bounds_of_an_independent_program() {
+    let (ahead, findings) = foresee(four_unknowns());
+    assert_eq!(findings, []);
+    assert_eq!(ahead.points, 5);
+    // Per cent, by another program's sensitivities at the nominal rig, two digits each.
+    let expected = [
+        ("mass", 58.0, 0.12),
+        ("damping", 370.0, 0.23),
+        ("stiffness", 21_412.0, 0.02),
+        ("bulk_modulus", 1.6009e9, 0.13),
+    ];
+    for (name, value, per_cent) in expected {
+        let prediction = ahead.predictions.iter().find(|p| p.name == name);
+        let error = prediction
+            .and_then(|p| p.standard_error)
+            .expect("a prediction");
+        let ratio = 1e2 * error / value / per_cent;
+        assert!(
+            (0.75..1.3).contains(&ratio),
+            "{name}: {ratio} times {per_cent} %"
+        );
+    }
+}
+
+#[test]
+fn position_alone_does_not_tell_the_pressures_and_the_mass_apart() {
+    let mut parameters = four_unknowns();
+    parameters["flow_gain"] = about(8.91e-8, 2.0);
+    parameters["supply_pressure"] = about(7e6, 2.0);
+    parameters["return_pressure"] = about(1e5, 2.0);
+    parameters["transition_pressure"] = about(2e4, 2.0);
+    let (ahead, findings) = foresee(parameters);
+    let whole = ahead
+        .flat_directions
+        .iter()
+        .find(|words| words.contains("supply_pressure"))
+        .unwrap_or_else(|| panic!("{:?}", ahead.flat_directions));
+    for name in ["mass", "damping", "stiffness", "bulk_modulus", "flow_gain"] {
+        assert!(whole.contains(name), "{name}: {whole}");
+    }
+    assert!(
+        findings
+            .iter()
+            .any(|finding| finding.code == "not_identifiable")
+    );
+}
+
+#[test]
+fn a_parameter_without_any_effect_is_named() {
+    // No friction, so the velocity over which its sign is smoothed does nothing.
+    let mut parameters = four_unknowns();
+    parameters["friction_velocity"] = about(1e-3, 5.0);
+    let (ahead, findings) = foresee(parameters);
+    assert_eq!(
+        ahead.flat_directions.len(),
+        1,
+        "{:?}",
+        ahead.flat_directions
+    );
+    assert!(ahead.flat_directions[0].contains("friction_velocity"));
+    assert_eq!(findings[0].pointer, "/parameters/friction_velocity");
+    let prediction = ahead
+        .predictions
+        .iter()
+        .find(|p| p.name == "friction_velocity");
+    assert_eq!(prediction.and_then(|p| p.standard_error), None);
+    let mass = ahead.predictions.iter().find(|p| p.name == "mass");
+    assert!(mass.and_then(|p| p.standard_error).is_some());
+}
+
+#[test]
+fn two_that_act_only_together_are_named_with_what_they_share() {
+    // From a given position on, a constant force and the spring's rest do the same.
+    let mut parameters = four_unknowns();
+    parameters["stiffness"] = json!({ "value": 21_412.0 });
+    parameters["spring_neutral_position"] = json!({ "estimate": { "lower": 0.06, "upper": 0.08 } });
+    parameters["load_force"] = json!({ "estimate": { "lower": -200.0, "upper": 200.0 } });
+    parameters["valve_offset"] = json!({ "value": 0.0 });
+    let (ahead, _) = foresee_from(parameters, json!({ "position": 0.07 }));
+    let shared = ahead
+        .flat_directions
+        .iter()
+        .find(|words| words.contains("spring_neutral_position") && words.contains("load_force"));
+    assert!(shared.is_some(), "{:?}", ahead.flat_directions);
+}
