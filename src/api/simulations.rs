@@ -1,5 +1,6 @@
 //! Simulating one parameter set, while the client waits.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -203,7 +204,9 @@ impl<'m> SimulationRun<'m> {
             let fault = Fault::new("", "experiment_not_possible", error.to_string());
             Problem::of_document(vec![fault])
         })?;
-        let mapped = |set: &Vec<&str>| set.iter().all(|name| spec.signals.contains_key(*name));
+        let mapped = |set: &Vec<Cow<'static, str>>| {
+            set.iter().all(|name| spec.signals.contains_key(&**name))
+        };
         let input_set = description.input_sets.iter().position(mapped);
         let input_set = input_set.expect("a specification that exists maps one set of inputs");
         let mut inputs = Vec::new();
@@ -220,10 +223,10 @@ impl<'m> SimulationRun<'m> {
             description
                 .states
                 .iter()
-                .map(|state| match spec.initial_state.get(state.name)? {
+                .map(|state| match spec.initial_state.get(&*state.name)? {
                     InitialStateSpec::Fixed(FixedValue { value }) => Some(*value),
                     InitialStateSpec::Number(value) => Some(*value),
-                    InitialStateSpec::Measured(_) => first(state.name),
+                    InitialStateSpec::Measured(_) => first(&state.name),
                     InitialStateSpec::Free(_) => None,
                 });
         Ok(Self {
@@ -263,7 +266,7 @@ impl<'m> SimulationRun<'m> {
         let described = self.model.description().outputs.iter();
         let signals = described
             .zip(outputs.into_iter().flatten())
-            .map(|(output, values)| Signal::new(output.name, output.unit, values));
+            .map(|(output, values)| Signal::new(&*output.name, &*output.unit, values));
         let instants = (0..self.samples).map(|k| self.from + k as f64 * self.sample_time);
         Ok(Recording::new(
             TimeAxis::Instants(instants.collect()),

@@ -11,22 +11,21 @@ use serde_json::Value;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use super::fault::Fault;
 use super::id::DatasetId;
 use crate::dataset::Summary;
+use crate::document::Fault;
 use crate::estimation::Settings;
 use crate::model::{InitialState, ModelDescription, Scale};
 
-pub mod document;
 mod experiment;
 mod method;
 mod parameter;
-mod reader;
+
 pub mod simulation;
 #[cfg(test)]
 mod tests;
 
-use reader::{Faults, Field, did_you_mean, listed};
+use crate::document::reader::{Faults, Field, did_you_mean, listed};
 
 /// The experiments of one job at the most.
 pub const MAX_EXPERIMENTS: usize = 32;
@@ -333,7 +332,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     Some(JobSpec {
         name,
         labels: labels.unwrap_or_default(),
-        model: model?.name.to_owned(),
+        model: model?.name.to_string(),
         experiments: experiments?,
         parameters: parameters?,
         outputs: outputs.unwrap_or_default(),
@@ -353,7 +352,7 @@ fn read_model<'m>(
     let name = field.text()?;
     let model = models.iter().copied().find(|model| model.name == name);
     if model.is_none() {
-        let names: Vec<&str> = models.iter().map(|model| model.name).collect();
+        let names: Vec<&str> = models.iter().map(|model| &*model.name).collect();
         let hint = did_you_mean(name, names.iter().copied());
         let name: String = name.chars().take(MAX_NAME_CHARS).collect();
         let detail = format!("there is no model `{name}`, only {}{hint}", listed(&names));
@@ -424,7 +423,7 @@ fn check_output(
     let Some(model) = model else {
         return;
     };
-    let known = || model.outputs.iter().map(|output| output.name);
+    let known = || model.outputs.iter().map(|output| &*output.name);
     if !known().any(|output| output == name) {
         let names: Vec<&str> = known().collect();
         let hint = did_you_mean(name, known());
@@ -480,7 +479,7 @@ fn anything_free(
         model
             .states
             .iter()
-            .any(|state| match experiment.initial_state.get(state.name) {
+            .any(|state| match experiment.initial_state.get(&*state.name) {
                 Some(said) => matches!(said, InitialStateSpec::Free(_)),
                 None => state.initial != InitialState::Model,
             })

@@ -15,6 +15,7 @@ pub use parameter::{
 use crate::simulation::batch::{Plant, PlantOf};
 use crate::simulation::dynamics::Dynamics;
 use serde::Serialize;
+use std::borrow::Cow;
 use std::sync::Arc;
 use utoipa::ToSchema;
 
@@ -22,15 +23,19 @@ use utoipa::ToSchema;
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct ModelDescription {
     /// The name in requests, e.g. `single_rod_servo`.
-    pub name: &'static str,
+    #[schema(value_type = String)]
+    pub name: Cow<'static, str>,
     /// The name for people.
-    pub title: &'static str,
+    #[schema(value_type = String)]
+    pub title: Cow<'static, str>,
     /// What the model covers and what it leaves out.
-    pub summary: &'static str,
+    #[schema(value_type = String)]
+    pub summary: Cow<'static, str>,
     /// The inputs.
     pub inputs: Vec<SignalDescription>,
     /// Sets of inputs that can drive the model, preferred ones first; a job uses one set.
-    pub input_sets: Vec<Vec<&'static str>>,
+    #[schema(value_type = Vec<Vec<String>>)]
+    pub input_sets: Vec<Vec<Cow<'static, str>>>,
     /// The states, in the order of integration.
     pub states: Vec<StateDescription>,
     /// The outputs that can be measured.
@@ -38,9 +43,11 @@ pub struct ModelDescription {
     /// The parameters.
     pub parameters: Vec<ParameterDescription>,
     /// The equations, a line each.
-    pub equations: Vec<&'static str>,
+    #[schema(value_type = Vec<String>)]
+    pub equations: Vec<Cow<'static, str>>,
     /// Where the equations come from.
-    pub source: &'static str,
+    #[schema(value_type = String)]
+    pub source: Cow<'static, str>,
 }
 
 impl ModelDescription {

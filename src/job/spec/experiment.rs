@@ -2,12 +2,12 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::reader::{Field, Object, did_you_mean, listed};
 use super::{
     ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec, MAX_EXPERIMENTS,
     StateRange, WindowSpec,
 };
 use crate::dataset::Summary;
+use crate::document::reader::{Field, Object, did_you_mean, listed};
 use crate::job::id::DatasetId;
 use crate::model::{ModelDescription, SignalDescription};
 
@@ -148,7 +148,7 @@ impl Link<'_> {
     }
 
     fn no_measured_output(&self) -> String {
-        let names: Vec<&str> = self.model.outputs.iter().map(|o| o.name).collect();
+        let names: Vec<&str> = self.model.outputs.iter().map(|o| &*o.name).collect();
         format!(
             "no output is measured: {} of `{}` must be recorded",
             listed(&names),
@@ -159,8 +159,8 @@ impl Link<'_> {
     /// The model's inputs and outputs that the recording has under the same name.
     fn of_equal_names(&self) -> BTreeMap<String, String> {
         self.model_signals()
-            .filter(|signal| self.recorded(signal.name) && self.unit_fits(signal, signal.name))
-            .map(|signal| (signal.name.to_owned(), signal.name.to_owned()))
+            .filter(|signal| self.recorded(&signal.name) && self.unit_fits(signal, &signal.name))
+            .map(|signal| (signal.name.to_string(), signal.name.to_string()))
             .collect()
     }
 
@@ -171,7 +171,7 @@ impl Link<'_> {
         for (name, field) in entries {
             let signal = self.model_signals().find(|signal| signal.name == name);
             if signal.is_none() {
-                let hint = did_you_mean(name, self.model_signals().map(|signal| signal.name));
+                let hint = did_you_mean(name, self.model_signals().map(|signal| &*signal.name));
                 let detail = format!("`{}` has no signal of this name{hint}", self.model.name);
                 field.fault("unknown_model_signal", detail);
             }
@@ -227,10 +227,10 @@ impl Link<'_> {
     }
 
     /// The first of the model's input sets that is fully there.
-    fn inputs(&self, named: &BTreeMap<String, String>) -> Option<Vec<&'static str>> {
+    fn inputs(&self, named: &BTreeMap<String, String>) -> Option<Vec<&str>> {
         let mut sets = self.model.input_sets.iter();
-        sets.find(|set| set.iter().all(|input| named.contains_key(*input)))
-            .cloned()
+        sets.find(|set| set.iter().all(|input| named.contains_key(&**input)))
+            .map(|set| set.iter().map(|input| &**input).collect())
     }
 
     fn inputs_missing(&self) -> String {
@@ -295,7 +295,7 @@ pub(super) fn read_initial_state(
     let mut states = BTreeMap::new();
     for (name, field) in field.object().map(|o| o.entries()).unwrap_or_default() {
         if !model.states.iter().any(|state| state.name == name) {
-            let names: Vec<&str> = model.states.iter().map(|state| state.name).collect();
+            let names: Vec<&str> = model.states.iter().map(|state| &*state.name).collect();
             let hint = did_you_mean(name, names.iter().copied());
             let detail = format!(
                 "the states of `{}` are {}{hint}",
