@@ -26,6 +26,16 @@ impl Faults {
         self.0.borrow_mut().push(Fault::new(pointer, code, detail));
     }
 
+    /// Records a fault that is spelled out already.
+    pub fn push(&self, fault: Fault) {
+        self.0.borrow_mut().push(fault);
+    }
+
+    /// How many faults there are.
+    pub fn count(&self) -> usize {
+        self.0.borrow().len()
+    }
+
     /// All faults, in the order in which they were found.
     pub fn into_vec(self) -> Vec<Fault> {
         self.0.into_inner()

@@ -15,7 +15,7 @@ use super::id::DatasetId;
 use crate::dataset::Summary;
 use crate::document::Fault;
 use crate::estimation::Settings;
-use crate::model::{InitialState, ModelDescription, Scale};
+use crate::model::{ModelDescription, Scale};
 
 mod experiment;
 mod method;
@@ -481,7 +481,7 @@ fn anything_free(
             .iter()
             .any(|state| match experiment.initial_state.get(&*state.name) {
                 Some(said) => matches!(said, InitialStateSpec::Free(_)),
-                None => state.initial != InitialState::Model,
+                None => state.initial.is_estimated(),
             })
     };
     let mut said = parameters.values();

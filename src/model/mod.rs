@@ -5,6 +5,7 @@
 
 mod parameter;
 
+pub mod document;
 pub mod positioning_drive;
 pub mod single_rod_servo;
 
@@ -98,6 +99,15 @@ impl Model {
                 dynamics,
                 n_outputs,
             }),
+        }
+    }
+
+    /// Joins a description and a plant of any kind.
+    #[must_use]
+    pub fn of_plant(description: ModelDescription, plant: impl Plant + 'static) -> Model {
+        Model {
+            description,
+            plant: Box::new(plant),
         }
     }
 

@@ -151,6 +151,11 @@ pub struct SignalDescription {
 pub enum InitialState {
     /// Where the model puts it: a fixed number or what follows from the parameters.
     Model,
+    /// At the first measured sample of an output.
+    FirstSample {
+        /// The output, by its place in the description.
+        output: usize,
+    },
     /// Estimated near the first samples of the output that measures it.
     EstimatedFromOutput {
         /// The output, by its place in the description.
@@ -172,6 +177,17 @@ impl SignalDescription {
             unit: Cow::Borrowed(unit),
             meaning: Cow::Borrowed(meaning),
         }
+    }
+}
+
+impl InitialState {
+    /// Whether the initial value is one more unknown.
+    #[must_use]
+    pub fn is_estimated(self) -> bool {
+        matches!(
+            self,
+            InitialState::EstimatedFromOutput { .. } | InitialState::EstimatedFromSlope { .. }
+        )
     }
 }
 

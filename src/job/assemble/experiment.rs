@@ -216,6 +216,7 @@ impl Cutter<'_> {
                     });
                 }
                 None => {
+                    experiment.initial_state[state] = first_sample(description.initial, series);
                     let range = default_range(description.initial, series, experiment.sample_time);
                     free.extend(range.map(|(lower, upper)| FreeState {
                         state,
@@ -248,6 +249,17 @@ fn first_present(values: &[f64]) -> Option<f64> {
     values.iter().copied().find(|value| !value.is_nan())
 }
 
+/// The first measured sample, where the model starts there.
+fn first_sample<'a>(
+    initial: InitialState,
+    series: impl Fn(usize) -> Option<&'a [f64]>,
+) -> Option<f64> {
+    match initial {
+        InitialState::FirstSample { output } => first_present(series(output)?),
+        _ => None,
+    }
+}
+
 /// Where an initial value is looked for when the job does not say; none where the model knows it.
 fn default_range<'a>(
     initial: InitialState,
@@ -255,7 +267,7 @@ fn default_range<'a>(
     sample_time: f64,
 ) -> Option<(f64, f64)> {
     match initial {
-        InitialState::Model => None,
+        InitialState::Model | InitialState::FirstSample { .. } => None,
         InitialState::EstimatedFromOutput { output } => range_of_start(series(output)?),
         InitialState::EstimatedFromSlope { output } => range_of_slope(series(output)?, sample_time),
     }
