@@ -35,6 +35,7 @@ pub use settings::Settings;
 pub use stop_reason::StopReason;
 
 use objective::Objective;
+use rayon::prelude::*;
 use refine::Descent;
 use search::Search;
 use serde::{Deserialize, Serialize};
@@ -230,27 +231,60 @@ impl Estimation {
         stop: &AtomicBool,
         observer: &mut dyn Observer,
     ) -> Advance {
-        let refine = self.settings.refine;
-        let open = self
-            .descents
-            .iter_mut()
-            .find(|descent| refine && descent.end.is_none());
-        let Some(descent) = open else {
+        if !self.settings.refine {
             self.phase = Phase::Analyse;
             return Advance::Finished;
-        };
-        let (iterations, evaluations) = (descent.iterations, descent.evaluations);
-        if !descent.iterate(problem, &self.objective, stop) {
-            return Advance::Interrupted;
         }
-        let progressed = descent.iterations > iterations;
-        self.search.state.counters.evaluations += descent.evaluations - evaluations;
-        self.search.state.counters.distinct_evaluations += descent.evaluations - evaluations;
-        if let (true, Some(cost)) = (progressed, self.best_cost()) {
-            let iteration = self.descents.iter().map(|descent| descent.iterations).sum();
+        if self.descents.iter().all(|descent| descent.end.is_some()) && !self.polish_best() {
+            self.phase = Phase::Analyse;
+            return Advance::Finished;
+        }
+        // Side by side, because one alone does not fill the cores. All or none, so that a unit
+        // that was interrupted leaves no trace.
+        let iterate = |descent: &Descent| {
+            let mut next = descent.clone();
+            let done = next.end.is_some() || next.iterate(problem, &self.objective, stop);
+            done.then_some(next)
+        };
+        let Some(next) = self
+            .descents
+            .par_iter()
+            .map(iterate)
+            .collect::<Option<Vec<_>>>()
+        else {
+            return Advance::Interrupted;
+        };
+        let totals = |descents: &[Descent]| {
+            let iterations: u32 = descents.iter().map(|descent| descent.iterations).sum();
+            let evaluations: u64 = descents.iter().map(|descent| descent.evaluations).sum();
+            (iterations, evaluations)
+        };
+        let (before, after) = (totals(&self.descents), totals(&next));
+        self.descents = next;
+        self.search.state.counters.evaluations += after.1 - before.1;
+        self.search.state.counters.distinct_evaluations += after.1 - before.1;
+        if let (true, Some(cost)) = (after.0 > before.0, self.best_cost()) {
+            let iteration = after.0;
             observer.refinement(&RefinementRow { iteration, cost });
         }
         Advance::Working
+    }
+
+    /// Takes the lowest descent up again, simulated finely; false where that is done, or none is
+    /// left that could be.
+    fn polish_best(&mut self) -> bool {
+        let is_done = |descent: &Descent| descent.is_polished() && descent.cost.is_some();
+        if self.descents.iter().any(is_done) {
+            return false;
+        }
+        let coarse = self
+            .descents
+            .iter_mut()
+            .filter(|descent| !descent.is_polished());
+        let lowest = coarse
+            .filter(|descent| descent.cost.is_some())
+            .min_by(|a, b| lowest_first(a, b));
+        lowest.map(Descent::polish).is_some()
     }
 
     /// What the run is doing.
@@ -287,15 +321,23 @@ impl Estimation {
 
     /// The lowest cost so far.
     fn best_cost(&self) -> Option<f64> {
-        let refined = self.descents.iter().filter_map(|descent| descent.cost);
-        let best = refined.fold(f64::INFINITY, f64::min);
+        let best = self.best_descent().and_then(|descent| descent.cost);
         let found = self
             .search
             .state
             .leaders
             .first()
             .map(|champion| champion.cost);
-        if best.is_finite() { Some(best) } else { found }
+        best.or(found)
+    }
+
+    /// The descent that stands for the estimate.
+    fn best_descent(&self) -> Option<&Descent> {
+        let refined = self
+            .descents
+            .iter()
+            .filter(|descent| descent.cost.is_some());
+        refined.min_by(|a, b| lowest_first(a, b))
     }
 
     /// Lays the run down.
@@ -313,15 +355,7 @@ impl Estimation {
     /// it had finished. None before any candidate could be simulated.
     #[must_use]
     pub fn report(&self, problem: &Problem, stopped: Option<StopReason>) -> Option<Report> {
-        let refined = self
-            .descents
-            .iter()
-            .filter(|descent| descent.cost.is_some());
-        let best = refined.min_by(|a, b| {
-            let cost = |descent: &Descent| descent.cost.unwrap_or(f64::INFINITY);
-            cost(a).total_cmp(&cost(b))
-        });
-        let positions = match best {
+        let positions = match self.best_descent() {
             Some(descent) => descent.positions.clone(),
             None => self
                 .search
@@ -329,4 +363,11 @@ impl Estimation {
         };
         Some(Report::new(problem, self, positions, stopped))
     }
+}
+
+/// A descent that is polished stands before those that are not, whose costs are less accurate.
+fn lowest_first(a: &Descent, b: &Descent) -> std::cmp::Ordering {
+    let cost = |descent: &Descent| descent.cost.unwrap_or(f64::INFINITY);
+    let polished = b.is_polished().cmp(&a.is_polished());
+    polished.then(cost(a).total_cmp(&cost(b)))
 }

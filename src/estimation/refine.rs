@@ -5,7 +5,8 @@
 //! together and the best of them is taken (K. Levenberg 1944, D. W. Marquardt 1963; the form
 //! with a triangle instead of normal equations after J. J. Moré, "The Levenberg–Marquardt
 //! algorithm", Lecture Notes in Mathematics 630, 1978). A coordinate that stands at a bound and
-//! is drawn beyond it is held there for the step.
+//! is drawn beyond it is held there for the step. A descent goes down coarsely simulated first;
+//! the one that came lowest is then polished, simulated finely.
 
 use super::objective::Objective;
 use super::problem::Problem;
@@ -18,10 +19,15 @@ use std::sync::atomic::AtomicBool;
 
 /// Iterations at the most from one start.
 pub const LARGEST_ITERATION_COUNT: u32 = 60;
-/// A descent ends when an iteration gains less than this share of the cost ...
-const SMALLEST_GAIN: f64 = 1e-10;
-/// ... or moves no coordinate by more than this share of its range.
-const SMALLEST_MOVE: f64 = 1e-9;
+/// A descent ends when an iteration gains less than this share of the cost, or moves no
+/// coordinate by more than this share of its range. A coarse descent need not come closer to its
+/// minimum than its simulation is to the truth.
+fn smallest_progress(accuracy: Accuracy) -> (f64, f64) {
+    match accuracy {
+        Accuracy::Screening => (1e-5, 1e-6),
+        Accuracy::Full => (1e-7, 1e-9),
+    }
+}
 /// The dampings that are tried, relative to the last good one.
 const DAMPING_FACTORS: [f64; 8] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e4];
 const FIRST_DAMPING: f64 = 1e-3;
@@ -45,6 +51,7 @@ pub struct Linearisation {
 pub fn linearise(
     problem: &Problem,
     positions: &[f64],
+    accuracy: Accuracy,
     stop: &AtomicBool,
 ) -> Result<Linearisation, SensitivityError> {
     let columns = positions.len();
@@ -56,7 +63,7 @@ pub fn linearise(
         triangle.push(&DMatrix::from_row_slice(rows, columns + 1, gathered));
         gathered.clear();
     };
-    sensitivity::visit_rows(problem, positions, stop, |row| {
+    sensitivity::visit_rows(problem, positions, accuracy, stop, |row| {
         gathered.extend_from_slice(row.derivatives);
         gathered.push(row.residual);
         sum += row.residual * row.residual;
@@ -125,6 +132,9 @@ pub struct Descent {
     pub evaluations: u64,
     /// Why it ended, if it did.
     pub end: Option<DescentEnd>,
+    /// The cost where the coarse descent ended: what descents are compared by.
+    pub coarse_cost: Option<f64>,
+    accuracy: Accuracy,
     damping: f64,
 }
 
@@ -140,13 +150,28 @@ impl Descent {
             iterations: 0,
             evaluations: 0,
             end: None,
+            coarse_cost: None,
+            accuracy: Accuracy::Screening,
             damping: FIRST_DAMPING,
         }
     }
 
+    /// Whether it is simulated finely.
+    #[must_use]
+    pub fn is_polished(&self) -> bool {
+        self.accuracy == Accuracy::Full
+    }
+
+    /// Lets it go on, simulated finely.
+    pub fn polish(&mut self) {
+        self.accuracy = Accuracy::Full;
+        self.coarse_cost = self.cost.take();
+        self.end = None;
+    }
+
     /// One iteration. Answers false, with nothing changed, when `stop` was raised.
     pub fn iterate(&mut self, problem: &Problem, objective: &Objective, stop: &AtomicBool) -> bool {
-        let linearisation = match linearise(problem, &self.positions, stop) {
+        let linearisation = match linearise(problem, &self.positions, self.accuracy, stop) {
             Ok(linearisation) => linearisation,
             Err(SensitivityError::Interrupted) => return false,
             Err(SensitivityError::Failed(_)) => {
@@ -156,7 +181,7 @@ impl Descent {
         };
         let trials = trial_steps(&linearisation, &self.positions, self.damping);
         let candidates: Vec<Vec<f64>> = trials.iter().map(|(_, moved)| moved.clone()).collect();
-        let Some(evaluations) = objective.evaluate(problem, &candidates, Accuracy::Full, stop)
+        let Some(evaluations) = objective.evaluate(problem, &candidates, self.accuracy, stop)
         else {
             return false;
         };
@@ -184,7 +209,8 @@ impl Descent {
         self.positions = moved;
         self.cost = Some(evaluation.cost);
         self.damping = damping;
-        if before - evaluation.cost < SMALLEST_GAIN * before || distance < SMALLEST_MOVE {
+        let (gain, shift) = smallest_progress(self.accuracy);
+        if before - evaluation.cost < gain * before || distance < shift {
             self.end = Some(DescentEnd::Converged);
         } else if self.iterations >= LARGEST_ITERATION_COUNT {
             self.end = Some(DescentEnd::IterationLimit);

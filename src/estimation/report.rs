@@ -33,7 +33,9 @@ pub struct Report {
 pub struct Refinement {
     /// The cost where it started.
     pub start_cost: Option<f64>,
-    /// The cost where it ended.
+    /// The cost where it ended, coarsely simulated: what the starts are compared by.
+    pub coarse_cost: Option<f64>,
+    /// The cost where it ended; finely simulated for the one that was polished.
     pub cost: Option<f64>,
     /// The value of each coordinate where it ended, SI.
     pub values: Vec<f64>,
@@ -68,6 +70,7 @@ impl Report {
                 .iter()
                 .map(|descent| Refinement {
                     start_cost: descent.start_cost,
+                    coarse_cost: descent.coarse_cost.or(descent.cost),
                     cost: descent.cost,
                     values: problem.values(&descent.positions),
                     iterations: descent.iterations,

@@ -288,7 +288,8 @@ impl Search {
             return Some(None);
         }
         let positions = self.encoding.decode(&population[best]);
-        let linearisation = match refine::linearise(problem, &positions, stop) {
+        let linearisation = match refine::linearise(problem, &positions, Accuracy::Screening, stop)
+        {
             Ok(linearisation) => linearisation,
             Err(super::sensitivity::SensitivityError::Interrupted) => return None,
             Err(super::sensitivity::SensitivityError::Failed(_)) => return Some(None),

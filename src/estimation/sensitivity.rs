@@ -47,12 +47,13 @@ pub enum SensitivityError {
 pub fn visit_rows(
     problem: &Problem,
     positions: &[f64],
+    accuracy: Accuracy,
     stop: &AtomicBool,
     mut visit: impl FnMut(Row<'_>),
 ) -> Result<(), SensitivityError> {
     let shifts: Vec<(f64, f64)> = positions.iter().map(|z| shifts(*z)).collect();
     let candidates = shifted_candidates(positions, &shifts);
-    let recorded = record(problem, &candidates, stop)?;
+    let recorded = record(problem, &candidates, accuracy, stop)?;
     let mut derivatives = vec![0.0; positions.len()];
     for (experiment, sample, output) in places(problem) {
         let measured = problem.experiments[experiment].measured[output][sample];
@@ -132,6 +133,7 @@ impl Columns {
 fn record(
     problem: &Problem,
     candidates: &[Vec<f64>],
+    accuracy: Accuracy,
     stop: &AtomicBool,
 ) -> Result<Vec<Columns>, SensitivityError> {
     let spelled = Spelled::new(
@@ -139,7 +141,7 @@ fn record(
         candidates,
         Some(problem.resolved_rate(&candidates[0])),
     );
-    let runs = spelled.runs(problem, Extent::Estimation, Accuracy::Full);
+    let runs = spelled.runs(problem, Extent::Estimation, accuracy);
     let recorder = |run: usize| Recorder {
         chosen: problem.outputs.iter().map(|output| output.index).collect(),
         n_outputs: problem.model.description().outputs.len(),

@@ -247,7 +247,7 @@ pub struct SearchReport {
 pub struct StartReport {
     /// The cost where it started.
     pub initial_cost: Option<f64>,
-    /// The cost where it ended.
+    /// The cost where its coarse descent ended: what the starts are compared by.
     pub cost: Option<f64>,
     /// Where it ended, SI.
     pub parameters: BTreeMap<String, f64>,

@@ -6,7 +6,7 @@
 
 use super::dynamics::{Dynamics, SampledInputs};
 use super::explicit::{self, LARGEST_STEP_TIMES_RATE, Steps};
-use super::lanes::{LANES, Lanes, Real, RealArray};
+use super::lanes::{LANES, Lanes, Real, RealArray, lane_of, set_lane_of};
 use super::{BlockSimulator, Candidate, Excitation, Failure, stiff};
 
 /// Derivatives that one candidate may spend in the stiff method over a whole recording. A count
@@ -182,7 +182,16 @@ impl<'a, D: Dynamics> Block<'a, D> {
     fn integrate_segment(&mut self, segment: &Segment<D>) {
         let start = self.state;
         let Segment { held, steps } = segment;
-        self.state = explicit::integrate(self.dynamics, &self.constants, held, &start, steps);
+        self.state = explicit::integrate(
+            self.dynamics,
+            &explicit::Constants {
+                wide: &self.constants,
+                single: &self.lane_constants,
+            },
+            held,
+            &start,
+            steps,
+        );
         let steps_taken: u64 = steps.count.iter().map(|&count| u64::from(count)).sum();
         self.explicit_evaluations += explicit::STAGES as u64 * steps_taken;
         let rate_before = self.dynamics.local_rate(&self.constants, held, &start);
@@ -243,7 +252,11 @@ impl<'a, D: Dynamics> Block<'a, D> {
             return Err(Failure::OutOfRange);
         }
         let duration = segment.steps.length.0[lane] * f64::from(segment.steps.count[lane]);
-        let stretch = stiff::integrate(self.dynamics, constants, &held, &start, duration)?;
+        let span = stiff::Span {
+            duration,
+            tolerance: self.excitation.accuracy.stiff_tolerance(),
+        };
+        let stretch = stiff::integrate(self.dynamics, constants, &held, &start, span)?;
         self.stiff_evaluations[lane] += stretch.derivative_evaluations;
         if self.stiff_evaluations[lane] > STIFF_BUDGET {
             return Err(Failure::StepBudget);
@@ -331,20 +344,6 @@ impl<D: Dynamics> Delay<D> {
                 steps: self.after,
             },
         ]
-    }
-}
-
-fn lane_of<W: RealArray<Lanes>, S: RealArray<f64>>(wide: &W, lane: usize) -> S {
-    let mut single = S::zeros();
-    for (value, lanes) in single.as_mut().iter_mut().zip(wide.as_ref()) {
-        *value = lanes.0[lane];
-    }
-    single
-}
-
-fn set_lane_of<W: RealArray<Lanes>, S: RealArray<f64>>(wide: &mut W, lane: usize, single: &S) {
-    for (lanes, value) in wide.as_mut().iter_mut().zip(single.as_ref()) {
-        lanes.0[lane] = *value;
     }
 }
 

@@ -6,7 +6,7 @@
 
 use super::Accuracy;
 use super::dynamics::Dynamics;
-use super::lanes::{LANES, Lanes, Real, RealArray};
+use super::lanes::{LANES, Lanes, Real, RealArray, lane_of, set_lane_of};
 
 /// Where a step times the local rate exceeds this, the explicit method is no longer trusted (its
 /// stability ends at 2.78 on the real axis) and the sample is integrated by the stiff method.
@@ -73,13 +73,13 @@ impl Steps {
     }
 }
 
-/// Takes every lane's steps. A step in which a switch of the plant changes its sign, so that the
-/// equations have a kink there, is taken anew in two parts that meet near the kink: the method
-/// keeps its order. Lanes without a kink keep the whole step.
+/// Takes every lane's steps. A lane in whose step a switch of the plant changes its sign, so that
+/// the equations have a kink there, takes that step anew, alone, in two parts that meet near the
+/// kink: the method keeps its order.
 #[inline(always)]
 pub fn integrate<D: Dynamics>(
     dynamics: &D,
-    constants: &D::Constants<Lanes>,
+    constants: &Constants<'_, D>,
     held: &D::Held<Lanes>,
     state: &D::State<Lanes>,
     steps: &Steps,
@@ -87,106 +87,112 @@ pub fn integrate<D: Dynamics>(
     let together = steps.count.iter().copied().min().unwrap_or(0);
     let at_most = steps.count.iter().copied().max().unwrap_or(0);
     let mut state = *state;
-    let mut switches = dynamics.switches(constants, held, &state);
-    let mut leg = Leg::Whole;
-    let mut start = state;
-    let mut length = steps.length;
-    let mut taken = 0;
-    while taken < at_most {
-        // The only place where the equations are evaluated, so that they are compiled once.
-        let mut next = runge_kutta(dynamics, constants, held, &start, length);
-        match leg {
-            Leg::Whole => {
-                let after = dynamics.switches(constants, held, &next);
-                if let Some(kink) = Kink::between(&switches, &after) {
-                    length = steps.length * kink.share;
-                    leg = Leg::First { kink, whole: next };
-                    continue;
-                }
-            }
-            Leg::First { kink, whole } => {
-                start = next;
-                length = steps.length - length;
-                leg = Leg::Second { kink, whole };
-                continue;
-            }
-            Leg::Second { kink, whole } => {
-                replace_lanes(&mut next, &whole, |lane| !kink.is_in[lane]);
-            }
+    let mut switches = dynamics.switches(constants.wide, held, &state);
+    for taken in 0..at_most {
+        let mut next = runge_kutta(dynamics, constants.wide, held, &state, steps.length);
+        let after = dynamics.switches(constants.wide, held, &next);
+        if crosses(&switches, &after) {
+            let kinked = Kinked {
+                held,
+                state: &state,
+                before: &switches,
+                after: &after,
+                steps,
+                taken,
+            };
+            kinked.take_anew(dynamics, constants.single, &mut next);
+            switches = dynamics.switches(constants.wide, held, &next);
+        } else {
+            switches = after;
         }
         if taken < together {
             state = next;
         } else {
             replace_lanes(&mut state, &next, |lane| taken < steps.count[lane]);
+            switches = dynamics.switches(constants.wide, held, &state);
         }
-        taken += 1;
-        switches = dynamics.switches(constants, held, &state);
-        start = state;
-        length = steps.length;
-        leg = Leg::Whole;
     }
     state
 }
 
+/// A candidate's constants, side by side and one by one.
+pub struct Constants<'a, D: Dynamics> {
+    /// For the equations over all lanes.
+    pub wide: &'a D::Constants<Lanes>,
+    /// For those over one.
+    pub single: &'a [D::Constants<f64>; LANES],
+}
+
 #[inline(always)]
-fn runge_kutta<D: Dynamics>(
+fn runge_kutta<D: Dynamics, R: Real>(
     dynamics: &D,
-    constants: &D::Constants<Lanes>,
-    held: &D::Held<Lanes>,
-    state: &D::State<Lanes>,
-    length: Lanes,
-) -> D::State<Lanes> {
+    constants: &D::Constants<R>,
+    held: &D::Held<R>,
+    state: &D::State<R>,
+    length: R,
+) -> D::State<R> {
     let mut next = *state;
-    let mut slope = D::State::<Lanes>::zeros();
+    let mut slope = D::State::<R>::zeros();
     for stage in &TABLEAU {
-        let point = state.plus_scaled(length * Lanes::splat(stage.point), &slope);
+        let point = state.plus_scaled(length * R::splat(stage.point), &slope);
         slope = dynamics.derivative(constants, held, &point);
-        next = next.plus_scaled(length * Lanes::splat(stage.weight), &slope);
+        next = next.plus_scaled(length * R::splat(stage.weight), &slope);
     }
     next
 }
 
-/// Which part of a step is being taken.
-enum Leg<S> {
-    Whole,
-    First { kink: Kink, whole: S },
-    Second { kink: Kink, whole: S },
-}
-
-/// Where in a step the first switch changes its sign.
-#[derive(Clone, Copy)]
-struct Kink {
-    is_in: [bool; LANES],
-    /// The part of the step before the kink, by linear interpolation; 1 in lanes without one.
-    share: Lanes,
-}
-
-impl Kink {
-    #[inline(always)]
-    fn between<W: RealArray<Lanes>>(before: &W, after: &W) -> Option<Kink> {
-        let mut lowest = Lanes::splat(0.0);
-        for (before, after) in before.as_ref().iter().zip(after.as_ref()) {
-            lowest = Real::min(*before * *after, lowest);
-        }
-        lowest
-            .any(|product| product < 0.0)
-            .then(|| Kink::locate(before, after))
+/// Whether a switch changes its sign in at least one lane.
+#[inline(always)]
+fn crosses<W: RealArray<Lanes>>(before: &W, after: &W) -> bool {
+    let mut lowest = Lanes::splat(0.0);
+    for (before, after) in before.as_ref().iter().zip(after.as_ref()) {
+        lowest = Real::min(*before * *after, lowest);
     }
+    lowest.any(|product| product < 0.0)
+}
 
+/// A step in which at least one lane has a kink.
+struct Kinked<'a, D: Dynamics> {
+    held: &'a D::Held<Lanes>,
+    state: &'a D::State<Lanes>,
+    before: &'a D::Switches<Lanes>,
+    after: &'a D::Switches<Lanes>,
+    steps: &'a Steps,
+    /// Steps taken so far.
+    taken: u32,
+}
+
+impl<D: Dynamics> Kinked<'_, D> {
+    /// Replaces the lanes with a kink in `next`.
     #[inline(never)]
-    fn locate<W: RealArray<Lanes>>(before: &W, after: &W) -> Kink {
-        let mut kink = Kink {
-            is_in: [false; LANES],
-            share: Lanes::splat(1.0),
-        };
-        for (before, after) in before.as_ref().iter().zip(after.as_ref()) {
-            for lane in (0..LANES).filter(|&lane| before.0[lane] * after.0[lane] < 0.0) {
-                let share = before.0[lane] / (before.0[lane] - after.0[lane]);
-                kink.is_in[lane] = true;
-                kink.share.0[lane] = kink.share.0[lane].min(share);
+    fn take_anew(
+        &self,
+        dynamics: &D,
+        constants: &[D::Constants<f64>; LANES],
+        next: &mut D::State<Lanes>,
+    ) {
+        for (lane, constants) in constants.iter().enumerate() {
+            let share = self.share_before(lane);
+            if share < 1.0 && self.taken < self.steps.count[lane] {
+                let held: D::Held<f64> = lane_of(self.held, lane);
+                let start: D::State<f64> = lane_of(self.state, lane);
+                let length = self.steps.length.0[lane];
+                let first = length * share;
+                let middle = runge_kutta(dynamics, constants, &held, &start, first);
+                let end = runge_kutta(dynamics, constants, &held, &middle, length - first);
+                set_lane_of(next, lane, &end);
             }
         }
-        kink
+    }
+
+    /// The part of the step before a lane's first kink, by linear interpolation; 1 without one.
+    fn share_before(&self, lane: usize) -> f64 {
+        let switches = self.before.as_ref().iter().zip(self.after.as_ref());
+        let crossed = switches
+            .map(|(before, after)| (before.0[lane], after.0[lane]))
+            .filter(|(before, after)| before * after < 0.0)
+            .map(|(before, after)| before / (before - after));
+        crossed.fold(1.0, f64::min)
     }
 }
 

@@ -286,6 +286,22 @@ impl<R: Real, const N: usize> RealArray<R> for [R; N] {
     }
 }
 
+/// One lane of each number.
+pub fn lane_of<W: RealArray<Lanes>, S: RealArray<f64>>(wide: &W, lane: usize) -> S {
+    let mut single = S::zeros();
+    for (value, lanes) in single.as_mut().iter_mut().zip(wide.as_ref()) {
+        *value = lanes.0[lane];
+    }
+    single
+}
+
+/// Replaces one lane of each number.
+pub fn set_lane_of<W: RealArray<Lanes>, S: RealArray<f64>>(wide: &mut W, lane: usize, single: &S) {
+    for (lanes, value) in wide.as_mut().iter_mut().zip(single.as_ref()) {
+        lanes.0[lane] = *value;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

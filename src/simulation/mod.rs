@@ -18,9 +18,10 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 /// How finely a simulation resolves a candidate's fastest rate.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Accuracy {
-    /// Fine enough to rank candidates.
+    /// Fine enough to rank candidates: the servo's position within 2 µm rms.
     Screening,
     /// Fine enough to estimate from: the servo's position within 0.1 µm of the trajectories in
     /// `tests/known_answers`.
@@ -33,8 +34,17 @@ impl Accuracy {
     #[must_use]
     pub fn step_times_rate(self) -> f64 {
         match self {
-            Accuracy::Screening => 0.33,
+            Accuracy::Screening => 0.8,
             Accuracy::Full => 0.15,
+        }
+    }
+
+    /// Error of one step of the stiff method, against the larger of the state and its scale `[1]`.
+    #[must_use]
+    pub fn stiff_tolerance(self) -> f64 {
+        match self {
+            Accuracy::Screening => 1e-5,
+            Accuracy::Full => 1e-8,
         }
     }
 }

@@ -10,9 +10,6 @@ use super::dynamics::Dynamics;
 use super::lanes::{Real, RealArray};
 use nalgebra::{DMatrix, DVector};
 
-/// Relative error of one step, against the larger of the state and its scale.
-pub const TOLERANCE: f64 = 1e-8;
-
 /// Steps at the most over one stretch.
 pub const LARGEST_STEP_COUNT: u32 = 20_000;
 
@@ -30,6 +27,15 @@ const C: [[f64; 3]; 3] = [
 const B: [f64; 4] = [19.0 / 9.0, 0.5, 25.0 / 108.0, 125.0 / 108.0];
 const E: [f64; 4] = [17.0 / 54.0, 7.0 / 36.0, 0.0, 125.0 / 108.0];
 
+/// How far, and how finely.
+#[derive(Clone, Copy, Debug)]
+pub struct Span {
+    /// The time to cover `[s]`.
+    pub duration: f64,
+    /// Error of one step, against the larger of the state and its scale `[1]`.
+    pub tolerance: f64,
+}
+
 /// Where a stretch ended, and what it took.
 #[derive(Clone, Copy, Debug)]
 pub struct Stretch<S> {
@@ -39,7 +45,7 @@ pub struct Stretch<S> {
     pub derivative_evaluations: u64,
 }
 
-/// Integrates one candidate over `duration` with `held` unchanged.
+/// Integrates one candidate over a span with `held` unchanged.
 ///
 /// # Errors
 /// [`Failure::Diverged`] when a state is no longer finite, [`Failure::StepBudget`] when
@@ -49,8 +55,12 @@ pub fn integrate<D: Dynamics>(
     constants: &D::Constants<f64>,
     held: &D::Held<f64>,
     start: &D::State<f64>,
-    duration: f64,
+    span: Span,
 ) -> Result<Stretch<D::State<f64>>, Failure> {
+    let Span {
+        duration,
+        tolerance,
+    } = span;
     let mut state = *start;
     let mut elapsed = 0.0;
     let mut length = duration * 0.05;
@@ -62,8 +72,10 @@ pub fn integrate<D: Dynamics>(
         let taken = if last { remaining } else { length };
         let trial = rosenbrock_step(dynamics, constants, held, &state, taken);
         evaluations += n + 3;
-        let error = trial.as_ref().map_or(f64::INFINITY, |(_, error)| *error);
-        if let Some((next, error)) = trial
+        let error = trial
+            .as_ref()
+            .map_or(f64::INFINITY, |(_, error)| error / tolerance);
+        if let Some((next, _)) = trial
             && error <= 1.0
         {
             state = next;
@@ -89,7 +101,7 @@ pub fn integrate<D: Dynamics>(
     Err(Failure::StepBudget)
 }
 
-/// One step: the new state and its error as a multiple of the tolerance; none where the linear
+/// One step: the new state and its relative error; none where the linear
 /// system is singular or a number is not finite.
 fn rosenbrock_step<D: Dynamics>(
     dynamics: &D,
@@ -117,6 +129,7 @@ fn rosenbrock_step<D: Dynamics>(
     let factors = matrix.lu();
     let mut stages: [D::State<f64>; 4] = [D::State::<f64>::zeros(); 4];
     let mut rates = slope;
+    let mut solution = DVector::<f64>::zeros(n);
     for stage in 0..4 {
         if stage == 1 || stage == 2 {
             let mut point = *state;
@@ -129,7 +142,10 @@ fn rosenbrock_step<D: Dynamics>(
         for earlier in 0..stage {
             right = right.plus_scaled(C[stage - 1][earlier] / length, &stages[earlier]);
         }
-        let solution = factors.solve(&DVector::from_column_slice(right.as_ref()))?;
+        solution.copy_from_slice(right.as_ref());
+        if !factors.solve_mut(&mut solution) {
+            return None;
+        }
         stages[stage].as_mut().copy_from_slice(solution.as_slice());
     }
     let mut next = *state;
@@ -143,7 +159,7 @@ fn rosenbrock_step<D: Dynamics>(
         }
         next.as_mut()[row] += change;
         let size = Real::max(next.as_ref()[row].abs(), scale);
-        error = error.max((estimate / (TOLERANCE * size)).abs());
+        error = error.max((estimate / size).abs());
     }
     (error.is_finite() && next.as_ref().iter().all(|value| value.is_finite()))
         .then_some((next, error))

@@ -13,6 +13,7 @@ use super::residuals::ResidualReport;
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{self, SensitivityError};
 use crate::numerics::least_squares::Triangle;
+use crate::simulation::Accuracy;
 use nalgebra::{DMatrix, DVector};
 use std::sync::atomic::AtomicBool;
 
@@ -86,7 +87,7 @@ pub fn estimate(
         .map(|(output, report)| report.noise_std / output.residual_scale)
         .collect();
     let mut gathered = Gathered::new(positions.len(), problem.n_residuals());
-    sensitivity::visit_rows(problem, positions, stop, |row| {
+    sensitivity::visit_rows(problem, positions, Accuracy::Full, stop, |row| {
         gathered.add(row.derivatives, row.residual, 1.0 / noise[row.output]);
     })?;
     let Some((triangle, sums)) = gathered.finish() else {

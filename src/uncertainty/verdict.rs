@@ -232,12 +232,12 @@ fn check_validation(verdict: &mut Verdict, problem: &Problem, analysis: &Analysi
 }
 
 fn check_starts(verdict: &mut Verdict, report: &Report) {
-    let Some(lowest) = report.cost else { return };
     let starts: Vec<f64> = report
         .refinements
         .iter()
-        .filter_map(|start| start.cost)
+        .filter_map(|start| start.coarse_cost)
         .collect();
+    let lowest = starts.iter().copied().fold(f64::INFINITY, f64::min);
     let agreeing = starts
         .iter()
         .filter(|cost| **cost <= lowest * (1.0 + SAME_COST))

@@ -230,7 +230,7 @@ fn start_of(problem: &Problem, start: &Refinement) -> StartReport {
         .map(|coordinate| coordinate.name.clone());
     StartReport {
         initial_cost: start.start_cost.and_then(finite),
-        cost: start.cost.and_then(finite),
+        cost: start.coarse_cost.and_then(finite),
         parameters: names.zip(start.values.iter().copied()).collect(),
     }
 }

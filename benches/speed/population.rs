@@ -1,0 +1,196 @@
+//! Thirty candidates through recording A: the work of one generation.
+
+use super::{RUNS, SEED, shortest};
+use greybox::demo::{self, Demo};
+use greybox::model::{Catalogue, Model};
+use greybox::simulation::batch::{self, Run, Sink};
+use greybox::simulation::lanes::Lanes;
+use greybox::simulation::{Accuracy, Candidate, Excitation};
+use serde_json::{Value, json};
+use std::sync::atomic::AtomicBool;
+
+/// Candidates of a generation.
+const CANDIDATES: usize = 30;
+
+/// How far the candidates lie from the nominal rig, as a share.
+const SPREAD: f64 = 0.05;
+
+/// Steps in the reference that errors are measured against, as a share of a full-accuracy step.
+const FINER: f64 = 8.0;
+
+/// A step of this size over the fastest rate keeps the position within 0.1 µm rms.
+const TENTH_OF_A_MICROMETRE: f64 = 0.388;
+
+/// Keeps the position of every lane.
+struct Positions(Vec<Lanes>);
+
+impl Sink for Positions {
+    fn consume(&mut self, _first_sample: usize, outputs: &[Lanes]) {
+        self.0.extend(outputs.chunks_exact(N_OUTPUTS).map(|row| row[0]));
+    }
+}
+
+/// Outputs of the servo, the position first.
+const N_OUTPUTS: usize = 4;
+
+struct Bench {
+    model: std::sync::Arc<Model>,
+    reference: Vec<Vec<f64>>,
+    sample_time: f64,
+}
+
+struct Work<'a> {
+    candidates: &'a [Vec<f64>],
+    samples: usize,
+    /// Step times rate.
+    step: f64,
+}
+
+impl Bench {
+    fn new() -> Bench {
+        let recording = demo::recording(Demo::A, SEED);
+        let models = Catalogue::built_in();
+        let reference = recording
+            .signals
+            .iter()
+            .find(|signal| signal.name == "reference")
+            .expect("recording A holds the reference");
+        Bench {
+            model: models
+                .get("single_rod_servo")
+                .expect("a built-in model")
+                .clone(),
+            reference: vec![reference.values.clone()],
+            sample_time: demo::SAMPLE_TIME,
+        }
+    }
+
+    /// Candidates about the nominal rig, spread evenly and the same in every run.
+    fn candidates(&self, count: usize) -> Vec<Vec<f64>> {
+        let description = self.model.description();
+        let unknowns = ["mass", "damping", "stiffness", "bulk_modulus"];
+        let places = unknowns.map(|name| {
+            description
+                .parameter_index(name)
+                .expect("a parameter of the servo")
+        });
+        let mut numbers = (0_u64..).map(|k| {
+            // Steps of the golden ratio fill the interval evenly.
+            (k as f64 * 0.618_033_988_749_894_9).fract() * 2.0 - 1.0
+        });
+        let spread = |_| {
+            let mut candidate = description.defaults();
+            for place in places {
+                candidate[place] *= 1.0 + SPREAD * numbers.next().unwrap_or(0.0);
+            }
+            candidate
+        };
+        (0..count).map(spread).collect()
+    }
+
+    /// The positions of the first candidate, and the derivatives evaluated.
+    fn simulate(&self, work: &Work<'_>) -> (Vec<f64>, u64) {
+        let plant = self.model.plant();
+        let start = vec![None; self.model.description().states.len()];
+        let scale = Accuracy::Full.step_times_rate() / work.step;
+        let candidate = |parameters| Candidate {
+            parameters,
+            initial_state: &start,
+            resolved_rate: Some(plant.resolved_rate(parameters) * scale),
+        };
+        let run = Run {
+            excitation: Excitation {
+                sample_time: self.sample_time,
+                samples: work.samples,
+                input_set: 0,
+                inputs: &self.reference,
+                accuracy: Accuracy::Full,
+            },
+            candidates: work
+                .candidates
+                .iter()
+                .map(|c| candidate(c.as_slice()))
+                .collect(),
+        };
+        let never = AtomicBool::new(false);
+        let recorder = |_| Positions(Vec::with_capacity(work.samples));
+        let pieces = batch::simulate(plant, &[run], &never, recorder).expect("nobody interrupts");
+        let derivatives = pieces
+            .iter()
+            .map(|piece| piece.derivative_evaluations)
+            .sum();
+        let positions = pieces.iter().find_map(|piece| {
+            let lane = piece.members.iter().position(|&member| member == 0)?;
+            Some(piece.sink.0.iter().map(|row| row.0[lane]).collect())
+        });
+        (
+            positions.expect("the first candidate is simulated"),
+            derivatives,
+        )
+    }
+
+    fn timed(&self, work: &Work<'_>, threads: usize) -> (f64, u64) {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .expect("threads can be started");
+        let (seconds, (_, derivatives)) = pool.install(|| shortest(RUNS, || self.simulate(work)));
+        (seconds, derivatives)
+    }
+}
+
+/// Time, work and error at three accuracies; growth with samples and with candidates.
+pub fn figures() -> Value {
+    let bench = Bench::new();
+    let samples = bench.reference[0].len();
+    let candidates = bench.candidates(CANDIDATES);
+    let work = |step: f64| Work {
+        candidates: &candidates,
+        samples,
+        step,
+    };
+    let (reference, _) = bench.simulate(&work(Accuracy::Full.step_times_rate() / FINER));
+    let at = |name: &str, step: f64| {
+        let (one_thread, derivatives) = bench.timed(&work(step), 1);
+        let (all_threads, _) = bench.timed(&work(step), 2);
+        let (positions, _) = bench.simulate(&work(step));
+        let squares = positions
+            .iter()
+            .zip(&reference)
+            .map(|(x, exact)| (x - exact).powi(2));
+        let rms = (squares.sum::<f64>() / samples as f64).sqrt();
+        json!({
+            "accuracy": name,
+            "position_error_rms_micrometres": 1e6 * rms,
+            "milliseconds_on_1_thread": 1e3 * one_thread,
+            "milliseconds_on_2_threads": 1e3 * all_threads,
+            "derivatives_per_sample": derivatives as f64 / (samples * CANDIDATES) as f64,
+            "nanoseconds_per_derivative_on_1_thread": 1e9 * one_thread / derivatives as f64,
+        })
+    };
+    let growth = |count: usize, samples: usize| {
+        let candidates = bench.candidates(count);
+        let work = Work {
+            candidates: &candidates,
+            samples,
+            step: Accuracy::Screening.step_times_rate(),
+        };
+        let (seconds, _) = bench.timed(&work, 2);
+        json!({
+            "candidates": count,
+            "samples": samples,
+            "nanoseconds_per_candidate_and_sample": 1e9 * seconds / (count * samples) as f64,
+        })
+    };
+    json!({
+        "accuracies": [
+            at("screening", Accuracy::Screening.step_times_rate()),
+            at("a tenth of a micrometre", TENTH_OF_A_MICROMETRE),
+            at("full", Accuracy::Full.step_times_rate()),
+        ],
+        "growth": [
+            growth(32, 120), growth(32, 1200), growth(32, 12_000),
+            growth(320, 1200), growth(3200, 1200), growth(10_000, 1200),
+        ],
+    })
+}
