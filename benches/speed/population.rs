@@ -26,7 +26,8 @@ struct Positions(Vec<Lanes>);
 
 impl Sink for Positions {
     fn consume(&mut self, _first_sample: usize, outputs: &[Lanes]) {
-        self.0.extend(outputs.chunks_exact(N_OUTPUTS).map(|row| row[0]));
+        self.0
+            .extend(outputs.chunks_exact(N_OUTPUTS).map(|row| row[0]));
     }
 }
 

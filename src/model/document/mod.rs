@@ -1,6 +1,6 @@
 //! Models that users write: equations as text, in a JSON document.
 //!
-//! `definition` reads names, units and texts, `syntax` an expression, `compile` puts the
+//! `reading` reads names, units and texts, `syntax` an expression, `compile` puts the
 //! expressions together to one `graph` and checks their units, `tape` lays the graph out as
 //! instructions, and `plant` simulates them. No code is made at run time; every size is
 //! bounded; a document can be slow or wrong but cannot disturb another.
@@ -15,11 +15,13 @@ mod held;
 mod jacobian;
 mod lower;
 mod plant;
+mod reading;
 mod runge_kutta;
 mod simulator;
 mod stiff;
 mod syntax;
 mod tape;
+mod token;
 mod unit;
 
 use super::Model;
@@ -61,7 +63,7 @@ pub fn read(document: &Value) -> Result<Read, Vec<Fault>> {
 }
 
 fn read_into(document: &Value, faults: &Faults) -> Option<Read> {
-    let definition = definition::read(&Field::root(document, faults), faults)?;
+    let definition = reading::read(&Field::root(document, faults), faults)?;
     let mut compiler = Compiler::new(&definition, faults);
     compiler.quantities();
     let roots = roots(&definition, &mut compiler);

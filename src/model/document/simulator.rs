@@ -12,6 +12,7 @@ use super::{jacobian, stiff};
 use crate::simulation::block::STIFF_BUDGET;
 use crate::simulation::explicit::{LARGEST_STEP_TIMES_RATE, STAGES, Steps};
 use crate::simulation::lanes::{LANES, Lanes, Real};
+use crate::simulation::stiff::Span;
 use crate::simulation::{BlockSimulator, Candidate, Excitation, Failure};
 
 /// Instructions that one candidate may spend in the stiff method over a whole recording; never
@@ -342,7 +343,10 @@ impl<'a> Simulator<'a> {
         let outcome = stiff::integrate(
             &mut single,
             &mut state,
-            duration,
+            Span {
+                duration,
+                tolerance: self.excitation.accuracy.stiff_tolerance(),
+            },
             &mut self.stiff_evaluations[lane],
             self.stiff_budget,
         );

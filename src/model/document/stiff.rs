@@ -7,7 +7,7 @@
 use super::jacobian;
 use super::simulator::Machine;
 use crate::simulation::Failure;
-use crate::simulation::stiff::{LARGEST_STEP_COUNT, TOLERANCE};
+use crate::simulation::stiff::{LARGEST_STEP_COUNT, Span};
 
 const GAMMA: f64 = 0.5;
 const A: [[f64; 2]; 2] = [[2.0, 0.0], [48.0 / 25.0, 6.0 / 25.0]];
@@ -23,7 +23,7 @@ const E: [f64; 4] = [17.0 / 54.0, 7.0 / 36.0, 0.0, 125.0 / 108.0];
 /// Derivatives that a Jacobian counts for.
 const JACOBIAN_COST: u64 = 4;
 
-/// Integrates one candidate over `duration`, and counts the derivatives in `evaluations`.
+/// Integrates one candidate over a span, and counts the derivatives in `evaluations`.
 ///
 /// # Errors
 /// [`Failure::Diverged`] when a state is no longer finite, [`Failure::StepBudget`] when the
@@ -31,10 +31,14 @@ const JACOBIAN_COST: u64 = 4;
 pub fn integrate(
     machine: &mut Machine<'_, f64>,
     state: &mut [f64],
-    duration: f64,
+    span: Span,
     evaluations: &mut u64,
     budget: u64,
 ) -> Result<(), Failure> {
+    let Span {
+        duration,
+        tolerance,
+    } = span;
     let mut elapsed = 0.0;
     let mut length = duration * 0.05;
     for _ in 0..LARGEST_STEP_COUNT {
@@ -46,8 +50,10 @@ pub fn integrate(
             return Err(Failure::StepBudget);
         }
         let trial = step(machine, state, elapsed, taken);
-        let error = trial.as_ref().map_or(f64::INFINITY, |(_, error)| *error);
-        if let Some((next, error)) = trial
+        let error = trial
+            .as_ref()
+            .map_or(f64::INFINITY, |(_, error)| error / tolerance);
+        if let Some((next, _)) = trial
             && error <= 1.0
         {
             state.copy_from_slice(&next);
@@ -69,7 +75,7 @@ pub fn integrate(
     Err(Failure::StepBudget)
 }
 
-/// One step: the new state and its error as a multiple of the tolerance; none where the linear
+/// One step: the new state and its relative error; none where the linear
 /// system is singular or a number is not finite.
 fn step(
     machine: &mut Machine<'_, f64>,
@@ -121,7 +127,7 @@ fn step(
             estimate += E[stage] * stages[stage][row];
         }
         let size = next[row].abs().max(*scale);
-        error = error.max((estimate / (TOLERANCE * size)).abs());
+        error = error.max((estimate / size).abs());
     }
     (error.is_finite() && next.iter().all(|value| value.is_finite())).then_some((next, error))
 }
