@@ -17,13 +17,13 @@ use super::datasets::{RecordingDocument, csv_answer};
 use super::error::{Answer, Kind, Problem};
 use super::manners::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
-use super::{ApiState, blocking};
+use super::{ApiState, blocking, models};
 use crate::dataset::{self, Recording, SampledSignal, Signal, TimeAxis, Window};
 use crate::job::fault::Fault;
 use crate::job::spec::simulation::{SimulationSpec, Source};
 use crate::job::spec::{InitialStateSpec, WindowSpec};
 use crate::job::{DatasetId, spec::FixedValue};
-use crate::model::Model;
+use crate::model::{InitialState, Model};
 use crate::simulation::{Accuracy, Candidate, Excitation, single};
 
 /// How long a client may let the server compute.
@@ -108,12 +108,16 @@ pub async fn simulate(
 ) -> Answer {
     let permit = state.recording_permit().await?;
     let recording = recording(&state, &document.value).await?;
-    let models: Vec<_> = state.catalogue.iter().map(|m| m.description()).collect();
+    let asked = models::asked(&state, &document.value).await?;
+    let models = asked.descriptions(&state);
     let summary = recording.as_ref().map(Recording::summary);
-    let spec = SimulationSpec::read(&document.value, &models, summary.as_ref());
+    let spec = SimulationSpec::read(&asked.document, &models, summary.as_ref());
     let spec = spec.map_err(Problem::of_document)?;
     let recording = recording.expect("a specification that exists has a source");
-    let model = state.model(&spec.model)?;
+    let model = match asked.model {
+        Some(model) => model,
+        None => state.model(&spec.model).await?,
+    };
 
     let stop = Arc::new(AtomicBool::new(false));
     let _stop_when_the_client_leaves = StopOnDrop(stop.clone());
@@ -223,11 +227,17 @@ impl<'m> SimulationRun<'m> {
             description
                 .states
                 .iter()
-                .map(|state| match spec.initial_state.get(&*state.name)? {
-                    InitialStateSpec::Fixed(FixedValue { value }) => Some(*value),
-                    InitialStateSpec::Number(value) => Some(*value),
-                    InitialStateSpec::Measured(_) => first(&state.name),
-                    InitialStateSpec::Free(_) => None,
+                .map(|state| match spec.initial_state.get(&*state.name) {
+                    Some(InitialStateSpec::Fixed(FixedValue { value })) => Some(*value),
+                    Some(InitialStateSpec::Number(value)) => Some(*value),
+                    Some(InitialStateSpec::Measured(_)) => first(&state.name),
+                    Some(InitialStateSpec::Free(_)) => None,
+                    None => match state.initial {
+                        InitialState::FirstSample { output } => {
+                            first(&description.outputs[output].name)
+                        }
+                        _ => None,
+                    },
                 });
         Ok(Self {
             model,

@@ -86,6 +86,7 @@ impl ModelDescription {
 pub struct Model {
     description: ModelDescription,
     plant: Box<dyn Plant>,
+    document: Option<serde_json::Value>,
 }
 
 impl Model {
@@ -99,6 +100,7 @@ impl Model {
                 dynamics,
                 n_outputs,
             }),
+            document: None,
         }
     }
 
@@ -108,7 +110,21 @@ impl Model {
         Model {
             description,
             plant: Box::new(plant),
+            document: None,
         }
+    }
+
+    /// The same under another name.
+    #[must_use]
+    pub fn renamed(mut self, name: String) -> Model {
+        self.description.name = Cow::Owned(name);
+        self
+    }
+
+    /// The document that the model was read from, where it is one of the catalogue.
+    #[must_use]
+    pub fn document(&self) -> Option<&serde_json::Value> {
+        self.document.as_ref()
     }
 
     /// What the model says of itself.
@@ -149,6 +165,11 @@ impl Catalogue {
                 Arc::new(positioning_drive::model()),
             ],
         }
+    }
+
+    /// Adds a model.
+    pub fn add(&mut self, model: Arc<Model>) {
+        self.models.push(model);
     }
 
     /// A model by its name.

@@ -10,6 +10,7 @@ use crate::dataset::Summary;
 use crate::document::reader::{Field, Object, did_you_mean, listed};
 use crate::job::id::DatasetId;
 use crate::model::{ModelDescription, SignalDescription};
+use crate::numerics::dimension::Dimension;
 
 /// Values that the experiments of one job read at the most: recorded samples times signals.
 const MAX_VALUES: usize = 20_000_000;
@@ -97,6 +98,18 @@ fn read_dataset<'d>(
         field.fault("unknown_dataset", format!("there is no dataset {id}"));
     }
     found
+}
+
+/// Whether two texts are one unit, e.g. `m³/s` and `m^3/s`; a model's signal without a unit takes
+/// any.
+fn same_unit(recorded: &str, model: &str) -> bool {
+    let parsed = |text| Dimension::parse(text).ok();
+    model.is_empty()
+        || recorded == model
+        || match (parsed(recorded), parsed(model)) {
+            (Some(one), Some(other)) => one == other,
+            _ => false,
+        }
 }
 
 /// A model and the recording that drives it.
@@ -223,7 +236,7 @@ impl Link<'_> {
     /// A recording without a unit is taken to be in the model's.
     fn unit_fits(&self, signal: &SignalDescription, recorded: &str) -> bool {
         self.unit_of(recorded)
-            .is_some_and(|unit| unit.is_empty() || unit == "1" || unit == signal.unit)
+            .is_some_and(|unit| unit.is_empty() || unit == "1" || same_unit(unit, &signal.unit))
     }
 
     /// The first of the model's input sets that is fully there.

@@ -43,10 +43,10 @@ fn owned(text: &str) -> Cow<'static, str> {
     Cow::Owned(text.to_owned())
 }
 
-/// A quantity whose unit is not said is shown as a plain number.
+/// A quantity that opted out of units is shown without one, and takes any recording.
 fn shown_unit(declared: &Declared) -> &str {
     match declared.unit_text.as_str() {
-        "" | "unitless" => "1",
+        "unitless" => "",
         text => text,
     }
 }

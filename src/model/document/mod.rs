@@ -16,6 +16,7 @@ mod jacobian;
 mod lower;
 mod plant;
 mod reading;
+mod reference;
 mod runge_kutta;
 mod simulator;
 mod stiff;
@@ -23,6 +24,8 @@ mod syntax;
 mod tape;
 mod token;
 mod unit;
+
+pub use reference::{Referenced, referenced};
 
 use super::Model;
 use crate::document::fault::Fault;
