@@ -1,14 +1,16 @@
 //! What can be identified: the structure of a plant, its parameters, signals and equations.
 //!
-//! A model is one file (or folder) with its equations ([`Dynamics`]) and its description, and one
-//! line in [`Catalogue::built_in`].
+//! A model is one file (or folder) with its equations ([`Dynamics`]) and its description, or a
+//! document with its equations as text ([`document`]), and one line in [`Catalogue::built_in`].
 
+mod catalogue;
 mod parameter;
 
 pub mod document;
 pub mod positioning_drive;
 pub mod single_rod_servo;
 
+pub use catalogue::Catalogue;
 pub use parameter::{
     InitialState, ParameterDescription, Scale, SignalDescription, StateDescription,
 };
@@ -17,7 +19,6 @@ use crate::simulation::batch::{Plant, PlantOf};
 use crate::simulation::dynamics::Dynamics;
 use serde::Serialize;
 use std::borrow::Cow;
-use std::sync::Arc;
 use utoipa::ToSchema;
 
 /// A model as the catalogue shows it.
@@ -114,6 +115,13 @@ impl Model {
         }
     }
 
+    /// The same with the document that it was read from.
+    #[must_use]
+    pub fn with_document(mut self, document: serde_json::Value) -> Model {
+        self.document = Some(document);
+        self
+    }
+
     /// The same under another name.
     #[must_use]
     pub fn renamed(mut self, name: String) -> Model {
@@ -146,42 +154,5 @@ impl std::fmt::Debug for Model {
             .debug_struct("Model")
             .field("name", &self.description.name)
             .finish()
-    }
-}
-
-/// The models that can be named in a job.
-#[derive(Clone, Debug)]
-pub struct Catalogue {
-    models: Vec<Arc<Model>>,
-}
-
-impl Catalogue {
-    /// The models that are part of this program.
-    #[must_use]
-    pub fn built_in() -> Catalogue {
-        Catalogue {
-            models: vec![
-                Arc::new(single_rod_servo::model()),
-                Arc::new(positioning_drive::model()),
-            ],
-        }
-    }
-
-    /// Adds a model.
-    pub fn add(&mut self, model: Arc<Model>) {
-        self.models.push(model);
-    }
-
-    /// A model by its name.
-    #[must_use]
-    pub fn get(&self, name: &str) -> Option<&Arc<Model>> {
-        self.models
-            .iter()
-            .find(|model| model.description.name == name)
-    }
-
-    /// All models.
-    pub fn iter(&self) -> impl Iterator<Item = &Arc<Model>> {
-        self.models.iter()
     }
 }

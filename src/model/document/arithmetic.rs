@@ -124,34 +124,54 @@ fn sign(value: f64) -> f64 {
     }
 }
 
-/// The result of an operation on the numbers that `on` answers for a, b and c.
+/// The result of an operation on single numbers.
+#[must_use]
+pub fn apply(operation: Operation, [a, b, c]: [f64; 3], tables: &[Table]) -> f64 {
+    let mut registers = [a, b, c, 0.0];
+    execute(operation, &mut registers, ([0, 1, 2], 3), tables);
+    registers[3]
+}
+
+/// Does an operation on registers: reads up to three, writes one. Each branch writes for itself,
+/// so that a row of lanes goes from register to register without a stop in between. `N` is a
+/// power of two, so that no place needs to be checked.
 #[inline(always)]
-pub fn apply<R: Real>(operation: Operation, on: impl Fn(usize) -> R, tables: &[Table]) -> R {
-    let (a, b, c) = (|| on(0), || on(1), || on(2));
+pub fn execute<R: Real, const N: usize>(
+    operation: Operation,
+    registers: &mut [R; N],
+    (on, to): ([u16; 3], u16),
+    tables: &[Table],
+) {
+    let r = registers;
+    let place = |register: u16| usize::from(register) & (N - 1);
+    let [a, b, c] = on.map(place);
+    let to = place(to);
     match operation {
-        Operation::Add => a() + b(),
-        Operation::Subtract => a() - b(),
-        Operation::Multiply => a() * b(),
-        Operation::Divide => a() / b(),
-        Operation::Negate => -a(),
-        Operation::Minimum => Real::min(a(), b()),
-        Operation::Maximum => Real::max(a(), b()),
-        Operation::Absolute => Real::abs(a()),
-        Operation::SquareRoot => Real::sqrt(a()),
-        Operation::Exponential => Real::exp(a()),
-        Operation::HyperbolicTangent => Real::tanh(a()),
-        Operation::AtLeast => a().select_ge(b(), R::splat(1.0), R::splat(0.0)),
-        Operation::Above => b().select_ge(a(), R::splat(0.0), R::splat(1.0)),
-        Operation::Select => a().select_ge(R::splat(0.5), b(), c()),
-        Operation::Sign => each(a(), sign),
-        Operation::Logarithm => each(a(), libm::log),
-        Operation::Sine => each(a(), libm::sin),
-        Operation::Cosine => each(a(), libm::cos),
-        Operation::Tangent => each(a(), libm::tan),
-        Operation::ArcTangent => each(a(), libm::atan),
-        Operation::ArcTangent2 => each_pair(a(), b(), libm::atan2),
-        Operation::Power => each_pair(a(), b(), libm::pow),
-        Operation::Table(number) => each(a(), |x| tables[usize::from(number)].value(x)),
+        Operation::Add => r[to] = r[a] + r[b],
+        Operation::Subtract => r[to] = r[a] - r[b],
+        Operation::Multiply => r[to] = r[a] * r[b],
+        Operation::Divide => r[to] = r[a] / r[b],
+        Operation::Negate => r[to] = -r[a],
+        Operation::Minimum => r[to] = Real::min(r[a], r[b]),
+        Operation::Maximum => r[to] = Real::max(r[a], r[b]),
+        Operation::Absolute => r[to] = Real::abs(r[a]),
+        Operation::SquareRoot => r[to] = Real::sqrt(r[a]),
+        Operation::Exponential => r[to] = Real::exp(r[a]),
+        Operation::HyperbolicTangent => r[to] = Real::tanh(r[a]),
+        Operation::AtLeast => r[to] = r[a].select_ge(r[b], R::splat(1.0), R::splat(0.0)),
+        Operation::Above => r[to] = r[b].select_ge(r[a], R::splat(0.0), R::splat(1.0)),
+        Operation::Select => r[to] = r[a].select_ge(R::splat(0.5), r[b], r[c]),
+        Operation::Sign => r[to] = each(r[a], sign),
+        Operation::Logarithm => r[to] = each(r[a], libm::log),
+        Operation::Sine => r[to] = each(r[a], libm::sin),
+        Operation::Cosine => r[to] = each(r[a], libm::cos),
+        Operation::Tangent => r[to] = each(r[a], libm::tan),
+        Operation::ArcTangent => r[to] = each(r[a], libm::atan),
+        Operation::ArcTangent2 => r[to] = each_pair(r[a], r[b], libm::atan2),
+        Operation::Power => r[to] = each_pair(r[a], r[b], libm::pow),
+        Operation::Table(number) => {
+            r[to] = each(r[a], |x| tables[usize::from(number)].value(x));
+        }
     }
 }
 
@@ -260,11 +280,13 @@ mod tests {
         #[test]
         fn a_lane_has_the_bits_of_a_single_number(a in -5.0..5.0f64, b in -5.0..5.0f64) {
             for operation in ALL {
-                let single = apply(operation, |place| [a, b, 0.25][place], &tables());
+                let single = apply(operation, [a, b, 0.25], &tables());
                 let mut row = [Lanes::splat(1.5), Lanes::splat(0.5), Lanes::splat(0.25)];
                 row[0].set_lane(LANES - 1, a);
                 row[1].set_lane(LANES - 1, b);
-                let lane = apply(operation, |place| row[place], &tables()).lane(LANES - 1);
+                let mut registers = [row[0], row[1], row[2], Lanes::splat(0.0)];
+                execute(operation, &mut registers, ([0, 1, 2], 3), &tables());
+                let lane = registers[3].lane(LANES - 1);
                 prop_assert!(lane.to_bits() == single.to_bits() || lane.is_nan() && single.is_nan());
             }
         }
@@ -276,13 +298,13 @@ mod tests {
             prop_assume!((a - b).abs() > 1e-3 && (a - 0.5).abs() > 1e-3);
             for operation in ALL {
                 let at = [a, b, 0.7];
-                let result = apply(operation, |place| at[place], &tables());
+                let result = apply(operation, at, &tables());
                 let slopes = slopes(operation, at, result, &tables());
                 for (place, slope) in slopes.into_iter().enumerate() {
                     let moved = |by: f64| {
                         let mut at = at;
                         at[place] += by;
-                        apply(operation, |place| at[place], &tables())
+                        apply(operation, at, &tables())
                     };
                     let quotient = (moved(change) - moved(-change)) / (2.0 * change);
                     let size = quotient.abs().max(1.0);

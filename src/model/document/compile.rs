@@ -148,8 +148,10 @@ impl<'d> Compiler<'d> {
     }
 
     fn name(&mut self, name: &'d str, symbol: Symbol, pointer: &str) {
+        // A function is told from a quantity of its name by the parenthesis behind it.
         let is_function = super::function::find(name).is_some();
-        if is_function || matches!(name, "and" | "or" | "not") {
+        if is_function && matches!(symbol, Symbol::Table(_)) || matches!(name, "and" | "or" | "not")
+        {
             let detail = format!("`{name}` is a word of the language");
             self.faults.add(pointer, "name_taken", detail);
         } else if self.names.insert(name, symbol).is_some() {

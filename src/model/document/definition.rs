@@ -87,14 +87,24 @@ pub struct State {
 pub enum Initial {
     /// What follows from the parameters.
     Computed(Text),
-    /// The first measured sample of an output, or an estimate near it or near its slope.
-    Measured(Measured, String, String),
+    /// Read off an output.
+    Measured {
+        kind: Measured,
+        output: String,
+        pointer: String,
+        /// Where the state starts when the output is not recorded.
+        otherwise: Option<Text>,
+    },
 }
 
+/// How a state starts that an output shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measured {
+    /// At the first sample.
     First,
+    /// Estimated near the first sample.
     Near,
+    /// Estimated near the first slope.
     NearSlope,
 }
 

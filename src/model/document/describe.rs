@@ -79,7 +79,13 @@ fn parameter(parameter: &super::definition::Parameter) -> ParameterDescription {
 }
 
 fn initial(definition: &Definition, initial: &Initial, faults: &Faults) -> InitialState {
-    let Initial::Measured(kind, name, pointer) = initial else {
+    let Initial::Measured {
+        kind,
+        output: name,
+        pointer,
+        ..
+    } = initial
+    else {
         return InitialState::Model;
     };
     let names = || {

@@ -94,7 +94,7 @@ impl Graph {
         if let [Some(a), Some(b), Some(c)] = values
             && !matches!(operation, Operation::Table(_))
         {
-            return self.constant(arithmetic::apply(operation, |place| [a, b, c][place], &[]));
+            return self.constant(arithmetic::apply(operation, [a, b, c], &[]));
         }
         if operation.is_symmetric() {
             places[..2].sort_unstable();

@@ -3,7 +3,7 @@
 //! The derivatives are taken forward through the tape, up to eight directions in one pass.
 
 use super::plant::Wiring;
-use super::tape::{DIRECTIONS, Tape};
+use super::tape::{DIRECTIONS, Registers, Tape, zeros};
 use crate::simulation::lanes::{Lanes, Real};
 
 /// Doublings of the power whose norm bounds the spectral radius: the 64th power, whose root is
@@ -14,11 +14,11 @@ const DOUBLINGS: usize = 6;
 const SWEEPS: usize = 6;
 
 /// ∂(rates)/∂(state), row by row, at the values that `registers` hold.
-pub fn by_states(tape: &Tape, wiring: &Wiring, registers: &[f64]) -> Vec<f64> {
+pub fn by_states(tape: &Tape, wiring: &Wiring, registers: &Registers<f64>) -> Vec<f64> {
     let n = wiring.states.len();
     let mut matrix = vec![0.0; n * n];
     for first in (0..n).step_by(DIRECTIONS) {
-        let mut slopes = vec![Lanes::splat(0.0); registers.len()];
+        let mut slopes: Registers<Lanes> = zeros();
         for (direction, state) in (first..n).take(DIRECTIONS).enumerate() {
             if let Some(register) = wiring.states[state] {
                 slopes[usize::from(register)].set_lane(direction, 1.0);
@@ -35,8 +35,13 @@ pub fn by_states(tape: &Tape, wiring: &Wiring, registers: &[f64]) -> Vec<f64> {
 }
 
 /// ∂(rates)/∂t where the inputs move by `input_slopes`.
-pub fn by_time(tape: &Tape, wiring: &Wiring, registers: &[f64], input_slopes: &[f64]) -> Vec<f64> {
-    let mut slopes = vec![Lanes::splat(0.0); registers.len()];
+pub fn by_time(
+    tape: &Tape,
+    wiring: &Wiring,
+    registers: &Registers<f64>,
+    input_slopes: &[f64],
+) -> Vec<f64> {
+    let mut slopes: Registers<Lanes> = zeros();
     for (input, slope) in wiring.inputs.iter().zip(input_slopes) {
         if let Some(register) = input {
             slopes[usize::from(*register)] = Lanes::splat(*slope);

@@ -117,7 +117,11 @@ fn roots(definition: &Definition, compiler: &mut Compiler<'_>) -> Option<Roots> 
         rates.push(compiler.number(&state.derivative, Context::Plant, unit.per_second()));
         initial.push(match &state.initial {
             Initial::Computed(text) => compiler.number(text, Context::Setup, unit),
-            Initial::Measured(..) => compiler.graph.constant(0.0).ok(),
+            Initial::Measured {
+                otherwise: Some(text),
+                ..
+            } => compiler.number(text, Context::Setup, unit),
+            Initial::Measured { .. } => compiler.graph.constant(0.0).ok(),
         });
     }
     let outputs: Vec<Option<NodeId>> = definition

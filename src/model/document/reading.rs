@@ -329,7 +329,7 @@ impl Reader<'_> {
     }
 
     /// A number, an expression of parameters, `"first sample of output y"`, or
-    /// `{"first_sample" | "estimate_near" | "estimate_near_slope_of": "y"}`.
+    /// `{"first_sample" | "estimate_near" | "estimate_near_slope_of": "y", "otherwise": …}`.
     fn initial(&self, name: &str, field: &Field<'_>) -> Option<Initial> {
         const WORDS: &str = "first sample of output ";
         if let Some(text) = field.value.as_str() {
@@ -339,11 +339,12 @@ impl Reader<'_> {
             };
             if let Some(output) = output {
                 let pointer = field.pointer.clone();
-                return Some(Initial::Measured(
-                    Measured::First,
-                    output.to_owned(),
+                return Some(Initial::Measured {
+                    kind: Measured::First,
+                    output: output.to_owned(),
                     pointer,
-                ));
+                    otherwise: None,
+                });
             }
         }
         if !field.value.is_object() {
@@ -358,7 +359,7 @@ impl Reader<'_> {
         ] {
             if let Some(output) = object.optional(word) {
                 let name = output.text()?.to_owned();
-                measured = Some(Initial::Measured(kind, name, output.pointer));
+                measured = Some((kind, name, output.pointer));
             }
         }
         if measured.is_none() {
@@ -366,8 +367,16 @@ impl Reader<'_> {
                           needed, with the name of an output";
             object.fault("missing_field", detail);
         }
+        let otherwise = object.optional("otherwise");
+        let otherwise = otherwise.and_then(|field| self.expression(&field));
         object.finish();
-        measured
+        let (kind, output, pointer) = measured?;
+        Some(Initial::Measured {
+            kind,
+            output,
+            pointer,
+            otherwise,
+        })
     }
 
     fn options(&self, field: &Field<'_>) -> Options {

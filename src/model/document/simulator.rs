@@ -8,6 +8,7 @@
 use super::held::{Delay, Held, Segment};
 use super::plant::DocumentPlant;
 use super::runge_kutta::Explicit;
+use super::tape::Registers;
 use super::{jacobian, stiff};
 use crate::simulation::block::STIFF_BUDGET;
 use crate::simulation::explicit::{LARGEST_STEP_TIMES_RATE, STAGES, Steps};
@@ -25,7 +26,7 @@ const NOT_POSSIBLE: [Failure; 2] = [Failure::Diverged, Failure::OutOfRange];
 /// The equations with their registers, for one candidate or for a row of them.
 pub struct Machine<'a, R> {
     pub(super) plant: &'a DocumentPlant,
-    pub(super) registers: Vec<R>,
+    pub(super) registers: Registers<R>,
     /// The inputs at the start of the segment, and how fast they move.
     inputs: Vec<R>,
     pub(super) slopes: Vec<R>,
@@ -320,12 +321,9 @@ impl<'a> Simulator<'a> {
     fn mend(&mut self, segment: &Segment, start: &[Lanes], lane: usize) {
         let mut single = Machine {
             plant: self.machine.plant,
-            registers: self
-                .machine
-                .registers
-                .iter()
-                .map(|row| row.0[lane])
-                .collect(),
+            registers: Box::new(std::array::from_fn(|place| {
+                self.machine.registers[place].0[lane]
+            })),
             inputs: Vec::new(),
             slopes: Vec::new(),
         };

@@ -5,8 +5,20 @@
 //! held quantities once a sample, and only the rest with every derivative.
 
 use super::arithmetic::{self, Operation, Table};
-use super::graph::{Graph, Leaf, Node, NodeId};
+use super::graph::{Graph, Leaf, MAX_NODES, Node, NodeId};
 use crate::simulation::lanes::{LANES, Lanes, Real};
+
+/// One number, or one row of lanes, for each node that a graph can have: a fixed size, so that an
+/// instruction finds its registers without a check.
+pub type Registers<R> = Box<[R; MAX_NODES]>;
+
+/// Registers that hold 0.
+pub fn zeros<R: Real>() -> Registers<R> {
+    let zeros = vec![R::splat(0.0); MAX_NODES].into_boxed_slice();
+    zeros
+        .try_into()
+        .unwrap_or_else(|_| unreachable!("the vector was made of this length"))
+}
 
 /// A register, by its place.
 pub type Register = u16;
@@ -43,7 +55,6 @@ pub struct Roots {
 /// What follows from the roots: registers and lists of instructions.
 #[derive(Debug)]
 pub struct Tape {
-    n_registers: usize,
     constants: Vec<(Register, f64)>,
     leaves: Vec<(Leaf, Register)>,
     tables: Vec<Table>,
@@ -85,7 +96,6 @@ impl Tape {
         };
         let mut registers = vec![0; graph.nodes().len()];
         let mut tape = Tape {
-            n_registers: 0,
             constants: Vec::new(),
             leaves: Vec::new(),
             tables,
@@ -96,14 +106,9 @@ impl Tape {
             output: Vec::new(),
             roots: Roots::default(),
         };
-        for (node, kind) in graph
-            .nodes()
-            .iter()
-            .enumerate()
-            .filter(|(node, _)| is_needed(*node))
-        {
-            let register = tape.n_registers as Register;
-            tape.n_registers += 1;
+        let needed = (0..graph.nodes().len()).filter(|node| is_needed(*node));
+        for (register, node) in (0..).zip(needed) {
+            let kind = &graph.nodes()[node];
             registers[node] = register;
             let (operation, on) = match kind {
                 Node::Constant(value) => {
@@ -142,8 +147,8 @@ impl Tape {
 
     /// Fresh registers with the constants in place.
     #[must_use]
-    pub fn registers<R: Real>(&self) -> Vec<R> {
-        let mut registers = vec![R::splat(0.0); self.n_registers];
+    pub fn registers<R: Real>(&self) -> Registers<R> {
+        let mut registers = zeros();
         for (register, value) in &self.constants {
             registers[usize::from(*register)] = R::splat(*value);
         }
@@ -157,12 +162,11 @@ impl Tape {
     }
 
     /// Runs a list of instructions.
-    #[inline(always)]
-    pub fn run<R: Real>(&self, instructions: &[Instruction], registers: &mut [R]) {
+    #[inline(never)]
+    pub fn run<R: Real>(&self, instructions: &[Instruction], registers: &mut Registers<R>) {
         for instruction in instructions {
-            let on = |place: usize| registers[usize::from(instruction.on[place])];
-            let result = arithmetic::apply(instruction.operation, on, &self.tables);
-            registers[usize::from(instruction.to)] = result;
+            let places = (instruction.on, instruction.to);
+            arithmetic::execute(instruction.operation, registers, places, &self.tables);
         }
     }
 
@@ -171,8 +175,8 @@ impl Tape {
     pub fn run_slopes(
         &self,
         instructions: &[Instruction],
-        registers: &[f64],
-        slopes: &mut [Lanes],
+        registers: &Registers<f64>,
+        slopes: &mut Registers<Lanes>,
     ) {
         for instruction in instructions {
             let on = instruction.on.map(usize::from);
