@@ -21,7 +21,7 @@ use super::{ApiState, blocking, models};
 use crate::dataset::{self, Recording, SampledSignal, Signal, TimeAxis, Window};
 use crate::job::fault::Fault;
 use crate::job::spec::simulation::{SimulationSpec, Source};
-use crate::job::spec::{InitialStateSpec, WindowSpec};
+use crate::job::spec::{InitialStateSpec, ModelOfJob, WindowSpec};
 use crate::job::{DatasetId, spec::FixedValue};
 use crate::model::{InitialState, Model};
 use crate::simulation::{Accuracy, Candidate, Excitation, single};
@@ -59,7 +59,8 @@ impl FromQuery for SimulationQuery {
     "initial_state": {"velocity": 0.0}
 }))]
 pub struct SimulationDocument {
-    /// The model; `/v1/models` lists them.
+    /// The model: a name that `/v1/models` lists, or a model document.
+    #[schema(value_type = ModelOfJob)]
     pub model: String,
     /// A stored recording that has the inputs.
     #[schema(nullable = false)]

@@ -19,11 +19,15 @@ use crate::model::{ModelDescription, Scale};
 
 mod experiment;
 mod method;
+mod model;
 mod parameter;
 
 pub mod simulation;
 #[cfg(test)]
 mod tests;
+
+pub use model::ModelOfJob;
+use model::read_model;
 
 use crate::document::reader::{Faults, Field, did_you_mean, listed};
 
@@ -72,8 +76,9 @@ pub struct JobSpec {
     #[serde(default)]
     #[schema(example = json!({"site": "hall 2"}))]
     pub labels: BTreeMap<String, String>,
-    /// The model whose parameters are estimated; `/v1/models` lists them.
-    #[schema(example = "single_rod_servo")]
+    /// The model whose parameters are estimated: a name that `/v1/models` lists, or a model
+    /// document. The completed specification names it.
+    #[schema(value_type = ModelOfJob, example = "single_rod_servo")]
     pub model: String,
     /// The recordings to explain, all with the same parameters.
     #[schema(min_items = 1, max_items = 32)]
@@ -343,22 +348,6 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
         }),
         seed: seed?,
     })
-}
-
-fn read_model<'m>(
-    field: &Field<'_>,
-    models: &[&'m ModelDescription],
-) -> Option<&'m ModelDescription> {
-    let name = field.text()?;
-    let model = models.iter().copied().find(|model| model.name == name);
-    if model.is_none() {
-        let names: Vec<&str> = models.iter().map(|model| &*model.name).collect();
-        let hint = did_you_mean(name, names.iter().copied());
-        let name: String = name.chars().take(MAX_NAME_CHARS).collect();
-        let detail = format!("there is no model `{name}`, only {}{hint}", listed(&names));
-        field.fault("unknown_model", detail);
-    }
-    model
 }
 
 fn read_labels(field: &Field<'_>) -> BTreeMap<String, String> {

@@ -70,7 +70,7 @@ fn the_lift_cylinder_of_the_crane() {
         &json!({"experiments": [{"signals": {
         "valve_voltage": "valve_signal", "rod_pressure": "rod_side_pressure",
         "cylinder_length": "cylinder_length", "piston_pressure": "piston_side_pressure"}}],
-        "outputs": {"cylinder_length": {"noise_std": 5e-4}, "piston_pressure": {"noise_std": 7e4}}}),
+        "outputs": {"cylinder_length": {"noise_std": 3e-4}, "piston_pressure": {"noise_std": 7e4}}}),
     );
     assert!(rmse(&outcome, "cylinder_length") <= 0.60e-3);
     assert!(rmse(&outcome, "piston_pressure") <= 0.80e5);

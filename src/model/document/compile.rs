@@ -392,13 +392,11 @@ impl<'d> Compiler<'d> {
     }
 
     fn forbidden(&self, context: Context, symbol: Symbol) -> Option<&'static str> {
-        let is_signal = matches!(
-            symbol,
-            Symbol::Input(_) | Symbol::State(_) | Symbol::Sampled(_)
-        );
         match symbol {
             Symbol::Table(_) => Some("is a table: write its argument behind it, in parentheses"),
-            _ if is_signal && context == Context::Setup => {
+            Symbol::Input(_) | Symbol::State(_) | Symbol::Sampled(_)
+                if context == Context::Setup =>
+            {
                 Some("changes with time; only parameters and constants can stand here")
             }
             _ => None,
@@ -413,8 +411,8 @@ impl<'d> Compiler<'d> {
         }
         self.known.insert((context, symbol), Known::InWork);
         let value = self.new_value(context, symbol);
-        let known = value.map_or(Known::Failed, Known::Value);
-        self.known.insert((context, symbol), known);
+        self.known
+            .insert((context, symbol), value.map_or(Known::Failed, Known::Value));
         value
     }
 

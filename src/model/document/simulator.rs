@@ -8,7 +8,7 @@
 use super::held::{Delay, Held, Segment};
 use super::plant::DocumentPlant;
 use super::runge_kutta::Explicit;
-use super::tape::Registers;
+use super::tape::{Registers, Row};
 use super::{jacobian, stiff};
 use crate::simulation::block::STIFF_BUDGET;
 use crate::simulation::explicit::{LARGEST_STEP_TIMES_RATE, STAGES, Steps};
@@ -32,7 +32,7 @@ pub struct Machine<'a, R> {
     pub(super) slopes: Vec<R>,
 }
 
-impl<'a, R: Real> Machine<'a, R> {
+impl<'a, R: Row> Machine<'a, R> {
     /// Registers for the given parameters, with all that follows from them.
     pub fn new(
         plant: &'a DocumentPlant,

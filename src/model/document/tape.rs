@@ -162,12 +162,23 @@ impl Tape {
     }
 
     /// Runs a list of instructions.
-    #[inline(never)]
-    pub fn run<R: Real>(&self, instructions: &[Instruction], registers: &mut Registers<R>) {
+    pub fn run<R: Row>(&self, instructions: &[Instruction], registers: &mut Registers<R>) {
+        R::run(self, instructions, registers);
+    }
+
+    #[inline(always)]
+    fn run_here<R: Real>(&self, instructions: &[Instruction], registers: &mut Registers<R>) {
         for instruction in instructions {
             let places = (instruction.on, instruction.to);
             arithmetic::execute(instruction.operation, registers, places, &self.tables);
         }
+    }
+
+    /// The same code, compiled for registers of four numbers; the same bits.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn run_avx2(&self, instructions: &[Instruction], registers: &mut Registers<Lanes>) {
+        self.run_here(instructions, registers);
     }
 
     /// Runs the derivatives of a list of instructions in up to [`LANES`] directions at once:
@@ -192,6 +203,30 @@ impl Tape {
             }
             slopes[to] = slope;
         }
+    }
+}
+
+/// What an instruction works on.
+pub trait Row: Real {
+    /// Runs a list of instructions.
+    fn run(tape: &Tape, instructions: &[Instruction], registers: &mut Registers<Self>);
+}
+
+impl Row for f64 {
+    fn run(tape: &Tape, instructions: &[Instruction], registers: &mut Registers<f64>) {
+        tape.run_here(instructions, registers);
+    }
+}
+
+impl Row for Lanes {
+    fn run(tape: &Tape, instructions: &[Instruction], registers: &mut Registers<Lanes>) {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has these registers, it was asked in the line before.
+            #[expect(unsafe_code, reason = "run-time dispatch over vector widths")]
+            return unsafe { tape.run_avx2(instructions, registers) };
+        }
+        tape.run_here(instructions, registers);
     }
 }
 
