@@ -85,7 +85,11 @@ impl Explicit {
                 length: steps.length,
             };
             self.step(machine, state, whole);
-            worst = worst.max(self.step_times_rate(steps.length));
+            // A lane that has taken its steps is only carried along: what it shows no longer counts.
+            let rate = self.step_times_rate(steps.length);
+            for lane in (0..LANES).filter(|&lane| taken < steps.count[lane]) {
+                worst.0[lane] = worst.0[lane].max(rate.0[lane]);
+            }
             let end = elapsed + steps.length;
             machine.rates(&self.next, end, &mut self.slopes[0]);
             machine.switches(&mut self.switches_after);
