@@ -187,8 +187,8 @@ impl<'d> Compiler<'d> {
 
     /// The value of a sampled quantity at the sample.
     pub fn sampled(&mut self, index: usize) -> Option<NodeId> {
-        self.symbol_value(Context::Sample, Symbol::Sampled(index))
-            .map(|value| value.node)
+        let value = self.symbol_value(Context::Sample, Symbol::Sampled(index))?;
+        Some(value.node)
     }
 
     /// A condition.
@@ -242,8 +242,7 @@ impl<'d> Compiler<'d> {
     /// The value of a tree.
     fn value(&mut self, place: Place<'_>, tree: &Expression) -> Option<Value> {
         if self.depth >= MAX_DEPTH {
-            let detail = "the expressions are nested too deeply through their names; define \
-                          quantities before they are used";
+            let detail = "nested too deeply through names; define quantities before their use";
             self.fault(place, tree.span, "too_deep", detail.to_owned());
             return None;
         }
@@ -343,9 +342,12 @@ impl<'d> Compiler<'d> {
 
     fn named(&mut self, place: Place<'_>, span: Span, name: &str) -> Option<Value> {
         let Some(&symbol) = self.names.get(name) else {
-            let hint = did_you_mean(name, self.names.keys().copied());
-            let detail = format!("`{name}` is not a name of this model{hint}");
-            self.fault(place, span, "unknown_name", detail);
+            // Looking for what was meant is dear: not for faults that nobody will be told.
+            if self.faults.count() < MAX_FAULTS {
+                let hint = did_you_mean(name, self.names.keys().copied());
+                let detail = format!("`{name}` is not a name of this model{hint}");
+                self.fault(place, span, "unknown_name", detail);
+            }
             return None;
         };
         self.used.insert(symbol);
@@ -419,10 +421,12 @@ impl<'d> Compiler<'d> {
     fn new_value(&mut self, context: Context, symbol: Symbol) -> Option<Value> {
         let definition = self.definition;
         let number = |node: Result<NodeId, Full>, unit| {
+            let node = node.ok()?;
+            let is_condition = false;
             Some(Value {
-                node: node.ok()?,
+                node,
                 unit,
-                is_condition: false,
+                is_condition,
             })
         };
         match symbol {

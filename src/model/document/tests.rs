@@ -285,6 +285,14 @@ fn the_hostile_are_bounded() {
         .collect();
     let told = read(&with(lag("x"), "/quantities", Value::Object(many))).unwrap_err();
     assert!(told.len() < 1000);
+    // Unknown names without end are told a hundred times at the most.
+    let unknown: Vec<String> = (0..250).map(|k| format!("nosuch{k}")).collect();
+    let unknown = json!(unknown.join("+"));
+    let many: serde_json::Map<String, Value> = (0..256)
+        .map(|k| (format!("q{k}"), unknown.clone()))
+        .collect();
+    let told = read(&with(lag("x"), "/quantities", Value::Object(many))).unwrap_err();
+    assert_eq!(told.len(), 100);
 }
 
 proptest! {
