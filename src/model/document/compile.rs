@@ -374,25 +374,6 @@ impl<'d> Compiler<'d> {
         self.symbol_value(place.context, symbol)
     }
 
-    /// A sampled quantity in its own expression is its value at the sample before.
-    fn previous(&mut self, place: Place<'_>, span: Span, symbol: Symbol) -> Option<Value> {
-        let Symbol::Sampled(index) = symbol else {
-            return None;
-        };
-        let sampled = &self.definition.sampled[index];
-        let name = &sampled.formula.declared.name;
-        if sampled.initial.is_none() {
-            let detail = format!(
-                "`{name}` depends on itself: an algebraic loop; with `initial` it means its value \
-                 at the sample before"
-            );
-            self.fault(place, span, "algebraic_loop", detail);
-            return None;
-        }
-        let node = self.graph.leaf(Leaf::Previous(index as u16));
-        self.built(place, span, node, sampled.formula.declared.unit)
-    }
-
     fn forbidden(&self, context: Context, symbol: Symbol) -> Option<&'static str> {
         match symbol {
             Symbol::Table(_) => Some("is a table: write its argument behind it, in parentheses"),

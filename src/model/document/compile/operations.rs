@@ -3,11 +3,36 @@
 use super::{Compiler, MAX_FAULTS, Place, Symbol, Value};
 use crate::document::reader::did_you_mean;
 use crate::model::document::arithmetic::Operation;
+use crate::model::document::graph::Leaf;
 use crate::model::document::syntax::{Expression, Operator, Span};
 use crate::model::document::unit::Unit;
 use crate::model::document::{function, lower};
 
 impl Compiler<'_> {
+    /// A sampled quantity in its own expression is its value at the sample before.
+    pub(super) fn previous(
+        &mut self,
+        place: Place<'_>,
+        span: Span,
+        symbol: Symbol,
+    ) -> Option<Value> {
+        let Symbol::Sampled(index) = symbol else {
+            return None;
+        };
+        let sampled = &self.definition.sampled[index];
+        let name = &sampled.formula.declared.name;
+        if sampled.initial.is_none() {
+            let detail = format!(
+                "`{name}` depends on itself: an algebraic loop; with `initial` it means its value \
+                 at the sample before"
+            );
+            self.fault(place, span, "algebraic_loop", detail);
+            return None;
+        }
+        let node = self.graph.leaf(Leaf::Previous(index as u16));
+        self.built(place, span, node, sampled.formula.declared.unit)
+    }
+
     pub(super) fn binary(
         &mut self,
         place: Place<'_>,
