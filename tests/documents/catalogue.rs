@@ -155,7 +155,7 @@ fn cascaded_tanks() {
             ("transfer", 0.011),
             ("overflow_share", 0.3),
         ],
-        // From the lower level alone the scale of the upper one is hardly to be seen.
+        // Both levels are recorded here; recovery from the lower one alone is not shown.
         outputs: &[("level", 1e-4), ("first_level", 1e-4)],
         tolerance: 0.1,
     });

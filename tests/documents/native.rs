@@ -87,9 +87,9 @@ fn the_servo_as_a_document_moves_as_the_servo_in_rust() {
         .get("single_rod_servo")
         .unwrap()
         .clone();
-    // Where a pressure comes close to that of the supply, the servo in Rust hands a sample to the
-    // stiff method by a bound of its own, the document by the rate that its stages show: the two
-    // then differ by the error of the explicit method, not by rounding.
+    // In hard steps the two differ by more than rounding. The ways to choose the stiff method and
+    // the sets of switches are not the same; which of them it is has not been traced. The wider
+    // tolerances there are about three times the position's measured difference.
     let friction = vec![
         ("coulomb_friction", 100.0),
         ("stribeck_friction", 30.0),
