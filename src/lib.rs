@@ -47,4 +47,6 @@ pub mod simulation;
 
 pub mod dataset;
 
+pub mod document;
+
 pub mod numerics;

@@ -14,17 +14,17 @@ use std::path::{Path, PathBuf};
 #[rustfmt::skip]
 const LAYERS: &[(&str, &[&str])] = &[
     // The command line starts servers and also runs the method without one.
-    ("cli", &["app", "config", "api", "job", "estimation", "uncertainty", "demo", "model", "simulation", "dataset"]),
+    ("cli", &["app", "config", "api", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "dataset"]),
     // The composition root; only the command line imports it.
     ("app", &["config", "api", "dashboard", "job", "store", "event", "worker", "model"]),
     // Settings are handed to the parts as the parts' own types.
     ("config", &["api", "store", "worker"]),
     // Simulation stands behind `/v1/simulations` only.
-    ("api", &["dashboard", "event", "store", "job", "dataset", "model", "simulation"]),
+    ("api", &["dashboard", "event", "store", "job", "dataset", "model", "simulation", "document"]),
     ("dashboard", &[]),
     // The settings of the method and the forms of its results are part of a job; a problem is
     // assembled, and looked over beforehand, from the statistics of its recordings.
-    ("job", &["estimation", "uncertainty", "model", "simulation", "dataset", "numerics"]),
+    ("job", &["estimation", "uncertainty", "model", "simulation", "dataset", "document", "numerics"]),
     ("store", &["job", "dataset"]),
     ("event", &["store", "job"]),
     ("worker", &["event", "store", "job", "uncertainty", "estimation", "model", "dataset"]),
@@ -34,9 +34,11 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("uncertainty", &["estimation", "model", "simulation", "dataset", "numerics"]),
     // Recordings that the program makes are simulated ones.
     ("demo", &["model", "simulation", "dataset", "numerics"]),
-    ("model", &["simulation", "numerics"]),
+    // A model may be a document that a user wrote.
+    ("model", &["simulation", "document", "numerics"]),
     ("simulation", &["numerics"]),
     ("dataset", &["numerics"]),
+    ("document", &[]),
     ("numerics", &[]),
 ];
 
@@ -46,7 +48,7 @@ const SERVICE: &[&str] = &["cli", "app", "api", "dashboard", "store", "event", "
 /// The half that is synchronous and seeded.
 #[rustfmt::skip]
 const METHOD: &[&str] = &[
-    "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "dataset", "numerics",
+    "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "dataset", "document", "numerics",
 ];
 
 /// What the method half does without.
@@ -80,7 +82,7 @@ const PLACES: &[(&str, &[&str])] = &[
     ("indicatif", &["cli"]),
     ("comfy_table", &["cli"]),
     // "Did you mean" belongs to the reading of documents and of queries.
-    ("strsim", &["job", "api"]),
+    ("strsim", &["document", "api"]),
     ("nalgebra", &["numerics", "uncertainty", "simulation/stiff.rs"]),
     ("rand", &["numerics/rng.rs"]),
     ("rand_chacha", &["numerics/rng.rs"]),

@@ -17,7 +17,7 @@ use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::manners::hex;
 use super::{ApiState, blocking};
 use crate::dataset::ReadError;
-use crate::job::spec::document;
+use crate::document::json as document;
 
 /// How long a client may be silent in the middle of a body.
 const LONGEST_SILENCE: Duration = Duration::from_secs(30);

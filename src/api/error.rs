@@ -323,6 +323,8 @@ impl From<Fault> for ProblemFault {
             pointer: Some(fault.pointer),
             code: fault.code.into_owned(),
             detail: fault.detail,
+            line: fault.line,
+            column: fault.column.map(|column| column.to_string()),
             ..Self::default()
         }
     }

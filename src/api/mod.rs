@@ -140,10 +140,15 @@ impl ApiState {
         })
     }
 
-    /// A model by its name.
-    fn model(&self, name: &str) -> Answer<Arc<Model>> {
-        let model = self.catalogue.get(name).cloned();
-        model.ok_or_else(|| Problem::not_found("model", name))
+    /// A model by its name: one of the program's, or one that a user wrote by its reference.
+    async fn model(&self, name: &str) -> Answer<Arc<Model>> {
+        if let Some(model) = self.catalogue.get(name) {
+            return Ok(model.clone());
+        }
+        let row = self.store.model(name).await?;
+        let row = row.ok_or_else(|| Problem::not_found("model", name))?;
+        let read = models::read(row.document).await?;
+        Ok(read.map_err(Problem::of_document)?.model)
     }
 
     /// An event stream takes a connection and a place: only so many at once.
@@ -184,8 +189,8 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(datasets::create, datasets::list))
         .routes(routes!(datasets::show, datasets::remove))
         .routes(routes!(datasets::samples))
-        .routes(routes!(models::list))
-        .routes(routes!(models::show))
+        .routes(routes!(models::create, models::list))
+        .routes(routes!(models::show, models::remove))
         .routes(routes!(simulations::simulate))
         .routes(routes!(submit::submit, jobs::list))
         .routes(routes!(jobs::show, jobs::remove))

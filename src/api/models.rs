@@ -1,24 +1,138 @@
-//! The models that can be identified.
+//! The models that can be identified: those of the program and those that users wrote.
+
+use std::sync::Arc;
 
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode};
-use axum::response::Response;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::IntoResponse;
 use serde::Serialize;
+use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::ApiState;
-use super::error::Answer;
+use super::body::JsonDocument;
+use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
 use super::manners::{json, tagged_json};
 use super::query::{NoQuery, Params};
-use crate::model::ModelDescription;
+use crate::job::Fault;
+use crate::model::document::{self, Referenced};
+use crate::model::{Model, ModelDescription};
+use crate::store::{ModelRemoval, ModelRow, ModelStored, NewModel};
 
 /// All models.
 #[derive(Serialize, ToSchema)]
-pub struct Models<'a> {
-    /// The models, in the order of the catalogue.
-    #[schema(value_type = Vec<ModelDescription>)]
-    items: Vec<&'a ModelDescription>,
+pub struct Models {
+    /// Those of the program in the order of the catalogue, then those that users wrote, newest
+    /// first.
+    items: Vec<ModelDescription>,
+}
+
+/// A model, with the document that it was read from where there is one.
+#[derive(Serialize, ToSchema)]
+pub struct ShownModel {
+    /// What the model says of itself.
+    #[serde(flatten)]
+    description: ModelDescription,
+    /// The document; nothing for a model that is part of the program.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Object, nullable = false)]
+    document: Option<Value>,
+}
+
+/// A stored model.
+#[derive(Serialize, ToSchema)]
+pub struct StoredModel {
+    /// `name@digest`, by which jobs and simulations name it.
+    #[schema(example = "dc_motor@0123456789abcdef")]
+    name: String,
+    /// The digest of the whole document.
+    digest: String,
+    /// When it was stored.
+    #[schema(value_type = String, format = DateTime)]
+    created_at: jiff::Timestamp,
+    /// What its author should know.
+    warnings: Vec<Fault>,
+    /// What the model says of itself.
+    model: ModelDescription,
+}
+
+impl StoredModel {
+    fn new(row: ModelRow, read: &Referenced) -> Self {
+        Self {
+            name: row.reference,
+            digest: row.digest,
+            created_at: row.created_at,
+            warnings: read.warnings.clone(),
+            model: read.model.description().clone(),
+        }
+    }
+}
+
+/// Store a model: differential equations as text, in a JSON document.
+///
+/// A stored model never changes: its name is that of the document, `@` and part of its digest.
+/// Everything that is wrong with a document is told at once, with line and column in the
+/// expression.
+#[utoipa::path(
+    post, path = "/v1/models", operation_id = "create_model", tag = "models",
+    request_body(content = Object, content_type = "application/json",
+                 description = "The model document", example = json!({
+        "name": "lag",
+        "inputs": {"u": {"unit": "V"}},
+        "parameters": {"time": {"symbol": "T", "unit": "s", "default": 1, "lower": 0.1,
+                                "upper": 10, "scale": "log", "unknown": true}},
+        "states": {"y": {"unit": "V", "derivative": "(u - y)/T", "initial": 0}},
+        "outputs": {"y_measured": {"unit": "V", "expression": "y"}}
+    })),
+    responses(
+        (status = 201, description = "It is stored", body = StoredModel,
+         headers(("Location" = String, description = "Where the model is"))),
+        (status = 200, description = "The same document came before", body = StoredModel,
+         headers(("Location" = String, description = "Where the model is")))
+    )
+)]
+pub async fn create(
+    State(state): State<ApiState>,
+    _query: Params<NoQuery>,
+    document: JsonDocument,
+) -> Answer {
+    let read = read(document.value.clone()).await?;
+    let read = read.map_err(Problem::of_document)?;
+    let new = new_model(&read, document.value);
+    let (status, row) = match state.store.insert_model(new).await? {
+        ModelStored::Created(row) => (StatusCode::CREATED, row),
+        ModelStored::There(row) => (StatusCode::OK, row),
+        ModelStored::Full => return Err(full()),
+    };
+    let location = format!("/v1/models/{}", row.reference);
+    let mut response = json(status, &StoredModel::new(row, &read));
+    // A name may hold letters that a header may not; the body names it too.
+    if let Ok(location) = HeaderValue::from_str(&location) {
+        response.headers_mut().insert(header::LOCATION, location);
+    }
+    Ok(response)
+}
+
+/// Reads a document beside the threads that serve.
+pub(super) async fn read(document: Value) -> Answer<Result<Referenced, Vec<Fault>>> {
+    super::blocking(move || Ok(document::referenced(&document))).await
+}
+
+/// A document that was read, to be stored.
+pub(super) fn new_model(read: &Referenced, document: Value) -> NewModel {
+    NewModel {
+        reference: read.reference().to_owned(),
+        name: read.name.clone(),
+        digest: read.digest.clone(),
+        document,
+    }
+}
+
+/// There is no room for one more model.
+pub(super) fn full() -> Problem {
+    let detail = "the server keeps as many models as it may; delete some that no job uses";
+    Problem::new(Kind::WrongState, detail)
 }
 
 /// List the models with their signals, parameters and equations.
@@ -26,18 +140,32 @@ pub struct Models<'a> {
     get, path = "/v1/models", operation_id = "list_models", tag = "models",
     responses((status = 200, description = "All models", body = Models))
 )]
-pub async fn list(State(state): State<ApiState>, _query: Params<NoQuery>) -> Response {
-    let items = state.catalogue.iter().map(|model| model.description());
-    let items = items.collect();
-    json(StatusCode::OK, &Models { items })
+pub async fn list(State(state): State<ApiState>, _query: Params<NoQuery>) -> Answer {
+    let mut items: Vec<ModelDescription> = state
+        .catalogue
+        .iter()
+        .map(|model| model.description().clone())
+        .collect();
+    let rows = state.store.models().await?;
+    let written = super::blocking(move || {
+        let read = rows
+            .iter()
+            .filter_map(|row| document::referenced(&row.document).ok());
+        Ok(read
+            .map(|read| read.model.description().clone())
+            .collect::<Vec<_>>())
+    });
+    items.extend(written.await?);
+    Ok(json(StatusCode::OK, &Models { items }))
 }
 
 /// Show one model.
 #[utoipa::path(
     get, path = "/v1/models/{name}", operation_id = "show_model", tag = "models",
-    params(("name" = String, Path, description = "The model's name",
+    params(("name" = String, Path,
+            description = "The model's name; `name@digest` for one that a user wrote",
             example = "single_rod_servo")),
-    responses((status = 200, description = "The model", body = ModelDescription))
+    responses((status = 200, description = "The model", body = ShownModel))
 )]
 pub async fn show(
     State(state): State<ApiState>,
@@ -45,5 +173,89 @@ pub async fn show(
     _query: Params<NoQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    Ok(tagged_json(&headers, state.model(&name)?.description()))
+    let model = state.model(&name).await?;
+    let document = match model.document() {
+        Some(document) => Some(document.clone()),
+        None => state.store.model(&name).await?.map(|row| row.document),
+    };
+    let shown = ShownModel {
+        description: model.description().clone(),
+        document,
+    };
+    Ok(tagged_json(&headers, &shown))
+}
+
+/// Remove a model that no job was made with.
+#[utoipa::path(
+    delete, path = "/v1/models/{name}", operation_id = "delete_model", tag = "models",
+    params(("name" = String, Path, description = "The model's `name@digest`")),
+    responses(
+        (status = 204, description = "It is gone"),
+        (status = 409, description = "A job was made with it, or it is part of the program")
+    )
+)]
+pub async fn remove(
+    State(state): State<ApiState>,
+    Named(name): Named<String>,
+    _query: Params<NoQuery>,
+) -> Answer {
+    if state.catalogue.get(&name).is_some() {
+        let detail = format!("`{name}` is part of the program");
+        return Err(Problem::new(Kind::WrongState, detail));
+    }
+    match state.store.delete_model(&name).await? {
+        ModelRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
+        ModelRemoval::NotFound => Err(Problem::not_found("model", &name)),
+        ModelRemoval::InUse(jobs) => {
+            let jobs: Vec<String> = jobs.iter().map(ToString::to_string).collect();
+            let detail = format!("needed by {}", jobs.join(", "));
+            Err(Problem::new(Kind::WrongState, detail))
+        }
+    }
+}
+
+/// What a job or a simulation names as its model.
+pub(super) struct Asked {
+    /// The model, where the document names one that the catalogue does not have.
+    pub model: Option<Arc<Model>>,
+    /// What must be stored before a job may name it.
+    pub new: Option<NewModel>,
+    /// The document, with the model's name in the place of the model.
+    pub document: Value,
+}
+
+/// Finds the model that a document names by reference or brings along.
+pub(super) async fn asked(state: &ApiState, document: &Value) -> Answer<Asked> {
+    let mut asked = Asked {
+        model: None,
+        new: None,
+        document: document.clone(),
+    };
+    match document.get("model") {
+        Some(Value::String(name)) if state.catalogue.get(name).is_none() && name.contains('@') => {
+            if let Some(row) = state.store.model(name).await? {
+                let read = read(row.document).await?;
+                asked.model = Some(read.map_err(Problem::of_document)?.model);
+            }
+        }
+        Some(inline @ Value::Object(_)) => {
+            let read = read(inline.clone()).await?.map_err(|faults| {
+                let faults = faults.into_iter().map(|fault| fault.below("/model"));
+                Problem::of_document(faults.collect())
+            })?;
+            asked.document["model"] = Value::from(read.reference());
+            asked.new = Some(new_model(&read, inline.clone()));
+            asked.model = Some(read.model);
+        }
+        _ => {}
+    }
+    Ok(asked)
+}
+
+impl Asked {
+    /// The descriptions that the document is read against.
+    pub fn descriptions<'a>(&'a self, state: &'a ApiState) -> Vec<&'a ModelDescription> {
+        let known = state.catalogue.iter().chain(&self.model);
+        known.map(|model| model.description()).collect()
+    }
 }

@@ -1,5 +1,6 @@
 //! Simulating one parameter set, while the client waits.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,13 +17,13 @@ use super::datasets::{RecordingDocument, csv_answer};
 use super::error::{Answer, Kind, Problem};
 use super::manners::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
-use super::{ApiState, blocking};
+use super::{ApiState, blocking, models};
 use crate::dataset::{self, Recording, SampledSignal, Signal, TimeAxis, Window};
 use crate::job::fault::Fault;
 use crate::job::spec::simulation::{SimulationSpec, Source};
-use crate::job::spec::{InitialStateSpec, WindowSpec};
+use crate::job::spec::{InitialStateSpec, ModelOfJob, WindowSpec};
 use crate::job::{DatasetId, spec::FixedValue};
-use crate::model::Model;
+use crate::model::{InitialState, Model};
 use crate::simulation::{Accuracy, Candidate, Excitation, single};
 
 /// How long a client may let the server compute.
@@ -58,7 +59,8 @@ impl FromQuery for SimulationQuery {
     "initial_state": {"velocity": 0.0}
 }))]
 pub struct SimulationDocument {
-    /// The model; `/v1/models` lists them.
+    /// The model: a name that `/v1/models` lists, or a model document.
+    #[schema(value_type = ModelOfJob)]
     pub model: String,
     /// A stored recording that has the inputs.
     #[schema(nullable = false)]
@@ -107,12 +109,16 @@ pub async fn simulate(
 ) -> Answer {
     let permit = state.recording_permit().await?;
     let recording = recording(&state, &document.value).await?;
-    let models: Vec<_> = state.catalogue.iter().map(|m| m.description()).collect();
+    let asked = models::asked(&state, &document.value).await?;
+    let models = asked.descriptions(&state);
     let summary = recording.as_ref().map(Recording::summary);
-    let spec = SimulationSpec::read(&document.value, &models, summary.as_ref());
+    let spec = SimulationSpec::read(&asked.document, &models, summary.as_ref());
     let spec = spec.map_err(Problem::of_document)?;
     let recording = recording.expect("a specification that exists has a source");
-    let model = state.model(&spec.model)?;
+    let model = match asked.model {
+        Some(model) => model,
+        None => state.model(&spec.model).await?,
+    };
 
     let stop = Arc::new(AtomicBool::new(false));
     let _stop_when_the_client_leaves = StopOnDrop(stop.clone());
@@ -203,7 +209,9 @@ impl<'m> SimulationRun<'m> {
             let fault = Fault::new("", "experiment_not_possible", error.to_string());
             Problem::of_document(vec![fault])
         })?;
-        let mapped = |set: &Vec<&str>| set.iter().all(|name| spec.signals.contains_key(*name));
+        let mapped = |set: &Vec<Cow<'static, str>>| {
+            set.iter().all(|name| spec.signals.contains_key(&**name))
+        };
         let input_set = description.input_sets.iter().position(mapped);
         let input_set = input_set.expect("a specification that exists maps one set of inputs");
         let mut inputs = Vec::new();
@@ -220,11 +228,17 @@ impl<'m> SimulationRun<'m> {
             description
                 .states
                 .iter()
-                .map(|state| match spec.initial_state.get(state.name)? {
-                    InitialStateSpec::Fixed(FixedValue { value }) => Some(*value),
-                    InitialStateSpec::Number(value) => Some(*value),
-                    InitialStateSpec::Measured(_) => first(state.name),
-                    InitialStateSpec::Free(_) => None,
+                .map(|state| match spec.initial_state.get(&*state.name) {
+                    Some(InitialStateSpec::Fixed(FixedValue { value })) => Some(*value),
+                    Some(InitialStateSpec::Number(value)) => Some(*value),
+                    Some(InitialStateSpec::Measured(_)) => first(&state.name),
+                    Some(InitialStateSpec::Free(_)) => None,
+                    None => match state.initial {
+                        InitialState::FirstSample { output } => {
+                            first(&description.outputs[output].name)
+                        }
+                        _ => None,
+                    },
                 });
         Ok(Self {
             model,
@@ -263,7 +277,7 @@ impl<'m> SimulationRun<'m> {
         let described = self.model.description().outputs.iter();
         let signals = described
             .zip(outputs.into_iter().flatten())
-            .map(|(output, values)| Signal::new(output.name, output.unit, values));
+            .map(|(output, values)| Signal::new(&*output.name, &*output.unit, values));
         let instants = (0..self.samples).map(|k| self.from + k as f64 * self.sample_time);
         Ok(Recording::new(
             TimeAxis::Instants(instants.collect()),

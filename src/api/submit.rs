@@ -1,6 +1,7 @@
 //! Submitting a job: read it whole, say everything that is wrong, store it once.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
@@ -13,11 +14,12 @@ use super::error::{Answer, Kind, Problem};
 use super::jobs::{self, Job};
 use super::manners::{idempotency_key, json, preferred_wait};
 use super::query::{FromQuery, Params, QueryReader};
-use super::{ApiState, blocking};
+use super::{ApiState, blocking, models};
 use crate::job::assemble::{self, Assembly, Finding, Identifiability, Preflight};
 use crate::job::spec::Context;
 use crate::job::{Fault, JobSpec, Status};
-use crate::store::{Idempotency, JobRow, NewJob, Submitted};
+use crate::model::Model;
+use crate::store::{Idempotency, JobRow, ModelStored, NewJob, Submitted};
 
 /// How to treat the submitted job.
 #[derive(IntoParams)]
@@ -125,7 +127,12 @@ pub async fn submit(
     {
         return answer(&state, earlier, &headers).await;
     }
-    let spec = read(&state, &document).await?;
+    let asked = models::asked(&state, &document.value).await?;
+    let spec = read(&state, &asked).await?;
+    let model = match asked.model {
+        Some(model) => model,
+        None => state.model(&spec.model).await?,
+    };
     if query.validate_only {
         let method = spec.method.clone();
         let look_ahead = move |assembly: &Assembly| {
@@ -133,10 +140,15 @@ pub async fn submit(
             let ahead = assemble::foresee(assembly, &method, &mut preflight.findings);
             (preflight, ahead)
         };
-        let foreseen = assembled(&state, &spec, look_ahead).await?;
+        let foreseen = assembled(&state, &spec, model, look_ahead).await?;
         return Ok(json(StatusCode::OK, &Validation::new(spec, foreseen)));
     }
-    assembled(&state, &spec, |_| ()).await?;
+    assembled(&state, &spec, model, |_| ()).await?;
+    if let Some(new) = asked.new
+        && state.store.insert_model(new).await? == ModelStored::Full
+    {
+        return Err(models::full());
+    }
     let submitted = state.store.submit(new_job(&spec, idempotency)).await?;
     answer(&state, submitted, &headers).await
 }
@@ -153,6 +165,11 @@ async fn answer(state: &ApiState, submitted: Submitted, headers: &HeaderMap) -> 
             let detail = format!("the job {id} that this key made has been deleted");
             Err(Problem::new(Kind::WrongState, detail))
         }
+        Submitted::NoModel(name) => {
+            let detail = format!("there is no model `{name}` any more");
+            let fault = Fault::new("/model", "unknown_model", detail);
+            Err(Problem::of_document(vec![fault]))
+        }
         Submitted::NoDataset(id) => {
             let detail = format!("there is no dataset {id}");
             let fault = Fault::new("/experiments", "unknown_dataset", detail);
@@ -162,20 +179,19 @@ async fn answer(state: &ApiState, submitted: Submitted, headers: &HeaderMap) -> 
 }
 
 /// The completed specification, or everything that is wrong with the document.
-async fn read(state: &ApiState, document: &JsonDocument) -> Answer<JobSpec> {
+async fn read(state: &ApiState, asked: &models::Asked) -> Answer<JobSpec> {
     let mut datasets = HashMap::new();
-    for id in JobSpec::datasets_named(&document.value) {
+    for id in JobSpec::datasets_named(&asked.document) {
         if let Some(row) = state.store.dataset(id).await? {
             datasets.insert(id, row.summary);
         }
     }
-    let models = state.catalogue.iter().map(|model| model.description());
     let context = Context {
-        models: models.collect(),
+        models: asked.descriptions(state),
         datasets: &datasets,
         max_duration_s: state.limits.max_duration_s,
     };
-    JobSpec::read(&document.value, &context).map_err(Problem::of_document)
+    JobSpec::read(&asked.document, &context).map_err(Problem::of_document)
 }
 
 /// Cuts the experiments out of their recordings, as the worker will, and looks at what comes out;
@@ -183,12 +199,12 @@ async fn read(state: &ApiState, document: &JsonDocument) -> Answer<JobSpec> {
 async fn assembled<T: Send + 'static>(
     state: &ApiState,
     spec: &JobSpec,
+    model: Arc<Model>,
     look: impl FnOnce(&Assembly) -> T + Send + 'static,
 ) -> Answer<T> {
     let permit = state.recording_permit().await?;
     let recordings = state.recordings(spec).await?;
     let recordings = recordings.map_err(Problem::of_document)?;
-    let model = state.model(&spec.model)?;
     let spec = spec.clone();
     blocking(move || {
         let _permit = permit;

@@ -104,7 +104,7 @@ pub async fn trajectory(
     let spec: JobSpec = serde_json::from_value(row.spec).map_err(unreadable)?;
     let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
     let recordings = state.recordings(&spec).await?.map_err(removed)?;
-    let model = state.model(&spec.model)?;
+    let model = state.model(&spec.model).await?;
     let as_csv = prefers(&headers, "text/csv");
     let points = query.max_points.unwrap_or(DEFAULT_POINTS);
     let points = usize::try_from(points).expect("the limit is small");

@@ -9,7 +9,7 @@ use crate::estimation::{Problem, StopReason};
 use crate::job::assemble::{self, Origin};
 use crate::job::spec::Context;
 use crate::job::{DatasetId, Fault, JobSpec, Outcome};
-use crate::model::Catalogue;
+use crate::model::{Catalogue, document};
 use crate::uncertainty;
 use clap::Args;
 use serde_json::{Value, json};
@@ -52,8 +52,8 @@ pub fn estimate(arguments: &Arguments) -> Result<(), CommandError> {
     let recording = files::recording(&arguments.recording, arguments.time.as_deref())?;
     let job = files::document(&arguments.job)?;
     let wrong = |faults: Vec<Fault>| CommandError::faults(arguments.job.display(), &faults);
-    let spec = read_job(job, &recording).map_err(wrong)?;
-    let models = Catalogue::built_in();
+    let mut models = Catalogue::built_in();
+    let spec = read_job(job, &recording, &mut models).map_err(wrong)?;
     let model = models
         .get(&spec.model)
         .expect("a specification names a model that there is");
@@ -87,8 +87,13 @@ fn the_recording() -> DatasetId {
     name.parse().expect("32 zeros are hexadecimal digits")
 }
 
-/// Reads the job as the service does, with the recording in the place of its datasets.
-fn read_job(mut job: Value, recording: &Recording) -> Result<JobSpec, Vec<Fault>> {
+/// Reads the job as the service does, with the recording in the place of its datasets; a model
+/// that it brings along joins the others.
+fn read_job(
+    mut job: Value,
+    recording: &Recording,
+    models: &mut Catalogue,
+) -> Result<JobSpec, Vec<Fault>> {
     if let Some(job) = job.as_object_mut() {
         let experiments = job.entry("experiments").or_insert_with(|| json!([{}]));
         for experiment in experiments.as_array_mut().into_iter().flatten() {
@@ -97,7 +102,14 @@ fn read_job(mut job: Value, recording: &Recording) -> Result<JobSpec, Vec<Fault>
             }
         }
     }
-    let models = Catalogue::built_in();
+    if let Some(document) = job.get("model").filter(|model| model.is_object()) {
+        let read = document::referenced(document).map_err(|faults| {
+            let faults = faults.into_iter().map(|fault| fault.below("/model"));
+            faults.collect::<Vec<_>>()
+        })?;
+        job["model"] = json!(read.reference());
+        models.add(read.model);
+    }
     let context = Context {
         models: models.iter().map(|model| model.description()).collect(),
         datasets: &HashMap::from([(the_recording(), recording.summary())]),

@@ -2,7 +2,7 @@
 
 use super::error::CommandError;
 use crate::dataset::{self, Recording};
-use crate::job::spec::document;
+use crate::document::json as document;
 use serde_json::Value;
 use std::fs::File;
 use std::io::Write;

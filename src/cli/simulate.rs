@@ -57,7 +57,7 @@ fn model_of_name(name: &str) -> Result<Arc<Model>, CommandError> {
     let models = Catalogue::built_in();
     let known: Vec<&str> = models
         .iter()
-        .map(|model| model.description().name)
+        .map(|model| &*model.description().name)
         .collect();
     models.get(name).cloned().ok_or_else(|| {
         CommandError::input(format!(
@@ -125,11 +125,11 @@ fn inputs(recording: &Recording, model: &ModelDescription) -> Result<Inputs, Str
     let input_set = sets.position(|set| set.iter().all(|input| has(input)));
     let input_set = input_set.ok_or_else(|| {
         let sets: Vec<String> = model.input_sets.iter().map(|set| set.join(" + ")).collect();
-        let (name, sets) = (model.name, sets.join(" or by "));
+        let (name, sets) = (&model.name, sets.join(" or by "));
         format!("`{name}` is driven by {sets}, which the recording does not have")
     })?;
     let names = model.input_sets[input_set].iter();
-    let names = names.map(|name| ((*name).to_owned(), (*name).to_owned()));
+    let names = names.map(|name| (name.to_string(), name.to_string()));
     let experiment = recording.experiment(&names.collect::<Vec<_>>(), None);
     let experiment = experiment.map_err(|error| error.to_string())?;
     let has_gaps = |values: &[f64]| values.iter().any(|value| value.is_nan());
@@ -174,7 +174,7 @@ fn outputs(model: &Model, parameters: &[f64], inputs: Inputs) -> Result<Recordin
         })?;
     let columns = simulated.into_iter().flatten();
     let signals = description.outputs.iter().zip(columns);
-    let signals = signals.map(|(signal, values)| Signal::new(signal.name, signal.unit, values));
+    let signals = signals.map(|(signal, values)| Signal::new(&*signal.name, &*signal.unit, values));
     let time = TimeAxis::Uniform {
         sample_time,
         samples,

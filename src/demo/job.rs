@@ -48,14 +48,14 @@ fn free_parameters(demo: Demo) -> Value {
     let ranges = description
         .parameters
         .iter()
-        .filter(|parameter| is_free(parameter.name))
+        .filter(|parameter| is_free(&parameter.name))
         .map(|parameter| {
             let estimate = json!({
                 "lower": parameter.lower,
                 "upper": parameter.upper,
                 "scale": parameter.scale,
             });
-            (parameter.name.to_owned(), json!({ "estimate": estimate }))
+            (parameter.name.to_string(), json!({ "estimate": estimate }))
         });
     Value::Object(ranges.collect())
 }

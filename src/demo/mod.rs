@@ -114,7 +114,7 @@ pub fn true_parameters(demo: Demo) -> Vec<(String, f64)> {
     let model = rig::model();
     let names = model.description().parameters.iter();
     names
-        .map(|parameter| parameter.name.to_owned())
+        .map(|parameter| parameter.name.to_string())
         .zip(rig::parameters(demo))
         .collect()
 }

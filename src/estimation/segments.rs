@@ -58,7 +58,9 @@ impl Source {
         };
         match initial {
             InitialState::Model => None,
-            InitialState::EstimatedFromOutput { output } => place(output).map(Source::Output),
+            InitialState::EstimatedFromOutput { output } | InitialState::FirstSample { output } => {
+                place(output).map(Source::Output)
+            }
             InitialState::EstimatedFromSlope { output } => place(output).map(Source::Slope),
         }
     }

@@ -12,9 +12,9 @@ pub use outcome::{Origin, outcome};
 pub use preflight::{Finding, Preflight, preflight};
 pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};
 
-use super::fault::{Fault, pointer_to};
 use super::spec::{JobSpec, ParameterSpec};
 use crate::dataset::Recording;
+use crate::document::fault::{Fault, pointer_to};
 use crate::estimation::Problem;
 use crate::estimation::problem::{Coordinate, MeasuredOutput, Target};
 use crate::model::{Model, ModelDescription};
@@ -101,14 +101,14 @@ fn measured_outputs(spec: &JobSpec, description: &ModelDescription) -> Vec<Measu
     };
     let outputs = description.outputs.iter().enumerate();
     outputs
-        .filter(|(_, output)| is_measured(output.name))
+        .filter(|(_, output)| is_measured(&output.name))
         .map(|(index, output)| MeasuredOutput {
             index,
-            name: output.name.to_owned(),
-            unit: output.unit.to_owned(),
+            name: output.name.to_string(),
+            unit: output.unit.to_string(),
             noise_std: spec
                 .outputs
-                .get(output.name)
+                .get(&*output.name)
                 .and_then(|output| output.noise_std),
             residual_scale: 1.0,
         })
@@ -137,12 +137,12 @@ fn parameters(spec: &JobSpec, description: &ModelDescription) -> (Vec<f64>, Vec<
     let mut values = description.defaults();
     let mut coordinates = Vec::new();
     for (index, parameter) in description.parameters.iter().enumerate() {
-        match spec.parameters.get(parameter.name) {
+        match spec.parameters.get(&*parameter.name) {
             Some(ParameterSpec::Fixed(fixed)) => values[index] = fixed.value,
             Some(ParameterSpec::Free(free)) => coordinates.push(Coordinate {
-                name: parameter.name.to_owned(),
-                symbol: parameter.symbol.to_owned(),
-                unit: parameter.unit.to_owned(),
+                name: parameter.name.to_string(),
+                symbol: parameter.symbol.to_string(),
+                unit: parameter.unit.to_string(),
                 target: Target::Parameter(index),
                 lower: free.estimate.lower,
                 upper: free.estimate.upper,

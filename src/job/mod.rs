@@ -3,16 +3,16 @@
 pub mod assemble;
 pub mod event;
 pub mod failure;
-pub mod fault;
+
 pub mod id;
 pub mod outcome;
 pub mod progress;
 pub mod spec;
 pub mod state;
 
+pub use crate::document::fault::{self, Fault};
 pub use event::{Event, GenerationEvent};
 pub use failure::Failure;
-pub use fault::Fault;
 pub use id::{DatasetId, InvalidId, JobId};
 pub use outcome::Outcome;
 pub use progress::{Phase, Progress};

@@ -11,22 +11,25 @@ use serde_json::Value;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use super::fault::Fault;
 use super::id::DatasetId;
 use crate::dataset::Summary;
+use crate::document::Fault;
 use crate::estimation::Settings;
-use crate::model::{InitialState, ModelDescription, Scale};
+use crate::model::{ModelDescription, Scale};
 
-pub mod document;
 mod experiment;
 mod method;
+mod model;
 mod parameter;
-mod reader;
+
 pub mod simulation;
 #[cfg(test)]
 mod tests;
 
-use reader::{Faults, Field, did_you_mean, listed};
+pub use model::ModelOfJob;
+use model::read_model;
+
+use crate::document::reader::{Faults, Field, did_you_mean, listed};
 
 /// The experiments of one job at the most.
 pub const MAX_EXPERIMENTS: usize = 32;
@@ -73,8 +76,9 @@ pub struct JobSpec {
     #[serde(default)]
     #[schema(example = json!({"site": "hall 2"}))]
     pub labels: BTreeMap<String, String>,
-    /// The model whose parameters are estimated; `/v1/models` lists them.
-    #[schema(example = "single_rod_servo")]
+    /// The model whose parameters are estimated: a name that `/v1/models` lists, or a model
+    /// document. The completed specification names it.
+    #[schema(value_type = ModelOfJob, example = "single_rod_servo")]
     pub model: String,
     /// The recordings to explain, all with the same parameters.
     #[schema(min_items = 1, max_items = 32)]
@@ -333,7 +337,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     Some(JobSpec {
         name,
         labels: labels.unwrap_or_default(),
-        model: model?.name.to_owned(),
+        model: model?.name.to_string(),
         experiments: experiments?,
         parameters: parameters?,
         outputs: outputs.unwrap_or_default(),
@@ -344,22 +348,6 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
         }),
         seed: seed?,
     })
-}
-
-fn read_model<'m>(
-    field: &Field<'_>,
-    models: &[&'m ModelDescription],
-) -> Option<&'m ModelDescription> {
-    let name = field.text()?;
-    let model = models.iter().copied().find(|model| model.name == name);
-    if model.is_none() {
-        let names: Vec<&str> = models.iter().map(|model| model.name).collect();
-        let hint = did_you_mean(name, names.iter().copied());
-        let name: String = name.chars().take(MAX_NAME_CHARS).collect();
-        let detail = format!("there is no model `{name}`, only {}{hint}", listed(&names));
-        field.fault("unknown_model", detail);
-    }
-    model
 }
 
 fn read_labels(field: &Field<'_>) -> BTreeMap<String, String> {
@@ -424,7 +412,7 @@ fn check_output(
     let Some(model) = model else {
         return;
     };
-    let known = || model.outputs.iter().map(|output| output.name);
+    let known = || model.outputs.iter().map(|output| &*output.name);
     if !known().any(|output| output == name) {
         let names: Vec<&str> = known().collect();
         let hint = did_you_mean(name, known());
@@ -480,9 +468,9 @@ fn anything_free(
         model
             .states
             .iter()
-            .any(|state| match experiment.initial_state.get(state.name) {
+            .any(|state| match experiment.initial_state.get(&*state.name) {
                 Some(said) => matches!(said, InitialStateSpec::Free(_)),
-                None => state.initial != InitialState::Model,
+                None => state.initial.is_estimated(),
             })
     };
     let mut said = parameters.values();

@@ -1,13 +1,16 @@
 //! What can be identified: the structure of a plant, its parameters, signals and equations.
 //!
-//! A model is one file (or folder) with its equations ([`Dynamics`]) and its description, and one
-//! line in [`Catalogue::built_in`].
+//! A model is one file (or folder) with its equations ([`Dynamics`]) and its description, or a
+//! document with its equations as text ([`document`]), and one line in [`Catalogue::built_in`].
 
+mod catalogue;
 mod parameter;
 
+pub mod document;
 pub mod positioning_drive;
 pub mod single_rod_servo;
 
+pub use catalogue::Catalogue;
 pub use parameter::{
     InitialState, ParameterDescription, Scale, SignalDescription, StateDescription,
 };
@@ -15,22 +18,26 @@ pub use parameter::{
 use crate::simulation::batch::{Plant, PlantOf};
 use crate::simulation::dynamics::Dynamics;
 use serde::Serialize;
-use std::sync::Arc;
+use std::borrow::Cow;
 use utoipa::ToSchema;
 
 /// A model as the catalogue shows it.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct ModelDescription {
     /// The name in requests, e.g. `single_rod_servo`.
-    pub name: &'static str,
+    #[schema(value_type = String)]
+    pub name: Cow<'static, str>,
     /// The name for people.
-    pub title: &'static str,
+    #[schema(value_type = String)]
+    pub title: Cow<'static, str>,
     /// What the model covers and what it leaves out.
-    pub summary: &'static str,
+    #[schema(value_type = String)]
+    pub summary: Cow<'static, str>,
     /// The inputs.
     pub inputs: Vec<SignalDescription>,
     /// Sets of inputs that can drive the model, preferred ones first; a job uses one set.
-    pub input_sets: Vec<Vec<&'static str>>,
+    #[schema(value_type = Vec<Vec<String>>)]
+    pub input_sets: Vec<Vec<Cow<'static, str>>>,
     /// The states, in the order of integration.
     pub states: Vec<StateDescription>,
     /// The outputs that can be measured.
@@ -38,9 +45,11 @@ pub struct ModelDescription {
     /// The parameters.
     pub parameters: Vec<ParameterDescription>,
     /// The equations, a line each.
-    pub equations: Vec<&'static str>,
+    #[schema(value_type = Vec<String>)]
+    pub equations: Vec<Cow<'static, str>>,
     /// Where the equations come from.
-    pub source: &'static str,
+    #[schema(value_type = String)]
+    pub source: Cow<'static, str>,
 }
 
 impl ModelDescription {
@@ -78,6 +87,7 @@ impl ModelDescription {
 pub struct Model {
     description: ModelDescription,
     plant: Box<dyn Plant>,
+    document: Option<serde_json::Value>,
 }
 
 impl Model {
@@ -91,7 +101,38 @@ impl Model {
                 dynamics,
                 n_outputs,
             }),
+            document: None,
         }
+    }
+
+    /// Joins a description and a plant of any kind.
+    #[must_use]
+    pub fn of_plant(description: ModelDescription, plant: impl Plant + 'static) -> Model {
+        Model {
+            description,
+            plant: Box::new(plant),
+            document: None,
+        }
+    }
+
+    /// The same with the document that it was read from.
+    #[must_use]
+    pub fn with_document(mut self, document: serde_json::Value) -> Model {
+        self.document = Some(document);
+        self
+    }
+
+    /// The same under another name.
+    #[must_use]
+    pub fn renamed(mut self, name: String) -> Model {
+        self.description.name = Cow::Owned(name);
+        self
+    }
+
+    /// The document that the model was read from, where it is one of the catalogue.
+    #[must_use]
+    pub fn document(&self) -> Option<&serde_json::Value> {
+        self.document.as_ref()
     }
 
     /// What the model says of itself.
@@ -113,37 +154,5 @@ impl std::fmt::Debug for Model {
             .debug_struct("Model")
             .field("name", &self.description.name)
             .finish()
-    }
-}
-
-/// The models that can be named in a job.
-#[derive(Clone, Debug)]
-pub struct Catalogue {
-    models: Vec<Arc<Model>>,
-}
-
-impl Catalogue {
-    /// The models that are part of this program.
-    #[must_use]
-    pub fn built_in() -> Catalogue {
-        Catalogue {
-            models: vec![
-                Arc::new(single_rod_servo::model()),
-                Arc::new(positioning_drive::model()),
-            ],
-        }
-    }
-
-    /// A model by its name.
-    #[must_use]
-    pub fn get(&self, name: &str) -> Option<&Arc<Model>> {
-        self.models
-            .iter()
-            .find(|model| model.description.name == name)
-    }
-
-    /// All models.
-    pub fn iter(&self) -> impl Iterator<Item = &Arc<Model>> {
-        self.models.iter()
     }
 }

@@ -1,6 +1,7 @@
 //! Parameters and signals as a model describes them.
 
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use utoipa::ToSchema;
 
 /// How a parameter's range is laid out for the search.
@@ -50,13 +51,17 @@ impl Scale {
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct ParameterDescription {
     /// The name in requests and results, e.g. `bulk_modulus`.
-    pub name: &'static str,
+    #[schema(value_type = String)]
+    pub name: Cow<'static, str>,
     /// The symbol in the equations, e.g. `Km`.
-    pub symbol: &'static str,
+    #[schema(value_type = String)]
+    pub symbol: Cow<'static, str>,
     /// The SI unit, e.g. `Pa`; `1` where there is none.
-    pub unit: &'static str,
+    #[schema(value_type = String)]
+    pub unit: Cow<'static, str>,
     /// What it is, in one sentence.
-    pub meaning: &'static str,
+    #[schema(value_type = String)]
+    pub meaning: Cow<'static, str>,
     /// The value when a job does not name it, SI.
     pub default: f64,
     /// The default search range, SI.
@@ -76,17 +81,17 @@ pub struct ParameterDescription {
 impl ParameterDescription {
     /// A quantity that cannot be negative, known unless the job says otherwise.
     #[must_use]
-    pub const fn known(
+    pub fn known(
         name: &'static str,
         [symbol, unit, meaning]: [&'static str; 3],
         default: f64,
         [lower, upper]: [f64; 2],
     ) -> Self {
         ParameterDescription {
-            name,
-            symbol,
-            unit,
-            meaning,
+            name: Cow::Borrowed(name),
+            symbol: Cow::Borrowed(symbol),
+            unit: Cow::Borrowed(unit),
+            meaning: Cow::Borrowed(meaning),
             default,
             lower,
             upper,
@@ -99,7 +104,7 @@ impl ParameterDescription {
 
     /// The same, estimated unless the job says otherwise.
     #[must_use]
-    pub const fn unknown(self) -> Self {
+    pub fn unknown(self) -> Self {
         ParameterDescription {
             unknown_by_default: true,
             ..self
@@ -108,7 +113,7 @@ impl ParameterDescription {
 
     /// The same, searched in equal ratios.
     #[must_use]
-    pub const fn log_scale(self) -> Self {
+    pub fn log_scale(self) -> Self {
         ParameterDescription {
             scale: Scale::Log,
             ..self
@@ -117,7 +122,7 @@ impl ParameterDescription {
 
     /// The same, with other physical limits.
     #[must_use]
-    pub const fn within(self, minimum: Option<f64>, maximum: Option<f64>) -> Self {
+    pub fn within(self, minimum: Option<f64>, maximum: Option<f64>) -> Self {
         ParameterDescription {
             minimum,
             maximum,
@@ -130,11 +135,14 @@ impl ParameterDescription {
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct SignalDescription {
     /// The name in requests and results.
-    pub name: &'static str,
+    #[schema(value_type = String)]
+    pub name: Cow<'static, str>,
     /// The SI unit.
-    pub unit: &'static str,
+    #[schema(value_type = String)]
+    pub unit: Cow<'static, str>,
     /// What it is, in one sentence.
-    pub meaning: &'static str,
+    #[schema(value_type = String)]
+    pub meaning: Cow<'static, str>,
 }
 
 /// Where a state starts when a job does not say.
@@ -143,6 +151,11 @@ pub struct SignalDescription {
 pub enum InitialState {
     /// Where the model puts it: a fixed number or what follows from the parameters.
     Model,
+    /// At the first measured sample of an output.
+    FirstSample {
+        /// The output, by its place in the description.
+        output: usize,
+    },
     /// Estimated near the first samples of the output that measures it.
     EstimatedFromOutput {
         /// The output, by its place in the description.
@@ -155,15 +168,41 @@ pub enum InitialState {
     },
 }
 
+impl SignalDescription {
+    /// A signal of a model that is part of this program.
+    #[must_use]
+    pub fn new(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
+        SignalDescription {
+            name: Cow::Borrowed(name),
+            unit: Cow::Borrowed(unit),
+            meaning: Cow::Borrowed(meaning),
+        }
+    }
+}
+
+impl InitialState {
+    /// Whether the initial value is one more unknown.
+    #[must_use]
+    pub fn is_estimated(self) -> bool {
+        matches!(
+            self,
+            InitialState::EstimatedFromOutput { .. } | InitialState::EstimatedFromSlope { .. }
+        )
+    }
+}
+
 /// A state of a model.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct StateDescription {
     /// The name in requests and results.
-    pub name: &'static str,
+    #[schema(value_type = String)]
+    pub name: Cow<'static, str>,
     /// The SI unit.
-    pub unit: &'static str,
+    #[schema(value_type = String)]
+    pub unit: Cow<'static, str>,
     /// What it is, in one sentence.
-    pub meaning: &'static str,
+    #[schema(value_type = String)]
+    pub meaning: Cow<'static, str>,
     /// Where it starts when a job does not say.
     pub initial: InitialState,
 }

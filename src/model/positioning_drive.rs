@@ -135,47 +135,43 @@ impl Dynamics for PositioningDrive {
 
 fn describe() -> ModelDescription {
     ModelDescription {
-        name: "positioning_drive",
-        title: "Positioning drive",
+        name: "positioning_drive".into(),
+        title: "Positioning drive".into(),
         summary: "A carriage on a guide under a recorded drive force, with viscous and Coulomb \
                   friction and a constant offset. Initial position and velocity are estimated \
-                  near the first samples.",
-        inputs: vec![SignalDescription {
-            name: "force",
-            unit: "N",
-            meaning: "drive force, held over a sample",
-        }],
-        input_sets: vec![vec!["force"]],
+                  near the first samples."
+            .into(),
+        inputs: vec![SignalDescription::new(
+            "force",
+            "N",
+            "drive force, held over a sample",
+        )],
+        input_sets: vec![vec!["force".into()]],
         states: vec![
             StateDescription {
-                name: "position",
-                unit: "m",
-                meaning: "position of the carriage",
+                name: "position".into(),
+                unit: "m".into(),
+                meaning: "position of the carriage".into(),
                 initial: InitialState::EstimatedFromOutput { output: 0 },
             },
             StateDescription {
-                name: "velocity",
-                unit: "m/s",
-                meaning: "velocity of the carriage",
+                name: "velocity".into(),
+                unit: "m/s".into(),
+                meaning: "velocity of the carriage".into(),
                 initial: InitialState::EstimatedFromSlope { output: 0 },
             },
         ],
         outputs: vec![
-            SignalDescription {
-                name: "position",
-                unit: "m",
-                meaning: "position of the carriage",
-            },
-            SignalDescription {
-                name: "velocity",
-                unit: "m/s",
-                meaning: "velocity of the carriage",
-            },
+            SignalDescription::new("position", "m", "position of the carriage"),
+            SignalDescription::new("velocity", "m/s", "velocity of the carriage"),
         ],
         parameters: parameters(),
-        equations: vec!["q' = v", "v' = (force - Fv*v - Fc*tanh(v/vs) - F0) / M"],
+        equations: ["q' = v", "v' = (force - Fv*v - Fc*tanh(v/vs) - F0) / M"]
+            .map(Into::into)
+            .to_vec(),
         source: "A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, Workshop \
-                 on Nonlinear System Identification Benchmarks, Eindhoven, 2019",
+                 on Nonlinear System Identification Benchmarks, Eindhoven, 2019"
+            .into(),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Random streams, statistics, interpolation and linear algebra.
 
+pub mod dimension;
 pub mod interpolation;
 pub mod least_squares;
 pub mod rng;

@@ -8,7 +8,7 @@ use sqlx::SqliteConnection;
 
 use super::jobs::{self, JobRow};
 use super::writer::Tx;
-use super::{Change, Store, StoreError, events, queue};
+use super::{Change, Store, StoreError, events, models, queue};
 use crate::job::{DatasetId, Event, JobId, Status};
 
 /// A job to be stored.
@@ -48,6 +48,8 @@ pub enum Submitted {
     KeyReused,
     /// The job that the same key and body made before has been deleted. Nothing was stored.
     Forgotten(JobId),
+    /// The model that the job names is no longer there. Nothing was stored.
+    NoModel(String),
     /// A recording that the job reads is no longer there. Nothing was stored.
     NoDataset(DatasetId),
 }
@@ -87,6 +89,9 @@ async fn submit(
         if !dataset_exists(tx, *dataset).await? {
             return Ok(Submitted::NoDataset(*dataset));
         }
+    }
+    if !models::is_there(tx, &new.model).await? {
+        return Ok(Submitted::NoModel(new.model));
     }
     let id = JobId::new();
     let created_at = Timestamp::now();

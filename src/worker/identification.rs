@@ -4,6 +4,7 @@
 //! of the checkpoint: a run that is taken up after its estimate stands analyses again, with the
 //! same bits.
 
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use serde_json::{Map, Value};
@@ -14,7 +15,7 @@ use crate::dataset::Recording;
 use crate::estimation::{self, Checkpoint, Estimation, GenerationRow, Problem, RefinementRow};
 use crate::job::assemble::{self, Origin};
 use crate::job::{Failure, GenerationEvent, JobSpec, Phase, Progress};
-use crate::model::Catalogue;
+use crate::model::{Catalogue, Model, document};
 use crate::store::JobRow;
 use crate::uncertainty::{self, Analysis};
 
@@ -35,16 +36,20 @@ impl Method for Identification {
     fn begin(&self, assignment: Assignment) -> Result<Box<dyn Run>, Failure> {
         let Assignment {
             job,
+            model,
             datasets,
             checkpoint,
         } = assignment;
         let spec = read_spec(&job)?;
-        let model = self.catalogue.get(&spec.model).ok_or_else(|| {
-            Failure::cannot_run(format!("there is no model `{}`", spec.model), Vec::new())
-        })?;
+        let model = match model {
+            Some(document) => read_model(&document)?,
+            None => self.catalogue.get(&spec.model).cloned().ok_or_else(|| {
+                Failure::cannot_run(format!("there is no model `{}`", spec.model), Vec::new())
+            })?,
+        };
         let (dataset_digests, recordings): (Vec<String>, Vec<Recording>) =
             datasets.into_iter().unzip();
-        let problem = assemble::problem(&spec, model, &recordings)
+        let problem = assemble::problem(&spec, &model, &recordings)
             .map_err(|faults| {
                 let detail = "the experiments cannot be cut out of the recordings".to_owned();
                 Failure::cannot_run(detail, faults)
@@ -74,6 +79,14 @@ fn read_spec(job: &JobRow) -> Result<JobSpec, Failure> {
         let detail = format!("the stored specification does not read back: {error}");
         Failure::cannot_run(detail, Vec::new())
     })
+}
+
+fn read_model(document: &Value) -> Result<Arc<Model>, Failure> {
+    let read = document::referenced(document).map_err(|faults| {
+        let detail = "the stored model does not read back".to_owned();
+        Failure::cannot_run(detail, faults)
+    })?;
+    Ok(read.model)
 }
 
 fn resume(problem: &Problem, spec: &JobSpec, bytes: &[u8]) -> Result<Estimation, Failure> {
@@ -298,6 +311,7 @@ mod tests {
 
     fn begin(job: &JobRow, checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {
         let assignment = Assignment {
+            model: None,
             job: job.clone(),
             datasets: vec![("sha256:1".to_owned(), recording())],
             checkpoint,
@@ -380,6 +394,7 @@ mod tests {
     fn a_job_that_does_not_read_back_says_why() {
         let method = Identification::new(Catalogue::built_in());
         let assignment = |job: JobRow, checkpoint| Assignment {
+            model: None,
             job,
             datasets: vec![("sha256:1".to_owned(), recording())],
             checkpoint,

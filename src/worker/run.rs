@@ -22,6 +22,8 @@ pub trait Method: Send + Sync + 'static {
 pub struct Assignment {
     /// The job.
     pub job: JobRow,
+    /// The document of the job's model, where a user wrote it.
+    pub model: Option<Value>,
     /// The recordings that the job reads, each with its digest, one for each experiment.
     pub datasets: Vec<(String, Recording)>,
     /// Where the run was laid down; nothing when it begins.

@@ -21,7 +21,7 @@ use super::run::{Advance, Assignment, Method, Row, Run, StopReason};
 use crate::dataset::Recording;
 use crate::job::{DatasetId, Failure, JobId, Progress, Status};
 use crate::store::{
-    Begin, Checkpoint, Ending, Hold, Lease, Record, Slice, StopRequest, Store, StoreError,
+    Begin, Checkpoint, Ending, Hold, JobRow, Lease, Record, Slice, StopRequest, Store, StoreError,
 };
 
 /// How often what a slice did is written.
@@ -77,6 +77,13 @@ impl Current {
     }
 }
 
+/// What a job is worked from: the document of its model, where a user wrote it, and its
+/// recordings with their digests.
+struct Materials {
+    model: Option<Value>,
+    datasets: Vec<(String, Recording)>,
+}
+
 /// What a unit of work left behind.
 struct Unit {
     rows: Vec<Row>,
@@ -126,10 +133,10 @@ impl SliceWorker {
             stop,
         };
         let mut relay = Relay::new(&slice);
-        let computed = match self.recordings(&slice.job.spec).await? {
-            Ok(datasets) => {
+        let computed = match self.materials(&slice.job).await? {
+            Ok(materials) => {
                 let (sender, units) = mpsc::channel(UNITS_WAITING);
-                let computation = self.compute(slice, datasets, current.stop.clone(), sender);
+                let computation = self.compute(slice, materials, current.stop.clone(), sender);
                 let written = self.write_units(&current, &mut relay, units).await;
                 let computed = computation.await;
                 if written? == Hold::Lost {
@@ -145,6 +152,16 @@ impl SliceWorker {
             relay,
         };
         conclusion.draw(computed).await
+    }
+
+    /// What a job is worked from.
+    async fn materials(&self, job: &JobRow) -> Result<Result<Materials, Failure>, StoreError> {
+        let model = self.store.model(&job.model).await?;
+        let datasets = self.recordings(&job.spec).await?;
+        Ok(datasets.map(|datasets| Materials {
+            model: model.map(|row| row.document),
+            datasets,
+        }))
     }
 
     /// The recordings that a job reads, with their digests.
@@ -169,7 +186,7 @@ impl SliceWorker {
     fn compute(
         &self,
         slice: Slice,
-        datasets: Vec<(String, Recording)>,
+        Materials { model, datasets }: Materials,
         stop: Arc<AtomicBool>,
         units: mpsc::Sender<Unit>,
     ) -> impl Future<Output = Computed> {
@@ -182,6 +199,7 @@ impl SliceWorker {
         };
         let assignment = Assignment {
             job: slice.job,
+            model,
             datasets,
             checkpoint: slice.checkpoint.map(|checkpoint| checkpoint.state),
         };

@@ -14,7 +14,7 @@ use super::server::{Options, Server, text};
 
 const KILLS: usize = 50;
 const JOBS: usize = 10;
-const SAMPLES: usize = 150;
+const SAMPLES: usize = 1000;
 const GENERATIONS: u32 = 150;
 
 /// Fast slices, many threads: as unlike the unbroken run as can be.

@@ -5,7 +5,7 @@ use greybox::estimation::{Advance, Estimation, GenerationRow, Observer, Refineme
 use greybox::job::assemble::{self, Origin};
 use greybox::job::spec::Context;
 use greybox::job::{DatasetId, JobSpec, Outcome};
-use greybox::model::Catalogue;
+use greybox::model::{Catalogue, document};
 use greybox::uncertainty;
 use serde_json::{Value, json};
 use std::collections::HashMap;
@@ -18,11 +18,17 @@ impl Observer for Unwatched {
     fn refinement(&mut self, _row: &RefinementRow) {}
 }
 
-/// The result of the job on the recording.
+/// The result of the job on the recording; its model may be a document.
 pub fn run(mut job: Value, recording: Recording) -> Outcome {
     let dataset = DatasetId::new();
     job["experiments"][0]["dataset"] = json!(dataset);
-    let models = Catalogue::built_in();
+    let mut models = Catalogue::built_in();
+    if job["model"].is_object() {
+        let read = document::referenced(&job["model"]);
+        let read = read.unwrap_or_else(|faults| panic!("{faults:#?}"));
+        job["model"] = json!(read.reference());
+        models.add(read.model);
+    }
     let context = Context {
         models: models.iter().map(|model| model.description()).collect(),
         datasets: &HashMap::from([(dataset, recording.summary())]),

@@ -23,3 +23,5 @@ mod events;
 mod health;
 
 mod simulations;
+
+mod models;

@@ -7,6 +7,7 @@ use crate::job::fault::Fault;
 use crate::job::spec::{ExperimentSpec, InitialStateSpec};
 use crate::model::{InitialState, ModelDescription, Scale};
 use crate::numerics::statistics;
+use std::borrow::Cow;
 
 /// An estimated initial position may differ from the first samples by this share of the range of
 /// its output ...
@@ -52,7 +53,7 @@ impl FreeState {
         Coordinate {
             name,
             symbol: format!("{}(0)", state.name),
-            unit: state.unit.to_owned(),
+            unit: state.unit.to_string(),
             target: Target::InitialState {
                 experiment,
                 state: self.state,
@@ -140,7 +141,7 @@ impl Cutter<'_> {
     fn inputs(
         &self,
         data: &crate::dataset::Experiment,
-        names: &[&'static str],
+        names: &[Cow<'static, str>],
         findings: &mut Vec<Finding>,
         faults: &mut Vec<Fault>,
     ) -> Vec<Vec<f64>> {
@@ -166,10 +167,10 @@ impl Cutter<'_> {
     }
 
     /// The first set of inputs that is fully mapped.
-    fn input_set(&self, spec: &ExperimentSpec) -> Option<(usize, &[&'static str])> {
+    fn input_set(&self, spec: &ExperimentSpec) -> Option<(usize, &[Cow<'static, str>])> {
         let sets = self.description.input_sets.iter().enumerate();
         let mut complete =
-            sets.filter(|(_, set)| set.iter().all(|name| spec.signals.contains_key(*name)));
+            sets.filter(|(_, set)| set.iter().all(|name| spec.signals.contains_key(&**name)));
         complete.next().map(|(index, set)| (index, set.as_slice()))
     }
 
@@ -194,7 +195,7 @@ impl Cutter<'_> {
                     .position(|measured| measured.index == output)?;
                 Some(experiment.measured[place].as_slice())
             };
-            match spec.initial_state.get(description.name) {
+            match spec.initial_state.get(&*description.name) {
                 Some(InitialStateSpec::Fixed(fixed)) => {
                     experiment.initial_state[state] = Some(fixed.value);
                 }
@@ -202,7 +203,7 @@ impl Cutter<'_> {
                     experiment.initial_state[state] = Some(*value);
                 }
                 Some(InitialStateSpec::Measured(_)) => {
-                    let output = self.description.output_index(description.name);
+                    let output = self.description.output_index(&description.name);
                     let first = output.and_then(series).and_then(first_present);
                     experiment.initial_state[state] = first;
                 }
@@ -215,6 +216,7 @@ impl Cutter<'_> {
                     });
                 }
                 None => {
+                    experiment.initial_state[state] = first_sample(description.initial, series);
                     let range = default_range(description.initial, series, experiment.sample_time);
                     free.extend(range.map(|(lower, upper)| FreeState {
                         state,
@@ -247,6 +249,17 @@ fn first_present(values: &[f64]) -> Option<f64> {
     values.iter().copied().find(|value| !value.is_nan())
 }
 
+/// The first measured sample, where the model starts there.
+fn first_sample<'a>(
+    initial: InitialState,
+    series: impl Fn(usize) -> Option<&'a [f64]>,
+) -> Option<f64> {
+    match initial {
+        InitialState::FirstSample { output } => first_present(series(output)?),
+        _ => None,
+    }
+}
+
 /// Where an initial value is looked for when the job does not say; none where the model knows it.
 fn default_range<'a>(
     initial: InitialState,
@@ -254,7 +267,7 @@ fn default_range<'a>(
     sample_time: f64,
 ) -> Option<(f64, f64)> {
     match initial {
-        InitialState::Model => None,
+        InitialState::Model | InitialState::FirstSample { .. } => None,
         InitialState::EstimatedFromOutput { output } => range_of_start(series(output)?),
         InitialState::EstimatedFromSlope { output } => range_of_slope(series(output)?, sample_time),
     }

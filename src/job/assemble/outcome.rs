@@ -34,7 +34,7 @@ pub fn outcome(
     let (parameters, initial_states) = estimates(problem, report, analysis);
     Outcome {
         job: origin.job.clone(),
-        model: problem.model.description().name.to_owned(),
+        model: problem.model.description().name.to_string(),
         stop_reason: report.stop_reason.name().to_owned(),
         verdict: verdict_of(&analysis.verdict),
         parameters,
@@ -110,7 +110,7 @@ fn estimates(
                 estimate,
             }),
             Target::InitialState { experiment, state } => {
-                let state = problem.model.description().states[state].name.to_owned();
+                let state = problem.model.description().states[state].name.to_string();
                 initial_states.push(InitialStateEstimate {
                     experiment,
                     state,

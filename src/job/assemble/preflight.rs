@@ -78,7 +78,7 @@ pub fn preflight(assembly: &Assembly, settings: &Settings) -> Preflight {
             ));
         }
         for (input, values) in experiment.inputs.iter().enumerate() {
-            let name = problem.model.description().input_sets[experiment.input_set][input];
+            let name = &problem.model.description().input_sets[experiment.input_set][input];
             if statistics::range(values).is_some_and(|(low, high)| low == high) {
                 let detail = format!("the input `{name}` never changes: it excites nothing");
                 let pointer = super::signal_pointer(&pointer, name);

@@ -2,14 +2,15 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::reader::{Field, Object, did_you_mean, listed};
 use super::{
     ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec, MAX_EXPERIMENTS,
     StateRange, WindowSpec,
 };
 use crate::dataset::Summary;
+use crate::document::reader::{Field, Object, did_you_mean, listed};
 use crate::job::id::DatasetId;
 use crate::model::{ModelDescription, SignalDescription};
+use crate::numerics::dimension::Dimension;
 
 /// Values that the experiments of one job read at the most: recorded samples times signals.
 const MAX_VALUES: usize = 20_000_000;
@@ -99,6 +100,18 @@ fn read_dataset<'d>(
     found
 }
 
+/// Whether two texts are one unit, e.g. `m³/s` and `m^3/s`; a model's signal without a unit takes
+/// any.
+fn same_unit(recorded: &str, model: &str) -> bool {
+    let parsed = |text| Dimension::parse(text).ok();
+    model.is_empty()
+        || recorded == model
+        || match (parsed(recorded), parsed(model)) {
+            (Some(one), Some(other)) => one == other,
+            _ => false,
+        }
+}
+
 /// A model and the recording that drives it.
 pub(super) struct Link<'a> {
     pub(super) model: &'a ModelDescription,
@@ -148,7 +161,7 @@ impl Link<'_> {
     }
 
     fn no_measured_output(&self) -> String {
-        let names: Vec<&str> = self.model.outputs.iter().map(|o| o.name).collect();
+        let names: Vec<&str> = self.model.outputs.iter().map(|o| &*o.name).collect();
         format!(
             "no output is measured: {} of `{}` must be recorded",
             listed(&names),
@@ -159,8 +172,8 @@ impl Link<'_> {
     /// The model's inputs and outputs that the recording has under the same name.
     fn of_equal_names(&self) -> BTreeMap<String, String> {
         self.model_signals()
-            .filter(|signal| self.recorded(signal.name) && self.unit_fits(signal, signal.name))
-            .map(|signal| (signal.name.to_owned(), signal.name.to_owned()))
+            .filter(|signal| self.recorded(&signal.name) && self.unit_fits(signal, &signal.name))
+            .map(|signal| (signal.name.to_string(), signal.name.to_string()))
             .collect()
     }
 
@@ -171,7 +184,7 @@ impl Link<'_> {
         for (name, field) in entries {
             let signal = self.model_signals().find(|signal| signal.name == name);
             if signal.is_none() {
-                let hint = did_you_mean(name, self.model_signals().map(|signal| signal.name));
+                let hint = did_you_mean(name, self.model_signals().map(|signal| &*signal.name));
                 let detail = format!("`{}` has no signal of this name{hint}", self.model.name);
                 field.fault("unknown_model_signal", detail);
             }
@@ -223,14 +236,14 @@ impl Link<'_> {
     /// A recording without a unit is taken to be in the model's.
     fn unit_fits(&self, signal: &SignalDescription, recorded: &str) -> bool {
         self.unit_of(recorded)
-            .is_some_and(|unit| unit.is_empty() || unit == "1" || unit == signal.unit)
+            .is_some_and(|unit| unit.is_empty() || unit == "1" || same_unit(unit, &signal.unit))
     }
 
     /// The first of the model's input sets that is fully there.
-    fn inputs(&self, named: &BTreeMap<String, String>) -> Option<Vec<&'static str>> {
+    fn inputs(&self, named: &BTreeMap<String, String>) -> Option<Vec<&str>> {
         let mut sets = self.model.input_sets.iter();
-        sets.find(|set| set.iter().all(|input| named.contains_key(*input)))
-            .cloned()
+        sets.find(|set| set.iter().all(|input| named.contains_key(&**input)))
+            .map(|set| set.iter().map(|input| &**input).collect())
     }
 
     fn inputs_missing(&self) -> String {
@@ -295,7 +308,7 @@ pub(super) fn read_initial_state(
     let mut states = BTreeMap::new();
     for (name, field) in field.object().map(|o| o.entries()).unwrap_or_default() {
         if !model.states.iter().any(|state| state.name == name) {
-            let names: Vec<&str> = model.states.iter().map(|state| state.name).collect();
+            let names: Vec<&str> = model.states.iter().map(|state| &*state.name).collect();
             let hint = did_you_mean(name, names.iter().copied());
             let detail = format!(
                 "the states of `{}` are {}{hint}",

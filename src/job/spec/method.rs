@@ -4,7 +4,7 @@ use serde::de::DeserializeOwned;
 use serde::de::IntoDeserializer;
 use serde::de::value::StrDeserializer;
 
-use super::reader::{Field, Object};
+use crate::document::reader::{Field, Object};
 use crate::estimation::Settings;
 
 /// The settings; what the section leaves out is the method's default.

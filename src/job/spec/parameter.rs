@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::reader::{Field, did_you_mean};
 use super::{FixedValue, FreeParameter, ParameterSpec, SearchRange};
+use crate::document::reader::{Field, did_you_mean};
 use crate::model::{ModelDescription, ParameterDescription, Scale};
 
 /// One entry for each parameter of the model; what the section leaves out is the model's.
@@ -14,7 +14,7 @@ pub(super) fn read_all(
     let mut parameters: BTreeMap<String, ParameterSpec> = model
         .parameters
         .iter()
-        .map(|parameter| (parameter.name.to_owned(), by_default(parameter)))
+        .map(|parameter| (parameter.name.to_string(), by_default(parameter)))
         .collect();
     let entries = section.and_then(|field| field.object());
     for (name, field) in entries.map(|o| o.entries()).unwrap_or_default() {
@@ -59,7 +59,7 @@ fn read_value(field: &Field<'_>, parameter: &ParameterDescription) -> Option<f64
 fn known(name: &str, field: &Field<'_>, model: &ModelDescription) -> Option<usize> {
     let index = model.parameter_index(name);
     if index.is_none() {
-        let hint = did_you_mean(name, model.parameters.iter().map(|p| p.name));
+        let hint = did_you_mean(name, model.parameters.iter().map(|p| &*p.name));
         let detail = format!("`{}` has no parameter of this name{hint}", model.name);
         field.fault("unknown_parameter", detail);
     }
@@ -145,7 +145,7 @@ fn read_range(field: &Field<'_>, parameter: &ParameterDescription) -> Option<Sea
 /// A number that the parameter can physically have.
 fn possible(field: &Field<'_>, parameter: &ParameterDescription) -> Option<f64> {
     let number = field.number()?;
-    let (name, unit) = (parameter.name, parameter.unit);
+    let (name, unit) = (&parameter.name, &parameter.unit);
     if let Some(minimum) = parameter.minimum.filter(|minimum| number < *minimum) {
         let detail =
             format!("{number} {unit} is below the least possible {name}, {minimum} {unit}");

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use super::experiment::{Link, read_initial_state, read_window};
-use super::reader::{Faults, Field};
 use super::{InitialStateSpec, WindowSpec, parameter, read_model};
 use crate::dataset::Summary;
+use crate::document::reader::{Faults, Field};
 use crate::job::fault::Fault;
 use crate::job::id::DatasetId;
 use crate::model::ModelDescription;
@@ -113,7 +113,7 @@ fn read(
     };
     root.finish();
     Some(SimulationSpec {
-        model: model?.name.to_owned(),
+        model: model?.name.to_string(),
         signals: signals?,
         window: window.flatten(),
         parameters: parameters?,

@@ -5,33 +5,29 @@ use std::collections::HashMap;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::model::{ParameterDescription, SignalDescription, StateDescription};
+use crate::model::{InitialState, ParameterDescription, SignalDescription, StateDescription};
 
 const DATASET: &str = "ds_0192d3a4b5c67d8e9f00112233445566";
 
 fn signal(name: &'static str, unit: &'static str) -> SignalDescription {
-    SignalDescription {
-        name,
-        unit,
-        meaning: "",
-    }
+    SignalDescription::new(name, unit, "")
 }
 
 fn state(name: &'static str, unit: &'static str) -> StateDescription {
     StateDescription {
-        name,
-        unit,
-        meaning: "",
+        name: name.into(),
+        unit: unit.into(),
+        meaning: "".into(),
         initial: InitialState::Model,
     }
 }
 
 fn parameter(name: &'static str, unknown_by_default: bool) -> ParameterDescription {
     ParameterDescription {
-        name,
-        symbol: "",
-        unit: "kg",
-        meaning: "",
+        name: name.into(),
+        symbol: "".into(),
+        unit: "kg".into(),
+        meaning: "".into(),
         default: 58.0,
         lower: 20.0,
         upper: 120.0,
@@ -45,16 +41,16 @@ fn parameter(name: &'static str, unknown_by_default: bool) -> ParameterDescripti
 /// A cart that is driven by a reference or by a command.
 fn cart() -> ModelDescription {
     ModelDescription {
-        name: "cart",
-        title: "",
-        summary: "",
-        input_sets: vec![vec!["reference"], vec!["command"]],
+        name: "cart".into(),
+        title: "".into(),
+        summary: "".into(),
+        input_sets: vec![vec!["reference".into()], vec!["command".into()]],
         inputs: vec![signal("reference", "m"), signal("command", "1")],
         states: vec![state("position", "m"), state("velocity", "m/s")],
         outputs: vec![signal("position", "m"), signal("velocity", "m/s")],
         parameters: vec![parameter("mass", true), parameter("load", false)],
         equations: vec![],
-        source: "",
+        source: "".into(),
     }
 }
 

@@ -12,19 +12,20 @@ type P = ParameterDescription;
 /// The catalogue's entry.
 pub(super) fn describe() -> ModelDescription {
     ModelDescription {
-        name: "single_rod_servo",
-        title: "Electro-hydraulic servo with a single-rod cylinder",
+        name: "single_rod_servo".into(),
+        title: "Electro-hydraulic servo with a single-rod cylinder".into(),
         summary: "A servovalve drives a single-rod cylinder that moves a mass on a spring. Driven \
                   by the position reference (the sampled position loop is simulated, so drift \
                   cannot build up) or by the recorded valve command. Effects that are off at \
                   their neutral value: servovalve dynamics, dead band, valve offset, Coulomb and \
                   Stribeck friction, leakage, entrained air, end stops, input delay, constant \
-                  load, supply droop.",
+                  load, supply droop."
+            .into(),
         inputs: vec![
             signal("reference", "m", "set point of the piston position"),
             signal("valve_command", "1", "command to the servovalve, -1 to 1"),
         ],
-        input_sets: vec![vec!["reference"], vec!["valve_command"]],
+        input_sets: vec![vec!["reference".into()], vec!["valve_command".into()]],
         states: states(),
         outputs: vec![
             signal(
@@ -45,7 +46,7 @@ pub(super) fn describe() -> ModelDescription {
             ),
         ],
         parameters: [unknowns(), hydraulics(), control_and_valve(), effects()].concat(),
-        equations: vec![
+        equations: [
             "psi(d) = d / (d^2 + d0^2)^(1/4)",
             "u >= 0: Q1 = Kq*u*psi(ps - p1), Q2 = Kq*u*psi(p2 - pt)",
             "u < 0: Q1 = Kq*u*psi(p1 - pt), Q2 = Kq*u*psi(ps - p2)",
@@ -57,19 +58,18 @@ pub(super) fn describe() -> ModelDescription {
             "Ff(v) = (Fc + Fs*exp(-(v/vst)^2)) * tanh(v/vs)",
             "reference mode: command = clip(Kp*(r - x), -1, 1) + u0, once a sample, held",
             "spool: s'' = wv^2*(command - s) - 2*zv*wv*s', opening u = s beyond the dead band",
-        ],
+        ]
+        .map(Into::into)
+        .to_vec(),
         source: "Study of Parameter Identification Using Hybrid Neural-Genetic Algorithm in \
                  Electro-Hydraulic Servo System, Eq. 1-6, corrected; H. E. Merritt, Hydraulic \
-                 Control Systems, 1967; M. Jelali, A. Kroll, Hydraulic Servo-systems, 2003",
+                 Control Systems, 1967; M. Jelali, A. Kroll, Hydraulic Servo-systems, 2003"
+            .into(),
     }
 }
 
 fn signal(name: &'static str, unit: &'static str, meaning: &'static str) -> SignalDescription {
-    SignalDescription {
-        name,
-        unit,
-        meaning,
-    }
+    SignalDescription::new(name, unit, meaning)
 }
 
 fn states() -> Vec<StateDescription> {
@@ -102,9 +102,9 @@ fn states() -> Vec<StateDescription> {
         ),
     ]
     .map(|(name, unit, meaning)| StateDescription {
-        name,
-        unit,
-        meaning,
+        name: name.into(),
+        unit: unit.into(),
+        meaning: meaning.into(),
         initial: InitialState::Model,
     })
     .to_vec()

@@ -9,14 +9,15 @@ use std::cell::RefCell;
 
 use serde_json::{Map, Value};
 
-use crate::job::fault::{Fault, pointer_to};
+use super::fault::{Fault, pointer_to};
 
 /// The faults found so far in one document.
 #[derive(Default)]
-pub(super) struct Faults(RefCell<Vec<Fault>>);
+pub struct Faults(RefCell<Vec<Fault>>);
 
 impl Faults {
-    pub(super) fn add(
+    /// Records a fault.
+    pub fn add(
         &self,
         pointer: impl Into<String>,
         code: impl Into<Cow<'static, str>>,
@@ -25,21 +26,35 @@ impl Faults {
         self.0.borrow_mut().push(Fault::new(pointer, code, detail));
     }
 
-    pub(super) fn into_vec(self) -> Vec<Fault> {
+    /// Records a fault that is spelled out already.
+    pub fn push(&self, fault: Fault) {
+        self.0.borrow_mut().push(fault);
+    }
+
+    /// How many faults there are.
+    pub fn count(&self) -> usize {
+        self.0.borrow().len()
+    }
+
+    /// All faults, in the order in which they were found.
+    pub fn into_vec(self) -> Vec<Fault> {
         self.0.into_inner()
     }
 }
 
 /// A value at its place in the document.
 #[derive(Clone)]
-pub(super) struct Field<'v> {
-    pub(super) pointer: String,
-    pub(super) value: &'v Value,
+pub struct Field<'v> {
+    /// Where it stands.
+    pub pointer: String,
+    /// What stands there.
+    pub value: &'v Value,
     faults: &'v Faults,
 }
 
 impl<'v> Field<'v> {
-    pub(super) fn root(value: &'v Value, faults: &'v Faults) -> Self {
+    /// The whole document.
+    pub fn root(value: &'v Value, faults: &'v Faults) -> Self {
         Self {
             pointer: String::new(),
             value,
@@ -48,7 +63,7 @@ impl<'v> Field<'v> {
     }
 
     /// Records a fault at this place.
-    pub(super) fn fault(&self, code: impl Into<Cow<'static, str>>, detail: impl Into<String>) {
+    pub fn fault(&self, code: impl Into<Cow<'static, str>>, detail: impl Into<String>) {
         self.faults.add(self.pointer.clone(), code, detail);
     }
 
@@ -60,7 +75,8 @@ impl<'v> Field<'v> {
         None
     }
 
-    pub(super) fn object(&self) -> Option<Object<'v>> {
+    /// The value as an object.
+    pub fn object(&self) -> Option<Object<'v>> {
         match self.value {
             Value::Object(map) => Some(Object {
                 pointer: self.pointer.clone(),
@@ -72,7 +88,8 @@ impl<'v> Field<'v> {
         }
     }
 
-    pub(super) fn array(&self) -> Option<Vec<Field<'v>>> {
+    /// The values of an array, each at its place.
+    pub fn array(&self) -> Option<Vec<Field<'v>>> {
         match self.value {
             Value::Array(items) => {
                 let fields = items.iter().enumerate().map(|(index, value)| Field {
@@ -86,21 +103,24 @@ impl<'v> Field<'v> {
         }
     }
 
-    pub(super) fn text(&self) -> Option<&'v str> {
+    /// The value as text.
+    pub fn text(&self) -> Option<&'v str> {
         match self.value {
             Value::String(text) => Some(text),
             _ => self.wrong_type("a string"),
         }
     }
 
-    pub(super) fn boolean(&self) -> Option<bool> {
+    /// The value as true or false.
+    pub fn boolean(&self) -> Option<bool> {
         match self.value {
             Value::Bool(value) => Some(*value),
             _ => self.wrong_type("true or false"),
         }
     }
 
-    pub(super) fn number(&self) -> Option<f64> {
+    /// The value as a finite number.
+    pub fn number(&self) -> Option<f64> {
         match self.value.as_f64() {
             Some(number) if number.is_finite() => Some(number),
             _ => self.wrong_type("a number"),
@@ -108,7 +128,7 @@ impl<'v> Field<'v> {
     }
 
     /// A whole number in `[least, most]`; `1e3` and `1000.0` count as whole.
-    pub(super) fn integer(&self, least: u64, most: u64) -> Option<u64> {
+    pub fn integer(&self, least: u64, most: u64) -> Option<u64> {
         let Value::Number(number) = self.value else {
             return self.wrong_type("a whole number");
         };
@@ -131,7 +151,7 @@ impl<'v> Field<'v> {
     }
 
     /// A number in `[least, most]`.
-    pub(super) fn number_within(&self, least: f64, most: f64) -> Option<f64> {
+    pub fn number_within(&self, least: f64, most: f64) -> Option<f64> {
         let number = self.number()?;
         if (least..=most).contains(&number) {
             return Some(number);
@@ -146,7 +166,7 @@ impl<'v> Field<'v> {
     }
 
     /// A number above zero.
-    pub(super) fn positive(&self) -> Option<f64> {
+    pub fn positive(&self) -> Option<f64> {
         let number = self.number()?;
         if number > 0.0 {
             return Some(number);
@@ -156,7 +176,7 @@ impl<'v> Field<'v> {
     }
 
     /// One of `choices`, by its name.
-    pub(super) fn choice<T: Copy>(&self, choices: &[(&str, T)]) -> Option<T> {
+    pub fn choice<T: Copy>(&self, choices: &[(&str, T)]) -> Option<T> {
         let text = self.text()?;
         let chosen = choices.iter().find(|(name, _)| *name == text);
         if let Some((_, value)) = chosen {
@@ -170,11 +190,12 @@ impl<'v> Field<'v> {
 }
 
 /// Above this, neighbouring doubles are more than 1 apart and a JSON client may lose digits.
-pub(super) const LARGEST_EXACT: f64 = 9_007_199_254_740_991.0;
+pub const LARGEST_EXACT: f64 = 9_007_199_254_740_991.0;
 
 /// An object of which every field must be asked for.
-pub(super) struct Object<'v> {
-    pub(super) pointer: String,
+pub struct Object<'v> {
+    /// Where it stands.
+    pub pointer: String,
     map: &'v Map<String, Value>,
     known: Vec<&'static str>,
     faults: &'v Faults,
@@ -182,14 +203,14 @@ pub(super) struct Object<'v> {
 
 impl<'v> Object<'v> {
     /// The field `name`; absent and `null` are the same.
-    pub(super) fn optional(&mut self, name: &'static str) -> Option<Field<'v>> {
+    pub fn optional(&mut self, name: &'static str) -> Option<Field<'v>> {
         self.known.push(name);
         let value = self.map.get(name).filter(|value| !value.is_null())?;
         Some(self.field(name, value))
     }
 
     /// The field `name`, whose absence is a fault.
-    pub(super) fn required(&mut self, name: &'static str) -> Option<Field<'v>> {
+    pub fn required(&mut self, name: &'static str) -> Option<Field<'v>> {
         let field = self.optional(name);
         if field.is_none() {
             let detail = format!("`{name}` is missing");
@@ -200,7 +221,7 @@ impl<'v> Object<'v> {
     }
 
     /// Every entry, for objects whose keys are data.
-    pub(super) fn entries(&self) -> Vec<(&'v str, Field<'v>)> {
+    pub fn entries(&self) -> Vec<(&'v str, Field<'v>)> {
         let entries = self.map.iter();
         entries
             .map(|(name, value)| (name.as_str(), self.field(name, value)))
@@ -208,12 +229,12 @@ impl<'v> Object<'v> {
     }
 
     /// Records a fault at this object.
-    pub(super) fn fault(&self, code: impl Into<Cow<'static, str>>, detail: impl Into<String>) {
+    pub fn fault(&self, code: impl Into<Cow<'static, str>>, detail: impl Into<String>) {
         self.faults.add(self.pointer.clone(), code, detail);
     }
 
     /// Refuses every field that was not asked for.
-    pub(super) fn finish(self) {
+    pub fn finish(self) {
         for (name, field) in self.entries() {
             if !self.known.contains(&name) {
                 let hint = did_you_mean(name, self.known.iter().copied());
@@ -233,7 +254,7 @@ impl<'v> Object<'v> {
 }
 
 /// `; did you mean …?` when one of `candidates` is close to `name`, else nothing.
-pub(super) fn did_you_mean<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> String {
+pub fn did_you_mean<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> String {
     /// Jaro-Winkler similarity from which a name passes for a slip of another.
     const CLOSE: f64 = 0.84;
     let scored = candidates.map(|candidate| (strsim::jaro_winkler(name, candidate), candidate));
@@ -246,7 +267,7 @@ pub(super) fn did_you_mean<'a>(name: &str, candidates: impl Iterator<Item = &'a 
 }
 
 /// `` `a`, `b` or `c` ``.
-pub(super) fn listed(names: &[&str]) -> String {
+pub fn listed(names: &[&str]) -> String {
     let quoted: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
     match quoted.split_last() {
         None => "nothing".into(),

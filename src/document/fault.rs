@@ -20,6 +20,14 @@ pub struct Fault {
     /// What is wrong, for people, with the numbers in it.
     #[schema(example = "lower 120 is not below upper 20")]
     pub detail: String,
+    /// The line within the text at that place, from 1, where the text is an expression.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub line: Option<u64>,
+    /// The character within that line, from 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub column: Option<u64>,
 }
 
 impl Fault {
@@ -33,6 +41,27 @@ impl Fault {
             pointer: pointer.into(),
             code: code.into(),
             detail: detail.into(),
+            line: None,
+            column: None,
+        }
+    }
+
+    /// The same, at a line and a column of the text that stands there.
+    #[must_use]
+    pub fn within(self, (line, column): (u64, u64)) -> Self {
+        Self {
+            line: Some(line),
+            column: Some(column),
+            ..self
+        }
+    }
+
+    /// The same, in a document that stands at `parent` in a larger one.
+    #[must_use]
+    pub fn below(self, parent: &str) -> Self {
+        Self {
+            pointer: format!("{parent}{}", self.pointer),
+            ..self
         }
     }
 }

@@ -1,0 +1,117 @@
+//! A model document as its author wrote it: the names, units and texts, before the equations are
+//! put together.
+
+use super::arithmetic::Table;
+use super::syntax::Expression;
+use super::unit::Unit;
+use crate::model::Scale;
+
+/// A document, read.
+#[derive(Debug)]
+pub struct Definition {
+    pub name: String,
+    pub title: String,
+    pub summary: String,
+    pub source: String,
+    pub inputs: Vec<Declared>,
+    pub parameters: Vec<Parameter>,
+    pub constants: Vec<(Declared, f64)>,
+    pub tables: Vec<NamedTable>,
+    pub quantities: Vec<Formula>,
+    pub sampled: Vec<Sampled>,
+    pub states: Vec<State>,
+    pub outputs: Vec<Formula>,
+    pub options: Options,
+}
+
+/// A name with its unit.
+#[derive(Clone, Debug)]
+pub struct Declared {
+    pub name: String,
+    pub symbol: Option<String>,
+    pub unit: Unit,
+    pub unit_text: String,
+    pub meaning: String,
+    pub pointer: String,
+}
+
+#[derive(Debug)]
+pub struct Parameter {
+    pub declared: Declared,
+    pub default: f64,
+    pub bounds: [f64; 2],
+    pub scale: Scale,
+    pub unknown: bool,
+    pub limits: [Option<f64>; 2],
+}
+
+#[derive(Debug)]
+pub struct NamedTable {
+    pub name: String,
+    pub table: Table,
+    pub units: [Unit; 2],
+    pub pointer: String,
+}
+
+/// The text of an expression, and its tree where it has one.
+#[derive(Debug)]
+pub struct Text {
+    pub pointer: String,
+    pub text: String,
+    pub tree: Option<Expression>,
+}
+
+#[derive(Debug)]
+pub struct Formula {
+    pub declared: Declared,
+    pub text: Text,
+}
+
+/// What is computed once a sample and held.
+#[derive(Debug)]
+pub struct Sampled {
+    pub formula: Formula,
+    /// What the quantity was before the first sample, where it remembers itself.
+    pub initial: Option<Text>,
+}
+
+#[derive(Debug)]
+pub struct State {
+    pub declared: Declared,
+    pub derivative: Text,
+    pub initial: Initial,
+    pub scale: Option<f64>,
+}
+
+#[derive(Debug)]
+pub enum Initial {
+    /// What follows from the parameters.
+    Computed(Text),
+    /// Read off an output.
+    Measured {
+        kind: Measured,
+        output: String,
+        pointer: String,
+        /// Where the state starts when the output is not recorded.
+        otherwise: Option<Text>,
+    },
+}
+
+/// How a state starts that an output shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measured {
+    /// At the first sample.
+    First,
+    /// Estimated near the first sample.
+    Near,
+    /// Estimated near the first slope.
+    NearSlope,
+}
+
+#[derive(Debug, Default)]
+pub struct Options {
+    pub first_order_hold: bool,
+    pub delay: Option<Text>,
+    pub fastest_rate: Option<Text>,
+    pub valid_while: Option<Text>,
+}

@@ -1,0 +1,171 @@
+//! Models that users write: equations as text, in a JSON document.
+//!
+//! `reading` reads names, units and texts, `syntax` an expression, `compile` puts the
+//! expressions together to one `graph` and checks their units, `tape` lays the graph out as
+//! instructions, and `plant` simulates them. No code is made at run time; every size is
+//! bounded; a document can be slow or wrong but cannot disturb another.
+
+mod arithmetic;
+mod compile;
+mod definition;
+mod describe;
+mod function;
+mod graph;
+mod held;
+mod jacobian;
+mod lower;
+mod plant;
+mod reading;
+mod reference;
+mod runge_kutta;
+mod simulator;
+mod stiff;
+mod syntax;
+mod tape;
+mod token;
+mod unit;
+
+pub use reference::{Referenced, referenced};
+
+use super::Model;
+use crate::document::fault::Fault;
+use crate::document::reader::{Faults, Field};
+use compile::{Compiler, Context};
+use definition::{Definition, Initial};
+use graph::NodeId;
+use plant::DocumentPlant;
+use serde_json::Value;
+use tape::{Roots, Tape};
+use unit::Unit;
+
+/// The bytes of a document at the most.
+pub const MAX_BYTES: usize = 1 << 20;
+
+/// A document that can run.
+#[derive(Debug)]
+pub struct Read {
+    /// The model.
+    pub model: Model,
+    /// What its author should know: a parameter that nothing uses.
+    pub warnings: Vec<Fault>,
+}
+
+/// Reads a document into a model.
+///
+/// # Errors
+/// Everything that is wrong with it, each fault with a JSON pointer, and in an expression with
+/// line and column.
+pub fn read(document: &Value) -> Result<Read, Vec<Fault>> {
+    let faults = Faults::default();
+    let read = read_into(document, &faults);
+    let found = faults.into_vec();
+    match read {
+        Some(read) if found.is_empty() => Ok(read),
+        _ => Err(found),
+    }
+}
+
+fn read_into(document: &Value, faults: &Faults) -> Option<Read> {
+    let definition = reading::read(&Field::root(document, faults), faults)?;
+    let mut compiler = Compiler::new(&definition, faults);
+    compiler.quantities();
+    let roots = roots(&definition, &mut compiler);
+    let description = describe::describe(&definition, faults);
+    let warnings = compiler.unused_parameters().map(|parameter| {
+        let detail = format!("no expression uses `{}`", parameter.name);
+        Fault::new(&parameter.pointer, "unused_parameter", detail)
+    });
+    let warnings = warnings.collect();
+    if faults.count() > 0 {
+        return None;
+    }
+    let mut roots = roots?;
+    let moving_inputs = definition.options.first_order_hold;
+    let kinks = std::mem::take(&mut compiler.kinks);
+    let switches = tape::switches(&mut compiler.graph, &roots.rates, &kinks, moving_inputs);
+    let Ok(switches) = switches else {
+        let detail = format!("the model has more than {} operations", graph::MAX_NODES);
+        faults.add("", "too_large", detail);
+        return None;
+    };
+    roots.switches = switches;
+    let tables = definition.tables.iter().map(|named| named.table.clone());
+    let tape = Tape::new(&compiler.graph, &roots, tables.collect(), moving_inputs);
+    let scales = definition.states.iter().map(|state| state.scale).collect();
+    let plant = DocumentPlant::new(tape, scales, description.defaults(), moving_inputs);
+    Some(Read {
+        model: Model::of_plant(description, plant),
+        warnings,
+    })
+}
+
+/// Every expression of the document; none where one of them is wrong.
+fn roots(definition: &Definition, compiler: &mut Compiler<'_>) -> Option<Roots> {
+    let second = Unit::Known(crate::numerics::dimension::Dimension::SECOND);
+    let options = &definition.options;
+    let mut setup = |text: &Option<definition::Text>, unit| {
+        text.as_ref()
+            .map(|text| compiler.number(text, Context::Setup, unit))
+    };
+    let delay = setup(&options.delay, second);
+    let per_second = second.power(-1.0).unwrap_or(Unit::Any);
+    let fastest_rate = setup(&options.fastest_rate, per_second);
+    let mut initial = Vec::new();
+    let mut rates = Vec::new();
+    for state in &definition.states {
+        let unit = state.declared.unit;
+        rates.push(compiler.number(&state.derivative, Context::Plant, unit.per_second()));
+        initial.push(match &state.initial {
+            Initial::Computed(text) => compiler.number(text, Context::Setup, unit),
+            Initial::Measured {
+                otherwise: Some(text),
+                ..
+            } => compiler.number(text, Context::Setup, unit),
+            Initial::Measured { .. } => compiler.graph.constant(0.0).ok(),
+        });
+    }
+    let outputs: Vec<Option<NodeId>> = definition
+        .outputs
+        .iter()
+        .map(|output| compiler.number(&output.text, Context::Plant, output.declared.unit))
+        .collect();
+    let mut sampled = Vec::new();
+    for (index, quantity) in definition.sampled.iter().enumerate() {
+        let unit = quantity.formula.declared.unit;
+        let initial = quantity.initial.as_ref();
+        let initial = initial.map(|text| compiler.number(text, Context::Setup, unit));
+        sampled.push((compiler.sampled(index), initial));
+    }
+    let valid = options.valid_while.as_ref();
+    let valid = valid.map(|text| compiler.condition(text));
+    Some(Roots {
+        rates: rates.into_iter().collect::<Option<_>>()?,
+        switches: Vec::new(),
+        outputs: outputs.into_iter().collect::<Option<_>>()?,
+        initial: initial.into_iter().collect::<Option<_>>()?,
+        sampled: sampled
+            .into_iter()
+            .map(|(node, initial)| {
+                let initial = match initial {
+                    Some(initial) => Some(initial?),
+                    None => None,
+                };
+                Some((node?, initial))
+            })
+            .collect::<Option<_>>()?,
+        delay: present(delay)?,
+        fastest_rate: present(fastest_rate)?,
+        valid: present(valid)?,
+    })
+}
+
+/// An option that is not there is fine; one that is wrong is not.
+fn present(option: Option<Option<NodeId>>) -> Option<Option<NodeId>> {
+    match option {
+        None => Some(None),
+        Some(node) => node.map(Some),
+    }
+}
+
+#[cfg(test)]
+mod tests;

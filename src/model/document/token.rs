@@ -1,0 +1,145 @@
+//! The text of an expression to its words.
+
+use super::syntax::{Operator, Span, SyntaxError};
+use std::fmt;
+
+/// A word of an expression.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Token {
+    Number(f64),
+    Name(String),
+    Operator(Operator),
+    Not,
+    Open,
+    Close,
+    Comma,
+    End,
+}
+
+impl fmt::Display for Token {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Token::Number(value) => write!(formatter, "the number {value}"),
+            Token::Name(name) => {
+                let name: String = name.chars().take(40).collect();
+                write!(formatter, "the name `{name}`")
+            }
+            Token::Operator(operator) => write!(formatter, "`{}`", operator.symbol()),
+            Token::Not => formatter.write_str("`not`"),
+            Token::Open => formatter.write_str("`(`"),
+            Token::Close => formatter.write_str("`)`"),
+            Token::Comma => formatter.write_str("`,`"),
+            Token::End => formatter.write_str("the end"),
+        }
+    }
+}
+
+/// The words of a text, the last of them its end.
+pub fn tokens(text: &str) -> Result<Vec<(Token, Span)>, SyntaxError> {
+    let mut tokens = Vec::new();
+    let mut at = 0;
+    while let Some(first) = text[at..].chars().next() {
+        if first.is_whitespace() {
+            at += first.len_utf8();
+            continue;
+        }
+        let rest = &text[at..];
+        let (token, length) = if first.is_ascii_digit() || first == '.' {
+            number(rest, at)?
+        } else if first.is_alphabetic() || first == '_' {
+            let is_part = |c: char| c.is_alphanumeric() || c == '_';
+            let length = rest.find(|c| !is_part(c)).unwrap_or(rest.len());
+            (word(&rest[..length]), length)
+        } else {
+            symbol(rest, at)?
+        };
+        let span = Span {
+            start: at,
+            end: at + length,
+        };
+        tokens.push((token, span));
+        at += length;
+    }
+    let end = Span { start: at, end: at };
+    tokens.push((Token::End, end));
+    Ok(tokens)
+}
+
+fn word(name: &str) -> Token {
+    match name {
+        "and" => Token::Operator(Operator::And),
+        "or" => Token::Operator(Operator::Or),
+        "not" => Token::Not,
+        _ => Token::Name(name.to_owned()),
+    }
+}
+
+fn number(rest: &str, at: usize) -> Result<(Token, usize), SyntaxError> {
+    let bytes = rest.as_bytes();
+    let digits = |from: usize| {
+        let count = bytes[from..].iter().take_while(|b| b.is_ascii_digit());
+        from + count.count()
+    };
+    let mut end = digits(0);
+    if bytes.get(end) == Some(&b'.') {
+        end = digits(end + 1);
+    }
+    if matches!(bytes.get(end), Some(b'e' | b'E')) {
+        let signed = matches!(bytes.get(end + 1), Some(b'+' | b'-'));
+        let exponent = end + 1 + usize::from(signed);
+        let last = digits(exponent);
+        if last > exponent {
+            end = last;
+        }
+    }
+    let value = rest[..end].parse::<f64>().ok().filter(|v| v.is_finite());
+    let value = value.ok_or_else(|| SyntaxError {
+        span: Span {
+            start: at,
+            end: at + end,
+        },
+        detail: format!("`{}` is not a number", &rest[..end]),
+    })?;
+    Ok((Token::Number(value), end))
+}
+
+fn symbol(rest: &str, at: usize) -> Result<(Token, usize), SyntaxError> {
+    const SYMBOLS: [(&str, Token); 16] = [
+        ("<=", Token::Operator(Operator::LessOrEqual)),
+        (">=", Token::Operator(Operator::GreaterOrEqual)),
+        ("<", Token::Operator(Operator::Less)),
+        (">", Token::Operator(Operator::Greater)),
+        ("**", Token::Operator(Operator::Power)),
+        ("+", Token::Operator(Operator::Add)),
+        ("-", Token::Operator(Operator::Subtract)),
+        ("−", Token::Operator(Operator::Subtract)),
+        ("*", Token::Operator(Operator::Multiply)),
+        ("·", Token::Operator(Operator::Multiply)),
+        ("/", Token::Operator(Operator::Divide)),
+        ("^", Token::Operator(Operator::Power)),
+        ("(", Token::Open),
+        (")", Token::Close),
+        (",", Token::Comma),
+        ("\u{d7}", Token::Operator(Operator::Multiply)),
+    ];
+    for (text, token) in SYMBOLS {
+        if rest.starts_with(text) {
+            return Ok((token, text.len()));
+        }
+    }
+    let first = rest.chars().next().unwrap_or(' ');
+    let hint = match first {
+        '=' => "; there is no test for equality, only <, <=, > and >=",
+        '&' => "; write `and`",
+        '|' => "; write `or` or `abs(…)`",
+        '!' => "; write `not`",
+        _ => "",
+    };
+    Err(SyntaxError {
+        span: Span {
+            start: at,
+            end: at + first.len_utf8(),
+        },
+        detail: format!("`{first}` is not part of an expression{hint}"),
+    })
+}
