@@ -20,8 +20,9 @@ const LAYERS: &[(&str, &[&str])] = &[
     // Settings are handed to the parts as the parts' own types.
     ("config", &["api", "store", "worker"]),
     // Simulation stands behind `/v1/simulations` only.
-    ("api", &["dashboard", "event", "store", "job", "dataset", "model", "simulation", "document"]),
+    ("api", &["dashboard", "report", "event", "store", "job", "dataset", "model", "simulation", "document"]),
     ("dashboard", &[]),
+    ("report", &["job", "dataset"]),
     // The settings of the method and the forms of its results are part of a job; a problem is
     // assembled, and looked over beforehand, from the statistics of its recordings.
     ("job", &["estimation", "uncertainty", "model", "simulation", "dataset", "document", "numerics"]),
