@@ -88,7 +88,10 @@ const PLACES: &[(&str, &[&str])] = &[
     ("rand", &["numerics/rng.rs"]),
     ("rand_chacha", &["numerics/rng.rs"]),
     // The pool is the process's: whoever starts the process sizes it.
-    ("rayon", &["simulation/batch.rs", "estimation/mod.rs", "uncertainty", "app", "cli"]),
+    (
+        "rayon",
+        &["simulation/batch.rs", "estimation/mod.rs", "estimation/search.rs", "uncertainty", "app", "cli"],
+    ),
 ];
 
 /// What may be used anywhere: the forms of data, errors and identifiers, and mathematics whose
