@@ -15,6 +15,7 @@ mod held;
 mod jacobian;
 mod lower;
 mod plant;
+mod program;
 mod reading;
 mod reference;
 mod runge_kutta;
@@ -81,14 +82,16 @@ fn read_into(document: &Value, faults: &Faults) -> Option<Read> {
     }
     let mut roots = roots?;
     let moving_inputs = definition.options.first_order_hold;
-    let kinks = std::mem::take(&mut compiler.kinks);
-    let switches = tape::switches(&mut compiler.graph, &roots.rates, &kinks, moving_inputs);
-    let Ok(switches) = switches else {
-        let detail = format!("the model has more than {} operations", graph::MAX_NODES);
-        faults.add("", "too_large", detail);
-        return None;
-    };
-    roots.switches = switches;
+    if definition.options.kinks.is_none() {
+        let kinks = std::mem::take(&mut compiler.kinks);
+        let switches = tape::switches(&mut compiler.graph, &roots.rates, &kinks, moving_inputs);
+        let Ok(switches) = switches else {
+            let detail = format!("the model has more than {} operations", graph::MAX_NODES);
+            faults.add("", "too_large", detail);
+            return None;
+        };
+        roots.switches = switches;
+    }
     let tables = definition.tables.iter().map(|named| named.table.clone());
     let tape = Tape::new(&compiler.graph, &roots, tables.collect(), moving_inputs);
     let scales = definition.states.iter().map(|state| state.scale).collect();
@@ -138,9 +141,13 @@ fn roots(definition: &Definition, compiler: &mut Compiler<'_>) -> Option<Roots> 
     }
     let valid = options.valid_while.as_ref();
     let valid = valid.map(|text| compiler.condition(text));
+    let kinks = options.kinks.iter().flatten();
+    let kinks: Vec<Option<NodeId>> = kinks
+        .map(|text| compiler.number(text, Context::Plant, Unit::Any))
+        .collect();
     Some(Roots {
         rates: rates.into_iter().collect::<Option<_>>()?,
-        switches: Vec::new(),
+        switches: kinks.into_iter().collect::<Option<_>>()?,
         outputs: outputs.into_iter().collect::<Option<_>>()?,
         initial: initial.into_iter().collect::<Option<_>>()?,
         sampled: sampled

@@ -95,6 +95,7 @@ impl<'a, R: Row> Machine<'a, R> {
             .run(&self.plant.tape.held, &mut self.registers);
     }
 
+    #[inline(always)]
     fn load(&mut self, state: &[R]) {
         for (register, value) in self.plant.wiring.states.iter().zip(state) {
             self.set(*register, *value);
@@ -102,24 +103,39 @@ impl<'a, R: Row> Machine<'a, R> {
     }
 
     /// The rates of change at a state, `elapsed` after the segment began.
-    #[inline(always)]
     pub fn rates(&mut self, state: &[R], elapsed: R, into: &mut [R]) {
+        self.load_moving(state, elapsed);
+        let tape = &self.plant.tape;
+        tape.run(&tape.rates, &mut self.registers);
+        self.read_rates(into);
+    }
+
+    #[inline(always)]
+    fn load_moving(&mut self, state: &[R], elapsed: R) {
         self.load(state);
         for (index, slope) in self.slopes.iter().enumerate() {
             if let Some(Some(register)) = self.plant.wiring.inputs.get(index) {
                 self.registers[usize::from(*register)] = self.inputs[index] + *slope * elapsed;
             }
         }
-        let tape = &self.plant.tape;
-        tape.run(&tape.rates, &mut self.registers);
-        for (rate, register) in into.iter_mut().zip(&tape.roots.rates) {
+    }
+
+    #[inline(always)]
+    fn read_rates(&self, into: &mut [R]) {
+        for (rate, register) in into.iter_mut().zip(&self.plant.tape.roots.rates) {
             *rate = self.registers[usize::from(*register)];
         }
     }
 
     /// The switches where the rates were taken last.
+    pub fn switches(&mut self, into: &mut [R]) {
+        let tape = &self.plant.tape;
+        tape.run(&tape.switches, &mut self.registers);
+        self.read_switches(into);
+    }
+
     #[inline(always)]
-    pub fn switches(&self, into: &mut [R]) {
+    fn read_switches(&self, into: &mut [R]) {
         for (switch, register) in into.iter_mut().zip(&self.plant.tape.roots.switches) {
             *switch = self.get(*register);
         }
@@ -148,6 +164,25 @@ impl<'a, R: Row> Machine<'a, R> {
         tape.run(&tape.sample, &mut self.registers);
         let roots = tape.roots.sampled.iter();
         roots.map(|(register, _)| self.get(*register)).collect()
+    }
+}
+
+impl Machine<'_, Lanes> {
+    /// [`Machine::rates`] as part of work that is compiled for each width.
+    #[inline(always)]
+    pub fn rates_wide(&mut self, state: &[Lanes], elapsed: Lanes, into: &mut [Lanes]) {
+        self.load_moving(state, elapsed);
+        let tape = &self.plant.tape;
+        tape.run_wide(&tape.rates, &mut self.registers);
+        self.read_rates(into);
+    }
+
+    /// [`Machine::switches`], likewise.
+    #[inline(always)]
+    pub fn switches_wide(&mut self, into: &mut [Lanes]) {
+        let tape = &self.plant.tape;
+        tape.run_wide(&tape.switches, &mut self.registers);
+        self.read_switches(into);
     }
 }
 
