@@ -17,6 +17,7 @@ pub mod models;
 pub mod openapi;
 pub mod page;
 pub mod query;
+pub mod report;
 pub mod results;
 pub mod simulations;
 pub mod submit;
@@ -201,6 +202,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(results::generations))
         .routes(routes!(results::result))
         .routes(routes!(trajectory::trajectory))
+        .routes(routes!(report::report))
 }
 
 /// The resources, without the manners of [`finish()`].

@@ -172,7 +172,15 @@ fn run(
     let report = estimation.report(problem, stopped);
     let report = report.ok_or_else(|| CommandError::failed("no candidate could be simulated"))?;
     let never = AtomicBool::new(false);
-    let analysis = uncertainty::analyse(problem, &report, &never);
+    let request = uncertainty::Request {
+        // Whoever stops a run is not kept waiting for the more thorough intervals.
+        settings: match stopped {
+            Some(_) => uncertainty::Settings::default(),
+            None => spec.uncertainty.clone(),
+        },
+        seed: spec.seed,
+    };
+    let analysis = uncertainty::analyse(problem, &report, &request, &never);
     let analysis = analysis.expect("an analysis that nobody stops comes to its end");
     Ok(assemble::outcome(&origin, problem, &report, &analysis))
 }

@@ -66,6 +66,10 @@ impl Method for Identification {
             dataset_digests,
         };
         Ok(Box::new(IdentificationRun {
+            request: uncertainty::Request {
+                settings: spec.uncertainty,
+                seed: spec.seed,
+            },
             origin,
             problem,
             estimation,
@@ -109,6 +113,8 @@ fn digest(spec: &Value) -> String {
 
 struct IdentificationRun {
     origin: Origin,
+    /// What is asked about the estimate's uncertainty.
+    request: uncertainty::Request,
     problem: Problem,
     estimation: Estimation,
     /// Of the estimate that stands; nothing while the run goes on.
@@ -161,7 +167,12 @@ impl Run for IdentificationRun {
                 let Some(report) = self.estimation.report(&self.problem, stopped) else {
                     return Ok(None);
                 };
-                let analysis = uncertainty::analyse(&self.problem, &report, &NEVER)
+                // A run that was stopped is not kept waiting for the more thorough intervals.
+                let request = match stopped {
+                    Some(_) => &uncertainty::Request::default(),
+                    None => &self.request,
+                };
+                let analysis = uncertainty::analyse(&self.problem, &report, request, &NEVER)
                     .expect("an analysis that nobody stops comes to its end");
                 (report, analysis)
             }
@@ -178,7 +189,7 @@ impl IdentificationRun {
         let Some(report) = self.estimation.report(&self.problem, None) else {
             return Advance::Finished;
         };
-        match uncertainty::analyse(&self.problem, &report, stop) {
+        match uncertainty::analyse(&self.problem, &report, &self.request, stop) {
             Some(analysis) => {
                 self.analysis = Some((report, analysis));
                 Advance::Finished
