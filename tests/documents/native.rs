@@ -95,7 +95,6 @@ fn the_servo_as_a_document_moves_as_the_servo_in_rust() {
         ("load_force", 100.0),
         ("supply_droop", 1e8),
     ];
-    let imperfect = vec![("valve_offset", 0.01), ("input_delay", 0.0134)];
     let imperfect = vec![
         ("valve_offset", 0.01),
         ("input_delay", 0.0134),

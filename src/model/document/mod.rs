@@ -1,4 +1,4 @@
-//! Models that users write: equations as text, in a JSON document.
+//! Models that users write: equations as text, in a JSON or YAML document.
 //!
 //! `reading` reads names, units and texts, `syntax` an expression, `compile` puts the
 //! expressions together to one `graph` and checks their units, `tape` lays the graph out as
@@ -38,9 +38,6 @@ use plant::DocumentPlant;
 use serde_json::Value;
 use tape::{Roots, Tape};
 use unit::Unit;
-
-/// The bytes of a document at the most.
-pub const MAX_BYTES: usize = 1 << 20;
 
 /// A document that can run.
 #[derive(Debug)]

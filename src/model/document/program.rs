@@ -265,18 +265,27 @@ impl Joiner {
     }
 
     fn steps(mut self) -> Vec<Step> {
-        let joins = [Joiner::signed_root, Joiner::clip, Joiner::pair];
-        for join in joins {
-            for index in 0..self.steps.len() {
-                if let Some((step, swallowed)) = join(&self, index) {
-                    self.steps[index] = Some(step);
-                    for step in swallowed {
-                        self.steps[step] = None;
-                    }
-                }
+        self.join_all(Joiner::signed_root);
+        self.join_all(Joiner::clip);
+        self.join_all(Joiner::pair);
+        self.steps.into_iter().flatten().collect()
+    }
+
+    /// Joins wherever `join` finds a step and those that it swallows.
+    fn join_all(&mut self, join: impl Fn(&Joiner, usize) -> Option<(Step, Vec<usize>)>) {
+        for index in 0..self.steps.len() {
+            if let Some((step, swallowed)) = join(self, index) {
+                self.replace(index, step, &swallowed);
             }
         }
-        self.steps.into_iter().flatten().collect()
+    }
+
+    /// Puts a step in the place of one that it does together with the `swallowed`.
+    fn replace(&mut self, index: usize, step: Step, swallowed: &[usize]) {
+        self.steps[index] = Some(step);
+        for &index in swallowed {
+            self.steps[index] = None;
+        }
     }
 
     /// The operation of a step that is still alone, and its places.
