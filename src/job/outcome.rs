@@ -40,7 +40,10 @@ pub struct Outcome {
     pub criteria: Criteria,
     /// What the search did.
     pub search: SearchReport,
-    /// Each start of the refinement and where it ended, best first.
+    /// Each of the searches; several where `method.restarts` asks for them.
+    #[serde(default)]
+    pub searches: Vec<SearchEnd>,
+    /// Each start of the refinement and where it ended.
     pub starts: Vec<StartReport>,
     /// What made this result; equal engines make equal bits.
     pub engine: Engine,
@@ -269,6 +272,18 @@ pub struct SearchReport {
     pub best_credit: Option<f64>,
     /// The generation in which the champion was found.
     pub best_generation: Option<u32>,
+}
+
+/// How one of the searches ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct SearchEnd {
+    /// Why: `generation_limit`, `cost_target` or `stagnation`.
+    #[schema(example = "stagnation")]
+    pub stop_reason: String,
+    /// How many generations it took.
+    pub generations: u32,
+    /// The cost of the best candidate that it found; `null` where all of them failed.
+    pub cost: Option<f64>,
 }
 
 /// One start of the refinement.

@@ -374,6 +374,33 @@ mod tests {
     }
 
     #[test]
+    fn several_searches_and_other_methods_are_taken_up_with_the_same_bits_too() {
+        for method in ["icra_genetic", "differential_evolution", "multistart_lm"] {
+            let mut job = job();
+            job.spec["method"]["name"] = json!(method);
+            job.spec["method"]["restarts"] = json!(2);
+            let mut unbroken = begin(&job, None);
+            let rows = work(&mut *unbroken);
+            let generations = rows.iter().filter(|row| matches!(row, Row::Generation(_)));
+            let n_searches = if method == "multistart_lm" { 0 } else { 2 };
+            assert_eq!(generations.count(), 6 * n_searches);
+            let expected = outcome(&mut *unbroken, None);
+            let mass = expected["parameters"][0]["estimate"].as_f64();
+            let mass = mass.expect("a mass");
+            assert!((mass / 2.0 - 1.0).abs() < 0.03, "{method}: {mass}");
+            let searches = expected["searches"].as_array().expect("a list");
+            assert_eq!(searches.len(), n_searches);
+            let mut run = begin(&job, None);
+            while run.advance(&NEVER, &mut |_| ()) == Advance::Working {
+                run = begin(&job, Some(run.checkpoint()));
+            }
+            let broken = outcome(&mut *run, None);
+            assert_eq!(broken["parameters"], expected["parameters"]);
+            assert_eq!(broken["searches"], expected["searches"]);
+        }
+    }
+
+    #[test]
     fn a_stopped_run_has_the_best_so_far_and_can_go_on() {
         let job = job();
         let mut run = begin(&job, None);

@@ -1,11 +1,11 @@
 //! The result document of a run.
 
 use crate::estimation::problem::{Coordinate, Problem, Target};
-use crate::estimation::report::{Refinement, Report};
+use crate::estimation::report::{self, Refinement, Report};
 use crate::job::outcome::{
     ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, InitialStateEstimate,
-    InputCorrelation, Outcome, OutputFit, ParameterEstimate, Reason, ResidualReport, SearchReport,
-    StartReport, Trust, Verdict,
+    InputCorrelation, Outcome, OutputFit, ParameterEstimate, Reason, ResidualReport, SearchEnd,
+    SearchReport, StartReport, Trust, Verdict,
 };
 use crate::uncertainty::{Analysis, CoordinateUncertainty, fit, residuals, verdict};
 use std::collections::BTreeMap;
@@ -63,6 +63,7 @@ pub fn outcome(
         residuals: residuals(problem, analysis),
         criteria: criteria(report, analysis),
         search: search(report),
+        searches: report.searches.iter().map(search_end).collect(),
         starts: report
             .refinements
             .iter()
@@ -239,6 +240,14 @@ fn search(report: &Report) -> SearchReport {
             .collect(),
         best_credit: report.best_credit,
         best_generation: report.best_generation,
+    }
+}
+
+fn search_end(end: &report::SearchEnd) -> SearchEnd {
+    SearchEnd {
+        stop_reason: end.stop_reason.name().to_owned(),
+        generations: end.generations,
+        cost: end.cost.and_then(finite),
     }
 }
 

@@ -6,6 +6,7 @@ use serde::de::value::StrDeserializer;
 
 use crate::document::reader::{Field, Object};
 use crate::estimation::Settings;
+use crate::estimation::settings::MethodName;
 use crate::uncertainty;
 
 /// The settings; what the section leaves out is the method's default.
@@ -59,9 +60,14 @@ pub(super) fn read(field: &Field<'_>) -> Settings {
     if section.number("cost_target", 0.0..=f64::INFINITY, &mut cost_target) {
         settings.cost_target = Some(cost_target);
     }
+    section.count("restarts", 1..=32, &mut settings.restarts);
     section.flag("refine", &mut settings.refine);
     section.count("refine_candidates", 1..=32, &mut settings.refine_candidates);
     object.finish();
+    if settings.name == MethodName::MultistartLm && !settings.refine {
+        let detail = "`multistart_lm` is nothing but refinement: leave `refine` at true";
+        field.fault("contradiction", detail);
+    }
     settings
 }
 
