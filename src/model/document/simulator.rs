@@ -30,6 +30,8 @@ pub struct Machine<'a, R> {
     /// The inputs at the start of the segment, and how fast they move.
     inputs: Vec<R>,
     pub(super) slopes: Vec<R>,
+    /// Room for derivatives, once they are asked for.
+    pub(super) directions: Option<Registers<Lanes>>,
 }
 
 impl<'a, R: Row> Machine<'a, R> {
@@ -44,6 +46,7 @@ impl<'a, R: Row> Machine<'a, R> {
             registers: plant.tape.registers(),
             inputs: Vec::new(),
             slopes: Vec::new(),
+            directions: None,
         };
         for (index, register) in plant.wiring.parameters.iter().enumerate() {
             machine.set(*register, parameters(index));
@@ -198,6 +201,8 @@ pub struct Simulator<'a> {
     delay: Option<Delay>,
     whole_sample: Steps,
     sample: usize,
+    /// Lanes from here on repeat the first.
+    n_candidates: usize,
     failures: [Option<Failure>; LANES],
     stiff_evaluations: [u64; LANES],
     stiff_budget: u64,
@@ -256,6 +261,7 @@ impl<'a> Simulator<'a> {
             delay: delay.map(|delay| Delay::new(delay, &excitation, &rate)),
             whole_sample: Steps::resolving(&rate, &whole, excitation.accuracy),
             sample: 0,
+            n_candidates: candidates.len(),
             failures: [None; LANES],
             stiff_evaluations: [0; LANES],
             stiff_budget: (STIFF_INSTRUCTIONS / instructions).min(STIFF_BUDGET),
@@ -342,12 +348,18 @@ impl<'a> Simulator<'a> {
             .map(|&count| u64::from(count))
             .sum();
         self.explicit_evaluations += STAGES as u64 * steps;
-        for lane in (0..LANES).filter(|&lane| segment.steps.count[lane] > 0) {
+        for lane in (0..self.n_candidates).filter(|&lane| segment.steps.count[lane] > 0) {
             let finite = self.state.iter().all(|value| value.0[lane].is_finite());
             let calm = worst.0[lane] <= LARGEST_STEP_TIMES_RATE;
             if self.failures[lane].is_none() && !(finite && calm) {
                 self.mend(segment, &start, lane);
             }
+        }
+        for lane in self.n_candidates..LANES {
+            self.failures[lane] = self.failures[0];
+            self.state
+                .iter_mut()
+                .for_each(|value| value.0[lane] = value.0[0]);
         }
     }
 
@@ -361,6 +373,7 @@ impl<'a> Simulator<'a> {
             })),
             inputs: Vec::new(),
             slopes: Vec::new(),
+            directions: None,
         };
         single.hold(&segment.held.of_lane(lane));
         let mut state: Vec<f64> = start.iter().map(|value| value.0[lane]).collect();
@@ -406,8 +419,7 @@ impl<'a> Simulator<'a> {
 fn rate_at(machine: &mut Machine<'_, f64>, state: &[f64]) -> f64 {
     let mut rates = vec![0.0; state.len()];
     machine.rates(state, 0.0, &mut rates);
-    let plant = machine.plant;
-    let jacobian = jacobian::by_states(&plant.tape, &plant.wiring, &machine.registers);
+    let jacobian = jacobian::by_states(machine);
     jacobian::spectral_bound(&jacobian, state.len())
 }
 
