@@ -84,6 +84,7 @@ const PLACES: &[(&str, &[&str])] = &[
     ("comfy_table", &["cli"]),
     // "Did you mean" belongs to the reading of documents and of queries.
     ("strsim", &["document", "api"]),
+    ("saphyr_parser", &["document"]),
     ("nalgebra", &["numerics", "uncertainty", "simulation/stiff.rs"]),
     ("rand", &["numerics/rng.rs"]),
     ("rand_chacha", &["numerics/rng.rs"]),
