@@ -183,7 +183,7 @@ async fn read(state: &ApiState, asked: &models::Asked) -> Answer<JobSpec> {
     let mut datasets = HashMap::new();
     for id in JobSpec::datasets_named(&asked.document) {
         if let Some(row) = state.store.dataset(id).await? {
-            datasets.insert(id, row.summary);
+            datasets.insert(id, row.summary.clone());
         }
     }
     let context = Context {
@@ -233,13 +233,13 @@ fn new_job(spec: &JobSpec, idempotency: Option<Idempotency>) -> NewJob {
 async fn accepted(state: &ApiState, row: JobRow, replayed: bool, headers: &HeaderMap) -> Answer {
     let id = row.id;
     let wait = preferred_wait(headers);
-    let mut row = row;
+    let mut row = Arc::new(row);
     if let Some(wait) = wait {
         let settled = |row: &JobRow| row.status.is_terminal() || row.status == Status::Paused;
         let later = jobs::wait_until(state, id, wait, settled).await?;
         row = later.ok_or_else(|| jobs::no_job(id))?;
     }
-    let mut response = jobs::answer(StatusCode::ACCEPTED, row);
+    let mut response = jobs::answer(StatusCode::ACCEPTED, &row);
     let mut say = |name: HeaderName, value: String| {
         let value = HeaderValue::from_str(&value).expect("paths and numbers are visible ASCII");
         response.headers_mut().insert(name, value);
