@@ -4,6 +4,7 @@
 //! Exit codes: 0 done, 1 something failed on the way, 2 what was given is wrong.
 
 mod client;
+mod compare;
 mod demo;
 mod error;
 mod estimate;
@@ -36,6 +37,8 @@ enum Command {
     Demo(demo::Arguments),
     /// Estimate from a recording without a server
     Estimate(estimate::Arguments),
+    /// Run a job by several methods and seeds, and compare what they find
+    Compare(compare::Arguments),
     /// Simulate a model under the inputs of a recording
     Simulate(simulate::Arguments),
     /// Make one of the demonstration recordings, as CSV
@@ -63,6 +66,7 @@ fn run(command: Command) -> Result<(), CommandError> {
         Command::Serve(settings) => serve::serve(settings),
         Command::Demo(arguments) => demo::demo(arguments),
         Command::Estimate(arguments) => estimate::estimate(&arguments),
+        Command::Compare(arguments) => compare::compare(&arguments),
         Command::Simulate(arguments) => simulate::simulate(&arguments),
         Command::Record(arguments) => record::record(&arguments),
         Command::Openapi => files::write(None, &openapi()),

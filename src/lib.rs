@@ -23,6 +23,8 @@ pub mod api;
 
 pub mod dashboard;
 
+pub mod report;
+
 pub mod job;
 
 pub mod store;

@@ -20,8 +20,9 @@ const LAYERS: &[(&str, &[&str])] = &[
     // Settings are handed to the parts as the parts' own types.
     ("config", &["api", "store", "worker"]),
     // Simulation stands behind `/v1/simulations` only.
-    ("api", &["dashboard", "event", "store", "job", "dataset", "model", "simulation", "document"]),
+    ("api", &["dashboard", "report", "event", "store", "job", "dataset", "model", "simulation", "document"]),
     ("dashboard", &[]),
+    ("report", &["job", "dataset"]),
     // The settings of the method and the forms of its results are part of a job; a problem is
     // assembled, and looked over beforehand, from the statistics of its recordings.
     ("job", &["estimation", "uncertainty", "model", "simulation", "dataset", "document", "numerics"]),
@@ -87,7 +88,7 @@ const PLACES: &[(&str, &[&str])] = &[
     ("rand", &["numerics/rng.rs"]),
     ("rand_chacha", &["numerics/rng.rs"]),
     // The pool is the process's: whoever starts the process sizes it.
-    ("rayon", &["simulation/batch.rs", "estimation/mod.rs", "app", "cli"]),
+    ("rayon", &["simulation/batch.rs", "estimation/mod.rs", "uncertainty", "app", "cli"]),
 ];
 
 /// What may be used anywhere: the forms of data, errors and identifiers, and mathematics whose

@@ -136,6 +136,37 @@ fn an_estimation_writes_its_result_and_its_history() {
 }
 
 #[test]
+fn a_comparison_runs_every_method_with_every_seed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [mut a, mut b, mut c] = [const { String::new() }; 3];
+    let recording = path(folder.path(), "a.csv", &mut a);
+    let job = path(folder.path(), "job.json", &mut b);
+    let runs = path(folder.path(), "runs.json", &mut c);
+    printed(&["record", "a", "--output", recording]);
+    let mut document = short_job();
+    document["method"] = json!({"population": 6, "generations": 3, "refine_candidates": 1});
+    std::fs::write(job, document.to_string()).expect("a file");
+    let command = ["compare", recording, job, "--seeds", "2", "--output", runs];
+    let shown = printed(&command);
+    let text = std::fs::read(runs).expect("the runs");
+    let runs: Vec<Value> = serde_json::from_slice(&text).expect("the runs");
+    let methods = ["icra_genetic", "differential_evolution", "multistart_lm"];
+    for method in methods {
+        assert!(shown.contains(method), "{shown}");
+        let seeds = runs.iter().filter(|run| run["method"] == method);
+        let seeds: Vec<u64> = seeds.filter_map(|run| run["seed"].as_u64()).collect();
+        assert_eq!(seeds, [1, 2], "{method}");
+    }
+    // The search from another seed goes another way.
+    assert_ne!(runs[0]["evaluations"], Value::Null);
+    assert_ne!(runs[0]["estimates"], runs[1]["estimates"]);
+
+    let unknown = ["compare", recording, job, "--methods", "guessing"];
+    let complaints = complaints(&unknown);
+    assert!(complaints[0].contains("guessing"), "{complaints:?}");
+}
+
+#[test]
 fn every_fault_of_a_job_is_named_with_its_place() {
     let folder = tempfile::tempdir().expect("a folder");
     let [mut a, mut b] = [const { String::new() }; 2];

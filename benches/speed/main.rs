@@ -93,7 +93,8 @@ fn search(problem: &Problem, spec: &JobSpec) -> Report {
     let report = run
         .report(problem, None)
         .expect("the demonstration ends with an estimate");
-    uncertainty::analyse(problem, &report, &never).expect("nothing interrupts the analysis");
+    uncertainty::analyse(problem, &report, &uncertainty::Request::default(), &never)
+        .expect("nothing interrupts the analysis");
     report
 }
 

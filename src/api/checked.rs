@@ -40,8 +40,9 @@ impl Checked {
             parameters,
             outputs,
             validation,
-            // How the parameters are looked for, and how the job is called.
+            // How the parameters are looked for, what is said of them, and how the job is called.
             method: _,
+            uncertainty: _,
             limits: _,
             seed: _,
             name: _,

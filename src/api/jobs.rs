@@ -78,6 +78,8 @@ struct Links {
     result: String,
     /// Measured beside simulated outputs.
     trajectory: String,
+    /// The result as one page for the file.
+    report: String,
     /// POST here to end it.
     cancel: String,
 }
@@ -90,6 +92,7 @@ impl From<&JobRow> for Job {
             generations: format!("{path}/generations"),
             result: format!("{path}/result"),
             trajectory: format!("{path}/trajectory"),
+            report: format!("{path}/report"),
             cancel: format!("{path}/cancel"),
             job: path,
         };

@@ -18,6 +18,7 @@ pub mod models;
 pub mod openapi;
 pub mod page;
 pub mod query;
+pub mod report;
 pub mod results;
 pub mod simulations;
 pub mod submit;
@@ -205,6 +206,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(results::generations))
         .routes(routes!(results::result))
         .routes(routes!(trajectory::trajectory))
+        .routes(routes!(report::report))
 }
 
 /// The resources, without the manners of [`finish()`].

@@ -1,7 +1,8 @@
 //! What a job came to: the history of its search and its result.
 
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
@@ -10,8 +11,9 @@ use super::ApiState;
 use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
 use super::jobs::{no_job, retry_after};
-use super::manners::{json, tagged_json};
+use super::manners::{json, prefers, tagged_json};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
+use super::trajectory::unreadable;
 use crate::job::{GenerationEvent, JobId, Outcome, Status};
 use crate::store::JobRow;
 
@@ -51,17 +53,20 @@ pub struct Generations {
     items: Vec<GenerationEvent>,
 }
 
-/// Read the history of a search, a row a generation.
+/// Read the history of a search, a row a generation: as JSON, or as CSV with the champion's
+/// parameters in columns.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/generations", operation_id = "read_generations", tag = "jobs",
     params(("id" = JobId, Path, description = "The job"), GenerationsQuery),
     responses((status = 200, description = "Generations in order; fewer than `limit` when there \
-                                            are no more yet", body = Generations))
+                                            are no more yet",
+               content((Generations = "application/json"), (String = "text/csv"))))
 )]
 pub async fn generations(
     State(state): State<ApiState>,
     Named(id): Named<JobId>,
     Params(query): Params<GenerationsQuery>,
+    headers: HeaderMap,
 ) -> Answer {
     let items = state
         .store
@@ -70,11 +75,47 @@ pub async fn generations(
     if items.is_empty() && state.store.job(id).await?.is_none() {
         return Err(no_job(id));
     }
+    if prefers(&headers, "text/csv") {
+        return Ok(csv(generations_csv(&items)));
+    }
     Ok(json(StatusCode::OK, &Generations { items }))
 }
 
+fn generations_csv(items: &[GenerationEvent]) -> String {
+    let mut text = String::from(
+        "generation,evaluations,best_cost,generation_best_cost,mean_cost,best_credit,entropy,\
+         credit_updates",
+    );
+    let names: Vec<&String> = items
+        .iter()
+        .take(1)
+        .flat_map(|row| row.best.keys())
+        .collect();
+    text.extend(names.iter().map(|name| format!(",{name}")));
+    text.push('\n');
+    let field = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    for row in items {
+        let costs = [row.best_cost, row.generation_best_cost, row.mean_cost];
+        let credits = [row.best_credit, row.entropy];
+        let mut fields = vec![row.generation.to_string(), row.evaluations.to_string()];
+        fields.extend(costs.into_iter().chain(credits).map(field));
+        fields.push(row.credit_updates.to_string());
+        let values = names.iter().map(|name| row.best.get(*name)?.as_f64());
+        fields.extend(values.map(field));
+        text.push_str(&fields.join(","));
+        text.push('\n');
+    }
+    text
+}
+
+/// An answer in CSV.
+pub fn csv(text: String) -> Response {
+    let csv_type = HeaderValue::from_static("text/csv; charset=utf-8");
+    ([(header::CONTENT_TYPE, csv_type)], text).into_response()
+}
+
 /// Read the estimate: final when the job succeeded, the best so far when it was paused or
-/// cancelled.
+/// cancelled. As JSON in full, or the estimates alone as CSV.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/result", operation_id = "read_result", tag = "jobs",
     params(
@@ -82,7 +123,8 @@ pub async fn generations(
         ("If-None-Match" = Option<String>, Header, description = "The `ETag` that the client has")
     ),
     responses(
-        (status = 200, description = "The result", body = Outcome,
+        (status = 200, description = "The result",
+         content((Outcome = "application/json"), (String = "text/csv")),
          headers(("ETag" = String, description = "Changes with the answer"))),
         (status = 304, description = "The client has this already"),
         (status = 409, description = "There is no result, or not yet")
@@ -95,7 +137,48 @@ pub async fn result(
     headers: HeaderMap,
 ) -> Answer {
     let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
-    Ok(tagged_json(&headers, &settled_result(&state, &row).await?))
+    let outcome = settled_result(&state, &row).await?;
+    if prefers(&headers, "text/csv") {
+        let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
+        return Ok(csv(estimates_csv(&outcome)));
+    }
+    Ok(tagged_json(&headers, &outcome))
+}
+
+fn estimates_csv(outcome: &Outcome) -> String {
+    let mut text = String::from(
+        "name,experiment,unit,estimate,standard_error,interval_lower,interval_upper,\
+         interval_method,range_lower,range_upper,at_bound,identifiable\n",
+    );
+    let parameters = outcome.parameters.iter().map(|parameter| {
+        let named = (&parameter.name, &parameter.unit, &parameter.estimate);
+        (named, String::new())
+    });
+    let states = outcome.initial_states.iter().map(|state| {
+        let named = (&state.state, &state.unit, &state.estimate);
+        (named, state.experiment.to_string())
+    });
+    let field = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    for ((name, unit, known), experiment) in parameters.chain(states) {
+        let interval = known.confidence_interval.as_ref();
+        let fields = [
+            name.clone(),
+            experiment,
+            unit.clone(),
+            known.estimate.to_string(),
+            field(known.standard_error),
+            field(interval.and_then(|interval| interval.lower)),
+            field(interval.and_then(|interval| interval.upper)),
+            interval.map_or_else(String::new, |interval| interval.method.clone()),
+            known.lower.to_string(),
+            known.upper.to_string(),
+            known.at_bound.to_string(),
+            known.identifiable.to_string(),
+        ];
+        text.push_str(&fields.join(","));
+        text.push('\n');
+    }
+    text
 }
 
 /// The result of a job that has one.

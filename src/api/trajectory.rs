@@ -3,10 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::response::Response;
+use axum::http::{HeaderMap, StatusCode};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
@@ -15,7 +13,7 @@ use super::extract::Named;
 use super::jobs::no_job;
 use super::manners::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
-use super::results::settled_result;
+use super::results::{self, settled_result};
 use super::{ApiState, blocking};
 use crate::dataset::kept_indices;
 use crate::job::assemble::{self, ExperimentTrajectory, OutputTrajectory};
@@ -113,7 +111,7 @@ pub async fn trajectory(
         let trajectory = assemble::trajectory(&spec, &model, &recordings, &outcome);
         let experiments = trajectory.map_err(Problem::of_document)?;
         if as_csv {
-            return Ok(csv(&experiments));
+            return Ok(results::csv(csv(&experiments)));
         }
         let experiments = experiments.iter().map(|e| decimated(e, points)).collect();
         let trajectory = Trajectory {
@@ -126,13 +124,13 @@ pub async fn trajectory(
 }
 
 /// What was stored does not read back: the server is at fault.
-fn unreadable(error: serde_json::Error) -> Problem {
+pub(super) fn unreadable(error: serde_json::Error) -> Problem {
     tracing::error!(%error, "a stored job does not read back");
     Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
 }
 
 /// The job has its result, but what it was made from has been removed since.
-fn removed(faults: Vec<Fault>) -> Problem {
+pub(super) fn removed(faults: Vec<Fault>) -> Problem {
     Problem::of_faults(Kind::WrongState, faults.into_iter().map(ProblemFault::from))
 }
 
@@ -167,7 +165,7 @@ fn finite(value: f64) -> Option<f64> {
 }
 
 /// One row a sample; the first column counts the experiments from 0.
-fn csv(experiments: &[ExperimentTrajectory]) -> Response {
+fn csv(experiments: &[ExperimentTrajectory]) -> String {
     let mut text = String::from("experiment,time [s]");
     for output in experiments.iter().take(1).flat_map(|e| &e.outputs) {
         let OutputTrajectory { name, unit, .. } = output;
@@ -186,12 +184,7 @@ fn csv(experiments: &[ExperimentTrajectory]) -> Response {
             text.push('\n');
         }
     }
-    let mut response = Response::new(Body::from(text));
-    let csv_type = HeaderValue::from_static("text/csv; charset=utf-8");
-    response
-        .headers_mut()
-        .insert(header::CONTENT_TYPE, csv_type);
-    response
+    text
 }
 
 /// A missing sample is an empty field.

@@ -6,7 +6,7 @@ use super::{files, table};
 use crate::dataset::Recording;
 use crate::estimation::{Advance, Estimation, GenerationRow, Observer, RefinementRow};
 use crate::estimation::{Problem, StopReason};
-use crate::job::assemble::{self, Origin};
+use crate::job::assemble::{self, Assembly, Origin};
 use crate::job::spec::Context;
 use crate::job::{DatasetId, Fault, JobSpec, Outcome};
 use crate::model::{Catalogue, document};
@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::collections::HashMap;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -49,16 +49,8 @@ pub struct Arguments {
 
 /// Estimates, and shows what came of it.
 pub fn estimate(arguments: &Arguments) -> Result<(), CommandError> {
-    let recording = files::recording(&arguments.recording, arguments.time.as_deref())?;
-    let job = files::document(&arguments.job)?;
-    let wrong = |faults: Vec<Fault>| CommandError::faults(arguments.job.display(), &faults);
-    let mut models = Catalogue::built_in();
-    let spec = read_job(job, &recording, &mut models).map_err(wrong)?;
-    let model = models
-        .get(&spec.model)
-        .expect("a specification names a model that there is");
-    let recordings = vec![recording; spec.experiments.len()];
-    let assembly = assemble::problem(&spec, model, &recordings).map_err(wrong)?;
+    let time = arguments.time.as_deref();
+    let Prepared { spec, assembly } = Prepared::read(&arguments.recording, &arguments.job, time)?;
     for finding in &assembly.findings {
         eprintln!("note: {}: {}", finding.pointer, finding.detail);
     }
@@ -79,6 +71,30 @@ pub fn estimate(arguments: &Arguments) -> Result<(), CommandError> {
         files::write(Some(path), &text)?;
     }
     Ok(())
+}
+
+/// A job with its recording, ready to run.
+pub(super) struct Prepared {
+    /// The completed specification.
+    pub spec: JobSpec,
+    /// The problem that it poses.
+    pub assembly: Assembly,
+}
+
+impl Prepared {
+    /// Reads both and puts them together.
+    pub fn read(recording: &Path, job: &Path, time: Option<&str>) -> Result<Self, CommandError> {
+        let wrong = |faults: Vec<Fault>| CommandError::faults(job.display(), &faults);
+        let recording = files::recording(recording, time)?;
+        let mut models = Catalogue::built_in();
+        let spec = read_job(files::document(job)?, &recording, &mut models).map_err(wrong)?;
+        let model = models
+            .get(&spec.model)
+            .expect("a specification names a model that there is");
+        let recordings = vec![recording; spec.experiments.len()];
+        let assembly = assemble::problem(&spec, model, &recordings).map_err(wrong)?;
+        Ok(Prepared { spec, assembly })
+    }
 }
 
 /// The name under which a specification knows the one recording that there is.
@@ -172,7 +188,15 @@ fn run(
     let report = estimation.report(problem, stopped);
     let report = report.ok_or_else(|| CommandError::failed("no candidate could be simulated"))?;
     let never = AtomicBool::new(false);
-    let analysis = uncertainty::analyse(problem, &report, &never);
+    let request = uncertainty::Request {
+        // Whoever stops a run is not kept waiting for the more thorough intervals.
+        settings: match stopped {
+            Some(_) => uncertainty::Settings::default(),
+            None => spec.uncertainty.clone(),
+        },
+        seed: spec.seed,
+    };
+    let analysis = uncertainty::analyse(problem, &report, &request, &never);
     let analysis = analysis.expect("an analysis that nobody stops comes to its end");
     Ok(assemble::outcome(&origin, problem, &report, &analysis))
 }

@@ -15,6 +15,8 @@
 //! and however often the run is laid down ([`Estimation::checkpoint`]) and taken up again; no
 //! clock, no I/O; a candidate that fails is a value.
 
+pub mod differential;
+pub mod leaders;
 pub mod memory;
 pub mod objective;
 pub mod observer;
@@ -34,11 +36,13 @@ pub use report::Report;
 pub use settings::Settings;
 pub use stop_reason::StopReason;
 
+use crate::numerics::rng;
 use objective::Objective;
 use rayon::prelude::*;
 use refine::Descent;
 use search::Search;
 use serde::{Deserialize, Serialize};
+use settings::MethodName;
 use std::sync::atomic::AtomicBool;
 
 /// What a run is doing.
@@ -87,9 +91,22 @@ pub struct Progress {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Checkpoint {
     search: search::State,
+    #[serde(default)]
+    searches: Vec<FinishedSearch>,
     descents: Vec<Descent>,
     phase: Phase,
     stop_reason: Option<StopReason>,
+}
+
+/// A search of a run that has ended.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct FinishedSearch {
+    /// Why.
+    stop_reason: StopReason,
+    /// How many generations it took.
+    generations: u32,
+    /// Its best distinct candidates, the champion first.
+    leaders: Vec<leaders::Judged>,
 }
 
 /// A checkpoint that does not belong to the problem and the settings.
@@ -111,6 +128,7 @@ pub struct Estimation {
     /// What the search judges, where that is not the free run ([`segments`]).
     segmented: Option<Problem>,
     objective: Objective,
+    searches: Vec<FinishedSearch>,
     descents: Vec<Descent>,
     phase: Phase,
     stop_reason: Option<StopReason>,
@@ -126,17 +144,29 @@ impl Estimation {
             search: Search::start(segmented.as_ref().unwrap_or(problem), settings, seed),
             segmented,
             objective: Objective::new(problem, settings.block_samples as usize),
+            searches: Vec::new(),
             descents: Vec::new(),
             phase: Phase::Search,
             stop_reason: None,
         };
-        if settings.generations == 0 {
+        let n = problem.coordinates.len();
+        if settings.name == MethodName::MultistartLm {
+            let mut rng = rng::stream(seed, 0, rng::Purpose::Population);
+            let starts = 0..settings.refine_candidates;
+            let starts = starts.map(|_| (0..n).map(|_| rng::unit(&mut rng)).collect());
+            run.refine_from(starts.collect(), StopReason::GenerationLimit);
+        } else if settings.generations == 0 {
             // Nothing to search: the middle of the box is refined.
-            run.stop_reason = Some(StopReason::GenerationLimit);
-            run.descents = vec![Descent::from(vec![0.5; problem.coordinates.len()])];
-            run.phase = Phase::Refine;
+            run.refine_from(vec![vec![0.5; n]], StopReason::GenerationLimit);
         }
         run
+    }
+
+    /// Goes over to the refinement.
+    fn refine_from(&mut self, starts: Vec<Vec<f64>>, reason: StopReason) {
+        self.stop_reason = Some(reason);
+        self.descents = starts.into_iter().map(Descent::from).collect();
+        self.phase = Phase::Refine;
     }
 
     /// Takes a run up where it was laid down.
@@ -165,6 +195,7 @@ impl Estimation {
             search: Search::resume(searched, settings, seed, checkpoint.search),
             segmented,
             objective: Objective::new(problem, settings.block_samples as usize),
+            searches: checkpoint.searches,
             descents: checkpoint.descents,
             phase: checkpoint.phase,
             stop_reason: checkpoint.stop_reason,
@@ -199,13 +230,34 @@ impl Estimation {
         };
         observer.generation(&generation.row);
         if let Some(reason) = generation.stop {
-            self.stop_reason = Some(reason);
-            let starts = self.search.state.leaders.iter();
-            let starts = starts.map(|leader| self.positions(problem, &leader.chromosome));
-            self.descents = starts.map(Descent::from).collect();
-            self.phase = Phase::Refine;
+            self.end_search(problem, reason);
         }
         Advance::Working
+    }
+
+    /// Another search, where more than one is asked for, or the refinement of what they found:
+    /// of each its best, of one alone its best distinct candidates.
+    fn end_search(&mut self, problem: &Problem, stop_reason: StopReason) {
+        let state = &self.search.state;
+        self.searches.push(FinishedSearch {
+            stop_reason,
+            generations: state.generation - state.began,
+            leaders: state.leaders.clone(),
+        });
+        if self.searches.len() < self.settings.restarts as usize {
+            self.search.restart();
+            return;
+        }
+        let each = match self.searches.len() {
+            1 => usize::MAX,
+            _ => 1,
+        };
+        let leaders = self
+            .searches
+            .iter()
+            .flat_map(|search| search.leaders.iter().take(each));
+        let starts = leaders.map(|leader| self.positions(problem, &leader.chromosome));
+        self.refine_from(starts.collect(), stop_reason);
     }
 
     /// The positions of a candidate of the search. What a segmented search cannot judge, the
@@ -297,7 +349,14 @@ impl Estimation {
     #[must_use]
     pub fn progress(&self) -> Progress {
         let state = &self.search.state;
-        let searched = f64::from(state.generation) / f64::from(self.settings.generations.max(1));
+        let all = self
+            .settings
+            .generations
+            .saturating_mul(self.settings.restarts);
+        let own = f64::from(state.generation - state.began);
+        let searched =
+            self.searches.len() as f64 + own / f64::from(self.settings.generations.max(1));
+        let searched = searched / f64::from(self.settings.restarts.max(1));
         let finished = self
             .descents
             .iter()
@@ -307,7 +366,7 @@ impl Estimation {
         Progress {
             phase: self.phase,
             generation: state.generation,
-            generations: self.settings.generations,
+            generations: all,
             evaluations: state.counters.evaluations,
             best_cost: self.best_cost(),
             best_credit: state.best_credit.map(|(credit, _)| credit),
@@ -322,13 +381,7 @@ impl Estimation {
     /// The lowest cost so far.
     fn best_cost(&self) -> Option<f64> {
         let best = self.best_descent().and_then(|descent| descent.cost);
-        let found = self
-            .search
-            .state
-            .leaders
-            .first()
-            .map(|champion| champion.cost);
-        best.or(found)
+        best.or(self.search.champion().map(|champion| champion.cost))
     }
 
     /// The descent that stands for the estimate.
@@ -345,6 +398,7 @@ impl Estimation {
     pub fn checkpoint(&self) -> Checkpoint {
         Checkpoint {
             search: self.search.state.clone(),
+            searches: self.searches.clone(),
             descents: self.descents.clone(),
             phase: self.phase,
             stop_reason: self.stop_reason,
@@ -357,9 +411,7 @@ impl Estimation {
     pub fn report(&self, problem: &Problem, stopped: Option<StopReason>) -> Option<Report> {
         let positions = match self.best_descent() {
             Some(descent) => descent.positions.clone(),
-            None => self
-                .search
-                .positions(&self.search.state.leaders.first()?.chromosome),
+            None => self.search.positions(&self.search.champion()?.chromosome),
         };
         Some(Report::new(problem, self, positions, stopped))
     }

@@ -99,6 +99,20 @@ pub enum DescentEnd {
     Failed,
 }
 
+/// Descends from a start, simulated finely, to the end. Nothing when `stop` was raised.
+#[must_use]
+pub fn descend(problem: &Problem, start: Vec<f64>, stop: &AtomicBool) -> Option<Descent> {
+    let objective = Objective::new(problem, usize::MAX);
+    let mut descent = Descent::from(start);
+    descent.polish();
+    while descent.end.is_none() {
+        if !descent.iterate(problem, &objective, stop) {
+            return None;
+        }
+    }
+    Some(descent)
+}
+
 /// One descent from one start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Descent {

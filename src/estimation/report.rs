@@ -24,8 +24,21 @@ pub struct Report {
     pub best_credit: Option<f64>,
     /// The generation that found the best candidate of the search.
     pub best_generation: Option<u32>,
+    /// Each search.
+    pub searches: Vec<SearchEnd>,
     /// Each start of the refinement.
     pub refinements: Vec<Refinement>,
+}
+
+/// How one of the searches ended.
+#[derive(Clone, Debug)]
+pub struct SearchEnd {
+    /// Why.
+    pub stop_reason: StopReason,
+    /// How many generations it took.
+    pub generations: u32,
+    /// The cost of its champion; none where every candidate failed.
+    pub cost: Option<f64>,
 }
 
 /// One descent of the refinement.
@@ -65,6 +78,15 @@ impl Report {
             counters: state.counters.clone(),
             best_credit: state.best_credit.map(|(credit, _)| credit),
             best_generation: state.best_generation,
+            searches: run
+                .searches
+                .iter()
+                .map(|search| SearchEnd {
+                    stop_reason: search.stop_reason,
+                    generations: search.generations,
+                    cost: search.leaders.first().map(|champion| champion.cost),
+                })
+                .collect(),
             refinements: run
                 .descents
                 .iter()

@@ -5,12 +5,14 @@
 //! stream named by seed, generation and purpose: a search that is laid down after any generation
 //! goes on with the same bits.
 
+use super::differential;
+use super::leaders::{self, Judged};
 use super::memory::Memory;
 use super::objective::{Evaluation, Objective};
 use super::observer::{Counters, GenerationRow};
 use super::problem::Problem;
 use super::refine;
-use super::settings::{BlockOrder, CreditForm, ErrorSpread, Settings};
+use super::settings::{BlockOrder, CreditForm, ErrorSpread, MethodName, Settings};
 use super::stop_reason::{Stagnation, StopReason};
 use crate::credit::{self, Credits, icra::Network, spread};
 use crate::genetic::{Chromosome, Encoding, operators};
@@ -21,13 +23,13 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// A candidate and its cost.
+/// A candidate that challengers are measured against.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Judged {
+pub struct Parent {
     /// Its string.
     pub chromosome: Chromosome,
-    /// Its cost.
-    pub cost: f64,
+    /// Its cost; none where it failed.
+    pub cost: Option<f64>,
 }
 
 /// Everything that the next generation depends on.
@@ -37,6 +39,15 @@ pub struct State {
     pub generation: u32,
     /// The candidates of the next generation.
     pub population: Vec<Chromosome>,
+    /// The parents that the candidates challenge, in differential evolution.
+    #[serde(default)]
+    pub parents: Vec<Parent>,
+    /// The generation after which this search began; those before belong to earlier ones.
+    #[serde(default)]
+    pub began: u32,
+    /// The champion of the searches before.
+    #[serde(default)]
+    pub earlier: Option<Judged>,
     /// The best distinct candidates so far, the champion first.
     pub leaders: Vec<Judged>,
     /// The largest credit so far, and the generation that first had it.
@@ -48,9 +59,6 @@ pub struct State {
     /// How long nothing has been gained.
     pub stagnation: Stagnation,
 }
-
-/// Two leaders differ by at least this share of the range in one coordinate.
-const SMALLEST_DISTANCE: f64 = 0.02;
 
 /// The search of one run.
 #[derive(Debug)]
@@ -81,11 +89,12 @@ impl Search {
             bits: settings.bits_per_parameter,
             genes: problem.coordinates.len(),
         };
-        let mut rng = stream(seed, 0, Purpose::Population);
-        let candidates = settings.population as usize;
         let state = State {
             generation: 0,
-            population: operators::random_population(encoding, candidates, &mut rng),
+            population: random_population(encoding, settings, seed, 0),
+            parents: Vec::new(),
+            began: 0,
+            earlier: None,
             leaders: Vec::new(),
             best_credit: None,
             best_generation: None,
@@ -111,6 +120,27 @@ impl Search {
         }
     }
 
+    /// Begins another search after the last one, with another first population. What has been
+    /// done goes on counting.
+    pub fn restart(&mut self) {
+        let state = &mut self.state;
+        state.population =
+            random_population(self.encoding, &self.settings, self.seed, state.generation);
+        state.parents.clear();
+        state.began = state.generation;
+        let last = state.leaders.drain(..).next();
+        let both = state.earlier.take().into_iter().chain(last);
+        state.earlier = both.min_by(|a, b| a.cost.total_cmp(&b.cost));
+        state.stagnation = Stagnation::default();
+    }
+
+    /// The best candidate of this search and those before.
+    #[must_use]
+    pub fn champion(&self) -> Option<&Judged> {
+        let both = self.state.earlier.iter().chain(self.state.leaders.first());
+        both.min_by(|a, b| a.cost.total_cmp(&b.cost))
+    }
+
     /// The positions of a candidate.
     #[must_use]
     pub fn positions(&self, chromosome: &Chromosome) -> Vec<f64> {
@@ -122,6 +152,9 @@ impl Search {
     pub fn generation(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<Generation> {
         let population = self.state.population.clone();
         let evaluations = self.evaluate(problem, &population, stop)?;
+        if self.settings.name == MethodName::DifferentialEvolution {
+            return Some(self.challenge(problem, &population, &evaluations));
+        }
         let climbed = self.climb(problem, &population, &evaluations, stop)?;
 
         let credits = self.judge(&evaluations);
@@ -132,10 +165,30 @@ impl Search {
         if let Some(climbed) = &climbed {
             self.lead(climbed.clone());
         }
-        let row = self.row(problem, &evaluations, &credits);
+        let row = self.row(problem, &evaluations, Some(&credits));
         let stop = self.stop_reason();
         self.state.population = self.breed(&population, &evaluations, &credits, climbed);
         Some(Generation { row, stop })
+    }
+
+    /// A generation of differential evolution.
+    fn challenge(
+        &mut self,
+        problem: &Problem,
+        population: &[Chromosome],
+        evaluations: &[Arc<Evaluation>],
+    ) -> Generation {
+        self.state.generation += 1;
+        self.state.counters.evaluations += population.len() as u64;
+        self.remember_leaders(population, evaluations);
+        let row = self.row(problem, evaluations, None);
+        let stop = self.stop_reason();
+        let state = &mut self.state;
+        state.parents = differential::survivors(&state.parents, population, evaluations);
+        let mut rng = self.stream(Purpose::Mutation);
+        self.state.population =
+            differential::challengers(&self.state.parents, self.encoding, &mut rng);
+        Generation { row, stop }
     }
 
     /// Simulates the candidates that have not been simulated before.
@@ -324,46 +377,15 @@ impl Search {
         }
     }
 
-    /// Enters a candidate among the leaders, in place of those that it resembles and beats.
+    /// Enters a candidate among the leaders, where it belongs there.
     fn lead(&mut self, candidate: Judged) {
-        let worst = self
-            .state
-            .leaders
-            .last()
-            .map_or(f64::INFINITY, |leader| leader.cost);
         let places = self.settings.refine_candidates.max(1) as usize;
-        if self.state.leaders.len() >= places && candidate.cost >= worst {
-            return;
-        }
-        let positions = self.encoding.decode(&candidate.chromosome);
-        let alike = |leader: &Judged| {
-            let other = self.encoding.decode(&leader.chromosome);
-            positions
-                .iter()
-                .zip(other)
-                .all(|(a, b)| (a - b).abs() < SMALLEST_DISTANCE)
-        };
-        let leaders = &self.state.leaders;
-        if leaders
-            .iter()
-            .any(|leader| alike(leader) && leader.cost <= candidate.cost)
-        {
-            return;
-        }
-        let leads = leaders
-            .first()
-            .is_none_or(|champion| candidate.cost < champion.cost);
-        let mut kept: Vec<Judged> = leaders
-            .iter()
-            .filter(|leader| !alike(leader))
-            .cloned()
-            .collect();
-        kept.push(candidate);
-        kept.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        kept.truncate(places);
-        self.state.leaders = kept;
-        if leads {
-            self.state.best_generation = Some(self.state.generation);
+        let cost = candidate.cost;
+        let best_before = self.champion().map(|champion| champion.cost);
+        let state = &mut self.state;
+        leaders::enter(&mut state.leaders, candidate, places, self.encoding);
+        if best_before.is_none_or(|before| cost < before) {
+            state.best_generation = Some(state.generation);
         }
     }
 
@@ -382,9 +404,9 @@ impl Search {
         &self,
         problem: &Problem,
         evaluations: &[Arc<Evaluation>],
-        credits: &Credits,
+        credits: Option<&Credits>,
     ) -> GenerationRow {
-        let champion = self.state.leaders.first();
+        let champion = self.champion();
         let costs = || {
             evaluations
                 .iter()
@@ -397,9 +419,9 @@ impl Search {
             best_cost: champion.map_or(f64::INFINITY, |champion| champion.cost),
             generation_best_cost: costs().fold(f64::INFINITY, f64::min),
             mean_cost: crate::numerics::statistics::mean(costs()),
-            best_credit: largest(&credits.credit),
-            entropy: credits.entropy,
-            credit_updates: credits.updates as u32,
+            best_credit: credits.map_or(f64::NAN, |credits| largest(&credits.credit)),
+            entropy: credits.map_or(f64::NAN, |credits| credits.entropy),
+            credit_updates: credits.map_or(0, |credits| credits.updates as u32),
             best: champion.map_or_else(Vec::new, |champion| {
                 problem.named_values(&self.encoding.decode(&champion.chromosome))
             }),
@@ -420,16 +442,27 @@ impl Search {
             .is_some_and(|target| cost <= target)
         {
             Some(StopReason::CostTarget)
-        } else if self.state.generation >= self.settings.generations {
+        } else if self.state.generation - self.state.began >= self.settings.generations {
             Some(StopReason::GenerationLimit)
         } else {
             stagnated.then_some(StopReason::Stagnation)
         }
     }
 
-    fn stream(&self, purpose: Purpose) -> impl rng::Rng {
+    fn stream(&self, purpose: Purpose) -> impl rng::Rng + use<> {
         stream(self.seed, u64::from(self.state.generation), purpose)
     }
+}
+
+/// The first population of a search that begins after a generation.
+fn random_population(
+    encoding: Encoding,
+    settings: &Settings,
+    seed: u64,
+    generation: u32,
+) -> Vec<Chromosome> {
+    let mut rng = stream(seed, u64::from(generation), Purpose::Population);
+    operators::random_population(encoding, settings.population as usize, &mut rng)
 }
 
 fn index_of_best(evaluations: &[Arc<Evaluation>]) -> usize {

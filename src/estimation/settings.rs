@@ -46,6 +46,10 @@ pub enum MethodName {
     /// ICRA credits and a genetic search, refined by least squares.
     #[default]
     IcraGenetic,
+    /// Differential evolution, refined by least squares: to compare with.
+    DifferentialEvolution,
+    /// Least squares from `refine_candidates` random points of the box: to compare with.
+    MultistartLm,
 }
 
 /// Everything that a job says under `method`.
@@ -88,6 +92,9 @@ pub struct Settings {
     pub stagnation_generations: u32,
     /// Stop at this cost.
     pub cost_target: Option<f64>,
+    /// Independent searches, 1 to 32. With more than one the best candidate of each is refined,
+    /// and the result shows how far they agree.
+    pub restarts: u32,
     /// Whether Levenberg–Marquardt refines the best candidates at the end.
     pub refine: bool,
     /// How many distinct candidates are refined, 1 to 32.
@@ -115,6 +122,7 @@ impl Default for Settings {
             hill_climbing_interval: 5,
             stagnation_generations: 10,
             cost_target: None,
+            restarts: 1,
             refine: true,
             refine_candidates: 3,
         }

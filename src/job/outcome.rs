@@ -29,6 +29,9 @@ pub struct Outcome {
     pub initial_states: Vec<InitialStateEstimate>,
     /// How the estimates' errors hang together; `null` where no covariance could be had.
     pub correlation: Option<Correlation>,
+    /// Combinations of unknowns that the data do not see, in words; each also lowers the verdict.
+    #[serde(default)]
+    pub flat_directions: Vec<String>,
     /// How well the simulated outputs follow the measured ones.
     pub fit: Fit,
     /// What the residuals look like, by output.
@@ -37,7 +40,10 @@ pub struct Outcome {
     pub criteria: Criteria,
     /// What the search did.
     pub search: SearchReport,
-    /// Each start of the refinement and where it ended, best first.
+    /// Each of the searches; several where `method.restarts` asks for them.
+    #[serde(default)]
+    pub searches: Vec<SearchEnd>,
+    /// Each start of the refinement and where it ended.
     pub starts: Vec<StartReport>,
     /// What made this result; equal engines make equal bits.
     pub engine: Engine,
@@ -134,6 +140,11 @@ pub struct Estimate {
     pub at_bound: bool,
     /// Whether the data determine it at all.
     pub identifiable: bool,
+    /// For each measured output the root mean square of its change when the value grows by 100 %,
+    /// linearised at the estimate, SI.
+    #[serde(default)]
+    #[schema(example = json!({"position": 4.8e-5}))]
+    pub output_change: BTreeMap<String, f64>,
 }
 
 /// A confidence interval; an end that the data leave open is `null`.
@@ -146,7 +157,8 @@ pub struct ConfidenceInterval {
     pub lower: Option<f64>,
     /// The upper end.
     pub upper: Option<f64>,
-    /// How it was made: `fisher` (curvature at the estimate) or `profile` (likelihood profile).
+    /// How it was made: `fisher` (curvature at the estimate), `fisher_coloured` (that, widened for
+    /// residuals with a memory), `profile` (likelihood profile) or `bootstrap`.
     #[schema(example = "fisher")]
     pub method: String,
 }
@@ -158,6 +170,10 @@ pub struct Correlation {
     pub names: Vec<String>,
     /// Row by row; `null` where a variance is zero or unknown.
     pub matrix: Vec<Vec<Option<f64>>>,
+    /// The condition number of the outputs' derivatives, each scaled to the same length: how much
+    /// worse the worst combination is known than the best.
+    #[serde(default)]
+    pub condition_number: Option<f64>,
 }
 
 /// The fit over the data used for estimation, and over the data held back.
@@ -205,6 +221,22 @@ pub struct ResidualReport {
     pub white: Option<bool>,
     /// How many independent residuals they are worth.
     pub effective_samples: Option<f64>,
+    /// For each input that varies, how the residuals follow it.
+    #[serde(default)]
+    pub inputs: BTreeMap<String, InputCorrelation>,
+}
+
+/// How residuals follow an input.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct InputCorrelation {
+    /// Their largest correlation with what the input was at lags 0 to 25.
+    #[schema(example = 0.03)]
+    pub correlation: Option<f64>,
+    /// The lag of the largest, in samples.
+    pub lag: u64,
+    /// Whether that is more than chance, at the 1 % level: then the model misses a part of the
+    /// input's effect.
+    pub significant: bool,
 }
 
 /// The cost and the information criteria.
@@ -240,6 +272,18 @@ pub struct SearchReport {
     pub best_credit: Option<f64>,
     /// The generation in which the champion was found.
     pub best_generation: Option<u32>,
+}
+
+/// How one of the searches ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct SearchEnd {
+    /// Why: `generation_limit`, `cost_target` or `stagnation`.
+    #[schema(example = "stagnation")]
+    pub stop_reason: String,
+    /// How many generations it took.
+    pub generations: u32,
+    /// The cost of the best candidate that it found; `null` where all of them failed.
+    pub cost: Option<f64>,
 }
 
 /// One start of the refinement.
@@ -292,6 +336,7 @@ mod tests {
                 upper: 120.0,
                 at_bound: false,
                 identifiable: true,
+                output_change: BTreeMap::from([("position".into(), 4.8e-5)]),
             },
         };
         let json = serde_json::to_value(&parameter).unwrap();
@@ -302,7 +347,8 @@ mod tests {
                 "standard_error": null, "standard_error_reason": "the job was cancelled",
                 "confidence_interval":
                     {"level": 0.95, "lower": 57.4, "upper": null, "method": "fisher"},
-                "lower": 20.0, "upper": 120.0, "at_bound": false, "identifiable": true
+                "lower": 20.0, "upper": 120.0, "at_bound": false, "identifiable": true,
+                "output_change": {"position": 4.8e-5}
             })
         );
         let back: ParameterEstimate = serde_json::from_value(json).unwrap();

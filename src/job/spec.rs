@@ -16,6 +16,7 @@ use crate::dataset::Summary;
 use crate::document::Fault;
 use crate::estimation::Settings;
 use crate::model::{ModelDescription, Scale};
+use crate::uncertainty;
 
 mod experiment;
 mod method;
@@ -94,6 +95,10 @@ pub struct JobSpec {
     #[serde(default)]
     #[schema(required = false)]
     pub method: Settings,
+    /// How closely the estimate's uncertainty is looked at.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub uncertainty: uncertainty::Settings,
     /// Which data are held back to check the result.
     #[serde(default)]
     #[schema(required = false)]
@@ -317,6 +322,9 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let outputs = root.optional("outputs");
     let outputs = outputs.map(|field| read_outputs(&field, model, experiments.as_deref()));
     let method = root.optional("method").map(|field| method::read(&field));
+    let uncertainty = root
+        .optional("uncertainty")
+        .map(|field| method::read_uncertainty(&field));
     let validation = root
         .optional("validation")
         .map(|field| read_validation(&field));
@@ -342,6 +350,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
         parameters: parameters?,
         outputs: outputs.unwrap_or_default(),
         method: method.unwrap_or_default(),
+        uncertainty: uncertainty.unwrap_or_default(),
         validation: validation.unwrap_or_default(),
         limits: limits.unwrap_or(LimitsSpec {
             max_duration_s: DEFAULT_MAX_DURATION_S.min(context.max_duration_s),

@@ -29,6 +29,8 @@ pub enum Purpose {
     Excitation = 6,
     /// Measurement noise of a demonstration recording.
     Noise = 7,
+    /// Residuals for the refits of a bootstrap.
+    Bootstrap = 8,
 }
 
 /// The stream of a seed, a generation and a purpose.

@@ -68,63 +68,133 @@ impl Covariance {
     }
 }
 
-/// Estimates the covariance at a candidate; none where the data do not fix all coordinates.
+/// What the linearised residuals say.
+#[derive(Clone, Debug)]
+pub struct Linear {
+    /// The covariance of the positions; none where the data do not fix all coordinates.
+    pub covariance: Option<Covariance>,
+    /// The triangle of the derivatives, each divided by its output's noise.
+    pub factor: DMatrix<f64>,
+    /// The condition number of the derivatives, each column scaled to the same length.
+    pub condition: f64,
+    /// For each coordinate and output the root mean square of ∂output/∂position, SI.
+    pub slopes: Vec<Vec<f64>>,
+    /// The mean square of the noise in the units of the residuals.
+    pub mean_square_noise: f64,
+}
+
+impl Linear {
+    /// The standard deviation of a coordinate, as a share of its search range.
+    #[must_use]
+    pub fn deviation(&self, coordinate: usize) -> Option<f64> {
+        self.covariance.as_ref()?.deviation(coordinate)
+    }
+}
+
+/// What makes a residual one of unit noise, for each output.
+#[must_use]
+pub fn weights(problem: &Problem, residuals: &[ResidualReport]) -> Vec<f64> {
+    let pairs = problem.outputs.iter().zip(residuals);
+    pairs
+        .map(|(output, report)| output.residual_scale / report.noise_std)
+        .collect()
+}
+
+/// Linearises the residuals at a candidate.
 ///
 /// # Errors
 /// When the stop flag was raised, or a simulation failed.
-pub fn estimate(
+pub fn linearise(
     problem: &Problem,
     positions: &[f64],
     residuals: &[ResidualReport],
     stop: &AtomicBool,
-) -> Result<Option<Covariance>, SensitivityError> {
-    let noise: Vec<f64> = problem
-        .outputs
-        .iter()
-        .zip(residuals)
-        .map(|(output, report)| report.noise_std / output.residual_scale)
-        .collect();
+) -> Result<Linear, SensitivityError> {
+    let weights = weights(problem, residuals);
     let mut gathered = Gathered::new(positions.len(), problem.n_residuals());
+    let mut slopes = Slopes::new(positions.len(), problem.outputs.len());
     sensitivity::visit_rows(problem, positions, Accuracy::Full, stop, |row| {
-        gathered.add(row.derivatives, row.residual, 1.0 / noise[row.output]);
+        gathered.add(row.derivatives, row.residual, weights[row.output]);
+        slopes.add(&row);
     })?;
-    let Some((triangle, sums)) = gathered.finish() else {
-        return Ok(None);
-    };
-    let Some(inverse) = inverse_factor(&triangle) else {
-        return Ok(None);
-    };
-    let fisher = &inverse * inverse.transpose();
+    let (triangle, sums) = gathered.finish();
+    let factor = triangle.factor();
+    let condition = condition(&factor);
+    let enough = triangle.rows() >= positions.len() && condition <= LARGEST_CONDITION;
     let coloured = residuals.iter().any(|report| report.white == Some(false));
-    if !coloured {
-        return Ok(Some(Covariance {
-            matrix: fisher,
-            coloured,
-        }));
-    }
-    let matrix = sums
-        .iter()
-        .map(|sums| sandwich(&fisher, sums))
-        .fold(fisher.clone(), widest);
-    Ok(Some(Covariance { matrix, coloured }))
+    let squares = weights.iter().map(|weight| weight.powi(-2)).sum::<f64>();
+    Ok(Linear {
+        covariance: inverse(&factor)
+            .filter(|_| enough)
+            .map(|inverse| covariance(&inverse, coloured, &sums)),
+        factor,
+        condition,
+        slopes: slopes.finish(problem),
+        mean_square_noise: squares / weights.len() as f64,
+    })
 }
 
-/// The inverse of the triangle of J; none where J is numerically singular.
-fn inverse_factor(triangle: &Triangle) -> Option<DMatrix<f64>> {
-    let factor = triangle.factor();
+fn covariance(inverse: &DMatrix<f64>, coloured: bool, sums: &[Vec<DVector<f64>>]) -> Covariance {
+    let fisher = inverse * inverse.transpose();
+    let matrix = if coloured {
+        let sandwiches = sums.iter().map(|sums| sandwich(&fisher, sums));
+        sandwiches.fold(fisher.clone(), widest)
+    } else {
+        fisher
+    };
+    Covariance { matrix, coloured }
+}
+
+/// The condition number of the columns, each scaled to the same length; infinite where one is
+/// without effect.
+fn condition(factor: &DMatrix<f64>) -> f64 {
     let norms: Vec<f64> = factor.column_iter().map(|column| column.norm()).collect();
     if norms.iter().any(|norm| !(norm.is_finite() && *norm > 0.0)) {
-        return None;
+        return f64::INFINITY;
     }
     let scaled = DMatrix::from_fn(factor.nrows(), factor.ncols(), |row, column| {
         factor[(row, column)] / norms[column]
     });
     let singular = scaled.singular_values();
-    if singular.max() > LARGEST_CONDITION * singular.min() {
-        return None;
-    }
+    singular.max() / singular.min()
+}
+
+fn inverse(factor: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = factor.ncols();
     factor.solve_upper_triangular(&DMatrix::identity(n, n))
+}
+
+/// Root mean squares of the derivatives.
+struct Slopes {
+    squares: Vec<Vec<f64>>,
+    counts: Vec<usize>,
+}
+
+impl Slopes {
+    fn new(coordinates: usize, outputs: usize) -> Slopes {
+        Slopes {
+            squares: vec![vec![0.0; outputs]; coordinates],
+            counts: vec![0; outputs],
+        }
+    }
+
+    fn add(&mut self, row: &sensitivity::Row<'_>) {
+        self.counts[row.output] += 1;
+        for (squares, derivative) in self.squares.iter_mut().zip(row.derivatives) {
+            squares[row.output] += derivative * derivative;
+        }
+    }
+
+    fn finish(self, problem: &Problem) -> Vec<Vec<f64>> {
+        let mean = |(output, square): (usize, f64)| {
+            let mean = square / self.counts[output].max(1) as f64;
+            mean.sqrt() * problem.outputs[output].residual_scale
+        };
+        let squares = self.squares.into_iter();
+        squares
+            .map(|squares| squares.into_iter().enumerate().map(mean).collect())
+            .collect()
+    }
 }
 
 fn sandwich(fisher: &DMatrix<f64>, sums: &[DVector<f64>]) -> DMatrix<f64> {
@@ -160,7 +230,6 @@ fn widest(first: DMatrix<f64>, second: DMatrix<f64>) -> DMatrix<f64> {
 /// The rows on their way into a triangle and into block sums.
 struct Gathered {
     rows: Rows,
-    columns: usize,
     seen: usize,
     total: usize,
     sums: Vec<Vec<DVector<f64>>>,
@@ -171,7 +240,6 @@ impl Gathered {
         let zeros = |count: &usize| vec![DVector::zeros(columns); *count];
         Gathered {
             rows: Rows::new(columns),
-            columns,
             seen: 0,
             total: total.max(1),
             sums: BLOCK_COUNTS.iter().map(zeros).collect(),
@@ -190,8 +258,7 @@ impl Gathered {
         self.seen += 1;
     }
 
-    fn finish(self) -> Option<(Triangle, Vec<Vec<DVector<f64>>>)> {
-        let triangle = self.rows.finish();
-        (triangle.rows() >= self.columns).then_some((triangle, self.sums))
+    fn finish(self) -> (Triangle, Vec<Vec<DVector<f64>>>) {
+        (self.rows.finish(), self.sums)
     }
 }

@@ -115,6 +115,26 @@ pub fn foresee(problem: &Problem, stop: &AtomicBool) -> Option<Foresight> {
     })
 }
 
+/// What the data do not see at a single point, where the triangle of the weighted derivatives is
+/// at hand.
+///
+/// # Errors
+/// When the stop flag was raised, or a simulation failed.
+pub fn flat_at(
+    problem: &Problem,
+    positions: &[f64],
+    factor: &DMatrix<f64>,
+    weights: &[f64],
+    stop: &AtomicBool,
+) -> Result<Vec<FlatDirection>, SensitivityError> {
+    let points = [positions.to_vec()];
+    let directions = flat_directions(problem, &points, flat_in(factor), weights, stop)?;
+    Ok(directions
+        .iter()
+        .map(|direction| named(problem, direction))
+        .collect())
+}
+
 /// The middle of the box, then points that fill its inner part evenly (steps of the n-dimensional
 /// golden ratio; M. Roberts, 2018).
 fn position(point: usize, n: usize) -> Vec<f64> {
@@ -192,18 +212,25 @@ fn deviations(factor: &DMatrix<f64>) -> Vec<f64> {
 fn proposed(factors: &[(usize, DMatrix<f64>)]) -> Vec<Vec<f64>> {
     let mut most = Vec::new();
     for (_, factor) in factors {
-        let svd = factor.clone().svd(false, true);
-        let Some(directions) = svd.v_t else { continue };
-        let sizes = svd.singular_values.iter().enumerate();
-        let flat: Vec<Vec<f64>> = sizes
-            .filter(|(_, size)| **size * FLAT < 1.0)
-            .map(|(index, _)| directions.row(index).iter().copied().collect())
-            .collect();
+        let flat = flat_in(factor);
         if flat.len() > most.len() {
             most = flat;
         }
     }
     most
+}
+
+/// The directions that are flat by a triangle of derivatives.
+fn flat_in(factor: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let svd = factor.clone().svd(false, true);
+    let Some(directions) = svd.v_t else {
+        return Vec::new();
+    };
+    let sizes = svd.singular_values.iter().enumerate();
+    sizes
+        .filter(|(_, size)| **size * FLAT < 1.0)
+        .map(|(index, _)| directions.row(index).iter().copied().collect())
+        .collect()
 }
 
 /// Those of the proposed directions along which the outputs stay as they are at every point.

@@ -1,23 +1,31 @@
 //! How far an estimate can be trusted, and why.
 //!
 //! [`analyse`] linearises the residuals at the estimate and derives standard errors and
-//! intervals ([`covariance`]), looks at what the model leaves unexplained ([`residuals`],
+//! intervals ([`covariance`]; on request better ones, [`profile`] and [`bootstrap`]), looks at what the model leaves unexplained ([`residuals`],
 //! [`fit`]), and says in words what follows ([`verdict`]). A fit per cent alone certifies
 //! nothing: a wrong structure can fit 99 % with parameters wrong by factors. What the data could
 //! fix at all is foreseen by [`identifiability`].
 
+pub mod bootstrap;
 pub mod covariance;
 pub mod fit;
 pub mod identifiability;
+pub mod profile;
 pub mod residuals;
+pub mod settings;
 pub mod verdict;
+
+pub use settings::{Intervals, Settings};
 
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
 use crate::estimation::sensitivity::SensitivityError;
 use crate::estimation::trajectory;
-use covariance::Covariance;
+use crate::simulation::single::Outputs;
+use bootstrap::Bootstrap;
+use covariance::{Covariance, Linear};
 use fit::{Criteria, OutputFit};
+use identifiability::FlatDirection;
 use residuals::ResidualReport;
 use std::sync::atomic::AtomicBool;
 use verdict::Verdict;
@@ -27,14 +35,18 @@ use verdict::Verdict;
 pub struct CoordinateUncertainty {
     /// The standard error, SI; none where the data do not fix the coordinate.
     pub standard_error: Option<f64>,
-    /// The 95 % interval, SI; asymmetric for a coordinate on a log scale.
-    pub interval: Option<(f64, f64)>,
+    /// The 95 % interval, SI; asymmetric for a coordinate on a log scale. An end that the data
+    /// leave open is none.
+    pub interval: Option<(Option<f64>, Option<f64>)>,
     /// How the interval was made.
     pub method: &'static str,
     /// Whether the estimate stands at an end of its search range.
     pub at_bound: bool,
     /// Whether the data fix it more closely than the search range does.
     pub identifiable: bool,
+    /// For each output the root mean square of its change when the coordinate's value grows by
+    /// 100 %, linearised, SI; empty where the simulation near the estimate fails.
+    pub output_changes: Vec<f64>,
 }
 
 /// All that is said of an estimate.
@@ -44,6 +56,10 @@ pub struct Analysis {
     pub coordinates: Vec<CoordinateUncertainty>,
     /// Correlations of the coordinates; none where there is no covariance.
     pub correlation: Option<Vec<Vec<f64>>>,
+    /// The condition number of the derivatives, each column scaled to the same length.
+    pub condition: Option<f64>,
+    /// What the data do not see near the estimate.
+    pub flat: Vec<FlatDirection>,
     /// Why there are no standard errors, where there are none.
     pub missing: Option<String>,
     /// For each output how well the data that were estimated from are explained.
@@ -64,30 +80,48 @@ const NORMAL_95: f64 = 1.959_964;
 /// How near to an end of its range an estimate counts as standing there.
 const BOUND_DISTANCE: f64 = 1e-6;
 
+/// What is asked about an estimate.
+#[derive(Clone, Debug, Default)]
+pub struct Request {
+    /// How much.
+    pub settings: Settings,
+    /// Where random numbers come from.
+    pub seed: u64,
+}
+
 /// Analyses an estimate. Answers nothing when `stop` was raised.
 #[must_use]
-pub fn analyse(problem: &Problem, report: &Report, stop: &AtomicBool) -> Option<Analysis> {
+pub fn analyse(
+    problem: &Problem,
+    report: &Report,
+    request: &Request,
+    stop: &AtomicBool,
+) -> Option<Analysis> {
     let trajectories = trajectory::simulate(problem, &report.positions, stop)?;
     let Ok(trajectories) = trajectories else {
         return Some(without_simulation(problem, report));
     };
     let residuals = residuals::report(problem, &trajectories);
-    let (covariance, missing) =
-        match covariance::estimate(problem, &report.positions, &residuals, stop) {
-            Ok(covariance) => (covariance, None),
-            Err(SensitivityError::Interrupted) => return None,
-            Err(failure) => (None, Some(failure.to_string())),
-        };
-    let unfixed = || "the data do not fix all of the unknowns".to_owned();
-    let missing = missing.or_else(|| covariance.is_none().then(unfixed));
-    let coordinates = coordinates(problem, report, covariance.as_ref());
+    let estimate = Estimate {
+        problem,
+        report,
+        trajectories: &trajectories,
+        residuals: &residuals,
+    };
+    let linearised = match estimate.linearised(request, stop) {
+        Ok(linearised) => linearised,
+        Err(SensitivityError::Interrupted) => return None,
+        Err(failure) => Linearised::without(problem, report, failure.to_string()),
+    };
     let estimation_fit = fit::of(problem, &trajectories, fit::Part::Estimation);
     let validation_fit = fit::of(problem, &trajectories, fit::Part::Validation);
     let criteria = fit::criteria(&estimation_fit, problem.coordinates.len());
     let mut analysis = Analysis {
-        coordinates,
-        correlation: covariance.as_ref().map(Covariance::correlation),
-        missing,
+        coordinates: linearised.coordinates,
+        correlation: linearised.correlation,
+        condition: linearised.condition,
+        flat: linearised.flat,
+        missing: linearised.missing,
         estimation_fit,
         validation_fit,
         residuals,
@@ -103,6 +137,8 @@ fn without_simulation(problem: &Problem, report: &Report) -> Analysis {
     Analysis {
         coordinates: coordinates(problem, report, None),
         correlation: None,
+        condition: None,
+        flat: Vec::new(),
         missing: Some(reason.clone()),
         estimation_fit: Vec::new(),
         validation_fit: Vec::new(),
@@ -112,10 +148,108 @@ fn without_simulation(problem: &Problem, report: &Report) -> Analysis {
     }
 }
 
+/// What follows from the derivatives at the estimate.
+struct Linearised {
+    coordinates: Vec<CoordinateUncertainty>,
+    correlation: Option<Vec<Vec<f64>>>,
+    condition: Option<f64>,
+    flat: Vec<FlatDirection>,
+    missing: Option<String>,
+}
+
+impl Linearised {
+    fn without(problem: &Problem, report: &Report, reason: String) -> Linearised {
+        Linearised {
+            coordinates: coordinates(problem, report, None),
+            correlation: None,
+            condition: None,
+            flat: Vec::new(),
+            missing: Some(reason),
+        }
+    }
+}
+
+/// An estimate that can be simulated.
+struct Estimate<'a> {
+    problem: &'a Problem,
+    report: &'a Report,
+    trajectories: &'a [Outputs],
+    residuals: &'a [ResidualReport],
+}
+
+impl Estimate<'_> {
+    fn linearised(
+        &self,
+        request: &Request,
+        stop: &AtomicBool,
+    ) -> Result<Linearised, SensitivityError> {
+        let (problem, positions) = (self.problem, &self.report.positions[..]);
+        let linear = covariance::linearise(problem, positions, self.residuals, stop)?;
+        let weights = covariance::weights(problem, self.residuals);
+        let flat = identifiability::flat_at(problem, positions, &linear.factor, &weights, stop)?;
+        let mut coordinates = coordinates(problem, self.report, Some(&linear));
+        self.better_intervals(&mut coordinates, &linear, request, stop)?;
+        let unfixed = || "the data do not fix all of the unknowns".to_owned();
+        Ok(Linearised {
+            coordinates,
+            correlation: linear.covariance.as_ref().map(Covariance::correlation),
+            condition: Some(linear.condition),
+            flat,
+            missing: linear.covariance.is_none().then(unfixed),
+        })
+    }
+
+    /// Puts the intervals that were asked for in the place of those from the curvature.
+    fn better_intervals(
+        &self,
+        coordinates: &mut [CoordinateUncertainty],
+        linear: &Linear,
+        request: &Request,
+        stop: &AtomicBool,
+    ) -> Result<(), SensitivityError> {
+        let positions = &self.report.positions;
+        let (method, ends) = match request.settings.intervals {
+            Intervals::Fisher => return Ok(()),
+            Intervals::Profile => {
+                let ends = profile::intervals(self.problem, positions, linear, stop)?;
+                ("profile", ends)
+            }
+            Intervals::Bootstrap => {
+                let bootstrap = Bootstrap {
+                    problem: self.problem,
+                    positions,
+                    trajectories: self.trajectories,
+                    residuals: self.residuals,
+                    samples: request.settings.bootstrap_samples,
+                    seed: request.seed,
+                };
+                let found = bootstrap.intervals(stop);
+                match found.ok_or(SensitivityError::Interrupted)? {
+                    Some(intervals) => (
+                        "bootstrap",
+                        intervals
+                            .into_iter()
+                            .map(|(low, high)| (Some(low), Some(high)))
+                            .collect(),
+                    ),
+                    None => return Ok(()),
+                }
+            }
+        };
+        let described = self.problem.coordinates.iter().zip(ends);
+        for (known, (coordinate, (lower, upper))) in coordinates.iter_mut().zip(described) {
+            let value = |position: f64| coordinate.value(position);
+            known.interval = Some((lower.map(value), upper.map(value)));
+            known.method = method;
+        }
+        Ok(())
+    }
+}
+
 fn coordinates(
     problem: &Problem,
     report: &Report,
-    covariance: Option<&Covariance>,
+    linear: Option<&Linear>,
 ) -> Vec<CoordinateUncertainty> {
     let pairs = problem
         .coordinates
@@ -124,22 +258,30 @@ fn coordinates(
         .enumerate();
     pairs
         .map(|(index, (coordinate, &position))| {
-            let deviation = covariance.and_then(|covariance| covariance.deviation(index));
+            let deviation = linear.and_then(|linear| linear.deviation(index));
+            let covariance = linear.and_then(|linear| linear.covariance.as_ref());
+            let slope = coordinate.slope(position).abs();
             let value = |position: f64| {
                 coordinate
                     .scale
                     .value_beyond(position, coordinate.lower, coordinate.upper)
             };
+            let relative = coordinate.value(position).abs() / slope;
+            let slopes = linear.map(|linear| linear.slopes[index].iter());
             CoordinateUncertainty {
-                standard_error: deviation
-                    .map(|deviation| deviation * coordinate.slope(position).abs()),
+                standard_error: deviation.map(|deviation| deviation * slope),
                 interval: deviation.map(|deviation| {
                     let half = NORMAL_95 * deviation;
-                    (value(position - half), value(position + half))
+                    (Some(value(position - half)), Some(value(position + half)))
                 }),
                 method: covariance.map_or("fisher", |covariance| covariance.method()),
                 at_bound: !(BOUND_DISTANCE..=1.0 - BOUND_DISTANCE).contains(&position),
                 identifiable: deviation.is_some_and(|deviation| 2.0 * NORMAL_95 * deviation < 1.0),
+                output_changes: slopes
+                    .into_iter()
+                    .flatten()
+                    .map(|slope| slope * relative)
+                    .collect(),
             }
         })
         .collect()

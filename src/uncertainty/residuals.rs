@@ -1,9 +1,11 @@
-//! What the model leaves unexplained: its size against the noise, and its memory.
+//! What the model leaves unexplained: its size against the noise, its memory, and whether it
+//! follows an input.
 //!
 //! Residuals of a right model are white: their autocorrelation at lags 1 to 25 stays within
 //! ±2.58/√n in 99 of 100 cases (L. Ljung, *System Identification*, 1999, ch. 16). With many
 //! thousand samples that finds colour too faint to matter, so correlations below
-//! `NEGLIGIBLE_CORRELATION` do not count.
+//! `NEGLIGIBLE_CORRELATION` do not count. A residual that is correlated with what an input was at
+//! lags 0 to 25 is an effect of that input that the model has not.
 
 use crate::estimation::problem::Problem;
 use crate::simulation::single::Outputs;
@@ -27,8 +29,24 @@ pub struct ResidualReport {
     pub lag_1_autocorrelation: Option<f64>,
     /// Whether the residuals have no memory; none where they are too few to tell.
     pub white: Option<bool>,
+    /// For each input by its name the largest correlation of the residuals with what it was, and
+    /// whether it is more than chance; only inputs that vary.
+    pub inputs: Vec<InputCorrelation>,
     /// The number of independent residuals that would tell as much about their mean.
     pub effective_samples: Option<f64>,
+}
+
+/// How the residuals follow an input.
+#[derive(Clone, Debug)]
+pub struct InputCorrelation {
+    /// The input.
+    pub input: String,
+    /// The largest correlation.
+    pub correlation: f64,
+    /// The lag at which it is `[samples]`: what the input was so long before.
+    pub lag: usize,
+    /// Whether it is more than chance.
+    pub significant: bool,
 }
 
 /// Looks at the residuals of each output in the part that was estimated from.
@@ -40,17 +58,21 @@ pub fn report(problem: &Problem, trajectories: &[Outputs]) -> Vec<ResidualReport
             .enumerate()
             .map(|(experiment, trajectory)| series(problem, trajectory, experiment, output))
             .collect();
-        describe(
-            &series,
-            problem.outputs[output].noise_std,
-            problem.coordinates.len(),
-        )
+        let declared = problem.outputs[output].noise_std;
+        let mut report = describe(&series, declared, problem.coordinates.len());
+        report.inputs = inputs(problem, &series);
+        report
     };
     (0..problem.outputs.len()).map(of_output).collect()
 }
 
 /// measured − simulated of one output in one experiment [SI]; NaN where not measured.
-fn series(problem: &Problem, trajectory: &Outputs, experiment: usize, output: usize) -> Vec<f64> {
+pub(super) fn series(
+    problem: &Problem,
+    trajectory: &Outputs,
+    experiment: usize,
+    output: usize,
+) -> Vec<f64> {
     let data = &problem.experiments[experiment];
     let simulated = &trajectory[problem.outputs[output].index];
     let used = data.measured[output][..data.estimation_samples]
@@ -78,6 +100,7 @@ fn describe(series: &[Vec<f64>], declared: Option<f64>, unknowns: usize) -> Resi
         chi_square_per_sample: declared.map(|declared| mean_square / (declared * declared)),
         lag_1_autocorrelation: correlations.first().copied(),
         // One of 25 lags may lie outside by chance.
+        inputs: Vec::new(),
         white: enough.then_some(outside <= 1),
         effective_samples: enough.then(|| effective(count, &correlations, limit)),
     }
@@ -106,6 +129,78 @@ fn effective(count: usize, correlations: &[f64], limit: f64) -> f64 {
         .take_while(|rho| rho.abs() > limit)
         .sum();
     count as f64 / (1.0 + 2.0 * memory).max(1.0)
+}
+
+/// How residuals follow the inputs, over the experiments that have the input.
+fn inputs(problem: &Problem, series: &[Vec<f64>]) -> Vec<InputCorrelation> {
+    let sets = &problem.model.description().input_sets;
+    let mut found: Vec<InputCorrelation> = Vec::new();
+    for (set, names) in sets.iter().enumerate() {
+        let of_set = |place: usize| {
+            let experiments = problem.experiments.iter().zip(series);
+            let experiments = experiments.filter(move |(data, _)| data.input_set == set);
+            experiments
+                .map(move |(data, residuals)| (&data.inputs[place][..], &residuals[..]))
+                .collect::<Vec<_>>()
+        };
+        for (place, name) in names.iter().enumerate() {
+            found.extend(follow(name, &of_set(place)));
+        }
+    }
+    found
+}
+
+/// How residuals follow an input: pairs of its samples and theirs, an experiment each.
+fn follow(name: &str, pairs: &[(&[f64], &[f64])]) -> Option<InputCorrelation> {
+    let about_mean: Vec<Vec<f64>> = pairs.iter().map(|(input, _)| centred(input)).collect();
+    let series: Vec<Vec<f64>> = pairs.iter().map(|(_, series)| series.to_vec()).collect();
+    let (input_power, samples) = products(&about_mean, 0);
+    let (power, count) = products(&series, 0);
+    if count <= 4 * LAGS || input_power <= 0.0 || power <= 0.0 {
+        return None;
+    }
+    let scale = ((input_power / samples as f64) * (power / count as f64)).sqrt();
+    let at_lag = |lag: usize| {
+        let terms = about_mean.iter().zip(&series).flat_map(|(input, series)| {
+            let pairs = series.iter().skip(lag).zip(input);
+            pairs.map(|(residual, input)| residual * input)
+        });
+        let present = terms.filter(|term| !term.is_nan());
+        let (sum, n) = present.fold((0.0, 0), |(sum, n), term| (sum + term, n + 1));
+        sum / f64::from(n).max(1.0) / scale
+    };
+    let correlations: Vec<f64> = (0..=LAGS).map(at_lag).collect();
+    let limit = chance(&about_mean, &series).max(NEGLIGIBLE_CORRELATION);
+    let outside = correlations.iter().filter(|rho| rho.abs() > limit).count();
+    let (lag, correlation) = correlations
+        .into_iter()
+        .enumerate()
+        .max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))?;
+    Some(InputCorrelation {
+        input: name.to_owned(),
+        correlation,
+        lag,
+        significant: outside > 1,
+    })
+}
+
+/// What chance makes of the correlation of two independent series, 99 times of 100: their
+/// memories make up for samples (L. Ljung, *System Identification*, 1999, ch. 16).
+fn chance(input: &[Vec<f64>], series: &[Vec<f64>]) -> f64 {
+    let (input_power, samples) = products(input, 0);
+    let (power, count) = products(series, 0);
+    let memory = (1..=LAGS).map(|lag| {
+        let ((a, pairs_a), (b, pairs_b)) = (products(input, lag), products(series, lag));
+        let rho = a / pairs_a.max(1) as f64 / (input_power / samples as f64);
+        rho * b / pairs_b.max(1) as f64 / (power / count as f64)
+    });
+    let spread = 1.0 + 2.0 * memory.sum::<f64>();
+    NORMAL_99 * (spread.max(1.0) / count as f64).sqrt()
+}
+
+fn centred(values: &[f64]) -> Vec<f64> {
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    values.iter().map(|value| value - mean).collect()
 }
 
 #[cfg(test)]
@@ -140,6 +235,23 @@ mod tests {
         // (1 − 0.8)/(1 + 0.8) of the samples.
         let expected = 5000.0 / 9.0;
         assert!((report.effective_samples.unwrap() / expected - 1.0).abs() < 0.25);
+    }
+
+    #[test]
+    fn residuals_that_follow_an_input_late_are_told_with_the_lag() {
+        let input = noise(5000, 0.5);
+        let own = noise(5100, 0.0);
+        let late = |share: f64| -> Vec<f64> {
+            let lagged = std::iter::repeat_n(0.0, 7).chain(input.iter().copied());
+            let pairs = lagged.zip(&own[100..]);
+            pairs.map(|(input, own)| share * input + own).collect()
+        };
+        let follows = follow("force", &[(&input, &late(1.0))]).unwrap();
+        assert!(follows.significant);
+        assert_eq!(follows.lag, 7);
+        let free = follow("force", &[(&input, &late(0.0))]).unwrap();
+        assert!(!free.significant, "{}", free.correlation);
+        assert!(follow("force", &[(&[1.0; 5000], &late(0.0))]).is_none());
     }
 
     #[test]

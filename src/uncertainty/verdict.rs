@@ -11,6 +11,7 @@
 //! | `not_finished` | low | the run was ended before its refinement |
 //! | `slight_misfit` | moderate | chi²/n between 1.15 and 1.5 |
 //! | `residuals_not_white` | moderate | residuals with a memory: the model misses dynamics |
+//! | `residuals_follow_input` | moderate | residuals correlated with what an input was |
 //! | `correlated` | moderate | two unknowns with a correlation beyond 0.95 |
 //! | `worse_on_validation` | moderate | RMSE on the data held back 1.3 times that estimated from |
 //! | `noise_unknown` | moderate | no noise level is declared and the fit is below 90 % |
@@ -88,6 +89,7 @@ pub fn of(problem: &Problem, report: &Report, analysis: &Analysis) -> Verdict {
     check_coordinates(&mut verdict, problem, analysis);
     check_noise(&mut verdict, problem, analysis);
     check_colour(&mut verdict, problem, analysis);
+    check_inputs(&mut verdict, problem, analysis);
     check_correlation(&mut verdict, problem, analysis);
     check_validation(&mut verdict, problem, analysis);
     check_starts(&mut verdict, report);
@@ -133,7 +135,14 @@ fn check_coordinates(verdict: &mut Verdict, problem: &Problem, analysis: &Analys
             verdict.lower(trust, "not_identifiable", detail);
         }
     }
-    if let Some(missing) = &analysis.missing {
+    for flat in &analysis.flat {
+        verdict.lower(Trust::Low, "not_identifiable", flat.words.clone());
+    }
+    if let Some(missing) = analysis
+        .missing
+        .as_ref()
+        .filter(|_| analysis.flat.is_empty())
+    {
         let detail = format!("there are no standard errors: {missing}; fix an unknown");
         verdict.lower(Trust::Low, "not_identifiable", detail);
     }
@@ -188,6 +197,20 @@ fn check_colour(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
                 residual.lag_1_autocorrelation.unwrap_or_default()
             );
             verdict.lower(Trust::Moderate, "residuals_not_white", detail);
+        }
+    }
+}
+
+fn check_inputs(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
+    for (output, residual) in problem.outputs.iter().zip(&analysis.residuals) {
+        for found in residual.inputs.iter().filter(|found| found.significant) {
+            let detail = format!(
+                "the residuals of `{}` follow the input `{}` (correlation {:.2} with what it was \
+                 {} samples before): the model misses a part of its effect, such as a gain, an \
+                 offset or a delay",
+                output.name, found.input, found.correlation, found.lag
+            );
+            verdict.lower(Trust::Moderate, "residuals_follow_input", detail);
         }
     }
 }

@@ -66,6 +66,10 @@ impl Method for Identification {
             dataset_digests,
         };
         Ok(Box::new(IdentificationRun {
+            request: uncertainty::Request {
+                settings: spec.uncertainty,
+                seed: spec.seed,
+            },
             origin,
             problem,
             estimation,
@@ -109,6 +113,8 @@ fn digest(spec: &Value) -> String {
 
 struct IdentificationRun {
     origin: Origin,
+    /// What is asked about the estimate's uncertainty.
+    request: uncertainty::Request,
     problem: Problem,
     estimation: Estimation,
     /// Of the estimate that stands; nothing while the run goes on.
@@ -161,7 +167,12 @@ impl Run for IdentificationRun {
                 let Some(report) = self.estimation.report(&self.problem, stopped) else {
                     return Ok(None);
                 };
-                let analysis = uncertainty::analyse(&self.problem, &report, &NEVER)
+                // A run that was stopped is not kept waiting for the more thorough intervals.
+                let request = match stopped {
+                    Some(_) => &uncertainty::Request::default(),
+                    None => &self.request,
+                };
+                let analysis = uncertainty::analyse(&self.problem, &report, request, &NEVER)
                     .expect("an analysis that nobody stops comes to its end");
                 (report, analysis)
             }
@@ -178,7 +189,7 @@ impl IdentificationRun {
         let Some(report) = self.estimation.report(&self.problem, None) else {
             return Advance::Finished;
         };
-        match uncertainty::analyse(&self.problem, &report, stop) {
+        match uncertainty::analyse(&self.problem, &report, &self.request, stop) {
             Some(analysis) => {
                 self.analysis = Some((report, analysis));
                 Advance::Finished
@@ -360,6 +371,33 @@ mod tests {
         let broken = outcome(&mut *run, None);
         assert_eq!(broken["parameters"], expected["parameters"]);
         assert_eq!(broken["verdict"], expected["verdict"]);
+    }
+
+    #[test]
+    fn several_searches_and_other_methods_are_taken_up_with_the_same_bits_too() {
+        for method in ["icra_genetic", "differential_evolution", "multistart_lm"] {
+            let mut job = job();
+            job.spec["method"]["name"] = json!(method);
+            job.spec["method"]["restarts"] = json!(2);
+            let mut unbroken = begin(&job, None);
+            let rows = work(&mut *unbroken);
+            let generations = rows.iter().filter(|row| matches!(row, Row::Generation(_)));
+            let n_searches = if method == "multistart_lm" { 0 } else { 2 };
+            assert_eq!(generations.count(), 6 * n_searches);
+            let expected = outcome(&mut *unbroken, None);
+            let mass = expected["parameters"][0]["estimate"].as_f64();
+            let mass = mass.expect("a mass");
+            assert!((mass / 2.0 - 1.0).abs() < 0.03, "{method}: {mass}");
+            let searches = expected["searches"].as_array().expect("a list");
+            assert_eq!(searches.len(), n_searches);
+            let mut run = begin(&job, None);
+            while run.advance(&NEVER, &mut |_| ()) == Advance::Working {
+                run = begin(&job, Some(run.checkpoint()));
+            }
+            let broken = outcome(&mut *run, None);
+            assert_eq!(broken["parameters"], expected["parameters"]);
+            assert_eq!(broken["searches"], expected["searches"]);
+        }
     }
 
     #[test]

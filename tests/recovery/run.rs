@@ -46,7 +46,12 @@ pub fn run(mut job: Value, recording: Recording) -> Outcome {
     let mut run = Estimation::start(&problem, &spec.method, spec.seed);
     while run.advance(&problem, &never, &mut Unwatched) != Advance::Finished {}
     let report = run.report(&problem, None).expect("an estimate");
-    let analysis = uncertainty::analyse(&problem, &report, &never).expect("nobody stops it");
+    let request = uncertainty::Request {
+        settings: spec.uncertainty,
+        seed: spec.seed,
+    };
+    let analysis = uncertainty::analyse(&problem, &report, &request, &never);
+    let analysis = analysis.expect("nobody stops it");
     let origin = Origin {
         job: String::new(),
         seed: spec.seed,

@@ -180,3 +180,64 @@ async fn the_trajectory_of_a_result_shows_what_was_measured_and_simulated() {
     );
     assert_eq!(csv.text.lines().count(), 401);
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_report_of_a_result_is_one_page_that_fetches_and_runs_nothing() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let mut job = drive_job(&dataset);
+    job["name"] = json!("<script>alert(1)</script> & line 4");
+    let id = app.submit(&job).await;
+    let path = format!("/v1/jobs/{id}/report");
+    app.ended(&id).await;
+    let answer = app.get(&path).await.expect(200);
+    assert_eq!(answer.header("content-type"), "text/html; charset=utf-8");
+    let policy = answer.header("content-security-policy");
+    assert!(policy.starts_with("default-src 'none'"), "{policy}");
+    let page = &answer.text;
+    assert!(page.contains("&lt;script&gt;alert(1)&lt;/script&gt; &amp; line 4"));
+    for foreign in ["<script", "http://", "https://", "<link", "<img"] {
+        assert!(!page.contains(foreign), "{foreign}");
+    }
+    let result = app
+        .get(&format!("/v1/jobs/{id}/result"))
+        .await
+        .expect(200)
+        .json();
+    let name = result["parameters"][0]["name"].as_str().unwrap();
+    assert!(page.contains(&format!("<td>{name} (")), "{name}");
+    // Outputs, residuals, their memory, and the search.
+    assert_eq!(page.matches("<svg").count(), 4);
+    assert!(!page.contains("NaN"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn estimates_and_history_are_told_as_tables_too() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let id = app.submit(&drive_job(&dataset)).await;
+    app.ended(&id).await;
+    let path = format!("/v1/jobs/{id}/result");
+    let result = app.get(&path).await.expect(200).json();
+    let table = async |path: &str| {
+        let request = app.request(Method::GET, path).header("accept", "text/csv");
+        let text = app.send(request).await.expect(200).text;
+        text.lines()
+            .map(|line| line.split(',').map(str::to_owned).collect())
+            .collect()
+    };
+    let rows: Vec<Vec<String>> = table(&path).await;
+    let mass = &result["parameters"][0];
+    assert_eq!(rows[1][0], "mass");
+    assert_eq!(rows[1][3].parse::<f64>().ok(), mass["estimate"].as_f64());
+    let lower = mass["confidence_interval"]["lower"].as_f64();
+    assert_eq!(rows[1][5].parse::<f64>().ok(), lower);
+    let generations = format!("/v1/jobs/{id}/generations");
+    let rows: Vec<Vec<String>> = table(&generations).await;
+    let told = app.get(&generations).await.expect(200).json();
+    let last = told["items"].as_array().unwrap().last().unwrap();
+    assert_eq!(rows[0][8], "mass");
+    let row = rows.last().unwrap();
+    assert_eq!(row[0], last["generation"].to_string());
+    assert_eq!(row[8].parse::<f64>().ok(), last["best"]["mass"].as_f64());
+}

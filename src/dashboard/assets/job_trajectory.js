@@ -11,7 +11,8 @@ export function trajectoryPanel(view, id) {
   const outcome = notice();
   const charts = h("div", {});
   const element = h("section", { "aria-label": "Outputs", hidden: true },
-    h("h2", {}, "Measured and simulated"), outcome.place, charts);
+    h("h2", {}, "Measured and simulated"), outcome.place, charts,
+    h("p", {}, h("a", { href: `/v1/jobs/${id}/report` }, "The report on one page, for the file")));
   return {
     element,
     async load() {

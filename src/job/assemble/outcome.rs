@@ -1,13 +1,13 @@
 //! The result document of a run.
 
 use crate::estimation::problem::{Coordinate, Problem, Target};
-use crate::estimation::report::{Refinement, Report};
+use crate::estimation::report::{self, Refinement, Report};
 use crate::job::outcome::{
     ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, InitialStateEstimate,
-    Outcome, OutputFit, ParameterEstimate, Reason, ResidualReport, SearchReport, StartReport,
-    Trust, Verdict,
+    InputCorrelation, Outcome, OutputFit, ParameterEstimate, Reason, ResidualReport, SearchEnd,
+    SearchReport, StartReport, Trust, Verdict,
 };
-use crate::uncertainty::{Analysis, CoordinateUncertainty, fit, verdict};
+use crate::uncertainty::{Analysis, CoordinateUncertainty, fit, residuals, verdict};
 use std::collections::BTreeMap;
 
 /// What made a result, beside the method.
@@ -49,7 +49,13 @@ pub fn outcome(
                 .iter()
                 .map(|row| row.iter().map(|v| finite(*v)).collect())
                 .collect(),
+            condition_number: analysis.condition.and_then(finite),
         }),
+        flat_directions: analysis
+            .flat
+            .iter()
+            .map(|flat| flat.words.clone())
+            .collect(),
         fit: Fit {
             estimation: fits(problem, &analysis.estimation_fit),
             validation: fits(problem, &analysis.validation_fit),
@@ -57,6 +63,7 @@ pub fn outcome(
         residuals: residuals(problem, analysis),
         criteria: criteria(report, analysis),
         search: search(report),
+        searches: report.searches.iter().map(search_end).collect(),
         starts: report
             .refinements
             .iter()
@@ -100,7 +107,9 @@ fn estimates(
     for (index, coordinate) in problem.coordinates.iter().enumerate() {
         let known = &analysis.coordinates[index];
         let missing = analysis.missing.as_deref();
-        let estimate = estimate(coordinate, report.values[index], known, missing);
+        let mut estimate = estimate(coordinate, report.values[index], known, missing);
+        let names = problem.outputs.iter().map(|output| output.name.clone());
+        estimate.output_change = names.zip(known.output_changes.iter().copied()).collect();
         let (name, unit) = (coordinate.name.clone(), coordinate.unit.clone());
         match coordinate.target {
             Target::Parameter(_) => parameters.push(ParameterEstimate {
@@ -132,8 +141,8 @@ fn estimate(
     let standard_error = known.standard_error.and_then(finite);
     let interval = known.interval.map(|(lower, upper)| ConfidenceInterval {
         level: 0.95,
-        lower: finite(lower),
-        upper: finite(upper),
+        lower: lower.and_then(finite),
+        upper: upper.and_then(finite),
         method: known.method.to_owned(),
     });
     let reason = |absent: bool| {
@@ -153,6 +162,7 @@ fn estimate(
         upper: coordinate.upper,
         at_bound: known.at_bound,
         identifiable: known.identifiable,
+        output_change: BTreeMap::new(),
     }
 }
 
@@ -188,10 +198,20 @@ fn residuals(problem: &Problem, analysis: &Analysis) -> BTreeMap<String, Residua
                 lag_1_autocorrelation: report.lag_1_autocorrelation.and_then(finite),
                 white: report.white,
                 effective_samples: report.effective_samples.and_then(finite),
+                inputs: report.inputs.iter().map(input_correlation).collect(),
             };
             (output.name.clone(), entry)
         })
         .collect()
+}
+
+fn input_correlation(found: &residuals::InputCorrelation) -> (String, InputCorrelation) {
+    let shown = InputCorrelation {
+        correlation: finite(found.correlation),
+        lag: found.lag as u64,
+        significant: found.significant,
+    };
+    (found.input.clone(), shown)
 }
 
 fn criteria(report: &Report, analysis: &Analysis) -> Criteria {
@@ -220,6 +240,14 @@ fn search(report: &Report) -> SearchReport {
             .collect(),
         best_credit: report.best_credit,
         best_generation: report.best_generation,
+    }
+}
+
+fn search_end(end: &report::SearchEnd) -> SearchEnd {
+    SearchEnd {
+        stop_reason: end.stop_reason.name().to_owned(),
+        generations: end.generations,
+        cost: end.cost.and_then(finite),
     }
 }
 

@@ -1,4 +1,4 @@
-//! The `method` section: the settings of the method, each within its range.
+//! The `method` and `uncertainty` sections: settings, each within its range.
 
 use serde::de::DeserializeOwned;
 use serde::de::IntoDeserializer;
@@ -6,6 +6,8 @@ use serde::de::value::StrDeserializer;
 
 use crate::document::reader::{Field, Object};
 use crate::estimation::Settings;
+use crate::estimation::settings::MethodName;
+use crate::uncertainty;
 
 /// The settings; what the section leaves out is the method's default.
 pub(super) fn read(field: &Field<'_>) -> Settings {
@@ -58,8 +60,30 @@ pub(super) fn read(field: &Field<'_>) -> Settings {
     if section.number("cost_target", 0.0..=f64::INFINITY, &mut cost_target) {
         settings.cost_target = Some(cost_target);
     }
+    section.count("restarts", 1..=32, &mut settings.restarts);
     section.flag("refine", &mut settings.refine);
     section.count("refine_candidates", 1..=32, &mut settings.refine_candidates);
+    object.finish();
+    if settings.name == MethodName::MultistartLm && !settings.refine {
+        let detail = "`multistart_lm` is nothing but refinement: leave `refine` at true";
+        field.fault("contradiction", detail);
+    }
+    settings
+}
+
+/// The settings of the uncertainty analysis.
+pub(super) fn read_uncertainty(field: &Field<'_>) -> uncertainty::Settings {
+    let mut settings = uncertainty::Settings::default();
+    let Some(mut object) = field.object() else {
+        return settings;
+    };
+    let mut section = Section(&mut object);
+    section.word("intervals", &mut settings.intervals);
+    section.count(
+        "bootstrap_samples",
+        40..=10_000,
+        &mut settings.bootstrap_samples,
+    );
     object.finish();
     settings
 }

@@ -1,0 +1,68 @@
+//! A result as one page for the file.
+
+use axum::extract::State;
+use axum::http::{HeaderValue, header};
+use axum::response::{Html, IntoResponse};
+use serde::Deserialize;
+
+use super::error::{Answer, Problem};
+use super::extract::Named;
+use super::jobs::no_job;
+use super::query::{NoQuery, Params};
+use super::results::settled_result;
+use super::trajectory::{removed, unreadable};
+use super::{ApiState, blocking};
+use crate::job::assemble;
+use crate::job::{JobId, JobSpec, Outcome};
+use crate::report::{self, Report};
+
+/// Generations that a page shows at the most.
+const MAX_GENERATIONS: u32 = 100_000;
+
+/// What the page may load: nothing but its own style.
+const POLICY: HeaderValue = HeaderValue::from_static(
+    "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; \
+     frame-ancestors 'none'",
+);
+
+/// Read a result as one self-contained page: verdict, estimates, fit, plots, and what made it.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}/report", operation_id = "read_report", tag = "jobs",
+    params(("id" = JobId, Path, description = "The job")),
+    responses(
+        (status = 200, description = "The page", body = String, content_type = "text/html"),
+        (status = 409, description = "There is no result, or not yet, or its recording is gone")
+    )
+)]
+pub async fn report(
+    State(state): State<ApiState>,
+    Named(id): Named<JobId>,
+    _query: Params<NoQuery>,
+) -> Answer {
+    let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
+    let outcome = settled_result(&state, &row).await?;
+    let permit = state.recording_permit().await?;
+    let spec: JobSpec = JobSpec::deserialize(&row.spec).map_err(unreadable)?;
+    let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
+    let recordings = state.recordings(&spec).await?.map_err(removed)?;
+    let model = state.model(&spec.model).await?;
+    let generations = state.store.generations(id, 0, MAX_GENERATIONS).await?;
+    let title = row.name.clone().unwrap_or_else(|| id.to_string());
+    let finished_at = row.finished_at.map(|instant| instant.to_string());
+    blocking(move || {
+        let _permit = permit;
+        let trajectory = assemble::trajectory(&spec, &model, &recordings, &outcome);
+        let experiments = trajectory.map_err(Problem::of_document)?;
+        let page = report::render(&Report {
+            title: &title,
+            finished_at: finished_at.as_deref(),
+            spec: &spec,
+            outcome: &outcome,
+            generations: &generations,
+            experiments: &experiments,
+        });
+        let policy = [(header::CONTENT_SECURITY_POLICY, POLICY)];
+        Ok((policy, Html(page)).into_response())
+    })
+    .await
+}

@@ -1,0 +1,206 @@
+//! The plots of a report.
+
+use super::chart::{Chart, Series};
+use super::html::escape;
+use super::{Report, push};
+use crate::dataset::kept_indices;
+use crate::job::assemble::{ExperimentTrajectory, OutputTrajectory};
+use crate::job::outcome::ResidualReport;
+
+/// Points of a line at the most; the extremes of each stretch are kept.
+const POINTS: usize = 1500;
+/// Lags of the autocorrelation.
+const LAGS: usize = 25;
+/// The 99 % point of the normal distribution, two-sided.
+const NORMAL_99: f64 = 2.576;
+
+const MEASURED: &str = "#8a93a0";
+const SIMULATED: &str = "#c8462f";
+const PLAIN: &str = "#2b6cb0";
+
+/// Every experiment's outputs, residuals and their memory.
+pub fn experiments(page: &mut String, report: &Report<'_>) {
+    for (number, experiment) in report.experiments.iter().enumerate() {
+        push(
+            page,
+            format_args!(
+                "<section>\n<h2>Experiment {number}</h2>\n<p class=\"muted\">{} samples of <code>{}\
+                 </code>, {} of them estimated from</p>\n",
+                experiment.time.len(),
+                experiment.dataset,
+                experiment.estimation_samples
+            ),
+        );
+        for output in &experiment.outputs {
+            let residuals = report.outcome.residuals.get(&output.name);
+            push(page, format_args!("<h3>{}</h3>\n", escape(&output.name)));
+            followed(page, experiment, output);
+            left_over(page, experiment, output, residuals);
+            memory(page, experiment, output);
+        }
+        page.push_str("</section>\n");
+    }
+}
+
+/// Measured and simulated over time.
+fn followed(page: &mut String, experiment: &ExperimentTrajectory, output: &OutputTrajectory) {
+    let columns = [&output.measured[..], &output.simulated];
+    let kept = kept_indices(&columns, 0..experiment.time.len(), POINTS);
+    let points = |values: &[f64]| {
+        kept.iter()
+            .map(|&k| (experiment.time[k], values[k]))
+            .collect()
+    };
+    let label = format!("{} [{}]", output.name, output.unit);
+    let chart = Chart {
+        x_label: "time [s]",
+        y_label: &label,
+        series: vec![
+            Series {
+                name: "measured",
+                colour: MEASURED,
+                points: points(&output.measured),
+            },
+            Series {
+                name: "simulated",
+                colour: SIMULATED,
+                points: points(&output.simulated),
+            },
+        ],
+        levels: Vec::new(),
+        marks: held_back(experiment),
+        bars: false,
+    };
+    figure(
+        page,
+        &chart,
+        "Measured and simulated, free run from the first sample.",
+    );
+}
+
+/// The residuals over time, between twice the noise.
+fn left_over(
+    page: &mut String,
+    experiment: &ExperimentTrajectory,
+    output: &OutputTrajectory,
+    residuals: Option<&ResidualReport>,
+) {
+    let kept = kept_indices(&[&output.residual], 0..experiment.time.len(), POINTS);
+    let label = format!("measured − simulated [{}]", output.unit);
+    let noise = residuals.map(|report| report.noise_std);
+    let chart = Chart {
+        x_label: "time [s]",
+        y_label: &label,
+        series: vec![Series {
+            name: "residual",
+            colour: PLAIN,
+            points: kept
+                .iter()
+                .map(|&k| (experiment.time[k], output.residual[k]))
+                .collect(),
+        }],
+        levels: noise.map_or_else(Vec::new, |noise| vec![-2.0 * noise, 2.0 * noise]),
+        marks: held_back(experiment),
+        bars: false,
+    };
+    figure(page, &chart, "What is left over; dashed: twice the noise.");
+}
+
+/// The autocorrelation of the residuals in the part that was estimated from.
+fn memory(page: &mut String, experiment: &ExperimentTrajectory, output: &OutputTrajectory) {
+    let used = &output.residual[..experiment.estimation_samples];
+    let mean_product = |lag: usize| {
+        let pairs = used.iter().zip(used.iter().skip(lag));
+        let products = pairs
+            .map(|(a, b)| a * b)
+            .filter(|product| !product.is_nan());
+        let (sum, count) = products.fold((0.0, 0.0), |(sum, n), product| (sum + product, n + 1.0));
+        (sum / count, count)
+    };
+    let (power, count) = mean_product(0);
+    let limit = NORMAL_99 / f64::sqrt(count);
+    let chart = Chart {
+        x_label: "lag [samples]",
+        y_label: "autocorrelation of the residuals",
+        series: vec![Series {
+            name: "autocorrelation",
+            colour: PLAIN,
+            points: (1..=LAGS)
+                .map(|lag| (lag as f64, mean_product(lag).0 / power))
+                .collect(),
+        }],
+        levels: vec![-limit, limit],
+        marks: Vec::new(),
+        bars: true,
+    };
+    figure(
+        page,
+        &chart,
+        "White residuals stay between the dashed lines in 99 of 100 lags.",
+    );
+}
+
+/// How the search came down.
+pub fn search(page: &mut String, report: &Report<'_>) {
+    let outcome = report.outcome;
+    push(
+        page,
+        format_args!(
+            "<section>\n<h2>How it was found</h2>\n<p>{} generations, {} candidates judged, {} of \
+             them simulated; ended by <code>{}</code>.</p>\n",
+            outcome.search.generations,
+            outcome.search.evaluations,
+            outcome.search.distinct_evaluations,
+            escape(&outcome.stop_reason)
+        ),
+    );
+    let points = |cost: fn(&crate::job::GenerationEvent) -> Option<f64>| {
+        let rows = report.generations.iter();
+        rows.map(|row| {
+            let height = cost(row).map_or(f64::NAN, f64::log10);
+            (f64::from(row.generation), height)
+        })
+        .collect()
+    };
+    let chart = Chart {
+        x_label: "generation",
+        y_label: "log10 of the cost",
+        series: vec![
+            Series {
+                name: "mean",
+                colour: MEASURED,
+                points: points(|row| row.mean_cost),
+            },
+            Series {
+                name: "best",
+                colour: SIMULATED,
+                points: points(|row| row.best_cost),
+            },
+        ],
+        levels: Vec::new(),
+        marks: Vec::new(),
+        bars: false,
+    };
+    figure(
+        page,
+        &chart,
+        "The lowest cost so far, and the mean of each generation.",
+    );
+    page.push_str("</section>\n");
+}
+
+fn held_back(experiment: &ExperimentTrajectory) -> Vec<(f64, &'static str)> {
+    let first = experiment.time.get(experiment.estimation_samples);
+    first.map(|time| (*time, "held back")).into_iter().collect()
+}
+
+fn figure(page: &mut String, chart: &Chart<'_>, caption: &str) {
+    let mut drawn = String::new();
+    chart.draw(&mut drawn);
+    if !drawn.is_empty() {
+        push(
+            page,
+            format_args!("<figure>\n{drawn}<figcaption>{caption}</figcaption>\n</figure>\n"),
+        );
+    }
+}

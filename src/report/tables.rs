@@ -1,0 +1,219 @@
+//! The tables of a report.
+
+use super::html::{escape, number, optional, significant, with_code};
+use super::push;
+use crate::job::outcome::{Estimate, Outcome, OutputFit};
+
+/// The estimates and how well each is known.
+pub fn estimates(page: &mut String, outcome: &Outcome) {
+    page.push_str(
+        "<section>\n<h2>Estimates</h2>\n<div class=\"scroll\"><table>\n<tr><th>parameter</th>\
+         <th>estimate</th><th>standard error</th><th>95 % interval</th><th>unit</th>\
+         <th>searched</th><th>change of outputs at +100 %</th></tr>\n",
+    );
+    for parameter in &outcome.parameters {
+        let name = format!("{} ({})", parameter.name, parameter.symbol);
+        row(page, &name, &parameter.unit, &parameter.estimate);
+    }
+    for state in &outcome.initial_states {
+        let name = format!(
+            "{} at the start of experiment {}",
+            state.state, state.experiment
+        );
+        row(page, &name, &state.unit, &state.estimate);
+    }
+    page.push_str("</table></div>\n");
+    if !outcome.flat_directions.is_empty() {
+        page.push_str("<p class=\"warn\">What the data do not see:</p>\n<ul>\n");
+        for words in &outcome.flat_directions {
+            push(page, format_args!("<li>{}</li>\n", with_code(words)));
+        }
+        page.push_str("</ul>\n");
+    }
+    page.push_str("</section>\n");
+}
+
+fn row(page: &mut String, name: &str, unit: &str, known: &Estimate) {
+    let interval = match &known.confidence_interval {
+        Some(interval) => format!(
+            "{} … {}<br><span class=\"muted\">{}</span>",
+            interval.lower.map_or_else(|| "open".to_owned(), number),
+            interval.upper.map_or_else(|| "open".to_owned(), number),
+            escape(&interval.method)
+        ),
+        None => escape(known.confidence_interval_reason.as_deref().unwrap_or("–")),
+    };
+    let mut flags = String::new();
+    if known.at_bound {
+        flags.push_str("<br><span class=\"warn\">at its bound</span>");
+    }
+    if !known.identifiable {
+        flags.push_str("<br><span class=\"warn\">not fixed by the data</span>");
+    }
+    let changes: Vec<String> = known
+        .output_change
+        .iter()
+        .map(|(output, change)| format!("{} {}", escape(output), significant(*change, 3)))
+        .collect();
+    let error = known.standard_error;
+    push(
+        page,
+        format_args!(
+            "<tr><td>{}{flags}</td><td>{}</td><td>{}</td><td>{interval}</td><td>{}</td>\
+             <td>{} … {}</td><td>{}</td></tr>\n",
+            escape(name),
+            number(known.estimate),
+            error.map_or_else(|| "–".to_owned(), |error| significant(error, 2)),
+            escape(unit),
+            significant(known.lower, 4),
+            significant(known.upper, 4),
+            changes.join("<br>")
+        ),
+    );
+}
+
+/// How well the outputs are followed, and what the residuals look like.
+pub fn fit(page: &mut String, outcome: &Outcome) {
+    page.push_str(
+        "<section>\n<h2>Fit</h2>\n<div class=\"scroll\"><table>\n<tr><th>output</th><th>data</th>\
+         <th>fit [%]</th><th>RMSE</th><th>largest error</th><th>samples</th></tr>\n",
+    );
+    let parts = [
+        ("estimated from", &outcome.fit.estimation),
+        ("held back", &outcome.fit.validation),
+    ];
+    for (data, fits) in parts {
+        for (output, fit) in fits.iter().filter(|(_, fit)| fit.samples > 0) {
+            fit_row(page, output, data, fit);
+        }
+    }
+    page.push_str(
+        "</table></div>\n<div class=\"scroll\"><table>\n<tr><th>residuals of</th><th>noise</th>\
+         <th>chi²/n</th><th>correlation with the next</th><th>white</th>\
+         <th class=\"words\">follow an input</th></tr>\n",
+    );
+    for (output, report) in &outcome.residuals {
+        let white = match report.white {
+            Some(true) => "yes",
+            Some(false) => "no",
+            None => "too few to tell",
+        };
+        let follow: Vec<String> = report
+            .inputs
+            .iter()
+            .map(|(input, found)| {
+                let correlation = optional(found.correlation.map(|rho| (1e3 * rho).round() / 1e3));
+                let word = if found.significant { "yes" } else { "no" };
+                format!("{}: {word} ({correlation})", escape(input))
+            })
+            .collect();
+        push(
+            page,
+            format_args!(
+                "<tr><td>{}</td><td>{} ({})</td><td>{}</td><td>{}</td><td>{white}</td>\
+                 <td class=\"words\">{}</td></tr>\n",
+                escape(output),
+                significant(report.noise_std, 3),
+                escape(&report.noise_std_source),
+                optional(report.chi_square_per_sample),
+                optional(report.lag_1_autocorrelation),
+                follow.join("<br>")
+            ),
+        );
+    }
+    let criteria = &outcome.criteria;
+    push(
+        page,
+        format_args!(
+            "</table></div>\n<p>AIC {} · AICc {} · BIC {} · FPE {} · cost {}</p>\n</section>\n",
+            optional(criteria.aic),
+            optional(criteria.aicc),
+            optional(criteria.bic),
+            optional(criteria.fpe),
+            optional(criteria.cost)
+        ),
+    );
+}
+
+fn fit_row(page: &mut String, output: &str, data: &str, fit: &OutputFit) {
+    push(
+        page,
+        format_args!(
+            "<tr><td>{}</td><td>{data}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+            escape(output),
+            optional(fit.fit_percent),
+            optional(fit.rmse),
+            optional(fit.max_abs_error),
+            fit.samples
+        ),
+    );
+}
+
+/// How the errors of the estimates hang together.
+pub fn correlation(page: &mut String, outcome: &Outcome) {
+    let Some(correlation) = &outcome.correlation else {
+        return;
+    };
+    page.push_str(
+        "<section>\n<h2>Correlation of the estimates</h2>\n<div class=\"scroll\"><table>\n\
+         <tr><th></th>",
+    );
+    for name in &correlation.names {
+        push(page, format_args!("<th>{}</th>", escape(name)));
+    }
+    page.push_str("</tr>\n");
+    for (name, row) in correlation.names.iter().zip(&correlation.matrix) {
+        push(page, format_args!("<tr><td>{}</td>", escape(name)));
+        for entry in row {
+            // The deeper the colour, the less the two are told apart.
+            let depth = entry.map_or(0.0, |value| value.abs() * 0.5);
+            let words = entry.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
+            push(
+                page,
+                format_args!("<td style=\"background:rgb(200 70 47 / {depth:.2})\">{words}</td>"),
+            );
+        }
+        page.push_str("</tr>\n");
+    }
+    page.push_str("</table></div>\n");
+    if let Some(condition) = correlation.condition_number {
+        push(
+            page,
+            format_args!("<p>Condition number {}.</p>\n", significant(condition, 3)),
+        );
+    }
+    page.push_str("</section>\n");
+}
+
+/// Where each start of the refinement ended, the lowest first.
+pub fn starts(page: &mut String, outcome: &Outcome) {
+    let mut starts: Vec<_> = outcome.starts.iter().collect();
+    let cost = |cost: Option<f64>| cost.unwrap_or(f64::INFINITY);
+    starts.sort_by(|a, b| cost(a.cost).total_cmp(&cost(b.cost)));
+    let Some(first) = starts.first() else {
+        return;
+    };
+    page.push_str(
+        "<section>\n<h2>Starts of the refinement</h2>\n<div class=\"scroll\"><table>\n<tr>\
+         <th>cost</th><th>from</th>",
+    );
+    for name in first.parameters.keys() {
+        push(page, format_args!("<th>{}</th>", escape(name)));
+    }
+    page.push_str("</tr>\n");
+    for start in starts {
+        push(
+            page,
+            format_args!(
+                "<tr><td>{}</td><td>{}</td>",
+                optional(start.cost),
+                optional(start.initial_cost)
+            ),
+        );
+        for value in start.parameters.values() {
+            push(page, format_args!("<td>{}</td>", number(*value)));
+        }
+        page.push_str("</tr>\n");
+    }
+    page.push_str("</table></div>\n</section>\n");
+}

@@ -1,0 +1,40 @@
+//! How much is asked about an estimate's uncertainty.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// How confidence intervals are made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Intervals {
+    /// From the curvature at the estimate: at once, symmetric along the parameter's scale.
+    #[default]
+    Fisher,
+    /// From the likelihood profile: the parameter is moved and all others are fitted again, until
+    /// the data object. Asymmetric where the model is; an end that the data leave open within the
+    /// search range is `null`.
+    Profile,
+    /// From refits to data made of the simulation and its own residuals, drawn in blocks where
+    /// they have a memory.
+    Bootstrap,
+}
+
+/// What a job says under `uncertainty`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+#[schema(as = UncertaintySettings)]
+pub struct Settings {
+    /// How the 95 % intervals are made.
+    pub intervals: Intervals,
+    /// Refits of a bootstrap, 40 to 10 000.
+    pub bootstrap_samples: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            intervals: Intervals::default(),
+            bootstrap_samples: 200,
+        }
+    }
+}
