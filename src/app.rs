@@ -313,7 +313,7 @@ mod tests {
         let app = start(&settings, &gate).await.expect("the same database");
         let job = app.store.job(id).await.expect("a read").expect("the job");
         assert_eq!(job.status, Status::Running);
-        assert_eq!(job.progress.expect("progress").generation, 4);
+        assert_eq!(job.progress.as_ref().expect("progress").generation, 4);
         app.shutdown().await;
     }
 }

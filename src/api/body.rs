@@ -1,16 +1,16 @@
 //! Request bodies, streamed: bounded while they are read, hashed on the way, handed to a blocking
-//! parser piece by piece.
+//! parser piece by piece. A small document is read whole and parsed at once.
 
 use std::io::{self, Read};
 use std::time::Duration;
 
-use axum::body::Body;
+use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, Request};
 use axum::http::{HeaderMap, header};
 use futures_util::TryStreamExt;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
-use tokio_stream::StreamExt;
+use tokio_stream::{Stream, StreamExt};
 use tokio_util::io::{StreamReader, SyncIoBridge};
 
 use super::error::{Answer, Kind, Problem, ProblemFault};
@@ -21,6 +21,10 @@ use crate::document::{json as document, yaml};
 
 /// How long a client may be silent in the middle of a body.
 const LONGEST_SILENCE: Duration = Duration::from_secs(30);
+
+/// A document of so many bytes at the most is parsed where it is read: that takes less time than
+/// handing it to another thread.
+const SMALL_BYTES: u64 = 32 << 10;
 
 /// What came of a body: the parser's answer, and the digest of all the bytes.
 pub struct Parsed<T> {
@@ -39,11 +43,27 @@ where
     T: Send + 'static,
     P: FnOnce(&mut dyn Read) -> Result<T, Problem> + Send + 'static,
 {
+    parse_chunks(chunks(body), limit, parser).await
+}
+
+/// The pieces of a body, with an error where the client falls silent.
+fn chunks(body: Body) -> impl Stream<Item = io::Result<Bytes>> + Send + Unpin + 'static {
     let chunks = body.into_data_stream().map_err(io::Error::other);
-    let chunks = Box::pin(chunks.timeout(LONGEST_SILENCE)).map(|chunk| match chunk {
+    Box::pin(chunks.timeout(LONGEST_SILENCE)).map(|chunk| match chunk {
         Ok(chunk) => chunk,
         Err(_silence) => Err(io::ErrorKind::TimedOut.into()),
-    });
+    })
+}
+
+async fn parse_chunks<T, P>(
+    chunks: impl Stream<Item = io::Result<Bytes>> + Send + Unpin + 'static,
+    limit: u64,
+    parser: P,
+) -> Answer<Parsed<T>>
+where
+    T: Send + 'static,
+    P: FnOnce(&mut dyn Read) -> Result<T, Problem> + Send + 'static,
+{
     let mut source = Metered {
         source: SyncIoBridge::new(StreamReader::new(chunks)),
         digest: Sha256::new(),
@@ -130,10 +150,13 @@ impl FromRequest<ApiState> for JsonDocument {
             return Err(unsupported(request.headers(), "application/json"));
         }
         let limit = state.limits.document_bytes;
-        let parsed = parse(request.into_body(), limit, |text| {
-            document::parse(io::BufReader::new(text)).map_err(|error| not_json(&error))
-        });
-        let parsed = parsed.await?;
+        let parsed = match begin(request.into_body(), limit.min(SMALL_BYTES)).await {
+            Beginning::All(text) => Parsed {
+                value: parse_json(&mut &*text)?,
+                digest: Sha256::new_with_prefix(&text),
+            },
+            Beginning::More(chunks) => parse_chunks(chunks, limit, parse_json).await?,
+        };
         Ok(Self {
             value: parsed.value,
             digest: hex(&parsed.digest.finalize()),
@@ -186,6 +209,38 @@ fn not_yaml(error: &yaml::Error) -> Problem {
         ..ProblemFault::default()
     };
     Problem::of_faults(Kind::Malformed, [fault])
+}
+
+fn parse_json(text: &mut dyn Read) -> Result<Value, Problem> {
+    document::parse(io::BufReader::new(text)).map_err(|error| not_json(&error))
+}
+
+/// What came of a body before it was known to be large.
+enum Beginning<Chunks> {
+    /// All of it.
+    All(Vec<u8>),
+    /// What has come and what will.
+    More(Chunks),
+}
+
+/// Reads a body of at most `small` bytes whole.
+async fn begin(
+    body: Body,
+    small: u64,
+) -> Beginning<impl Stream<Item = io::Result<Bytes>> + Send + Unpin + 'static> {
+    let mut rest = chunks(body);
+    let mut text = Vec::new();
+    while let Some(chunk) = rest.next().await {
+        let is_small = |chunk: &Bytes| (text.len() + chunk.len()) as u64 <= small;
+        match chunk {
+            Ok(chunk) if is_small(&chunk) => text.extend_from_slice(&chunk),
+            other => {
+                let begun = tokio_stream::iter([Ok(Bytes::from(text)), other]);
+                return Beginning::More(begun.chain(rest));
+            }
+        }
+    }
+    Beginning::All(text)
 }
 
 fn not_json(error: &serde_json::Error) -> Problem {

@@ -50,13 +50,13 @@ pub struct Dataset {
     created_at: Timestamp,
 }
 
-impl From<DatasetRow> for Dataset {
-    fn from(row: DatasetRow) -> Self {
+impl From<&DatasetRow> for Dataset {
+    fn from(row: &DatasetRow) -> Self {
         Self {
             id: row.id,
-            name: row.name,
-            digest: row.digest,
-            summary: row.summary,
+            name: row.name.clone(),
+            digest: row.digest.clone(),
+            summary: row.summary.clone(),
             created_at: row.created_at,
         }
     }
@@ -158,7 +158,7 @@ pub async fn create(
         StatusCode::OK
     };
     let location = HeaderValue::from_str(&format!("/v1/datasets/{}", row.id));
-    let mut response = json(status, &Dataset::from(row));
+    let mut response = json(status, &Dataset::from(&row));
     let location = location.expect("an identifier is visible ASCII");
     response.headers_mut().insert(header::LOCATION, location);
     Ok(response)
@@ -233,7 +233,7 @@ pub async fn list(
     uri: Uri,
 ) -> Answer {
     let page = state.store.datasets(cursor.before, cursor.limit).await?;
-    let items = page.rows.into_iter().map(Dataset::from).collect();
+    let items = page.rows.iter().map(Dataset::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
 }
 
@@ -254,7 +254,7 @@ pub async fn show(
         .dataset(id)
         .await?
         .ok_or_else(|| no_dataset(id))?;
-    Ok(tagged_json(&headers, &Dataset::from(row)))
+    Ok(tagged_json(&headers, &Dataset::from(&*row)))
 }
 
 fn no_dataset(id: DatasetId) -> Problem {

@@ -6,6 +6,7 @@
 
 use std::convert::Infallible;
 use std::fmt::Write as _;
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::body::{Body, Bytes};
@@ -168,10 +169,10 @@ impl Replay {
 }
 
 /// Events in the form of the stream. Their data are one line each.
-fn written(events: &[StoredEvent]) -> Bytes {
+fn written(events: &[Arc<StoredEvent>]) -> Bytes {
     let mut text = String::new();
     for event in events {
-        let StoredEvent { id, name, data } = event;
+        let StoredEvent { id, name, data } = &**event;
         write!(text, "id: {id}\nevent: {name}\ndata: {data}\n\n")
             .expect("writing to a string does not fail");
     }

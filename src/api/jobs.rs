@@ -1,6 +1,7 @@
 //! Jobs: list, show, cancel, pause, resume, delete.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::State;
@@ -15,7 +16,7 @@ use utoipa::{IntoParams, ToSchema};
 use super::ApiState;
 use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
-use super::manners::{MAX_WAIT_S, json, tagged_json};
+use super::manners::{MAX_WAIT_S, json, tagged};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::job::{Failure, IllegalTransition, JobId, JobSpec, Phase, Progress, Status};
@@ -83,8 +84,8 @@ struct Links {
     cancel: String,
 }
 
-impl From<JobRow> for Job {
-    fn from(row: JobRow) -> Self {
+impl From<&JobRow> for Job {
+    fn from(row: &JobRow) -> Self {
         let path = path_of(row.id);
         let links = Links {
             events: format!("{path}/events"),
@@ -97,14 +98,17 @@ impl From<JobRow> for Job {
         };
         Self {
             id: row.id,
-            name: row.name,
-            labels: row.labels,
+            name: row.name.clone(),
+            labels: row.labels.clone(),
             status: row.status,
-            model: row.model,
-            progress: row.progress.unwrap_or_else(|| no_progress(&row.spec)),
-            spec: row.spec,
+            model: row.model.clone(),
+            progress: row
+                .progress
+                .clone()
+                .unwrap_or_else(|| no_progress(&row.spec)),
+            spec: row.spec.clone(),
             attempt: row.attempt,
-            error: row.error,
+            error: row.error.clone(),
             created_at: row.created_at,
             started_at: row.started_at,
             finished_at: row.finished_at,
@@ -134,10 +138,9 @@ pub fn path_of(id: JobId) -> String {
 }
 
 /// The job, and when to ask again if it is not at its end.
-pub fn answer(status: StatusCode, row: JobRow) -> Response {
-    let retry = retry_after(&row);
+pub fn answer(status: StatusCode, row: &JobRow) -> Response {
     let mut response = json(status, &Job::from(row));
-    insert_retry(&mut response, retry);
+    insert_retry(&mut response, retry_after(row));
     response
 }
 
@@ -163,12 +166,12 @@ pub async fn wait_until(
     id: JobId,
     wait: Duration,
     done: impl Fn(&JobRow) -> bool,
-) -> Result<Option<JobRow>, StoreError> {
+) -> Result<Option<Arc<JobRow>>, StoreError> {
     let deadline = Instant::now() + wait;
     let mut changes = state.hub.subscribe(id);
     loop {
         let row = state.store.job(id).await?;
-        if row.as_ref().is_none_or(&done) {
+        if row.as_deref().is_none_or(&done) {
             return Ok(row);
         }
         tokio::select! {
@@ -226,7 +229,7 @@ pub async fn list(
     uri: Uri,
 ) -> Answer {
     let page = state.store.jobs(&filter).await?;
-    let items = page.rows.into_iter().map(Job::from).collect();
+    let items = page.rows.iter().map(Job::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
 }
 
@@ -275,10 +278,15 @@ pub async fn show(
         row = wait_until(&state, id, Duration::from_secs(wait), changed).await?;
     }
     let row = row.ok_or_else(|| no_job(id))?;
-    let retry = retry_after(&row);
-    let mut response = tagged_json(&headers, &Job::from(row));
-    insert_retry(&mut response, retry);
+    let mut response = tagged(&headers, &tag_of(&row), || Job::from(&*row));
+    insert_retry(&mut response, retry_after(&row));
     Ok(response)
+}
+
+/// The strong tag of a job as it is shown: its revision grows with every change of that, and
+/// another build may show it in other bytes.
+fn tag_of(row: &JobRow) -> String {
+    format!("\"{}-{}\"", env!("CARGO_PKG_VERSION"), row.revision)
 }
 
 /// There is no such job.
@@ -335,7 +343,7 @@ pub async fn resume(
 
 fn controlled(id: JobId, to: Status, control: Control) -> Answer {
     match control {
-        Control::Accepted(row) => Ok(answer(StatusCode::OK, *row)),
+        Control::Accepted(row) => Ok(answer(StatusCode::OK, &row)),
         Control::NotFound => Err(no_job(id)),
         Control::Refused(from) => Err(IllegalTransition { from, to }.into()),
     }

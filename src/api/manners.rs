@@ -105,15 +105,25 @@ pub fn json(status: StatusCode, body: &impl Serialize) -> Response {
 /// A JSON answer with a strong `ETag`, or 304 when the client has these very bytes.
 pub fn tagged_json(headers: &HeaderMap, body: &impl Serialize) -> Response {
     let body = serde_json::to_vec(body).expect("answers have only text keys");
-    let tag = entity_tag(&body);
-    let known = has_already(headers, &tag);
+    tagged_bytes(headers, &entity_tag(&body), || body)
+}
+
+/// A JSON answer with a strong tag that is known without it, or 304 when the client has it.
+pub fn tagged<T: Serialize>(headers: &HeaderMap, tag: &str, body: impl FnOnce() -> T) -> Response {
+    tagged_bytes(headers, tag, || {
+        serde_json::to_vec(&body()).expect("answers have only text keys")
+    })
+}
+
+fn tagged_bytes(headers: &HeaderMap, tag: &str, body: impl FnOnce() -> Vec<u8>) -> Response {
+    let known = has_already(headers, tag);
     let mut response = Response::new(if known {
         Body::empty()
     } else {
-        Body::from(body)
+        Body::from(body())
     });
     let answer_headers = response.headers_mut();
-    let tag = HeaderValue::from_str(&tag).expect("hexadecimal digits in quotes are visible ASCII");
+    let tag = HeaderValue::from_str(tag).expect("a tag is visible ASCII in quotes");
     answer_headers.insert(header::ETAG, tag);
     answer_headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
     if known {

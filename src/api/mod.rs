@@ -5,6 +5,7 @@
 //! pages that stand beside it.
 
 pub mod body;
+mod checked;
 pub mod datasets;
 pub mod error;
 pub mod events;
@@ -39,6 +40,7 @@ use crate::job::{Fault, JobSpec};
 use crate::model::{Catalogue, Model};
 use crate::store::Store;
 
+use checked::CheckedSpecs;
 use error::{Answer, Kind, Problem};
 pub use finish::finish;
 pub use openapi::openapi;
@@ -65,7 +67,7 @@ impl Default for Limits {
             document_bytes: 1 << 20,
             max_duration_s: 86_400.0,
             recordings_at_once: 4,
-            streams_at_once: 1000,
+            streams_at_once: 5000,
         }
     }
 }
@@ -97,6 +99,7 @@ pub struct ApiState(Arc<Shared>);
 pub struct Shared {
     parts: Parts,
     recordings: Arc<Semaphore>,
+    checked: CheckedSpecs,
     streams: Arc<Semaphore>,
 }
 
@@ -105,6 +108,7 @@ impl ApiState {
     pub fn new(parts: Parts) -> Self {
         Self(Arc::new(Shared {
             recordings: Arc::new(Semaphore::new(parts.limits.recordings_at_once)),
+            checked: CheckedSpecs::default(),
             streams: Arc::new(Semaphore::new(parts.limits.streams_at_once)),
             parts,
         }))

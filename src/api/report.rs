@@ -3,6 +3,7 @@
 use axum::extract::State;
 use axum::http::{HeaderValue, header};
 use axum::response::{Html, IntoResponse};
+use serde::Deserialize;
 
 use super::error::{Answer, Problem};
 use super::extract::Named;
@@ -41,12 +42,12 @@ pub async fn report(
     let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
     let outcome = settled_result(&state, &row).await?;
     let permit = state.recording_permit().await?;
-    let spec: JobSpec = serde_json::from_value(row.spec).map_err(unreadable)?;
+    let spec: JobSpec = JobSpec::deserialize(&row.spec).map_err(unreadable)?;
     let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
     let recordings = state.recordings(&spec).await?.map_err(removed)?;
     let model = state.model(&spec.model).await?;
     let generations = state.store.generations(id, 0, MAX_GENERATIONS).await?;
-    let title = row.name.unwrap_or_else(|| id.to_string());
+    let title = row.name.clone().unwrap_or_else(|| id.to_string());
     let finished_at = row.finished_at.map(|instant| instant.to_string());
     blocking(move || {
         let _permit = permit;

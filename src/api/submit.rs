@@ -10,6 +10,7 @@ use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
 use super::body::JsonDocument;
+use super::checked::Checked;
 use super::error::{Answer, Kind, Problem};
 use super::jobs::{self, Job};
 use super::manners::{idempotency_key, json, preferred_wait};
@@ -143,7 +144,7 @@ pub async fn submit(
         let foreseen = assembled(&state, &spec, model, look_ahead).await?;
         return Ok(json(StatusCode::OK, &Validation::new(spec, foreseen)));
     }
-    assembled(&state, &spec, model, |_| ()).await?;
+    check(&state, &spec, model).await?;
     if let Some(new) = asked.new
         && state.store.insert_model(new).await? == ModelStored::Full
     {
@@ -183,7 +184,7 @@ async fn read(state: &ApiState, asked: &models::Asked) -> Answer<JobSpec> {
     let mut datasets = HashMap::new();
     for id in JobSpec::datasets_named(&asked.document) {
         if let Some(row) = state.store.dataset(id).await? {
-            datasets.insert(id, row.summary);
+            datasets.insert(id, row.summary.clone());
         }
     }
     let context = Context {
@@ -192,6 +193,16 @@ async fn read(state: &ApiState, asked: &models::Asked) -> Answer<JobSpec> {
         max_duration_s: state.limits.max_duration_s,
     };
     JobSpec::read(&asked.document, &context).map_err(Problem::of_document)
+}
+
+/// Says what speaks against the job once its recordings are looked at.
+async fn check(state: &ApiState, spec: &JobSpec, model: Arc<Model>) -> Answer<()> {
+    let checked = Checked::of(spec);
+    if !state.0.checked.contain(checked) {
+        assembled(state, spec, model, |_| ()).await?;
+        state.0.checked.insert(checked);
+    }
+    Ok(())
 }
 
 /// Cuts the experiments out of their recordings, as the worker will, and looks at what comes out;
@@ -233,13 +244,13 @@ fn new_job(spec: &JobSpec, idempotency: Option<Idempotency>) -> NewJob {
 async fn accepted(state: &ApiState, row: JobRow, replayed: bool, headers: &HeaderMap) -> Answer {
     let id = row.id;
     let wait = preferred_wait(headers);
-    let mut row = row;
+    let mut row = Arc::new(row);
     if let Some(wait) = wait {
         let settled = |row: &JobRow| row.status.is_terminal() || row.status == Status::Paused;
         let later = jobs::wait_until(state, id, wait, settled).await?;
         row = later.ok_or_else(|| jobs::no_job(id))?;
     }
-    let mut response = jobs::answer(StatusCode::ACCEPTED, row);
+    let mut response = jobs::answer(StatusCode::ACCEPTED, &row);
     let mut say = |name: HeaderName, value: String| {
         let value = HeaderValue::from_str(&value).expect("paths and numbers are visible ASCII");
         response.headers_mut().insert(name, value);

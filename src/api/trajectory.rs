@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
 use super::error::{Answer, Kind, Problem, ProblemFault};
@@ -99,7 +99,7 @@ pub async fn trajectory(
     let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
     let outcome = settled_result(&state, &row).await?;
     let permit = state.recording_permit().await?;
-    let spec: JobSpec = serde_json::from_value(row.spec).map_err(unreadable)?;
+    let spec: JobSpec = JobSpec::deserialize(&row.spec).map_err(unreadable)?;
     let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
     let recordings = state.recordings(&spec).await?.map_err(removed)?;
     let model = state.model(&spec.model).await?;

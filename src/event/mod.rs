@@ -1,8 +1,11 @@
 //! Who waits for news of a job, and how news reaches them: stored first, then told.
 //!
-//! The hub carries no events. It wakes those who wait for a job after something about it came to
-//! disk; they read the store from where they stopped. A slow reader therefore holds up nobody and
-//! misses nothing, and the hub's memory is one small entry for each job that somebody waits for.
+//! The hub wakes those who wait for a job after something about it came to disk; they read from
+//! where they stopped, the newest events once for all of them and what lies further back from the
+//! store. A slow reader therefore holds up nobody and misses nothing, and the hub's memory is one
+//! small entry for each job that somebody waits for.
+
+mod feed;
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,10 +14,10 @@ use tokio::sync::{Notify, watch};
 use tokio_util::sync::CancellationToken;
 
 use crate::job::JobId;
-use crate::store::{Change, OnChange, Store, StoreError, StoredEvent};
+use crate::store::{Change, OnChange, Store};
 
-/// Events that a feed reads at once.
-const PAGE: u32 = 500;
+pub use feed::Feed;
+use feed::Tail;
 
 /// Wakes those who wait for news of jobs. Cheap to clone.
 #[derive(Clone, Default)]
@@ -24,13 +27,31 @@ pub struct EventHub {
 
 #[derive(Default)]
 struct Inner {
-    waiting: Mutex<HashMap<JobId, watch::Sender<()>>>,
+    waiting: Mutex<HashMap<JobId, Arc<Topic>>>,
+    slice_waits: Notify,
     stop_requested: Notify,
     closing: CancellationToken,
 }
 
+/// A job that somebody waits for.
+struct Topic {
+    /// How often there was news.
+    news: watch::Sender<u64>,
+    /// The newest events, for all who follow the job.
+    tail: tokio::sync::Mutex<Tail>,
+}
+
+impl Default for Topic {
+    fn default() -> Self {
+        Self {
+            news: watch::Sender::new(1),
+            tail: tokio::sync::Mutex::default(),
+        }
+    }
+}
+
 impl Inner {
-    fn waiting(&self) -> MutexGuard<'_, HashMap<JobId, watch::Sender<()>>> {
+    fn waiting(&self) -> MutexGuard<'_, HashMap<JobId, Arc<Topic>>> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -46,14 +67,16 @@ impl EventHub {
         let hub = self.clone();
         Arc::new(move |change| match change {
             Change::Job(job) => hub.wake(job),
+            Change::SliceWaits => hub.inner.slice_waits.notify_one(),
             Change::StopRequested(_) => hub.inner.stop_requested.notify_one(),
+            Change::DatasetRemoved(_) => {}
         })
     }
 
     /// Wakes those who wait for a job.
     fn wake(&self, job: JobId) {
-        if let Some(sender) = self.inner.waiting().get(&job) {
-            sender.send_replace(());
+        if let Some(topic) = self.inner.waiting().get(&job) {
+            topic.news.send_modify(|news| *news += 1);
         }
     }
 
@@ -61,22 +84,23 @@ impl EventHub {
     /// between the two then wakes the subscription.
     pub fn subscribe(&self, job: JobId) -> Subscription {
         let mut waiting = self.inner.waiting();
-        let sender = waiting.entry(job).or_insert_with(|| watch::channel(()).0);
+        let topic = waiting.entry(job).or_default();
         Subscription {
             hub: self.clone(),
             job,
-            receiver: sender.subscribe(),
+            news: topic.news.subscribe(),
+            topic: topic.clone(),
         }
     }
 
     /// The events of a job with an id above `after`: those stored, then those to come.
     pub fn feed(&self, store: Store, job: JobId, after: i64) -> Feed {
-        Feed {
-            subscription: self.subscribe(job),
-            store,
-            after,
-            ended: false,
-        }
+        Feed::new(self.subscribe(job), store, after)
+    }
+
+    /// Returns when a slice came into the queue since the last call.
+    pub async fn slice_waits(&self) {
+        self.inner.slice_waits.notified().await;
     }
 
     /// Returns when a running job was asked to stop since the last call.
@@ -99,7 +123,8 @@ impl EventHub {
 pub struct Subscription {
     hub: EventHub,
     job: JobId,
-    receiver: watch::Receiver<()>,
+    topic: Arc<Topic>,
+    news: watch::Receiver<u64>,
 }
 
 impl Subscription {
@@ -109,7 +134,17 @@ impl Subscription {
         tokio::select! {
             biased;
             () = self.hub.inner.closing.cancelled() => false,
-            news = self.receiver.changed() => news.is_ok(),
+            news = self.news.changed() => news.is_ok(),
+        }
+    }
+
+    /// Returns when there has been news more than `known` times, with the number; nothing when
+    /// the server is going down.
+    async fn more_than(&mut self, known: u64) -> Option<u64> {
+        tokio::select! {
+            biased;
+            () = self.hub.inner.closing.cancelled() => None,
+            news = self.news.wait_for(|news| *news > known) => news.ok().map(|news| *news),
         }
     }
 }
@@ -117,41 +152,10 @@ impl Subscription {
 impl Drop for Subscription {
     fn drop(&mut self) {
         let mut waiting = self.hub.inner.waiting();
-        let only_this_one = |sender: &watch::Sender<()>| sender.receiver_count() <= 1;
+        let only_this_one = |topic: &Arc<Topic>| topic.news.receiver_count() <= 1;
         if waiting.get(&self.job).is_some_and(only_this_one) {
             waiting.remove(&self.job);
         }
-    }
-}
-
-/// The events of one job, stored and to come, each once and in order.
-pub struct Feed {
-    subscription: Subscription,
-    store: Store,
-    after: i64,
-    ended: bool,
-}
-
-impl Feed {
-    /// The next events; nothing when the last has been handed out, when the job is gone or when
-    /// the server is going down.
-    pub async fn next(&mut self) -> Result<Option<Vec<StoredEvent>>, StoreError> {
-        while !self.ended {
-            let job = self.subscription.job;
-            let events = self.store.events_after(job, self.after, PAGE).await?;
-            if let Some(last) = events.last() {
-                self.after = last.id;
-                self.ended = last.is_last();
-                return Ok(Some(events));
-            }
-            self.ended = self.nothing_will_come().await? || !self.subscription.changed().await;
-        }
-        Ok(None)
-    }
-
-    async fn nothing_will_come(&self) -> Result<bool, StoreError> {
-        let job = self.store.job(self.subscription.job).await?;
-        Ok(job.is_none_or(|job| job.status.is_terminal() && job.last_event <= self.after))
     }
 }
 
@@ -220,6 +224,53 @@ mod tests {
         let seen = reader.await.expect("a reader");
         assert_eq!(seen, (1..=43).collect::<Vec<i64>>());
         assert_eq!(hub.n_jobs_waited_for(), 0);
+    }
+
+    #[tokio::test]
+    async fn readers_abreast_behind_and_ahead_each_get_all_after_their_own_last() {
+        let Fixture { hub, store, .. } = &fixture().await;
+        let job = submit(store).await;
+        for _ in 0..10 {
+            store.request_pause(job).await.expect("a wish");
+            store.request_resume(job).await.expect("a wish");
+        }
+        let starts = [0, 0, 3, 15, 21, 22, 1000];
+        let readers =
+            starts.map(|after| tokio::spawn(read_all(hub.feed(store.clone(), job, after))));
+        for _ in 0..10 {
+            store.request_pause(job).await.expect("a wish");
+            store.request_resume(job).await.expect("a wish");
+        }
+        store.request_cancel(job).await.expect("a wish");
+        for (reader, after) in readers.into_iter().zip(starts) {
+            let seen = reader.await.expect("a reader");
+            assert_eq!(
+                seen,
+                (after + 1..=43).collect::<Vec<i64>>(),
+                "after {after}"
+            );
+        }
+        let late = read_all(hub.feed(store.clone(), job, 40)).await;
+        assert_eq!(late, [41, 42, 43]);
+        assert_eq!(hub.n_jobs_waited_for(), 0);
+    }
+
+    #[tokio::test]
+    async fn a_reader_who_names_an_event_that_is_yet_to_come_hides_none_from_the_others() {
+        let Fixture { hub, store, .. } = &fixture().await;
+        let job = submit(store).await;
+        let mut first = hub.feed(store.clone(), job, 0);
+        let mut second = hub.feed(store.clone(), job, 0);
+        for feed in [&mut first, &mut second] {
+            assert!(feed.next().await.expect("a read").is_some());
+        }
+        store.request_pause(job).await.expect("a wish");
+        assert!(first.next().await.expect("a read").is_some());
+        store.request_cancel(job).await.expect("a wish");
+        let ahead = read_all(hub.feed(store.clone(), job, 1000)).await;
+        assert!(ahead.is_empty());
+        let rest = tokio::time::timeout(Duration::from_secs(10), read_all(second)).await;
+        assert_eq!(rest.expect("an end"), [2, 3, 4]);
     }
 
     #[tokio::test]

@@ -2,13 +2,15 @@
 //!
 //! Samples are little-endian `f64` in chunks of at most 8 MiB; a missing sample is NaN.
 
+use std::sync::Arc;
+
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use sqlx::{QueryBuilder, Row, Sqlite};
 
 use super::jobs::{Page, from_json, json, time};
 use super::writer::Tx;
-use super::{Store, StoreError, corrupt};
+use super::{Change, Store, StoreError, corrupt};
 use crate::dataset::{Recording, Signal, Summary, TimeAxis, Warning};
 use crate::job::{DatasetId, JobId};
 
@@ -80,14 +82,23 @@ impl Store {
     }
 
     /// A recording without its samples.
-    pub async fn dataset(&self, id: DatasetId) -> Result<Option<DatasetRow>, StoreError> {
+    pub async fn dataset(&self, id: DatasetId) -> Result<Option<Arc<DatasetRow>>, StoreError> {
+        let recent = &self.inner.recent.datasets;
+        let reading = match recent.get(id) {
+            Ok(row) => return Ok(Some(row)),
+            Err(reading) => reading,
+        };
         let row = sqlx::query_as::<_, Columns>(
             "select id, name, digest, summary, created_at from datasets where id = ?",
         )
         .bind(id.to_string())
         .fetch_optional(self.readers())
         .await?;
-        row.map(Columns::read).transpose()
+        let row = row.map(Columns::read).transpose()?.map(Arc::new);
+        if let Some(row) = &row {
+            recent.keep(id, reading, row);
+        }
+        Ok(row)
     }
 
     /// Recordings, newest first, older than `before`.
@@ -259,6 +270,7 @@ async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval, StoreError
     Ok(if removed == 0 {
         DatasetRemoval::NotFound
     } else {
+        tx.announce(Change::DatasetRemoved(id));
         DatasetRemoval::Removed
     })
 }

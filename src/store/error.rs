@@ -14,6 +14,9 @@ pub enum StoreError {
     /// A transaction of several writes could not be committed; none of them happened.
     #[error("the database could not commit: {0}")]
     Commit(Arc<sqlx::Error>),
+    /// Submissions that were to be written together were refused; none of them happened.
+    #[error("{0}")]
+    Together(Arc<StoreError>),
     /// The schema could not be brought up to date.
     #[error("the database schema could not be brought up to date: {0}")]
     Migration(#[from] sqlx::migrate::MigrateError),

@@ -1,6 +1,7 @@
 //! Jobs as they are shown and listed.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use jiff::Timestamp;
 use serde::Serialize;
@@ -49,7 +50,22 @@ pub struct JobRow {
     pub revision: i64,
 }
 
+/// A specification of so many values at the most is kept in memory: some 40 KB.
+const SMALL_VALUES: usize = 400;
+
 impl JobRow {
+    /// Whether it is small enough to be kept in memory after it was read.
+    fn is_small(&self) -> bool {
+        fn values(value: &Value) -> usize {
+            1 + match value {
+                Value::Array(items) => items.iter().map(values).sum(),
+                Value::Object(members) => members.values().map(values).sum(),
+                _ => 0,
+            }
+        }
+        values(&self.spec) <= SMALL_VALUES
+    }
+
     /// The row as it was when the job was submitted.
     pub(super) fn into_submitted(self) -> Self {
         Self {
@@ -115,9 +131,18 @@ const COLUMNS: &str = "id, name, labels, model, spec, status, request, progress,
 
 impl Store {
     /// A job, if there is one.
-    pub async fn job(&self, id: JobId) -> Result<Option<JobRow>, StoreError> {
+    pub async fn job(&self, id: JobId) -> Result<Option<Arc<JobRow>>, StoreError> {
+        let recent = &self.inner.recent.jobs;
+        let reading = match recent.get(id) {
+            Ok(row) => return Ok(Some(row)),
+            Err(reading) => reading,
+        };
         let mut connection = self.readers().acquire().await?;
-        fetch(&mut connection, id).await
+        let row = fetch(&mut connection, id).await?.map(Arc::new);
+        if let Some(row) = row.as_ref().filter(|row| row.is_small()) {
+            recent.keep(id, reading, row);
+        }
+        Ok(row)
     }
 
     /// Jobs, newest first.

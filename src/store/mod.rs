@@ -15,6 +15,7 @@ mod jobs;
 mod lock;
 mod models;
 mod queue;
+mod recent;
 mod results;
 mod slices;
 mod submit;
@@ -29,7 +30,7 @@ use std::time::Duration;
 use sqlx::SqlitePool;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 
-use crate::job::JobId;
+use crate::job::{DatasetId, JobId};
 
 pub use control::{Control, StopRequest};
 pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
@@ -42,6 +43,8 @@ pub use slices::{Begin, Checkpoint, Ending, Hold, Lease, Record, Slice, Told};
 pub use submit::{Idempotency, NewJob, Submitted};
 
 use lock::FileLock;
+use recent::Recent;
+use submit::Submissions;
 use writer::Writer;
 
 /// Where the database is and how it is used.
@@ -60,8 +63,12 @@ pub struct DatabaseSettings {
 pub enum Change {
     /// A job has more events or another state.
     Job(JobId),
+    /// A slice waits in the queue.
+    SliceWaits,
     /// A running job was asked to stop.
     StopRequested(JobId),
+    /// A recording was removed.
+    DatasetRemoved(DatasetId),
 }
 
 /// Is told of each change after it is on disk. Called by the writer: it must not block.
@@ -78,6 +85,8 @@ struct Inner {
     writer_pool: SqlitePool,
     readers: SqlitePool,
     queue: riverqueue::Client,
+    submissions: Submissions,
+    recent: RecentRows,
     _lock: FileLock,
 }
 
@@ -109,14 +118,19 @@ impl Store {
         let queue = queue::inserter(&writer_pool)?;
         let readers = SqlitePoolOptions::new()
             .max_connections(settings.readers)
+            // A connection to a file does not break off.
+            .test_before_acquire(false)
             .connect_with(connection(settings).read_only(true))
             .await?;
+        let recent = RecentRows::default();
         let store = Self {
             inner: Arc::new(Inner {
-                writer: Writer::start(writer_pool.clone(), on_change),
+                writer: Writer::start(writer_pool.clone(), forget_then(recent.clone(), on_change)),
                 writer_pool,
                 readers,
                 queue,
+                submissions: Submissions::default(),
+                recent,
                 _lock: lock,
             }),
         };
@@ -145,6 +159,25 @@ impl Store {
     fn readers(&self) -> &SqlitePool {
         &self.inner.readers
     }
+}
+
+/// Rows that were read lately.
+#[derive(Clone, Default)]
+struct RecentRows {
+    jobs: Recent<JobId, JobRow>,
+    datasets: Recent<DatasetId, DatasetRow>,
+}
+
+/// Forgets what has changed before anybody is told.
+fn forget_then(recent: RecentRows, on_change: OnChange) -> OnChange {
+    Arc::new(move |change| {
+        match change {
+            Change::Job(id) => recent.jobs.forget(id),
+            Change::DatasetRemoved(id) => recent.datasets.forget(id),
+            Change::SliceWaits | Change::StopRequested(_) => {}
+        }
+        on_change(change);
+    })
 }
 
 fn connection(settings: &DatabaseSettings) -> SqliteConnectOptions {

@@ -177,16 +177,3 @@ async fn delete(tx: &mut Tx, reference: String) -> Result<ModelRemoval, StoreErr
         ModelRemoval::Removed
     })
 }
-
-/// Whether a model that a job names is there; those of the catalogue always are.
-pub(super) async fn is_there(tx: &mut Tx, reference: &str) -> Result<bool, StoreError> {
-    if !reference.contains('@') {
-        return Ok(true);
-    }
-    Ok(
-        sqlx::query_scalar("select exists (select 1 from models where reference = ?)")
-            .bind(reference)
-            .fetch_one(&mut **tx)
-            .await?,
-    )
-}

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use sqlx::SqlitePool;
 
 use super::writer::Tx;
-use super::{Store, StoreError};
+use super::{Change, Store, StoreError};
 use crate::job::JobId;
 
 /// The queue that slices of jobs wait in.
@@ -21,8 +21,9 @@ pub const QUEUE: &str = "jobs";
 /// (its `attempt`), not the entry's.
 const ENTRY_ATTEMPTS: i32 = i32::MAX;
 
-/// How often the queue may be told of new entries.
-const NOTIFY_COOLDOWN: Duration = Duration::from_millis(10);
+/// How often River may write that there are new entries. Nobody reads it: a commit itself tells of
+/// them.
+const NOTIFY_COOLDOWN: Duration = Duration::from_hours(24);
 
 /// The entry of a job in the queue: "work a slice of this job".
 #[derive(Clone, Debug, Serialize, Deserialize, JobArgs)]
@@ -43,14 +44,32 @@ pub(super) fn inserter(pool: &SqlitePool) -> Result<Client, StoreError> {
 pub(super) async fn enqueue(queue: &Client, tx: &mut Tx, job: JobId) -> Result<i64, StoreError> {
     let entry = queue
         .insert(SliceOfJob { job })
-        .opts(
-            InsertOpts::default()
-                .with_queue(QUEUE)
-                .with_max_attempts(ENTRY_ATTEMPTS),
-        )
+        .opts(options())
         .tx(tx.for_queue())
         .await?;
+    tx.announce(Change::SliceWaits);
     Ok(entry.id())
+}
+
+/// Adds an entry for each of many jobs; the ids come in the order of the jobs.
+pub(super) async fn enqueue_all(
+    queue: &Client,
+    tx: &mut Tx,
+    jobs: &[JobId],
+) -> Result<Vec<i64>, StoreError> {
+    if jobs.is_empty() {
+        return Ok(Vec::new());
+    }
+    let entries = jobs.iter().map(|job| (SliceOfJob { job: *job }, options()));
+    let entries = queue.insert_many(entries).tx(tx.for_queue()).await?;
+    tx.announce(Change::SliceWaits);
+    Ok(entries.iter().map(|entry| entry.id()).collect())
+}
+
+fn options() -> InsertOpts {
+    InsertOpts::default()
+        .with_queue(QUEUE)
+        .with_max_attempts(ENTRY_ATTEMPTS)
 }
 
 impl Store {

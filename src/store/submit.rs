@@ -1,15 +1,23 @@
-//! Taking in a job: its row, first event, queue entry and idempotency record in one transaction.
+//! Taking in jobs: the row, first event, queue entry and idempotency record of each in one
+//! transaction.
+//!
+//! Submissions that come while the writer is at work wait, and are written together in a few
+//! statements of many rows. Each is answered for itself, after the commit.
+
+mod batch;
 
 use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use jiff::Timestamp;
+use riverqueue::Client;
 use serde_json::Value;
 use sqlx::SqliteConnection;
+use tokio::sync::oneshot;
 
 use super::jobs::{self, JobRow};
 use super::writer::Tx;
-use super::{Change, Store, StoreError, events, models, queue};
-use crate::job::{DatasetId, Event, JobId, Status};
+use super::{Store, StoreError};
+use crate::job::{DatasetId, JobId};
 
 /// A job to be stored.
 #[derive(Clone, Debug)]
@@ -57,11 +65,19 @@ pub enum Submitted {
 impl Store {
     /// Stores a job and its queue entry. The answer means that it is on disk.
     pub async fn submit(&self, job: NewJob) -> Result<Submitted, StoreError> {
-        let queue = self.inner.queue.clone();
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(submit(queue, tx, job)))
-            .await
+        let place = self.inner.writer.place().await?;
+        let (reply, answer) = oneshot::channel();
+        if let Some(turn) = self.inner.submissions.join(Submission { job, reply }) {
+            let queue = self.inner.queue.clone();
+            // The replies go from the work to the answer, past the commit.
+            let replies = Arc::new(Mutex::new(Vec::new()));
+            let answered = replies.clone();
+            place.take(
+                move |tx| Box::pin(write_all(queue, tx, turn, replies)),
+                move |outcome| answer_each(std::mem::take(&mut lock(&answered)), outcome),
+            );
+        }
+        answer.await.map_err(|_| StoreError::Closed)?
     }
 
     /// What became of the submission that came with this key before, if one did: a client that
@@ -71,130 +87,112 @@ impl Store {
         idempotency: &Idempotency,
     ) -> Result<Option<Submitted>, StoreError> {
         let mut connection = self.readers().acquire().await?;
-        earlier_submission(&mut connection, idempotency).await
-    }
-}
-
-async fn submit(
-    queue: riverqueue::Client,
-    tx: &mut Tx,
-    new: NewJob,
-) -> Result<Submitted, StoreError> {
-    if let Some(idempotency) = &new.idempotency
-        && let Some(earlier) = earlier_submission(tx, idempotency).await?
-    {
-        return Ok(earlier);
-    }
-    for dataset in &new.datasets {
-        if !dataset_exists(tx, *dataset).await? {
-            return Ok(Submitted::NoDataset(*dataset));
+        let earlier: Option<(String, String)> =
+            sqlx::query_as("select body_digest, job from idempotency where key = ?")
+                .bind(&idempotency.key)
+                .fetch_optional(&mut *connection)
+                .await?;
+        match earlier {
+            None => Ok(None),
+            Some((digest, job)) => answer_again(&mut connection, idempotency, &digest, &job)
+                .await
+                .map(Some),
         }
     }
-    if !models::is_there(tx, &new.model).await? {
-        return Ok(Submitted::NoModel(new.model));
-    }
-    let id = JobId::new();
-    let created_at = Timestamp::now();
-    let entry = queue::enqueue(&queue, tx, id).await?;
-    insert_row(tx, id, entry, &new, created_at).await?;
-    let first = Event::State {
-        status: Status::Queued,
-    };
-    events::insert(tx, id, 1, &[first]).await?;
-    tx.announce(Change::Job(id));
-    Ok(Submitted::Created(JobRow {
-        id,
-        name: new.name,
-        labels: new.labels,
-        model: new.model,
-        spec: new.spec,
-        status: Status::Queued,
-        stop_request: None,
-        progress: None,
-        attempt: 0,
-        error: None,
-        created_at,
-        started_at: None,
-        finished_at: None,
-        last_event: 1,
-        revision: 1,
-    }))
 }
 
-async fn earlier_submission(
+/// A job on its way to the database, and who waits for it.
+struct Submission {
+    job: NewJob,
+    reply: Reply,
+}
+
+type Reply = oneshot::Sender<Result<Submitted, StoreError>>;
+
+/// The submissions that wait to be written together.
+#[derive(Clone, Default)]
+pub(super) struct Submissions {
+    waiting: Arc<Mutex<Vec<Submission>>>,
+}
+
+impl Submissions {
+    /// Adds one. The first of those that wait gets the turn to write them all.
+    fn join(&self, submission: Submission) -> Option<Turn> {
+        let mut waiting = lock(&self.waiting);
+        waiting.push(submission);
+        (waiting.len() == 1).then(|| Turn(Some(self.clone())))
+    }
+}
+
+/// The turn to write all submissions that wait. One that is dropped without having gathered them
+/// drops them too, so that nobody waits for ever.
+struct Turn(Option<Submissions>);
+
+impl Turn {
+    /// All that wait by now; the next to join gets a new turn.
+    fn gather(mut self) -> (Vec<NewJob>, Vec<Reply>) {
+        let waiting = self
+            .0
+            .take()
+            .map(|all| std::mem::take(&mut *lock(&all.waiting)));
+        let all = waiting.unwrap_or_default().into_iter();
+        all.map(|one| (one.job, one.reply)).unzip()
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        if let Some(all) = self.0.take() {
+            lock(&all.waiting).clear();
+        }
+    }
+}
+
+async fn write_all(
+    queue: Client,
+    tx: &mut Tx,
+    turn: Turn,
+    replies: Arc<Mutex<Vec<Reply>>>,
+) -> Result<Vec<Submitted>, StoreError> {
+    let (jobs, all) = turn.gather();
+    *lock(&replies) = all;
+    batch::write(&queue, tx, jobs).await
+}
+
+fn lock<T>(what: &Mutex<T>) -> MutexGuard<'_, T> {
+    what.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Tells everyone what became of their submission; those who went away do not need it.
+fn answer_each(replies: Vec<Reply>, outcome: Result<Vec<Submitted>, StoreError>) {
+    match outcome {
+        Ok(submitted) => {
+            for (reply, one) in replies.into_iter().zip(submitted) {
+                drop(reply.send(Ok(one)));
+            }
+        }
+        Err(error) => {
+            let error = Arc::new(error);
+            for reply in replies {
+                drop(reply.send(Err(StoreError::Together(error.clone()))));
+            }
+        }
+    }
+}
+
+/// The answer to a submission whose key came before.
+async fn answer_again(
     connection: &mut SqliteConnection,
     idempotency: &Idempotency,
-) -> Result<Option<Submitted>, StoreError> {
-    let earlier: Option<(String, String)> =
-        sqlx::query_as("select body_digest, job from idempotency where key = ?")
-            .bind(&idempotency.key)
-            .fetch_optional(&mut *connection)
-            .await?;
-    let Some((body_digest, job)) = earlier else {
-        return Ok(None);
-    };
+    body_digest: &str,
+    job: &str,
+) -> Result<Submitted, StoreError> {
     if body_digest != idempotency.body_digest {
-        return Ok(Some(Submitted::KeyReused));
+        return Ok(Submitted::KeyReused);
     }
-    let id = jobs::parse_id(&job)?;
-    Ok(Some(match jobs::fetch(connection, id).await? {
+    let id = jobs::parse_id(job)?;
+    Ok(match jobs::fetch(connection, id).await? {
         Some(row) => Submitted::Replayed(row.into_submitted()),
         None => Submitted::Forgotten(id),
-    }))
-}
-
-async fn dataset_exists(tx: &mut Tx, dataset: DatasetId) -> Result<bool, StoreError> {
-    Ok(
-        sqlx::query_scalar("select exists (select 1 from datasets where id = ?)")
-            .bind(dataset.to_string())
-            .fetch_one(&mut **tx)
-            .await?,
-    )
-}
-
-async fn insert_row(
-    tx: &mut Tx,
-    id: JobId,
-    entry: i64,
-    new: &NewJob,
-    created_at: Timestamp,
-) -> Result<(), StoreError> {
-    let id = id.to_string();
-    sqlx::query(
-        "insert into jobs (id, name, labels, model, spec, status, queue_entry, last_event, \
-         created_at) values (?, ?, ?, ?, ?, 'queued', ?, 1, ?)",
-    )
-    .bind(&id)
-    .bind(&new.name)
-    .bind(jobs::json(&new.labels))
-    .bind(&new.model)
-    .bind(new.spec.to_string())
-    .bind(entry)
-    .bind(created_at.to_string())
-    .execute(&mut **tx)
-    .await?;
-    for (label, value) in &new.labels {
-        sqlx::query("insert into job_labels (job, label, value) values (?, ?, ?)")
-            .bind(&id)
-            .bind(label)
-            .bind(value)
-            .execute(&mut **tx)
-            .await?;
-    }
-    for dataset in &new.datasets {
-        sqlx::query("insert or ignore into job_datasets (job, dataset) values (?, ?)")
-            .bind(&id)
-            .bind(dataset.to_string())
-            .execute(&mut **tx)
-            .await?;
-    }
-    if let Some(idempotency) = &new.idempotency {
-        sqlx::query("insert into idempotency (key, body_digest, job) values (?, ?, ?)")
-            .bind(&idempotency.key)
-            .bind(&idempotency.body_digest)
-            .bind(&id)
-            .execute(&mut **tx)
-            .await?;
-    }
-    Ok(())
+    })
 }

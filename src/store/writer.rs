@@ -65,6 +65,30 @@ pub(super) struct Writer {
     task: Mutex<Option<JoinHandle<()>>>,
 }
 
+/// A place among the writes that wait.
+pub(super) struct Place(mpsc::OwnedPermit<Work>);
+
+impl Place {
+    /// Has `work` run; `reply` gets its outcome when what it wrote is on disk. Both are dropped
+    /// when the database fails before.
+    pub(super) fn take<T, W, R>(self, work: W, reply: R)
+    where
+        T: Send + 'static,
+        W: for<'a> FnOnce(&'a mut Tx) -> BoxFuture<'a, Result<T, StoreError>> + Send + 'static,
+        R: FnOnce(Result<T, StoreError>) + Send + 'static,
+    {
+        self.0.send(Box::new(move |tx| {
+            Box::pin(async move {
+                let outcome = work(tx).await;
+                Done {
+                    succeeded: outcome.is_ok(),
+                    acknowledge: Box::new(move |commit| reply(commit.and(outcome))),
+                }
+            })
+        }));
+    }
+}
+
 impl Writer {
     /// Starts the writer on a pool of one connection.
     pub(super) fn start(pool: SqlitePool, on_change: OnChange) -> Self {
@@ -83,28 +107,23 @@ impl Writer {
         T: Send + 'static,
         W: for<'a> FnOnce(&'a mut Tx) -> BoxFuture<'a, Result<T, StoreError>> + Send + 'static,
     {
+        let place = self.place().await?;
         let (reply, answer) = oneshot::channel();
-        let request: Work = Box::new(move |tx| {
-            Box::pin(async move {
-                let outcome = work(tx).await;
-                Done {
-                    succeeded: outcome.is_ok(),
-                    // A caller that went away does not need the answer.
-                    acknowledge: Box::new(move |commit| drop(reply.send(commit.and(outcome)))),
-                }
-            })
-        });
+        // A caller that went away does not need the answer.
+        place.take(work, |outcome| drop(reply.send(outcome)));
+        answer.await.map_err(|_| StoreError::Closed)?
+    }
+
+    /// Waits until one more write may wait for the writer.
+    pub(super) async fn place(&self) -> Result<Place, StoreError> {
         let requests = self
             .requests
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .clone()
             .ok_or(StoreError::Closed)?;
-        requests
-            .send(request)
-            .await
-            .map_err(|_| StoreError::Closed)?;
-        answer.await.map_err(|_| StoreError::Closed)?
+        let permit = requests.reserve_owned().await;
+        permit.map(Place).map_err(|_| StoreError::Closed)
     }
 
     /// Takes no more writes and returns when those accepted are on disk.

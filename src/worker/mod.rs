@@ -13,13 +13,14 @@ pub mod run;
 mod slice;
 #[cfg(test)]
 pub(crate) mod tests;
+mod wake;
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use riverqueue::{
-    Client, Job, MaintenanceConfig, QueueConfig, RetryPolicy, Stopper, WorkContext, WorkError,
-    WorkOutcome, Workers,
+    Client, Job, MaintenanceConfig, RetryPolicy, Stopper, WorkContext, WorkError, WorkOutcome,
+    Workers,
 };
 use tokio::sync::{Semaphore, watch};
 use tokio::task::JoinSet;
@@ -32,12 +33,8 @@ use crate::store::{QUEUE, SliceOfJob, Store, StoreError};
 use active::ActiveJobs;
 use run::Method;
 use slice::{After, SliceWorker};
+use wake::Wake;
 
-/// How often the queue is looked at. An entry that a slice hands on is found by looking, so this is
-/// the pause between two slices; a look that finds nothing writes nothing.
-const FETCH_POLL_INTERVAL: Duration = Duration::from_millis(50);
-/// The least time between two looks at the queue.
-const FETCH_COOLDOWN: Duration = Duration::from_millis(10);
 /// When River takes a slice for stuck. The database belongs to one server, which takes over what a
 /// dead one left when it opens, so this is only for a slice that never returns.
 const RESCUE_AFTER: Duration = Duration::from_hours(24);
@@ -80,7 +77,9 @@ impl Worker {
             slice_length: settings.slice_length,
             store,
         };
-        let mut running = river(&slices, settings.jobs_at_once)?.start()?;
+        let client = river(&slices, settings.jobs_at_once)?;
+        let wake = Wake::new(client.clone(), settings.jobs_at_once)?;
+        let mut running = client.start()?;
         let river = running.stopper();
         let closing = CancellationToken::new();
         let (alive_sender, alive) = watch::channel(true);
@@ -91,6 +90,7 @@ impl Worker {
             }
             alive_sender.send_replace(false);
         });
+        tasks.spawn(wake.run(hub.clone(), closing.clone()));
         tasks.spawn(watch_stop_requests(
             slices.clone(),
             hub,
@@ -129,11 +129,9 @@ fn river(slices: &SliceWorker, jobs_at_once: usize) -> Result<Client, StoreError
     workers.add(slices.clone())?;
     Ok(Client::builder(slices.store.queue_pool())
         .workers(workers)
-        .queue(
-            QUEUE,
-            QueueConfig::new(jobs_at_once).with_fetch_poll_interval(FETCH_POLL_INTERVAL),
-        )
-        .fetch_cooldown(FETCH_COOLDOWN)
+        .queue(QUEUE, wake::configuration(jobs_at_once))
+        .fetch_cooldown(wake::COOLDOWN)
+        .without_notifications()
         .retry_policy(TryAgainSoon)
         .maintenance(MaintenanceConfig::default().with_rescue_after(RESCUE_AFTER))
         .without_job_timeout()

@@ -177,7 +177,7 @@ impl SliceWorker {
                 let detail = format!("the dataset {id} is no longer stored");
                 return Ok(Err(Failure::cannot_run(detail, Vec::new())));
             };
-            recordings.push((row.digest, recording));
+            recordings.push((row.digest.clone(), recording));
         }
         Ok(Ok(recordings))
     }

@@ -64,7 +64,7 @@ async fn the_same_recording_is_stored_once() {
     let page = fixture.store.datasets(page.next, 1).await.expect("a page");
     assert_eq!((page.rows, page.next), (vec![first.clone()], None));
     let shown = fixture.store.dataset(first.id).await.expect("a read");
-    assert_eq!(shown, Some(first));
+    assert_eq!(shown.as_deref(), Some(&first));
 }
 
 #[tokio::test]

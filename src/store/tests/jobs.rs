@@ -10,14 +10,14 @@ async fn a_submitted_job_is_shown_listed_and_told_of() {
     let row = fixture.submit().await;
     assert_eq!(row.status, Status::Queued);
     assert_eq!(
-        fixture.store.job(row.id).await.expect("a read"),
-        Some(row.clone())
+        fixture.store.job(row.id).await.expect("a read").as_deref(),
+        Some(&row)
     );
     let events = fixture.events(row.id).await;
     assert_eq!(events[0].data, r#"{"status":"queued"}"#);
     assert_eq!(
         *fixture.changes.lock().expect("unpoisoned"),
-        [Change::Job(row.id)]
+        [Change::SliceWaits, Change::Job(row.id)]
     );
 }
 
@@ -69,6 +69,87 @@ async fn a_key_raced_by_many_clients_makes_one_job() {
         .filter(|answer| matches!(answer, Ok(Submitted::Replayed(_))))
         .count();
     assert_eq!((created, replayed), (1, 49));
+}
+
+#[tokio::test]
+async fn submissions_written_together_are_answered_each_for_itself() {
+    let fixture = Fixture::new().await;
+    let nowhere = DatasetId::new();
+    let with_model = |model: &str| NewJob {
+        model: model.to_owned(),
+        ..job(None)
+    };
+    let without_dataset = NewJob {
+        datasets: vec![nowhere],
+        ..job(Some(("k", "sha256:1")))
+    };
+    let submissions = [
+        without_dataset,
+        job(Some(("k", "sha256:2"))),
+        job(Some(("k", "sha256:3"))),
+        job(Some(("k", "sha256:2"))),
+        with_model("nobody@0123"),
+        with_model("positioning_drive"),
+    ];
+    let submissions = submissions.map(|job| fixture.store.submit(job));
+    let answers = futures_util::future::join_all(submissions).await;
+    let mut answers = answers.into_iter().map(|answer| answer.expect("an answer"));
+    assert!(matches!(answers.next(), Some(Submitted::NoDataset(id)) if id == nowhere));
+    let Some(Submitted::Created(first)) = answers.next() else {
+        panic!("not created");
+    };
+    assert!(matches!(answers.next(), Some(Submitted::KeyReused)));
+    let Some(Submitted::Replayed(again)) = answers.next() else {
+        panic!("not replayed");
+    };
+    assert_eq!(again, first);
+    assert!(matches!(answers.next(), Some(Submitted::NoModel(_))));
+    let Some(Submitted::Created(last)) = answers.next() else {
+        panic!("not created");
+    };
+    for row in [first, last] {
+        assert_eq!(
+            fixture.store.job(row.id).await.expect("a read").as_deref(),
+            Some(&row)
+        );
+        assert_eq!(ids(&fixture.events(row.id).await), [1]);
+        fixture.begin(row.id).await;
+    }
+}
+
+#[tokio::test]
+async fn as_many_submissions_as_may_wait_are_written_together_with_all_their_labels() {
+    let fixture = Fixture::new().await;
+    let labels: BTreeMap<String, String> = (0..16)
+        .map(|n| (format!("label{n}"), "x".to_owned()))
+        .collect();
+    let submissions = (0..1000).map(|_| {
+        let labels = labels.clone();
+        fixture.store.submit(NewJob {
+            labels,
+            ..job(None)
+        })
+    });
+    let answers = futures_util::future::join_all(submissions).await;
+    let created = |answer: &Result<Submitted, StoreError>| matches!(answer, Ok(Submitted::Created(row)) if row.labels == labels);
+    assert!(answers.iter().all(created));
+}
+
+#[tokio::test]
+async fn a_change_is_seen_by_the_next_read() {
+    let fixture = Fixture::new().await;
+    let row = fixture.submit().await;
+    assert_eq!(fixture.status(row.id).await, Status::Queued);
+    fixture.begin(row.id).await;
+    assert_eq!(fixture.status(row.id).await, Status::Running);
+    let asked = fixture.store.request_cancel(row.id).await.expect("a wish");
+    let shown = fixture
+        .store
+        .job(row.id)
+        .await
+        .expect("a read")
+        .expect("a job");
+    assert!(matches!(asked, Control::Accepted(asked) if *asked == *shown));
 }
 
 #[tokio::test]

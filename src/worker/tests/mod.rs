@@ -74,7 +74,8 @@ impl Server {
         let waiting = async {
             while !seen.iter().any(&is_it) {
                 let news = feed.next().await.expect("a read");
-                seen.extend(news.expect("the stream goes on until it is there"));
+                let news = news.expect("the stream goes on until it is there");
+                seen.extend(news.iter().map(|event| StoredEvent::clone(event)));
             }
         };
         tokio::time::timeout(PATIENCE, waiting).await.expect("news");
@@ -95,7 +96,8 @@ impl Server {
     }
 
     async fn job(&self, id: JobId) -> JobRow {
-        self.store.job(id).await.expect("a read").expect("a job")
+        let row = self.store.job(id).await.expect("a read").expect("a job");
+        JobRow::clone(&row)
     }
 
     async fn result(&self, id: JobId) -> Value {

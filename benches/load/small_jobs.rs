@@ -1,0 +1,149 @@
+//! A thousand small jobs queued at once: what the service adds to the work of each.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use futures_util::future::try_join_all;
+use greybox::dataset::csv;
+use greybox::job::{JobId, Status};
+use greybox::model::Catalogue;
+use greybox::store::JobRow;
+use greybox::worker::identification::Identification;
+use greybox::worker::run::{Advance, Assignment, Method};
+use jiff::Timestamp;
+use serde_json::Value;
+
+use crate::Outcome;
+use crate::client::Connection;
+use crate::figure::{Figure, Target};
+use crate::jobs::{drive_csv, small_job, store_drive, submit};
+use crate::server::Server;
+use crate::submits::ended_jobs;
+
+const JOBS: usize = 1000;
+const CONNECTIONS: usize = 20;
+/// How often the count of the ended jobs is asked for.
+const LOOK: Duration = Duration::from_millis(20);
+
+pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
+    let server = Server::start(folder, &[]).await?;
+    let mut connection = server.connect().await?;
+    let dataset = store_drive(&mut connection).await?;
+    let started = Instant::now();
+    let mut clients = Vec::new();
+    for number in 0..CONNECTIONS {
+        let mut client = server.connect().await?;
+        let dataset = &dataset;
+        clients.push(async move {
+            for seed in (number..JOBS).step_by(CONNECTIONS) {
+                submit(&mut client, &small_job(dataset, seed)).await?;
+            }
+            Outcome::Ok(())
+        });
+    }
+    try_join_all(clients).await?;
+    let queued = started.elapsed();
+    wait_for(&mut connection, JOBS).await?;
+    let through = started.elapsed();
+    let spec = completed_spec(&mut connection).await?;
+    drop(server);
+    let work = tokio::task::spawn_blocking(move || work_alone(&spec)).await?;
+    let per_job = |time: Duration| 1e3 * time.as_secs_f64() / JOBS as f64;
+    Ok(vec![
+        Figure::new(
+            "1000 small jobs, all accepted",
+            queued.as_secs_f64(),
+            "s",
+            Target::None,
+        ),
+        Figure::new(
+            "1000 small jobs, all ended",
+            through.as_secs_f64(),
+            "s",
+            Target::None,
+        ),
+        Figure::new(
+            "small job in the service",
+            per_job(through),
+            "ms",
+            Target::None,
+        ),
+        Figure::new("its work alone", per_job(work), "ms", Target::None),
+        Figure::new(
+            "what the service adds to a small job, submission included",
+            per_job(through) - per_job(work),
+            "ms",
+            Target::None,
+        ),
+    ])
+}
+
+/// Returns when so many jobs have succeeded.
+pub async fn wait_for(connection: &mut Connection, jobs: usize) -> Outcome {
+    while ended_jobs(connection).await? < jobs as f64 {
+        tokio::time::sleep(LOOK).await;
+    }
+    Ok(())
+}
+
+/// The specification of one of the jobs with every default completed.
+async fn completed_spec(connection: &mut Connection) -> Outcome<Value> {
+    let mut page = connection.get("/v1/jobs?limit=1").await?;
+    Ok(page["items"][0]["spec"].take())
+}
+
+/// Works the same jobs, as many at once as the server does, without a service.
+fn work_alone(spec: &Value) -> Duration {
+    let method = Identification::new(Catalogue::built_in());
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let started = Instant::now();
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| work_until_none_is_left(&method, spec, &next));
+        }
+    });
+    started.elapsed()
+}
+
+fn work_until_none_is_left(method: &Identification, spec: &Value, next: &AtomicUsize) {
+    while next.fetch_add(1, Ordering::Relaxed) < JOBS {
+        work_one(method, spec.clone());
+    }
+}
+
+fn work_one(method: &Identification, spec: Value) {
+    let recording = csv::read(drive_csv().as_bytes(), &csv::Options::default());
+    let assignment = Assignment {
+        job: row(spec),
+        model: None,
+        datasets: vec![(String::new(), recording.expect("a recording"))],
+        checkpoint: None,
+    };
+    let mut run = method.begin(assignment).expect("a run");
+    let stop = AtomicBool::new(false);
+    while run.advance(&stop, &mut |_row| ()) == Advance::Working {}
+    run.outcome(None).expect("an outcome");
+}
+
+/// A job as the store hands it to a worker.
+fn row(spec: Value) -> JobRow {
+    JobRow {
+        id: JobId::new(),
+        name: None,
+        labels: Default::default(),
+        model: "positioning_drive".to_owned(),
+        spec,
+        status: Status::Running,
+        stop_request: None,
+        progress: None,
+        attempt: 1,
+        error: None,
+        created_at: Timestamp::now(),
+        started_at: None,
+        finished_at: None,
+        last_event: 1,
+        revision: 1,
+    }
+}

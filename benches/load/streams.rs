@@ -1,0 +1,183 @@
+//! Two thousand event streams on running jobs, and readers that take a byte a second.
+
+use std::net::SocketAddr;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use futures_util::future::join_all;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpSocket, TcpStream};
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+use crate::Outcome;
+use crate::client::get;
+use crate::figure::{Figure, Target, percentile_ms};
+use crate::jobs::{endless_job, store_drive, submit};
+use crate::observer::{Observer, Stored};
+use crate::server::Server;
+
+const STREAMS: usize = 2000;
+const SLOW_READERS: usize = 20;
+const JOBS: usize = 2;
+const LENGTH: Duration = Duration::from_secs(10);
+/// The jobs' first events are told and read after so long.
+const SETTLING: Duration = Duration::from_secs(2);
+
+/// What a stream received: event ids and when.
+type Received = Vec<(i64, Instant)>;
+
+pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
+    let server = Server::start(folder, &[]).await?;
+    let mut connection = server.connect().await?;
+    let dataset = store_drive(&mut connection).await?;
+    let mut jobs = Vec::new();
+    for seed in 0..JOBS {
+        jobs.push(submit(&mut connection, &endless_job(&dataset, seed)).await?);
+    }
+    tokio::time::sleep(SETTLING).await;
+    let memory_before = server.memory_kib()?;
+    let end = CancellationToken::new();
+    let mut readers = Vec::new();
+    for number in 0..STREAMS {
+        let job = jobs[number % JOBS].clone();
+        let stream = open(server.address, &job, None).await?;
+        readers.push((job, tokio::spawn(follow(stream, end.clone()))));
+    }
+    let mut slow = Vec::new();
+    for number in 0..SLOW_READERS {
+        let stream = open(server.address, &jobs[number % JOBS], Some(4096)).await?;
+        slow.push(tokio::spawn(dawdle(stream, end.clone())));
+    }
+    tokio::time::sleep(SETTLING).await;
+    let observer = Observer::start(folder);
+    let generations = generation(&mut connection, &jobs).await?;
+    let (begun, cpu) = (Instant::now(), server.cpu()?);
+    tokio::time::sleep(LENGTH).await;
+    let cpu = (server.cpu()? - cpu).as_secs_f64() / begun.elapsed().as_secs_f64();
+    let generations = generation(&mut connection, &jobs).await? - generations;
+    let memory = (server.memory_kib()? - memory_before) / (STREAMS + SLOW_READERS) as f64;
+    let stored = observer.finish()?;
+    end.cancel();
+    join_all(slow).await;
+    let (mut delays, gaps) = delays(readers, &stored).await?;
+    let deliveries = delays.len() as f64 / LENGTH.as_secs_f64();
+    Ok(vec![
+        Figure::new(
+            "2000 streams, event stored to received, p95",
+            percentile_ms(&mut delays, 0.95),
+            "ms",
+            Target::Below(150.0),
+        ),
+        Figure::new(
+            "event stored to received, median",
+            percentile_ms(&mut delays, 0.5),
+            "ms",
+            Target::None,
+        ),
+        Figure::new(
+            "event stored to received, longest",
+            percentile_ms(&mut delays, 1.0),
+            "ms",
+            Target::None,
+        ),
+        Figure::new("events delivered", deliveries, "/s", Target::None),
+        Figure::new("gaps in any stream", gaps as f64, "", Target::Below(1.0)),
+        Figure::new("memory of a stream", memory, "KiB", Target::Below(20.0)),
+        Figure::new("cores that the server used", cpu, "", Target::None),
+        Figure::new(
+            "generations that the jobs went on",
+            generations,
+            "",
+            Target::None,
+        ),
+    ])
+}
+
+/// The generations that the jobs have behind them together.
+async fn generation(connection: &mut crate::client::Connection, jobs: &[String]) -> Outcome<f64> {
+    let mut sum = 0.0;
+    for job in jobs {
+        let shown = connection.get(&format!("/v1/jobs/{job}")).await?;
+        sum += shown["progress"]["generation"].as_f64().unwrap_or(0.0);
+    }
+    Ok(sum)
+}
+
+/// Opens a stream of a job's events, from the first; with a small window where one is given.
+async fn open(address: SocketAddr, job: &str, window: Option<u32>) -> Outcome<TcpStream> {
+    let socket = TcpSocket::new_v4()?;
+    if let Some(bytes) = window {
+        socket.set_recv_buffer_size(bytes)?;
+    }
+    let mut stream = socket.connect(address).await?;
+    stream
+        .write_all(&get(&format!("/v1/jobs/{job}/events"), ""))
+        .await?;
+    Ok(stream)
+}
+
+/// Reads all that comes and notes the ids of the events.
+async fn follow(mut stream: TcpStream, end: CancellationToken) -> Received {
+    let mut received = Received::new();
+    let mut text = Vec::with_capacity(2048);
+    loop {
+        let read = tokio::select! {
+            read = stream.read_buf(&mut text) => read.unwrap_or(0),
+            () = end.cancelled() => 0,
+        };
+        if read == 0 {
+            return received;
+        }
+        let now = Instant::now();
+        let whole = text
+            .iter()
+            .rposition(|byte| *byte == b'\n')
+            .map_or(0, |at| at + 1);
+        let lines = text[..whole].split(|byte| *byte == b'\n');
+        let ids = lines.filter_map(|line| {
+            std::str::from_utf8(line.strip_prefix(b"id: ")?)
+                .ok()?
+                .parse()
+                .ok()
+        });
+        received.extend(ids.map(|id: i64| (id, now)));
+        text.drain(..whole);
+    }
+}
+
+/// Reads a byte a second.
+async fn dawdle(mut stream: TcpStream, end: CancellationToken) {
+    let mut byte = [0];
+    loop {
+        tokio::select! {
+            read = stream.read(&mut byte) => if read.unwrap_or(0) == 0 { return },
+            () = end.cancelled() => return,
+        }
+        tokio::select! {
+            () = tokio::time::sleep(Duration::from_secs(1)) => {}
+            () = end.cancelled() => return,
+        }
+    }
+}
+
+/// How long after its storing each event reached each stream, and the gaps in the streams.
+async fn delays(
+    readers: Vec<(String, JoinHandle<Received>)>,
+    stored: &Stored,
+) -> Outcome<(Vec<Duration>, usize)> {
+    let mut delays = Vec::new();
+    let mut gaps = 0;
+    for (job, reader) in readers {
+        let received = reader.await?;
+        let expected = (1..).zip(&received);
+        gaps += expected.filter(|(id, (seen, _))| id != seen).count().min(1);
+        gaps += usize::from(received.is_empty());
+        for (id, at) in received {
+            if let Some(since) = stored.get(&(job.clone(), id)) {
+                delays.push(at.saturating_duration_since(*since));
+            }
+        }
+    }
+    Ok((delays, gaps))
+}

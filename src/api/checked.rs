@@ -1,0 +1,96 @@
+//! Which specifications were found to assemble, so that many jobs of one kind are checked once.
+//!
+//! Whether a problem can be assembled follows from the model, the recordings and what the
+//! specification says of them, and from nothing else. Models and recordings never change under
+//! their name, so what held once holds as long as they are there, which the store looks at in the
+//! transaction that takes the job in.
+
+use std::collections::{HashSet, VecDeque};
+use std::sync::{Mutex, PoisonError};
+
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use crate::job::JobSpec;
+
+/// Specifications that are remembered at the most.
+const LIMIT: usize = 1024;
+
+/// What a check came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Checked([u8; 32]);
+
+/// The specifications that passed lately.
+#[derive(Default)]
+pub struct CheckedSpecs(Mutex<Passed>);
+
+#[derive(Default)]
+struct Passed {
+    known: HashSet<Checked>,
+    /// The oldest first.
+    order: VecDeque<Checked>,
+}
+
+impl Checked {
+    /// All that the check of a specification depends on.
+    pub fn of(spec: &JobSpec) -> Self {
+        let JobSpec {
+            model,
+            experiments,
+            parameters,
+            outputs,
+            validation,
+            // How the parameters are looked for, what is said of them, and how the job is called.
+            method: _,
+            uncertainty: _,
+            limits: _,
+            seed: _,
+            name: _,
+            labels: _,
+        } = spec;
+        Self::digest(&(model, experiments, parameters, outputs, validation))
+    }
+
+    fn digest(what: &impl Serialize) -> Self {
+        let text = serde_json::to_vec(what).expect("a specification has only text keys");
+        Self(Sha256::digest(text).into())
+    }
+}
+
+impl CheckedSpecs {
+    /// Whether such a specification has passed.
+    pub fn contain(&self, checked: Checked) -> bool {
+        let passed = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        passed.known.contains(&checked)
+    }
+
+    /// Remembers one that has passed.
+    pub fn insert(&self, checked: Checked) {
+        let mut passed = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if !passed.known.insert(checked) {
+            return;
+        }
+        passed.order.push_back(checked);
+        if passed.order.len() > LIMIT
+            && let Some(oldest) = passed.order.pop_front()
+        {
+            passed.known.remove(&oldest);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_specifications_that_are_remembered_are_bounded() {
+        let specs = CheckedSpecs::default();
+        let passed: Vec<Checked> = (0..=LIMIT).map(|n| Checked::digest(&n)).collect();
+        for checked in passed.iter().chain(&passed[1..]) {
+            specs.insert(*checked);
+        }
+        assert!(!specs.contain(passed[0]), "the oldest makes room");
+        assert!(passed[1..].iter().all(|checked| specs.contain(*checked)));
+    }
+}

@@ -1,0 +1,140 @@
+//! The events of one job as one reader gets them: those stored, then those to come.
+//!
+//! Readers that are abreast share what the first of them reads, so that a thousand of them cost
+//! the store no more than one. One that lags behind reads for itself.
+
+use std::sync::Arc;
+
+use super::Subscription;
+use crate::store::{Store, StoreError, StoredEvent};
+
+/// Events that a feed reads at once.
+const PAGE: u32 = 500;
+/// The newest events of a job that are kept for those who are abreast.
+const SHARED: usize = 16;
+
+/// The events of one job, stored and to come, each once and in order.
+pub struct Feed {
+    subscription: Subscription,
+    store: Store,
+    after: i64,
+    /// The news that has been read.
+    read: u64,
+    ended: bool,
+}
+
+/// The newest events of a job as they were read last.
+#[derive(Default)]
+pub(super) struct Tail {
+    /// Without a gap, the last one the newest.
+    events: Vec<Arc<StoredEvent>>,
+    /// The news before the reading.
+    news: u64,
+    /// The id of the newest event.
+    end: i64,
+    /// Nothing follows.
+    over: bool,
+}
+
+impl Tail {
+    /// Notes what a reader found above the end; `news` where that was all there was.
+    fn take(&mut self, events: &[Arc<StoredEvent>], news: Option<u64>, over: bool) {
+        self.news = news.unwrap_or(self.news);
+        self.over = over;
+        if let Some(last) = events.last() {
+            self.end = last.id;
+            self.over = last.is_last();
+            self.events = events[events.len().saturating_sub(SHARED)..].to_vec();
+        }
+    }
+
+    /// The events above `after`, if they are here; nothing if there are none yet.
+    fn above(&self, after: i64, news: u64) -> Option<Vec<Arc<StoredEvent>>> {
+        if after >= self.end {
+            return (news <= self.news).then(Vec::new);
+        }
+        let first = self.events.first()?.id;
+        let skipped = usize::try_from(after + 1 - first).ok()?;
+        let events = self.events.get(skipped..)?;
+        (!events.is_empty()).then(|| events.to_vec())
+    }
+}
+
+impl Feed {
+    pub(super) fn new(subscription: Subscription, store: Store, after: i64) -> Self {
+        Self {
+            subscription,
+            store,
+            after,
+            read: 0,
+            ended: false,
+        }
+    }
+
+    /// The next events; nothing when the last has been handed out, when the job is gone or when
+    /// the server is going down.
+    pub async fn next(&mut self) -> Result<Option<Vec<Arc<StoredEvent>>>, StoreError> {
+        while !self.ended {
+            let Some(news) = self.subscription.more_than(self.read).await else {
+                self.ended = true;
+                break;
+            };
+            let events = self.look(news).await?;
+            if let Some(last) = events.last() {
+                self.after = last.id;
+                self.ended = last.is_last();
+                return Ok(Some(events));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The events after the last one that was handed out; none where there are none yet.
+    async fn look(&mut self, news: u64) -> Result<Vec<Arc<StoredEvent>>, StoreError> {
+        let topic = self.subscription.topic.clone();
+        let mut tail = topic.tail.lock().await;
+        if let Some(events) = tail.above(self.after, news) {
+            self.read = tail.news;
+            self.ended = events.is_empty() && tail.over;
+            return Ok(events);
+        }
+        if self.after < tail.end {
+            drop(tail);
+            return self.catch_up(news).await;
+        }
+        // Whatever came until here is in the reading; what comes from here on is news.
+        let news = *self.subscription.news.borrow();
+        let events = self.page().await?;
+        self.ended = events.is_empty() && self.nothing_will_come().await?;
+        let all = events.len() < PAGE as usize;
+        if all {
+            self.read = news;
+        }
+        // A reader that names an event which is yet to come has seen nothing of those before it.
+        if !events.is_empty() || self.after == tail.end {
+            tail.take(&events, all.then_some(news), self.ended);
+        }
+        Ok(events)
+    }
+
+    /// A page for this reader alone.
+    async fn catch_up(&mut self, news: u64) -> Result<Vec<Arc<StoredEvent>>, StoreError> {
+        let events = self.page().await?;
+        if events.is_empty() {
+            self.ended = self.nothing_will_come().await?;
+            self.read = news;
+        }
+        Ok(events)
+    }
+
+    async fn page(&self) -> Result<Vec<Arc<StoredEvent>>, StoreError> {
+        let job = self.subscription.job;
+        let events = self.store.events_after(job, self.after, PAGE).await?;
+        Ok(events.into_iter().map(Arc::new).collect())
+    }
+
+    async fn nothing_will_come(&self) -> Result<bool, StoreError> {
+        let job = self.store.job(self.subscription.job).await?;
+        Ok(job.is_none_or(|job| job.status.is_terminal() && job.last_event <= self.after))
+    }
+}

@@ -1,0 +1,287 @@
+//! Writes submissions together: what each refers to is looked up once for all, and each table gets
+//! the rows of all in one statement.
+
+use std::collections::{HashMap, HashSet};
+
+use jiff::Timestamp;
+use riverqueue::Client;
+use sqlx::query_builder::Separated;
+use sqlx::{QueryBuilder, Sqlite};
+
+use super::{Idempotency, NewJob, Submitted, answer_again};
+use crate::job::{Event, JobId, Status};
+use crate::store::jobs::{JobRow, json};
+use crate::store::writer::Tx;
+use crate::store::{Change, StoreError, queue};
+
+/// Rows in one statement; SQLite takes 32766 values in one, and no row has more than 8.
+const ROWS_PER_STATEMENT: usize = 4000;
+
+/// A job that is new.
+struct Fresh {
+    id: JobId,
+    entry: i64,
+    created_at: Timestamp,
+    job: NewJob,
+}
+
+/// Writes all that can be written and says, in order, what became of each.
+pub(super) async fn write(
+    queue: &Client,
+    tx: &mut Tx,
+    jobs: Vec<NewJob>,
+) -> Result<Vec<Submitted>, StoreError> {
+    let known = Known::look_up(tx, &jobs).await?;
+    let mut verdicts = Vec::with_capacity(jobs.len());
+    let mut accepted = Vec::with_capacity(jobs.len());
+    let mut keys = HashMap::new();
+    for job in jobs {
+        let verdict = known.refusal(tx, &job).await?;
+        let verdict = verdict.map_or_else(
+            || same_key(&mut keys, &accepted, &job),
+            |refusal| Verdict::Final(Box::new(refusal)),
+        );
+        if let Verdict::Fresh(_) = verdict {
+            accepted.push(job);
+        }
+        verdicts.push(verdict);
+    }
+    let fresh = enter(queue, tx, accepted).await?;
+    insert(tx, &fresh).await?;
+    let rows: Vec<JobRow> = fresh.into_iter().map(Fresh::into_row).collect();
+    for row in &rows {
+        tx.announce(Change::Job(row.id));
+    }
+    let answers = verdicts.into_iter().map(|verdict| match verdict {
+        Verdict::Final(submitted) => *submitted,
+        Verdict::Fresh(place) => Submitted::Created(rows[place].clone()),
+        Verdict::Again(place) => Submitted::Replayed(rows[place].clone()),
+    });
+    Ok(answers.collect())
+}
+
+/// What becomes of a submission; a place is one among the new jobs.
+enum Verdict {
+    Final(Box<Submitted>),
+    Fresh(usize),
+    Again(usize),
+}
+
+/// Whether a submission that nothing speaks against is new, or has its key from one before it.
+fn same_key(keys: &mut HashMap<String, usize>, accepted: &[NewJob], job: &NewJob) -> Verdict {
+    let Some(Idempotency { key, body_digest }) = &job.idempotency else {
+        return Verdict::Fresh(accepted.len());
+    };
+    let Some(place) = keys.get(key) else {
+        keys.insert(key.clone(), accepted.len());
+        return Verdict::Fresh(accepted.len());
+    };
+    let first = accepted[*place].idempotency.as_ref();
+    if first.is_some_and(|first| first.body_digest == *body_digest) {
+        Verdict::Again(*place)
+    } else {
+        Verdict::Final(Box::new(Submitted::KeyReused))
+    }
+}
+
+/// What the database knows of the things that submissions refer to.
+struct Known {
+    /// The digest and the job that came with a key.
+    keys: HashMap<String, (String, String)>,
+    datasets: HashSet<String>,
+    models: HashSet<String>,
+}
+
+impl Known {
+    async fn look_up(tx: &mut Tx, jobs: &[NewJob]) -> Result<Self, StoreError> {
+        let keys = jobs.iter().filter_map(|job| job.idempotency.as_ref());
+        let keys = distinct(keys.map(|idempotency| idempotency.key.clone()));
+        let datasets = jobs.iter().flat_map(|job| &job.datasets);
+        let datasets = distinct(datasets.map(ToString::to_string));
+        // Models of the catalogue, whose names have no digest, are always there.
+        let models = jobs.iter().map(|job| &job.model);
+        let models = distinct(models.filter(|model| model.contains('@')).cloned());
+        let mut known = Self {
+            keys: HashMap::new(),
+            datasets: HashSet::new(),
+            models: HashSet::new(),
+        };
+        if let Some(keys) = keys {
+            let found: Vec<(String, String, String)> = sqlx::query_as(
+                "select key, body_digest, job from idempotency \
+                 where key in (select value from json_each(?))",
+            )
+            .bind(keys)
+            .fetch_all(&mut **tx)
+            .await?;
+            let found = found
+                .into_iter()
+                .map(|(key, digest, job)| (key, (digest, job)));
+            known.keys.extend(found);
+        }
+        if let Some(datasets) = datasets {
+            let found: Vec<String> = sqlx::query_scalar(
+                "select id from datasets where id in (select value from json_each(?))",
+            )
+            .bind(datasets)
+            .fetch_all(&mut **tx)
+            .await?;
+            known.datasets.extend(found);
+        }
+        if let Some(models) = models {
+            let found: Vec<String> = sqlx::query_scalar(
+                "select reference from models \
+                 where reference in (select value from json_each(?))",
+            )
+            .bind(models)
+            .fetch_all(&mut **tx)
+            .await?;
+            known.models.extend(found);
+        }
+        Ok(known)
+    }
+
+    /// The answer to a submission that makes no new job, as far as the database says.
+    async fn refusal(&self, tx: &mut Tx, job: &NewJob) -> Result<Option<Submitted>, StoreError> {
+        if let Some(idempotency) = &job.idempotency
+            && let Some((digest, earlier)) = self.keys.get(&idempotency.key)
+        {
+            return answer_again(tx, idempotency, digest, earlier)
+                .await
+                .map(Some);
+        }
+        let gone = |dataset: &&_| !self.datasets.contains(&ToString::to_string(dataset));
+        if let Some(dataset) = job.datasets.iter().find(gone) {
+            return Ok(Some(Submitted::NoDataset(*dataset)));
+        }
+        if job.model.contains('@') && !self.models.contains(&job.model) {
+            return Ok(Some(Submitted::NoModel(job.model.clone())));
+        }
+        Ok(None)
+    }
+}
+
+/// The different ones of many texts, as a JSON array; nothing where there are none.
+fn distinct(texts: impl Iterator<Item = String>) -> Option<String> {
+    let texts: HashSet<String> = texts.collect();
+    (!texts.is_empty()).then(|| json(&texts))
+}
+
+/// Gives each new job its identifier and its entry in the queue.
+async fn enter(queue: &Client, tx: &mut Tx, jobs: Vec<NewJob>) -> Result<Vec<Fresh>, StoreError> {
+    let ids: Vec<JobId> = jobs.iter().map(|_| JobId::new()).collect();
+    let entries = queue::enqueue_all(queue, tx, &ids).await?;
+    let created_at = Timestamp::now();
+    let fresh = jobs.into_iter().zip(ids.into_iter().zip(entries));
+    Ok(fresh
+        .map(|(job, (id, entry))| Fresh {
+            id,
+            entry,
+            created_at,
+            job,
+        })
+        .collect())
+}
+
+async fn insert(tx: &mut Tx, jobs: &[Fresh]) -> Result<(), StoreError> {
+    for mut statement in statements(jobs).into_iter().flatten() {
+        // Each number of rows is another statement; they are not worth keeping.
+        let statement = statement.build().persistent(false);
+        statement.execute(&mut **tx).await?;
+    }
+    Ok(())
+}
+
+/// What inserts jobs and all that belongs to them, in the order of their references.
+fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder<Sqlite>>; 5] {
+    const JOBS: &str = "insert into jobs (id, name, labels, model, spec, status, queue_entry, \
+                        last_event, created_at) ";
+    const LABELS: &str = "insert into job_labels (job, label, value) ";
+    const DATASETS: &str = "insert or ignore into job_datasets (job, dataset) ";
+    const EVENTS: &str = "insert into events (job, id, name, data) ";
+    const KEYS: &str = "insert into idempotency (key, body_digest, job) ";
+    let labels = jobs.iter().flat_map(|fresh| {
+        let labels = fresh.job.labels.iter();
+        labels.map(|label| (fresh.id, label))
+    });
+    let datasets = jobs.iter().flat_map(|fresh| {
+        let datasets = fresh.job.datasets.iter();
+        datasets.map(|dataset| (fresh.id, dataset))
+    });
+    let keys = jobs
+        .iter()
+        .filter_map(|fresh| Some((fresh.id, fresh.job.idempotency.as_ref()?)));
+    let first = Event::State {
+        status: Status::Queued,
+    };
+    [
+        rows(JOBS, jobs.iter(), |row, fresh| {
+            row.push_bind(fresh.id.to_string())
+                .push_bind(fresh.job.name.clone())
+                .push_bind(json(&fresh.job.labels))
+                .push_bind(fresh.job.model.clone())
+                .push_bind(fresh.job.spec.to_string())
+                .push("'queued'")
+                .push_bind(fresh.entry)
+                .push("1")
+                .push_bind(fresh.created_at.to_string());
+        }),
+        rows(LABELS, labels, |row, (job, (label, value))| {
+            row.push_bind(job.to_string())
+                .push_bind(label.clone())
+                .push_bind(value.clone());
+        }),
+        rows(DATASETS, datasets, |row, (job, dataset)| {
+            row.push_bind(job.to_string())
+                .push_bind(dataset.to_string());
+        }),
+        rows(EVENTS, jobs.iter(), |row, fresh| {
+            row.push_bind(fresh.id.to_string())
+                .push("1")
+                .push_bind(first.name())
+                .push_bind(first.data());
+        }),
+        rows(KEYS, keys, |row, (job, idempotency)| {
+            row.push_bind(idempotency.key.clone())
+                .push_bind(idempotency.body_digest.clone())
+                .push_bind(job.to_string());
+        }),
+    ]
+}
+
+/// The statements that insert rows; none where there are none.
+fn rows<T: Copy>(
+    into: &'static str,
+    rows: impl Iterator<Item = T>,
+    mut push: impl FnMut(&mut Separated<'_, Sqlite, &'static str>, T),
+) -> Vec<QueryBuilder<Sqlite>> {
+    let rows: Vec<T> = rows.collect();
+    let statements = rows.chunks(ROWS_PER_STATEMENT).map(|rows| {
+        let mut query = QueryBuilder::new(into);
+        query.push_values(rows, |mut row, one| push(&mut row, *one));
+        query
+    });
+    statements.collect()
+}
+
+impl Fresh {
+    fn into_row(self) -> JobRow {
+        JobRow {
+            id: self.id,
+            name: self.job.name,
+            labels: self.job.labels,
+            model: self.job.model,
+            spec: self.job.spec,
+            status: Status::Queued,
+            stop_request: None,
+            progress: None,
+            attempt: 0,
+            error: None,
+            created_at: self.created_at,
+            started_at: None,
+            finished_at: None,
+            last_event: 1,
+            revision: 1,
+        }
+    }
+}
