@@ -363,13 +363,12 @@ fn read_labels(field: &Field<'_>) -> BTreeMap<String, String> {
     let Some(object) = field.object() else {
         return BTreeMap::new();
     };
-    let entries = object.entries();
-    if entries.len() > MAX_LABELS {
-        let detail = format!("{} labels are more than {MAX_LABELS}", entries.len());
+    if object.n_entries() > MAX_LABELS {
+        let detail = format!("{} labels are more than {MAX_LABELS}", object.n_entries());
         field.fault("too_many", detail);
     }
     let mut labels = BTreeMap::new();
-    for (key, value) in entries {
+    for (key, value) in object.entries() {
         if key.is_empty() || key.chars().count() > MAX_NAME_CHARS {
             let detail = format!("a label's name has 1 to {MAX_NAME_CHARS} characters");
             value.fault("out_of_range", detail);
@@ -399,7 +398,7 @@ fn read_outputs(
     experiments: Option<&[ExperimentSpec]>,
 ) -> BTreeMap<String, OutputSpec> {
     let mut outputs = BTreeMap::new();
-    for (name, field) in field.object().map(|o| o.entries()).unwrap_or_default() {
+    for (name, field) in field.object().map(|o| o.entries()).into_iter().flatten() {
         check_output(name, &field, model, experiments);
         let Some(mut object) = field.object() else {
             continue;
