@@ -61,7 +61,7 @@ pub fn linearise(
     stop: &AtomicBool,
 ) -> Result<Linearisation, SensitivityError> {
     let axes = sensitivity::axes(positions.len());
-    let axes = Directions::along_axes(positions, &axes);
+    let axes = Directions::along_axes(positions, &axes, accuracy);
     Neighbourhood::simulate(problem, axes, &[], (accuracy, stop))
         .ok_or(SensitivityError::Interrupted)
         .and_then(|around| Linearisation::of(&around).map_err(SensitivityError::Failed))
@@ -338,7 +338,7 @@ impl Descent {
             return Some(Step::nowhere());
         };
         let axes = sensitivity::axes(self.positions.len());
-        let axes = Directions::along_axes(&boldest.1, &axes);
+        let axes = Directions::along_axes(&boldest.1, &axes, self.accuracy);
         let candidates: Vec<Vec<f64>> = others.iter().map(|(_, moved)| moved.clone()).collect();
         let around = Neighbourhood::simulate(problem, axes, &candidates, (self.accuracy, stop))?;
         self.evaluations += self.columns() + others.len() as u64;

@@ -38,18 +38,33 @@ pub struct Directions<'a> {
     pub from: &'a [f64],
     /// Vectors of the search box.
     pub vectors: &'a [Vec<f64>],
-    /// How much of each vector is gone to both sides.
+    /// How much of each vector is gone to a side.
     pub shift: f64,
+    /// Whether to both sides, or to the one with more room alone.
+    pub sides: Sides,
+}
+
+/// Where a difference is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sides {
+    /// To both sides, as far as the box allows.
+    Both,
+    /// To the side with more room: half as many candidates.
+    One,
 }
 
 impl<'a> Directions<'a> {
-    /// Along the coordinates ([`axes`]).
+    /// Along the coordinates ([`axes`]), to one side where the simulation is coarse.
     #[must_use]
-    pub fn along_axes(from: &'a [f64], axes: &'a [Vec<f64>]) -> Directions<'a> {
+    pub fn along_axes(from: &'a [f64], axes: &'a [Vec<f64>], accuracy: Accuracy) -> Self {
         Directions {
             from,
             vectors: axes,
             shift: SHIFT,
+            sides: match accuracy {
+                Accuracy::Screening => Sides::One,
+                Accuracy::Full => Sides::Both,
+            },
         }
     }
 }
@@ -86,7 +101,7 @@ pub fn visit_rows(
     visit: impl FnMut(Row<'_>),
 ) -> Result<(), SensitivityError> {
     let axes = axes(positions.len());
-    let axes = Directions::along_axes(positions, &axes);
+    let axes = Directions::along_axes(positions, &axes, accuracy);
     visit_directions(problem, axes, accuracy, stop, visit)
 }
 
@@ -132,10 +147,11 @@ impl<'a> Neighbourhood<'a> {
             from: positions,
             vectors,
             shift,
+            sides,
         } = directions;
         let differences: Vec<Difference> = vectors
             .iter()
-            .map(|direction| Difference::along(direction, positions, (shift, accuracy)))
+            .map(|direction| Difference::along(direction, positions, (shift, sides)))
             .collect();
         let (mut candidates, ends) = shifted_candidates(positions, vectors, &differences);
         let first_other = candidates.len();
@@ -258,18 +274,17 @@ struct Difference {
 }
 
 impl Difference {
-    /// To both sides as far as the box allows; screening, to the side with more room alone.
-    fn along(direction: &[f64], positions: &[f64], (shift, accuracy): (f64, Accuracy)) -> Self {
+    fn along(direction: &[f64], positions: &[f64], (shift, sides): (f64, Sides)) -> Self {
         let room = |side: f64| {
             let pairs = positions.iter().zip(direction);
             let each = pairs.map(|(position, part)| room(*position, side * part));
             each.fold(shift, f64::min)
         };
         let (back, ahead) = (room(-1.0), room(1.0));
-        match accuracy {
-            Accuracy::Full => Difference { back, ahead },
-            Accuracy::Screening if ahead >= back => Difference { back: 0.0, ahead },
-            Accuracy::Screening => Difference { back, ahead: 0.0 },
+        match sides {
+            Sides::Both => Difference { back, ahead },
+            Sides::One if ahead >= back => Difference { back: 0.0, ahead },
+            Sides::One => Difference { back, ahead: 0.0 },
         }
     }
 

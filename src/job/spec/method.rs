@@ -85,6 +85,7 @@ pub(super) fn read_uncertainty(field: &Field<'_>) -> uncertainty::Settings {
         40..=10_000,
         &mut settings.bootstrap_samples,
     );
+    section.word("flat_directions", &mut settings.flat_directions);
     object.finish();
     settings
 }
