@@ -108,8 +108,10 @@ pub async fn create(
     _query: Params<NoQuery>,
     ModelDocument(document): ModelDocument,
 ) -> Answer {
-    let read = read(document.clone()).await?;
-    let read = read.map_err(Problem::of_document)?;
+    // A document that is refused is also taken apart beside the threads that serve.
+    let read =
+        super::blocking(move || Ok(document::referenced(&document).map(|read| (read, document))));
+    let (read, document) = read.await?.map_err(Problem::of_document)?;
     let new = new_model(&read, document);
     let (status, row) = match state.store.insert_model(new).await? {
         ModelStored::Created(row) => (StatusCode::CREATED, row),
