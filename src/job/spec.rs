@@ -395,7 +395,7 @@ fn read_outputs(
     experiments: Option<&[ExperimentSpec]>,
 ) -> BTreeMap<String, OutputSpec> {
     let mut outputs = BTreeMap::new();
-    for (name, field) in field.object().map(|o| o.entries()).unwrap_or_default() {
+    for (name, field) in field.object().map(|o| o.entries()).into_iter().flatten() {
         check_output(name, &field, model, experiments);
         let Some(mut object) = field.object() else {
             continue;

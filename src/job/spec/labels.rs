@@ -10,13 +10,12 @@ pub(super) fn read(field: &Field<'_>) -> BTreeMap<String, String> {
     let Some(object) = field.object() else {
         return BTreeMap::new();
     };
-    let entries = object.entries();
-    if entries.len() > MAX_LABELS {
-        let detail = format!("{} labels are more than {MAX_LABELS}", entries.len());
+    if object.n_entries() > MAX_LABELS {
+        let detail = format!("{} labels are more than {MAX_LABELS}", object.n_entries());
         field.fault("too_many", detail);
     }
     let mut labels = BTreeMap::new();
-    for (key, value) in entries {
+    for (key, value) in object.entries() {
         if key.is_empty() || key.chars().count() > MAX_NAME_CHARS {
             let detail = format!("a label's name has 1 to {MAX_NAME_CHARS} characters");
             value.fault("out_of_range", detail);

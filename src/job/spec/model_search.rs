@@ -32,17 +32,18 @@ pub(super) fn read(
     let mut object = field.object()?;
     let section = object.required("effects");
     let mut effects = Vec::new();
-    if let Some(section) = &section {
-        let entries = section.array().unwrap_or_default();
+    if let Some(section) = &section
+        && let Some(entries) = section.array()
+    {
         if !(1..=MOST_EFFECTS).contains(&entries.len()) {
             let detail = format!("{} effects: 1 to {MOST_EFFECTS} are tried", entries.len());
             section.fault("out_of_range", detail);
         }
-        for entry in &entries {
+        for entry in entries.take(MOST_EFFECTS) {
             let name = entry.text();
-            let name = name.filter(|name| is_new(name, entry, (model, &effects)));
+            let name = name.filter(|name| is_new(name, &entry, (model, &effects)));
             if let Some(name) = name {
-                check_value(name, entry, (model, parameters));
+                check_value(name, &entry, (model, parameters));
                 effects.push(name.to_owned());
             }
         }
