@@ -13,7 +13,7 @@ use tokio_util::sync::CancellationToken;
 use crate::Outcome;
 use crate::client::get;
 use crate::figure::{Figure, Target, percentile_ms};
-use crate::jobs::{endless_job, store_drive, submit};
+use crate::jobs::{MANY, endless_job, store_drive, submit};
 use crate::observer::{Observer, Stored};
 use crate::server::Server;
 
@@ -30,7 +30,7 @@ type Received = Vec<(i64, Instant)>;
 pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
     let server = Server::start(folder, &[]).await?;
     let mut connection = server.connect().await?;
-    let dataset = store_drive(&mut connection).await?;
+    let dataset = store_drive(&mut connection, MANY).await?;
     let mut jobs = Vec::new();
     for seed in 0..JOBS {
         jobs.push(submit(&mut connection, &endless_job(&dataset, seed)).await?);
