@@ -86,11 +86,15 @@ const PLACES: &[(&str, &[&str])] = &[
     ("comfy_table", &["cli"]),
     // "Did you mean" belongs to the reading of documents and of queries.
     ("strsim", &["document", "api"]),
+    ("saphyr_parser", &["document"]),
     ("nalgebra", &["numerics", "uncertainty", "simulation/stiff.rs"]),
     ("rand", &["numerics/rng.rs"]),
     ("rand_chacha", &["numerics/rng.rs"]),
     // The pool is the process's: whoever starts the process sizes it.
-    ("rayon", &["simulation/batch.rs", "estimation/mod.rs", "uncertainty", "app", "cli"]),
+    (
+        "rayon",
+        &["simulation/batch.rs", "estimation/mod.rs", "estimation/search.rs", "uncertainty", "app", "cli"],
+    ),
 ];
 
 /// What may be used anywhere: the forms of data, errors and identifiers, and mathematics whose

@@ -166,6 +166,85 @@ fn a_comparison_runs_every_method_with_every_seed() {
     assert!(complaints[0].contains("guessing"), "{complaints:?}");
 }
 
+/// A lag whose input and output are the reference and the position of recording A.
+const LAG: &str = "\
+name: lag
+inputs:
+  reference: {symbol: u, unit: m}
+parameters:
+  time: {symbol: T, unit: s, default: 0.2, lower: 0.01, upper: 10, scale: log, unknown: true}
+  spare: {unit: s, default: 1}
+states:
+  x: {unit: m, derivative: (u - x)/T, initial: 0}
+outputs:
+  position: {unit: m, expression: x}
+";
+
+#[test]
+fn a_model_in_a_file_is_simulated_and_estimated() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [mut a, mut b, mut c, mut d] = [const { String::new() }; 4];
+    let recording = path(folder.path(), "steps.csv", &mut a);
+    let model = path(folder.path(), "lag.yaml", &mut b);
+    let given = path(folder.path(), "parameters.yml", &mut c);
+    let job = path(folder.path(), "job.yaml", &mut d);
+    let steps = (0..200).map(|k| format!("{},{}\n", f64::from(k) * 0.01, (k / 50) % 2));
+    let text = "time [s],reference [m]\n".to_owned() + &steps.collect::<String>();
+    std::fs::write(recording, text).expect("a file");
+    std::fs::write(model, LAG).expect("a file");
+    std::fs::write(given, "time: 0.5 # s\n").expect("a file");
+    let output = run(&["simulate", recording, given, "--model", model]);
+    let note = String::from_utf8(output.stderr).expect("text");
+    let said = format!("note: {model}: /parameters/spare: ");
+    assert!(note.starts_with(&said), "{note}");
+    let simulated = String::from_utf8(output.stdout).expect("text");
+    // The input is held at 1 from 0.5 s to 1 s, and the state started at 0.
+    let position = column(&simulated, "position [m]");
+    let expected = 1.0 - f64::exp(-0.5 / 0.5);
+    assert!((position[100] - expected).abs() < 1e-7, "{}", position[100]);
+
+    let both: Vec<String> = position
+        .iter()
+        .enumerate()
+        .map(|(k, x)| format!("{},{},{x}\n", k as f64 * 0.01, (k / 50) % 2))
+        .collect();
+    let text = "time [s],reference [m],position [m]\n".to_owned() + &both.concat();
+    std::fs::write(recording, text).expect("a file");
+    std::fs::write(job, "method: {population: 6, generations: 3}\nseed: 5\n").expect("a file");
+    let result = folder.path().join("result.json");
+    let result = result.to_str().expect("a path of text");
+    printed(&[
+        "estimate", recording, job, "--model", model, "--output", result,
+    ]);
+    let text = std::fs::read(result).expect("a result");
+    let outcome: Outcome = serde_json::from_slice(&text).expect("a result document");
+    assert!(outcome.model.starts_with("lag@"), "{}", outcome.model);
+    let time = outcome.parameters[0].estimate.estimate;
+    assert!((time - 0.5).abs() < 1e-5, "{time}");
+}
+
+#[test]
+fn every_fault_of_a_model_in_a_file_is_named_with_its_place() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [mut a, mut b] = [const { String::new() }; 2];
+    let recording = path(folder.path(), "steps.csv", &mut a);
+    let model = path(folder.path(), "lag.yaml", &mut b);
+    std::fs::write(recording, "time [s],reference [m]\n0,1\n0.01,1\n").expect("a file");
+    let wrong = LAG.replace("(u - x)/T", "(v - x)/(T");
+    std::fs::write(model, wrong.replace("expression: x", "expression: y")).expect("a file");
+    let complaints = complaints(&["simulate", recording, "--model", model]);
+    assert_eq!(complaints.len(), 2, "{complaints:?}");
+    let place = format!("error: {model}: /states/x/derivative: line 1, column 11: ");
+    assert!(complaints[0].starts_with(&place), "{complaints:?}");
+    std::fs::write(model, "name: [lag\n").expect("a file");
+    let output = run(&["simulate", recording, "--model", model]);
+    let complaint = String::from_utf8(output.stderr).expect("text");
+    assert!(complaint.contains("line 2 column 1"), "{complaint}");
+    let output = run(&["simulate", recording, "--model", "lagg"]);
+    let complaint = String::from_utf8(output.stderr).expect("text");
+    assert!(complaint.contains("positioning_drive"), "{complaint}");
+}
+
 #[test]
 fn every_fault_of_a_job_is_named_with_its_place() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -13,8 +13,7 @@
 //! how many searches came to within 1 % of the lowest cost that a descent from the truth finds.
 
 use greybox::demo::{self, Demo};
-use greybox::estimation::objective::Objective;
-use greybox::estimation::refine::Descent;
+use greybox::estimation::refine;
 use greybox::estimation::sensitivity;
 use greybox::estimation::{
     Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Settings,
@@ -162,7 +161,7 @@ fn errors(problem: &Problem, seed: u64, settings: &Settings, truth: &[f64]) -> E
             (error, covered)
         })
         .collect();
-    let floor = floor(problem, settings, truth);
+    let floor = floor(problem, truth);
     Errors {
         of_coordinates,
         has_reached_floor: report.cost.is_some_and(|cost| cost <= 1.01 * floor),
@@ -184,12 +183,9 @@ fn bounds(problem: &Problem, truth: &[f64]) -> Vec<f64> {
 }
 
 /// The cost at the bottom of the minimum in which the truth lies.
-fn floor(problem: &Problem, settings: &Settings, truth: &[f64]) -> f64 {
-    let objective = Objective::new(problem, settings.block_samples as usize);
-    let mut descent = Descent::from(truth.to_vec());
-    descent.polish();
-    while descent.end.is_none() {
-        descent.iterate(problem, &objective, &NEVER);
-    }
-    descent.cost.expect("the rig is simulated")
+fn floor(problem: &Problem, truth: &[f64]) -> f64 {
+    let descent = refine::descend(problem, truth.to_vec(), &NEVER);
+    descent
+        .and_then(|descent| descent.cost)
+        .expect("the rig is simulated")
 }

@@ -17,7 +17,7 @@ use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::manners::hex;
 use super::{ApiState, blocking};
 use crate::dataset::ReadError;
-use crate::document::json as document;
+use crate::document::{json as document, yaml};
 
 /// How long a client may be silent in the middle of a body.
 const LONGEST_SILENCE: Duration = Duration::from_secs(30);
@@ -162,6 +162,53 @@ impl FromRequest<ApiState> for JsonDocument {
             digest: hex(&parsed.digest.finalize()),
         })
     }
+}
+
+/// A model document, JSON or YAML, parsed strictly.
+pub struct ModelDocument(pub Value);
+
+/// The media types of YAML: that of RFC 9512, and those that were in use before it.
+const YAML: [&str; 4] = [
+    "application/yaml",
+    "application/x-yaml",
+    "text/yaml",
+    "text/x-yaml",
+];
+
+impl FromRequest<ApiState> for ModelDocument {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, state: &ApiState) -> Answer<Self> {
+        let media_type = content_type(request.headers());
+        if media_type == "application/json" {
+            let document = JsonDocument::from_request(request, state).await?;
+            return Ok(Self(document.value));
+        }
+        if !YAML.contains(&media_type.as_str()) {
+            let expected = "application/json and application/yaml";
+            return Err(unsupported(request.headers(), expected));
+        }
+        let limit = state.limits.document_bytes;
+        let parsed = parse(request.into_body(), limit, |source| {
+            let mut text = String::new();
+            source
+                .read_to_string(&mut text)
+                .map_err(|error| Problem::new(Kind::Malformed, format!("not a text: {error}")))?;
+            yaml::parse(&text).map_err(|error| not_yaml(&error))
+        });
+        Ok(Self(parsed.await?.value))
+    }
+}
+
+fn not_yaml(error: &yaml::Error) -> Problem {
+    let fault = ProblemFault {
+        line: Some(error.line),
+        column: Some(error.column.to_string()),
+        code: "not_yaml".to_owned(),
+        detail: format!("not YAML that is understood here: {error}"),
+        ..ProblemFault::default()
+    };
+    Problem::of_faults(Kind::Malformed, [fault])
 }
 
 fn parse_json(text: &mut dyn Read) -> Result<Value, Problem> {

@@ -10,7 +10,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::ApiState;
-use super::body::JsonDocument;
+use super::body::ModelDocument;
 use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
 use super::manners::{json, tagged_json};
@@ -69,22 +69,33 @@ impl StoredModel {
     }
 }
 
-/// Store a model: differential equations as text, in a JSON document.
+/// Store a model: differential equations as text, in a JSON or YAML document.
+///
+/// With `Content-Type: application/yaml` the same document in YAML (1.2, core schema, without
+/// anchors and tags) is taken; it is stored and named as its JSON.
 ///
 /// A stored model never changes: its name is that of the document, `@` and part of its digest.
 /// Everything that is wrong with a document is told at once, with line and column in the
 /// expression.
 #[utoipa::path(
     post, path = "/v1/models", operation_id = "create_model", tag = "models",
-    request_body(content = Object, content_type = "application/json",
-                 description = "The model document", example = json!({
-        "name": "lag",
-        "inputs": {"u": {"unit": "V"}},
-        "parameters": {"time": {"symbol": "T", "unit": "s", "default": 1, "lower": 0.1,
-                                "upper": 10, "scale": "log", "unknown": true}},
-        "states": {"y": {"unit": "V", "derivative": "(u - y)/T", "initial": 0}},
-        "outputs": {"y_measured": {"unit": "V", "expression": "y"}}
-    })),
+    request_body(
+        content(
+            (Object = "application/json", example = json!({
+                "name": "lag",
+                "inputs": {"u": {"unit": "V"}},
+                "parameters": {"time": {"symbol": "T", "unit": "s", "default": 1, "lower": 0.1,
+                                        "upper": 10, "scale": "log", "unknown": true}},
+                "states": {"y": {"unit": "V", "derivative": "(u - y)/T", "initial": 0}},
+                "outputs": {"y_measured": {"unit": "V", "expression": "y"}}
+            })),
+            (String = "application/yaml", example = "name: lag\ninputs:\n  u: {unit: V}\nparameters:\n  \
+                time: {symbol: T, unit: s, default: 1, lower: 0.1, upper: 10, scale: log, unknown: true}\n\
+                states:\n  y: {unit: V, derivative: (u - y)/T, initial: 0}\noutputs:\n  \
+                y_measured: {unit: V, expression: y}\n")
+        ),
+        description = "The model document"
+    ),
     responses(
         (status = 201, description = "It is stored", body = StoredModel,
          headers(("Location" = String, description = "Where the model is"))),
@@ -95,11 +106,11 @@ impl StoredModel {
 pub async fn create(
     State(state): State<ApiState>,
     _query: Params<NoQuery>,
-    document: JsonDocument,
+    ModelDocument(document): ModelDocument,
 ) -> Answer {
-    let read = read(document.value.clone()).await?;
+    let read = read(document.clone()).await?;
     let read = read.map_err(Problem::of_document)?;
-    let new = new_model(&read, document.value);
+    let new = new_model(&read, document);
     let (status, row) = match state.store.insert_model(new).await? {
         ModelStored::Created(row) => (StatusCode::CREATED, row),
         ModelStored::There(row) => (StatusCode::OK, row),

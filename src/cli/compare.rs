@@ -24,8 +24,13 @@ pub struct Arguments {
     /// The recording, CSV or JSON
     recording: PathBuf,
 
-    /// The job, JSON; its own method's settings hold for all of them
+    /// The job, JSON or YAML; its own method's settings hold for all of them
     job: PathBuf,
+
+    /// The model in the place of the job's own: a name of the catalogue, or the file of a model
+    /// document, JSON or YAML
+    #[arg(long)]
+    model: Option<String>,
 
     /// The methods
     #[arg(
@@ -59,11 +64,8 @@ struct Trial {
 /// Runs all of them, one after the other, and shows a table.
 pub fn compare(arguments: &Arguments) -> Result<(), CommandError> {
     let methods = methods(&arguments.methods)?;
-    let prepared = Prepared::read(
-        &arguments.recording,
-        &arguments.job,
-        arguments.time.as_deref(),
-    )?;
+    let recording = files::recording(&arguments.recording, arguments.time.as_deref())?;
+    let prepared = Prepared::read(recording, &arguments.job, arguments.model.as_deref())?;
     let problem = &prepared.assembly.problem;
     let mut trials = Vec::new();
     for (name, method) in &methods {

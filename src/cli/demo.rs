@@ -101,6 +101,7 @@ async fn follow(client: &Client, job: &Value) -> Result<(), CommandError> {
     let mut progress = Progress::new();
     while let Some(event) = events.next().await? {
         match event.name.as_str() {
+            "finding" => show_finding(&event.data),
             "generation" => show_generation(&mut progress, &event.data, generations),
             "refinement" => show_refinement(&mut progress, &event.data),
             "end" => {
@@ -111,6 +112,11 @@ async fn follow(client: &Client, job: &Value) -> Result<(), CommandError> {
         }
     }
     Err(CommandError::failed("the events ended before the job did"))
+}
+
+fn show_finding(finding: &Value) {
+    let detail = finding["detail"].as_str().unwrap_or_default();
+    eprintln!("note: {detail}");
 }
 
 fn show_generation(progress: &mut Progress, data: &Value, generations: u64) {

@@ -27,8 +27,13 @@ pub struct Arguments {
     /// The recording, CSV or JSON; every experiment of the job is cut from it
     recording: PathBuf,
 
-    /// The job, JSON as it is submitted to a server; the datasets that it names are not used
+    /// The job as it is submitted to a server, JSON or YAML; the datasets that it names are not used
     job: PathBuf,
+
+    /// The model in the place of the job's own: a name of the catalogue, or the file of a model
+    /// document, JSON or YAML
+    #[arg(long)]
+    model: Option<String>,
 
     /// Where to write the result, JSON
     #[arg(long, short)]
@@ -49,8 +54,9 @@ pub struct Arguments {
 
 /// Estimates, and shows what came of it.
 pub fn estimate(arguments: &Arguments) -> Result<(), CommandError> {
-    let time = arguments.time.as_deref();
-    let Prepared { spec, assembly } = Prepared::read(&arguments.recording, &arguments.job, time)?;
+    let recording = files::recording(&arguments.recording, arguments.time.as_deref())?;
+    let model = arguments.model.as_deref();
+    let Prepared { spec, assembly } = Prepared::read(recording, &arguments.job, model)?;
     for finding in &assembly.findings {
         eprintln!("note: {}: {}", finding.pointer, finding.detail);
     }
@@ -82,12 +88,20 @@ pub(super) struct Prepared {
 }
 
 impl Prepared {
-    /// Reads both and puts them together.
-    pub fn read(recording: &Path, job: &Path, time: Option<&str>) -> Result<Self, CommandError> {
+    /// Reads the job, with `model` in the place of its own, and puts both together.
+    pub fn read(
+        recording: Recording,
+        job: &Path,
+        model: Option<&str>,
+    ) -> Result<Self, CommandError> {
         let wrong = |faults: Vec<Fault>| CommandError::faults(job.display(), &faults);
-        let recording = files::recording(recording, time)?;
         let mut models = Catalogue::built_in();
-        let spec = read_job(files::document(job)?, &recording, &mut models).map_err(wrong)?;
+        let mut document = files::document(job)?;
+        if let (Some(said), Some(job)) = (model, document.as_object_mut()) {
+            let model = files::model(said, &mut models)?;
+            job.insert("model".to_owned(), json!(model.description().name));
+        }
+        let spec = read_job(document, &recording, &mut models).map_err(wrong)?;
         let model = models
             .get(&spec.model)
             .expect("a specification names a model that there is");

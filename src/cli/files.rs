@@ -2,11 +2,14 @@
 
 use super::error::CommandError;
 use crate::dataset::{self, Recording};
-use crate::document::json as document;
+use crate::document::{json as document, yaml};
+use crate::model::document as model_document;
+use crate::model::{Catalogue, Model};
 use serde_json::Value;
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A recording: JSON where the name ends so, else CSV.
 pub fn recording(path: &Path, time: Option<&str>) -> Result<Recording, CommandError> {
@@ -33,10 +36,45 @@ pub fn recording(path: &Path, time: Option<&str>) -> Result<Recording, CommandEr
     })
 }
 
-/// A JSON document, read as strictly as the service reads it.
+/// A document, read as strictly as the service reads it: YAML where the name ends so, else JSON.
 pub fn document(path: &Path) -> Result<Value, CommandError> {
     let text = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
-    document::parse(&text[..]).map_err(|error| unreadable(path, &error))
+    if !ends_with(path, &["yaml", "yml"]) {
+        return document::parse(&text[..]).map_err(|error| unreadable(path, &error));
+    }
+    let text = std::str::from_utf8(&text).map_err(|error| unreadable(path, &error))?;
+    yaml::parse(text).map_err(|error| unreadable(path, &error))
+}
+
+fn ends_with(path: &Path, extensions: &[&str]) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    extension.is_some_and(|own| extensions.contains(&own))
+}
+
+/// The model that `--model` says: a name of the catalogue, or the file of a document, which joins
+/// the catalogue. What its author should know is said on the way.
+pub fn model(said: &str, models: &mut Catalogue) -> Result<Arc<Model>, CommandError> {
+    let path = Path::new(said);
+    if ends_with(path, &["json", "yaml", "yml"]) {
+        let document = document(path)?;
+        let read = model_document::referenced(&document);
+        let read = read.map_err(|faults| CommandError::faults(said, &faults))?;
+        for warning in &read.warnings {
+            eprintln!("note: {said}: {warning}");
+        }
+        models.add(Arc::clone(&read.model));
+        return Ok(read.model);
+    }
+    models.get(said).cloned().ok_or_else(|| {
+        let known: Vec<&str> = models
+            .iter()
+            .map(|model| &*model.description().name)
+            .collect();
+        CommandError::input(format!(
+            "--model {said}: the models are {}, or the file of a document (.json, .yaml)",
+            known.join(", ")
+        ))
+    })
 }
 
 /// Writes to a file, or to standard output.

@@ -9,7 +9,6 @@ use crate::simulation::{Accuracy, Candidate, Excitation, single};
 use clap::Args;
 use serde_json::Value;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// What `simulate` is given.
@@ -21,7 +20,7 @@ pub struct Arguments {
     /// Values of parameters, a JSON object {"mass": 58, …}; what is not named has its default
     parameters: Option<PathBuf>,
 
-    /// The model
+    /// The model: a name of the catalogue, or the file of a model document, JSON or YAML
     #[arg(long, default_value = "single_rod_servo")]
     model: String,
 
@@ -36,7 +35,7 @@ pub struct Arguments {
 
 /// Writes the outputs.
 pub fn simulate(arguments: &Arguments) -> Result<(), CommandError> {
-    let model = model_of_name(&arguments.model)?;
+    let model = files::model(&arguments.model, &mut Catalogue::built_in())?;
     let recording = files::recording(&arguments.recording, arguments.time.as_deref())?;
     let parameters = match &arguments.parameters {
         Some(path) => {
@@ -51,20 +50,6 @@ pub fn simulate(arguments: &Arguments) -> Result<(), CommandError> {
     })?;
     let outputs = outputs(&model, &parameters, inputs)?;
     files::write(arguments.output.as_deref(), &files::csv(&outputs))
-}
-
-fn model_of_name(name: &str) -> Result<Arc<Model>, CommandError> {
-    let models = Catalogue::built_in();
-    let known: Vec<&str> = models
-        .iter()
-        .map(|model| &*model.description().name)
-        .collect();
-    models.get(name).cloned().ok_or_else(|| {
-        CommandError::input(format!(
-            "--model {name}: the models are {}",
-            known.join(", ")
-        ))
-    })
 }
 
 /// The defaults with the named values in their places, or everything that is wrong with them.

@@ -68,11 +68,13 @@ impl Fault {
 
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.pointer.is_empty() {
-            write!(f, "{}", self.detail)
-        } else {
-            write!(f, "{}: {}", self.pointer, self.detail)
+        if !self.pointer.is_empty() {
+            write!(f, "{}: ", self.pointer)?;
         }
+        if let (Some(line), Some(column)) = (self.line, self.column) {
+            write!(f, "line {line}, column {column}: ")?;
+        }
+        write!(f, "{}", self.detail)
     }
 }
 
@@ -99,5 +101,8 @@ mod tests {
     fn a_fault_reads_as_place_and_sentence() {
         let fault = Fault::new("/seed", "out_of_range", "-1 is below 0");
         assert_eq!(fault.to_string(), "/seed: -1 is below 0");
+        let fault = Fault::new("/states/x/derivative", "unknown_name", "`y`?").within((1, 4));
+        let text = "/states/x/derivative: line 1, column 4: `y`?";
+        assert_eq!(fault.to_string(), text);
     }
 }

@@ -1,9 +1,10 @@
-//! Submitted documents of any kind: JSON text to a value, a value to types, and what is wrong.
+//! Submitted documents of any kind: JSON or YAML text to a value, a value to types, and what is wrong.
 //!
 //! Reading never stops at the first fault: all of them come back at once, each with its place.
 
 pub mod fault;
 pub mod json;
 pub mod reader;
+pub mod yaml;
 
 pub use fault::Fault;

@@ -15,6 +15,7 @@
 //! and however often the run is laid down ([`Estimation::checkpoint`]) and taken up again; no
 //! clock, no I/O; a candidate that fails is a value.
 
+pub mod climb;
 pub mod differential;
 pub mod leaders;
 pub mod memory;
@@ -37,9 +38,8 @@ pub use settings::Settings;
 pub use stop_reason::StopReason;
 
 use crate::numerics::rng;
-use objective::Objective;
 use rayon::prelude::*;
-use refine::Descent;
+use refine::{Descent, Minimum};
 use search::Search;
 use serde::{Deserialize, Serialize};
 use settings::MethodName;
@@ -127,7 +127,6 @@ pub struct Estimation {
     search: Search,
     /// What the search judges, where that is not the free run ([`segments`]).
     segmented: Option<Problem>,
-    objective: Objective,
     searches: Vec<FinishedSearch>,
     descents: Vec<Descent>,
     phase: Phase,
@@ -143,7 +142,6 @@ impl Estimation {
             settings: settings.clone(),
             search: Search::start(segmented.as_ref().unwrap_or(problem), settings, seed),
             segmented,
-            objective: Objective::new(problem, settings.block_samples as usize),
             searches: Vec::new(),
             descents: Vec::new(),
             phase: Phase::Search,
@@ -194,7 +192,6 @@ impl Estimation {
             settings: settings.clone(),
             search: Search::resume(searched, settings, seed, checkpoint.search),
             segmented,
-            objective: Objective::new(problem, settings.block_samples as usize),
             searches: checkpoint.searches,
             descents: checkpoint.descents,
             phase: checkpoint.phase,
@@ -293,9 +290,11 @@ impl Estimation {
         }
         // Side by side, because one alone does not fill the cores. All or none, so that a unit
         // that was interrupted leaves no trace.
+        let found = self.descents.iter().filter_map(Descent::minimum);
+        let found: Vec<Minimum> = found.collect();
         let iterate = |descent: &Descent| {
             let mut next = descent.clone();
-            let done = next.end.is_some() || next.iterate(problem, &self.objective, stop);
+            let done = next.end.is_some() || next.iterate(problem, &found, stop);
             done.then_some(next)
         };
         let Some(next) = self

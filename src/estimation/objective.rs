@@ -72,7 +72,7 @@ impl Objective {
         accuracy: Accuracy,
         stop: &AtomicBool,
     ) -> Option<Vec<Evaluation>> {
-        let spelled = Spelled::new(problem, candidates, None);
+        let spelled = Spelled::new(problem, candidates);
         let runs = spelled.runs(problem, Extent::Estimation, accuracy);
         let new_sink = |run: usize| SquareSums {
             experiment: &problem.experiments[run],

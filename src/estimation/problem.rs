@@ -121,6 +121,14 @@ pub struct Filled {
 }
 
 impl Problem {
+    /// Whether the noise of every output is declared, so that a cost of one is what noise alone
+    /// leaves.
+    #[must_use]
+    pub fn declares_noise(&self) -> bool {
+        let declares = |output: &MeasuredOutput| output.noise_std == Some(output.residual_scale);
+        self.outputs.iter().all(declares)
+    }
+
     /// The value of each coordinate at a candidate's positions, SI.
     #[must_use]
     pub fn values(&self, positions: &[f64]) -> Vec<f64> {
@@ -200,13 +208,14 @@ pub enum Extent {
 #[derive(Debug)]
 pub struct Spelled {
     filled: Vec<Vec<Filled>>,
-    resolved_rate: Option<f64>,
+    /// For each candidate; none: what it needs itself.
+    resolved_rates: Vec<Option<f64>>,
 }
 
 impl Spelled {
-    /// Spells candidates out. With a `resolved_rate` all of them take the same steps.
+    /// Spells candidates out, each with the steps that it needs.
     #[must_use]
-    pub fn new(problem: &Problem, candidates: &[Vec<f64>], resolved_rate: Option<f64>) -> Self {
+    pub fn new(problem: &Problem, candidates: &[Vec<f64>]) -> Self {
         let of_experiment = |experiment| {
             candidates
                 .iter()
@@ -216,8 +225,15 @@ impl Spelled {
         let filled = (0..problem.experiments.len()).map(of_experiment).collect();
         Spelled {
             filled,
-            resolved_rate,
+            resolved_rates: vec![None; candidates.len()],
         }
+    }
+
+    /// Lets the first `members` take the same steps: what the first of them needs.
+    #[must_use]
+    pub fn in_step(mut self, problem: &Problem, (first, members): (&[f64], usize)) -> Self {
+        self.resolved_rates[..members].fill(Some(problem.resolved_rate(first)));
+        self
     }
 
     /// One run for each experiment.
@@ -243,10 +259,11 @@ impl Spelled {
                 },
                 candidates: filled
                     .iter()
-                    .map(|filled| Candidate {
+                    .zip(&self.resolved_rates)
+                    .map(|(filled, rate)| Candidate {
                         parameters: &filled.parameters,
                         initial_state: &filled.initial_state,
-                        resolved_rate: self.resolved_rate,
+                        resolved_rate: *rate,
                     })
                     .collect(),
             })

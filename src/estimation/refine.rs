@@ -1,18 +1,18 @@
 //! Levenberg–Marquardt within the search box, from several good candidates.
 //!
 //! In positions (0 to 1 along each coordinate's scale) the scaled residuals are linearised
-//! ([`super::sensitivity`]); the damped least-squares steps for eight dampings are simulated
+//! ([`super::sensitivity`]); the damped least-squares steps for several dampings are simulated
 //! together and the best of them is taken (K. Levenberg 1944, D. W. Marquardt 1963; the form
 //! with a triangle instead of normal equations after J. J. Moré, "The Levenberg–Marquardt
 //! algorithm", Lecture Notes in Mathematics 630, 1978). A coordinate that stands at a bound and
 //! is drawn beyond it is held there for the step. A descent goes down coarsely simulated first;
 //! the one that came lowest is then polished, simulated finely.
 
-use super::objective::Objective;
 use super::problem::Problem;
-use super::sensitivity::{self, SensitivityError};
+use super::sensitivity::{self, Directions, Neighbourhood, SensitivityError};
 use crate::numerics::least_squares::{Rows, Triangle};
-use crate::simulation::Accuracy;
+use crate::simulation::lanes::LANES;
+use crate::simulation::{Accuracy, Failure};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 
@@ -27,8 +27,17 @@ fn smallest_progress(accuracy: Accuracy) -> (f64, f64) {
         Accuracy::Full => (1e-7, 1e-9),
     }
 }
-/// The dampings that are tried, relative to the last good one.
-const DAMPING_FACTORS: [f64; 8] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e4];
+/// A fine descent ends within so many standard errors of its minimum,
+const POLISHED: f64 = 1e-4;
+/// by a last step that is not longer than this and not simulated any more.
+const NEAR: f64 = 1e-2;
+/// Two minima that are fewer standard errors apart are one.
+const SAME_MINIMUM: f64 = 1.0;
+/// The dampings that are tried, relative to the last good one: the first always, of the others as
+/// many as fill the lanes.
+const DAMPING_FACTORS: [f64; 8] = [1e-4, 1.0, 1e2, 1e-2, 10.0, 1e-1, 1e4, 1e-3];
+/// So many of the others at least.
+const FEWEST_OTHERS: usize = 3;
 const FIRST_DAMPING: f64 = 1e-3;
 const SMALLEST_DAMPING: f64 = 1e-14;
 
@@ -51,15 +60,64 @@ pub fn linearise(
     accuracy: Accuracy,
     stop: &AtomicBool,
 ) -> Result<Linearisation, SensitivityError> {
-    let mut rows = Rows::new(positions.len());
-    let mut sum = 0.0;
-    sensitivity::visit_rows(problem, positions, accuracy, stop, |row| {
-        rows.add(row.derivatives.iter().copied(), row.residual);
-        sum += row.residual * row.residual;
-    })?;
-    let triangle = rows.finish();
-    let cost = sum / triangle.rows() as f64;
-    Ok(Linearisation { triangle, cost })
+    let axes = sensitivity::axes(positions.len());
+    let axes = Directions::along_axes(positions, &axes, accuracy);
+    Neighbourhood::simulate(problem, axes, &[], (accuracy, stop))
+        .ok_or(SensitivityError::Interrupted)
+        .and_then(|around| Linearisation::of(&around).map_err(SensitivityError::Failed))
+}
+
+impl Linearisation {
+    fn of(around: &Neighbourhood<'_>) -> Result<Linearisation, Failure> {
+        let mut rows = Rows::new(around.n_columns());
+        let mut sum = 0.0;
+        around.visit(|row| {
+            rows.add(row.derivatives.iter().copied(), row.residual);
+            sum += row.residual * row.residual;
+        })?;
+        let triangle = rows.finish();
+        let cost = sum / triangle.rows() as f64;
+        Ok(Linearisation { triangle, cost })
+    }
+
+    /// The coordinates that a step may move: not those at a bound that are drawn beyond it.
+    fn free(&self, positions: &[f64]) -> Vec<bool> {
+        let gradient = self.triangle.gradient();
+        let pairs = positions.iter().zip(gradient.iter());
+        let held =
+            |(z, slope): (&f64, &f64)| (*z <= 0.0 && *slope > 0.0) || (*z >= 1.0 && *slope < 0.0);
+        pairs.map(|pair| !held(pair)).collect()
+    }
+
+    /// Where the linear model has its minimum, and how much of the cost, as a share, is gained
+    /// there. Nothing where the data do not fix it.
+    #[must_use]
+    pub fn outlook(&self, positions: &[f64]) -> Option<Outlook> {
+        let step = self
+            .triangle
+            .damped_step(SMALLEST_DAMPING, &self.free(positions))?;
+        let sum = self.cost * self.triangle.rows() as f64;
+        let moved = positions.iter().zip(step.iter());
+        Some(Outlook {
+            positions: moved.map(|(z, d)| (z + d).clamp(0.0, 1.0)).collect(),
+            gain: self.triangle.reduction(&step) / sum,
+        })
+    }
+
+    /// How far two candidates are apart, in standard errors.
+    fn distance(&self, one: &[f64], other: &[f64]) -> f64 {
+        let step: Vec<f64> = one.iter().zip(other).map(|(a, b)| a - b).collect();
+        (self.triangle.movement(&step) / self.cost).sqrt()
+    }
+}
+
+/// What the linear model promises.
+#[derive(Clone, Debug)]
+pub struct Outlook {
+    /// Its minimum.
+    pub positions: Vec<f64>,
+    /// The share of the cost that is gained there.
+    pub gain: f64,
 }
 
 /// The candidates that the dampings lead to, with their dampings.
@@ -67,16 +125,10 @@ pub fn linearise(
 pub fn trial_steps(
     linearisation: &Linearisation,
     positions: &[f64],
-    damping: f64,
+    dampings: impl IntoIterator<Item = f64>,
 ) -> Vec<(f64, Vec<f64>)> {
-    let gradient = linearisation.triangle.gradient();
-    let free: Vec<bool> = positions
-        .iter()
-        .zip(gradient.iter())
-        .map(|(z, slope)| !((*z <= 0.0 && *slope > 0.0) || (*z >= 1.0 && *slope < 0.0)))
-        .collect();
-    let trial = |factor: &f64| {
-        let damping = (damping * factor).max(SMALLEST_DAMPING);
+    let free = linearisation.free(positions);
+    let trial = |damping: f64| {
         let step = linearisation.triangle.damped_step(damping, &free)?;
         let moved = positions
             .iter()
@@ -84,7 +136,7 @@ pub fn trial_steps(
             .map(|(z, d)| (z + d).clamp(0.0, 1.0));
         Some((damping, moved.collect()))
     };
-    DAMPING_FACTORS.iter().filter_map(trial).collect()
+    dampings.into_iter().filter_map(trial).collect()
 }
 
 /// Why a descent ended.
@@ -93,24 +145,69 @@ pub fn trial_steps(
 pub enum DescentEnd {
     /// No step gains anything more.
     Converged,
+    /// Its step leads within a standard error of a minimum that another descent has found, and it
+    /// is taken to end there.
+    Merged,
     /// The iterations are used up.
     IterationLimit,
     /// The candidate or its neighbours cannot be simulated.
     Failed,
 }
 
+impl DescentEnd {
+    /// The name in results.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            DescentEnd::Converged => "converged",
+            DescentEnd::Merged => "merged",
+            DescentEnd::IterationLimit => "iteration_limit",
+            DescentEnd::Failed => "failed",
+        }
+    }
+}
+
 /// Descends from a start, simulated finely, to the end. Nothing when `stop` was raised.
 #[must_use]
 pub fn descend(problem: &Problem, start: Vec<f64>, stop: &AtomicBool) -> Option<Descent> {
-    let objective = Objective::new(problem, usize::MAX);
     let mut descent = Descent::from(start);
     descent.polish();
     while descent.end.is_none() {
-        if !descent.iterate(problem, &objective, stop) {
+        if !descent.iterate(problem, &[], stop) {
             return None;
         }
     }
     Some(descent)
+}
+
+/// What one iteration leads to.
+struct Step {
+    damping: f64,
+    positions: Vec<f64>,
+    cost: f64,
+    /// The residuals linearised there, if they are.
+    linearisation: Option<Linearisation>,
+}
+
+impl Step {
+    /// No damping leads anywhere.
+    fn nowhere() -> Step {
+        Step {
+            damping: FIRST_DAMPING,
+            positions: Vec::new(),
+            cost: f64::INFINITY,
+            linearisation: None,
+        }
+    }
+}
+
+/// A minimum of the cost.
+#[derive(Clone, Debug)]
+pub struct Minimum {
+    /// Where.
+    pub positions: Vec<f64>,
+    /// The cost there.
+    pub cost: f64,
 }
 
 /// One descent from one start.
@@ -134,6 +231,14 @@ pub struct Descent {
     pub coarse_cost: Option<f64>,
     accuracy: Accuracy,
     damping: f64,
+    /// How far the linear model's minimum was away, in standard errors.
+    distance: Option<f64>,
+    /// The residuals linearised where it is, if they are. Not laid down: it comes out the same
+    /// when it is computed again.
+    #[serde(skip)]
+    linearisation: Option<Linearisation>,
+    /// Whether its candidates are among the evaluations.
+    is_counted: bool,
 }
 
 impl Descent {
@@ -151,6 +256,9 @@ impl Descent {
             coarse_cost: None,
             accuracy: Accuracy::Screening,
             damping: FIRST_DAMPING,
+            distance: None,
+            linearisation: None,
+            is_counted: false,
         }
     }
 
@@ -165,54 +273,161 @@ impl Descent {
         self.accuracy = Accuracy::Full;
         self.coarse_cost = self.cost.take();
         self.end = None;
+        self.linearisation = None;
+        self.is_counted = false;
     }
 
-    /// One iteration. Answers false, with nothing changed, when `stop` was raised.
-    pub fn iterate(&mut self, problem: &Problem, objective: &Objective, stop: &AtomicBool) -> bool {
-        let linearisation = match linearise(problem, &self.positions, self.accuracy, stop) {
-            Ok(linearisation) => linearisation,
-            Err(SensitivityError::Interrupted) => return false,
-            Err(SensitivityError::Failed(_)) => {
-                self.end = Some(DescentEnd::Failed);
-                return true;
-            }
+    /// One iteration; `found` are the minima that others have found. Answers false, with nothing
+    /// changed, when `stop` was raised.
+    pub fn iterate(&mut self, problem: &Problem, found: &[Minimum], stop: &AtomicBool) -> bool {
+        let linearisation = match self.linearisation.take() {
+            Some(known) => known,
+            None => match linearise(problem, &self.positions, self.accuracy, stop) {
+                Ok(linearisation) => {
+                    if !self.is_counted {
+                        self.evaluations += self.columns();
+                    }
+                    linearisation
+                }
+                Err(SensitivityError::Interrupted) => return false,
+                Err(SensitivityError::Failed(_)) => {
+                    self.end = Some(DescentEnd::Failed);
+                    return true;
+                }
+            },
         };
-        let trials = trial_steps(&linearisation, &self.positions, self.damping);
-        let candidates: Vec<Vec<f64>> = trials.iter().map(|(_, moved)| moved.clone()).collect();
-        let Some(evaluations) = objective.evaluate(problem, &candidates, self.accuracy, stop)
-        else {
+        self.start_cost.get_or_insert(linearisation.cost);
+        if let Some((end, minimum)) = self.foreseen_end(&linearisation, found) {
+            self.positions = minimum.positions;
+            self.cost = Some(minimum.cost);
+            self.end = Some(end);
+            return true;
+        }
+        let Some(step) = self.step(problem, &linearisation, stop) else {
+            self.linearisation = Some(linearisation);
             return false;
         };
         self.iterations += 1;
-        self.evaluations += (1 + 2 * self.positions.len() + candidates.len()) as u64;
-        self.start_cost.get_or_insert(linearisation.cost);
-        let before = self
-            .cost
-            .map_or(linearisation.cost, |cost| cost.min(linearisation.cost));
-        self.cost = Some(before);
-        let best = evaluations
-            .iter()
-            .zip(trials)
-            .min_by(|(a, _), (b, _)| a.cost.total_cmp(&b.cost))
-            .filter(|(evaluation, _)| evaluation.cost < before);
-        let Some((evaluation, (damping, moved))) = best else {
-            self.end = Some(DescentEnd::Converged);
-            return true;
+        self.take(step, linearisation.cost);
+        true
+    }
+
+    /// The candidate and its neighbours, as many as a linearisation simulates.
+    fn columns(&self) -> u64 {
+        let n = self.positions.len() as u64;
+        match self.accuracy {
+            Accuracy::Screening => 1 + n,
+            Accuracy::Full => 1 + 2 * n,
+        }
+    }
+
+    /// Simulates what the dampings lead to; the boldest together with its neighbours, because it
+    /// mostly wins and is then linearised already. Answers nothing when `stop` was raised.
+    fn step(
+        &mut self,
+        problem: &Problem,
+        linearisation: &Linearisation,
+        stop: &AtomicBool,
+    ) -> Option<Step> {
+        let least = self.columns() as usize + FEWEST_OTHERS;
+        let others = FEWEST_OTHERS + least.next_multiple_of(LANES) - least;
+        let factors = DAMPING_FACTORS.iter().take(1 + others);
+        let dampings = factors.map(|factor| (self.damping * factor).max(SMALLEST_DAMPING));
+        let trials = trial_steps(linearisation, &self.positions, dampings);
+        let Some((boldest, others)) = trials.split_first() else {
+            return Some(Step::nowhere());
         };
-        let distance = moved
-            .iter()
-            .zip(&self.positions)
+        let axes = sensitivity::axes(self.positions.len());
+        let axes = Directions::along_axes(&boldest.1, &axes, self.accuracy);
+        let candidates: Vec<Vec<f64>> = others.iter().map(|(_, moved)| moved.clone()).collect();
+        let around = Neighbourhood::simulate(problem, axes, &candidates, (self.accuracy, stop))?;
+        self.evaluations += self.columns() + others.len() as u64;
+        let bold = Linearisation::of(&around).ok();
+        let bold = bold.map(|bold| Step {
+            damping: boldest.0,
+            positions: boldest.1.clone(),
+            cost: bold.cost,
+            linearisation: Some(bold),
+        });
+        let others = others.iter().enumerate();
+        let others = others.map(|(place, (damping, moved))| Step {
+            damping: *damping,
+            positions: moved.clone(),
+            cost: around.cost(place),
+            linearisation: None,
+        });
+        let all = bold.into_iter().chain(others);
+        let best = all.min_by(|a, b| a.cost.total_cmp(&b.cost));
+        Some(best.unwrap_or_else(Step::nowhere))
+    }
+
+    /// Takes a step, if it gains anything, and ends where that is not worth another.
+    fn take(&mut self, step: Step, here: f64) {
+        let before = self.cost.map_or(here, |cost| cost.min(here));
+        self.cost = Some(before);
+        if step.cost.is_nan() || step.cost >= before {
+            self.end = Some(DescentEnd::Converged);
+            return;
+        }
+        let pairs = step.positions.iter().zip(&self.positions);
+        let distance = pairs
             .map(|(new, old)| (new - old).abs())
             .fold(0.0, f64::max);
-        self.positions = moved;
-        self.cost = Some(evaluation.cost);
-        self.damping = damping;
         let (gain, shift) = smallest_progress(self.accuracy);
-        if before - evaluation.cost < gain * before || distance < shift {
+        if before - step.cost < gain * before || distance < shift {
             self.end = Some(DescentEnd::Converged);
         } else if self.iterations >= LARGEST_ITERATION_COUNT {
             self.end = Some(DescentEnd::IterationLimit);
         }
-        true
+        self.positions = step.positions;
+        self.cost = Some(step.cost);
+        self.damping = step.damping;
+        self.is_counted = step.linearisation.is_some();
+        self.linearisation = step.linearisation;
+    }
+
+    /// Where a descent can end without another simulation: in a minimum that is known, where the
+    /// linear model leads there, or here, where it promises no gain that counts.
+    fn foreseen_end(
+        &mut self,
+        linearisation: &Linearisation,
+        found: &[Minimum],
+    ) -> Option<(DescentEnd, Minimum)> {
+        let outlook = linearisation.outlook(&self.positions)?;
+        let distance = linearisation.distance(&outlook.positions, &self.positions);
+        if self.is_polished() {
+            // What is left after the next step, if it shrinks as it did last.
+            let before = self.distance.replace(distance);
+            let shrinkage = before.map_or(1.0, |before| distance / before);
+            let gained = linearisation.cost * (1.0 - outlook.gain);
+            let is_there = distance < NEAR && distance * shrinkage < POLISHED;
+            let minimum = Minimum {
+                positions: outlook.positions,
+                cost: gained,
+            };
+            return is_there.then_some((DescentEnd::Converged, minimum));
+        }
+        if outlook.gain < smallest_progress(self.accuracy).0 {
+            let here = Minimum {
+                positions: self.positions.clone(),
+                cost: linearisation.cost,
+            };
+            return Some((DescentEnd::Converged, here));
+        }
+        let leads_to = |minimum: &&Minimum| {
+            linearisation.distance(&outlook.positions, &minimum.positions) < SAME_MINIMUM
+        };
+        let known = found.iter().find(leads_to);
+        known.map(|minimum| (DescentEnd::Merged, minimum.clone()))
+    }
+
+    /// The minimum that it has found, if it has converged.
+    #[must_use]
+    pub fn minimum(&self) -> Option<Minimum> {
+        let cost = self.cost?;
+        (self.end == Some(DescentEnd::Converged)).then(|| Minimum {
+            positions: self.positions.clone(),
+            cost,
+        })
     }
 }

@@ -5,18 +5,19 @@
 //! stream named by seed, generation and purpose: a search that is laid down after any generation
 //! goes on with the same bits.
 
+use super::climb::Climb;
 use super::differential;
 use super::leaders::{self, Judged};
 use super::memory::Memory;
 use super::objective::{Evaluation, Objective};
 use super::observer::{Counters, GenerationRow};
 use super::problem::Problem;
-use super::refine;
 use super::settings::{BlockOrder, CreditForm, ErrorSpread, MethodName, Settings};
 use super::stop_reason::{Stagnation, StopReason};
 use crate::credit::{self, Credits, icra::Network, spread};
 use crate::genetic::{Chromosome, Encoding, operators};
 use crate::numerics::rng::{self, Purpose, stream};
+use crate::numerics::statistics;
 use crate::simulation::Accuracy;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
@@ -56,6 +57,9 @@ pub struct State {
     pub best_generation: Option<u32>,
     /// What has been done.
     pub counters: Counters,
+    /// The champion that climbed last.
+    #[serde(default)]
+    pub climbed: Option<Chromosome>,
     /// How long nothing has been gained.
     pub stagnation: Stagnation,
 }
@@ -99,6 +103,7 @@ impl Search {
             best_credit: None,
             best_generation: None,
             counters: Counters::default(),
+            climbed: None,
             stagnation: Stagnation::default(),
         };
         Search::resume(problem, settings, seed, state)
@@ -132,6 +137,7 @@ impl Search {
         let both = state.earlier.take().into_iter().chain(last);
         state.earlier = both.min_by(|a, b| a.cost.total_cmp(&b.cost));
         state.stagnation = Stagnation::default();
+        state.climbed = None;
     }
 
     /// The best candidate of this search and those before.
@@ -151,23 +157,34 @@ impl Search {
     /// `stop` was raised.
     pub fn generation(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<Generation> {
         let population = self.state.population.clone();
-        let evaluations = self.evaluate(problem, &population, stop)?;
         if self.settings.name == MethodName::DifferentialEvolution {
+            let evaluations = self.evaluate(problem, &population, stop)?;
             return Some(self.challenge(problem, &population, &evaluations));
         }
-        let climbed = self.climb(problem, &population, &evaluations, stop)?;
+        let elite = self.climber();
+        let encoding = self.encoding;
+        let (evaluations, climb) = rayon::join(
+            || self.evaluate(problem, &population, stop),
+            || match &elite {
+                Some(elite) => Climb::from(problem, &encoding.decode(elite), stop),
+                None => Some(Climb::default()),
+            },
+        );
+        let (evaluations, climb) = (evaluations?, climb?);
 
         let credits = self.judge(&evaluations);
-        self.state.generation += 1;
-        self.state.counters.evaluations += population.len() as u64;
+        let state = &mut self.state;
+        state.generation += 1;
+        state.counters.evaluations += population.len() as u64 + climb.evaluations;
+        state.counters.distinct_evaluations += climb.evaluations;
+        state.climbed = elite.or(state.climbed.take());
         self.remember_leaders(&population, &evaluations);
         self.remember_credit(&credits);
-        if let Some(climbed) = &climbed {
-            self.lead(climbed.clone());
-        }
         let row = self.row(problem, &evaluations, Some(&credits));
         let stop = self.stop_reason();
-        self.state.population = self.breed(&population, &evaluations, &credits, climbed);
+        let at_floor = self.settings.noise_floor && climb.at_floor;
+        let stop = at_floor.then_some(StopReason::NoiseFloor).or(stop);
+        self.state.population = self.breed(&population, &evaluations, &credits, &climb.to);
         Some(Generation { row, stop })
     }
 
@@ -283,7 +300,7 @@ impl Search {
         population: &[Chromosome],
         evaluations: &[Arc<Evaluation>],
         credits: &Credits,
-        climbed: Option<Judged>,
+        climbed: &[Vec<f64>],
     ) -> Vec<Chromosome> {
         let settings = &self.settings;
         let mut selection = self.stream(Purpose::Selection);
@@ -310,9 +327,9 @@ impl Search {
         if settings.elitism {
             next[0] = self.elite(population, evaluations);
         }
-        if let Some(climbed) = climbed {
-            let place = usize::from(settings.elitism).min(next.len() - 1);
-            next[place] = climbed.chromosome;
+        let places = next.iter_mut().skip(usize::from(settings.elitism));
+        for (place, positions) in places.take(population.len() / 4).zip(climbed) {
+            *place = self.encoding.encode(positions);
         }
         next
     }
@@ -325,45 +342,14 @@ impl Search {
         }
     }
 
-    /// Hill-climbing: now and then the best candidate takes one least-squares step. Answers the
-    /// candidate that it leads to, if that is better; nothing at all when interrupted.
-    fn climb(
-        &mut self,
-        problem: &Problem,
-        population: &[Chromosome],
-        evaluations: &[Arc<Evaluation>],
-        stop: &AtomicBool,
-    ) -> Option<Option<Judged>> {
+    /// Hill-climbing: now and then the champion takes least-squares steps, if it has not before.
+    /// Where they lead, candidates of the next generation stand.
+    fn climber(&self) -> Option<Chromosome> {
         let interval = self.settings.hill_climbing_interval;
-        let best = index_of_best(evaluations);
         let due = interval > 0 && (self.state.generation + 1).is_multiple_of(interval);
-        if !due || evaluations[best].failure.is_some() {
-            return Some(None);
-        }
-        let positions = self.encoding.decode(&population[best]);
-        let linearisation = match refine::linearise(problem, &positions, Accuracy::Screening, stop)
-        {
-            Ok(linearisation) => linearisation,
-            Err(super::sensitivity::SensitivityError::Interrupted) => return None,
-            Err(super::sensitivity::SensitivityError::Failed(_)) => return Some(None),
-        };
-        let steps = refine::trial_steps(&linearisation, &positions, 1.0);
-        let trials: Vec<Chromosome> = steps
-            .iter()
-            .map(|(_, moved)| self.encoding.encode(moved))
-            .collect();
-        let judged = self.evaluate(problem, &trials, stop)?;
-        self.state.counters.evaluations += (trials.len() + 2 * positions.len() + 1) as u64;
-        let climbed = trials
-            .into_iter()
-            .zip(&judged)
-            .min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost))
-            .filter(|(_, evaluation)| evaluation.cost < evaluations[best].cost)
-            .map(|(chromosome, evaluation)| Judged {
-                chromosome,
-                cost: evaluation.cost,
-            });
-        Some(climbed)
+        let champion = &self.state.leaders.first()?.chromosome;
+        let is_new = self.state.climbed.as_ref() != Some(champion);
+        (due && is_new).then(|| champion.clone())
     }
 
     fn remember_leaders(&mut self, population: &[Chromosome], evaluations: &[Arc<Evaluation>]) {
@@ -418,7 +404,7 @@ impl Search {
             evaluations: self.state.counters.evaluations,
             best_cost: champion.map_or(f64::INFINITY, |champion| champion.cost),
             generation_best_cost: costs().fold(f64::INFINITY, f64::min),
-            mean_cost: crate::numerics::statistics::mean(costs()),
+            mean_cost: statistics::mean(costs()),
             best_credit: credits.map_or(f64::NAN, |credits| largest(&credits.credit)),
             entropy: credits.map_or(f64::NAN, |credits| credits.entropy),
             credit_updates: credits.map_or(0, |credits| credits.updates as u32),

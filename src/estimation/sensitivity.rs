@@ -1,4 +1,5 @@
-//! How the residuals move with the coordinates, by central differences.
+//! How the residuals move with the coordinates, by central differences; by differences ahead where
+//! the simulation is coarse and half as many candidates tell as much.
 //!
 //! All columns are simulated together as one batch, with the same integration steps, so that the
 //! differences are those of the equations and not of the step control. Positions, not values,
@@ -6,12 +7,12 @@
 
 use super::problem::{Extent, Problem, Spelled};
 use crate::simulation::batch::{self, Sink};
-use crate::simulation::lanes::{LANES, Lanes};
+use crate::simulation::lanes::Lanes;
 use crate::simulation::{Accuracy, Failure};
 use std::sync::atomic::AtomicBool;
 
-/// Half the distance of a central difference, as a share of the search range. All lanes take the
-/// same steps, so that only rounding counts against a short one; a long one sees where commands
+/// How far a difference goes to a side, as a share of the search range. All lanes take the same
+/// steps, so that only rounding counts against a short one; a long one sees where commands
 /// saturate and ports open, and errs with the root of its length.
 const SHIFT: f64 = 1e-5;
 
@@ -37,8 +38,43 @@ pub struct Directions<'a> {
     pub from: &'a [f64],
     /// Vectors of the search box.
     pub vectors: &'a [Vec<f64>],
-    /// How much of each vector is gone to both sides.
+    /// How much of each vector is gone to a side.
     pub shift: f64,
+    /// Whether to both sides, or to the one with more room alone.
+    pub sides: Sides,
+}
+
+/// Where a difference is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sides {
+    /// To both sides, as far as the box allows.
+    Both,
+    /// To the side with more room: half as many candidates.
+    One,
+}
+
+impl<'a> Directions<'a> {
+    /// Along the coordinates ([`axes`]), to one side where the simulation is coarse.
+    #[must_use]
+    pub fn along_axes(from: &'a [f64], axes: &'a [Vec<f64>], accuracy: Accuracy) -> Self {
+        Directions {
+            from,
+            vectors: axes,
+            shift: SHIFT,
+            sides: match accuracy {
+                Accuracy::Screening => Sides::One,
+                Accuracy::Full => Sides::Both,
+            },
+        }
+    }
+}
+
+/// The unit vectors of `n` coordinates.
+#[must_use]
+pub fn axes(n: usize) -> Vec<Vec<f64>> {
+    let part = |axis, index| if index == axis { 1.0 } else { 0.0 };
+    let axis = |axis| (0..n).map(|index| part(axis, index)).collect();
+    (0..n).map(axis).collect()
 }
 
 /// Why there are no derivatives.
@@ -64,19 +100,8 @@ pub fn visit_rows(
     stop: &AtomicBool,
     visit: impl FnMut(Row<'_>),
 ) -> Result<(), SensitivityError> {
-    let n = positions.len();
-    let axes: Vec<Vec<f64>> = (0..n)
-        .map(|axis| {
-            (0..n)
-                .map(|index| if index == axis { 1.0 } else { 0.0 })
-                .collect()
-        })
-        .collect();
-    let axes = Directions {
-        from: positions,
-        vectors: &axes,
-        shift: SHIFT,
-    };
+    let axes = axes(positions.len());
+    let axes = Directions::along_axes(positions, &axes, accuracy);
     visit_directions(problem, axes, accuracy, stop, visit)
 }
 
@@ -89,43 +114,131 @@ pub fn visit_directions(
     directions: Directions<'_>,
     accuracy: Accuracy,
     stop: &AtomicBool,
-    mut visit: impl FnMut(Row<'_>),
+    visit: impl FnMut(Row<'_>),
 ) -> Result<(), SensitivityError> {
-    let Directions {
-        from: positions,
-        vectors,
-        shift,
-    } = directions;
-    let steps: Vec<(f64, f64)> = vectors
-        .iter()
-        .map(|direction| steps(positions, direction, shift))
-        .collect();
-    let candidates = shifted_candidates(positions, vectors, &steps);
-    let recorded = record(problem, &candidates, accuracy, stop)?;
-    let mut derivatives = vec![0.0; vectors.len()];
-    for (experiment, sample, output) in places(problem) {
-        let measured = problem.experiments[experiment].measured[output][sample];
-        if measured.is_nan() {
-            continue;
-        }
-        let scale = problem.outputs[output].residual_scale;
-        let at = |column: usize| recorded[experiment].value(column, sample, output);
-        for (column, derivative) in derivatives.iter_mut().enumerate() {
-            let (back, ahead) = steps[column];
-            let change = at(2 + 2 * column) - at(1 + 2 * column);
-            *derivative = -change / (back + ahead) / scale;
-        }
-        let residual = (measured - at(0)) / scale;
-        let derivatives = &derivatives;
-        visit(Row {
-            experiment,
-            output,
-            sample,
-            residual,
-            derivatives,
-        });
+    Neighbourhood::simulate(problem, directions, &[], (accuracy, stop))
+        .ok_or(SensitivityError::Interrupted)?
+        .visit(visit)
+        .map_err(SensitivityError::Failed)
+}
+
+/// A candidate and its neighbours, simulated together with others that shall be compared.
+#[derive(Debug)]
+pub struct Neighbourhood<'a> {
+    problem: &'a Problem,
+    differences: Vec<Difference>,
+    /// The neighbours that each difference is between.
+    ends: Vec<(usize, usize)>,
+    first_other: usize,
+    recorded: Vec<Columns>,
+}
+
+impl<'a> Neighbourhood<'a> {
+    /// Simulates them, the neighbours with the steps that the candidate needs. Answers nothing
+    /// when the stop flag was raised.
+    #[must_use]
+    pub fn simulate(
+        problem: &'a Problem,
+        directions: Directions<'_>,
+        others: &[Vec<f64>],
+        (accuracy, stop): (Accuracy, &AtomicBool),
+    ) -> Option<Neighbourhood<'a>> {
+        let Directions {
+            from: positions,
+            vectors,
+            shift,
+            sides,
+        } = directions;
+        let differences: Vec<Difference> = vectors
+            .iter()
+            .map(|direction| Difference::along(direction, positions, (shift, sides)))
+            .collect();
+        let (mut candidates, ends) = shifted_candidates(positions, vectors, &differences);
+        let first_other = candidates.len();
+        candidates.extend_from_slice(others);
+        let recorded = record(problem, (&candidates, first_other), accuracy, stop)?;
+        Some(Neighbourhood {
+            problem,
+            differences,
+            ends,
+            first_other,
+            recorded,
+        })
     }
-    Ok(())
+
+    /// How many derivatives each residual has.
+    #[must_use]
+    pub fn n_columns(&self) -> usize {
+        self.differences.len()
+    }
+
+    /// Visits every residual of the candidate, sample by sample, with its derivatives.
+    ///
+    /// # Errors
+    /// How the candidate or a neighbour failed.
+    pub fn visit(&self, mut visit: impl FnMut(Row<'_>)) -> Result<(), Failure> {
+        let members = 0..self.first_other;
+        if let Some(failure) = members.clone().find_map(|member| self.failure(member)) {
+            return Err(failure);
+        }
+        let mut derivatives = vec![0.0; self.differences.len()];
+        for place in places(self.problem) {
+            let Some(residual) = self.residual(0, place) else {
+                continue;
+            };
+            let (experiment, sample, output) = place;
+            let scale = self.problem.outputs[output].residual_scale;
+            let at = |member| self.recorded[experiment].value(member, sample, output);
+            let columns = self.differences.iter().zip(&self.ends);
+            for (derivative, (difference, (low, high))) in derivatives.iter_mut().zip(columns) {
+                *derivative = (at(*low) - at(*high)) / difference.length() / scale;
+            }
+            let derivatives = &derivatives;
+            visit(Row {
+                experiment,
+                output,
+                sample,
+                residual,
+                derivatives,
+            });
+        }
+        Ok(())
+    }
+
+    /// The cost of one of the others; infinite where it failed.
+    #[must_use]
+    pub fn cost(&self, other: usize) -> f64 {
+        let member = self.first_other + other;
+        if self.failure(member).is_some() {
+            return f64::INFINITY;
+        }
+        let residuals = places(self.problem).filter_map(|place| self.residual(member, place));
+        let (sum, count) = residuals.fold((0.0, 0_usize), |(sum, count), residual| {
+            (sum + residual * residual, count + 1)
+        });
+        let cost = sum / count as f64;
+        if cost.is_finite() {
+            cost
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    fn residual(
+        &self,
+        member: usize,
+        (experiment, sample, output): (usize, usize, usize),
+    ) -> Option<f64> {
+        let measured = self.problem.experiments[experiment].measured[output][sample];
+        let simulated = self.recorded[experiment].value(member, sample, output);
+        let scale = self.problem.outputs[output].residual_scale;
+        (!measured.is_nan()).then(|| (measured - simulated) / scale)
+    }
+
+    fn failure(&self, member: usize) -> Option<Failure> {
+        let mut experiments = self.recorded.iter();
+        experiments.find_map(|columns| columns.failures[member])
+    }
 }
 
 /// Every (experiment, sample, output) that is estimated from, sample by sample.
@@ -142,48 +255,72 @@ fn places(problem: &Problem) -> impl Iterator<Item = (usize, usize, usize)> {
         })
 }
 
-/// How far one goes back and ahead along a direction: at a bound, to one side only.
-fn steps(positions: &[f64], direction: &[f64], shift: f64) -> (f64, f64) {
-    let room = |side: f64| {
-        let each = positions.iter().zip(direction).map(|(position, part)| {
-            let part = side * part;
-            if part > 0.0 {
-                (1.0 - position).max(0.0) / part
-            } else if part < 0.0 {
-                position.max(0.0) / -part
-            } else {
-                f64::INFINITY
-            }
-        });
-        each.fold(shift, f64::min)
-    };
-    (room(-1.0), room(1.0))
+/// How often a part of a direction fits between a position and the bound ahead of it.
+fn room(position: f64, part: f64) -> f64 {
+    if part > 0.0 {
+        (1.0 - position).max(0.0) / part
+    } else if part < 0.0 {
+        position.max(0.0) / -part
+    } else {
+        f64::INFINITY
+    }
 }
 
-/// The candidate, then for each direction its neighbours back and ahead.
+/// How far one goes back and ahead along a direction.
+#[derive(Clone, Copy, Debug)]
+struct Difference {
+    back: f64,
+    ahead: f64,
+}
+
+impl Difference {
+    fn along(direction: &[f64], positions: &[f64], (shift, sides): (f64, Sides)) -> Self {
+        let room = |side: f64| {
+            let pairs = positions.iter().zip(direction);
+            let each = pairs.map(|(position, part)| room(*position, side * part));
+            each.fold(shift, f64::min)
+        };
+        let (back, ahead) = (room(-1.0), room(1.0));
+        match sides {
+            Sides::Both => Difference { back, ahead },
+            Sides::One if ahead >= back => Difference { back: 0.0, ahead },
+            Sides::One => Difference { back, ahead: 0.0 },
+        }
+    }
+
+    fn length(self) -> f64 {
+        self.back + self.ahead
+    }
+}
+
+/// The candidate and its neighbours, and for each difference which two of them it is between.
 fn shifted_candidates(
     positions: &[f64],
     directions: &[Vec<f64>],
-    steps: &[(f64, f64)],
-) -> Vec<Vec<f64>> {
+    differences: &[Difference],
+) -> (Vec<Vec<f64>>, Vec<(usize, usize)>) {
     let mut candidates = vec![positions.to_vec()];
-    for (direction, (back, ahead)) in directions.iter().zip(steps) {
-        for step in [-back, *ahead] {
+    let mut ends = Vec::with_capacity(differences.len());
+    for (direction, difference) in directions.iter().zip(differences) {
+        let mut neighbour = |step: f64| {
+            if step == 0.0 {
+                return 0;
+            }
             let pairs = positions.iter().zip(direction);
-            candidates.push(
-                pairs
-                    .map(|(position, part)| position + step * part)
-                    .collect(),
-            );
-        }
+            candidates.push(pairs.map(|(z, part)| z + step * part).collect());
+            candidates.len() - 1
+        };
+        ends.push((neighbour(-difference.back), neighbour(difference.ahead)));
     }
-    candidates
+    (candidates, ends)
 }
 
 /// The outputs of all candidates over one experiment.
+#[derive(Debug)]
 struct Columns {
     /// For each candidate the piece that holds it and its lane there.
     places: Vec<(usize, usize)>,
+    failures: Vec<Option<Failure>>,
     pieces: Vec<Vec<Lanes>>,
     n_outputs: usize,
 }
@@ -197,43 +334,34 @@ impl Columns {
 
 fn record(
     problem: &Problem,
-    candidates: &[Vec<f64>],
+    (candidates, in_step): (&[Vec<f64>], usize),
     accuracy: Accuracy,
     stop: &AtomicBool,
-) -> Result<Vec<Columns>, SensitivityError> {
-    let spelled = Spelled::new(
-        problem,
-        candidates,
-        Some(problem.resolved_rate(&candidates[0])),
-    );
+) -> Option<Vec<Columns>> {
+    let spelled = Spelled::new(problem, candidates).in_step(problem, (&candidates[0], in_step));
     let runs = spelled.runs(problem, Extent::Estimation, accuracy);
     let recorder = |run: usize| Recorder {
         chosen: problem.outputs.iter().map(|output| output.index).collect(),
         n_outputs: problem.model.description().outputs.len(),
         rows: Vec::with_capacity(runs[run].excitation.samples * problem.outputs.len()),
     };
-    let pieces = batch::simulate(problem.model.plant(), &runs, stop, recorder)
-        .ok_or(SensitivityError::Interrupted)?;
+    let pieces = batch::simulate(problem.model.plant(), &runs, stop, recorder)?;
     let empty = || Columns {
         places: vec![(0, 0); candidates.len()],
+        failures: vec![None; candidates.len()],
         pieces: Vec::new(),
         n_outputs: problem.outputs.len(),
     };
     let mut columns: Vec<Columns> = problem.experiments.iter().map(|_| empty()).collect();
     for piece in pieces {
-        if let Some(failure) = piece.failures[..piece.members.len().min(LANES)]
-            .iter()
-            .find_map(|failure| *failure)
-        {
-            return Err(SensitivityError::Failed(failure));
-        }
         let of_experiment = &mut columns[piece.run];
         for (lane, &member) in piece.members.iter().enumerate() {
             of_experiment.places[member] = (of_experiment.pieces.len(), lane);
+            of_experiment.failures[member] = piece.failures[lane];
         }
         of_experiment.pieces.push(piece.sink.rows);
     }
-    Ok(columns)
+    Some(columns)
 }
 
 /// Keeps the outputs that are compared.

@@ -90,6 +90,9 @@ pub struct Settings {
     pub hill_climbing_interval: u32,
     /// Stop when the lowest cost has gained less than 0.1 % in so many generations; 0: never.
     pub stagnation_generations: u32,
+    /// Whether the search stops where the residuals of the best candidate are as small as the
+    /// declared noise and least squares promises nothing better. Looked at when the elite climbs.
+    pub noise_floor: bool,
     /// Stop at this cost.
     pub cost_target: Option<f64>,
     /// Independent searches, 1 to 32. With more than one the best candidate of each is refined,
@@ -119,8 +122,9 @@ impl Default for Settings {
             credit_updates: None,
             bits_per_parameter: 16,
             elitism: true,
-            hill_climbing_interval: 5,
+            hill_climbing_interval: 2,
             stagnation_generations: 10,
+            noise_floor: true,
             cost_target: None,
             restarts: 1,
             refine: true,

@@ -11,6 +11,8 @@ pub enum StopReason {
     GenerationLimit,
     /// The cost target was reached.
     CostTarget,
+    /// What the best candidate leaves is the declared noise.
+    NoiseFloor,
     /// Nothing was gained in many generations.
     Stagnation,
     /// The job's time was used up.
@@ -28,6 +30,7 @@ impl StopReason {
         match self {
             StopReason::GenerationLimit => "generation_limit",
             StopReason::CostTarget => "cost_target",
+            StopReason::NoiseFloor => "noise_floor",
             StopReason::Stagnation => "stagnation",
             StopReason::TimeLimit => "time_limit",
             StopReason::Cancelled => "cancelled",

@@ -16,7 +16,7 @@ pub fn simulate(
     positions: &[f64],
     stop: &AtomicBool,
 ) -> Option<Result<Vec<Outputs>, Failure>> {
-    let spelled = Spelled::new(problem, &[positions.to_vec()], None);
+    let spelled = Spelled::new(problem, &[positions.to_vec()]);
     let runs = spelled.runs(problem, Extent::Whole, Accuracy::Full);
     let recordings: Vec<_> = runs
         .iter()

@@ -7,6 +7,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::Status;
+use super::assemble::Finding;
 
 /// One event of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
@@ -17,6 +18,8 @@ pub enum Event {
         /// The state.
         status: Status,
     },
+    /// `finding`: what should be known about the job before its numbers are read.
+    Finding(Finding),
     /// `generation`: the search finished a generation.
     Generation(GenerationEvent),
     /// `refinement`: the refinement finished an iteration.
@@ -72,6 +75,7 @@ impl Event {
     pub fn name(&self) -> &'static str {
         match self {
             Event::State { .. } => "state",
+            Event::Finding(_) => "finding",
             Event::Generation(_) => "generation",
             Event::Refinement { .. } => "refinement",
             Event::Result { .. } => "result",

@@ -60,6 +60,20 @@ impl Failure {
         }
     }
 
+    /// The data do not see a combination of the unknowns, and the job asks to be refused then.
+    pub fn not_identifiable(errors: Vec<Fault>) -> Self {
+        Self {
+            kind: "/problems/not-identifiable".into(),
+            title: "The data do not fix the unknowns".into(),
+            status: 422,
+            detail: "the data do not see a combination of the unknowns, so no estimate of them \
+                     would mean anything: do what the errors say, or ask for \
+                     `uncertainty.flat_directions: report`"
+                .to_owned(),
+            errors,
+        }
+    }
+
     /// The stored job, its recordings or its checkpoint cannot be worked.
     pub fn cannot_run(detail: String, errors: Vec<Fault>) -> Self {
         Self {

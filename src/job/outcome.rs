@@ -17,8 +17,8 @@ pub struct Outcome {
     /// The model whose parameters were estimated.
     #[schema(example = "single_rod_servo")]
     pub model: String,
-    /// Why the search ended: `generation_limit`, `cost_target`, `stagnation`, `time_limit`,
-    /// `cancelled` or `paused`.
+    /// Why the search ended: `generation_limit`, `cost_target`, `noise_floor`, `stagnation`,
+    /// `time_limit`, `cancelled` or `paused`.
     #[schema(example = "stagnation")]
     pub stop_reason: String,
     /// Whether to trust the numbers, and why not.
@@ -277,7 +277,7 @@ pub struct SearchReport {
 /// How one of the searches ended.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct SearchEnd {
-    /// Why: `generation_limit`, `cost_target` or `stagnation`.
+    /// Why: `generation_limit`, `cost_target`, `noise_floor` or `stagnation`.
     #[schema(example = "stagnation")]
     pub stop_reason: String,
     /// How many generations it took.
@@ -295,6 +295,10 @@ pub struct StartReport {
     pub cost: Option<f64>,
     /// Where it ended, SI.
     pub parameters: BTreeMap<String, f64>,
+    /// Why: `converged`, `merged` (its step led within a standard error of a minimum that another
+    /// start had found), `iteration_limit` or `failed`; `null` where the run was stopped before.
+    #[serde(default)]
+    pub end: Option<String>,
 }
 
 /// What made a result.

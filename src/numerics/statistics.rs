@@ -46,6 +46,14 @@ pub fn range(values: &[f64]) -> Option<(f64, f64)> {
     }))
 }
 
+/// Whether a mean square of so many values is what independent normal values of unit variance
+/// have, within three standard deviations of it.
+#[must_use]
+pub fn is_unit_mean_square(mean_square: f64, count: usize) -> bool {
+    let deviation = (2.0 / count as f64).sqrt();
+    (mean_square - 1.0).abs() <= 3.0 * deviation
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -59,5 +67,12 @@ mod tests {
         assert_eq!(range(&values), Some((1.0, 3.0)));
         assert_eq!(mean([f64::NAN]), None);
         assert_eq!(range(&[]), None);
+    }
+
+    #[test]
+    fn a_mean_square_is_judged_by_how_many_values_it_has() {
+        assert!(is_unit_mean_square(1.3, 200));
+        assert!(!is_unit_mean_square(1.3, 20_000));
+        assert!(!is_unit_mean_square(0.5, 200));
     }
 }

@@ -41,6 +41,34 @@ impl Width {
     }
 }
 
+/// Work over rows of lanes that gains by wide registers. All of it that matters must be inlined
+/// into [`Wide::work`], for only then is it compiled for them.
+pub trait Wide {
+    /// What comes of it.
+    type Output;
+    /// Does it.
+    fn work(self) -> Self::Output;
+}
+
+/// Does work with the widest registers of this machine; the bits are those of any width.
+#[inline]
+pub fn at_full_width<W: Wide>(work: W) -> W::Output {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has these registers, it was asked in the line before.
+        #[expect(unsafe_code, reason = "run-time dispatch over vector widths")]
+        return unsafe { work_avx2(work) };
+    }
+    work.work()
+}
+
+/// The same code, compiled for registers of four numbers.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn work_avx2<W: Wide>(work: W) -> W::Output {
+    work.work()
+}
+
 /// Starts the simulation of up to [`LANES`] candidates; lanes left over repeat the first.
 pub fn simulator<'a, D: Dynamics>(
     dynamics: &'a D,

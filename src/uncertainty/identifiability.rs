@@ -9,7 +9,7 @@
 //! proposes are tried at each point by going along them.
 
 use crate::estimation::problem::Problem;
-use crate::estimation::sensitivity::{self, SensitivityError};
+use crate::estimation::sensitivity::{self, SensitivityError, Sides};
 use crate::model::Scale;
 use crate::numerics::least_squares::Rows;
 use crate::simulation::Accuracy;
@@ -63,14 +63,29 @@ pub struct Foresight {
     pub flat: Vec<FlatDirection>,
 }
 
+/// How the problem is looked at.
+#[derive(Clone, Debug)]
+struct View<'a> {
+    problem: &'a Problem,
+    /// What makes a residual one of unit noise, for each output.
+    weights: &'a [f64],
+    accuracy: Accuracy,
+    stop: &'a AtomicBool,
+}
+
 /// Looks at a problem before it is estimated. Answers nothing when `stop` was raised.
 #[must_use]
-pub fn foresee(problem: &Problem, stop: &AtomicBool) -> Option<Foresight> {
+pub fn foresee(problem: &Problem, accuracy: Accuracy, stop: &AtomicBool) -> Option<Foresight> {
     let n = problem.coordinates.len();
-    let weights = weights(problem);
+    let view = View {
+        problem,
+        weights: &weights(problem),
+        accuracy,
+        stop,
+    };
     let mut factors = Vec::with_capacity(POINTS);
     for point in 0..POINTS {
-        match information_factor(problem, &position(point, n), &weights, stop) {
+        match information_factor(&view, &position(point, n)) {
             Ok(factor) => factors.push((point, factor)),
             Err(SensitivityError::Interrupted) => return None,
             Err(SensitivityError::Failed(_)) => {}
@@ -80,7 +95,7 @@ pub fn foresee(problem: &Problem, stop: &AtomicBool) -> Option<Foresight> {
         .iter()
         .map(|(point, _)| position(*point, n))
         .collect();
-    let flat = match flat_directions(problem, &points, proposed(&factors), &weights, stop) {
+    let flat = match flat_directions(&view, &points, proposed(&factors)) {
         Ok(directions) => directions,
         Err(SensitivityError::Interrupted) => return None,
         Err(SensitivityError::Failed(_)) => Vec::new(),
@@ -128,7 +143,13 @@ pub fn flat_at(
     stop: &AtomicBool,
 ) -> Result<Vec<FlatDirection>, SensitivityError> {
     let points = [positions.to_vec()];
-    let directions = flat_directions(problem, &points, flat_in(factor), weights, stop)?;
+    let view = View {
+        problem,
+        weights,
+        accuracy: Accuracy::Full,
+        stop,
+    };
+    let directions = flat_directions(&view, &points, flat_in(factor))?;
     Ok(directions
         .iter()
         .map(|direction| named(problem, direction))
@@ -166,14 +187,12 @@ fn weights(problem: &Problem) -> Vec<f64> {
 
 /// The triangle of the weighted derivatives.
 fn information_factor(
-    problem: &Problem,
+    view: &View<'_>,
     positions: &[f64],
-    weights: &[f64],
-    stop: &AtomicBool,
 ) -> Result<DMatrix<f64>, SensitivityError> {
     let mut rows = Rows::new(positions.len());
-    sensitivity::visit_rows(problem, positions, Accuracy::Full, stop, |row| {
-        let weight = weights[row.output];
+    sensitivity::visit_rows(view.problem, positions, view.accuracy, view.stop, |row| {
+        let weight = view.weights[row.output];
         rows.add(
             row.derivatives.iter().map(|derivative| derivative * weight),
             0.0,
@@ -235,11 +254,9 @@ fn flat_in(factor: &DMatrix<f64>) -> Vec<Vec<f64>> {
 
 /// Those of the proposed directions along which the outputs stay as they are at every point.
 fn flat_directions(
-    problem: &Problem,
+    view: &View<'_>,
     points: &[Vec<f64>],
     mut directions: Vec<Vec<f64>>,
-    weights: &[f64],
-    stop: &AtomicBool,
 ) -> Result<Vec<Vec<f64>>, SensitivityError> {
     for positions in points {
         if directions.is_empty() {
@@ -248,15 +265,16 @@ fn flat_directions(
         let mut squares = vec![0.0; directions.len()];
         let gather = |row: sensitivity::Row<'_>| {
             for (square, derivative) in squares.iter_mut().zip(row.derivatives) {
-                *square += (derivative * weights[row.output]).powi(2);
+                *square += (derivative * view.weights[row.output]).powi(2);
             }
         };
         let along = sensitivity::Directions {
             from: positions,
             vectors: &directions,
             shift: TRIED,
+            sides: Sides::Both,
         };
-        sensitivity::visit_directions(problem, along, Accuracy::Full, stop, gather)?;
+        sensitivity::visit_directions(view.problem, along, view.accuracy, view.stop, gather)?;
         let mut sizes = squares.iter().map(|square| square.sqrt());
         directions.retain(|_| sizes.next().is_some_and(|size| size * FLAT < 1.0));
     }

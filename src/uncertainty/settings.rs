@@ -19,6 +19,17 @@ pub enum Intervals {
     Bootstrap,
 }
 
+/// What to do where the data do not see a combination of unknowns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FlatDirections {
+    /// Say so at the start of the job, and in the result.
+    #[default]
+    Report,
+    /// End the job at its start.
+    Refuse,
+}
+
 /// What a job says under `uncertainty`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -28,6 +39,8 @@ pub struct Settings {
     pub intervals: Intervals,
     /// Refits of a bootstrap, 40 to 10 000.
     pub bootstrap_samples: u32,
+    /// What to do where the data do not see a combination of unknowns.
+    pub flat_directions: FlatDirections,
 }
 
 impl Default for Settings {
@@ -35,6 +48,7 @@ impl Default for Settings {
         Settings {
             intervals: Intervals::default(),
             bootstrap_samples: 200,
+            flat_directions: FlatDirections::default(),
         }
     }
 }

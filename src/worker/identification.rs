@@ -13,10 +13,11 @@ use sha2::{Digest, Sha256};
 use super::run::{Advance, Assignment, Method, Row, Run, StopReason};
 use crate::dataset::Recording;
 use crate::estimation::{self, Checkpoint, Estimation, GenerationRow, Problem, RefinementRow};
-use crate::job::assemble::{self, Origin};
-use crate::job::{Failure, GenerationEvent, JobSpec, Phase, Progress};
+use crate::job::assemble::{self, Finding, Origin};
+use crate::job::{Failure, Fault, GenerationEvent, JobSpec, Phase, Progress};
 use crate::model::{Catalogue, Model, document};
 use crate::store::JobRow;
+use crate::uncertainty::settings::FlatDirections;
 use crate::uncertainty::{self, Analysis};
 
 /// The identification of a model's parameters from recordings.
@@ -49,12 +50,14 @@ impl Method for Identification {
         };
         let (dataset_digests, recordings): (Vec<String>, Vec<Recording>) =
             datasets.into_iter().unzip();
-        let problem = assemble::problem(&spec, &model, &recordings)
-            .map_err(|faults| {
-                let detail = "the experiments cannot be cut out of the recordings".to_owned();
-                Failure::cannot_run(detail, faults)
-            })?
-            .problem;
+        let assembly = assemble::problem(&spec, &model, &recordings).map_err(|faults| {
+            let detail = "the experiments cannot be cut out of the recordings".to_owned();
+            Failure::cannot_run(detail, faults)
+        })?;
+        let findings = checkpoint
+            .is_none()
+            .then(|| assemble::preflight(&assembly, &spec.method).findings);
+        let problem = assembly.problem;
         let estimation = match checkpoint {
             None => Estimation::start(&problem, &spec.method, spec.seed),
             Some(bytes) => resume(&problem, &spec, &bytes)?,
@@ -72,6 +75,8 @@ impl Method for Identification {
             },
             origin,
             problem,
+            findings,
+            refusal: None,
             estimation,
             analysis: None,
         }))
@@ -116,6 +121,11 @@ struct IdentificationRun {
     /// What is asked about the estimate's uncertainty.
     request: uncertainty::Request,
     problem: Problem,
+    /// What is known before anything is simulated; taken by the look ahead with which a new run
+    /// begins.
+    findings: Option<Vec<Finding>>,
+    /// Why the run goes no further than its look ahead.
+    refusal: Option<Failure>,
     estimation: Estimation,
     /// Of the estimate that stands; nothing while the run goes on.
     analysis: Option<(estimation::Report, Analysis)>,
@@ -126,6 +136,19 @@ static NEVER: AtomicBool = AtomicBool::new(false);
 
 impl Run for IdentificationRun {
     fn advance(&mut self, stop: &AtomicBool, rows: &mut dyn FnMut(Row)) -> Advance {
+        if let Some(findings) = &self.findings {
+            let Some(unseen) = assemble::flat_directions(&self.problem, stop) else {
+                return Advance::Interrupted;
+            };
+            let findings = findings.iter().chain(&unseen).cloned().collect();
+            self.findings = None;
+            if self.request.settings.flat_directions == FlatDirections::Refuse && !unseen.is_empty()
+            {
+                self.refusal = Some(refusal(&unseen));
+                return Advance::Finished;
+            }
+            rows(Row::Findings(findings));
+        }
         if self.estimation.phase() == estimation::Phase::Analyse {
             return self.analyse(stop);
         }
@@ -159,6 +182,9 @@ impl Run for IdentificationRun {
     }
 
     fn outcome(&mut self, stopped: Option<StopReason>) -> Result<Option<Value>, Failure> {
+        if let Some(refusal) = self.refusal.take() {
+            return Err(refusal);
+        }
         let finished = self.analysis.take().filter(|_| stopped.is_none());
         let (report, analysis) = match finished {
             Some(finished) => finished,
@@ -182,6 +208,12 @@ impl Run for IdentificationRun {
             serde_json::to_value(outcome).expect("a result has only text keys"),
         ))
     }
+}
+
+fn refusal(unseen: &[Finding]) -> Failure {
+    let fault =
+        |finding: &Finding| Fault::new(&finding.pointer, finding.code.clone(), &finding.detail);
+    Failure::not_identifiable(unseen.iter().map(fault).collect())
 }
 
 impl IdentificationRun {
@@ -241,212 +273,4 @@ impl estimation::Observer for Rows<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::collections::HashMap;
-    use std::sync::atomic::Ordering;
-
-    use serde_json::json;
-
-    use super::*;
-    use crate::dataset::{Signal, TimeAxis};
-    use crate::job::spec::Context;
-    use crate::job::{DatasetId, JobId, Status};
-
-    /// A carriage of 2 kg with 3 N·s/m of viscous friction under a square wave, integrated at a
-    /// tenth of the sample time.
-    fn recording() -> Recording {
-        let (sample_time, samples) = (0.02, 200);
-        let (mut position, mut velocity) = (0.0, 0.0);
-        let (mut positions, mut forces) = (Vec::new(), Vec::new());
-        for k in 0..samples {
-            let force = if (k / 17) % 2 == 0 { 20.0 } else { -20.0 };
-            forces.push(force);
-            positions.push(position);
-            for _ in 0..10 {
-                velocity += sample_time / 10.0 * (force - 3.0 * velocity) / 2.0;
-                position += sample_time / 10.0 * velocity;
-            }
-        }
-        let time = TimeAxis::Uniform {
-            sample_time,
-            samples,
-        };
-        let signals = vec![
-            Signal::new("force", "N", forces),
-            Signal::new("position", "m", positions),
-        ];
-        Recording::new(time, signals)
-    }
-
-    fn job() -> JobRow {
-        let dataset = DatasetId::new();
-        let document = json!({
-            "model": "positioning_drive",
-            "experiments": [{"dataset": dataset}],
-            "parameters": {
-                "mass": {"estimate": {"lower": 0.5, "upper": 10}},
-                "viscous_friction": {"estimate": {"lower": 0.1, "upper": 20}},
-                "coulomb_friction": {"value": 0},
-                "offset": {"value": 0}
-            },
-            "outputs": {"position": {"noise_std": 1e-3}},
-            "method": {"population": 10, "generations": 6},
-            "seed": 7
-        });
-        let catalogue = Catalogue::built_in();
-        let datasets = HashMap::from([(dataset, recording().summary())]);
-        let context = Context {
-            models: catalogue.iter().map(|model| model.description()).collect(),
-            datasets: &datasets,
-            max_duration_s: 60.0,
-        };
-        let spec = JobSpec::read(&document, &context).expect("a sound specification");
-        JobRow {
-            id: JobId::new(),
-            name: None,
-            labels: Default::default(),
-            model: spec.model.clone(),
-            spec: serde_json::to_value(spec).expect("JSON"),
-            status: Status::Running,
-            stop_request: None,
-            progress: None,
-            attempt: 1,
-            error: None,
-            created_at: jiff::Timestamp::UNIX_EPOCH,
-            started_at: None,
-            finished_at: None,
-            last_event: 1,
-            revision: 1,
-        }
-    }
-
-    fn begin(job: &JobRow, checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {
-        let assignment = Assignment {
-            model: None,
-            job: job.clone(),
-            datasets: vec![("sha256:1".to_owned(), recording())],
-            checkpoint,
-        };
-        let method = Identification::new(Catalogue::built_in());
-        method.begin(assignment).expect("a run")
-    }
-
-    fn work(run: &mut dyn Run) -> Vec<Row> {
-        let mut rows = Vec::new();
-        while run.advance(&NEVER, &mut |row| rows.push(row)) == Advance::Working {}
-        rows
-    }
-
-    fn outcome(run: &mut dyn Run, stopped: Option<StopReason>) -> Value {
-        let outcome = run.outcome(stopped).expect("no failure");
-        outcome.expect("an estimate")
-    }
-
-    #[test]
-    fn a_run_finds_the_parameters_and_tells_how_it_went() {
-        let mut run = begin(&job(), None);
-        let rows = work(&mut *run);
-        let generations = rows.iter().filter(|row| matches!(row, Row::Generation(_)));
-        assert_eq!(generations.count(), 6);
-        assert_eq!(run.progress().phase, Phase::Analyse);
-        let outcome = outcome(&mut *run, None);
-        let mass = outcome["parameters"][0]["estimate"]
-            .as_f64()
-            .expect("a mass");
-        // The recording was integrated with an error of about 1 %.
-        assert!((mass / 2.0 - 1.0).abs() < 0.03, "{mass}");
-        assert_eq!(outcome["engine"]["dataset_digests"], json!(["sha256:1"]));
-    }
-
-    #[test]
-    fn a_run_taken_up_after_every_unit_comes_to_the_same_result() {
-        let job = job();
-        let mut unbroken = begin(&job, None);
-        work(&mut *unbroken);
-        let expected = outcome(&mut *unbroken, None);
-        let mut run = begin(&job, None);
-        while run.advance(&NEVER, &mut |_| ()) == Advance::Working {
-            run = begin(&job, Some(run.checkpoint()));
-        }
-        let broken = outcome(&mut *run, None);
-        assert_eq!(broken["parameters"], expected["parameters"]);
-        assert_eq!(broken["verdict"], expected["verdict"]);
-    }
-
-    #[test]
-    fn several_searches_and_other_methods_are_taken_up_with_the_same_bits_too() {
-        for method in ["icra_genetic", "differential_evolution", "multistart_lm"] {
-            let mut job = job();
-            job.spec["method"]["name"] = json!(method);
-            job.spec["method"]["restarts"] = json!(2);
-            let mut unbroken = begin(&job, None);
-            let rows = work(&mut *unbroken);
-            let generations = rows.iter().filter(|row| matches!(row, Row::Generation(_)));
-            let n_searches = if method == "multistart_lm" { 0 } else { 2 };
-            assert_eq!(generations.count(), 6 * n_searches);
-            let expected = outcome(&mut *unbroken, None);
-            let mass = expected["parameters"][0]["estimate"].as_f64();
-            let mass = mass.expect("a mass");
-            assert!((mass / 2.0 - 1.0).abs() < 0.03, "{method}: {mass}");
-            let searches = expected["searches"].as_array().expect("a list");
-            assert_eq!(searches.len(), n_searches);
-            let mut run = begin(&job, None);
-            while run.advance(&NEVER, &mut |_| ()) == Advance::Working {
-                run = begin(&job, Some(run.checkpoint()));
-            }
-            let broken = outcome(&mut *run, None);
-            assert_eq!(broken["parameters"], expected["parameters"]);
-            assert_eq!(broken["searches"], expected["searches"]);
-        }
-    }
-
-    #[test]
-    fn a_stopped_run_has_the_best_so_far_and_can_go_on() {
-        let job = job();
-        let mut run = begin(&job, None);
-        assert_eq!(run.outcome(Some(StopReason::Cancelled)), Ok(None));
-        run.advance(&NEVER, &mut |_| ());
-        let paused = outcome(&mut *run, Some(StopReason::Paused));
-        assert_eq!(paused["stop_reason"], "paused");
-        work(&mut *run);
-        let mut unbroken = begin(&job, None);
-        work(&mut *unbroken);
-        let (resumed, unbroken) = (outcome(&mut *run, None), outcome(&mut *unbroken, None));
-        assert_eq!(resumed["parameters"], unbroken["parameters"]);
-    }
-
-    #[test]
-    fn a_raised_flag_interrupts_the_analysis_too() {
-        let mut run = begin(&job(), None);
-        let stop = AtomicBool::new(false);
-        while run.progress().phase != Phase::Analyse {
-            assert_eq!(run.advance(&stop, &mut |_| ()), Advance::Working);
-        }
-        stop.store(true, Ordering::Relaxed);
-        assert_eq!(run.advance(&stop, &mut |_| ()), Advance::Interrupted);
-        stop.store(false, Ordering::Relaxed);
-        assert_eq!(run.advance(&stop, &mut |_| ()), Advance::Finished);
-    }
-
-    #[test]
-    fn a_job_that_does_not_read_back_says_why() {
-        let method = Identification::new(Catalogue::built_in());
-        let assignment = |job: JobRow, checkpoint| Assignment {
-            model: None,
-            job,
-            datasets: vec![("sha256:1".to_owned(), recording())],
-            checkpoint,
-        };
-        let mut unknown = job();
-        unknown.spec["model"] = json!("perpetuum_mobile");
-        let failure = method.begin(assignment(unknown, None)).err();
-        let detail = failure.expect("no such model").detail;
-        assert_eq!(detail, "there is no model `perpetuum_mobile`");
-        let failure = method.begin(assignment(job(), Some(b"{}".to_vec()))).err();
-        let detail = failure.expect("no checkpoint").detail;
-        assert!(
-            detail.starts_with("the stored checkpoint does not read back"),
-            "{detail}"
-        );
-    }
-}
+mod tests;

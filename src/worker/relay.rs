@@ -9,6 +9,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use super::run::Row;
+use crate::job::assemble::Finding;
 use crate::job::{Event, GenerationEvent, Progress};
 use crate::store::{Record, Slice, Told};
 
@@ -23,6 +24,8 @@ pub(super) struct Relay {
     untold: Option<GenerationEvent>,
     /// Iterations of the refinement so far, in this slice and before it.
     refinements: u32,
+    /// Findings that no event tells of yet.
+    findings: Vec<Finding>,
     generations: Vec<GenerationEvent>,
     events: Vec<Event>,
     progress: Option<Progress>,
@@ -37,6 +40,7 @@ impl Relay {
             told: slice.told,
             untold: slice.untold.clone(),
             refinements: slice.checkpoint.as_ref().map_or(0, |c| c.refinements),
+            findings: Vec::new(),
             generations: Vec::new(),
             events: Vec::new(),
             progress: None,
@@ -52,6 +56,7 @@ impl Relay {
     /// Takes in a row at a time [of the wall clock].
     pub(super) fn take(&mut self, row: Row, now: Timestamp) {
         match row {
+            Row::Findings(findings) => self.findings = findings,
             Row::Generation(generation) => {
                 self.generations.push(generation.clone());
                 if generation.generation > self.told.generation {
@@ -63,6 +68,7 @@ impl Relay {
                 self.tell(now);
                 self.refinements += 1;
                 if self.refinements > self.told.refinements {
+                    self.tell_findings();
                     self.told.refinements = self.refinements;
                     self.events.push(Event::Refinement { iteration, cost });
                 }
@@ -93,9 +99,18 @@ impl Relay {
     /// Tells of the newest generation.
     pub(super) fn tell(&mut self, now: Timestamp) {
         if let Some(generation) = self.untold.take() {
+            self.tell_findings();
             self.told.generation = generation.generation;
             self.told.at_ms = now.as_millisecond();
             self.events.push(Event::Generation(generation));
+        }
+    }
+
+    /// Tells of the findings in front of the first row that is told, and so never twice.
+    fn tell_findings(&mut self) {
+        let findings = std::mem::take(&mut self.findings);
+        if (self.told.generation, self.told.refinements) == (0, 0) {
+            self.events.extend(findings.into_iter().map(Event::Finding));
         }
     }
 
@@ -128,6 +143,7 @@ mod tests {
             told: Told::default(),
             untold: None,
             refinements: 0,
+            findings: Vec::new(),
             generations: Vec::new(),
             events: Vec::new(),
             progress: None,

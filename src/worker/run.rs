@@ -8,6 +8,7 @@ use std::sync::atomic::AtomicBool;
 use serde_json::Value;
 
 use crate::dataset::Recording;
+use crate::job::assemble::Finding;
 use crate::job::{Failure, GenerationEvent, Progress};
 use crate::store::JobRow;
 
@@ -60,6 +61,8 @@ pub enum Advance {
 /// A line of the job's history.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Row {
+    /// What should be known before the search begins; told with its first generation.
+    Findings(Vec<Finding>),
     /// The search finished a generation.
     Generation(GenerationEvent),
     /// The refinement finished an iteration.

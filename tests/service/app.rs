@@ -117,6 +117,12 @@ impl TestApp {
         self.send(request.header("content-type", "text/csv")).await
     }
 
+    pub async fn post_yaml(&self, path: &str, body: impl Into<reqwest::Body>) -> Answer {
+        let request = self.request(Method::POST, path).body(body);
+        self.send(request.header("content-type", "application/yaml"))
+            .await
+    }
+
     /// Stores the recording of a drive and answers its identifier.
     pub async fn store_drive(&self) -> String {
         let stored = self.post_csv("/v1/datasets", drive_csv()).await;

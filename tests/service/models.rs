@@ -186,6 +186,72 @@ async fn a_wrong_document_is_told_everything_with_line_and_column() {
     );
 }
 
+/// [`drive`] as its user would write it in YAML.
+const DRIVE_YAML: &str = "\
+# the drive on the test bench
+name: my_drive
+inputs:
+  force: {unit: N}
+parameters:
+  mass: {symbol: m, unit: kg, default: 50, lower: 10, upper: 1000, scale: log, unknown: true}
+  friction:
+    {symbol: d, unit: N*s/m, default: 100, lower: 1, upper: 2000, scale: log, unknown: true}
+states:
+  x: {unit: m, derivative: v, initial: 0, scale: 0.01}
+  v:
+    unit: m/s
+    derivative: (force - d*v)/m
+    initial: 0
+    scale: 0.01
+outputs:
+  position: {unit: m, expression: x}
+";
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_model_in_yaml_is_the_same_model_in_json() {
+    let app = TestApp::start().await;
+    let created = app.post_yaml("/v1/models", DRIVE_YAML).await.expect(201);
+    let there = app.post_json("/v1/models", &drive()).await.expect(200);
+    assert_eq!(created.json()["name"], there.json()["name"]);
+    let shown = app.get(created.header("location")).await.expect(200).json();
+    assert_eq!(shown["document"], drive());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_wrong_with_yaml_is_told_with_its_place() {
+    let app = TestApp::start().await;
+    let old = "    derivative: (force - d*v)/m\n";
+    let new = "    derivative: |\n      (force\n      - d*x)/m\n";
+    let wrong = DRIVE_YAML.replace(old, new);
+    let problem = app.post_yaml("/v1/models", wrong).await.problem(422);
+    let fault = &problem["errors"][0];
+    assert_eq!(fault["pointer"], "/states/v/derivative");
+    assert_eq!((&fault["line"], &fault["column"]), (&json!(2), &json!("3")));
+
+    // What stands for gigabytes in a few lines is refused at its first line.
+    let mut bomb = "a: &a [x, x, x, x, x, x, x, x, x]\n".to_owned();
+    for (name, before) in ('b'..='z').zip('a'..) {
+        bomb += &format!(
+            "{name}: &{name} [{}]\n",
+            vec![format!("*{before}"); 9].join(", ")
+        );
+    }
+    let twice = DRIVE_YAML.replace("outputs:", "states:");
+    for (text, line) in [(bomb.as_str(), 1), ("name: [a, b\n", 2), (&twice, 16)] {
+        let problem = app.post_yaml("/v1/models", text.to_owned()).await;
+        let problem = problem.problem(400);
+        let fault = &problem["errors"][0];
+        assert_eq!(fault["code"], "not_yaml");
+        assert_eq!(fault["line"], line, "{fault}");
+        assert!(fault["column"].is_string(), "{fault}");
+    }
+    app.post_yaml("/v1/models", vec![0xff, b'a'])
+        .await
+        .problem(400);
+    let problem = app.post_csv("/v1/models", DRIVE_YAML).await.problem(415);
+    assert!(problem["detail"].as_str().unwrap().contains("yaml"));
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_model_that_explodes_costs_only_its_own_job() {
     let app = TestApp::start().await;

@@ -51,7 +51,7 @@ export function showJob(view, id) {
     },
     history: () => {
       const rows = feed.generations();
-      panels.progress.history(rows, feed.refinements);
+      panels.progress.history(rows, feed);
       panels.result.history(rows);
     },
     connection: (text) => {

@@ -15,6 +15,7 @@ export class JobFeed {
   // failed(error), and recovered() when a request succeeds after that.
   constructor(id, signal, observer) {
     Object.assign(this, { id, signal, observer, job: null, refinements: new Map() });
+    this.findings = new Map();
     this.rows = new Map();
     this.drawing = false;
   }
@@ -67,6 +68,10 @@ export class JobFeed {
       const closed = stream.readyState === EventSource.CLOSED;
       this.observer.connection(closed ? "" : "connection lost, trying again");
     };
+    on("finding", (finding) => {
+      this.findings.set(`${finding.code} ${finding.pointer}`, finding);
+      this.draw();
+    });
     on("generation", (row) => {
       this.rows.set(row.generation, row);
       this.draw();

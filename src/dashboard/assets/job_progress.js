@@ -1,13 +1,14 @@
 // How far a job is: a bar, the counts, and the two curves of the search.
 
 import { lineChart } from "./chart.js";
-import { facts, h } from "./dom.js";
+import { facts, h, warningList } from "./dom.js";
 import { count, duration, number, words } from "./format.js";
 import { isFinished } from "./job_feed.js";
 
 export function progressPanel() {
   const bar = h("progress", { max: "1", value: "0", "aria-label": "Progress of the job" });
   const numbers = h("div", {});
+  const known = h("div", {});
   const refinement = h("p", { class: "quiet" });
   const cost = lineChart({
     title: "Cost per generation",
@@ -22,7 +23,7 @@ export function progressPanel() {
     series: [{ name: "best credit", look: "second" }],
   });
   const element = h("section", { "aria-label": "Progress" },
-    h("h2", {}, "Progress"), bar, numbers, h("div", { class: "pair" }, cost.element, credit.element), refinement);
+    h("h2", {}, "Progress"), bar, numbers, known, h("div", { class: "pair" }, cost.element, credit.element), refinement);
   return {
     element,
     job(job) {
@@ -31,12 +32,13 @@ export function progressPanel() {
       bar.hidden = isFinished(job);
       numbers.replaceChildren(counts(job, progress));
     },
-    history(rows, refinements) {
+    history(rows, { refinements, findings }) {
       const column = (name) => rows.map((row) => row[name] ?? null);
       const generations = column("generation");
       cost.set(generations, [column("best_cost"), column("mean_cost")]);
       credit.set(generations, [column("best_credit")]);
       refinement.textContent = refinementText([...refinements.values()]);
+      known.replaceChildren(...(findings.size ? [warningList([...findings.values()])] : []));
     },
   };
 }

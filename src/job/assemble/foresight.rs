@@ -2,8 +2,9 @@
 
 use super::{Assembly, Finding, preflight};
 use crate::estimation::Settings;
-use crate::estimation::problem::{Coordinate, Target};
-use crate::uncertainty::identifiability::{self, Foreseen};
+use crate::estimation::problem::{Coordinate, Problem, Target};
+use crate::simulation::Accuracy;
+use crate::uncertainty::identifiability::{self, FlatDirection, Foreseen};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 use utoipa::ToSchema;
@@ -72,15 +73,9 @@ pub fn foresee(
         };
     }
     let never = AtomicBool::new(false);
-    let foresight = identifiability::foresee(problem, &never).expect("nobody interrupts");
-    for flat in &foresight.flat {
-        let place = flat
-            .parts
-            .first()
-            .map(|(index, _)| &problem.coordinates[*index]);
-        let pointer = place.map_or_else(String::new, pointer_of);
-        findings.push(Finding::new("not_identifiable", &pointer, &flat.words));
-    }
+    let foresight = identifiability::foresee(problem, Accuracy::Full, &never);
+    let foresight = foresight.expect("nobody interrupts");
+    findings.extend(unseen(problem, &foresight.flat));
     let pairs = problem.coordinates.iter().zip(&foresight.coordinates);
     Identifiability {
         points: foresight.points as u64,
@@ -89,6 +84,23 @@ pub fn foresee(
             .collect(),
         flat_directions: foresight.flat.into_iter().map(|flat| flat.words).collect(),
     }
+}
+
+/// What the data of a job that begins do not see, at the price of about one generation. Answers
+/// nothing when `stop` was raised.
+#[must_use]
+pub fn flat_directions(problem: &Problem, stop: &AtomicBool) -> Option<Vec<Finding>> {
+    let foresight = identifiability::foresee(problem, Accuracy::Screening, stop)?;
+    Some(unseen(problem, &foresight.flat).collect())
+}
+
+fn unseen(problem: &Problem, flat: &[FlatDirection]) -> impl Iterator<Item = Finding> {
+    flat.iter().map(|flat| {
+        let place = flat.parts.first();
+        let place = place.map(|(index, _)| &problem.coordinates[*index]);
+        let pointer = place.map_or_else(String::new, pointer_of);
+        Finding::new("not_identifiable", &pointer, &flat.words)
+    })
 }
 
 fn prediction(coordinate: &Coordinate, foreseen: &Foreseen) -> Prediction {

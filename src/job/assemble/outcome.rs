@@ -260,5 +260,6 @@ fn start_of(problem: &Problem, start: &Refinement) -> StartReport {
         initial_cost: start.start_cost.and_then(finite),
         cost: start.coarse_cost.and_then(finite),
         parameters: names.zip(start.values.iter().copied()).collect(),
+        end: start.end.map(|end| end.name().to_owned()),
     }
 }

@@ -56,6 +56,7 @@ pub(super) fn read(field: &Field<'_>) -> Settings {
         0..=1_000_000,
         &mut settings.stagnation_generations,
     );
+    section.flag("noise_floor", &mut settings.noise_floor);
     let mut cost_target = 0.0;
     if section.number("cost_target", 0.0..=f64::INFINITY, &mut cost_target) {
         settings.cost_target = Some(cost_target);
@@ -84,6 +85,7 @@ pub(super) fn read_uncertainty(field: &Field<'_>) -> uncertainty::Settings {
         40..=10_000,
         &mut settings.bootstrap_samples,
     );
+    section.word("flat_directions", &mut settings.flat_directions);
     object.finish();
     settings
 }

@@ -54,6 +54,8 @@ pub enum Operation {
     Select,
     /// The table of that number, interpolated at a.
     Table(u8),
+    /// How far a is from the nearest point of the table, with a sign that changes at each point.
+    Breakpoint(u8),
 }
 
 impl Operation {
@@ -61,6 +63,25 @@ impl Operation {
     #[must_use]
     pub fn is_symmetric(self) -> bool {
         matches!(self, Operation::Add | Operation::Multiply)
+    }
+
+    /// How many numbers it works on.
+    #[must_use]
+    pub fn arguments(self) -> usize {
+        match self {
+            Operation::Select => 3,
+            Operation::Add
+            | Operation::Subtract
+            | Operation::Multiply
+            | Operation::Divide
+            | Operation::Minimum
+            | Operation::Maximum
+            | Operation::ArcTangent2
+            | Operation::Power
+            | Operation::AtLeast
+            | Operation::Above => 2,
+            _ => 1,
+        }
     }
 }
 
@@ -91,6 +112,17 @@ impl Table {
             None if x < self.x[0] => self.y[0],
             None => self.y[self.y.len() - 1],
         }
+    }
+
+    /// A zigzag that crosses 0 at each point.
+    fn breakpoint(&self, x: f64) -> f64 {
+        let after = self.x.partition_point(|point| *point <= x);
+        let to_next = self.x.get(after).map_or(f64::INFINITY, |next| next - x);
+        let distance = match after.checked_sub(1) {
+            Some(before) => f64::min(x - self.x[before], to_next),
+            None => to_next,
+        };
+        if after % 2 == 0 { -distance } else { distance }
     }
 
     fn slope(&self, x: f64) -> f64 {
@@ -172,6 +204,9 @@ pub fn execute<R: Real, const N: usize>(
         Operation::Table(number) => {
             r[to] = each(r[a], |x| tables[usize::from(number)].value(x));
         }
+        Operation::Breakpoint(number) => {
+            r[to] = each(r[a], |x| tables[usize::from(number)].breakpoint(x));
+        }
     }
 }
 
@@ -216,7 +251,9 @@ pub fn slopes(
             [by_base, by_exponent, 0.0]
         }
         Operation::Select => [0.0, f64::from(a >= 0.5), f64::from(a < 0.5)],
-        Operation::Sign | Operation::AtLeast | Operation::Above => [0.0; 3],
+        Operation::Sign | Operation::AtLeast | Operation::Above | Operation::Breakpoint(_) => {
+            [0.0; 3]
+        }
         Operation::Table(number) => one(tables[usize::from(number)].slope(a)),
     }
 }
@@ -274,6 +311,21 @@ mod tests {
             assert_eq!(table.value(x), y, "at {x}");
         }
         assert!(table.value(f64::NAN).is_nan());
+    }
+
+    #[test]
+    fn the_zigzag_of_a_table_changes_its_sign_at_each_point_and_nowhere_else() {
+        let table = &tables()[0];
+        for (x, height) in [
+            (-5.0, -4.0),
+            (-1.0, 0.0),
+            (-0.75, 0.25),
+            (0.5, -0.5),
+            (1.75, -0.25),
+            (9.0, 7.0),
+        ] {
+            assert_eq!(table.breakpoint(x), height, "at {x}");
+        }
     }
 
     proptest! {

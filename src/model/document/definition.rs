@@ -114,4 +114,6 @@ pub struct Options {
     pub delay: Option<Text>,
     pub fastest_rate: Option<Text>,
     pub valid_while: Option<Text>,
+    /// What changes its sign where the rates have a kink, where the author lists it.
+    pub kinks: Option<Vec<Text>>,
 }

@@ -2,8 +2,8 @@
 //!
 //! The derivatives are taken forward through the tape, up to eight directions in one pass.
 
-use super::plant::Wiring;
-use super::tape::{DIRECTIONS, Registers, Tape, zeros};
+use super::simulator::Machine;
+use super::tape::{DIRECTIONS, Register, Registers, zeros};
 use crate::simulation::lanes::{Lanes, Real};
 
 /// Doublings of the power whose norm bounds the spectral radius: the 64th power, whose root is
@@ -13,45 +13,60 @@ const DOUBLINGS: usize = 6;
 /// Sweeps of the balancing.
 const SWEEPS: usize = 6;
 
-/// ∂(rates)/∂(state), row by row, at the values that `registers` hold.
-pub fn by_states(tape: &Tape, wiring: &Wiring, registers: &Registers<f64>) -> Vec<f64> {
+/// ∂(rates)/∂(state), row by row, where the machine took its rates last.
+pub fn by_states(machine: &mut Machine<'_, f64>) -> Vec<f64> {
+    let (tape, wiring) = (&machine.plant.tape, &machine.plant.wiring);
+    let slopes = machine.directions.get_or_insert_with(zeros);
     let n = wiring.states.len();
     let mut matrix = vec![0.0; n * n];
     for first in (0..n).step_by(DIRECTIONS) {
-        let mut slopes: Registers<Lanes> = zeros();
-        for (direction, state) in (first..n).take(DIRECTIONS).enumerate() {
-            if let Some(register) = wiring.states[state] {
-                slopes[usize::from(register)].set_lane(direction, 1.0);
-            }
-        }
-        tape.run_slopes(&tape.rates, registers, &mut slopes);
+        let directions = (first..n).take(DIRECTIONS);
+        set(slopes, directions.clone().map(|state| wiring.states[state]));
+        tape.run_slopes(&tape.rates, &machine.registers, slopes);
         for (row, rate) in tape.roots.rates.iter().enumerate() {
-            for (direction, column) in (first..n).take(DIRECTIONS).enumerate() {
+            for (direction, column) in directions.clone().enumerate() {
                 matrix[row * n + column] = slopes[usize::from(*rate)].lane(direction);
             }
         }
+        clear(slopes, directions.map(|state| wiring.states[state]));
     }
     matrix
 }
 
-/// ∂(rates)/∂t where the inputs move by `input_slopes`.
-pub fn by_time(
-    tape: &Tape,
-    wiring: &Wiring,
-    registers: &Registers<f64>,
-    input_slopes: &[f64],
-) -> Vec<f64> {
-    let mut slopes: Registers<Lanes> = zeros();
-    for (input, slope) in wiring.inputs.iter().zip(input_slopes) {
+/// ∂(rates)/∂t where the machine took its rates last and its inputs move; none where they do not.
+pub fn by_time(machine: &mut Machine<'_, f64>) -> Option<Vec<f64>> {
+    if machine.slopes.is_empty() {
+        return None;
+    }
+    let (tape, wiring) = (&machine.plant.tape, &machine.plant.wiring);
+    let slopes = machine.directions.get_or_insert_with(zeros);
+    for (input, slope) in wiring.inputs.iter().zip(&machine.slopes) {
         if let Some(register) = input {
             slopes[usize::from(*register)] = Lanes::splat(*slope);
         }
     }
-    tape.run_slopes(&tape.rates, registers, &mut slopes);
+    tape.run_slopes(&tape.rates, &machine.registers, slopes);
     let rates = tape.roots.rates.iter();
-    rates
-        .map(|rate| slopes[usize::from(*rate)].lane(0))
-        .collect()
+    let by_time = rates.map(|rate| slopes[usize::from(*rate)].lane(0));
+    let by_time = by_time.collect();
+    clear(slopes, wiring.inputs.iter().copied());
+    Some(by_time)
+}
+
+/// One direction for each of the leaves.
+fn set(slopes: &mut Registers<Lanes>, leaves: impl Iterator<Item = Option<Register>>) {
+    for (direction, leaf) in leaves.enumerate() {
+        if let Some(register) = leaf {
+            slopes[usize::from(register)].set_lane(direction, 1.0);
+        }
+    }
+}
+
+/// Leaves that no direction moves: what is computed from them is overwritten before it is read.
+fn clear(slopes: &mut Registers<Lanes>, leaves: impl Iterator<Item = Option<Register>>) {
+    for register in leaves.flatten() {
+        slopes[usize::from(register)] = Lanes::splat(0.0);
+    }
 }
 
 /// Scales d that make the rows and the columns of D⁻¹·A·D equally large (E. E. Osborne, "On

@@ -1,4 +1,4 @@
-//! Models that users write: equations as text, in a JSON document.
+//! Models that users write: equations as text, in a JSON or YAML document.
 //!
 //! `reading` reads names, units and texts, `syntax` an expression, `compile` puts the
 //! expressions together to one `graph` and checks their units, `tape` lays the graph out as
@@ -15,6 +15,7 @@ mod held;
 mod jacobian;
 mod lower;
 mod plant;
+mod program;
 mod reading;
 mod reference;
 mod runge_kutta;
@@ -37,9 +38,6 @@ use plant::DocumentPlant;
 use serde_json::Value;
 use tape::{Roots, Tape};
 use unit::Unit;
-
-/// The bytes of a document at the most.
-pub const MAX_BYTES: usize = 1 << 20;
 
 /// A document that can run.
 #[derive(Debug)]
@@ -81,14 +79,16 @@ fn read_into(document: &Value, faults: &Faults) -> Option<Read> {
     }
     let mut roots = roots?;
     let moving_inputs = definition.options.first_order_hold;
-    let kinks = std::mem::take(&mut compiler.kinks);
-    let switches = tape::switches(&mut compiler.graph, &roots.rates, &kinks, moving_inputs);
-    let Ok(switches) = switches else {
-        let detail = format!("the model has more than {} operations", graph::MAX_NODES);
-        faults.add("", "too_large", detail);
-        return None;
-    };
-    roots.switches = switches;
+    if definition.options.kinks.is_none() {
+        let kinks = std::mem::take(&mut compiler.kinks);
+        let switches = tape::switches(&mut compiler.graph, &roots.rates, &kinks, moving_inputs);
+        let Ok(switches) = switches else {
+            let detail = format!("the model has more than {} operations", graph::MAX_NODES);
+            faults.add("", "too_large", detail);
+            return None;
+        };
+        roots.switches = switches;
+    }
     let tables = definition.tables.iter().map(|named| named.table.clone());
     let tape = Tape::new(&compiler.graph, &roots, tables.collect(), moving_inputs);
     let scales = definition.states.iter().map(|state| state.scale).collect();
@@ -138,9 +138,13 @@ fn roots(definition: &Definition, compiler: &mut Compiler<'_>) -> Option<Roots> 
     }
     let valid = options.valid_while.as_ref();
     let valid = valid.map(|text| compiler.condition(text));
+    let kinks = options.kinks.iter().flatten();
+    let kinks: Vec<Option<NodeId>> = kinks
+        .map(|text| compiler.number(text, Context::Plant, Unit::Any))
+        .collect();
     Some(Roots {
         rates: rates.into_iter().collect::<Option<_>>()?,
-        switches: Vec::new(),
+        switches: kinks.into_iter().collect::<Option<_>>()?,
         outputs: outputs.into_iter().collect::<Option<_>>()?,
         initial: initial.into_iter().collect::<Option<_>>()?,
         sampled: sampled

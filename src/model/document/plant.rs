@@ -104,7 +104,7 @@ impl DocumentPlant {
         let at = |machine: &mut Machine<'_, f64>, state: &[f64]| {
             let mut rates = vec![0.0; state.len()];
             machine.rates(state, 0.0, &mut rates);
-            jacobian::by_states(&self.tape, &self.wiring, &machine.registers)
+            jacobian::by_states(machine)
         };
         let jacobian = at(&mut machine, &state);
         if jacobian.iter().all(|entry| entry.is_finite()) {

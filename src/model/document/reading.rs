@@ -19,6 +19,7 @@ const MAX_SIGNALS: usize = 16;
 const MAX_PARAMETERS: usize = 128;
 const MAX_QUANTITIES: usize = 256;
 const MAX_TABLES: usize = 16;
+const MAX_KINKS: usize = 64;
 /// The points of one table at the most.
 const MAX_POINTS: usize = 1000;
 /// The characters of a name at the most, and those of a meaning or a summary.
@@ -394,9 +395,22 @@ impl Reader<'_> {
             delay: expression("delay"),
             fastest_rate: expression("fastest_rate"),
             valid_while: expression("valid_while"),
+            kinks: object
+                .optional("kinks")
+                .and_then(|field| self.kinks(&field)),
         };
         object.finish();
         options
+    }
+
+    fn kinks(&self, field: &Field<'_>) -> Option<Vec<Text>> {
+        let items = field.array()?;
+        if items.len() > MAX_KINKS {
+            let detail = format!("{} kinks are more than {MAX_KINKS}", items.len());
+            field.fault("too_large", detail);
+            return None;
+        }
+        items.iter().map(|item| self.expression(item)).collect()
     }
 }
 

@@ -8,6 +8,7 @@
 use super::jacobian;
 use super::plant::DocumentPlant;
 use super::simulator::Machine;
+use crate::simulation::block::{self, Wide};
 use crate::simulation::explicit::Steps;
 use crate::simulation::lanes::{LANES, Lanes, Real};
 
@@ -23,12 +24,15 @@ struct Stretch {
     length: Lanes,
 }
 
+/// Derivatives of a step beyond that at its start: three stages, and that at its end, where the
+/// next step starts.
+const LAST: usize = 4;
+
 /// Room for the stages of a step.
 pub struct Explicit {
-    slopes: [Vec<Lanes>; 4],
+    slopes: [Vec<Lanes>; LAST + 1],
     point: Vec<Lanes>,
     next: Vec<Lanes>,
-    whole: Vec<Lanes>,
     switches: Vec<Lanes>,
     switches_after: Vec<Lanes>,
     /// What a change of each state is divided by.
@@ -60,7 +64,6 @@ impl Explicit {
             slopes: std::array::from_fn(|_| zeros()),
             point: zeros(),
             next: zeros(),
-            whole: zeros(),
             switches: vec![Lanes::splat(0.0); n_switches],
             switches_after: vec![Lanes::splat(0.0); n_switches],
             weights,
@@ -75,41 +78,18 @@ impl Explicit {
         state: &mut [Lanes],
         steps: &Steps,
     ) -> Lanes {
-        let at_most = steps.count.iter().copied().max().unwrap_or(0);
-        let mut worst = Lanes::splat(0.0);
-        let mut elapsed = Lanes::splat(0.0);
-        self.begin(machine, state, elapsed);
-        for taken in 0..at_most {
-            let whole = Stretch {
-                from: elapsed,
-                length: steps.length,
-            };
-            self.step(machine, state, whole);
-            // A lane that has taken its steps is only carried along: what it shows no longer counts.
-            let rate = self.step_times_rate(steps.length);
-            for lane in (0..LANES).filter(|&lane| taken < steps.count[lane]) {
-                worst.0[lane] = worst.0[lane].max(rate.0[lane]);
-            }
-            let end = elapsed + steps.length;
-            machine.rates(&self.next, end, &mut self.slopes[0]);
-            machine.switches(&mut self.switches_after);
-            if let Some(kink) = Kink::between(&self.switches, &self.switches_after) {
-                self.step_in_two(machine, state, whole, &kink);
-            }
-            replace_lanes(state, &self.next, |lane| taken < steps.count[lane]);
-            elapsed = end;
-            std::mem::swap(&mut self.switches, &mut self.switches_after);
-        }
-        worst
-    }
-
-    /// The first slope and the switches at a state.
-    fn begin(&mut self, machine: &mut Machine<'_, Lanes>, state: &[Lanes], elapsed: Lanes) {
-        machine.rates(state, elapsed, &mut self.slopes[0]);
+        machine.rates(state, Lanes::splat(0.0), &mut self.slopes[0]);
         machine.switches(&mut self.switches);
+        block::at_full_width(Integration {
+            explicit: self,
+            machine,
+            state,
+            steps,
+        })
     }
 
-    /// One step from a state whose first slope is known; the end is `next`.
+    /// One step from a state whose first slope is known; the end is `next`, its slope the last.
+    #[inline(always)]
     fn step(
         &mut self,
         machine: &mut Machine<'_, Lanes>,
@@ -119,23 +99,26 @@ impl Explicit {
         let half = length * Lanes::splat(0.5);
         let sixth = length * Lanes::splat(1.0 / 6.0);
         let third = length * Lanes::splat(1.0 / 3.0);
-        along(&mut self.next, state, sixth, &self.slopes[0]);
-        for (stage, (reach, weight)) in [(half, third), (half, third), (length, sixth)]
-            .into_iter()
-            .enumerate()
-        {
-            along(&mut self.point, state, reach, &self.slopes[stage]);
-            let [.., slope] = &mut self.slopes[..stage + 2] else {
+        let reaches = [half, half, length, length];
+        let weights = [sixth, third, third, sixth];
+        self.next.copy_from_slice(state);
+        for (stage, (reach, weight)) in reaches.into_iter().zip(weights).enumerate() {
+            let [before, slope] = &mut self.slopes[stage..stage + 2] else {
                 return;
             };
-            machine.rates(&self.point, from + reach, slope);
-            for (value, slope) in self.next.iter_mut().zip(slope.iter()) {
-                *value += weight * *slope;
+            along(&mut self.next, weight, before);
+            if stage + 1 < LAST {
+                self.point.copy_from_slice(state);
+                along(&mut self.point, reach, before);
+            } else {
+                self.point.copy_from_slice(&self.next);
             }
+            machine.rates_wide(&self.point, from + reach, slope);
         }
     }
 
     /// The step anew in two parts that meet near the kink, for the lanes that have one.
+    #[inline(never)]
     fn step_in_two(
         &mut self,
         machine: &mut Machine<'_, Lanes>,
@@ -143,7 +126,7 @@ impl Explicit {
         whole: Stretch,
         kink: &Kink,
     ) {
-        std::mem::swap(&mut self.whole, &mut self.next);
+        let straight = self.next.clone();
         let first = Stretch {
             length: whole.length * kink.share,
             ..whole
@@ -152,24 +135,28 @@ impl Explicit {
             from: whole.from + first.length,
             length: whole.length - first.length,
         };
-        machine.rates(state, first.from, &mut self.slopes[0]);
-        self.step(machine, state, first);
-        let middle = self.next.clone();
-        machine.rates(&middle, second.from, &mut self.slopes[0]);
-        self.step(machine, &middle, second);
-        replace_lanes(&mut self.next, &self.whole, |lane| !kink.is_in[lane]);
-        let next = std::mem::take(&mut self.next);
-        machine.rates(&next, whole.from + whole.length, &mut self.slopes[0]);
-        self.next = next;
+        block::at_full_width(TwoSteps {
+            explicit: self,
+            machine,
+            state: state.to_vec(),
+            parts: [first, second],
+        });
+        replace_lanes(&mut self.next, &straight, |lane| !kink.is_in[lane]);
+        machine.rates(
+            &self.next,
+            whole.from + whole.length,
+            &mut self.slopes[LAST],
+        );
         machine.switches(&mut self.switches_after);
     }
 
     /// The step times the rate that the stages of the last step show.
+    #[inline(always)]
     fn step_times_rate(&self, length: Lanes) -> Lanes {
         let zero = Lanes::splat(0.0);
         let (mut size, mut before, mut after) = (zero, zero, zero);
         for (state, weight) in self.weights.iter().enumerate() {
-            let [k1, k2, k3, _] = &self.slopes;
+            let [k1, k2, k3, ..] = &self.slopes;
             size = size.max((k1[state] * *weight).abs());
             before = before.max(((k2[state] - k1[state]) * *weight).abs());
             after = after.max(((k3[state] - k2[state]) * *weight).abs());
@@ -192,9 +179,76 @@ fn replace_lanes(to: &mut [Lanes], from: &[Lanes], chosen: impl Fn(usize) -> boo
 }
 
 #[inline(always)]
-fn along(to: &mut [Lanes], from: &[Lanes], reach: Lanes, slope: &[Lanes]) {
-    for ((to, from), slope) in to.iter_mut().zip(from).zip(slope) {
-        *to = *from + reach * *slope;
+fn along(to: &mut [Lanes], reach: Lanes, slope: &[Lanes]) {
+    for (to, slope) in to.iter_mut().zip(slope) {
+        *to += reach * *slope;
+    }
+}
+
+/// Every lane's steps, from a state whose slope and switches are known.
+struct Integration<'e, 'm, 'p> {
+    explicit: &'e mut Explicit,
+    machine: &'m mut Machine<'p, Lanes>,
+    state: &'e mut [Lanes],
+    steps: &'e Steps,
+}
+
+impl Wide for Integration<'_, '_, '_> {
+    type Output = Lanes;
+
+    #[inline(always)]
+    fn work(self) -> Lanes {
+        let Integration {
+            explicit,
+            machine,
+            state,
+            steps,
+        } = self;
+        let at_most = steps.count.iter().copied().max().unwrap_or(0);
+        let mut worst = Lanes::splat(0.0);
+        let mut elapsed = Lanes::splat(0.0);
+        for taken in 0..at_most {
+            let whole = Stretch {
+                from: elapsed,
+                length: steps.length,
+            };
+            explicit.step(machine, state, whole);
+            machine.switches_wide(&mut explicit.switches_after);
+            // A lane that has taken its steps is only carried along: what it shows no longer counts.
+            let rate = explicit.step_times_rate(steps.length);
+            for lane in (0..LANES).filter(|&lane| taken < steps.count[lane]) {
+                worst.0[lane] = worst.0[lane].max(rate.0[lane]);
+            }
+            if let Some(kink) = Kink::between(&explicit.switches, &explicit.switches_after) {
+                explicit.step_in_two(machine, state, whole, &kink);
+            }
+            replace_lanes(state, &explicit.next, |lane| taken < steps.count[lane]);
+            elapsed += steps.length;
+            std::mem::swap(&mut explicit.switches, &mut explicit.switches_after);
+            explicit.slopes.swap(0, LAST);
+        }
+        worst
+    }
+}
+
+/// One step after the other.
+struct TwoSteps<'e, 'm, 'p> {
+    explicit: &'e mut Explicit,
+    machine: &'m mut Machine<'p, Lanes>,
+    state: Vec<Lanes>,
+    parts: [Stretch; 2],
+}
+
+impl Wide for TwoSteps<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn work(mut self) {
+        for part in self.parts {
+            self.explicit.step(self.machine, &self.state, part);
+            self.state.copy_from_slice(&self.explicit.next);
+            self.explicit.slopes.swap(0, LAST);
+        }
     }
 }
 
@@ -206,6 +260,7 @@ struct Kink {
 }
 
 impl Kink {
+    #[inline(always)]
     fn between(before: &[Lanes], after: &[Lanes]) -> Option<Kink> {
         let mut lowest = Lanes::splat(0.0);
         for (before, after) in before.iter().zip(after) {

@@ -30,6 +30,8 @@ pub struct Machine<'a, R> {
     /// The inputs at the start of the segment, and how fast they move.
     inputs: Vec<R>,
     pub(super) slopes: Vec<R>,
+    /// Room for derivatives, once they are asked for.
+    pub(super) directions: Option<Registers<Lanes>>,
 }
 
 impl<'a, R: Row> Machine<'a, R> {
@@ -44,6 +46,7 @@ impl<'a, R: Row> Machine<'a, R> {
             registers: plant.tape.registers(),
             inputs: Vec::new(),
             slopes: Vec::new(),
+            directions: None,
         };
         for (index, register) in plant.wiring.parameters.iter().enumerate() {
             machine.set(*register, parameters(index));
@@ -95,6 +98,7 @@ impl<'a, R: Row> Machine<'a, R> {
             .run(&self.plant.tape.held, &mut self.registers);
     }
 
+    #[inline(always)]
     fn load(&mut self, state: &[R]) {
         for (register, value) in self.plant.wiring.states.iter().zip(state) {
             self.set(*register, *value);
@@ -102,24 +106,39 @@ impl<'a, R: Row> Machine<'a, R> {
     }
 
     /// The rates of change at a state, `elapsed` after the segment began.
-    #[inline(always)]
     pub fn rates(&mut self, state: &[R], elapsed: R, into: &mut [R]) {
+        self.load_moving(state, elapsed);
+        let tape = &self.plant.tape;
+        tape.run(&tape.rates, &mut self.registers);
+        self.read_rates(into);
+    }
+
+    #[inline(always)]
+    fn load_moving(&mut self, state: &[R], elapsed: R) {
         self.load(state);
         for (index, slope) in self.slopes.iter().enumerate() {
             if let Some(Some(register)) = self.plant.wiring.inputs.get(index) {
                 self.registers[usize::from(*register)] = self.inputs[index] + *slope * elapsed;
             }
         }
-        let tape = &self.plant.tape;
-        tape.run(&tape.rates, &mut self.registers);
-        for (rate, register) in into.iter_mut().zip(&tape.roots.rates) {
+    }
+
+    #[inline(always)]
+    fn read_rates(&self, into: &mut [R]) {
+        for (rate, register) in into.iter_mut().zip(&self.plant.tape.roots.rates) {
             *rate = self.registers[usize::from(*register)];
         }
     }
 
     /// The switches where the rates were taken last.
+    pub fn switches(&mut self, into: &mut [R]) {
+        let tape = &self.plant.tape;
+        tape.run(&tape.switches, &mut self.registers);
+        self.read_switches(into);
+    }
+
     #[inline(always)]
-    pub fn switches(&self, into: &mut [R]) {
+    fn read_switches(&self, into: &mut [R]) {
         for (switch, register) in into.iter_mut().zip(&self.plant.tape.roots.switches) {
             *switch = self.get(*register);
         }
@@ -151,6 +170,25 @@ impl<'a, R: Row> Machine<'a, R> {
     }
 }
 
+impl Machine<'_, Lanes> {
+    /// [`Machine::rates`] as part of work that is compiled for each width.
+    #[inline(always)]
+    pub fn rates_wide(&mut self, state: &[Lanes], elapsed: Lanes, into: &mut [Lanes]) {
+        self.load_moving(state, elapsed);
+        let tape = &self.plant.tape;
+        tape.run_wide(&tape.rates, &mut self.registers);
+        self.read_rates(into);
+    }
+
+    /// [`Machine::switches`], likewise.
+    #[inline(always)]
+    pub fn switches_wide(&mut self, into: &mut [Lanes]) {
+        let tape = &self.plant.tape;
+        tape.run_wide(&tape.switches, &mut self.registers);
+        self.read_switches(into);
+    }
+}
+
 /// The block.
 pub struct Simulator<'a> {
     machine: Machine<'a, Lanes>,
@@ -163,6 +201,8 @@ pub struct Simulator<'a> {
     delay: Option<Delay>,
     whole_sample: Steps,
     sample: usize,
+    /// Lanes from here on repeat the first.
+    n_candidates: usize,
     failures: [Option<Failure>; LANES],
     stiff_evaluations: [u64; LANES],
     stiff_budget: u64,
@@ -221,6 +261,7 @@ impl<'a> Simulator<'a> {
             delay: delay.map(|delay| Delay::new(delay, &excitation, &rate)),
             whole_sample: Steps::resolving(&rate, &whole, excitation.accuracy),
             sample: 0,
+            n_candidates: candidates.len(),
             failures: [None; LANES],
             stiff_evaluations: [0; LANES],
             stiff_budget: (STIFF_INSTRUCTIONS / instructions).min(STIFF_BUDGET),
@@ -307,12 +348,18 @@ impl<'a> Simulator<'a> {
             .map(|&count| u64::from(count))
             .sum();
         self.explicit_evaluations += STAGES as u64 * steps;
-        for lane in (0..LANES).filter(|&lane| segment.steps.count[lane] > 0) {
+        for lane in (0..self.n_candidates).filter(|&lane| segment.steps.count[lane] > 0) {
             let finite = self.state.iter().all(|value| value.0[lane].is_finite());
             let calm = worst.0[lane] <= LARGEST_STEP_TIMES_RATE;
             if self.failures[lane].is_none() && !(finite && calm) {
                 self.mend(segment, &start, lane);
             }
+        }
+        for lane in self.n_candidates..LANES {
+            self.failures[lane] = self.failures[0];
+            self.state
+                .iter_mut()
+                .for_each(|value| value.0[lane] = value.0[0]);
         }
     }
 
@@ -326,6 +373,7 @@ impl<'a> Simulator<'a> {
             })),
             inputs: Vec::new(),
             slopes: Vec::new(),
+            directions: None,
         };
         single.hold(&segment.held.of_lane(lane));
         let mut state: Vec<f64> = start.iter().map(|value| value.0[lane]).collect();
@@ -371,8 +419,7 @@ impl<'a> Simulator<'a> {
 fn rate_at(machine: &mut Machine<'_, f64>, state: &[f64]) -> f64 {
     let mut rates = vec![0.0; state.len()];
     machine.rates(state, 0.0, &mut rates);
-    let plant = machine.plant;
-    let jacobian = jacobian::by_states(&plant.tape, &plant.wiring, &machine.registers);
+    let jacobian = jacobian::by_states(machine);
     jacobian::spectral_bound(&jacobian, state.len())
 }
 

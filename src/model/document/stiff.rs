@@ -86,9 +86,8 @@ fn step(
     let n = state.len();
     let mut slope = vec![0.0; n];
     machine.rates(state, elapsed, &mut slope);
-    let (tape, wiring) = (&machine.plant.tape, &machine.plant.wiring);
-    let mut matrix = jacobian::by_states(tape, wiring, &machine.registers);
-    let by_time = jacobian::by_time(tape, wiring, &machine.registers, &machine.slopes);
+    let mut matrix = jacobian::by_states(machine);
+    let by_time = jacobian::by_time(machine);
     matrix.iter_mut().for_each(|entry| *entry = -*entry);
     for row in 0..n {
         matrix[row * n + row] += 1.0 / (GAMMA * length);
@@ -114,7 +113,9 @@ fn step(
             add(&mut right, c / length, &stages[earlier]);
         }
         time_stages[stage] = time_right * GAMMA * length;
-        add(&mut right, time_stages[stage], &by_time);
+        if let Some(by_time) = &by_time {
+            add(&mut right, time_stages[stage], by_time);
+        }
         factors.solve(&mut right);
         stages.push(right);
     }

@@ -6,6 +6,8 @@
 
 use super::arithmetic::{self, Operation, Table};
 use super::graph::{Graph, Leaf, MAX_NODES, Node, NodeId};
+use super::program::Program;
+use crate::simulation::block::{self, Wide};
 use crate::simulation::lanes::{LANES, Lanes, Real};
 
 /// One number, or one row of lanes, for each node that a graph can have: a fixed size, so that an
@@ -26,9 +28,27 @@ pub type Register = u16;
 /// One step of a computation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instruction {
-    operation: Operation,
-    to: Register,
-    on: [Register; 3],
+    /// What it does.
+    pub operation: Operation,
+    /// Where the result goes.
+    pub to: Register,
+    /// What it works on; places that the operation does not use repeat the first.
+    pub on: [Register; 3],
+}
+
+/// A list of instructions: one after the other for one candidate, and as a program for a row.
+#[derive(Debug, Default)]
+pub struct List {
+    instructions: Vec<Instruction>,
+    program: Program,
+}
+
+impl List {
+    /// How many instructions it has.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.instructions.len()
+    }
 }
 
 /// What the equations are made of, as nodes of a graph.
@@ -59,15 +79,17 @@ pub struct Tape {
     leaves: Vec<(Leaf, Register)>,
     tables: Vec<Table>,
     /// What follows from the parameters, once a candidate.
-    pub setup: Vec<Instruction>,
+    pub setup: List,
     /// What is computed once a sample.
-    pub sample: Vec<Instruction>,
+    pub sample: List,
     /// What follows from the held quantities, once they change.
-    pub held: Vec<Instruction>,
-    /// The rates of change and the switches.
-    pub rates: Vec<Instruction>,
+    pub held: List,
+    /// The rates of change.
+    pub rates: List,
+    /// The switches, where the rates were computed last.
+    pub switches: List,
     /// The outputs.
-    pub output: Vec<Instruction>,
+    pub output: List,
     /// The roots, as registers.
     pub roots: Roots,
 }
@@ -85,25 +107,28 @@ impl Tape {
     #[must_use]
     pub fn new(graph: &Graph, roots: &Roots, tables: Vec<Table>, moving_inputs: bool) -> Tape {
         let levels = levels(graph, moving_inputs);
-        let from_rates = graph.needed(roots.rates.iter().chain(&roots.switches).copied());
+        let from_rates = graph.needed(roots.rates.iter().copied());
+        let from_switches = graph.needed(roots.switches.iter().copied());
         let from_output = graph.needed(roots.outputs.iter().chain(&roots.valid).copied());
         let from_sample = graph.needed(roots.sampled.iter().map(|(node, _)| *node));
         let before = roots.sampled.iter().filter_map(|(_, initial)| *initial);
         let once = roots.delay.iter().chain(&roots.fastest_rate).copied();
         let from_setup = graph.needed(roots.initial.iter().copied().chain(before).chain(once));
         let is_needed = |node: usize| {
-            from_rates[node] || from_output[node] || from_sample[node] || from_setup[node]
+            let from_plant = from_rates[node] || from_switches[node] || from_output[node];
+            from_plant || from_sample[node] || from_setup[node]
         };
         let mut registers = vec![0; graph.nodes().len()];
         let mut tape = Tape {
             constants: Vec::new(),
             leaves: Vec::new(),
             tables,
-            setup: Vec::new(),
-            sample: Vec::new(),
-            held: Vec::new(),
-            rates: Vec::new(),
-            output: Vec::new(),
+            setup: List::default(),
+            sample: List::default(),
+            held: List::default(),
+            rates: List::default(),
+            switches: List::default(),
+            output: List::default(),
             roots: Roots::default(),
         };
         let needed = (0..graph.nodes().len()).filter(|node| is_needed(*node));
@@ -127,21 +152,26 @@ impl Tape {
                 on: on.map(|node| registers[usize::from(node)]),
             };
             match levels[node] {
-                Level::Setup => tape.setup.push(instruction),
-                Level::Held if from_rates[node] || from_output[node] => tape.held.push(instruction),
+                Level::Setup => tape.setup.instructions.push(instruction),
+                Level::Held if from_rates[node] || from_switches[node] || from_output[node] => {
+                    tape.held.instructions.push(instruction);
+                }
                 _ => {}
             }
             if from_sample[node] && levels[node] != Level::Setup {
-                tape.sample.push(instruction);
+                tape.sample.instructions.push(instruction);
             }
             if from_rates[node] && levels[node] == Level::Moving {
-                tape.rates.push(instruction);
+                tape.rates.instructions.push(instruction);
+            } else if from_switches[node] && levels[node] == Level::Moving {
+                tape.switches.instructions.push(instruction);
             }
             if from_output[node] && levels[node] == Level::Moving {
-                tape.output.push(instruction);
+                tape.output.instructions.push(instruction);
             }
         }
         tape.roots = roots.renamed(&registers);
+        tape.write_programs();
         tape
     }
 
@@ -161,35 +191,45 @@ impl Tape {
         &self.leaves
     }
 
-    /// Runs a list of instructions.
-    pub fn run<R: Row>(&self, instructions: &[Instruction], registers: &mut Registers<R>) {
-        R::run(self, instructions, registers);
-    }
-
-    #[inline(always)]
-    fn run_here<R: Real>(&self, instructions: &[Instruction], registers: &mut Registers<R>) {
-        for instruction in instructions {
-            let places = (instruction.on, instruction.to);
-            arithmetic::execute(instruction.operation, registers, places, &self.tables);
+    fn write_programs(&mut self) {
+        let lists = [
+            &mut self.setup,
+            &mut self.sample,
+            &mut self.held,
+            &mut self.output,
+        ];
+        for list in lists {
+            list.program = Program::new(&list.instructions);
         }
+        let roots = self.roots.rates.iter().chain(&self.roots.switches);
+        let later = self.switches.instructions.iter().flat_map(|one| &one.on);
+        let wanted = roots.chain(later).copied();
+        self.rates.program = Program::joined(&self.rates.instructions, wanted);
+        let switches = self.roots.switches.iter().copied();
+        self.switches.program = Program::joined(&self.switches.instructions, switches);
     }
 
-    /// The same code, compiled for registers of four numbers; the same bits.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn run_avx2(&self, instructions: &[Instruction], registers: &mut Registers<Lanes>) {
-        self.run_here(instructions, registers);
+    /// Runs a list of instructions. After the rates of a row only the roots are sure to be in
+    /// their registers.
+    pub fn run<R: Row>(&self, list: &List, registers: &mut Registers<R>) {
+        R::run(self, list, registers);
+    }
+
+    /// Runs a list over a row, as part of work that is compiled for each width.
+    #[inline(always)]
+    pub fn run_wide(&self, list: &List, registers: &mut Registers<Lanes>) {
+        list.program.run(registers, &self.tables);
     }
 
     /// Runs the derivatives of a list of instructions in up to [`LANES`] directions at once:
     /// `registers` hold the values, `slopes` those of the leaves.
     pub fn run_slopes(
         &self,
-        instructions: &[Instruction],
+        list: &List,
         registers: &Registers<f64>,
         slopes: &mut Registers<Lanes>,
     ) {
-        for instruction in instructions {
+        for instruction in &list.instructions {
             let on = instruction.on.map(usize::from);
             let to = usize::from(instruction.to);
             let values = on.map(|register| registers[register]);
@@ -206,27 +246,42 @@ impl Tape {
     }
 }
 
-/// What an instruction works on.
+/// What a list works on.
 pub trait Row: Real {
     /// Runs a list of instructions.
-    fn run(tape: &Tape, instructions: &[Instruction], registers: &mut Registers<Self>);
+    fn run(tape: &Tape, list: &List, registers: &mut Registers<Self>);
 }
 
 impl Row for f64 {
-    fn run(tape: &Tape, instructions: &[Instruction], registers: &mut Registers<f64>) {
-        tape.run_here(instructions, registers);
+    fn run(tape: &Tape, list: &List, registers: &mut Registers<f64>) {
+        for Instruction { operation, to, on } in &list.instructions {
+            arithmetic::execute(*operation, registers, (*on, *to), &tape.tables);
+        }
     }
 }
 
 impl Row for Lanes {
-    fn run(tape: &Tape, instructions: &[Instruction], registers: &mut Registers<Lanes>) {
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has these registers, it was asked in the line before.
-            #[expect(unsafe_code, reason = "run-time dispatch over vector widths")]
-            return unsafe { tape.run_avx2(instructions, registers) };
-        }
-        tape.run_here(instructions, registers);
+    fn run(tape: &Tape, list: &List, registers: &mut Registers<Lanes>) {
+        block::at_full_width(OneList {
+            tape,
+            list,
+            registers,
+        });
+    }
+}
+
+/// One list over one row.
+struct OneList<'a> {
+    tape: &'a Tape,
+    list: &'a List,
+    registers: &'a mut Registers<Lanes>,
+}
+
+impl Wide for OneList<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn work(self) {
+        self.tape.run_wide(self.list, self.registers);
     }
 }
 
@@ -291,6 +346,7 @@ pub fn switches(
     let needed = graph.needed(rates.iter().copied());
     let levels = levels(graph, moving_inputs);
     let mut pairs = Vec::new();
+    let mut tables = Vec::new();
     for (index, node) in graph.nodes().iter().enumerate() {
         let Node::Compute(operation, [a, b, _]) = node else {
             continue;
@@ -303,6 +359,7 @@ pub fn switches(
             Operation::Minimum | Operation::Maximum | Operation::AtLeast | Operation::Above => {
                 pairs.push((*a, Some(*b)));
             }
+            Operation::Table(number) => tables.push((*a, *number)),
             _ => {}
         }
     }
@@ -329,6 +386,9 @@ pub fn switches(
         if !switches.contains(&switch) {
             switches.push(switch);
         }
+    }
+    for (at, number) in tables {
+        switches.push(graph.compute(Operation::Breakpoint(number), &[at])?);
     }
     Ok(switches)
 }

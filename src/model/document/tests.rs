@@ -181,6 +181,40 @@ fn stiff_friction_is_integrated_and_an_explosion_is_an_honest_failure() {
 }
 
 #[test]
+fn lanes_that_repeat_the_first_cost_nothing_in_the_stiff_method() {
+    // Found by fuzzing: a growth of 1e6 per second, eight times over for one candidate.
+    let steep = with(lag("x*u*u"), "/states/x/unit", json!("unitless"));
+    let steep = model(&with(steep, "/states/x/initial", json!("1e-300")));
+    let inputs = [vec![0.0, 1.0, -1e3]];
+    let excitation = Excitation {
+        sample_time: 1e-3,
+        samples: 3,
+        input_set: 0,
+        inputs: &inputs,
+        accuracy: Accuracy::Screening,
+    };
+    let parameters = steep.description().defaults();
+    let candidate = Candidate {
+        parameters: &parameters,
+        initial_state: &[None],
+        resolved_rate: None,
+    };
+    let run = |candidates: &[Candidate<'_>]| {
+        let mut rows = vec![crate::simulation::lanes::Lanes([0.0; 8]); 3];
+        let mut block = steep.plant().simulator(excitation, candidates);
+        block.advance(3, &mut rows);
+        (
+            block.derivative_evaluations(),
+            block.failures()[..].to_vec(),
+        )
+    };
+    let (one, failures) = run(&[candidate]);
+    let (all, eight_failures) = run(&[candidate; 8]);
+    assert_eq!(failures, eight_failures);
+    assert!(one > 1000 && all > 7 * one, "{one} and {all}");
+}
+
+#[test]
 fn every_fault_is_told_at_once_with_its_place() {
     let document = json!({
         "name": "lag",

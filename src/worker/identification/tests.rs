@@ -1,0 +1,263 @@
+//! A run of the method, from its job to its result.
+
+use std::collections::HashMap;
+use std::sync::atomic::Ordering;
+
+use serde_json::json;
+
+use super::*;
+use crate::dataset::{Signal, TimeAxis};
+use crate::job::spec::Context;
+use crate::job::{DatasetId, JobId, Status};
+
+/// A carriage of 2 kg with 3 N·s/m of viscous friction under a square wave, integrated at a
+/// tenth of the sample time.
+fn recording() -> Recording {
+    let (sample_time, samples) = (0.02, 200);
+    let (mut position, mut velocity) = (0.0, 0.0);
+    let (mut positions, mut forces) = (Vec::new(), Vec::new());
+    for k in 0..samples {
+        let force = if (k / 17) % 2 == 0 { 20.0 } else { -20.0 };
+        forces.push(force);
+        positions.push(position);
+        for _ in 0..10 {
+            velocity += sample_time / 10.0 * (force - 3.0 * velocity) / 2.0;
+            position += sample_time / 10.0 * velocity;
+        }
+    }
+    let time = TimeAxis::Uniform {
+        sample_time,
+        samples,
+    };
+    let signals = vec![
+        Signal::new("force", "N", forces),
+        Signal::new("position", "m", positions),
+    ];
+    Recording::new(time, signals)
+}
+
+fn job() -> JobRow {
+    let dataset = DatasetId::new();
+    let document = json!({
+        "model": "positioning_drive",
+        "experiments": [{"dataset": dataset}],
+        "parameters": {
+            "mass": {"estimate": {"lower": 0.5, "upper": 10}},
+            "viscous_friction": {"estimate": {"lower": 0.1, "upper": 20}},
+            "coulomb_friction": {"value": 0},
+            "offset": {"value": 0}
+        },
+        "outputs": {"position": {"noise_std": 1e-3}},
+        "method": {"population": 10, "generations": 6},
+        "seed": 7
+    });
+    let catalogue = Catalogue::built_in();
+    let datasets = HashMap::from([(dataset, recording().summary())]);
+    let context = Context {
+        models: catalogue.iter().map(|model| model.description()).collect(),
+        datasets: &datasets,
+        max_duration_s: 60.0,
+    };
+    let spec = JobSpec::read(&document, &context).expect("a sound specification");
+    JobRow {
+        id: JobId::new(),
+        name: None,
+        labels: Default::default(),
+        model: spec.model.clone(),
+        spec: serde_json::to_value(spec).expect("JSON"),
+        status: Status::Running,
+        stop_request: None,
+        progress: None,
+        attempt: 1,
+        error: None,
+        created_at: jiff::Timestamp::UNIX_EPOCH,
+        started_at: None,
+        finished_at: None,
+        last_event: 1,
+        revision: 1,
+    }
+}
+
+fn begin(job: &JobRow, checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {
+    begin_on(recording(), job, checkpoint)
+}
+
+fn begin_on(data: Recording, job: &JobRow, checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {
+    let assignment = Assignment {
+        model: None,
+        job: job.clone(),
+        datasets: vec![("sha256:1".to_owned(), data)],
+        checkpoint,
+    };
+    let method = Identification::new(Catalogue::built_in());
+    method.begin(assignment).expect("a run")
+}
+
+fn work(run: &mut dyn Run) -> Vec<Row> {
+    let mut rows = Vec::new();
+    while run.advance(&NEVER, &mut |row| rows.push(row)) == Advance::Working {}
+    rows
+}
+
+fn outcome(run: &mut dyn Run, stopped: Option<StopReason>) -> Value {
+    let outcome = run.outcome(stopped).expect("no failure");
+    outcome.expect("an estimate")
+}
+
+#[test]
+fn a_run_finds_the_parameters_and_tells_how_it_went() {
+    let mut run = begin(&job(), None);
+    let rows = work(&mut *run);
+    let generations = rows.iter().filter(|row| matches!(row, Row::Generation(_)));
+    assert_eq!(generations.count(), 6);
+    assert_eq!(run.progress().phase, Phase::Analyse);
+    let outcome = outcome(&mut *run, None);
+    let mass = outcome["parameters"][0]["estimate"]
+        .as_f64()
+        .expect("a mass");
+    // The recording was integrated with an error of about 1 %.
+    assert!((mass / 2.0 - 1.0).abs() < 0.03, "{mass}");
+    assert_eq!(outcome["engine"]["dataset_digests"], json!(["sha256:1"]));
+}
+
+#[test]
+fn a_run_taken_up_after_every_unit_comes_to_the_same_result() {
+    let job = job();
+    let mut unbroken = begin(&job, None);
+    work(&mut *unbroken);
+    let expected = outcome(&mut *unbroken, None);
+    let mut run = begin(&job, None);
+    while run.advance(&NEVER, &mut |_| ()) == Advance::Working {
+        run = begin(&job, Some(run.checkpoint()));
+    }
+    let broken = outcome(&mut *run, None);
+    assert_eq!(broken["parameters"], expected["parameters"]);
+    assert_eq!(broken["verdict"], expected["verdict"]);
+}
+
+#[test]
+fn several_searches_and_other_methods_are_taken_up_with_the_same_bits_too() {
+    for method in ["icra_genetic", "differential_evolution", "multistart_lm"] {
+        let mut job = job();
+        job.spec["method"]["name"] = json!(method);
+        job.spec["method"]["restarts"] = json!(2);
+        let mut unbroken = begin(&job, None);
+        let rows = work(&mut *unbroken);
+        let generations = rows.iter().filter(|row| matches!(row, Row::Generation(_)));
+        let n_searches = if method == "multistart_lm" { 0 } else { 2 };
+        assert_eq!(generations.count(), 6 * n_searches);
+        let expected = outcome(&mut *unbroken, None);
+        let mass = expected["parameters"][0]["estimate"].as_f64();
+        let mass = mass.expect("a mass");
+        assert!((mass / 2.0 - 1.0).abs() < 0.03, "{method}: {mass}");
+        let searches = expected["searches"].as_array().expect("a list");
+        assert_eq!(searches.len(), n_searches);
+        let mut run = begin(&job, None);
+        while run.advance(&NEVER, &mut |_| ()) == Advance::Working {
+            run = begin(&job, Some(run.checkpoint()));
+        }
+        let broken = outcome(&mut *run, None);
+        assert_eq!(broken["parameters"], expected["parameters"]);
+        assert_eq!(broken["searches"], expected["searches"]);
+    }
+}
+
+/// The carriage left alone: nothing of it can be seen.
+fn standing_still() -> Recording {
+    let time = TimeAxis::Uniform {
+        sample_time: 0.02,
+        samples: 200,
+    };
+    let zeros = || vec![0.0; 200];
+    let force = Signal::new("force", "N", zeros());
+    Recording::new(time, vec![force, Signal::new("position", "m", zeros())])
+}
+
+#[test]
+fn what_the_data_do_not_see_is_told_before_the_search_begins() {
+    let mut run = begin_on(standing_still(), &job(), None);
+    let rows = work(&mut *run);
+    let Some(Row::Findings(findings)) = rows.first() else {
+        panic!("{:?}", rows.first());
+    };
+    let told: Vec<(&str, &str)> = findings
+        .iter()
+        .map(|finding| (&*finding.code, &*finding.pointer))
+        .collect();
+    for expected in [
+        ("input_constant", "/experiments/0/signals/force"),
+        ("not_identifiable", "/parameters/mass"),
+        ("not_identifiable", "/parameters/viscous_friction"),
+    ] {
+        assert!(told.contains(&expected), "{told:?}");
+    }
+    // A run that is taken up has told it before.
+    let mut resumed = begin_on(standing_still(), &job(), Some(run.checkpoint()));
+    let is_finding = |row: &Row| matches!(row, Row::Findings(_));
+    assert!(!work(&mut *resumed).iter().any(is_finding));
+}
+
+#[test]
+fn a_job_that_asks_for_it_ends_where_the_data_do_not_fix_its_unknowns() {
+    let mut job = job();
+    job.spec["uncertainty"]["flat_directions"] = json!("refuse");
+    let mut run = begin_on(standing_still(), &job, None);
+    assert_eq!(work(&mut *run), []);
+    let failure = run.outcome(None).expect_err("a refusal");
+    assert_eq!(failure.kind, "/problems/not-identifiable");
+    assert_eq!(failure.errors.len(), 2);
+    // With a moving carriage the same job goes on.
+    let mut run = begin(&job, None);
+    assert!(!work(&mut *run).is_empty());
+    assert!(run.outcome(None).is_ok());
+}
+
+#[test]
+fn a_stopped_run_has_the_best_so_far_and_can_go_on() {
+    let job = job();
+    let mut run = begin(&job, None);
+    assert_eq!(run.outcome(Some(StopReason::Cancelled)), Ok(None));
+    run.advance(&NEVER, &mut |_| ());
+    let paused = outcome(&mut *run, Some(StopReason::Paused));
+    assert_eq!(paused["stop_reason"], "paused");
+    work(&mut *run);
+    let mut unbroken = begin(&job, None);
+    work(&mut *unbroken);
+    let (resumed, unbroken) = (outcome(&mut *run, None), outcome(&mut *unbroken, None));
+    assert_eq!(resumed["parameters"], unbroken["parameters"]);
+}
+
+#[test]
+fn a_raised_flag_interrupts_the_analysis_too() {
+    let mut run = begin(&job(), None);
+    let stop = AtomicBool::new(false);
+    while run.progress().phase != Phase::Analyse {
+        assert_eq!(run.advance(&stop, &mut |_| ()), Advance::Working);
+    }
+    stop.store(true, Ordering::Relaxed);
+    assert_eq!(run.advance(&stop, &mut |_| ()), Advance::Interrupted);
+    stop.store(false, Ordering::Relaxed);
+    assert_eq!(run.advance(&stop, &mut |_| ()), Advance::Finished);
+}
+
+#[test]
+fn a_job_that_does_not_read_back_says_why() {
+    let method = Identification::new(Catalogue::built_in());
+    let assignment = |job: JobRow, checkpoint| Assignment {
+        model: None,
+        job,
+        datasets: vec![("sha256:1".to_owned(), recording())],
+        checkpoint,
+    };
+    let mut unknown = job();
+    unknown.spec["model"] = json!("perpetuum_mobile");
+    let failure = method.begin(assignment(unknown, None)).err();
+    let detail = failure.expect("no such model").detail;
+    assert_eq!(detail, "there is no model `perpetuum_mobile`");
+    let failure = method.begin(assignment(job(), Some(b"{}".to_vec()))).err();
+    let detail = failure.expect("no checkpoint").detail;
+    assert!(
+        detail.starts_with("the stored checkpoint does not read back"),
+        "{detail}"
+    );
+}
