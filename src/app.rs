@@ -1,10 +1,11 @@
 //! Puts a server together (store, events, worker, router) and takes it apart in order.
 
+mod connections;
+
 use std::net::SocketAddr;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-use axum::Router;
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
@@ -49,7 +50,7 @@ pub struct App {
     hub: EventHub,
     worker: Worker,
     closing: CancellationToken,
-    server: JoinHandle<std::io::Result<()>>,
+    server: JoinHandle<()>,
 }
 
 impl App {
@@ -85,7 +86,8 @@ impl App {
         });
         let closing = CancellationToken::new();
         let routes = api::resources(state).merge(dashboard::router());
-        let server = tokio::spawn(serve(listener, api::finish(routes), closing.clone()));
+        let serve = connections::serve(listener, api::finish(routes), closing.clone());
+        let server = tokio::spawn(serve);
         tracing::info!(%address, "listening");
         Ok(Self {
             address,
@@ -125,8 +127,7 @@ impl App {
             tracing::warn!("a slice did not stop in time; it goes on from its last checkpoint");
         }
         match tokio::time::timeout(LAST_WORDS, &mut server).await {
-            Ok(Ok(Ok(()))) => {}
-            Ok(Ok(Err(error))) => tracing::error!(%error, "the server ended badly"),
+            Ok(Ok(())) => {}
             Ok(Err(error)) => tracing::error!(%error, "the server ended badly"),
             Err(_) => {
                 tracing::warn!("connections that did not end were cut");
@@ -141,16 +142,6 @@ async fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
     TcpListener::bind(address)
         .await
         .map_err(|source| StartError::Listen { address, source })
-}
-
-async fn serve(
-    listener: TcpListener,
-    router: Router,
-    closing: CancellationToken,
-) -> std::io::Result<()> {
-    axum::serve(listener, router)
-        .with_graceful_shutdown(closing.cancelled_owned())
-        .await
 }
 
 /// Gives the computation its threads. They are the process's; the first server decides.

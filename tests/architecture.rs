@@ -62,6 +62,8 @@ const OUTSIDE_WORLD: &[&str] = &[
 #[rustfmt::skip]
 const PLACES: &[(&str, &[&str])] = &[
     ("axum", &["api", "dashboard", "app"]),
+    ("hyper", &["app"]),
+    ("hyper_util", &["app"]),
     ("tower", &["api", "dashboard", "app"]),
     ("tower_http", &["api", "dashboard", "app"]),
     ("utoipa_axum", &["api"]),

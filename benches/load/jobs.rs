@@ -7,16 +7,21 @@ use serde_json::{Value, json};
 use crate::Outcome;
 use crate::client::Connection;
 
+/// Samples of a recording that is worked in milliseconds.
+pub const FEW: u32 = 400;
+/// Samples of one that a generation takes milliseconds for.
+pub const MANY: u32 = 40_000;
+
 /// A drive of 100 kg with 200 N·s/m of friction, pushed by ±50 N that turn every half second:
-/// 4 s at 100 Hz, integrated exactly between the samples.
-pub fn drive_csv() -> String {
+/// so many samples at 100 Hz, integrated exactly between them.
+pub fn drive_csv(samples: u32) -> String {
     const MASS: f64 = 100.0;
     const FRICTION: f64 = 200.0;
     const SAMPLE_TIME: f64 = 0.01;
     let decay = (-FRICTION / MASS * SAMPLE_TIME).exp();
     let (mut position, mut velocity) = (0.0, 0.0);
     let mut text = String::from("time [s],force [N],position [m]\n");
-    for k in 0..400 {
+    for k in 0..samples {
         let force = if (k / 50) % 2 == 0 { 50.0 } else { -50.0 };
         let time = f64::from(k) * SAMPLE_TIME;
         writeln!(text, "{time:.2},{force},{position}").expect("a string takes all");
@@ -28,7 +33,7 @@ pub fn drive_csv() -> String {
     text
 }
 
-/// A job of a few milliseconds on the recording of [`drive_csv`].
+/// A job of a few milliseconds where the recording has [`FEW`] samples.
 pub fn small_job(dataset: &str, seed: usize) -> Value {
     json!({
         "model": "positioning_drive",
@@ -52,10 +57,15 @@ pub fn endless_job(dataset: &str, seed: usize) -> Value {
     job
 }
 
-/// Stores the recording of a drive and says its identifier.
-pub async fn store_drive(connection: &mut Connection) -> Outcome<String> {
+/// Stores a recording of a drive and says its identifier.
+pub async fn store_drive(connection: &mut Connection, samples: u32) -> Outcome<String> {
     let stored = connection
-        .post("/v1/datasets", "text/csv", drive_csv().as_bytes(), 201)
+        .post(
+            "/v1/datasets",
+            "text/csv",
+            drive_csv(samples).as_bytes(),
+            201,
+        )
         .await?;
     identifier(&stored)
 }

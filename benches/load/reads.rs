@@ -8,7 +8,7 @@ use futures_util::future::try_join_all;
 use crate::Outcome;
 use crate::client::{Connection, get};
 use crate::figure::{Figure, Target, percentile_ms};
-use crate::jobs::{small_job, store_drive, submit};
+use crate::jobs::{FEW, small_job, store_drive, submit};
 use crate::server::Server;
 
 const CONNECTIONS: usize = 64;
@@ -18,7 +18,7 @@ const LENGTH: Duration = Duration::from_secs(5);
 pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
     let server = Server::start(folder, &[]).await?;
     let mut connection = server.connect().await?;
-    let dataset = store_drive(&mut connection).await?;
+    let dataset = store_drive(&mut connection, FEW).await?;
     let mut whole = Vec::new();
     let mut known = Vec::new();
     for seed in 0..JOBS {

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::Outcome;
 use crate::figure::{Figure, Target};
-use crate::jobs::{small_job, store_drive, submit};
+use crate::jobs::{FEW, small_job, store_drive, submit};
 use crate::server::Server;
 
 const JOBS: usize = 1000;
@@ -48,7 +48,7 @@ pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
 async fn fill(folder: &Path) -> Outcome {
     let server = Server::start(folder, &[]).await?;
     let mut connection = server.connect().await?;
-    let dataset = store_drive(&mut connection).await?;
+    let dataset = store_drive(&mut connection, FEW).await?;
     for seed in 0..JOBS {
         submit(&mut connection, &small_job(&dataset, seed)).await?;
     }

@@ -17,7 +17,7 @@ use serde_json::Value;
 use crate::Outcome;
 use crate::client::Connection;
 use crate::figure::{Figure, Target};
-use crate::jobs::{drive_csv, small_job, store_drive, submit};
+use crate::jobs::{FEW, drive_csv, small_job, store_drive, submit};
 use crate::server::Server;
 use crate::submits::ended_jobs;
 
@@ -29,7 +29,7 @@ const LOOK: Duration = Duration::from_millis(20);
 pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
     let server = Server::start(folder, &[]).await?;
     let mut connection = server.connect().await?;
-    let dataset = store_drive(&mut connection).await?;
+    let dataset = store_drive(&mut connection, FEW).await?;
     let started = Instant::now();
     let mut clients = Vec::new();
     for number in 0..CONNECTIONS {
@@ -114,7 +114,7 @@ fn work_until_none_is_left(method: &Identification, spec: &Value, next: &AtomicU
 }
 
 fn work_one(method: &Identification, spec: Value) {
-    let recording = csv::read(drive_csv().as_bytes(), &csv::Options::default());
+    let recording = csv::read(drive_csv(FEW).as_bytes(), &csv::Options::default());
     let assignment = Assignment {
         job: row(spec),
         model: None,

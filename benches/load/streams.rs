@@ -11,9 +11,9 @@ use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
 use crate::Outcome;
-use crate::client::get;
+use crate::client::{Connection, get};
 use crate::figure::{Figure, Target, percentile_ms};
-use crate::jobs::{endless_job, store_drive, submit};
+use crate::jobs::{MANY, endless_job, store_drive, submit};
 use crate::observer::{Observer, Stored};
 use crate::server::Server;
 
@@ -21,8 +21,11 @@ const STREAMS: usize = 2000;
 const SLOW_READERS: usize = 20;
 const JOBS: usize = 2;
 const LENGTH: Duration = Duration::from_secs(10);
-/// The jobs' first events are told and read after so long.
+/// What was opened or resumed has come to rest after so long.
 const SETTLING: Duration = Duration::from_secs(2);
+
+/// How often the state of a job is asked for.
+const LOOK: Duration = Duration::from_millis(20);
 
 /// What a stream received: event ids and when.
 type Received = Vec<(i64, Instant)>;
@@ -30,12 +33,13 @@ type Received = Vec<(i64, Instant)>;
 pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
     let server = Server::start(folder, &[]).await?;
     let mut connection = server.connect().await?;
-    let dataset = store_drive(&mut connection).await?;
+    let dataset = store_drive(&mut connection, MANY).await?;
     let mut jobs = Vec::new();
     for seed in 0..JOBS {
         jobs.push(submit(&mut connection, &endless_job(&dataset, seed)).await?);
     }
-    tokio::time::sleep(SETTLING).await;
+    // The streams are opened while the jobs rest, so that what is added is theirs.
+    control(&mut connection, &jobs, "pause", "paused").await?;
     let memory_before = server.memory_kib()?;
     let end = CancellationToken::new();
     let mut readers = Vec::new();
@@ -50,40 +54,29 @@ pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
         slow.push(tokio::spawn(dawdle(stream, end.clone())));
     }
     tokio::time::sleep(SETTLING).await;
+    let memory = (server.memory_kib()? - memory_before) / (STREAMS + SLOW_READERS) as f64;
+    control(&mut connection, &jobs, "resume", "running").await?;
+    tokio::time::sleep(SETTLING).await;
     let observer = Observer::start(folder);
     let generations = generation(&mut connection, &jobs).await?;
     let (begun, cpu) = (Instant::now(), server.cpu()?);
     tokio::time::sleep(LENGTH).await;
     let cpu = (server.cpu()? - cpu).as_secs_f64() / begun.elapsed().as_secs_f64();
     let generations = generation(&mut connection, &jobs).await? - generations;
-    let memory = (server.memory_kib()? - memory_before) / (STREAMS + SLOW_READERS) as f64;
+    let memory_at_work = server.memory_kib()? / 1024.0;
     let stored = observer.finish()?;
     end.cancel();
     join_all(slow).await;
     let (mut delays, gaps) = delays(readers, &stored).await?;
-    let deliveries = delays.len() as f64 / LENGTH.as_secs_f64();
-    Ok(vec![
-        Figure::new(
-            "2000 streams, event stored to received, p95",
-            percentile_ms(&mut delays, 0.95),
-            "ms",
-            Target::Below(150.0),
-        ),
-        Figure::new(
-            "event stored to received, median",
-            percentile_ms(&mut delays, 0.5),
-            "ms",
-            Target::None,
-        ),
-        Figure::new(
-            "event stored to received, longest",
-            percentile_ms(&mut delays, 1.0),
-            "ms",
-            Target::None,
-        ),
-        Figure::new("events delivered", deliveries, "/s", Target::None),
-        Figure::new("gaps in any stream", gaps as f64, "", Target::Below(1.0)),
+    let mut figures = delivery(&mut delays, gaps);
+    figures.extend([
         Figure::new("memory of a stream", memory, "KiB", Target::Below(20.0)),
+        Figure::new(
+            "memory of the server with all streams and two jobs at work",
+            memory_at_work,
+            "MiB",
+            Target::None,
+        ),
         Figure::new("cores that the server used", cpu, "", Target::None),
         Figure::new(
             "generations that the jobs went on",
@@ -91,11 +84,58 @@ pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
             "",
             Target::None,
         ),
-    ])
+    ]);
+    Ok(figures)
+}
+
+/// How the events came.
+fn delivery(delays: &mut [Duration], gaps: usize) -> Vec<Figure> {
+    let rate = delays.len() as f64 / LENGTH.as_secs_f64();
+    vec![
+        Figure::new(
+            "2000 streams, event stored to received, p95",
+            percentile_ms(delays, 0.95),
+            "ms",
+            Target::Below(150.0),
+        ),
+        Figure::new(
+            "event stored to received, median",
+            percentile_ms(delays, 0.5),
+            "ms",
+            Target::None,
+        ),
+        Figure::new(
+            "event stored to received, longest",
+            percentile_ms(delays, 1.0),
+            "ms",
+            Target::None,
+        ),
+        Figure::new("events delivered", rate, "/s", Target::None),
+        Figure::new("gaps in any stream", gaps as f64, "", Target::Below(1.0)),
+    ]
+}
+
+/// Asks for a change of the jobs and returns when all are in that state.
+async fn control(
+    connection: &mut Connection,
+    jobs: &[String],
+    verb: &str,
+    status: &str,
+) -> Outcome {
+    for job in jobs {
+        let path = format!("/v1/jobs/{job}/{verb}");
+        connection.post(&path, "application/json", b"", 200).await?;
+    }
+    for job in jobs {
+        while connection.get(&format!("/v1/jobs/{job}")).await?["status"] != status {
+            tokio::time::sleep(LOOK).await;
+        }
+    }
+    Ok(())
 }
 
 /// The generations that the jobs have behind them together.
-async fn generation(connection: &mut crate::client::Connection, jobs: &[String]) -> Outcome<f64> {
+async fn generation(connection: &mut Connection, jobs: &[String]) -> Outcome<f64> {
     let mut sum = 0.0;
     for job in jobs {
         let shown = connection.get(&format!("/v1/jobs/{job}")).await?;

@@ -9,7 +9,7 @@ use futures_util::future::try_join_all;
 use crate::Outcome;
 use crate::client::{Connection, post};
 use crate::figure::{Figure, Target, percentile_ms};
-use crate::jobs::{small_job, store_drive};
+use crate::jobs::{FEW, small_job, store_drive};
 use crate::server::Server;
 
 const CONNECTIONS: usize = 64;
@@ -17,7 +17,7 @@ const LENGTH: Duration = Duration::from_secs(8);
 
 pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
     let server = Server::start(folder, &[]).await?;
-    let dataset = store_drive(&mut server.connect().await?).await?;
+    let dataset = store_drive(&mut server.connect().await?, FEW).await?;
     let mut clients = Vec::new();
     for number in 0..CONNECTIONS {
         clients.push((number, server.connect().await?));

@@ -5,6 +5,8 @@
 
 use std::sync::Arc;
 
+use tokio::sync::OwnedMutexGuard;
+
 use super::Subscription;
 use crate::store::{Store, StoreError, StoredEvent};
 
@@ -91,13 +93,23 @@ impl Feed {
 
     /// The events after the last one that was handed out; none where there are none yet.
     async fn look(&mut self, news: u64) -> Result<Vec<Arc<StoredEvent>>, StoreError> {
-        let topic = self.subscription.topic.clone();
-        let mut tail = topic.tail.lock().await;
+        let tail = self.subscription.topic.tail.clone();
+        let tail = tail.lock_owned().await;
         if let Some(events) = tail.above(self.after, news) {
             self.read = tail.news;
             self.ended = events.is_empty() && tail.over;
             return Ok(events);
         }
+        // Put aside, for it is large, and most readers of most events never need it.
+        Box::pin(self.read_on(tail, news)).await
+    }
+
+    /// The events after the last one that was handed out, from the store.
+    async fn read_on(
+        &mut self,
+        mut tail: OwnedMutexGuard<Tail>,
+        news: u64,
+    ) -> Result<Vec<Arc<StoredEvent>>, StoreError> {
         if self.after < tail.end {
             drop(tail);
             return self.catch_up(news).await;

@@ -38,14 +38,14 @@ struct Topic {
     /// How often there was news.
     news: watch::Sender<u64>,
     /// The newest events, for all who follow the job.
-    tail: tokio::sync::Mutex<Tail>,
+    tail: Arc<tokio::sync::Mutex<Tail>>,
 }
 
 impl Default for Topic {
     fn default() -> Self {
         Self {
             news: watch::Sender::new(1),
-            tail: tokio::sync::Mutex::default(),
+            tail: Arc::default(),
         }
     }
 }

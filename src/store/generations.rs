@@ -50,7 +50,8 @@ pub(super) async fn insert(
                 .push_bind(generation.generation)
                 .push_bind(jobs::json(generation));
         });
-        query.build().execute(&mut **tx).await?;
+        // Each number of rows is another statement; they are not worth keeping.
+        query.build().persistent(false).execute(&mut **tx).await?;
     }
     Ok(())
 }

@@ -88,8 +88,11 @@ impl Store {
             .await
     }
 
-    /// A stored model.
+    /// A stored model. The names of the catalogue have no digest and are not looked for.
     pub async fn model(&self, reference: &str) -> Result<Option<ModelRow>, StoreError> {
+        if !reference.contains('@') {
+            return Ok(None);
+        }
         let row: Option<Columns> = sqlx::query_as(
             "select reference, digest, document, created_at from models where reference = ?",
         )

@@ -52,6 +52,11 @@ impl ActiveJobs {
         flag.is_some()
     }
 
+    /// Whether the server goes down.
+    pub(super) fn all_are_stopped(&self) -> bool {
+        self.all_stop.load(Ordering::Relaxed)
+    }
+
     /// Raises the flags of all jobs, now and to come.
     pub(super) fn stop_all(&self) {
         let flags = self.flags();

@@ -74,11 +74,14 @@ impl Worker {
         let slices = SliceWorker {
             method,
             active: ActiveJobs::default(),
+            places: Arc::new(Semaphore::new(settings.jobs_at_once)),
             slice_length: settings.slice_length,
             store,
         };
-        let client = river(&slices, settings.jobs_at_once)?;
-        let wake = Wake::new(client.clone(), settings.jobs_at_once)?;
+        // As many again wait for a place, each to follow one that ends.
+        let taken_at_once = settings.jobs_at_once.saturating_mul(2);
+        let client = river(&slices, taken_at_once)?;
+        let wake = Wake::new(client.clone(), taken_at_once)?;
         let mut running = client.start()?;
         let river = running.stopper();
         let closing = CancellationToken::new();
@@ -124,12 +127,12 @@ impl Worker {
     }
 }
 
-fn river(slices: &SliceWorker, jobs_at_once: usize) -> Result<Client, StoreError> {
+fn river(slices: &SliceWorker, taken_at_once: usize) -> Result<Client, StoreError> {
     let mut workers = Workers::new();
     workers.add(slices.clone())?;
     Ok(Client::builder(slices.store.queue_pool())
         .workers(workers)
-        .queue(QUEUE, wake::configuration(jobs_at_once))
+        .queue(QUEUE, wake::configuration(taken_at_once))
         .fetch_cooldown(wake::COOLDOWN)
         .without_notifications()
         .retry_policy(TryAgainSoon)

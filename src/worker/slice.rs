@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
 use serde_json::Value;
-use tokio::sync::mpsc;
+use tokio::sync::{Semaphore, SemaphorePermit, mpsc};
 use tokio::task::JoinError;
 
 use super::active::{ActiveJob, ActiveJobs};
@@ -50,6 +50,9 @@ pub(super) struct SliceWorker {
     pub(super) store: Store,
     pub(super) method: Arc<dyn Method>,
     pub(super) active: ActiveJobs,
+    /// Computations at the same time. More entries may have been taken from the queue: the next
+    /// ones wait here, so that no place is empty while the queue is asked or an end is written.
+    pub(super) places: Arc<Semaphore>,
     pub(super) slice_length: Duration,
 }
 
@@ -95,8 +98,13 @@ type Computed = Result<(Box<dyn Run>, End), Failure>;
 impl SliceWorker {
     /// Works a slice for a queue entry.
     pub(super) async fn work(&self, id: JobId, entry: i64) -> Result<After, StoreError> {
+        let place = self.places.acquire().await;
+        let place = place.expect("the semaphore is never closed");
+        if self.active.all_are_stopped() {
+            return Ok(After::Again);
+        }
         match self.active.take(id) {
-            Some(job) => self.slice(id, Some(entry), &job).await,
+            Some(job) => self.slice(id, Some((entry, place)), &job).await,
             None => Ok(After::Later),
         }
     }
@@ -115,9 +123,10 @@ impl SliceWorker {
     async fn slice(
         &self,
         id: JobId,
-        entry: Option<i64>,
+        entry: Option<(i64, SemaphorePermit<'_>)>,
         job: &ActiveJob,
     ) -> Result<After, StoreError> {
+        let (entry, place) = entry.unzip();
         let slice = match self.store.begin_slice(id, entry, ATTEMPT_LIMIT).await? {
             Begin::Slice(slice) => *slice,
             Begin::Nothing | Begin::Poisoned => return Ok(After::Done),
@@ -146,6 +155,7 @@ impl SliceWorker {
             }
             Err(failure) => Err(failure),
         };
+        drop(place);
         let conclusion = Conclusion {
             worker: self,
             current,
@@ -218,7 +228,8 @@ impl SliceWorker {
         relay: &mut Relay,
         mut units: mpsc::Receiver<Unit>,
     ) -> Result<Hold, StoreError> {
-        let mut flush = tokio::time::interval(FLUSH_INTERVAL);
+        let first = tokio::time::Instant::now() + FLUSH_INTERVAL;
+        let mut flush = tokio::time::interval_at(first, FLUSH_INTERVAL);
         let out_of_time = tokio::time::sleep(current.time_left.unwrap_or(Duration::MAX));
         tokio::pin!(out_of_time);
         loop {

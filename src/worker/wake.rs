@@ -22,8 +22,8 @@ const VARIATIONS: u64 = 1_000_000;
 pub(super) const COOLDOWN: Duration = Duration::from_millis(1);
 
 /// How the queue is worked.
-pub(super) fn configuration(jobs_at_once: usize) -> QueueConfig {
-    QueueConfig::new(jobs_at_once).with_fetch_poll_interval(POLL_INTERVAL)
+pub(super) fn configuration(taken_at_once: usize) -> QueueConfig {
+    QueueConfig::new(taken_at_once).with_fetch_poll_interval(POLL_INTERVAL)
 }
 
 /// Wakes the queue.
@@ -37,10 +37,10 @@ pub(super) struct Wake {
 }
 
 impl Wake {
-    pub(super) fn new(client: Client, jobs_at_once: usize) -> Result<Self, StoreError> {
+    pub(super) fn new(client: Client, taken_at_once: usize) -> Result<Self, StoreError> {
         Ok(Self {
             handed_on: client.subscribe(&[EventKind::JobSnoozed])?,
-            configuration: configuration(jobs_at_once),
+            configuration: configuration(taken_at_once),
             woken: 0,
             client,
         })
