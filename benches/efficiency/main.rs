@@ -59,12 +59,12 @@ fn main() {
     };
     let started = Instant::now();
     let mut tallies: Vec<Tally> = Vec::new();
-    let mut reached = 0;
+    let mut misses = Vec::new();
     for seed in 1..=runs {
         let (problem, settings) = problem(demo, seed);
         let truth = truth(demo, &problem);
         let errors = errors(&problem, seed, &settings, &truth);
-        reached += usize::from(errors.has_reached_floor);
+        eprint!("\r{seed}/{runs}");
         if tallies.is_empty() {
             let names = problem.coordinates.iter().map(|known| known.name.clone());
             tallies.extend(names.map(|name| Tally {
@@ -74,17 +74,22 @@ fn main() {
                 covered: 0,
             }));
         }
+        if let Some(miss) = errors.miss {
+            misses.push(format!("seed {seed}: {miss}"));
+            continue;
+        }
         for (tally, (error, covered)) in tallies.iter_mut().zip(errors.of_coordinates) {
             tally.squares += error * error;
             tally.sum += error;
             tally.covered += usize::from(covered);
         }
-        eprint!("\r{seed}/{runs}");
     }
     eprintln!();
-    let n = runs as f64;
+    let reached = runs as usize - misses.len();
+    let n = reached as f64;
     println!(
-        "recording {}, {runs} runs, seeded 1 to {runs}",
+        "recording {}, {runs} runs, seeded 1 to {runs}; within 1 % of the floor: {reached}, and \
+         of those:",
         demo.letter()
     );
     println!("unknown                 mse/bound  mean/se  covered");
@@ -97,7 +102,9 @@ fn main() {
             1e2 * tally.covered as f64 / n
         );
     }
-    println!("within 1 % of the floor: {reached} of {runs}");
+    for miss in misses {
+        println!("{miss}");
+    }
     println!("{:.0} s", started.elapsed().as_secs_f64());
 }
 
@@ -140,7 +147,8 @@ fn truth(demo: Demo, problem: &Problem) -> Vec<f64> {
 struct Errors {
     /// In standard deviations of the bound, and whether the interval holds the true value.
     of_coordinates: Vec<(f64, bool)>,
-    has_reached_floor: bool,
+    /// What the run came to, where it is not the floor.
+    miss: Option<String>,
 }
 
 fn errors(problem: &Problem, seed: u64, settings: &Settings, truth: &[f64]) -> Errors {
@@ -161,10 +169,16 @@ fn errors(problem: &Problem, seed: u64, settings: &Settings, truth: &[f64]) -> E
             (error, covered)
         })
         .collect();
-    let floor = floor(problem, truth);
+    let ratio = report.cost.unwrap_or(f64::INFINITY) / floor(problem, truth);
+    let miss = (ratio > 1.01).then(|| {
+        let reasons = analysis.verdict.reasons.iter();
+        let codes: Vec<&str> = reasons.map(|reason| reason.code).collect();
+        let trust = analysis.verdict.trust;
+        format!("{ratio:.3} times the floor, trust {trust:?} {codes:?}")
+    });
     Errors {
         of_coordinates,
-        has_reached_floor: report.cost.is_some_and(|cost| cost <= 1.01 * floor),
+        miss,
     }
 }
 
@@ -184,7 +198,7 @@ fn bounds(problem: &Problem, truth: &[f64]) -> Vec<f64> {
 
 /// The cost at the bottom of the minimum in which the truth lies.
 fn floor(problem: &Problem, truth: &[f64]) -> f64 {
-    let descent = refine::descend(problem, truth.to_vec(), &NEVER);
+    let descent = refine::descend(problem, truth.to_vec(), Accuracy::Full, &NEVER);
     descent
         .and_then(|descent| descent.cost)
         .expect("the rig is simulated")

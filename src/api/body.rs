@@ -152,10 +152,13 @@ impl FromRequest<ApiState> for JsonDocument {
         let limit = state.limits.document_bytes;
         let parsed = match begin(request.into_body(), limit.min(SMALL_BYTES)).await {
             Beginning::All(text) => Parsed {
-                value: parse_json(&mut &*text)?,
+                value: parse_json(&text)?,
                 digest: Sha256::new_with_prefix(&text),
             },
-            Beginning::More(chunks) => parse_chunks(chunks, limit, parse_json).await?,
+            Beginning::More(chunks) => {
+                let parser = |source: &mut dyn Read| parse_json(&whole(source)?);
+                parse_chunks(chunks, limit, parser).await?
+            }
         };
         Ok(Self {
             value: parsed.value,
@@ -190,9 +193,7 @@ impl FromRequest<ApiState> for ModelDocument {
         }
         let limit = state.limits.document_bytes;
         let parsed = parse(request.into_body(), limit, |source| {
-            let mut text = String::new();
-            source
-                .read_to_string(&mut text)
+            let text = String::from_utf8(whole(source)?)
                 .map_err(|error| Problem::new(Kind::Malformed, format!("not a text: {error}")))?;
             yaml::parse(&text).map_err(|error| not_yaml(&error))
         });
@@ -211,8 +212,17 @@ fn not_yaml(error: &yaml::Error) -> Problem {
     Problem::of_faults(Kind::Malformed, [fault])
 }
 
-fn parse_json(text: &mut dyn Read) -> Result<Value, Problem> {
-    document::parse(io::BufReader::new(text)).map_err(|error| not_json(&error))
+fn parse_json(text: &[u8]) -> Result<Value, Problem> {
+    document::parse(text).map_err(|error| not_json(&error))
+}
+
+/// A document is small and much faster to parse whole.
+fn whole(source: &mut dyn Read) -> Result<Vec<u8>, Problem> {
+    let mut bytes = Vec::new();
+    source
+        .read_to_end(&mut bytes)
+        .map_err(|error| Problem::new(Kind::Malformed, format!("the body broke off: {error}")))?;
+    Ok(bytes)
 }
 
 /// What came of a body before it was known to be large.

@@ -42,6 +42,7 @@ impl Checked {
             validation,
             // How the parameters are looked for, what is said of them, and how the job is called.
             method: _,
+            model_search: _,
             uncertainty: _,
             limits: _,
             seed: _,

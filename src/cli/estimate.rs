@@ -201,18 +201,15 @@ fn run(
     line.finish();
     let report = estimation.report(problem, stopped);
     let report = report.ok_or_else(|| CommandError::failed("no candidate could be simulated"))?;
-    let never = AtomicBool::new(false);
-    let request = uncertainty::Request {
-        // Whoever stops a run is not kept waiting for the more thorough intervals.
-        settings: match stopped {
-            Some(_) => uncertainty::Settings::default(),
-            None => spec.uncertainty.clone(),
-        },
-        seed: spec.seed,
+    // Whoever stops a run is not kept waiting for the more thorough answers.
+    let request = match stopped {
+        Some(_) => uncertainty::Request::default(),
+        None => spec.request(),
     };
-    let analysis = uncertainty::analyse(problem, &report, &request, &never);
-    let analysis = analysis.expect("an analysis that nobody stops comes to its end");
-    Ok(assemble::outcome(&origin, problem, &report, &analysis))
+    let never = AtomicBool::new(false);
+    let conclusion = uncertainty::conclude(problem, &report, &request, &never);
+    let conclusion = conclusion.expect("an analysis that nobody stops comes to its end");
+    Ok(assemble::outcome(&origin, &conclusion))
 }
 
 /// A flag that goes up when the user presses ctrl-c; a second time ends the process.

@@ -40,7 +40,7 @@ pub fn recording(path: &Path, time: Option<&str>) -> Result<Recording, CommandEr
 pub fn document(path: &Path) -> Result<Value, CommandError> {
     let text = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
     if !ends_with(path, &["yaml", "yml"]) {
-        return document::parse(&text[..]).map_err(|error| unreadable(path, &error));
+        return document::parse(&text).map_err(|error| unreadable(path, &error));
     }
     let text = std::str::from_utf8(&text).map_err(|error| unreadable(path, &error))?;
     yaml::parse(text).map_err(|error| unreadable(path, &error))

@@ -89,6 +89,13 @@ fn verdict(outcome: &Outcome) -> String {
     for reason in &outcome.verdict.reasons {
         text += &format!("  {}: {}\n", reason.code, reason.detail);
     }
+    if let Some(search) = &outcome.model_search {
+        let effects = match &search.supported[..] {
+            [] => "none of the effects".to_owned(),
+            some => some.join(", "),
+        };
+        text += &format!("the {} data support {effects}\n", search.compared_on);
+    }
     text
 }
 

@@ -2,14 +2,14 @@
 //! because which of the two counts would be chance. Depth is bounded by the parser (128).
 
 use std::fmt;
-use std::io::Read;
 
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
+use serde_json::map::Entry;
 use serde_json::{Map, Number, Value};
 
 /// Parses one JSON document; the error carries the line and the column.
-pub fn parse(text: impl Read) -> Result<Value, serde_json::Error> {
-    let mut deserializer = serde_json::Deserializer::from_reader(text);
+pub fn parse(text: &[u8]) -> Result<Value, serde_json::Error> {
+    let mut deserializer = serde_json::Deserializer::from_slice(text);
     let Strict(value) = Strict::deserialize(&mut deserializer)?;
     deserializer.end()?;
     Ok(value)
@@ -72,11 +72,13 @@ impl<'de> Visitor<'de> for StrictVisitor {
     fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Value, A::Error> {
         let mut map = Map::new();
         while let Some(key) = entries.next_key::<String>()? {
-            if map.contains_key(&key) {
-                return Err(A::Error::custom(format!("key `{key}` appears twice")));
-            }
-            let Strict(value) = entries.next_value()?;
-            map.insert(key, value);
+            match map.entry(key) {
+                Entry::Vacant(place) => place.insert(entries.next_value::<Strict>()?.0),
+                Entry::Occupied(first) => {
+                    let detail = format!("key `{}` appears twice", first.key());
+                    return Err(A::Error::custom(detail));
+                }
+            };
         }
         Ok(Value::Object(map))
     }

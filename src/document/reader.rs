@@ -11,7 +11,10 @@ use serde_json::{Map, Value};
 
 use super::fault::{Fault, pointer_to};
 
-/// The faults found so far in one document.
+/// The faults that one document is told at the most; what comes after them is not looked for.
+pub const MAX_FAULTS: usize = 100;
+
+/// The faults found so far in one document, the first [`MAX_FAULTS`] of them.
 #[derive(Default)]
 pub struct Faults(RefCell<Vec<Fault>>);
 
@@ -23,12 +26,19 @@ impl Faults {
         code: impl Into<Cow<'static, str>>,
         detail: impl Into<String>,
     ) {
-        self.0.borrow_mut().push(Fault::new(pointer, code, detail));
+        self.push(Fault::new(pointer, code, detail));
     }
 
     /// Records a fault that is spelled out already.
     pub fn push(&self, fault: Fault) {
-        self.0.borrow_mut().push(fault);
+        if !self.are_full() {
+            self.0.borrow_mut().push(fault);
+        }
+    }
+
+    /// Whether nobody will be told of one more.
+    pub fn are_full(&self) -> bool {
+        self.count() >= MAX_FAULTS
     }
 
     /// How many faults there are.
@@ -64,7 +74,7 @@ impl<'v> Field<'v> {
 
     /// Records a fault at this place.
     pub fn fault(&self, code: impl Into<Cow<'static, str>>, detail: impl Into<String>) {
-        self.faults.add(self.pointer.clone(), code, detail);
+        self.faults.add(&*self.pointer, code, detail);
     }
 
     fn wrong_type<T>(&self, expected: &str) -> Option<T> {
@@ -89,15 +99,15 @@ impl<'v> Field<'v> {
     }
 
     /// The values of an array, each at its place.
-    pub fn array(&self) -> Option<Vec<Field<'v>>> {
+    pub fn array(&self) -> Option<impl ExactSizeIterator<Item = Field<'v>> + use<'v>> {
         match self.value {
             Value::Array(items) => {
-                let fields = items.iter().enumerate().map(|(index, value)| Field {
-                    pointer: format!("{}/{index}", self.pointer),
+                let (pointer, faults) = (self.pointer.clone(), self.faults);
+                Some(items.iter().enumerate().map(move |(index, value)| Field {
+                    pointer: format!("{pointer}/{index}"),
                     value,
-                    faults: self.faults,
-                });
-                Some(fields.collect())
+                    faults,
+                }))
             }
             _ => self.wrong_type("an array"),
         }
@@ -220,12 +230,24 @@ impl<'v> Object<'v> {
         field
     }
 
-    /// Every entry, for objects whose keys are data.
-    pub fn entries(&self) -> Vec<(&'v str, Field<'v>)> {
-        let entries = self.map.iter();
-        entries
-            .map(|(name, value)| (name.as_str(), self.field(name, value)))
-            .collect()
+    /// How many entries it has.
+    pub fn n_entries(&self) -> usize {
+        self.map.len()
+    }
+
+    /// Every entry, for objects whose keys are data; none any more once the faults are full.
+    pub fn entries(&self) -> impl Iterator<Item = (&'v str, Field<'v>)> + use<'v> {
+        let (pointer, faults) = (self.pointer.clone(), self.faults);
+        let told = self.map.iter().take_while(|_| !faults.are_full());
+        told.map(move |(name, value)| {
+            let pointer = pointer_to(&pointer, name);
+            let field = Field {
+                pointer,
+                value,
+                faults,
+            };
+            (name.as_str(), field)
+        })
     }
 
     /// Records a fault at this object.
@@ -238,7 +260,7 @@ impl<'v> Object<'v> {
         for (name, field) in self.entries() {
             if !self.known.contains(&name) {
                 let hint = did_you_mean(name, self.known.iter().copied());
-                let detail = format!("`{name}` is not a field here{hint}");
+                let detail = format!("`{}` is not a field here{hint}", short(name));
                 field.fault("unknown_field", detail);
             }
         }
@@ -257,6 +279,11 @@ impl<'v> Object<'v> {
 pub fn did_you_mean<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> String {
     /// Jaro-Winkler similarity from which a name passes for a slip of another.
     const CLOSE: f64 = 0.84;
+    /// A longer text is not a slip of any name, and would take long to compare.
+    const LONGEST: usize = 48;
+    if name.len() > LONGEST {
+        return String::new();
+    }
     let scored = candidates.map(|candidate| (strsim::jaro_winkler(name, candidate), candidate));
     match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
         Some((similarity, candidate)) if similarity >= CLOSE => {
@@ -278,18 +305,20 @@ pub fn listed(names: &[&str]) -> String {
 
 /// A value as a fault's sentence shows it: short.
 fn shown(value: &Value) -> String {
-    /// Longer values are cut.
-    const LONGEST: usize = 40;
     match value {
         Value::Object(_) => "an object".into(),
         Value::Array(_) => "an array".into(),
-        other => {
-            let text = other.to_string();
-            match text.char_indices().nth(LONGEST) {
-                Some((end, _)) => format!("{}…", &text[..end]),
-                None => text,
-            }
-        }
+        other => short(&other.to_string()).into_owned(),
+    }
+}
+
+/// A text as a fault's sentence shows it.
+fn short(text: &str) -> Cow<'_, str> {
+    /// Longer texts are cut.
+    const LONGEST: usize = 40;
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}…", &text[..end]).into(),
+        None => text.into(),
     }
 }
 

@@ -11,6 +11,11 @@ use std::fmt;
 /// How deep mappings and sequences may stand in each other.
 const MAX_DEPTH: usize = 128;
 
+/// The values and the keys that one document may have: more than the largest model needs, and
+/// read in a tenth of a second.
+const MAX_VALUES: usize = 50_000;
+const MAX_KEYS: usize = 10_000;
+
 /// Why a text is not a document, and where.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Error {
@@ -59,6 +64,8 @@ pub fn parse(text: &str) -> Result<Value, Error> {
     let mut reader = Reader {
         events: Parser::new_from_str(text),
         last: Marker::new(0, 1, 0),
+        n_values: 0,
+        n_keys: 0,
     };
     loop {
         match reader.next()? {
@@ -77,6 +84,8 @@ struct Reader<'t> {
     events: Parser<'t, StrInput<'t>>,
     /// Where the last event ended.
     last: Marker,
+    n_values: usize,
+    n_keys: usize,
 }
 
 impl<'t> Reader<'t> {
@@ -105,6 +114,13 @@ impl<'t> Reader<'t> {
     fn value(&mut self, event: Event<'t>, span: Span, depth: usize) -> Result<Value, Error> {
         if depth >= MAX_DEPTH {
             return Err(Error::at(&span.start, "nested too deeply"));
+        }
+        self.n_values += 1;
+        if self.n_values > MAX_VALUES {
+            return Err(Error::at(
+                &span.start,
+                format!("more than {MAX_VALUES} values"),
+            ));
         }
         if let Some(why) = refused(&event) {
             return Err(Error::at(&span.start, why));
@@ -141,6 +157,10 @@ impl<'t> Reader<'t> {
                 Event::Scalar(text, ..) => text.into_owned(),
                 _ => return Err(Error::at(&span.start, "a key is a text")),
             };
+            self.n_keys += 1;
+            if self.n_keys > MAX_KEYS {
+                return Err(Error::at(&span.start, format!("more than {MAX_KEYS} keys")));
+            }
             if map.contains_key(&key) {
                 let detail = format!("key `{key}` appears twice");
                 return Err(Error::at(&span.start, detail));

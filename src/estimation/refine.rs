@@ -167,11 +167,18 @@ impl DescentEnd {
     }
 }
 
-/// Descends from a start, simulated finely, to the end. Nothing when `stop` was raised.
+/// Descends from a start to the end. Nothing when `stop` was raised.
 #[must_use]
-pub fn descend(problem: &Problem, start: Vec<f64>, stop: &AtomicBool) -> Option<Descent> {
+pub fn descend(
+    problem: &Problem,
+    start: Vec<f64>,
+    accuracy: Accuracy,
+    stop: &AtomicBool,
+) -> Option<Descent> {
     let mut descent = Descent::from(start);
-    descent.polish();
+    if accuracy == Accuracy::Full {
+        descent.polish();
+    }
     while descent.end.is_none() {
         if !descent.iterate(problem, &[], stop) {
             return None;

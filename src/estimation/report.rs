@@ -50,8 +50,8 @@ pub struct Refinement {
     pub coarse_cost: Option<f64>,
     /// The cost where it ended; finely simulated for the one that was polished.
     pub cost: Option<f64>,
-    /// The value of each coordinate where it ended, SI.
-    pub values: Vec<f64>,
+    /// Where it ended: each coordinate with its value, SI.
+    pub values: Vec<(String, f64)>,
     /// Iterations.
     pub iterations: u32,
     /// Why it ended, if it did.
@@ -94,7 +94,7 @@ impl Report {
                     start_cost: descent.start_cost,
                     coarse_cost: descent.coarse_cost.or(descent.cost),
                     cost: descent.cost,
-                    values: problem.values(&descent.positions),
+                    values: problem.named_values(&descent.positions),
                     iterations: descent.iterations,
                     end: descent.end,
                 })

@@ -45,6 +45,9 @@ pub struct Outcome {
     pub searches: Vec<SearchEnd>,
     /// Each start of the refinement and where it ended.
     pub starts: Vec<StartReport>,
+    /// Which effects the data support, where `model_search` asks for it; `parameters` holds those.
+    #[serde(default)]
+    pub model_search: Option<ModelSearchReport>,
     /// What made this result; equal engines make equal bits.
     pub engine: Engine,
 }
@@ -299,6 +302,38 @@ pub struct StartReport {
     /// start had found), `iteration_limit` or `failed`; `null` where the run was stopped before.
     #[serde(default)]
     pub end: Option<String>,
+}
+
+/// Which of the effects that were left open the data support.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ModelSearchReport {
+    /// The effects of the model with the lowest criterion.
+    #[schema(example = json!(["coulomb_friction", "dead_band"]))]
+    pub supported: Vec<String>,
+    /// The data that the models were compared by: `validation`, or `estimation` where none were
+    /// held back.
+    #[schema(example = "validation")]
+    pub compared_on: String,
+    /// Every model that was fitted, the best first.
+    pub tried: Vec<TriedModel>,
+}
+
+/// A model with some of the effects.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct TriedModel {
+    /// The effects that it has; the others stand at the model's defaults.
+    pub effects: Vec<String>,
+    /// Its unknowns, effects included.
+    pub unknowns: u64,
+    /// The cost; `null` where it could not be fitted.
+    pub cost: Option<f64>,
+    /// Schwarz's criterion of the data that the models are compared by; `null` where it could not
+    /// be fitted.
+    pub bic: Option<f64>,
+    /// How well it explains what it was fitted to, by output.
+    pub estimation: BTreeMap<String, OutputFit>,
+    /// How well it explains what was held back, by output.
+    pub validation: BTreeMap<String, OutputFit>,
 }
 
 /// What made a result.

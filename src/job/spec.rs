@@ -19,8 +19,10 @@ use crate::model::{ModelDescription, Scale};
 use crate::uncertainty;
 
 mod experiment;
+mod labels;
 mod method;
 mod model;
+mod model_search;
 mod parameter;
 
 pub mod simulation;
@@ -29,6 +31,7 @@ mod tests;
 
 pub use model::ModelOfJob;
 use model::read_model;
+pub use model_search::ModelSearch;
 
 use crate::document::reader::{Faults, Field, did_you_mean, listed};
 
@@ -95,6 +98,10 @@ pub struct JobSpec {
     #[serde(default)]
     #[schema(required = false)]
     pub method: Settings,
+    /// Which effects of the model the data shall decide about.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub model_search: Option<ModelSearch>,
     /// How closely the estimate's uncertainty is looked at.
     #[serde(default)]
     #[schema(required = false)]
@@ -288,6 +295,19 @@ impl JobSpec {
         }
     }
 
+    /// What is asked about the estimate, once it stands.
+    #[must_use]
+    pub fn request(&self) -> uncertainty::Request {
+        uncertainty::Request {
+            settings: self.uncertainty.clone(),
+            seed: self.seed,
+            effects: self
+                .model_search
+                .as_ref()
+                .map_or_else(Vec::new, |search| search.effects.clone()),
+        }
+    }
+
     /// The recordings that a document names, whether or not the rest of it makes sense.
     pub fn datasets_named(document: &Value) -> Vec<DatasetId> {
         let experiments = document.get("experiments").and_then(Value::as_array);
@@ -309,8 +329,8 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let mut root = document.object()?;
     let name = root
         .optional("name")
-        .and_then(|field| short_text(&field).map(str::to_owned));
-    let labels = root.optional("labels").map(|field| read_labels(&field));
+        .and_then(|field| labels::short_text(&field).map(str::to_owned));
+    let labels = root.optional("labels").map(|field| labels::read(&field));
     let model = root
         .required("model")
         .and_then(|field| read_model(&field, &context.models));
@@ -319,6 +339,15 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
         .and_then(|field| experiment::read_all(&field, model, context.datasets));
     let parameters = root.optional("parameters");
     let parameters = model.map(|model| parameter::read_all(parameters.as_ref(), model));
+    let model_search = root.optional("model_search");
+    let model_search = match (model, model_search) {
+        (Some(model), Some(field)) => model_search::read(&field, model, parameters.as_ref()),
+        _ => None,
+    };
+    let parameters = parameters.map(|parameters| match (model, &model_search) {
+        (Some(model), Some(search)) => model_search::freed(parameters, model, search),
+        _ => parameters,
+    });
     let outputs = root.optional("outputs");
     let outputs = outputs.map(|field| read_outputs(&field, model, experiments.as_deref()));
     let method = root.optional("method").map(|field| method::read(&field));
@@ -350,6 +379,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
         parameters: parameters?,
         outputs: outputs.unwrap_or_default(),
         method: method.unwrap_or_default(),
+        model_search,
         uncertainty: uncertainty.unwrap_or_default(),
         validation: validation.unwrap_or_default(),
         limits: limits.unwrap_or(LimitsSpec {
@@ -359,47 +389,13 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     })
 }
 
-fn read_labels(field: &Field<'_>) -> BTreeMap<String, String> {
-    let Some(object) = field.object() else {
-        return BTreeMap::new();
-    };
-    let entries = object.entries();
-    if entries.len() > MAX_LABELS {
-        let detail = format!("{} labels are more than {MAX_LABELS}", entries.len());
-        field.fault("too_many", detail);
-    }
-    let mut labels = BTreeMap::new();
-    for (key, value) in entries {
-        if key.is_empty() || key.chars().count() > MAX_NAME_CHARS {
-            let detail = format!("a label's name has 1 to {MAX_NAME_CHARS} characters");
-            value.fault("out_of_range", detail);
-        }
-        if let Some(text) = short_text(&value) {
-            labels.insert(key.to_owned(), text.to_owned());
-        }
-    }
-    labels
-}
-
-/// A text of at most [`MAX_NAME_CHARS`] characters.
-fn short_text<'v>(field: &Field<'v>) -> Option<&'v str> {
-    let text = field.text()?;
-    let length = text.chars().count();
-    if length > MAX_NAME_CHARS {
-        let detail = format!("{length} characters are more than {MAX_NAME_CHARS}");
-        field.fault("too_long", detail);
-        return None;
-    }
-    Some(text)
-}
-
 fn read_outputs(
     field: &Field<'_>,
     model: Option<&ModelDescription>,
     experiments: Option<&[ExperimentSpec]>,
 ) -> BTreeMap<String, OutputSpec> {
     let mut outputs = BTreeMap::new();
-    for (name, field) in field.object().map(|o| o.entries()).unwrap_or_default() {
+    for (name, field) in field.object().map(|o| o.entries()).into_iter().flatten() {
         check_output(name, &field, model, experiments);
         let Some(mut object) = field.object() else {
             continue;

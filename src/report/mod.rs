@@ -50,6 +50,7 @@ pub fn render(report: &Report<'_>) -> String {
     verdict(&mut page, report.outcome);
     tables::estimates(&mut page, report.outcome);
     tables::fit(&mut page, report.outcome);
+    tables::model_search(&mut page, report.outcome);
     plots::experiments(&mut page, report);
     tables::correlation(&mut page, report.outcome);
     plots::search(&mut page, report);

@@ -185,6 +185,40 @@ pub fn correlation(page: &mut String, outcome: &Outcome) {
     page.push_str("</section>\n");
 }
 
+/// Which effects the data support, where the job left that open; the best model first.
+pub fn model_search(page: &mut String, outcome: &Outcome) {
+    let Some(search) = &outcome.model_search else {
+        return;
+    };
+    let listed = |effects: &[String]| match effects {
+        [] => "none".to_owned(),
+        some => escape(&some.join(", ")),
+    };
+    push(
+        page,
+        format_args!(
+            "<section>\n<h2>Effects</h2>\n<p>The data support: {}. Compared by the BIC of the \
+             {} data.</p>\n<div class=\"scroll\"><table>\n<tr><th>effects</th><th>unknowns</th>\
+             <th>cost</th><th>BIC</th></tr>\n",
+            listed(&search.supported),
+            escape(&search.compared_on)
+        ),
+    );
+    for tried in &search.tried {
+        push(
+            page,
+            format_args!(
+                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+                listed(&tried.effects),
+                tried.unknowns,
+                optional(tried.cost),
+                optional(tried.bic)
+            ),
+        );
+    }
+    page.push_str("</table></div>\n</section>\n");
+}
+
 /// Where each start of the refinement ended, the lowest first.
 pub fn starts(page: &mut String, outcome: &Outcome) {
     let mut starts: Vec<_> = outcome.starts.iter().collect();

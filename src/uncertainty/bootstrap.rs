@@ -10,6 +10,7 @@ use super::residuals::{self, ResidualReport};
 use crate::estimation::problem::Problem;
 use crate::estimation::refine;
 use crate::numerics::rng::{self, Purpose};
+use crate::simulation::Accuracy;
 use crate::simulation::single::Outputs;
 use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
@@ -45,7 +46,8 @@ impl Bootstrap<'_> {
             .into_par_iter()
             .map(|sample| {
                 let problem = self.resampled(sample);
-                let descent = refine::descend(&problem, self.positions.to_vec(), stop)?;
+                let descent =
+                    refine::descend(&problem, self.positions.to_vec(), Accuracy::Full, stop)?;
                 Some(descent.cost.map(|_| descent.positions))
             })
             .collect::<Option<_>>()?;

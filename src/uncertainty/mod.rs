@@ -1,5 +1,6 @@
 //! How far an estimate can be trusted, and why.
 //!
+//! [`conclude`] leaves out what the data do not support, where that is asked for ([`selection`]);
 //! [`analyse`] linearises the residuals at the estimate and derives standard errors and
 //! intervals ([`covariance`]; on request better ones, [`profile`] and [`bootstrap`]), looks at what the model leaves unexplained ([`residuals`],
 //! [`fit`]), and says in words what follows ([`verdict`]). A fit per cent alone certifies
@@ -12,9 +13,11 @@ pub mod fit;
 pub mod identifiability;
 pub mod profile;
 pub mod residuals;
+pub mod selection;
 pub mod settings;
 pub mod verdict;
 
+pub use selection::{Conclusion, conclude};
 pub use settings::{Intervals, Settings};
 
 use crate::estimation::problem::Problem;
@@ -87,6 +90,8 @@ pub struct Request {
     pub settings: Settings,
     /// Where random numbers come from.
     pub seed: u64,
+    /// Parameters that may be left out of the model ([`selection`]).
+    pub effects: Vec<String>,
 }
 
 /// Analyses an estimate. Answers nothing when `stop` was raised.

@@ -187,8 +187,8 @@ impl Profile<'_> {
             let cost = only[0].cost;
             return Ok(cost.is_finite().then(|| (cost * samples, Vec::new())));
         }
-        let descent =
-            refine::descend(reduced, start, self.stop).ok_or(SensitivityError::Interrupted)?;
+        let descent = refine::descend(reduced, start, Accuracy::Full, self.stop)
+            .ok_or(SensitivityError::Interrupted)?;
         Ok(descent.cost.map(|cost| (cost * samples, descent.positions)))
     }
 }

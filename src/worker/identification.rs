@@ -18,7 +18,7 @@ use crate::job::{Failure, Fault, GenerationEvent, JobSpec, Phase, Progress};
 use crate::model::{Catalogue, Model, document};
 use crate::store::JobRow;
 use crate::uncertainty::settings::FlatDirections;
-use crate::uncertainty::{self, Analysis};
+use crate::uncertainty::{self, Conclusion};
 
 /// The identification of a model's parameters from recordings.
 #[derive(Debug)]
@@ -69,16 +69,13 @@ impl Method for Identification {
             dataset_digests,
         };
         Ok(Box::new(IdentificationRun {
-            request: uncertainty::Request {
-                settings: spec.uncertainty,
-                seed: spec.seed,
-            },
+            request: spec.request(),
             origin,
             problem,
             findings,
             refusal: None,
             estimation,
-            analysis: None,
+            conclusion: None,
         }))
     }
 }
@@ -128,7 +125,7 @@ struct IdentificationRun {
     refusal: Option<Failure>,
     estimation: Estimation,
     /// Of the estimate that stands; nothing while the run goes on.
-    analysis: Option<(estimation::Report, Analysis)>,
+    conclusion: Option<Conclusion>,
 }
 
 /// Nobody raises it.
@@ -185,25 +182,24 @@ impl Run for IdentificationRun {
         if let Some(refusal) = self.refusal.take() {
             return Err(refusal);
         }
-        let finished = self.analysis.take().filter(|_| stopped.is_none());
-        let (report, analysis) = match finished {
+        let finished = self.conclusion.take().filter(|_| stopped.is_none());
+        let conclusion = match finished {
             Some(finished) => finished,
             None => {
                 let stopped = stopped.map(estimation::StopReason::from);
                 let Some(report) = self.estimation.report(&self.problem, stopped) else {
                     return Ok(None);
                 };
-                // A run that was stopped is not kept waiting for the more thorough intervals.
+                // A run that was stopped is not kept waiting for the more thorough answers.
                 let request = match stopped {
                     Some(_) => &uncertainty::Request::default(),
                     None => &self.request,
                 };
-                let analysis = uncertainty::analyse(&self.problem, &report, request, &NEVER)
-                    .expect("an analysis that nobody stops comes to its end");
-                (report, analysis)
+                uncertainty::conclude(&self.problem, &report, request, &NEVER)
+                    .expect("an analysis that nobody stops comes to its end")
             }
         };
-        let outcome = assemble::outcome(&self.origin, &self.problem, &report, &analysis);
+        let outcome = assemble::outcome(&self.origin, &conclusion);
         Ok(Some(
             serde_json::to_value(outcome).expect("a result has only text keys"),
         ))
@@ -221,9 +217,9 @@ impl IdentificationRun {
         let Some(report) = self.estimation.report(&self.problem, None) else {
             return Advance::Finished;
         };
-        match uncertainty::analyse(&self.problem, &report, &self.request, stop) {
-            Some(analysis) => {
-                self.analysis = Some((report, analysis));
+        match uncertainty::conclude(&self.problem, &report, &self.request, stop) {
+            Some(conclusion) => {
+                self.conclusion = Some(conclusion);
                 Advance::Finished
             }
             None => Advance::Interrupted,

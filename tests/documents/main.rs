@@ -1,7 +1,11 @@
 //! Models that are documents: against the same models in Rust, against recordings that they made
 //! themselves, and against recordings that others measured.
 
+mod bodies;
+
 mod catalogue;
+
+mod hostile;
 
 mod native;
 

@@ -6,6 +6,7 @@ use crate::document;
 use crate::run::run;
 use greybox::dataset::{Recording, csv};
 use greybox::job::Outcome;
+use greybox::job::outcome::{Reason, Trust};
 use serde_json::{Value, json};
 use std::fs::File;
 use std::path::PathBuf;
@@ -58,9 +59,19 @@ fn rmse(outcome: &Outcome, output: &str) -> f64 {
         .expect("a measured output")
 }
 
-/// Fitted before: length 0.54 mm, pressure 0.70 bar over 0–16 s.
+/// Whether the verdict says that these two move together.
+fn moves_together(outcome: &Outcome, pair: [&str; 2]) -> bool {
+    let correlated = |reason: &&Reason| reason.code == "correlated";
+    let mut reasons = outcome.verdict.reasons.iter().filter(correlated);
+    let quoted = pair.map(|name| format!("`{name}`"));
+    reasons.any(|reason| quoted.iter().all(|name| reason.detail.contains(name)))
+}
+
+/// Fitted before: length 0.54 mm, pressure 0.70 bar over 0–16 s. The valve is opened by one amount
+/// only, so its neutral voltage and its flow make up for each other; the only mode that is seen
+/// fixes the ratio of bulk modulus and mass and neither of them.
 #[test]
-fn the_lift_cylinder_of_the_crane() {
+fn the_lift_cylinder_of_the_crane_and_what_its_recording_cannot_tell_apart() {
     let Some(recording) = recording("lut_patu_crane.csv") else {
         return;
     };
@@ -70,10 +81,17 @@ fn the_lift_cylinder_of_the_crane() {
         &json!({"experiments": [{"signals": {
         "valve_voltage": "valve_signal", "rod_pressure": "rod_side_pressure",
         "cylinder_length": "cylinder_length", "piston_pressure": "piston_side_pressure"}}],
-        "outputs": {"cylinder_length": {"noise_std": 3e-4}, "piston_pressure": {"noise_std": 7e4}}}),
+        "outputs": {"cylinder_length": {"noise_std": 3e-4}, "piston_pressure": {"noise_std": 7e4}},
+        // There are several local minima.
+        "method": {"population": 40, "generations": 120, "restarts": 4}}),
     );
     assert!(rmse(&outcome, "cylinder_length") <= 0.60e-3);
     assert!(rmse(&outcome, "piston_pressure") <= 0.80e5);
+    for pair in [["neutral_voltage", "full_flow"], ["bulk_modulus", "mass"]] {
+        assert!(moves_together(&outcome, pair), "{pair:?}");
+    }
+    assert!(!moves_together(&outcome, ["load", "mass"]));
+    assert_ne!(outcome.verdict.trust, Trust::High);
 }
 
 /// Fitted before: 0.71 K on the 1 s file and 0.46 K on the 3 s file.

@@ -46,17 +46,13 @@ pub fn run(mut job: Value, recording: Recording) -> Outcome {
     let mut run = Estimation::start(&problem, &spec.method, spec.seed);
     while run.advance(&problem, &never, &mut Unwatched) != Advance::Finished {}
     let report = run.report(&problem, None).expect("an estimate");
-    let request = uncertainty::Request {
-        settings: spec.uncertainty,
-        seed: spec.seed,
-    };
-    let analysis = uncertainty::analyse(&problem, &report, &request, &never);
-    let analysis = analysis.expect("nobody stops it");
+    let conclusion = uncertainty::conclude(&problem, &report, &spec.request(), &never);
+    let conclusion = conclusion.expect("nobody stops it");
     let origin = Origin {
         job: String::new(),
         seed: spec.seed,
         spec_digest: String::new(),
         dataset_digests: Vec::new(),
     };
-    assemble::outcome(&origin, &problem, &report, &analysis)
+    assemble::outcome(&origin, &conclusion)
 }

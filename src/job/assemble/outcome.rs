@@ -4,10 +4,11 @@ use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::estimation::report::{self, Refinement, Report};
 use crate::job::outcome::{
     ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, InitialStateEstimate,
-    InputCorrelation, Outcome, OutputFit, ParameterEstimate, Reason, ResidualReport, SearchEnd,
-    SearchReport, StartReport, Trust, Verdict,
+    InputCorrelation, ModelSearchReport, Outcome, OutputFit, ParameterEstimate, Reason,
+    ResidualReport, SearchEnd, SearchReport, StartReport, TriedModel, Trust, Verdict,
 };
-use crate::uncertainty::{Analysis, CoordinateUncertainty, fit, residuals, verdict};
+use crate::uncertainty::selection::{Selection, Tried};
+use crate::uncertainty::{Analysis, Conclusion, CoordinateUncertainty, fit, residuals, verdict};
 use std::collections::BTreeMap;
 
 /// What made a result, beside the method.
@@ -25,12 +26,13 @@ pub struct Origin {
 
 /// The result document of an analysed run.
 #[must_use]
-pub fn outcome(
-    origin: &Origin,
-    problem: &Problem,
-    report: &Report,
-    analysis: &Analysis,
-) -> Outcome {
+pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
+    let Conclusion {
+        problem,
+        report,
+        analysis,
+        selection,
+    } = conclusion;
     let (parameters, initial_states) = estimates(problem, report, analysis);
     Outcome {
         job: origin.job.clone(),
@@ -64,11 +66,10 @@ pub fn outcome(
         criteria: criteria(report, analysis),
         search: search(report),
         searches: report.searches.iter().map(search_end).collect(),
-        starts: report
-            .refinements
-            .iter()
-            .map(|start| start_of(problem, start))
-            .collect(),
+        starts: report.refinements.iter().map(start_of).collect(),
+        model_search: selection
+            .as_ref()
+            .map(|selection| model_search(problem, selection)),
         engine: Engine {
             seed: origin.seed,
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -251,15 +252,34 @@ fn search_end(end: &report::SearchEnd) -> SearchEnd {
     }
 }
 
-fn start_of(problem: &Problem, start: &Refinement) -> StartReport {
-    let names = problem
-        .coordinates
-        .iter()
-        .map(|coordinate| coordinate.name.clone());
+fn model_search(problem: &Problem, selection: &Selection) -> ModelSearchReport {
+    let tried = |tried: &Tried| TriedModel {
+        effects: tried.effects.clone(),
+        unknowns: tried.unknowns as u64,
+        cost: tried.cost.and_then(finite),
+        bic: tried.criterion.and_then(finite),
+        estimation: fits(problem, &tried.estimation_fit),
+        validation: fits(problem, &tried.validation_fit),
+    };
+    let tried: Vec<TriedModel> = selection.tried.iter().map(tried).collect();
+    ModelSearchReport {
+        supported: tried
+            .first()
+            .map_or_else(Vec::new, |best| best.effects.clone()),
+        compared_on: match selection.compared_on {
+            fit::Part::Estimation => "estimation",
+            fit::Part::Validation => "validation",
+        }
+        .to_owned(),
+        tried,
+    }
+}
+
+fn start_of(start: &Refinement) -> StartReport {
     StartReport {
         initial_cost: start.start_cost.and_then(finite),
         cost: start.coarse_cost.and_then(finite),
-        parameters: names.zip(start.values.iter().copied()).collect(),
+        parameters: start.values.iter().cloned().collect(),
         end: start.end.map(|end| end.name().to_owned()),
     }
 }

@@ -1,6 +1,7 @@
 //! Measured and simulated outputs of a result, side by side.
 
 use crate::dataset::Recording;
+use crate::estimation::problem::{Coordinate, Target};
 use crate::estimation::{Problem, trajectory};
 use crate::job::fault::Fault;
 use crate::job::id::DatasetId;
@@ -48,7 +49,10 @@ pub fn trajectory(
     recordings: &[Recording],
     outcome: &Outcome,
 ) -> Result<Vec<ExperimentTrajectory>, Vec<Fault>> {
-    let problem = super::problem(spec, model, recordings)?.problem;
+    let mut problem = super::problem(spec, model, recordings)?.problem;
+    problem
+        .coordinates
+        .retain(|coordinate| is_estimated(coordinate, outcome));
     let positions = positions(&problem, outcome);
     let never = AtomicBool::new(false);
     let simulated = trajectory::simulate(&problem, &positions, &never)
@@ -87,13 +91,24 @@ pub fn trajectory(
 }
 
 /// The estimates as positions: parameters first, then initial states, as the coordinates stand.
+/// Whether the result has an estimate of it: an effect that the data do not support has none.
+fn is_estimated(coordinate: &Coordinate, outcome: &Outcome) -> bool {
+    match coordinate.target {
+        Target::Parameter(_) => {
+            let mut estimated = outcome.parameters.iter();
+            estimated.any(|parameter| parameter.name == coordinate.name)
+        }
+        Target::InitialState { .. } => true,
+    }
+}
+
 fn positions(problem: &Problem, outcome: &Outcome) -> Vec<f64> {
     let parameters = outcome
         .parameters
         .iter()
         .map(|parameter| &parameter.estimate);
     let states = outcome.initial_states.iter().map(|state| &state.estimate);
-    let position = |(coordinate, known): (&crate::estimation::problem::Coordinate, &Estimate)| {
+    let position = |(coordinate, known): (&Coordinate, &Estimate)| {
         coordinate
             .scale
             .position(known.estimate, coordinate.lower, coordinate.upper)

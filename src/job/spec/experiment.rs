@@ -22,7 +22,7 @@ pub(super) fn read_all(
     datasets: &HashMap<DatasetId, Summary>,
 ) -> Option<Vec<ExperimentSpec>> {
     let items = field.array()?;
-    if items.is_empty() || items.len() > MAX_EXPERIMENTS {
+    if items.len() == 0 || items.len() > MAX_EXPERIMENTS {
         let detail = format!(
             "{} experiments: there must be 1 to {MAX_EXPERIMENTS}",
             items.len()
@@ -30,10 +30,7 @@ pub(super) fn read_all(
         field.fault("out_of_range", detail);
         return None;
     }
-    let read: Vec<_> = items
-        .iter()
-        .map(|item| read(item, model, datasets))
-        .collect();
+    let read: Vec<_> = items.map(|item| read(&item, model, datasets)).collect();
     let experiments: Vec<ExperimentSpec> = read.into_iter().collect::<Option<_>>()?;
     let n_values: usize = experiments
         .iter()
@@ -179,9 +176,8 @@ impl Link<'_> {
 
     fn named(&self, field: &Field<'_>) -> Option<BTreeMap<String, String>> {
         let mut named = BTreeMap::new();
-        let entries = field.object()?.entries();
-        let n_entries = entries.len();
-        for (name, field) in entries {
+        let object = field.object()?;
+        for (name, field) in object.entries() {
             let signal = self.model_signals().find(|signal| signal.name == name);
             if signal.is_none() {
                 let hint = did_you_mean(name, self.model_signals().map(|signal| &*signal.name));
@@ -195,7 +191,7 @@ impl Link<'_> {
                 named.insert(name.to_owned(), recorded.to_owned());
             }
         }
-        (named.len() == n_entries).then_some(named)
+        (named.len() == object.n_entries()).then_some(named)
     }
 
     /// Whether the recording has the signal in a unit that the model can take.
@@ -306,7 +302,7 @@ pub(super) fn read_initial_state(
     signals: Option<&BTreeMap<String, String>>,
 ) -> BTreeMap<String, InitialStateSpec> {
     let mut states = BTreeMap::new();
-    for (name, field) in field.object().map(|o| o.entries()).unwrap_or_default() {
+    for (name, field) in field.object().map(|o| o.entries()).into_iter().flatten() {
         if !model.states.iter().any(|state| state.name == name) {
             let names: Vec<&str> = model.states.iter().map(|state| &*state.name).collect();
             let hint = did_you_mean(name, names.iter().copied());

@@ -17,7 +17,7 @@ pub(super) fn read_all(
         .map(|parameter| (parameter.name.to_string(), by_default(parameter)))
         .collect();
     let entries = section.and_then(|field| field.object());
-    for (name, field) in entries.map(|o| o.entries()).unwrap_or_default() {
+    for (name, field) in entries.map(|o| o.entries()).into_iter().flatten() {
         let Some(index) = known(name, &field, model) else {
             continue;
         };
@@ -32,7 +32,7 @@ pub(super) fn read_all(
 pub(super) fn read_values(section: Option<&Field<'_>>, model: &ModelDescription) -> Vec<f64> {
     let mut values = model.defaults();
     let entries = section.and_then(|field| field.object());
-    for (name, field) in entries.map(|o| o.entries()).unwrap_or_default() {
+    for (name, field) in entries.map(|o| o.entries()).into_iter().flatten() {
         let Some(index) = known(name, &field, model) else {
             continue;
         };

@@ -14,8 +14,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 mod operations;
 
-/// Faults that one document is told at the most.
-const MAX_FAULTS: usize = 100;
+/// Faults among which an unknown name is compared with those that there are.
+const MAX_HINTS: usize = 20;
 
 /// How deep trees may stand in each other, also through the names in them.
 const MAX_DEPTH: usize = 300;
@@ -219,7 +219,7 @@ impl<'d> Compiler<'d> {
 
     /// Records a fault within an expression.
     pub fn fault(&self, place: Place<'_>, span: Span, code: &'static str, detail: String) {
-        if self.faults.count() < MAX_FAULTS {
+        if !self.faults.are_full() {
             let fault = Fault::new(&place.text.pointer, code, detail);
             self.faults.push(fault.within(span.place(&place.text.text)));
         }
@@ -342,12 +342,12 @@ impl<'d> Compiler<'d> {
 
     fn named(&mut self, place: Place<'_>, span: Span, name: &str) -> Option<Value> {
         let Some(&symbol) = self.names.get(name) else {
-            // Looking for what was meant is dear: not for faults that nobody will be told.
-            if self.faults.count() < MAX_FAULTS {
-                let hint = did_you_mean(name, self.names.keys().copied());
-                let detail = format!("`{name}` is not a name of this model{hint}");
-                self.fault(place, span, "unknown_name", detail);
+            if self.faults.are_full() {
+                return None;
             }
+            let hint = self.hint(name);
+            let detail = format!("`{name}` is not a name of this model{hint}");
+            self.fault(place, span, "unknown_name", detail);
             return None;
         };
         self.used.insert(symbol);
@@ -372,6 +372,14 @@ impl<'d> Compiler<'d> {
             return None;
         }
         self.symbol_value(place.context, symbol)
+    }
+
+    /// What was meant by an unknown name. Looking for it is dear: not among very many faults.
+    fn hint(&self, name: &str) -> String {
+        if self.faults.count() >= MAX_HINTS {
+            return String::new();
+        }
+        did_you_mean(name, self.names.keys().copied())
     }
 
     fn forbidden(&self, context: Context, symbol: Symbol) -> Option<&'static str> {

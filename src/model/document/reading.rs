@@ -89,13 +89,14 @@ impl Reader<'_> {
         let Some(field) = root.optional(section) else {
             return Vec::new();
         };
-        let entries = field.object().map(|object| object.entries());
-        let entries = entries.unwrap_or_default();
-        if entries.len() > most {
-            let detail = format!("{} `{section}` are more than {most}", entries.len());
+        let Some(object) = field.object() else {
+            return Vec::new();
+        };
+        if object.n_entries() > most {
+            let detail = format!("{} `{section}` are more than {most}", object.n_entries());
             field.fault("too_many", detail);
         }
-        let entries = entries.into_iter().take(most);
+        let entries = object.entries().take(most);
         let named = entries.filter(|(name, field)| is_name(name, field));
         named
             .filter_map(|(name, field)| read(self, name, &field))
@@ -410,17 +411,14 @@ impl Reader<'_> {
             field.fault("too_large", detail);
             return None;
         }
-        items.iter().map(|item| self.expression(item)).collect()
+        items.map(|item| self.expression(&item)).collect()
     }
 }
 
 fn numbers(field: &Field<'_>) -> Option<Vec<f64>> {
     let items = field.array()?;
-    items
-        .iter()
-        .take(MAX_POINTS + 1)
-        .map(Field::number)
-        .collect()
+    let items = items.take(MAX_POINTS + 1);
+    items.map(|item| item.number()).collect()
 }
 
 /// Whether a text can be a name; a fault where it cannot.

@@ -161,25 +161,23 @@ pub fn parse(text: &str) -> Result<Expression, SyntaxError> {
     }
 }
 
-struct Parser {
-    tokens: Vec<(Token, Span)>,
+struct Parser<'t> {
+    tokens: Vec<(Token<'t>, Span)>,
     next: usize,
     depth: usize,
     operations: usize,
 }
 
-impl Parser {
-    fn peek(&self) -> (&Token, Span) {
+impl<'t> Parser<'t> {
+    fn peek(&self) -> (Token<'t>, Span) {
         let last = self.tokens.len() - 1;
-        let (token, span) = &self.tokens[self.next.min(last)];
-        (token, *span)
+        self.tokens[self.next.min(last)]
     }
 
-    fn take(&mut self) -> (Token, Span) {
-        let (token, span) = self.peek();
-        let token = token.clone();
+    fn take(&mut self) -> (Token<'t>, Span) {
+        let taken = self.peek();
         self.next += 1;
-        (token, span)
+        taken
     }
 
     /// An expression whose operators bind at least as tightly as `least`.
@@ -192,7 +190,6 @@ impl Parser {
         }
         let mut left = self.operand()?;
         while let (Token::Operator(operator), _) = self.peek() {
-            let operator = *operator;
             let (binds_left, binds_right) = operator.binding();
             if binds_left < least {
                 break;
@@ -245,10 +242,10 @@ impl Parser {
                     kind: inner.kind,
                 })
             }
-            Token::Name(name) if *self.peek().0 == Token::Open => self.call(name, span),
+            Token::Name(name) if self.peek().0 == Token::Open => self.call(name, span),
             Token::Name(name) => Ok(Expression {
                 span,
-                kind: Kind::Name(name),
+                kind: Kind::Name(name.to_owned()),
             }),
             token => Err(SyntaxError {
                 span,
@@ -257,12 +254,12 @@ impl Parser {
         }
     }
 
-    fn call(&mut self, name: String, span: Span) -> Result<Expression, SyntaxError> {
+    fn call(&mut self, name: &str, span: Span) -> Result<Expression, SyntaxError> {
         self.take();
         let mut arguments = Vec::new();
-        if *self.peek().0 != Token::Close {
+        if self.peek().0 != Token::Close {
             arguments.push(self.expression(0)?);
-            while *self.peek().0 == Token::Comma {
+            while self.peek().0 == Token::Comma {
                 self.take();
                 arguments.push(self.expression(0)?);
             }
@@ -270,7 +267,7 @@ impl Parser {
         let close = self.close()?;
         Ok(Expression {
             span: span.to(close),
-            kind: Kind::Call(name, arguments),
+            kind: Kind::Call(name.to_owned(), arguments),
         })
     }
 

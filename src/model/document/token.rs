@@ -4,10 +4,10 @@ use super::syntax::{Operator, Span, SyntaxError};
 use std::fmt;
 
 /// A word of an expression.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Token {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Token<'t> {
     Number(f64),
-    Name(String),
+    Name(&'t str),
     Operator(Operator),
     Not,
     Open,
@@ -16,7 +16,7 @@ pub enum Token {
     End,
 }
 
-impl fmt::Display for Token {
+impl fmt::Display for Token<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Token::Number(value) => write!(formatter, "the number {value}"),
@@ -35,7 +35,7 @@ impl fmt::Display for Token {
 }
 
 /// The words of a text, the last of them its end.
-pub fn tokens(text: &str) -> Result<Vec<(Token, Span)>, SyntaxError> {
+pub fn tokens(text: &str) -> Result<Vec<(Token<'_>, Span)>, SyntaxError> {
     let mut tokens = Vec::new();
     let mut at = 0;
     while let Some(first) = text[at..].chars().next() {
@@ -65,16 +65,16 @@ pub fn tokens(text: &str) -> Result<Vec<(Token, Span)>, SyntaxError> {
     Ok(tokens)
 }
 
-fn word(name: &str) -> Token {
+fn word(name: &str) -> Token<'_> {
     match name {
         "and" => Token::Operator(Operator::And),
         "or" => Token::Operator(Operator::Or),
         "not" => Token::Not,
-        _ => Token::Name(name.to_owned()),
+        _ => Token::Name(name),
     }
 }
 
-fn number(rest: &str, at: usize) -> Result<(Token, usize), SyntaxError> {
+fn number(rest: &str, at: usize) -> Result<(Token<'_>, usize), SyntaxError> {
     let bytes = rest.as_bytes();
     let digits = |from: usize| {
         let count = bytes[from..].iter().take_while(|b| b.is_ascii_digit());
@@ -103,8 +103,8 @@ fn number(rest: &str, at: usize) -> Result<(Token, usize), SyntaxError> {
     Ok((Token::Number(value), end))
 }
 
-fn symbol(rest: &str, at: usize) -> Result<(Token, usize), SyntaxError> {
-    const SYMBOLS: [(&str, Token); 16] = [
+fn symbol(rest: &str, at: usize) -> Result<(Token<'_>, usize), SyntaxError> {
+    const SYMBOLS: [(&str, Token<'static>); 16] = [
         ("<=", Token::Operator(Operator::LessOrEqual)),
         (">=", Token::Operator(Operator::GreaterOrEqual)),
         ("<", Token::Operator(Operator::Less)),

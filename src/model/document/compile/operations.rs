@@ -1,6 +1,6 @@
 //! Operators, calls and tables: what stands between names, with the units that fit.
 
-use super::{Compiler, MAX_FAULTS, Place, Symbol, Value};
+use super::{Compiler, Place, Symbol, Value};
 use crate::document::reader::did_you_mean;
 use crate::model::document::arithmetic::Operation;
 use crate::model::document::graph::Leaf;
@@ -126,7 +126,7 @@ impl Compiler<'_> {
         let expected: &[&str] = match (&table, &function) {
             (Some(_), _) => &["x"],
             (None, Some((_, arguments))) => arguments,
-            (None, None) if self.faults.count() >= MAX_FAULTS => return None,
+            (None, None) if self.faults.are_full() => return None,
             (None, None) => {
                 let tables = self
                     .definition

@@ -1,0 +1,68 @@
+//! The parts of the project that read what strangers send, built without the server, and what the
+//! fuzz targets share. What is read soundly must also run: nothing may panic, hang or grow.
+
+#[path = "../../../src/credit/mod.rs"]
+pub mod credit;
+#[path = "../../../src/dataset/mod.rs"]
+pub mod dataset;
+#[path = "../../../src/demo/mod.rs"]
+pub mod demo;
+#[path = "../../../src/document/mod.rs"]
+pub mod document;
+#[path = "../../../src/estimation/mod.rs"]
+pub mod estimation;
+#[path = "../../../src/genetic/mod.rs"]
+pub mod genetic;
+#[path = "../../../src/job/mod.rs"]
+pub mod job;
+#[path = "../../../src/model/mod.rs"]
+pub mod model;
+#[path = "../../../src/numerics/mod.rs"]
+pub mod numerics;
+#[path = "../../../src/simulation/mod.rs"]
+pub mod simulation;
+#[path = "../../../src/uncertainty/mod.rs"]
+pub mod uncertainty;
+
+use model::document::Read;
+use serde_json::Value;
+use simulation::{Accuracy, Candidate, Excitation};
+
+/// Samples that a model runs for.
+const SAMPLES: usize = 3;
+
+/// Reads a model document; one that is sound is simulated for a moment.
+pub fn read_and_run(document: &Value) {
+    let Ok(Read { model, .. }) = model::document::read(document) else {
+        return;
+    };
+    let description = model.description();
+    let inputs = vec![vec![0.0, 1.0, -1e3]; description.inputs.len()];
+    let parameters = description.defaults();
+    let initial_state = vec![None; description.states.len()];
+    let excitation = Excitation {
+        sample_time: 1e-3,
+        samples: SAMPLES,
+        input_set: 0,
+        inputs: &inputs,
+        accuracy: Accuracy::Screening,
+    };
+    let candidate = Candidate {
+        parameters: &parameters,
+        initial_state: &initial_state,
+        resolved_rate: None,
+    };
+    let mut block = model.plant().simulator(excitation, &[candidate]);
+    let mut outputs = vec![
+        simulation::lanes::Lanes([0.0; simulation::lanes::LANES]);
+        SAMPLES * description.outputs.len()
+    ];
+    block.advance(SAMPLES, &mut outputs);
+    for (lane, failure) in block.failures().iter().enumerate() {
+        let finite = outputs.iter().all(|row| row.0[lane].is_finite());
+        assert!(
+            finite || failure.is_some(),
+            "a lane without numbers is a failure"
+        );
+    }
+}

@@ -1,0 +1,12 @@
+//! The bytes of a model document.
+
+#![no_main]
+
+use greybox_fuzz::{document, read_and_run};
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    if let Ok(document) = document::json::parse(bytes) {
+        read_and_run(&document);
+    }
+});

@@ -1,0 +1,12 @@
+//! A model document in YAML.
+
+#![no_main]
+
+use greybox_fuzz::{document, read_and_run};
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|text: &str| {
+    if let Ok(document) = document::yaml::parse(text) {
+        read_and_run(&document);
+    }
+});
