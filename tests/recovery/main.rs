@@ -7,9 +7,10 @@
 
 mod effects;
 mod intervals;
+mod joint;
 mod run;
 
-use greybox::dataset::csv;
+use greybox::dataset::{Recording, Signal, TimeAxis, csv};
 use greybox::demo::{self, Demo};
 use greybox::job::Outcome;
 use greybox::job::outcome::Trust;
@@ -82,6 +83,30 @@ fn the_four_unknowns_of_a_textbook_recording_are_recovered_and_trusted() {
         assert_eq!(outcome.verdict.trust, Trust::High, "{:?}", outcome.verdict);
         assert_errors_agree_with_their_deviations(Demo::A, &outcome);
     }
+}
+
+/// What remains is the method's own error: no noise, no converter, the model that made the data.
+#[test]
+fn without_noise_the_unknowns_are_found_to_a_millionth() {
+    let reference = demo::excitation::textbook(1, 2000);
+    let truth = demo::rig::parameters(Demo::A);
+    let position = demo::rig::simulate(&truth, &reference).position;
+    let time = TimeAxis::Uniform {
+        sample_time: 0.01,
+        samples: 2000,
+    };
+    let signals = vec![
+        Signal::new("reference", "m", reference),
+        Signal::new("position", "m", position),
+    ];
+    let mut job = demo::job(Demo::A);
+    job["outputs"] = json!({});
+    let outcome = run(job, Recording::new(time, signals));
+    let tolerance = Tolerance {
+        sharp: 1e-4,
+        damping: 1e-4,
+    };
+    assert_recovers(Demo::A, &outcome, &tolerance);
 }
 
 #[test]

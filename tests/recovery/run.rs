@@ -18,10 +18,13 @@ impl Observer for Unwatched {
     fn refinement(&mut self, _row: &RefinementRow) {}
 }
 
-/// The result of the job on the recording; its model may be a document.
+/// The result of the job on the recording, from which every experiment is cut; its model may be a document.
 pub fn run(mut job: Value, recording: Recording) -> Outcome {
     let dataset = DatasetId::new();
-    job["experiments"][0]["dataset"] = json!(dataset);
+    let experiments = job["experiments"].as_array_mut().expect("experiments");
+    for experiment in experiments {
+        experiment["dataset"] = json!(dataset);
+    }
     let mut models = Catalogue::built_in();
     if job["model"].is_object() {
         let read = document::referenced(&job["model"]);
@@ -38,7 +41,8 @@ pub fn run(mut job: Value, recording: Recording) -> Outcome {
     let model = models
         .get(&spec.model)
         .expect("the model of a specification");
-    let assembly = assemble::problem(&spec, model, &[recording]);
+    let recordings = vec![recording; spec.experiments.len()];
+    let assembly = assemble::problem(&spec, model, &recordings);
     let problem = assembly
         .unwrap_or_else(|faults| panic!("{faults:?}"))
         .problem;
