@@ -155,9 +155,9 @@ impl SliceWorker {
             }
             Err(failure) => Err(failure),
         };
-        drop(place);
         let conclusion = Conclusion {
             worker: self,
+            place,
             current,
             relay,
         };
@@ -302,6 +302,8 @@ fn advance(
 /// What remains to be done with a slice whose computation has returned.
 struct Conclusion<'a> {
     worker: &'a SliceWorker,
+    /// Given up when nothing is left to be computed.
+    place: Option<SemaphorePermit<'a>>,
     current: Current,
     relay: Relay,
 }
@@ -335,6 +337,7 @@ impl Conclusion<'_> {
             (_, None) => {
                 let mut record = self.last_record();
                 record.checkpoint = Some(self.checkpoint(&*run));
+                drop(self.place.take());
                 match self.worker.store.record(self.current.lease, record).await? {
                     Hold::Kept => Ok(After::Again),
                     Hold::Lost => Ok(After::Done),
@@ -356,6 +359,7 @@ impl Conclusion<'_> {
         })
         .await
         .unwrap_or_else(|error| Err(broke(error)));
+        drop(self.place.take());
         let (run, outcome) = match computed {
             Ok(computed) => computed,
             Err(failure) => return self.end_without_result(None, failure).await,

@@ -43,7 +43,7 @@ pub fn job(dataset: &str, generations: u32, seed: u64) -> Value {
             "offset": {"value": 0}
         },
         "outputs": {"position": {"noise_std": 1e-3}},
-        "method": {"population": 8, "generations": generations, "stagnation_generations": 0},
+        "method": {"population": 8, "generations": generations, "stagnation_generations": 0, "noise_floor": false},
         "seed": seed
     })
 }
