@@ -16,21 +16,31 @@ use crate::simulation::{Accuracy, Failure};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 
-/// Iterations at the most from one start.
-pub const LARGEST_ITERATION_COUNT: u32 = 60;
+/// Iterations at the most from one start, until the coarse descent and the fine one end.
+fn most_iterations(accuracy: Accuracy) -> u32 {
+    match accuracy {
+        Accuracy::Screening => 60,
+        Accuracy::Full => 500,
+    }
+}
 /// A descent ends when an iteration gains less than this share of the cost, or moves no
 /// coordinate by more than this share of its range. A coarse descent need not come closer to its
 /// minimum than its simulation is to the truth.
 fn smallest_progress(accuracy: Accuracy) -> (f64, f64) {
     match accuracy {
         Accuracy::Screening => (1e-5, 1e-6),
-        Accuracy::Full => (1e-7, 1e-9),
+        Accuracy::Full => (1e-16, 1e-14),
     }
 }
-/// A fine descent ends within so many standard errors of its minimum,
-const POLISHED: f64 = 1e-4;
+/// A fine descent ends within so many standard errors of its minimum, the less the shorter the
+/// record: polishing a short one costs nothing, and its standard errors are large,
+fn polished(rows: usize) -> f64 {
+    if rows <= 1000 { 1e-8 } else { 1e-4 }
+}
 /// by a last step that is not longer than this and not simulated any more.
 const NEAR: f64 = 1e-2;
+/// Where the cost cannot tell any more, steps are taken as long as they shrink by this.
+const STILL_SHRINKING: f64 = 0.7;
 /// Two minima that are fewer standard errors apart are one.
 const SAME_MINIMUM: f64 = 1.0;
 /// The dampings that are tried, relative to the last good one: the first always, of the others as
@@ -40,6 +50,10 @@ const DAMPING_FACTORS: [f64; 8] = [1e-4, 1.0, 1e2, 1e-2, 10.0, 1e-1, 1e4, 1e-3];
 const FEWEST_OTHERS: usize = 3;
 const FIRST_DAMPING: f64 = 1e-3;
 const SMALLEST_DAMPING: f64 = 1e-14;
+/// Where none of them gains anything, so many times larger ones are tried,
+const DAMPING_RISE: f64 = 1e5;
+/// up to this one.
+const LARGEST_DAMPING: f64 = 1e6;
 
 /// The residuals linearised at a candidate.
 #[derive(Clone, Debug)]
@@ -240,6 +254,8 @@ pub struct Descent {
     damping: f64,
     /// How far the linear model's minimum was away, in standard errors.
     distance: Option<f64>,
+    /// How much of the distance before that was left.
+    shrinkage: f64,
     /// The residuals linearised where it is, if they are. Not laid down: it comes out the same
     /// when it is computed again.
     #[serde(skip)]
@@ -264,6 +280,7 @@ impl Descent {
             accuracy: Accuracy::Screening,
             damping: FIRST_DAMPING,
             distance: None,
+            shrinkage: 1.0,
             linearisation: None,
             is_counted: false,
         }
@@ -315,8 +332,34 @@ impl Descent {
             return false;
         };
         self.iterations += 1;
+        let gains = step.cost < self.cost.unwrap_or(linearisation.cost);
+        if !gains && self.is_near() {
+            // The cost has no digits left for so short a step; its derivatives have.
+            match linearisation.outlook(&self.positions) {
+                Some(outlook) if self.shrinkage < STILL_SHRINKING => {
+                    self.positions = outlook.positions;
+                    self.is_counted = false;
+                }
+                _ => self.end = Some(DescentEnd::Converged),
+            }
+            self.cost.get_or_insert(linearisation.cost);
+            return true;
+        }
+        if !gains && self.damping < LARGEST_DAMPING {
+            // Downhill it goes, if only the step is short enough.
+            self.damping *= DAMPING_RISE;
+            self.cost.get_or_insert(linearisation.cost);
+            self.linearisation = Some(linearisation);
+            self.is_counted = true;
+            return true;
+        }
         self.take(step, linearisation.cost);
         true
+    }
+
+    /// Whether what the linear model says about the way that is left can be relied on.
+    fn is_near(&self) -> bool {
+        self.is_polished() && self.distance.is_some_and(|distance| distance < NEAR)
     }
 
     /// The candidate and its neighbours, as many as a linearisation simulates.
@@ -383,7 +426,7 @@ impl Descent {
         let (gain, shift) = smallest_progress(self.accuracy);
         if before - step.cost < gain * before || distance < shift {
             self.end = Some(DescentEnd::Converged);
-        } else if self.iterations >= LARGEST_ITERATION_COUNT {
+        } else if self.iterations >= most_iterations(self.accuracy) {
             self.end = Some(DescentEnd::IterationLimit);
         }
         self.positions = step.positions;
@@ -405,9 +448,10 @@ impl Descent {
         if self.is_polished() {
             // What is left after the next step, if it shrinks as it did last.
             let before = self.distance.replace(distance);
-            let shrinkage = before.map_or(1.0, |before| distance / before);
+            self.shrinkage = before.map_or(1.0, |before| distance / before);
             let gained = linearisation.cost * (1.0 - outlook.gain);
-            let is_there = distance < NEAR && distance * shrinkage < POLISHED;
+            let is_there = distance < NEAR
+                && distance * self.shrinkage < polished(linearisation.triangle.rows());
             let minimum = Minimum {
                 positions: outlook.positions,
                 cost: gained,

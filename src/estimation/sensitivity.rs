@@ -14,7 +14,7 @@ use std::sync::atomic::AtomicBool;
 /// How far a difference goes to a side, as a share of the search range. All lanes take the same
 /// steps, so that only rounding counts against a short one; a long one sees where commands
 /// saturate and ports open, and errs with the root of its length.
-const SHIFT: f64 = 1e-5;
+const SHIFT: f64 = 1e-6;
 
 /// One residual and its derivatives.
 #[derive(Clone, Copy, Debug)]
