@@ -23,6 +23,7 @@ mod labels;
 mod method;
 mod model;
 mod model_search;
+mod outputs;
 mod parameter;
 
 pub mod simulation;
@@ -33,7 +34,7 @@ pub use model::ModelOfJob;
 use model::read_model;
 pub use model_search::ModelSearch;
 
-use crate::document::reader::{Faults, Field, did_you_mean, listed};
+use crate::document::reader::{Faults, Field};
 
 /// The experiments of one job at the most.
 pub const MAX_EXPERIMENTS: usize = 32;
@@ -134,6 +135,21 @@ pub struct ExperimentSpec {
     /// By the model's name, where each state starts; left out, as the model says.
     #[serde(default)]
     pub initial_state: BTreeMap<String, InitialStateSpec>,
+    /// What it is for.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub role: ExperimentRole,
+}
+
+/// What an experiment is for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ExperimentRole {
+    /// To estimate from, but for its part that is held back.
+    #[default]
+    Estimation,
+    /// To check the estimate with: all of it is held back.
+    Validation,
 }
 
 /// A part of a recording, in seconds from its first sample.
@@ -349,7 +365,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
         _ => parameters,
     });
     let outputs = root.optional("outputs");
-    let outputs = outputs.map(|field| read_outputs(&field, model, experiments.as_deref()));
+    let outputs = outputs.map(|field| outputs::read(&field, model, experiments.as_deref()));
     let method = root.optional("method").map(|field| method::read(&field));
     let uncertainty = root
         .optional("uncertainty")
@@ -387,52 +403,6 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
         }),
         seed: seed?,
     })
-}
-
-fn read_outputs(
-    field: &Field<'_>,
-    model: Option<&ModelDescription>,
-    experiments: Option<&[ExperimentSpec]>,
-) -> BTreeMap<String, OutputSpec> {
-    let mut outputs = BTreeMap::new();
-    for (name, field) in field.object().map(|o| o.entries()).into_iter().flatten() {
-        check_output(name, &field, model, experiments);
-        let Some(mut object) = field.object() else {
-            continue;
-        };
-        let noise_std = object.optional("noise_std").and_then(|f| f.positive());
-        object.finish();
-        outputs.insert(name.to_owned(), OutputSpec { noise_std });
-    }
-    outputs
-}
-
-/// An output that is described must be one of the model, and be measured.
-fn check_output(
-    name: &str,
-    field: &Field<'_>,
-    model: Option<&ModelDescription>,
-    experiments: Option<&[ExperimentSpec]>,
-) {
-    let Some(model) = model else {
-        return;
-    };
-    let known = || model.outputs.iter().map(|output| &*output.name);
-    if !known().any(|output| output == name) {
-        let names: Vec<&str> = known().collect();
-        let hint = did_you_mean(name, known());
-        let detail = format!(
-            "the outputs of `{}` are {}{hint}",
-            model.name,
-            listed(&names)
-        );
-        field.fault("unknown_output", detail);
-    } else if let Some(experiments) = experiments
-        && !experiments.iter().any(|e| e.signals.contains_key(name))
-    {
-        let detail = format!("no experiment measures `{name}`");
-        field.fault("output_not_measured", detail);
-    }
 }
 
 fn read_validation(field: &Field<'_>) -> ValidationSpec {

@@ -125,3 +125,23 @@ fn the_joint_estimate_of_two_experiments_is_that_of_least_squares_and_better_tha
     );
     assert!(alone.iter().all(|error| *error > together));
 }
+
+#[test]
+fn an_experiment_that_only_validates_leaves_the_estimate_as_it_is_and_judges_it() {
+    let data = record();
+    let alone = run(job(&[0]), data.recording.clone());
+    for intervals in ["fisher", "bootstrap"] {
+        let mut job = job(&[0, 1]);
+        job["experiments"][1]["role"] = json!("validation");
+        job["experiments"][1]["initial_state"]["x"] = json!(STARTS[1]);
+        job["uncertainty"] = json!({ "intervals": intervals });
+        let checked = run(job, data.recording.clone());
+        assert_eq!(gain(&checked).0, gain(&alone).0);
+        assert_eq!(checked.fit.estimation["y"], alone.fit.estimation["y"]);
+        let held_back = &checked.fit.validation["y"];
+        assert_eq!(held_back.samples, SAMPLES[1] as u64);
+        // The model is right, so what it leaves there is the noise.
+        let noise = held_back.rmse.expect("residuals") / NOISE;
+        assert!((0.85..1.15).contains(&noise), "{noise}");
+    }
+}

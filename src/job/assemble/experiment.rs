@@ -4,7 +4,7 @@ use super::{Finding, signal_pointer};
 use crate::dataset::{Recording, Split, Window};
 use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Target};
 use crate::job::fault::Fault;
-use crate::job::spec::{ExperimentSpec, InitialStateSpec};
+use crate::job::spec::{ExperimentRole, ExperimentSpec, InitialStateSpec};
 use crate::model::{InitialState, ModelDescription, Scale};
 use crate::numerics::statistics;
 use std::borrow::Cow;
@@ -123,7 +123,10 @@ impl Cutter<'_> {
         let mut experiment = Experiment {
             sample_time: data.sample_time,
             samples: data.samples,
-            estimation_samples: split.estimation.end,
+            estimation_samples: match spec.role {
+                ExperimentRole::Estimation => split.estimation.end,
+                ExperimentRole::Validation => 0,
+            },
             input_set,
             inputs,
             measured,
@@ -218,11 +221,19 @@ impl Cutter<'_> {
                 None => {
                     experiment.initial_state[state] = first_sample(description.initial, series);
                     let range = default_range(description.initial, series, experiment.sample_time);
-                    free.extend(range.map(|(lower, upper)| FreeState {
-                        state,
-                        lower,
-                        upper,
-                    }));
+                    let middle = range.map(|(lower, upper)| f64::midpoint(lower, upper));
+                    let is_estimated = spec.role == ExperimentRole::Estimation;
+                    let start = &mut experiment.initial_state[state];
+                    *start = start.or(middle.filter(|_| !is_estimated));
+                    free.extend(
+                        range
+                            .filter(|_| is_estimated)
+                            .map(|(lower, upper)| FreeState {
+                                state,
+                                lower,
+                                upper,
+                            }),
+                    );
                 }
             }
         }

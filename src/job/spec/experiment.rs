@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::{
-    ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec, MAX_EXPERIMENTS,
-    StateRange, WindowSpec,
+    ExperimentRole, ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec,
+    MAX_EXPERIMENTS, StateRange, WindowSpec,
 };
 use crate::dataset::Summary;
 use crate::document::reader::{Field, Object, did_you_mean, listed};
@@ -32,6 +32,11 @@ pub(super) fn read_all(
     }
     let read: Vec<_> = items.map(|item| read(&item, model, datasets)).collect();
     let experiments: Vec<ExperimentSpec> = read.into_iter().collect::<Option<_>>()?;
+    let validates = |experiment: &ExperimentSpec| experiment.role == ExperimentRole::Validation;
+    if experiments.iter().all(validates) {
+        let detail = "every experiment only validates: there is nothing to estimate from";
+        field.fault("nothing_to_estimate_from", detail);
+    }
     let n_values: usize = experiments
         .iter()
         .map(|experiment| datasets[&experiment.dataset].samples * experiment.signals.len())
@@ -70,12 +75,26 @@ fn read(
         (Some(field), Some(model)) => read_initial_state(field, model, signals.as_ref()),
         _ => BTreeMap::new(),
     };
+    let role = object.optional("role").and_then(|field| {
+        field.choice(&[
+            ("estimation", ExperimentRole::Estimation),
+            ("validation", ExperimentRole::Validation),
+        ])
+    });
+    let role = role.unwrap_or_default();
+    let is_free = |start: &InitialStateSpec| matches!(start, InitialStateSpec::Free(_));
+    if role == ExperimentRole::Validation && initial_state.values().any(is_free) {
+        let detail = "an experiment that only validates has nothing to estimate its start from: \
+                      give the start as a value, or as \"first_sample\"";
+        object.fault("contradiction", detail);
+    }
     object.finish();
     Some(ExperimentSpec {
         dataset: dataset?.0,
         signals: signals?,
         window: window.flatten(),
         initial_state,
+        role,
     })
 }
 
