@@ -173,6 +173,14 @@ impl Problem {
         self.with_header(header::RETRY_AFTER, HeaderValue::from(seconds))
     }
 
+    /// The same, of a document that stands at a place of the body.
+    pub fn below(mut self, parent: &str) -> Self {
+        for fault in &mut self.errors {
+            fault.pointer = fault.pointer.take().map(|own| format!("{parent}{own}"));
+        }
+        self
+    }
+
     /// The answer carries this header too.
     pub fn with_header(mut self, name: HeaderName, value: HeaderValue) -> Self {
         self.headers.push((name, value));

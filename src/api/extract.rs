@@ -6,7 +6,7 @@ use axum::extract::{FromRequestParts, RawPathParams};
 use axum::http::request::Parts;
 
 use super::error::{Answer, Problem};
-use crate::job::{DatasetId, JobId};
+use crate::job::{ComparisonId, DatasetId, JobId};
 
 /// What the one parameter of a path names.
 pub struct Named<T>(pub T);
@@ -19,6 +19,10 @@ pub trait PathName: FromStr {
 
 impl PathName for JobId {
     const WHAT: &'static str = "job";
+}
+
+impl PathName for ComparisonId {
+    const WHAT: &'static str = "comparison";
 }
 
 impl PathName for DatasetId {

@@ -6,6 +6,7 @@
 
 pub mod body;
 mod checked;
+pub mod comparisons;
 pub mod datasets;
 pub mod error;
 pub mod events;
@@ -197,6 +198,8 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(models::create, models::list))
         .routes(routes!(models::show, models::remove))
         .routes(routes!(simulations::simulate))
+        .routes(routes!(comparisons::submit_comparison))
+        .routes(routes!(comparisons::show))
         .routes(routes!(submit::submit, jobs::list))
         .routes(routes!(jobs::show, jobs::remove))
         .routes(routes!(jobs::cancel))

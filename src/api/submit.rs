@@ -7,6 +7,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::Response;
 use serde::Serialize;
+use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
 use super::body::JsonDocument;
@@ -20,7 +21,7 @@ use crate::job::assemble::{self, Assembly, Finding, Identifiability, Preflight};
 use crate::job::spec::Context;
 use crate::job::{Fault, JobSpec, Status};
 use crate::model::Model;
-use crate::store::{Idempotency, JobRow, ModelStored, NewJob, Submitted};
+use crate::store::{Idempotency, JobRow, ModelStored, NewJob, NewModel, Submitted};
 
 /// How to treat the submitted job.
 #[derive(IntoParams)]
@@ -128,12 +129,7 @@ pub async fn submit(
     {
         return answer(&state, earlier, &headers).await;
     }
-    let asked = models::asked(&state, &document.value).await?;
-    let spec = read(&state, &asked).await?;
-    let model = match asked.model {
-        Some(model) => model,
-        None => state.model(&spec.model).await?,
-    };
+    let Ready { spec, model, new } = ready(&state, &document.value).await?;
     if query.validate_only {
         let method = spec.method.clone();
         let look_ahead = move |assembly: &Assembly| {
@@ -144,20 +140,65 @@ pub async fn submit(
         let foreseen = assembled(&state, &spec, model, look_ahead).await?;
         return Ok(json(StatusCode::OK, &Validation::new(spec, foreseen)));
     }
-    check(&state, &spec, model).await?;
-    if let Some(new) = asked.new
+    check(&state, &spec, Arc::clone(&model)).await?;
+    let submitted = store(&state, Ready { spec, model, new }, idempotency).await?;
+    answer(&state, submitted, &headers).await
+}
+
+/// A job that has been read.
+pub(super) struct Ready {
+    spec: JobSpec,
+    model: Arc<Model>,
+    /// Its model, where it brings a new one.
+    new: Option<NewModel>,
+}
+
+/// Reads a job, or says everything that is wrong with it.
+async fn ready(state: &ApiState, document: &Value) -> Answer<Ready> {
+    let asked = models::asked(state, document).await?;
+    let spec = read(state, &asked).await?;
+    let model = match asked.model {
+        Some(model) => model,
+        None => state.model(&spec.model).await?,
+    };
+    let new = asked.new;
+    Ok(Ready { spec, model, new })
+}
+
+/// Reads a job and holds it against its recordings.
+pub(super) async fn checked(state: &ApiState, document: &Value) -> Answer<Ready> {
+    let ready = ready(state, document).await?;
+    check(state, &ready.spec, Arc::clone(&ready.model)).await?;
+    Ok(ready)
+}
+
+/// Stores a job that has been checked.
+pub(super) async fn store(
+    state: &ApiState,
+    ready: Ready,
+    idempotency: Option<Idempotency>,
+) -> Answer<Submitted> {
+    if let Some(new) = ready.new
         && state.store.insert_model(new).await? == ModelStored::Full
     {
         return Err(models::full());
     }
-    let submitted = state.store.submit(new_job(&spec, idempotency)).await?;
-    answer(&state, submitted, &headers).await
+    Ok(state
+        .store
+        .submit(new_job(&ready.spec, idempotency))
+        .await?)
 }
 
 async fn answer(state: &ApiState, submitted: Submitted, headers: &HeaderMap) -> Answer {
+    let (row, replayed) = stored(submitted)?;
+    accepted(state, row, replayed, headers).await
+}
+
+/// The job, and whether it was stored before; or why it was not stored.
+pub(super) fn stored(submitted: Submitted) -> Answer<(JobRow, bool)> {
     match submitted {
-        Submitted::Created(row) => accepted(state, row, false, headers).await,
-        Submitted::Replayed(row) => accepted(state, row, true, headers).await,
+        Submitted::Created(row) => Ok((row, false)),
+        Submitted::Replayed(row) => Ok((row, true)),
         Submitted::KeyReused => {
             let detail = "the key came before with another body; use a new key for a new job";
             Err(Problem::new(Kind::KeyReused, detail))

@@ -8,15 +8,13 @@ use crate::estimation::settings::MethodName;
 use crate::estimation::{
     Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Report, Settings,
 };
+use crate::job::comparison::{self, Comparison, Spread, Trial};
 use clap::Args;
 use comfy_table::{Table, presets};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
-
-/// A run has found the minimum when its cost is at most so many times the lowest of all runs.
-const SAME_COST: f64 = 1.01;
 
 /// What `compare` is given.
 #[derive(Debug, Args)]
@@ -53,14 +51,6 @@ pub struct Arguments {
     time: Option<String>,
 }
 
-/// One run of one method.
-struct Trial {
-    method: String,
-    seed: u64,
-    report: Report,
-    seconds: f64,
-}
-
 /// Runs all of them, one after the other, and shows a table.
 pub fn compare(arguments: &Arguments) -> Result<(), CommandError> {
     let methods = methods(&arguments.methods)?;
@@ -76,22 +66,20 @@ pub fn compare(arguments: &Arguments) -> Result<(), CommandError> {
                 ..prepared.spec.method.clone()
             };
             let started = Instant::now();
-            trials.extend(run(problem, &settings, seed).map(|report| Trial {
-                method: name.clone(),
-                seed,
-                report,
-                seconds: started.elapsed().as_secs_f64(),
-            }));
+            let report = run(problem, &settings, seed);
+            let seconds = started.elapsed().as_secs_f64();
+            trials.extend(report.map(|report| trial(problem, (name, seed), &report, seconds)));
         }
     }
     eprintln!();
-    let lowest = trials.iter().filter_map(|trial| trial.report.cost);
-    let lowest = lowest.fold(f64::INFINITY, f64::min);
-    println!("{}", table(&methods, &trials, arguments.seeds, lowest));
-    println!("\nfound: a cost within 1 % of the lowest of all runs, {lowest:.6}");
+    let names: Vec<String> = methods.into_iter().map(|(name, _)| name).collect();
+    let comparison = comparison::compare(&names, &trials);
+    println!("{}", table(&comparison, arguments.seeds));
+    if let Some(lowest) = comparison.lowest_cost {
+        println!("\nfound: a cost within 1 % of the lowest of all runs, {lowest:.6}");
+    }
     if let Some(path) = &arguments.output {
-        let rows: Vec<Value> = trials.iter().map(|trial| shown(problem, trial)).collect();
-        let text = serde_json::to_vec_pretty(&rows).expect("rows have only text keys");
+        let text = serde_json::to_vec_pretty(&trials).expect("rows have only text keys");
         files::write(Some(path), &text)?;
     }
     Ok(())
@@ -122,58 +110,53 @@ fn run(problem: &Problem, settings: &Settings, seed: u64) -> Option<Report> {
     run.report(problem, None)
 }
 
-fn table(methods: &[(String, MethodName)], trials: &[Trial], seeds: u64, lowest: f64) -> String {
+fn trial(problem: &Problem, (name, seed): (&str, u64), report: &Report, seconds: f64) -> Trial {
+    Trial {
+        method: name.to_owned(),
+        seed,
+        cost: report.cost,
+        evaluations: report.counters.evaluations,
+        seconds,
+        estimates: problem
+            .named_values(&report.positions)
+            .into_iter()
+            .collect(),
+    }
+}
+
+fn table(comparison: &Comparison, seeds: u64) -> String {
     let mut table = Table::new();
     table.load_style(presets::ASCII_MARKDOWN);
-    table.set_header(["method", "found", "evaluations", "seconds", "cost / lowest"]);
-    for (name, _) in methods {
-        let own = || trials.iter().filter(|trial| trial.method == *name);
-        let ratio = |trial: &Trial| {
-            trial
-                .report
-                .cost
-                .map_or(f64::INFINITY, |cost| cost / lowest)
-        };
-        let found = own().filter(|trial| ratio(trial) <= SAME_COST).count();
+    table.set_header([
+        "method",
+        "found",
+        "evaluations",
+        "seconds",
+        "cost / lowest",
+        "estimates apart [%]",
+    ]);
+    for row in &comparison.methods {
         table.add_row([
-            name.clone(),
-            format!("{found} of {seeds}"),
-            spread(
-                own()
-                    .map(|trial| trial.report.counters.evaluations as f64)
-                    .collect(),
-                0,
-            ),
-            spread(own().map(|trial| trial.seconds).collect(), 2),
-            spread(own().map(ratio).collect(), 4),
+            row.method.clone(),
+            format!("{} of {seeds}", row.found),
+            spread(row.evaluations, 0),
+            spread(row.seconds, 2),
+            spread(row.cost_ratio, 4),
+            spread(row.deviation_percent, 3),
         ]);
     }
     table.trim_fmt()
 }
 
 /// The median, and the least and the largest.
-fn spread(mut values: Vec<f64>, decimals: usize) -> String {
-    values.sort_by(f64::total_cmp);
-    let (Some(first), Some(last)) = (values.first(), values.last()) else {
+fn spread(values: Option<Spread>, decimals: usize) -> String {
+    let Some(Spread {
+        median,
+        least,
+        largest,
+    }) = values
+    else {
         return "-".to_owned();
     };
-    let middle = values[values.len() / 2];
-    format!("{middle:.decimals$} ({first:.decimals$} to {last:.decimals$})")
-}
-
-fn shown(problem: &Problem, trial: &Trial) -> Value {
-    let values: serde_json::Map<String, Value> = problem
-        .named_values(&trial.report.positions)
-        .into_iter()
-        .map(|(name, value)| (name, json!(value)))
-        .collect();
-    json!({
-        "method": trial.method,
-        "seed": trial.seed,
-        "cost": trial.report.cost,
-        "evaluations": trial.report.counters.evaluations,
-        "distinct_evaluations": trial.report.counters.distinct_evaluations,
-        "seconds": trial.seconds,
-        "estimates": values,
-    })
+    format!("{median:.decimals$} ({least:.decimals$} to {largest:.decimals$})")
 }

@@ -1,6 +1,6 @@
-//! Identifiers of jobs and datasets: UUIDv7 with a prefix that says what they name.
+//! Identifiers of jobs, datasets and comparisons: UUIDv7 with a prefix that says what they name.
 //!
-//! The text is `job_` or `ds_` and 32 lower-case hexadecimal digits. It sorts by time of
+//! The text is `job_`, `ds_` or `cmp_` and 32 lower-case hexadecimal digits. It sorts by time of
 //! creation, so "newest first" is a descending order of identifiers.
 
 use std::fmt;
@@ -94,6 +94,13 @@ identifier!(
     DatasetId,
     "ds_",
     "ds_0192d3a4b5c67d8e9f00112233445566"
+);
+
+identifier!(
+    /// Names a comparison.
+    ComparisonId,
+    "cmp_",
+    "cmp_0192d3a4b5c67d8e9f00112233445566"
 );
 
 #[cfg(test)]

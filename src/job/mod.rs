@@ -1,6 +1,7 @@
 //! What a job is: its specification, its life, its events and its outcome. Pure types.
 
 pub mod assemble;
+pub mod comparison;
 pub mod event;
 pub mod failure;
 
@@ -13,7 +14,7 @@ pub mod state;
 pub use crate::document::fault::{self, Fault};
 pub use event::{Event, GenerationEvent};
 pub use failure::Failure;
-pub use id::{DatasetId, InvalidId, JobId};
+pub use id::{ComparisonId, DatasetId, InvalidId, JobId};
 pub use outcome::Outcome;
 pub use progress::{Phase, Progress};
 pub use spec::JobSpec;

@@ -15,6 +15,7 @@ use super::id::DatasetId;
 use crate::dataset::Summary;
 use crate::document::Fault;
 use crate::estimation::Settings;
+pub use crate::estimation::settings::MethodName;
 use crate::model::{ModelDescription, Scale};
 use crate::uncertainty;
 

@@ -1,0 +1,311 @@
+//! Comparisons: the same problem by several methods and seeds, each run a job of its own.
+//!
+//! A comparison is nothing but the jobs that carry its identifier in the label `comparison`: they
+//! are as durable as any other, can be followed and cancelled alone, and the table is made of
+//! their results whenever it is asked for.
+
+use std::collections::BTreeMap;
+
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::Response;
+use serde::Serialize;
+use serde_json::{Value, json as object};
+use sha2::{Digest, Sha256};
+use utoipa::ToSchema;
+
+use super::ApiState;
+use super::body::JsonDocument;
+use super::error::{Answer, Problem};
+use super::extract::Named;
+use super::manners::{hex, idempotency_key, json};
+use super::query::{NoQuery, Params};
+use super::submit;
+use crate::document::reader::{Faults, Field};
+use crate::job::comparison::{self, Comparison, Trial};
+use crate::job::spec::MethodName;
+use crate::job::{ComparisonId, Fault, JobId, JobSpec, Outcome, Status};
+use crate::store::{Idempotency, JobFilter, JobRow};
+
+/// The label that the jobs of a comparison carry.
+const LABEL: &str = "comparison";
+
+/// Runs of each method at the most.
+const MOST_SEEDS: u64 = 50;
+
+/// Jobs of one comparison at the most.
+const MOST_JOBS: u32 = 3 * MOST_SEEDS as u32;
+
+/// What a comparison is asked to do.
+#[derive(ToSchema)]
+#[schema(example = json!({
+    "job": {"model": "single_rod_servo", "experiments": [{"dataset": "ds_0192d3a4b5c67d8e9f00112233445566"}]},
+    "methods": ["icra_genetic", "multistart_lm"],
+    "seeds": 10
+}))]
+#[allow(dead_code, reason = "it describes a body that is read field by field")]
+pub struct ComparisonSpec {
+    /// The job, as it is submitted alone; its method's settings hold for all methods.
+    job: JobSpec,
+    /// The methods, each once; left out, all.
+    #[schema(required = false, min_items = 1, max_items = 3)]
+    methods: Vec<MethodName>,
+    /// Runs of each method, seeded 1, 2, …
+    #[schema(required = false, minimum = 1, maximum = 50, default = 10)]
+    seeds: u64,
+}
+
+/// How far a comparison has come.
+#[derive(Serialize, ToSchema)]
+pub struct ComparisonState {
+    /// Its identifier, which its jobs carry in the label `comparison`.
+    id: ComparisonId,
+    /// Whether every run has come to its end.
+    finished: bool,
+    /// The methods side by side, as far as their runs have ended.
+    #[serde(flatten)]
+    comparison: Comparison,
+    /// The jobs.
+    jobs: Vec<ComparedJob>,
+}
+
+/// One run.
+#[derive(Serialize, ToSchema)]
+pub struct ComparedJob {
+    /// The job.
+    id: JobId,
+    /// Its method.
+    #[schema(example = "icra_genetic")]
+    method: String,
+    /// Its seed.
+    seed: u64,
+    /// Its state.
+    status: Status,
+}
+
+struct Asked {
+    job: Value,
+    methods: Vec<String>,
+    seeds: u64,
+}
+
+fn read(document: &Value) -> Result<Asked, Vec<Fault>> {
+    let faults = Faults::default();
+    let asked = read_fields(&Field::root(document, &faults));
+    let found = faults.into_vec();
+    match asked {
+        Some(asked) if found.is_empty() => Ok(asked),
+        _ => Err(found),
+    }
+}
+
+fn read_fields(root: &Field<'_>) -> Option<Asked> {
+    let mut object = root.object()?;
+    let job = object.required("job");
+    if let Some(job) = &job {
+        job.object();
+    }
+    let methods = object
+        .optional("methods")
+        .and_then(|field| read_methods(&field));
+    let seeds = object.optional("seeds");
+    let seeds = seeds.and_then(|field| field.integer(1, MOST_SEEDS));
+    object.finish();
+    Some(Asked {
+        job: job?.value.clone(),
+        methods: methods.unwrap_or_else(all_methods),
+        seeds: seeds.unwrap_or(10),
+    })
+}
+
+fn all_methods() -> Vec<String> {
+    let all = [
+        MethodName::IcraGenetic,
+        MethodName::DifferentialEvolution,
+        MethodName::MultistartLm,
+    ];
+    all.iter().map(|method| name_of(*method)).collect()
+}
+
+fn name_of(method: MethodName) -> String {
+    let name = serde_json::to_value(method).expect("a name");
+    name.as_str().unwrap_or_default().to_owned()
+}
+
+fn read_methods(field: &Field<'_>) -> Option<Vec<String>> {
+    let known = all_methods();
+    let mut methods: Vec<String> = Vec::new();
+    let entries = field.array()?;
+    if entries.len() == 0 || entries.len() > known.len() {
+        let detail = format!("{} methods: there are 1 to {}", entries.len(), known.len());
+        field.fault("out_of_range", detail);
+        return None;
+    }
+    for entry in entries {
+        let name = entry.text()?;
+        if !known.iter().any(|known| known == name) {
+            let detail = format!("the methods are {}", known.join(", "));
+            entry.fault("unknown_method", detail);
+        } else if methods.iter().any(|before| before == name) {
+            entry.fault("duplicate", format!("`{name}` is named twice"));
+        }
+        methods.push(name.to_owned());
+    }
+    Some(methods)
+}
+
+/// Compare methods.
+///
+/// Makes a job for each method and seed. The same `Idempotency-Key` never makes two comparisons,
+/// and completes one whose submission broke off.
+#[utoipa::path(
+    post, path = "/v1/comparisons", operation_id = "submit_comparison", tag = "jobs",
+    params(
+        ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 200,
+         description = "Makes the submission safe to repeat")
+    ),
+    request_body(content = ComparisonSpec, content_type = "application/json"),
+    responses(
+        (status = 202, description = "The jobs are stored", body = ComparisonState,
+         headers(("Location" = String, description = "Where the comparison is")))
+    )
+)]
+pub async fn submit_comparison(
+    State(state): State<ApiState>,
+    _: Params<NoQuery>,
+    headers: HeaderMap,
+    document: JsonDocument,
+) -> Answer {
+    let asked = read(&document.value).map_err(Problem::of_document)?;
+    let id = match idempotency_key(&headers)? {
+        Some(key) => of_key(&key),
+        None => ComparisonId::new(),
+    };
+    // All are read before the first is stored: all of them come to be, or none.
+    let mut runs = Vec::new();
+    for method in &asked.methods {
+        for seed in 1..=asked.seeds {
+            let job = run_of(&asked.job, &id, (method, seed));
+            let ready = submit::checked(&state, &job).await;
+            let ready = ready.map_err(|problem| problem.below("/job"))?;
+            runs.push((format!("{id}/{method}/{seed}"), ready));
+        }
+    }
+    for (key, ready) in runs {
+        let body_digest = document.digest.clone();
+        let idempotency = Some(Idempotency { key, body_digest });
+        submit::stored(submit::store(&state, ready, idempotency).await?)?;
+    }
+    let mut response = shown(&state, id, StatusCode::ACCEPTED).await?;
+    let location = format!("/v1/comparisons/{id}");
+    let location = HeaderValue::from_str(&location).expect("an identifier is visible ASCII");
+    response.headers_mut().insert(header::LOCATION, location);
+    Ok(response)
+}
+
+/// The identifier of the comparison that a key makes.
+fn of_key(key: &str) -> ComparisonId {
+    let digest = hex(&Sha256::digest(key));
+    let text = format!("{}{}", ComparisonId::PREFIX, &digest[..32]);
+    text.parse().expect("32 hexadecimal digits")
+}
+
+/// The job with one method and seed.
+fn run_of(job: &Value, id: &ComparisonId, (method, seed): (&str, u64)) -> Value {
+    let mut job = job.clone();
+    for (section, name, value) in [
+        ("method", "name", object!(method)),
+        ("labels", LABEL, object!(id.to_string())),
+    ] {
+        let section = &mut job[section];
+        if section.is_null() {
+            *section = object!({});
+        }
+        // A section that is no object is the job's fault, and told as such.
+        if let Some(section) = section.as_object_mut() {
+            section.insert(name.to_owned(), value);
+        }
+    }
+    job["seed"] = object!(seed);
+    job
+}
+
+/// Read a comparison.
+#[utoipa::path(
+    get, path = "/v1/comparisons/{id}", operation_id = "read_comparison", tag = "jobs",
+    params(("id" = ComparisonId, Path, description = "The comparison")),
+    responses((status = 200, description = "The methods side by side", body = ComparisonState))
+)]
+pub async fn show(
+    State(state): State<ApiState>,
+    Named(id): Named<ComparisonId>,
+    _: Params<NoQuery>,
+) -> Answer {
+    shown(&state, id, StatusCode::OK).await
+}
+
+async fn shown(state: &ApiState, id: ComparisonId, status: StatusCode) -> Answer<Response> {
+    let filter = JobFilter {
+        status: None,
+        label: Some((LABEL.to_owned(), Some(id.to_string()))),
+        before: None,
+        limit: MOST_JOBS,
+    };
+    let mut rows = state.store.jobs(&filter).await?.rows;
+    if rows.is_empty() {
+        return Err(Problem::not_found("comparison", &id.to_string()));
+    }
+    rows.reverse();
+    let mut methods: Vec<String> = Vec::new();
+    let mut trials = Vec::new();
+    for row in &rows {
+        let method = method_of(row);
+        if !methods.contains(&method) {
+            methods.push(method);
+        }
+        if row.status.is_terminal()
+            && let Some(outcome) = state.store.result(row.id).await?
+        {
+            trials.extend(trial(row, outcome));
+        }
+    }
+    let state = ComparisonState {
+        id,
+        finished: rows.iter().all(|row| row.status.is_terminal()),
+        comparison: comparison::compare(&methods, &trials),
+        jobs: rows
+            .iter()
+            .map(|row| ComparedJob {
+                id: row.id,
+                method: method_of(row),
+                seed: seed_of(row),
+                status: row.status,
+            })
+            .collect(),
+    };
+    Ok(json(status, &state))
+}
+
+fn method_of(row: &JobRow) -> String {
+    let name = row.spec["method"]["name"].as_str();
+    name.unwrap_or_default().to_owned()
+}
+
+fn seed_of(row: &JobRow) -> u64 {
+    row.spec["seed"].as_u64().unwrap_or_default()
+}
+
+fn trial(row: &JobRow, outcome: Value) -> Option<Trial> {
+    let outcome: Outcome = serde_json::from_value(outcome).ok()?;
+    let estimates = outcome.parameters.iter();
+    let estimates = estimates.map(|known| (known.name.clone(), known.estimate.estimate));
+    let (started, finished) = (row.started_at?, row.finished_at?);
+    Some(Trial {
+        method: method_of(row),
+        seed: seed_of(row),
+        cost: outcome.criteria.cost,
+        evaluations: outcome.search.evaluations,
+        seconds: finished.duration_since(started).as_secs_f64(),
+        estimates: estimates.collect::<BTreeMap<String, f64>>(),
+    })
+}
