@@ -16,13 +16,17 @@ use crate::simulation::{Accuracy, Failure};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 
-/// Iterations at the most from one start, until the coarse descent and the fine one end.
-fn most_iterations(accuracy: Accuracy) -> u32 {
+/// Iterations at the most from one start, until the coarse descent and the fine one end; a short
+/// record may have more of them.
+fn most_iterations(accuracy: Accuracy, rows: usize) -> u32 {
     match accuracy {
         Accuracy::Screening => 60,
-        Accuracy::Full => 500,
+        Accuracy::Full if rows <= SHORT => 500,
+        Accuracy::Full => 120,
     }
 }
+/// Residuals of a record that costs next to nothing to go on with.
+const SHORT: usize = 1000;
 /// A descent ends when an iteration gains less than this share of the cost, or moves no
 /// coordinate by more than this share of its range. A coarse descent need not come closer to its
 /// minimum than its simulation is to the truth.
@@ -35,7 +39,7 @@ fn smallest_progress(accuracy: Accuracy) -> (f64, f64) {
 /// A fine descent ends within so many standard errors of its minimum, the less the shorter the
 /// record: polishing a short one costs nothing, and its standard errors are large,
 fn polished(rows: usize) -> f64 {
-    if rows <= 1000 { 1e-8 } else { 1e-4 }
+    if rows <= SHORT { 1e-8 } else { 1e-4 }
 }
 /// by a last step that is not longer than this and not simulated any more.
 const NEAR: f64 = 1e-2;
@@ -353,7 +357,7 @@ impl Descent {
             self.is_counted = true;
             return true;
         }
-        self.take(step, linearisation.cost);
+        self.take(step, &linearisation);
         true
     }
 
@@ -412,7 +416,8 @@ impl Descent {
     }
 
     /// Takes a step, if it gains anything, and ends where that is not worth another.
-    fn take(&mut self, step: Step, here: f64) {
+    fn take(&mut self, step: Step, here: &Linearisation) {
+        let (here, rows) = (here.cost, here.triangle.rows());
         let before = self.cost.map_or(here, |cost| cost.min(here));
         self.cost = Some(before);
         if step.cost.is_nan() || step.cost >= before {
@@ -426,7 +431,7 @@ impl Descent {
         let (gain, shift) = smallest_progress(self.accuracy);
         if before - step.cost < gain * before || distance < shift {
             self.end = Some(DescentEnd::Converged);
-        } else if self.iterations >= most_iterations(self.accuracy) {
+        } else if self.iterations >= most_iterations(self.accuracy, rows) {
             self.end = Some(DescentEnd::IterationLimit);
         }
         self.positions = step.positions;
