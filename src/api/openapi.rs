@@ -232,8 +232,8 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 6,
-            "two forms of a recording and of a model, a simulation and a job"
+            n_bodies, 7,
+            "two forms of a recording and of a model, a simulation, a job and a comparison"
         );
     }
 }

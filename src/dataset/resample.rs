@@ -138,7 +138,9 @@ mod tests {
             let last = instants[instants.len() - 1];
             prop_assert!((values.len() - 1) as f64 <= last + 1e-6 && values.len() as f64 > last);
             for (k, value) in values.iter().enumerate() {
-                prop_assert!(f64::abs(value - slope * k as f64) < 1e-9 * (1.0 + last));
+                // The grid may end a millionth of its step after the last instant.
+                let instant = f64::min(k as f64, last);
+                prop_assert!(f64::abs(value - slope * instant) < 1e-9 * (1.0 + last));
             }
         }
     }
