@@ -127,7 +127,9 @@ fn select(
     };
     let whole = bench.measure(problem.clone(), report.positions.clone(), report.cost)?;
     bench.worst = whole.tried.criterion.unwrap_or(f64::INFINITY) + HOPELESS;
-    let singles = effects.iter().map(|effect| vec![effect.clone()]);
+    // A single effect is the whole model, which is fitted already.
+    let alone = effects.iter().filter(|_| effects.len() > 1);
+    let singles = alone.map(|effect| vec![effect.clone()]);
     let mut all = bench.fit_all(singles.chain([Vec::new()]).collect())?;
     let mut current = whole.clone();
     all.push(whole);
