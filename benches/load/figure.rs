@@ -51,7 +51,12 @@ impl Figure {
             Target::None => (String::new(), true),
         };
         let missed = if reached { "" } else { "missed" };
-        println!("| {what} | {value:.4} {unit} | {target} | {missed} | {load} |");
+        let decimals = match value.abs() {
+            100.0.. => 0,
+            10.0.. => 1,
+            _ => 2,
+        };
+        println!("| {what} | {value:.decimals$} {unit} | {target} | {missed} | {load} |");
     }
 }
 

@@ -45,12 +45,13 @@ const MOST_JOBS: u32 = 3 * MOST_SEEDS as u32;
 }))]
 #[allow(dead_code, reason = "it describes a body that is read field by field")]
 pub struct ComparisonSpec {
-    /// The job, as it is submitted alone; its method's settings hold for all methods.
+    /// The job, as it is submitted alone. Its method's settings hold for all methods, whatever it
+    /// calls its own; its seed, else 1, is that of the first run of each.
     job: JobSpec,
     /// The methods, each once; left out, all.
     #[schema(required = false, min_items = 1, max_items = 3)]
     methods: Vec<MethodName>,
-    /// Runs of each method, seeded 1, 2, …
+    /// Runs of each method, each with the seed after the one before.
     #[schema(required = false, minimum = 1, maximum = 50, default = 10)]
     seeds: u64,
 }
@@ -87,6 +88,7 @@ struct Asked {
     job: Value,
     methods: Vec<String>,
     seeds: u64,
+    first_seed: u64,
 }
 
 fn read(document: &Value) -> Result<Asked, Vec<Fault>> {
@@ -111,8 +113,11 @@ fn read_fields(root: &Field<'_>) -> Option<Asked> {
     let seeds = object.optional("seeds");
     let seeds = seeds.and_then(|field| field.integer(1, MOST_SEEDS));
     object.finish();
+    let job = job?.value;
     Some(Asked {
-        job: job?.value.clone(),
+        // A seed that is none is told by each job.
+        first_seed: job["seed"].as_u64().unwrap_or(1),
+        job: job.clone(),
         methods: methods.unwrap_or_else(all_methods),
         seeds: seeds.unwrap_or(10),
     })
@@ -184,7 +189,8 @@ pub async fn submit_comparison(
     // All are read before the first is stored: all of them come to be, or none.
     let mut runs = Vec::new();
     for method in &asked.methods {
-        for seed in 1..=asked.seeds {
+        for run in 0..asked.seeds {
+            let seed = asked.first_seed.saturating_add(run);
             let job = run_of(&asked.job, &id, (method, seed));
             let ready = submit::checked(&state, &job).await;
             let ready = ready.map_err(|problem| problem.below("/job"))?;

@@ -21,6 +21,7 @@ pub mod page;
 pub mod query;
 pub mod report;
 pub mod results;
+pub mod settled;
 pub mod simulations;
 pub mod submit;
 pub mod trajectory;

@@ -3,17 +3,13 @@
 use axum::extract::State;
 use axum::http::{HeaderValue, header};
 use axum::response::{Html, IntoResponse};
-use serde::Deserialize;
 
-use super::error::{Answer, Problem};
+use super::error::Answer;
 use super::extract::Named;
-use super::jobs::no_job;
 use super::query::{NoQuery, Params};
-use super::results::settled_result;
-use super::trajectory::{removed, unreadable};
+use super::settled::Settled;
 use super::{ApiState, blocking};
-use crate::job::assemble;
-use crate::job::{JobId, JobSpec, Outcome};
+use crate::job::JobId;
 use crate::report::{self, Report};
 
 /// Generations that a page shows at the most.
@@ -39,25 +35,18 @@ pub async fn report(
     Named(id): Named<JobId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
-    let outcome = settled_result(&state, &row).await?;
-    let permit = state.recording_permit().await?;
-    let spec: JobSpec = JobSpec::deserialize(&row.spec).map_err(unreadable)?;
-    let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
-    let recordings = state.recordings(&spec).await?.map_err(removed)?;
-    let model = state.model(&spec.model).await?;
+    let settled = Settled::read(&state, id).await?;
     let generations = state.store.generations(id, 0, MAX_GENERATIONS).await?;
-    let title = row.name.clone().unwrap_or_else(|| id.to_string());
-    let finished_at = row.finished_at.map(|instant| instant.to_string());
     blocking(move || {
-        let _permit = permit;
-        let trajectory = assemble::trajectory(&spec, &model, &recordings, &outcome);
-        let experiments = trajectory.map_err(Problem::of_document)?;
+        let experiments = settled.trajectory()?;
+        let row = &settled.row;
+        let title = row.name.clone().unwrap_or_else(|| id.to_string());
+        let finished_at = row.finished_at.map(|instant| instant.to_string());
         let page = report::render(&Report {
             title: &title,
             finished_at: finished_at.as_deref(),
-            spec: &spec,
-            outcome: &outcome,
+            spec: &settled.spec,
+            outcome: &settled.outcome,
             generations: &generations,
             experiments: &experiments,
         });

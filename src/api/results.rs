@@ -4,18 +4,16 @@ use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
-use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
-use super::error::{Answer, Kind, Problem};
+use super::error::Answer;
 use super::extract::Named;
-use super::jobs::{no_job, retry_after};
+use super::jobs::no_job;
 use super::manners::{json, prefers, tagged_json};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use super::trajectory::unreadable;
-use crate::job::{GenerationEvent, JobId, Outcome, Status};
-use crate::store::JobRow;
+use super::settled::{settled_result, unreadable};
+use crate::job::{GenerationEvent, JobId, Outcome};
 
 /// Rows of the history in one answer when the client does not say.
 const DEFAULT_ROWS: u64 = 1000;
@@ -179,22 +177,4 @@ fn estimates_csv(outcome: &Outcome) -> String {
         text.push('\n');
     }
     text
-}
-
-/// The result of a job that has one.
-pub async fn settled_result(state: &ApiState, row: &JobRow) -> Answer<Value> {
-    let settled = row.status.is_terminal() || row.status == Status::Paused;
-    if settled && let Some(outcome) = state.store.result(row.id).await? {
-        return Ok(outcome);
-    }
-    let detail = match row.status {
-        Status::Failed => "the job failed, its `error` says why".to_owned(),
-        status if settled => format!("the job was {status} before it had an estimate"),
-        status => format!("the job is {status} and has no result yet"),
-    };
-    let problem = Problem::new(Kind::WrongState, detail);
-    Err(match retry_after(row) {
-        Some(retry) => problem.with_header(header::RETRY_AFTER, retry),
-        None => problem,
-    })
 }

@@ -5,19 +5,19 @@ use std::fmt::Write as _;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
-use super::error::{Answer, Kind, Problem, ProblemFault};
+use super::error::Answer;
 use super::extract::Named;
-use super::jobs::no_job;
 use super::manners::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
-use super::results::{self, settled_result};
+use super::results;
+use super::settled::Settled;
 use super::{ApiState, blocking};
 use crate::dataset::kept_indices;
-use crate::job::assemble::{self, ExperimentTrajectory, OutputTrajectory};
-use crate::job::{DatasetId, Fault, JobId, JobSpec, Outcome};
+use crate::job::assemble::{ExperimentTrajectory, OutputTrajectory};
+use crate::job::{DatasetId, JobId};
 
 /// Points of a plot when the client does not say.
 const DEFAULT_POINTS: u64 = 2000;
@@ -96,20 +96,12 @@ pub async fn trajectory(
     Params(query): Params<TrajectoryQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
-    let outcome = settled_result(&state, &row).await?;
-    let permit = state.recording_permit().await?;
-    let spec: JobSpec = JobSpec::deserialize(&row.spec).map_err(unreadable)?;
-    let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
-    let recordings = state.recordings(&spec).await?.map_err(removed)?;
-    let model = state.model(&spec.model).await?;
+    let settled = Settled::read(&state, id).await?;
     let as_csv = prefers(&headers, "text/csv");
     let points = query.max_points.unwrap_or(DEFAULT_POINTS);
     let points = usize::try_from(points).expect("the limit is small");
     blocking(move || {
-        let _permit = permit;
-        let trajectory = assemble::trajectory(&spec, &model, &recordings, &outcome);
-        let experiments = trajectory.map_err(Problem::of_document)?;
+        let experiments = settled.trajectory()?;
         if as_csv {
             return Ok(results::csv(csv(&experiments)));
         }
@@ -121,17 +113,6 @@ pub async fn trajectory(
         Ok(json(StatusCode::OK, &trajectory))
     })
     .await
-}
-
-/// What was stored does not read back: the server is at fault.
-pub(super) fn unreadable(error: serde_json::Error) -> Problem {
-    tracing::error!(%error, "a stored job does not read back");
-    Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
-}
-
-/// The job has its result, but what it was made from has been removed since.
-pub(super) fn removed(faults: Vec<Fault>) -> Problem {
-    Problem::of_faults(Kind::WrongState, faults.into_iter().map(ProblemFault::from))
 }
 
 fn decimated(experiment: &ExperimentTrajectory, points: usize) -> Experiment {

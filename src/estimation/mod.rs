@@ -150,7 +150,7 @@ impl Estimation {
         let n = problem.coordinates.len();
         if settings.name == MethodName::MultistartLm {
             let mut rng = rng::stream(seed, 0, rng::Purpose::Population);
-            let starts = 0..settings.refine_candidates;
+            let starts = 0..settings.refine_candidates * settings.restarts;
             let starts = starts.map(|_| (0..n).map(|_| rng::unit(&mut rng)).collect());
             run.refine_from(starts.collect(), StopReason::GenerationLimit);
         } else if settings.generations == 0 {

@@ -107,8 +107,8 @@ pub struct Problem {
     pub coordinates: Vec<Coordinate>,
     /// The outputs that are compared.
     pub outputs: Vec<MeasuredOutput>,
-    /// The experiments, at least one.
-    pub experiments: Vec<Experiment>,
+    /// The experiments, at least one; shared by the problems that differ in something else.
+    pub experiments: Arc<Vec<Experiment>>,
 }
 
 /// A candidate spelled out for one experiment.

@@ -8,6 +8,8 @@
 //! techniques for O.D.E.", 1983). The refinement, the estimate and its uncertainty are those of
 //! the free run over the whole record.
 
+use std::sync::Arc;
+
 use super::problem::{Experiment, Problem};
 use crate::model::InitialState;
 
@@ -27,14 +29,14 @@ pub fn segmented(problem: &Problem) -> Option<Problem> {
         .map(|state| Source::of(problem, state.initial))
         .collect::<Option<_>>()?;
     let mut experiments = Vec::new();
-    for experiment in &problem.experiments {
+    for experiment in problem.experiments.iter() {
         let length = (experiment.estimation_samples / SEGMENTS).max(SHORTEST_SEGMENT);
         let count = experiment.estimation_samples / length;
         let cut = |segment: usize| cut(experiment, segment * length, length, &sources);
         experiments.extend((0..count).filter_map(cut));
     }
     (experiments.len() > 1).then(|| Problem {
-        experiments,
+        experiments: Arc::new(experiments),
         ..problem.clone()
     })
 }

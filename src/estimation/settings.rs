@@ -91,12 +91,13 @@ pub struct Settings {
     /// Stop when the lowest cost has gained less than 0.1 % in so many generations; 0: never.
     pub stagnation_generations: u32,
     /// Whether the search stops where the residuals of the best candidate are as small as the
-    /// declared noise and least squares promises nothing better. Looked at when the elite climbs.
+    /// declared noise and least squares promises nothing better. Looked at when the elite climbs
+    /// (`hill_climbing_interval`), and so in `icra_genetic` only.
     pub noise_floor: bool,
     /// Stop at this cost.
     pub cost_target: Option<f64>,
     /// Independent searches, 1 to 32. With more than one the best candidate of each is refined,
-    /// and the result shows how far they agree.
+    /// and the result shows how far they agree. `multistart_lm` begins so many times as often.
     pub restarts: u32,
     /// Whether Levenberg–Marquardt refines the best candidates at the end.
     pub refine: bool,

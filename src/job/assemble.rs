@@ -73,7 +73,7 @@ pub fn problem(
         .iter_mut()
         .flat_map(|cut| std::mem::take(&mut cut.findings))
         .collect();
-    let experiments = cuts.into_iter().map(|cut| cut.experiment).collect();
+    let experiments = Arc::new(cuts.into_iter().map(|cut| cut.experiment).collect());
     let problem = Problem {
         model: Arc::clone(model),
         parameters,

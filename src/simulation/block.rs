@@ -93,6 +93,8 @@ struct Block<'a, D: Dynamics> {
     whole_sample: Steps,
     state: D::State<Lanes>,
     sample: usize,
+    /// Lanes that hold a candidate of their own.
+    in_use: usize,
     failures: [Option<Failure>; LANES],
     stiff_evaluations: [u64; LANES],
     explicit_evaluations: u64,
@@ -160,6 +162,7 @@ impl<'a, D: Dynamics> Block<'a, D> {
             whole_sample: Steps::resolving(&resolved_rate, &sample_time, excitation.accuracy),
             state,
             sample: 0,
+            in_use: candidates.len(),
             failures: [None; LANES],
             stiff_evaluations: [0; LANES],
             explicit_evaluations: 0,
@@ -245,7 +248,7 @@ impl<'a, D: Dynamics> Block<'a, D> {
     /// cannot be served.
     #[inline(never)]
     fn mend(&mut self, segment: &Segment<D>, start: &D::State<Lanes>, worst: &Lanes) {
-        for lane in 0..LANES {
+        for lane in 0..self.in_use {
             if self.failures[lane].is_some() {
                 continue;
             }
@@ -261,6 +264,12 @@ impl<'a, D: Dynamics> Block<'a, D> {
                 Ok(state) => set_lane_of(&mut self.state, lane, &state),
                 Err(failure) => self.fail(lane, failure),
             }
+        }
+        // The lanes left over go on repeating the first.
+        let first: D::State<f64> = lane_of(&self.state, 0);
+        for lane in self.in_use..LANES {
+            set_lane_of(&mut self.state, lane, &first);
+            self.failures[lane] = self.failures[0];
         }
     }
 

@@ -13,19 +13,24 @@ use nalgebra::{DMatrix, DVector};
 /// Steps at the most over one stretch.
 pub const LARGEST_STEP_COUNT: u32 = 20_000;
 
-const GAMMA: f64 = 0.5;
-const A: [[f64; 3]; 3] = [
+/// The share of a step that stands on the diagonal.
+pub const GAMMA: f64 = 0.5;
+/// Where the stages after the first evaluate the derivative, by the stages before.
+pub const A: [[f64; 3]; 3] = [
     [2.0, 0.0, 0.0],
     [48.0 / 25.0, 6.0 / 25.0, 0.0],
     [48.0 / 25.0, 6.0 / 25.0, 0.0],
 ];
-const C: [[f64; 3]; 3] = [
+/// What the stages after the first take over from those before.
+pub const C: [[f64; 3]; 3] = [
     [-8.0, 0.0, 0.0],
     [372.0 / 25.0, 12.0 / 5.0, 0.0],
     [-112.0 / 125.0, -54.0 / 125.0, -2.0 / 5.0],
 ];
-const B: [f64; 4] = [19.0 / 9.0, 0.5, 25.0 / 108.0, 125.0 / 108.0];
-const E: [f64; 4] = [17.0 / 54.0, 7.0 / 36.0, 0.0, 125.0 / 108.0];
+/// The step, by its stages.
+pub const B: [f64; 4] = [19.0 / 9.0, 0.5, 25.0 / 108.0, 125.0 / 108.0];
+/// The estimate of its error, by its stages.
+pub const E: [f64; 4] = [17.0 / 54.0, 7.0 / 36.0, 0.0, 125.0 / 108.0];
 
 /// How far, and how finely.
 #[derive(Clone, Copy, Debug)]
@@ -57,21 +62,41 @@ pub fn integrate<D: Dynamics>(
     start: &D::State<f64>,
     span: Span,
 ) -> Result<Stretch<D::State<f64>>, Failure> {
+    let mut evaluations = 0;
+    let n = start.as_ref().len() as u64;
+    let state = controlled(span, *start, |state, _elapsed, length| {
+        evaluations += n + 3;
+        Ok(rosenbrock_step(dynamics, constants, held, state, length))
+    })?;
+    Ok(Stretch {
+        state,
+        derivative_evaluations: evaluations,
+    })
+}
+
+/// Covers a span with steps as long as their errors allow. `step` answers the state after so much
+/// time more and its relative error; nothing where that cannot be had.
+///
+/// # Errors
+/// [`Failure::Diverged`] when steps become too short to get on, [`Failure::StepBudget`] when
+/// [`LARGEST_STEP_COUNT`] steps do not reach the end, and what `step` fails with.
+pub fn controlled<S>(
+    span: Span,
+    start: S,
+    mut step: impl FnMut(&S, f64, f64) -> Result<Option<(S, f64)>, Failure>,
+) -> Result<S, Failure> {
     let Span {
         duration,
         tolerance,
     } = span;
-    let mut state = *start;
+    let mut state = start;
     let mut elapsed = 0.0;
     let mut length = duration * 0.05;
-    let mut evaluations = 0;
-    let n = state.as_ref().len() as u64;
     for _ in 0..LARGEST_STEP_COUNT {
         let remaining = duration - elapsed;
         let last = length >= remaining;
         let taken = if last { remaining } else { length };
-        let trial = rosenbrock_step(dynamics, constants, held, &state, taken);
-        evaluations += n + 3;
+        let trial = step(&state, elapsed, taken)?;
         let error = trial
             .as_ref()
             .map_or(f64::INFINITY, |(_, error)| error / tolerance);
@@ -81,10 +106,7 @@ pub fn integrate<D: Dynamics>(
             state = next;
             elapsed += taken;
             if last {
-                return Ok(Stretch {
-                    state,
-                    derivative_evaluations: evaluations,
-                });
+                return Ok(state);
             }
         }
         // Order 4: the error falls with the fourth power of the step.

@@ -6,6 +6,8 @@
 //! blocks, from a random place on and around the end (D. N. Politis, J. P. Romano, 1992), a few
 //! times as long as the memory.
 
+use std::sync::Arc;
+
 use super::residuals::{self, ResidualReport};
 use crate::estimation::problem::Problem;
 use crate::estimation::refine;
@@ -67,12 +69,13 @@ impl Bootstrap<'_> {
     fn resampled(&self, sample: u32) -> Problem {
         let mut problem = self.problem.clone();
         let mut rng = rng::stream(self.seed, u64::from(sample), Purpose::Bootstrap);
+        let experiments = Arc::make_mut(&mut problem.experiments);
         let outputs = self.problem.outputs.iter().zip(self.residuals).enumerate();
         for (output, (measured, report)) in outputs {
             for (experiment, trajectory) in self.trajectories.iter().enumerate() {
                 let series = residuals::series(self.problem, trajectory, experiment, output);
                 let drawn = Drawn::new(&series, report, self.positions.len());
-                let data = &mut problem.experiments[experiment].measured[output];
+                let data = &mut experiments[experiment].measured[output];
                 let simulated = &trajectory[measured.index];
                 drawn.put(&mut rng, data, simulated);
             }

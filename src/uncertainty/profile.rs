@@ -8,6 +8,8 @@
 //! Fisher interval; the level is chosen so that it is that too where the noise is larger than
 //! declared, unknown, or coloured.
 
+use std::sync::Arc;
+
 use super::NORMAL_95;
 use super::covariance::Linear;
 use crate::estimation::objective::Objective;
@@ -226,7 +228,8 @@ fn hold(reduced: &mut Problem, problem: &Problem, coordinate: usize, position: f
     match held.target {
         Target::Parameter(index) => reduced.parameters[index] = value,
         Target::InitialState { experiment, state } => {
-            reduced.experiments[experiment].initial_state[state] = Some(value);
+            let experiments = Arc::make_mut(&mut reduced.experiments);
+            experiments[experiment].initial_state[state] = Some(value);
         }
     }
 }

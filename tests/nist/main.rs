@@ -39,7 +39,7 @@ struct Parameter {
 }
 
 impl Parameter {
-    /// A search range with the start in its middle.
+    /// A search range with the start in its middle, wide enough to hold the certified value.
     fn range(&self, start: usize) -> Value {
         let from = self.starts[start];
         let ratio = from / self.certified;

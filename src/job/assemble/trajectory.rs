@@ -64,7 +64,7 @@ pub fn trajectory(
     let experiments = spec
         .experiments
         .iter()
-        .zip(&problem.experiments)
+        .zip(problem.experiments.iter())
         .zip(simulated);
     Ok(experiments
         .map(|((spec, data), simulated)| {
@@ -90,7 +90,6 @@ pub fn trajectory(
         .collect())
 }
 
-/// The estimates as positions: parameters first, then initial states, as the coordinates stand.
 /// Whether the result has an estimate of it: an effect that the data do not support has none.
 fn is_estimated(coordinate: &Coordinate, outcome: &Outcome) -> bool {
     match coordinate.target {

@@ -7,18 +7,7 @@
 use super::jacobian;
 use super::simulator::Machine;
 use crate::simulation::Failure;
-use crate::simulation::stiff::{LARGEST_STEP_COUNT, Span};
-
-const GAMMA: f64 = 0.5;
-const A: [[f64; 2]; 2] = [[2.0, 0.0], [48.0 / 25.0, 6.0 / 25.0]];
-const C: [[f64; 3]; 4] = [
-    [0.0; 3],
-    [-8.0, 0.0, 0.0],
-    [372.0 / 25.0, 12.0 / 5.0, 0.0],
-    [-112.0 / 125.0, -54.0 / 125.0, -2.0 / 5.0],
-];
-const B: [f64; 4] = [19.0 / 9.0, 0.5, 25.0 / 108.0, 125.0 / 108.0];
-const E: [f64; 4] = [17.0 / 54.0, 7.0 / 36.0, 0.0, 125.0 / 108.0];
+use crate::simulation::stiff::{self, A, B, C, E, GAMMA, Span};
 
 /// Derivatives that a Jacobian counts for.
 const JACOBIAN_COST: u64 = 4;
@@ -35,44 +24,15 @@ pub fn integrate(
     evaluations: &mut u64,
     budget: u64,
 ) -> Result<(), Failure> {
-    let Span {
-        duration,
-        tolerance,
-    } = span;
-    let mut elapsed = 0.0;
-    let mut length = duration * 0.05;
-    for _ in 0..LARGEST_STEP_COUNT {
-        let remaining = duration - elapsed;
-        let last = length >= remaining;
-        let taken = if last { remaining } else { length };
+    let end = stiff::controlled(span, state.to_vec(), |state, elapsed, length| {
         *evaluations += JACOBIAN_COST + 3;
         if *evaluations > budget {
             return Err(Failure::StepBudget);
         }
-        let trial = step(machine, state, elapsed, taken);
-        let error = trial
-            .as_ref()
-            .map_or(f64::INFINITY, |(_, error)| error / tolerance);
-        if let Some((next, _)) = trial
-            && error <= 1.0
-        {
-            state.copy_from_slice(&next);
-            elapsed += taken;
-            if last {
-                return Ok(());
-            }
-        }
-        let factor = if error.is_finite() {
-            (0.9 / error.max(1e-12).sqrt().sqrt()).clamp(0.2, 4.0)
-        } else {
-            0.1
-        };
-        length = taken * factor;
-        if length < duration * 1e-14 {
-            return Err(Failure::Diverged);
-        }
-    }
-    Err(Failure::StepBudget)
+        Ok(step(machine, state, elapsed, length))
+    })?;
+    state.copy_from_slice(&end);
+    Ok(())
 }
 
 /// One step: the new state and its relative error; none where the linear
@@ -108,7 +68,8 @@ fn step(
         }
         let mut right = slope.clone();
         let mut time_right = 1.0;
-        for (earlier, c) in C[stage].iter().enumerate().take(stage) {
+        let shares = stage.checked_sub(1).map_or([0.0; 3], |row| C[row]);
+        for (earlier, c) in shares.iter().enumerate().take(stage) {
             time_right += c / length * time_stages[earlier];
             add(&mut right, c / length, &stages[earlier]);
         }

@@ -1,0 +1,96 @@
+//! A settled job with all that its result was made from, for whoever shows it again.
+
+use std::sync::Arc;
+
+use axum::http::{StatusCode, header};
+use serde::Deserialize;
+use serde_json::Value;
+use tokio::sync::OwnedSemaphorePermit;
+
+use super::ApiState;
+use super::error::{Answer, Kind, Problem, ProblemFault};
+use super::jobs::{no_job, retry_after};
+use crate::dataset::Recording;
+use crate::job::assemble::{self, ExperimentTrajectory};
+use crate::job::{Fault, JobId, JobSpec, Outcome, Status};
+use crate::model::Model;
+use crate::store::JobRow;
+
+/// A job that has a result, its recordings and its model.
+pub struct Settled {
+    /// The job as it is stored.
+    pub row: Arc<JobRow>,
+    /// What was asked.
+    pub spec: JobSpec,
+    /// What came of it.
+    pub outcome: Outcome,
+    recordings: Vec<Recording>,
+    model: Arc<Model>,
+    /// Recordings take memory: only so many at once.
+    _permit: OwnedSemaphorePermit,
+}
+
+impl Settled {
+    /// Read from the store.
+    ///
+    /// # Errors
+    ///
+    /// There is no such job, it has no result or not yet, or its recording has been removed.
+    pub async fn read(state: &ApiState, id: JobId) -> Answer<Settled> {
+        let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
+        let outcome = settled_result(state, &row).await?;
+        let permit = state.recording_permit().await?;
+        let spec = JobSpec::deserialize(&row.spec).map_err(unreadable)?;
+        let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
+        let recordings = state.recordings(&spec).await?.map_err(removed)?;
+        let model = state.model(&spec.model).await?;
+        Ok(Settled {
+            row,
+            spec,
+            outcome,
+            recordings,
+            model,
+            _permit: permit,
+        })
+    }
+
+    /// The experiments measured and simulated at the estimate: computing, not for the runtime's
+    /// own threads.
+    ///
+    /// # Errors
+    ///
+    /// The simulation fails, or the recordings no longer fit the job.
+    pub fn trajectory(&self) -> Answer<Vec<ExperimentTrajectory>> {
+        assemble::trajectory(&self.spec, &self.model, &self.recordings, &self.outcome)
+            .map_err(Problem::of_document)
+    }
+}
+
+/// The result of a job that has one.
+pub async fn settled_result(state: &ApiState, row: &JobRow) -> Answer<Value> {
+    let settled = row.status.is_terminal() || row.status == Status::Paused;
+    if settled && let Some(outcome) = state.store.result(row.id).await? {
+        return Ok(outcome);
+    }
+    let detail = match row.status {
+        Status::Failed => "the job failed, its `error` says why".to_owned(),
+        status if settled => format!("the job was {status} before it had an estimate"),
+        status => format!("the job is {status} and has no result yet"),
+    };
+    let problem = Problem::new(Kind::WrongState, detail);
+    Err(match retry_after(row) {
+        Some(retry) => problem.with_header(header::RETRY_AFTER, retry),
+        None => problem,
+    })
+}
+
+/// What was stored does not read back: the server is at fault.
+pub fn unreadable(error: serde_json::Error) -> Problem {
+    tracing::error!(%error, "a stored job does not read back");
+    Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
+}
+
+/// The job has its result, but what it was made from has been removed since.
+fn removed(faults: Vec<Fault>) -> Problem {
+    Problem::of_faults(Kind::WrongState, faults.into_iter().map(ProblemFault::from))
+}
