@@ -12,7 +12,7 @@ pub fn estimates(page: &mut String, outcome: &Outcome) {
          <th>searched</th><th>change of outputs at +100 %</th></tr>\n",
     );
     for parameter in &outcome.parameters {
-        let name = format!("{} ({})", parameter.name, parameter.symbol);
+        let name = parameter.label();
         row(page, &name, &parameter.unit, &parameter.estimate);
     }
     for state in &outcome.initial_states {

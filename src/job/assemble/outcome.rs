@@ -111,19 +111,21 @@ fn estimates(
         let mut estimate = estimate(coordinate, report.values[index], known, missing);
         let names = problem.outputs.iter().map(|output| output.name.clone());
         estimate.output_change = names.zip(known.output_changes.iter().copied()).collect();
-        let (name, unit) = (coordinate.name.clone(), coordinate.unit.clone());
+        let unit = coordinate.unit.clone();
         match coordinate.target {
-            Target::Parameter(_) => parameters.push(ParameterEstimate {
-                name,
-                symbol: coordinate.symbol.clone(),
-                unit,
-                estimate,
-            }),
-            Target::InitialState { experiment, state } => {
-                let state = problem.model.description().states[state].name.to_string();
+            Target::Parameter(_) | Target::ExperimentParameter { .. } => {
+                parameters.push(ParameterEstimate {
+                    name: coordinate.quantity.clone(),
+                    experiment: coordinate.target.experiment(),
+                    symbol: coordinate.symbol.clone(),
+                    unit,
+                    estimate,
+                })
+            }
+            Target::InitialState { experiment, .. } => {
                 initial_states.push(InitialStateEstimate {
                     experiment,
-                    state,
+                    state: coordinate.quantity.clone(),
                     unit,
                     estimate,
                 });
