@@ -18,6 +18,7 @@
 pub mod climb;
 pub mod differential;
 pub mod leaders;
+pub mod loss;
 pub mod memory;
 pub mod objective;
 pub mod observer;

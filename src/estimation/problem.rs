@@ -5,6 +5,7 @@
 //! experiments, and initial states of single experiments. A candidate is a vector of *positions*, one for each coordinate, from 0
 //! (lower bound) to 1 (upper bound) along the coordinate's scale.
 
+use super::loss::Loss;
 use crate::model::{Model, Scale};
 use crate::simulation::batch::Run;
 use crate::simulation::{Accuracy, Candidate, Excitation};
@@ -136,6 +137,8 @@ pub struct Problem {
     pub outputs: Vec<MeasuredOutput>,
     /// The experiments, at least one; shared by the problems that differ in something else.
     pub experiments: Arc<Vec<Experiment>>,
+    /// How much a residual counts.
+    pub loss: Loss,
 }
 
 /// A candidate spelled out for one experiment.

@@ -16,6 +16,7 @@ use super::spec::{FreeParameter, JobSpec, ParameterSpec};
 use crate::dataset::Recording;
 use crate::document::fault::{Fault, pointer_to};
 use crate::estimation::Problem;
+use crate::estimation::loss::Loss;
 use crate::estimation::problem::{Coordinate, MeasuredOutput, Target};
 use crate::model::{Model, ModelDescription, ParameterDescription};
 use crate::numerics::statistics;
@@ -81,6 +82,10 @@ pub fn problem(
         coordinates,
         outputs,
         experiments,
+        loss: spec
+            .method
+            .huber_threshold
+            .map_or(Loss::Squared, Loss::Huber),
     };
     if problem.n_residuals() <= problem.coordinates.len() {
         let detail = format!(

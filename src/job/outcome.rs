@@ -241,6 +241,11 @@ pub struct ResidualReport {
     pub white: Option<bool>,
     /// How many independent residuals they are worth.
     pub effective_samples: Option<f64>,
+    /// Residuals beyond `method.huber_threshold`, which counted less than their square; absent
+    /// where all counted squared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub outliers: Option<u64>,
     /// For each input that varies, how the residuals follow it.
     #[serde(default)]
     pub inputs: BTreeMap<String, InputCorrelation>,

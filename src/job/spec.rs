@@ -393,9 +393,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let seed = root
         .optional("seed")
         .map_or_else(|| Some(drawn_seed()), |field| field.integer(0, MAX_SEED));
-    if let (Some(parameters), Some(experiments)) = (&parameters, &experiments) {
-        own_parameters::check(&root, experiments, parameters, model_search.as_ref());
-    }
+    own_parameters::check(&root, &experiments, &parameters, model_search.as_ref());
     if let (Some(model), Some(parameters), Some(experiments)) = (model, &parameters, &experiments)
         && !anything_free(model, parameters, experiments)
     {
@@ -403,23 +401,30 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
                       estimate; free one with {\"estimate\": {}}";
         root.fault("nothing_to_estimate", detail);
     }
+    let complete = || {
+        Some(JobSpec {
+            name,
+            labels: labels.unwrap_or_default(),
+            model: model?.name.to_string(),
+            experiments: experiments?,
+            parameters: parameters?,
+            outputs: outputs.unwrap_or_default(),
+            method: method.unwrap_or_default(),
+            model_search,
+            uncertainty: uncertainty.unwrap_or_default(),
+            validation: validation.unwrap_or_default(),
+            limits: limits.unwrap_or(LimitsSpec {
+                max_duration_s: DEFAULT_MAX_DURATION_S.min(context.max_duration_s),
+            }),
+            seed: seed?,
+        })
+    };
+    let spec = complete();
+    if let (Some(spec), Some(model)) = (&spec, model) {
+        method::check_loss(&root, spec, model);
+    }
     root.finish();
-    Some(JobSpec {
-        name,
-        labels: labels.unwrap_or_default(),
-        model: model?.name.to_string(),
-        experiments: experiments?,
-        parameters: parameters?,
-        outputs: outputs.unwrap_or_default(),
-        method: method.unwrap_or_default(),
-        model_search,
-        uncertainty: uncertainty.unwrap_or_default(),
-        validation: validation.unwrap_or_default(),
-        limits: limits.unwrap_or(LimitsSpec {
-            max_duration_s: DEFAULT_MAX_DURATION_S.min(context.max_duration_s),
-        }),
-        seed: seed?,
-    })
+    spec
 }
 
 fn read_validation(field: &Field<'_>) -> ValidationSpec {

@@ -107,10 +107,13 @@ pub fn fit(page: &mut String, outcome: &Outcome) {
                 format!("{}: {word} ({correlation})", escape(input))
             })
             .collect();
+        let outliers = report
+            .outliers
+            .map_or_else(String::new, |count| format!("<br>{count} outliers"));
         push(
             page,
             format_args!(
-                "<tr><td>{}</td><td>{} ({})</td><td>{}</td><td>{}</td><td>{white}</td>\
+                "<tr><td>{}</td><td>{} ({}){outliers}</td><td>{}</td><td>{}</td><td>{white}</td>\
                  <td class=\"words\">{}</td></tr>\n",
                 escape(output),
                 significant(report.noise_std, 3),

@@ -16,26 +16,26 @@ const SAMPLE_TIME: f64 = 0.1;
 const TIME_CONSTANT: f64 = 0.5;
 const NOISE: f64 = 0.4;
 /// What the jobs declare: more than there is in any part, so that all errors are made from it.
-const DECLARED: f64 = 0.5;
+pub const DECLARED: f64 = 0.5;
 const GAIN: f64 = 2.0;
 /// What each experiment has for itself: its start, or its offset.
 const OWN: [f64; 2] = [3.0, -1.5];
 
 /// What is each experiment's own.
 #[derive(Clone, Copy, PartialEq)]
-enum Own {
+pub enum Own {
     Start,
     Offset,
 }
 
 /// The columns of the gain and of what is each experiment's own, and what was measured.
-struct Data {
-    columns: DMatrix<f64>,
-    measured: DVector<f64>,
-    recording: Recording,
+pub struct Data {
+    pub columns: DMatrix<f64>,
+    pub measured: DVector<f64>,
+    pub recording: Recording,
 }
 
-fn record(own: Own) -> Data {
+pub fn record(own: Own) -> Data {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     let decay = (-SAMPLE_TIME / TIME_CONSTANT).exp();
     let samples = SAMPLES[0] + SAMPLES[1];
@@ -74,7 +74,7 @@ fn record(own: Own) -> Data {
 }
 
 /// The experiments of a job, by their places.
-fn job(own: Own, experiments: &[usize]) -> Value {
+pub fn job(own: Own, experiments: &[usize]) -> Value {
     let unknown = json!({"estimate": {"lower": -10, "upper": 10}});
     let cut = |experiment: &usize| {
         let from = if *experiment == 0 { 0 } else { SAMPLES[0] };

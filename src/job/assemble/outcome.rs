@@ -201,6 +201,7 @@ fn residuals(problem: &Problem, analysis: &Analysis) -> BTreeMap<String, Residua
                 lag_1_autocorrelation: report.lag_1_autocorrelation.and_then(finite),
                 white: report.white,
                 effective_samples: report.effective_samples.and_then(finite),
+                outliers: report.outliers.map(|outliers| outliers as u64),
                 inputs: report.inputs.iter().map(input_correlation).collect(),
             };
             (output.name.clone(), entry)
@@ -226,9 +227,9 @@ fn criteria(report: &Report, analysis: &Analysis) -> Criteria {
         aicc: known.map(|criteria| criteria.aicc),
         bic: known.map(|criteria| criteria.bic),
         fpe: known.and_then(|criteria| finite(criteria.fpe)),
-        reason: known
-            .is_none()
-            .then(|| "too few samples, or a simulation that fails or fits exactly".to_owned()),
+        reason: known.is_none().then(|| {
+            "too few samples, a simulation that fails or fits exactly, or Huber's loss".to_owned()
+        }),
     }
 }
 

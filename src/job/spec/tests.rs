@@ -243,6 +243,26 @@ fn what_is_an_experiments_own_must_be_estimable_and_mean_one_thing() {
 }
 
 #[test]
+fn hubers_loss_needs_a_noise_level_and_no_likelihood() {
+    let with = |more: Value| {
+        faults(|document| {
+            document["method"] = json!({"huber_threshold": 1.5});
+            for (name, value) in more.as_object().unwrap() {
+                document[name] = value.clone();
+            }
+        })
+    };
+    assert_eq!(with(json!({})), [pair("", "missing_field")]);
+    let noise = json!({"position": {"noise_std": 1e-5}});
+    let profile = json!({"outputs": noise, "uncertainty": {"intervals": "profile"}});
+    assert_eq!(with(profile), [pair("", "contradiction")]);
+    let search = json!({"outputs": noise, "model_search": {"effects": ["load"]}});
+    assert_eq!(with(search), [pair("", "contradiction")]);
+    let tight = with(json!({"method": {"huber_threshold": 0.1}}));
+    assert_eq!(tight, [pair("/method/huber_threshold", "out_of_range")]);
+}
+
+#[test]
 fn a_job_does_not_read_more_than_memory_holds() {
     let mut summary = recording();
     summary.samples = 1_000_000;
