@@ -20,6 +20,8 @@ const DATABASE_FILE: &str = "greybox.db";
 const READERS: u32 = 4;
 /// How long a statement waits for another connection's lock.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
+/// Candidates that are kept of a job: with four unknowns 45 MB.
+const DEFAULT_MAX_CANDIDATES: u64 = 1_000_000;
 /// How long an ordered shutdown may take.
 pub const SHUTDOWN_LIMIT: Duration = Duration::from_millis(4500);
 
@@ -60,6 +62,16 @@ pub struct Settings {
     )]
     pub max_body_mib: u16,
 
+    /// Candidates that are kept of a job for `/candidates`; each takes 13 bytes of the database
+    /// and 8 for each unknown, 0 keeps none
+    #[arg(
+        long,
+        env = "GREYBOX_MAX_CANDIDATES",
+        value_name = "N",
+        default_value_t = DEFAULT_MAX_CANDIDATES
+    )]
+    pub max_candidates: u64,
+
     /// What is logged, e.g. `info` or `greybox=debug`
     #[arg(
         long,
@@ -98,6 +110,7 @@ impl Default for Settings {
             jobs_at_once: None,
             slice_s: 10.0,
             max_body_mib: 64,
+            max_candidates: DEFAULT_MAX_CANDIDATES,
             log: "info".to_owned(),
         }
     }
@@ -131,6 +144,7 @@ impl Settings {
         Ok(WorkerSettings {
             jobs_at_once: self.jobs_at_once.map_or(self.threads(), NonZeroUsize::get),
             slice_length: Duration::from_secs_f64(self.slice_s),
+            max_candidates: self.max_candidates,
         })
     }
 
@@ -185,12 +199,14 @@ mod tests {
             "--threads=3",
             "--slice-s=0.005",
             "--max-body-mib=1",
+            "--max-candidates=7",
         ]);
         let database = settings.database().expect("a path");
         assert_eq!(database.path, PathBuf::from("/var/lib/greybox/jobs.db"));
         let worker = settings.worker().expect("a slice");
         assert_eq!(worker.slice_length, Duration::from_millis(5));
         assert_eq!(worker.jobs_at_once, 3);
+        assert_eq!(worker.max_candidates, 7);
         assert_eq!(settings.limits().dataset_bytes, 1 << 20);
     }
 

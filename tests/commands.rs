@@ -92,11 +92,12 @@ fn short_job() -> Value {
 #[test]
 fn an_estimation_writes_its_result_and_its_history() {
     let folder = tempfile::tempdir().expect("a folder");
-    let [mut a, mut b, mut c, mut d] = [const { String::new() }; 4];
+    let [mut a, mut b, mut c, mut d, mut e] = [const { String::new() }; 5];
     let recording = path(folder.path(), "a.csv", &mut a);
     let job = path(folder.path(), "job.json", &mut b);
     let result = path(folder.path(), "result.json", &mut c);
     let history = path(folder.path(), "history.csv", &mut d);
+    let candidates = path(folder.path(), "candidates.csv", &mut e);
     printed(&["record", "a", "--output", recording]);
     std::fs::write(job, short_job().to_string()).expect("a file");
     let command = [
@@ -107,6 +108,8 @@ fn an_estimation_writes_its_result_and_its_history() {
         result,
         "--history",
         history,
+        "--candidates",
+        candidates,
     ];
     let shown = printed(&command);
     for name in [
@@ -127,7 +130,12 @@ fn an_estimation_writes_its_result_and_its_history() {
     assert_eq!(outcome.parameters.len(), 4);
     let history = std::fs::read_to_string(history).expect("a history");
     assert_eq!(column(&history, "generation"), [1.0, 2.0, 3.0]);
+    let candidates = std::fs::read_to_string(candidates).expect("candidates");
+    let simulated = column(&candidates, "cost");
+    assert_eq!(simulated.len() as u64, outcome.search.distinct_evaluations);
     let costs = column(&history, "best_cost");
+    let lowest = simulated.iter().copied().fold(f64::INFINITY, f64::min);
+    assert_eq!(costs.last(), Some(&lowest));
     assert!(costs.is_sorted_by(|a, b| a >= b), "{costs:?}");
     assert_eq!(
         column(&history, "mass").last(),

@@ -5,6 +5,7 @@
 //! pages that stand beside it.
 
 pub mod body;
+pub mod candidates;
 mod checked;
 pub mod comparisons;
 pub mod datasets;
@@ -208,6 +209,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(jobs::resume))
         .routes(routes!(events::events))
         .routes(routes!(results::generations))
+        .routes(routes!(candidates::candidates))
         .routes(routes!(results::result))
         .routes(routes!(trajectory::trajectory))
         .routes(routes!(report::report))

@@ -7,8 +7,9 @@ use crate::dataset::Recording;
 use crate::estimation::{Advance, Estimation, GenerationRow, Observer, RefinementRow};
 use crate::estimation::{Problem, StopReason};
 use crate::job::assemble::{self, Assembly, Origin};
+use crate::job::candidate::{self, Selection};
 use crate::job::spec::Context;
-use crate::job::{DatasetId, Fault, JobSpec, Outcome};
+use crate::job::{Candidate, CandidateColumn, DatasetId, Fault, JobSpec, Outcome};
 use crate::model::{Catalogue, document};
 use crate::uncertainty;
 use clap::Args;
@@ -43,6 +44,10 @@ pub struct Arguments {
     #[arg(long)]
     history: Option<PathBuf>,
 
+    /// Where to write a row for each candidate that the search simulated, CSV
+    #[arg(long)]
+    candidates: Option<PathBuf>,
+
     /// The recording's time column [default: the first]
     #[arg(long)]
     time: Option<String>,
@@ -61,7 +66,7 @@ pub fn estimate(arguments: &Arguments) -> Result<(), CommandError> {
         eprintln!("note: {}: {}", finding.pointer, finding.detail);
     }
     share_threads(arguments.threads)?;
-    let mut watcher = Watcher::default();
+    let mut watcher = Watcher::new(arguments.candidates.is_some());
     let outcome = run(
         &spec,
         &assembly.problem,
@@ -71,6 +76,11 @@ pub fn estimate(arguments: &Arguments) -> Result<(), CommandError> {
     println!("{}", table::of(&outcome, None));
     if let Some(path) = &arguments.history {
         files::write(Some(path), &history(&watcher.rows))?;
+    }
+    if let (Some(path), Some(watched)) = (&arguments.candidates, &watcher.candidates) {
+        let columns = CandidateColumn::of(&assembly.problem);
+        let table = candidate::csv(&columns, &watched.kept);
+        files::write(Some(path), table.as_bytes())?;
     }
     if let Some(path) = &arguments.output {
         let text = serde_json::to_vec_pretty(&outcome).expect("a result has only text keys");
@@ -235,11 +245,31 @@ fn raised_by_ctrl_c() -> Result<Arc<AtomicBool>, CommandError> {
 }
 
 /// Remembers the rows of the search, and what to show of the last one.
-#[derive(Default)]
 struct Watcher {
     generations: u64,
     rows: Vec<GenerationRow>,
+    candidates: Option<WatchedCandidates>,
     message: String,
+}
+
+/// The candidates of the search, each once.
+struct WatchedCandidates {
+    selection: Selection,
+    kept: Vec<Candidate>,
+}
+
+impl Watcher {
+    fn new(with_candidates: bool) -> Self {
+        Watcher {
+            generations: 0,
+            rows: Vec::new(),
+            candidates: with_candidates.then(|| WatchedCandidates {
+                selection: Selection::new(u64::MAX),
+                kept: Vec::new(),
+            }),
+            message: String::new(),
+        }
+    }
 }
 
 impl Observer for Watcher {
@@ -248,7 +278,14 @@ impl Observer for Watcher {
         let numbers = [Some(row.best_cost), Some(row.best_credit)];
         let counts = [u64::from(row.generation), self.generations];
         self.message = progress::generation(counts, numbers, best);
-        self.rows.push(row.clone());
+        if let Some(candidates) = &mut self.candidates {
+            let simulated = candidates.selection.admit(Candidate::of(row));
+            candidates.kept.extend(simulated);
+        }
+        self.rows.push(GenerationRow {
+            simulated: Vec::new(),
+            ..row.clone()
+        });
     }
 
     fn refinement(&mut self, row: &RefinementRow) {

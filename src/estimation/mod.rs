@@ -32,7 +32,7 @@ pub mod settings;
 pub mod stop_reason;
 pub mod trajectory;
 
-pub use observer::{GenerationRow, Observer, RefinementRow};
+pub use observer::{GenerationRow, Observer, RefinementRow, Simulated};
 pub use problem::Problem;
 pub use report::Report;
 pub use settings::Settings;

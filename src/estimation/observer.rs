@@ -1,5 +1,7 @@
 //! What a run tells while it goes on.
 
+use super::objective::Evaluation;
+use super::problem::Problem;
 use crate::simulation::Failure;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -33,6 +35,39 @@ pub struct GenerationRow {
     pub credit_updates: u32,
     /// The unknowns of the candidate with the lowest cost so far, SI.
     pub best: Vec<(String, f64)>,
+    /// The candidates that were simulated for it; the others were remembered.
+    pub simulated: Vec<Simulated>,
+}
+
+/// A candidate that the search simulated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Simulated {
+    /// Its place in the population, from 0.
+    pub place: usize,
+    /// What it was judged by; infinite where it failed.
+    pub cost: f64,
+    /// How it failed, if it did.
+    pub failure: Option<Failure>,
+    /// The value of each coordinate of the problem, SI.
+    pub values: Vec<f64>,
+}
+
+impl Simulated {
+    /// The candidates at some places of a population, with what they came to.
+    pub(super) fn of(
+        problem: &Problem,
+        places: &[usize],
+        positions: &[Vec<f64>],
+        evaluations: &[Evaluation],
+    ) -> impl Iterator<Item = Simulated> {
+        let judged = places.iter().zip(positions).zip(evaluations);
+        judged.map(|((&place, positions), evaluation)| Simulated {
+            place,
+            cost: evaluation.cost,
+            failure: evaluation.failure,
+            values: problem.values(positions),
+        })
+    }
 }
 
 /// One iteration of the refinement.

@@ -10,7 +10,7 @@ use super::differential;
 use super::leaders::{self, Judged};
 use super::memory::Memory;
 use super::objective::{Evaluation, Objective};
-use super::observer::{Counters, GenerationRow};
+use super::observer::{Counters, GenerationRow, Simulated};
 use super::problem::Problem;
 use super::settings::{BlockOrder, CreditForm, ErrorSpread, MethodName, Settings};
 use super::stop_reason::{Stagnation, StopReason};
@@ -72,6 +72,8 @@ pub struct Search {
     encoding: Encoding,
     objective: Objective,
     memory: Memory,
+    /// What no row has told of yet.
+    simulated: Vec<Simulated>,
     /// What is laid down at a checkpoint.
     pub state: State,
 }
@@ -121,6 +123,7 @@ impl Search {
             },
             objective: Objective::new(problem, settings.block_samples as usize),
             memory: Memory::default(),
+            simulated: Vec::new(),
             state,
         }
     }
@@ -216,14 +219,17 @@ impl Search {
         stop: &AtomicBool,
     ) -> Option<Vec<Arc<Evaluation>>> {
         let mut known: HashSet<&Chromosome> = HashSet::new();
-        let fresh: Vec<&Chromosome> = population
+        let (places, fresh): (Vec<usize>, Vec<&Chromosome>) = population
             .iter()
-            .filter(|candidate| self.memory.recall(candidate).is_none() && known.insert(candidate))
-            .collect();
+            .enumerate()
+            .filter(|(_, one)| self.memory.recall(one).is_none() && known.insert(one))
+            .unzip();
         let positions: Vec<Vec<f64>> = fresh.iter().map(|c| self.encoding.decode(c)).collect();
         let evaluations =
             self.objective
                 .evaluate(problem, &positions, Accuracy::Screening, stop)?;
+        let simulated = Simulated::of(problem, &places, &positions, &evaluations);
+        self.simulated.extend(simulated);
         let counters = &mut self.state.counters;
         counters.distinct_evaluations += evaluations.len() as u64;
         let fresh: Vec<(Chromosome, Arc<Evaluation>)> = fresh
@@ -387,11 +393,12 @@ impl Search {
     }
 
     fn row(
-        &self,
+        &mut self,
         problem: &Problem,
         evaluations: &[Arc<Evaluation>],
         credits: Option<&Credits>,
     ) -> GenerationRow {
+        let simulated = std::mem::take(&mut self.simulated);
         let champion = self.champion();
         let costs = || {
             evaluations
@@ -411,6 +418,7 @@ impl Search {
             best: champion.map_or_else(Vec::new, |champion| {
                 problem.named_values(&self.encoding.decode(&champion.chromosome))
             }),
+            simulated,
         }
     }
 

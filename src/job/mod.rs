@@ -1,6 +1,7 @@
 //! What a job is: its specification, its life, its events and its outcome. Pure types.
 
 pub mod assemble;
+pub mod candidate;
 pub mod comparison;
 pub mod event;
 pub mod failure;
@@ -12,6 +13,7 @@ pub mod spec;
 pub mod state;
 
 pub use crate::document::fault::{self, Fault};
+pub use candidate::{Candidate, CandidateColumn};
 pub use event::{Event, GenerationEvent};
 pub use failure::Failure;
 pub use id::{ComparisonId, DatasetId, InvalidId, JobId};

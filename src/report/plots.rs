@@ -147,11 +147,13 @@ pub fn search(page: &mut String, report: &Report<'_>) {
         page,
         format_args!(
             "<section>\n<h2>How it was found</h2>\n<p>{} generations, {} candidates judged, {} of \
-             them simulated; ended by <code>{}</code>.</p>\n",
+             them simulated; ended by <code>{}</code>. Each of the search's: \
+             <code>/v1/jobs/{}/candidates</code>, as JSON or CSV.</p>\n",
             outcome.search.generations,
             outcome.search.evaluations,
             outcome.search.distinct_evaluations,
-            escape(&outcome.stop_reason)
+            escape(&outcome.stop_reason),
+            escape(&outcome.job)
         ),
     );
     let points = |cost: fn(&crate::job::GenerationEvent) -> Option<f64>| {

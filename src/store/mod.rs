@@ -1,4 +1,4 @@
-//! The only SQL: jobs, queue entries, events, checkpoints, results and datasets in SQLite.
+//! The only SQL: jobs, queue entries, events, candidates, checkpoints, results and datasets in SQLite.
 //!
 //! One connection writes, several read. The writer runs every change in `begin immediate`
 //! transactions with full sync, many changes in one (see `writer`); River, the queue, shares its
@@ -6,6 +6,7 @@
 //!
 //! Writes of a worker carry a [`Lease`]: they change nothing once another slice of the job began.
 
+mod candidates;
 mod control;
 mod datasets;
 mod error;
@@ -32,6 +33,7 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, S
 
 use crate::job::{DatasetId, JobId};
 
+pub use candidates::{CandidatePage, NewCandidates};
 pub use control::{Control, StopRequest};
 pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
 pub use error::StoreError;

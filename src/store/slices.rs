@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::control::StopRequest;
 use super::jobs::{self, JobRow};
 use super::writer::Tx;
-use super::{Change, Store, StoreError, events, generations, results};
+use super::{Change, NewCandidates, Store, StoreError, candidates, events, generations, results};
 use crate::job::{Event, Failure, GenerationEvent, JobId, Progress, Status};
 
 /// The right to write about a job, until its next slice begins.
@@ -74,6 +74,8 @@ pub struct Told {
 pub struct Record {
     /// Rows for the history.
     pub generations: Vec<GenerationEvent>,
+    /// Candidates that none of the rows before told of.
+    pub candidates: Option<NewCandidates>,
     /// Events, in order.
     pub events: Vec<Event>,
     /// How far the events go now.
@@ -279,6 +281,9 @@ async fn write_record(tx: &mut Tx, lease: Lease, record: Record) -> Result<Hold,
     let n_events = i64::try_from(record.events.len()).expect("a record is small");
     events::insert(tx, lease.job, last_event - n_events + 1, &record.events).await?;
     generations::insert(tx, lease.job, &record.generations).await?;
+    if let Some(new) = &record.candidates {
+        candidates::insert(tx, lease.job, new).await?;
+    }
     if let Some(checkpoint) = &record.checkpoint {
         put_checkpoint(tx, lease.job, checkpoint).await?;
     }

@@ -14,7 +14,9 @@ use super::run::{Advance, Assignment, Method, Row, Run, StopReason};
 use crate::dataset::Recording;
 use crate::estimation::{self, Checkpoint, Estimation, GenerationRow, Problem, RefinementRow};
 use crate::job::assemble::{self, Finding, Origin};
-use crate::job::{Failure, Fault, GenerationEvent, JobSpec, Phase, Progress};
+use crate::job::{
+    Candidate, CandidateColumn, Failure, Fault, GenerationEvent, JobSpec, Phase, Progress,
+};
 use crate::model::{Catalogue, Model, document};
 use crate::store::JobRow;
 use crate::uncertainty::settings::FlatDirections;
@@ -71,6 +73,7 @@ impl Method for Identification {
         Ok(Box::new(IdentificationRun {
             request: spec.request(),
             origin,
+            columns: CandidateColumn::of(&problem).into(),
             problem,
             findings,
             refusal: None,
@@ -118,6 +121,8 @@ struct IdentificationRun {
     /// What is asked about the estimate's uncertainty.
     request: uncertainty::Request,
     problem: Problem,
+    /// What the values of a candidate stand for.
+    columns: Arc<[CandidateColumn]>,
     /// What is known before anything is simulated; taken by the look ahead with which a new run
     /// begins.
     findings: Option<Vec<Finding>>,
@@ -149,7 +154,10 @@ impl Run for IdentificationRun {
         if self.estimation.phase() == estimation::Phase::Analyse {
             return self.analyse(stop);
         }
-        let mut observer = Rows(rows);
+        let mut observer = Rows {
+            tell: rows,
+            columns: &self.columns,
+        };
         match self.estimation.advance(&self.problem, stop, &mut observer) {
             estimation::Advance::Interrupted => Advance::Interrupted,
             estimation::Advance::Working | estimation::Advance::Finished => Advance::Working,
@@ -238,7 +246,10 @@ impl From<StopReason> for estimation::StopReason {
 }
 
 /// Passes on what the run tells.
-struct Rows<'a>(&'a mut dyn FnMut(Row));
+struct Rows<'a> {
+    tell: &'a mut dyn FnMut(Row),
+    columns: &'a Arc<[CandidateColumn]>,
+}
 
 impl estimation::Observer for Rows<'_> {
     fn generation(&mut self, row: &GenerationRow) {
@@ -247,7 +258,7 @@ impl estimation::Observer for Rows<'_> {
             let value = serde_json::Number::from_f64(*value);
             (name.clone(), value.map_or(Value::Null, Value::Number))
         });
-        (self.0)(Row::Generation(GenerationEvent {
+        (self.tell)(Row::Generation(GenerationEvent {
             generation: row.generation,
             evaluations: row.evaluations,
             best_cost: finite(row.best_cost),
@@ -258,10 +269,14 @@ impl estimation::Observer for Rows<'_> {
             credit_updates: row.credit_updates,
             best: best.collect::<Map<String, Value>>(),
         }));
+        (self.tell)(Row::Candidates {
+            columns: self.columns.clone(),
+            candidates: Candidate::of(row),
+        });
     }
 
     fn refinement(&mut self, row: &RefinementRow) {
-        (self.0)(Row::Refinement {
+        (self.tell)(Row::Refinement {
             iteration: row.iteration,
             cost: row.cost,
         });

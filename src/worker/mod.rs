@@ -7,6 +7,7 @@
 //! ```
 
 mod active;
+mod candidates;
 pub mod identification;
 mod relay;
 pub mod run;
@@ -52,6 +53,8 @@ pub struct WorkerSettings {
     pub jobs_at_once: usize,
     /// How long a slice works before others have their turn.
     pub slice_length: Duration,
+    /// Candidates that are kept of a job at the most.
+    pub max_candidates: u64,
 }
 
 /// Works the jobs of a store until it is shut down.
@@ -76,6 +79,7 @@ impl Worker {
             active: ActiveJobs::default(),
             places: Arc::new(Semaphore::new(settings.jobs_at_once)),
             slice_length: settings.slice_length,
+            max_candidates: settings.max_candidates,
             store,
         };
         // As many again wait for a place, each to follow one that ends.

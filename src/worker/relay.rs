@@ -8,10 +8,11 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 
+use super::candidates::Candidates;
 use super::run::Row;
 use crate::job::assemble::Finding;
 use crate::job::{Event, GenerationEvent, Progress};
-use crate::store::{Record, Slice, Told};
+use crate::store::{CandidatePage, Record, Slice, Told};
 
 /// The least time between two `generation` events of a job: five a second.
 const GENERATION_EVENT_GAP: Duration = Duration::from_millis(200);
@@ -27,6 +28,7 @@ pub(super) struct Relay {
     /// Findings that no event tells of yet.
     findings: Vec<Finding>,
     generations: Vec<GenerationEvent>,
+    candidates: Candidates,
     events: Vec<Event>,
     progress: Option<Progress>,
     /// Time that the job worked before this slice [s].
@@ -34,14 +36,15 @@ pub(super) struct Relay {
 }
 
 impl Relay {
-    /// Goes on where the last slice stopped.
-    pub(super) fn new(slice: &Slice) -> Self {
+    /// Goes on where the last slice stopped; keeps `max_candidates` of the job at the most.
+    pub(super) fn new(slice: &Slice, max_candidates: u64) -> Self {
         Self {
             told: slice.told,
             untold: slice.untold.clone(),
             refinements: slice.checkpoint.as_ref().map_or(0, |c| c.refinements),
             findings: Vec::new(),
             generations: Vec::new(),
+            candidates: Candidates::new(max_candidates),
             events: Vec::new(),
             progress: None,
             worked_before: Duration::from_millis(slice.running_ms).as_secs_f64(),
@@ -51,6 +54,11 @@ impl Relay {
     /// Iterations of the refinement so far.
     pub(super) fn refinements(&self) -> u32 {
         self.refinements
+    }
+
+    /// Takes in candidates that were kept in slices before. All of them come before any row.
+    pub(super) fn recall(&mut self, kept: &CandidatePage) {
+        self.candidates.recall(kept);
     }
 
     /// Takes in a row at a time [of the wall clock].
@@ -64,6 +72,10 @@ impl Relay {
                     self.tell_if_due(now);
                 }
             }
+            Row::Candidates {
+                columns,
+                candidates,
+            } => self.candidates.take(columns, candidates),
             Row::Refinement { iteration, cost } => {
                 self.tell(now);
                 self.refinements += 1;
@@ -123,6 +135,7 @@ impl Relay {
     pub(super) fn record(&mut self) -> Record {
         Record {
             generations: std::mem::take(&mut self.generations),
+            candidates: self.candidates.news(),
             events: std::mem::take(&mut self.events),
             told: self.told,
             progress: self.progress.take(),
@@ -145,6 +158,7 @@ mod tests {
             refinements: 0,
             findings: Vec::new(),
             generations: Vec::new(),
+            candidates: Candidates::new(0),
             events: Vec::new(),
             progress: None,
             worked_before: 10.0,

@@ -3,13 +3,14 @@
 //! A run is synchronous and seeded. It owns all that it needs, goes on in units, and can be laid
 //! down after any unit and taken up again with the same bits.
 
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use serde_json::Value;
 
 use crate::dataset::Recording;
 use crate::job::assemble::Finding;
-use crate::job::{Failure, GenerationEvent, Progress};
+use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, Progress};
 use crate::store::JobRow;
 
 /// Begins the runs of jobs.
@@ -65,6 +66,13 @@ pub enum Row {
     Findings(Vec<Finding>),
     /// The search finished a generation.
     Generation(GenerationEvent),
+    /// The candidates that it simulated for it.
+    Candidates {
+        /// What each of their values stands for.
+        columns: Arc<[CandidateColumn]>,
+        /// The candidates; after an interruption some may have been told of before.
+        candidates: Vec<Candidate>,
+    },
     /// The refinement finished an iteration.
     Refinement {
         /// Counts from 1.

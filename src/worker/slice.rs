@@ -30,6 +30,9 @@ const FLUSH_INTERVAL: Duration = Duration::from_millis(200);
 /// Units whose rows may wait to be written before the computation waits.
 const UNITS_WAITING: usize = 256;
 
+/// Candidates that are read back at a time when a slice goes on.
+const CANDIDATES_AT_ONCE: usize = 50_000;
+
 /// Slices in a row that may end without a checkpoint before their job fails.
 const ATTEMPT_LIMIT: u32 = 5;
 
@@ -54,6 +57,7 @@ pub(super) struct SliceWorker {
     /// ones wait here, so that no place is empty while the queue is asked or an end is written.
     pub(super) places: Arc<Semaphore>,
     pub(super) slice_length: Duration,
+    pub(super) max_candidates: u64,
 }
 
 /// Why the computation of a slice returned.
@@ -141,7 +145,7 @@ impl SliceWorker {
             time_left: time_left(&slice),
             stop,
         };
-        let mut relay = Relay::new(&slice);
+        let mut relay = Relay::new(&slice, self.max_candidates);
         let computed = match self.materials(&slice.job).await? {
             Ok(materials) => {
                 let (sender, units) = mpsc::channel(UNITS_WAITING);
@@ -228,6 +232,10 @@ impl SliceWorker {
         relay: &mut Relay,
         mut units: mpsc::Receiver<Unit>,
     ) -> Result<Hold, StoreError> {
+        if let Err(error) = self.recall(current.lease, relay).await {
+            current.stop.store(true, Ordering::Relaxed);
+            return Err(error);
+        }
         let first = tokio::time::Instant::now() + FLUSH_INTERVAL;
         let mut flush = tokio::time::interval_at(first, FLUSH_INTERVAL);
         let out_of_time = tokio::time::sleep(current.time_left.unwrap_or(Duration::MAX));
@@ -250,6 +258,21 @@ impl SliceWorker {
                 }
             }
         }
+    }
+
+    /// Reads back which candidates are kept, beside the computation, which has forgotten them.
+    async fn recall(&self, lease: Lease, relay: &mut Relay) -> Result<(), StoreError> {
+        let mut after = Some(0);
+        while let Some(generation) = after {
+            let kept = self
+                .store
+                .candidates(lease.job, generation, u32::MAX, CANDIDATES_AT_ONCE);
+            let kept = kept.await?;
+            relay.recall(&kept);
+            // Once the record is cut nothing more is kept.
+            after = kept.more_after.filter(|_| kept.cut_in_generation.is_none());
+        }
+        Ok(())
     }
 
     async fn flush(&self, lease: Lease, relay: &mut Relay) -> Result<Hold, StoreError> {

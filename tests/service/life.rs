@@ -13,7 +13,8 @@ async fn running(app: &TestApp) -> String {
     id
 }
 
-async fn status_after(app: &TestApp, id: &str, wished: &str) -> Value {
+/// The job after it came to rest, which is in this state.
+pub async fn status_after(app: &TestApp, id: &str, wished: &str) -> Value {
     let path = format!("/v1/jobs/{id}");
     loop {
         let job = app.get(&format!("{path}?wait=10")).await.expect(200).json();

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
 
 mod app;
+mod candidates;
 mod comparisons;
 
 mod datasets;

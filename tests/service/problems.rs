@@ -16,6 +16,7 @@ async fn a_path_or_an_identifier_that_names_nothing_is_404() {
         "/v1/jobs/job_00000000000000000000000000000000/events",
         "/v1/jobs/job_00000000000000000000000000000000/result",
         "/v1/jobs/job_00000000000000000000000000000000/generations",
+        "/v1/jobs/job_00000000000000000000000000000000/candidates",
         "/v1/jobs/%ff",
         "/v1/datasets/%00",
         "/v1/datasets/ds_00000000000000000000000000000000/samples",

@@ -1,5 +1,6 @@
 //! The store against a fresh database each: fencing, replay, idempotency, group commit, paging.
 
+mod candidates;
 mod datasets;
 mod jobs;
 mod life;

@@ -74,6 +74,7 @@ async fn a_slice_goes_on_where_the_last_one_stopped() {
     };
     let record = Record {
         generations: (1..=3).map(generation).collect(),
+        candidates: None,
         events: vec![Event::Generation(generation(2))],
         told,
         progress: Some(progress.clone()),

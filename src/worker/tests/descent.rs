@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::PATIENCE;
-use crate::job::{Failure, GenerationEvent, JobId, Phase, Progress};
+use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, JobId, Phase, Progress};
 use crate::worker::run::{Advance, Assignment, Method, Row, Run, StopReason};
 
 /// Looks for the minimum of (x − 3)² by seeded trial; then halves the distance a few times.
@@ -91,7 +91,9 @@ impl DescentRun {
         (self.state.best - 3.0).powi(2)
     }
 
-    fn search(&mut self) {
+    /// The trials of a unit, and the best so far once more, as a run tells that has forgotten it.
+    fn search(&mut self) -> Vec<Candidate> {
+        let mut trials = Vec::new();
         for _ in 0..30 {
             let random = self.state.random;
             self.state.random = random
@@ -101,7 +103,17 @@ impl DescentRun {
             if (trial - 3.0).abs() < (self.state.best - 3.0).abs() {
                 self.state.best = trial;
             }
+            trials.push(trial);
         }
+        trials.push(self.state.best);
+        let candidates = (0..).zip(trials).map(|(place, x)| Candidate {
+            generation: self.state.unit,
+            place,
+            cost: Some((x - 3.0).powi(2)),
+            failure: None,
+            values: vec![x],
+        });
+        candidates.collect()
     }
 }
 
@@ -115,7 +127,7 @@ impl Run for DescentRun {
         assert!(self.orders.panic_at != Some(unit), "unit {unit} is cursed");
         self.state.unit = unit;
         if unit <= self.orders.generations {
-            self.search();
+            let candidates = self.search();
             rows(Row::Generation(GenerationEvent {
                 generation: unit,
                 evaluations: u64::from(unit) * 30,
@@ -127,6 +139,16 @@ impl Run for DescentRun {
                 credit_updates: 0,
                 best: serde_json::Map::from_iter([("x".to_owned(), json!(self.state.best))]),
             }));
+            let column = CandidateColumn {
+                name: "x".to_owned(),
+                unit: "1".to_owned(),
+                experiment: None,
+                state: None,
+            };
+            rows(Row::Candidates {
+                columns: [column].into(),
+                candidates,
+            });
         } else {
             self.state.best = 3.0 + (self.state.best - 3.0) / 2.0;
             rows(Row::Refinement {

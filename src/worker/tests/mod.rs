@@ -12,11 +12,16 @@ use serde_json::{Value, json};
 use super::{Worker, WorkerSettings};
 use crate::event::EventHub;
 use crate::job::{JobId, Status};
-use crate::store::{DatabaseSettings, JobRow, NewJob, Store, StoredEvent, Submitted};
+use crate::store::{
+    CandidatePage, DatabaseSettings, JobRow, NewJob, Store, StoredEvent, Submitted,
+};
 use descent::{Descent, Gate, unbroken};
 
 /// Nothing here takes so long unless it hangs.
 const PATIENCE: Duration = Duration::from_secs(60);
+
+/// More than the 30 of each of 20 generations.
+const MAX_CANDIDATES: u64 = 1000;
 
 /// A server without its HTTP half.
 struct Server {
@@ -42,6 +47,7 @@ impl Server {
         let settings = WorkerSettings {
             jobs_at_once,
             slice_length,
+            max_candidates: MAX_CANDIDATES,
         };
         let worker = Worker::start(store.clone(), hub.clone(), method, settings);
         Self {
@@ -108,6 +114,12 @@ impl Server {
             .expect("a result")
     }
 
+    /// Every candidate that is kept.
+    async fn candidates(&self, id: JobId) -> CandidatePage {
+        let all = self.store.candidates(id, 0, u32::MAX, usize::MAX);
+        all.await.expect("a read")
+    }
+
     async fn estimate(&self, id: JobId) -> u64 {
         let result = self.result(id).await;
         let estimate = result["parameters"][0]["estimate"].as_f64();
@@ -156,6 +168,10 @@ async fn a_job_is_worked_to_its_end_with_all_its_history() {
     let rows = server.store.generations(id, 0, 1000).await.expect("rows");
     let numbers: Vec<u32> = rows.iter().map(|row| row.generation).collect();
     assert_eq!(numbers, (1..=200).collect::<Vec<u32>>());
+    let candidates = server.candidates(id).await;
+    assert_eq!(candidates.candidates.len() as u64, MAX_CANDIDATES);
+    assert_eq!(candidates.kept, MAX_CANDIDATES);
+    assert_eq!(candidates.cut_in_generation, Some(34), "30 a generation");
     let job = server.job(id).await;
     assert_eq!((job.status, job.attempt), (Status::Succeeded, 1));
     assert_eq!(job.progress.expect("progress").fraction, 1.0);
@@ -341,6 +357,14 @@ fn crashes_cost_a_slice_at_most_and_leave_no_trace_in_the_bits() {
                 .collect();
             assert!(told.is_sorted_by(|a, b| a < b), "{told:?}");
             assert_eq!(server.estimate(id).await, unbroken(20, 3));
+            let kept = server.candidates(id).await;
+            let places = kept
+                .candidates
+                .iter()
+                .map(|one| (one.generation, one.place));
+            let each_once = (1..=20).flat_map(|generation| (0..30).map(move |p| (generation, p)));
+            assert!(places.eq(each_once), "{kept:?}");
+            assert_eq!((kept.kept, kept.cut_in_generation), (600, None));
             server.shutdown().await;
         });
     }

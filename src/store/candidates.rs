@@ -1,0 +1,200 @@
+//! The candidates of a search: a blob a generation, 13 bytes and 8 for each unknown a candidate.
+
+use std::sync::Arc;
+
+use futures_util::TryStreamExt;
+use sqlx::{QueryBuilder, Sqlite};
+
+use super::jobs::{self, from_json};
+use super::writer::Tx;
+use super::{Store, StoreError, corrupt};
+use crate::job::candidate::Failure;
+use crate::job::{Candidate, CandidateColumn, JobId};
+
+/// Rows in one statement; SQLite takes 32766 values in one.
+const ROWS_PER_STATEMENT: usize = 1000;
+/// Bytes of a candidate before its values: place, failure, cost.
+const HEAD: usize = 4 + 1 + 8;
+
+/// Candidates that are new, and what is kept with them.
+#[derive(Clone, Debug)]
+pub struct NewCandidates {
+    /// What each of their values stands for.
+    pub columns: Arc<[CandidateColumn]>,
+    /// The candidates, generation by generation.
+    pub candidates: Vec<Candidate>,
+    /// How many candidates of the job are kept, with these.
+    pub kept: u64,
+    /// The generation in which the limit was reached.
+    pub cut_in_generation: Option<u32>,
+}
+
+/// A part of the candidates that are kept of a job.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CandidatePage {
+    /// What each of their values stands for; empty while none is kept.
+    pub columns: Vec<CandidateColumn>,
+    /// The candidates in order; those of a generation stand together.
+    pub candidates: Vec<Candidate>,
+    /// How many are kept in all.
+    pub kept: u64,
+    /// The generation in which the limit was reached; later candidates are not kept.
+    pub cut_in_generation: Option<u32>,
+    /// The last generation of this part, when there are more after it.
+    pub more_after: Option<u32>,
+}
+
+#[derive(sqlx::FromRow)]
+struct RecordRow {
+    columns: String,
+    kept: i64,
+    cut_in_generation: Option<u32>,
+}
+
+impl Store {
+    /// Candidates of a job from generations above `after`, in order: of at most `generations`
+    /// generations, and no further generation once there are `enough` candidates.
+    pub async fn candidates(
+        &self,
+        job: JobId,
+        after: u32,
+        generations: u32,
+        enough: usize,
+    ) -> Result<CandidatePage, StoreError> {
+        let job = job.to_string();
+        let record: Option<RecordRow> = sqlx::query_as(
+            "select columns, kept, cut_in_generation from candidate_records where job = ?",
+        )
+        .bind(&job)
+        .fetch_optional(self.readers())
+        .await?;
+        let Some(record) = record else {
+            return Ok(CandidatePage::default());
+        };
+        let mut page = CandidatePage {
+            columns: from_json("candidate columns", &job, &record.columns)?,
+            candidates: Vec::new(),
+            kept: record.kept.unsigned_abs(),
+            cut_in_generation: record.cut_in_generation,
+            more_after: None,
+        };
+        // One more says whether there are more.
+        let mut rows = sqlx::query_as::<_, (u32, Vec<u8>)>(
+            "select generation, candidates from candidates where job = ? and generation > ? \
+             order by generation limit ? + 1",
+        )
+        .bind(&job)
+        .bind(after)
+        .bind(generations)
+        .fetch(self.readers());
+        let mut read = 0;
+        while let Some((generation, blob)) = rows.try_next().await? {
+            if read == generations || page.candidates.len() >= enough {
+                page.more_after = page.candidates.last().map(|last| last.generation);
+                break;
+            }
+            let decoded = decode(generation, &blob, page.columns.len());
+            let decoded = decoded.map_err(|why| corrupt("candidates", &job, why))?;
+            page.candidates.extend(decoded);
+            read += 1;
+        }
+        Ok(page)
+    }
+}
+
+/// Writes candidates. A generation that is there already stays as it is.
+pub(super) async fn insert(tx: &mut Tx, job: JobId, new: &NewCandidates) -> Result<(), StoreError> {
+    let job = job.to_string();
+    sqlx::query(
+        "insert into candidate_records (job, columns, kept, cut_in_generation) \
+         values (?, ?, ?, ?) on conflict (job) do update set \
+         kept = excluded.kept, cut_in_generation = excluded.cut_in_generation",
+    )
+    .bind(&job)
+    .bind(jobs::json(&new.columns))
+    .bind(i64::try_from(new.kept).unwrap_or(i64::MAX))
+    .bind(new.cut_in_generation)
+    .execute(&mut **tx)
+    .await?;
+    let same_generation = |a: &Candidate, b: &Candidate| a.generation == b.generation;
+    let generations: Vec<&[Candidate]> = new.candidates.chunk_by(same_generation).collect();
+    for rows in generations.chunks(ROWS_PER_STATEMENT) {
+        let mut query = QueryBuilder::<Sqlite>::new(
+            "insert or ignore into candidates (job, generation, candidates) ",
+        );
+        query.push_values(rows, |mut row, candidates| {
+            row.push_bind(job.clone())
+                .push_bind(candidates[0].generation)
+                .push_bind(encode(candidates));
+        });
+        // Each number of rows is another statement; they are not worth keeping.
+        query.build().persistent(false).execute(&mut **tx).await?;
+    }
+    Ok(())
+}
+
+fn encode(candidates: &[Candidate]) -> Vec<u8> {
+    let n_values = candidates.first().map_or(0, |one| one.values.len());
+    let mut blob = Vec::with_capacity(candidates.len() * (HEAD + 8 * n_values));
+    for candidate in candidates {
+        blob.extend(candidate.place.to_le_bytes());
+        blob.push(code(candidate.failure));
+        blob.extend(candidate.cost.unwrap_or(f64::NAN).to_le_bytes());
+        blob.extend(
+            candidate
+                .values
+                .iter()
+                .flat_map(|value| value.to_le_bytes()),
+        );
+    }
+    blob
+}
+
+fn decode(generation: u32, blob: &[u8], n_values: usize) -> Result<Vec<Candidate>, String> {
+    let length = HEAD + 8 * n_values;
+    let pieces = blob.chunks_exact(length);
+    if !pieces.remainder().is_empty() {
+        let n = blob.len();
+        return Err(format!(
+            "{n} bytes of generation {generation} are no multiple of {length}"
+        ));
+    }
+    pieces
+        .map(|piece| {
+            let (place, rest) = piece.split_at(4);
+            let (failure, numbers) = rest.split_at(1);
+            let mut numbers = numbers.chunks_exact(8).map(number);
+            let cost = numbers.next().filter(|cost| !cost.is_nan());
+            Ok(Candidate {
+                generation,
+                place: u32::from_le_bytes(place.try_into().expect("four bytes")),
+                cost,
+                failure: failure_of(failure[0])?,
+                values: numbers.collect(),
+            })
+        })
+        .collect()
+}
+
+fn number(bytes: &[u8]) -> f64 {
+    f64::from_le_bytes(bytes.try_into().expect("eight bytes"))
+}
+
+fn code(failure: Option<Failure>) -> u8 {
+    match failure {
+        None => 0,
+        Some(Failure::Diverged) => 1,
+        Some(Failure::OutOfRange) => 2,
+        Some(Failure::StepBudget) => 3,
+    }
+}
+
+fn failure_of(code: u8) -> Result<Option<Failure>, String> {
+    match code {
+        0 => Ok(None),
+        1 => Ok(Some(Failure::Diverged)),
+        2 => Ok(Some(Failure::OutOfRange)),
+        3 => Ok(Some(Failure::StepBudget)),
+        other => Err(format!("there is no failure {other}")),
+    }
+}

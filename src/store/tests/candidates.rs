@@ -1,0 +1,144 @@
+//! The record of candidates: its form on disk, its parts, its fence, and databases without one.
+
+use sqlx::Connection as _;
+
+use super::*;
+use crate::job::candidate::Failure;
+use crate::job::{Candidate, CandidateColumn};
+
+fn column(name: &str) -> CandidateColumn {
+    CandidateColumn {
+        name: name.to_owned(),
+        unit: "kg".to_owned(),
+        experiment: None,
+        state: None,
+    }
+}
+
+fn candidate(generation: u32, place: u32) -> Candidate {
+    Candidate {
+        generation,
+        place,
+        cost: Some(1.0 / f64::from(generation + place)),
+        failure: None,
+        values: vec![0.1 + 0.2, f64::from(place)],
+    }
+}
+
+fn failed(generation: u32, place: u32, failure: Failure) -> Candidate {
+    Candidate {
+        cost: None,
+        failure: Some(failure),
+        ..candidate(generation, place)
+    }
+}
+
+fn record(candidates: Vec<Candidate>, kept: u64, cut_in_generation: Option<u32>) -> Record {
+    Record {
+        candidates: Some(NewCandidates {
+            columns: [column("mass"), column("damping")].into(),
+            candidates,
+            kept,
+            cut_in_generation,
+        }),
+        ..Record::default()
+    }
+}
+
+#[tokio::test]
+async fn candidates_come_back_as_they_were_in_parts_of_whole_generations() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    let part = async |after, generations, enough| {
+        let part = fixture.store.candidates(id, after, generations, enough);
+        part.await.expect("a read")
+    };
+    assert_eq!(part(0, 10, 10).await, CandidatePage::default());
+    let slice = fixture.begin(id).await;
+    let all = vec![
+        candidate(1, 0),
+        failed(1, 1, Failure::Diverged),
+        failed(1, 7, Failure::OutOfRange),
+        failed(2, 3, Failure::StepBudget),
+        candidate(5, 2),
+    ];
+    let (first, second) = all.split_at(3);
+    for (candidates, kept, cut) in [(first, 3, None), (second, 5, Some(6))] {
+        let record = record(candidates.to_vec(), kept, cut);
+        let hold = fixture.store.record(slice.lease, record).await;
+        assert_eq!(hold.expect("a write"), Hold::Kept);
+    }
+    let whole = part(0, 10, 100).await;
+    assert_eq!(whole.candidates, all);
+    assert_eq!(whole.columns, [column("mass"), column("damping")]);
+    assert_eq!((whole.kept, whole.cut_in_generation), (5, Some(6)));
+    assert_eq!(whole.more_after, None);
+    let by_generations = part(0, 2, 100).await;
+    assert_eq!(by_generations.candidates, all[..4]);
+    assert_eq!(by_generations.more_after, Some(2));
+    let by_number = part(0, 10, 1).await;
+    assert_eq!(by_number.candidates, first);
+    assert_eq!(by_number.more_after, Some(1));
+    assert_eq!(part(2, 10, 100).await.candidates, all[4..]);
+    assert_eq!(part(5, 10, 100).await.candidates, []);
+    let bytes: i64 = sqlx::query_scalar("select sum(length(candidates)) from candidates")
+        .fetch_one(fixture.store.readers())
+        .await
+        .expect("a sum");
+    assert_eq!(bytes, 5 * (13 + 2 * 8), "what the setting promises");
+}
+
+#[tokio::test]
+async fn a_slice_that_lost_its_job_keeps_no_candidates_and_a_deleted_job_has_none() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    let old = fixture.begin(id).await;
+    let new = fixture.begin(id).await;
+    let late = record(vec![candidate(1, 0)], 1, None);
+    let hold = fixture.store.record(old.lease, late.clone()).await;
+    assert_eq!(hold.expect("a write"), Hold::Lost);
+    let kept = fixture.store.candidates(id, 0, 10, 10).await;
+    assert_eq!(kept.expect("a read"), CandidatePage::default());
+    let hold = fixture.store.record(new.lease, late).await;
+    assert_eq!(hold.expect("a write"), Hold::Kept);
+    assert_eq!(fixture.finish(&new, Status::Succeeded).await, Hold::Kept);
+    let removed = fixture.store.delete_job(id).await.expect("a write");
+    assert!(matches!(removed, JobRemoval::Removed));
+    let left: i64 = sqlx::query_scalar(
+        "select (select count(*) from candidates) + (select count(*) from candidate_records)",
+    )
+    .fetch_one(fixture.store.readers())
+    .await
+    .expect("a count");
+    assert_eq!(left, 0);
+}
+
+/// A job that was submitted before there was a record has an empty one, and goes on with one.
+#[tokio::test]
+async fn a_database_of_the_version_before_migrates() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    fixture.store.close().await;
+    let mut connection = sqlx::SqliteConnection::connect_with(&connection(&fixture.settings))
+        .await
+        .expect("the database");
+    sqlx::raw_sql(
+        "drop table candidates; drop table candidate_records; \
+         delete from _sqlx_migrations where version >= 4",
+    )
+    .execute(&mut connection)
+    .await
+    .expect("the schema before");
+    connection.close().await.expect("a close");
+    let fixture = fixture.reopen().await;
+    let before = fixture.store.candidates(id, 0, 10, 10).await;
+    assert_eq!(before.expect("a read"), CandidatePage::default());
+    let slice = fixture.begin(id).await;
+    let hold = fixture
+        .store
+        .record(slice.lease, record(vec![candidate(1, 0)], 1, None))
+        .await;
+    assert_eq!(hold.expect("a write"), Hold::Kept);
+    let after = fixture.store.candidates(id, 0, 10, 10).await;
+    assert_eq!(after.expect("a read").kept, 1);
+}
