@@ -8,6 +8,7 @@
 mod effects;
 mod intervals;
 mod joint;
+mod rivals;
 mod run;
 
 use greybox::dataset::{Recording, Signal, TimeAxis, csv};

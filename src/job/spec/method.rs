@@ -6,7 +6,6 @@ use serde::de::value::StrDeserializer;
 
 use crate::document::reader::{Field, Object};
 use crate::estimation::Settings;
-use crate::estimation::settings::MethodName;
 use crate::uncertainty;
 
 /// The settings; what the section leaves out is the method's default.
@@ -65,8 +64,7 @@ pub(super) fn read(field: &Field<'_>) -> Settings {
     section.flag("refine", &mut settings.refine);
     section.count("refine_candidates", 1..=32, &mut settings.refine_candidates);
     object.finish();
-    if settings.name == MethodName::MultistartLm && !settings.refine {
-        let detail = "`multistart_lm` is nothing but refinement: leave `refine` at true";
+    if let Some(detail) = settings.contradiction() {
         field.fault("contradiction", detail);
     }
     settings
