@@ -158,7 +158,12 @@ fn a_comparison_runs_every_method_with_every_seed() {
     let shown = printed(&command);
     let text = std::fs::read(runs).expect("the runs");
     let runs: Vec<Value> = serde_json::from_slice(&text).expect("the runs");
-    let methods = ["icra_genetic", "differential_evolution", "multistart_lm"];
+    let methods = [
+        "icra_genetic",
+        "differential_evolution",
+        "cma_es",
+        "multistart_lm",
+    ];
     for method in methods {
         assert!(shown.contains(method), "{shown}");
         let seeds = runs.iter().filter(|run| run["method"] == method);
@@ -170,8 +175,13 @@ fn a_comparison_runs_every_method_with_every_seed() {
     assert_ne!(runs[0]["estimates"], runs[1]["estimates"]);
 
     let unknown = ["compare", recording, job, "--methods", "guessing"];
-    let complaints = complaints(&unknown);
-    assert!(complaints[0].contains("guessing"), "{complaints:?}");
+    let complaint = complaints(&unknown).join("\n");
+    assert!(complaint.contains("guessing"), "{complaint}");
+    document["method"]["population"] = json!(3);
+    std::fs::write(job, document.to_string()).expect("a file");
+    let complaint = complaints(&["compare", recording, job]).join("\n");
+    assert!(complaint.contains("cma_es"), "{complaint}");
+    assert!(complaint.contains("at least 4"), "{complaint}");
 }
 
 /// A lag whose input and output are the reference and the position of recording A.

@@ -18,6 +18,9 @@ use std::sync::atomic::AtomicBool;
 
 const SEED: u64 = 5;
 
+/// The methods that search, a generation at a time.
+const SEARCHES: [&str; 3] = ["icra_genetic", "differential_evolution", "cma_es"];
+
 /// Writes down the bits of everything that it is told.
 #[derive(Default, PartialEq, Debug)]
 struct Diary(Vec<u64>);
@@ -36,13 +39,14 @@ impl Observer for Diary {
 }
 
 /// Four seconds of recording D: friction, dead band, and nine unknowns.
-fn problem() -> (Problem, Settings) {
+fn problem(method: &str) -> (Problem, Settings) {
     let recording = demo::recording_of(Demo::D, 3, 400);
     let dataset = DatasetId::new();
     let mut document = demo::job(Demo::D);
     document["experiments"] = serde_json::json!([{ "dataset": dataset.to_string() }]);
-    document["method"] =
-        serde_json::json!({ "generations": 12, "population": 12, "refine_candidates": 2 });
+    document["method"] = serde_json::json!({
+        "name": method, "generations": 12, "population": 12, "refine_candidates": 2
+    });
     let catalogue = Catalogue::built_in();
     let datasets = HashMap::from([(dataset, recording.summary())]);
     let context = Context {
@@ -58,8 +62,8 @@ fn problem() -> (Problem, Settings) {
 
 /// Runs to the end; after every unit of work for which `lay_down` says so, the run is written
 /// down as JSON, dropped, and taken up from that text.
-fn run(lay_down: impl Fn(usize) -> bool) -> (Diary, Vec<u64>) {
-    let (problem, settings) = problem();
+fn run(method: &str, lay_down: impl Fn(usize) -> bool) -> (Diary, Vec<u64>) {
+    let (problem, settings) = problem(method);
     let go_on = AtomicBool::new(false);
     let mut diary = Diary::default();
     let mut run = Estimation::start(&problem, &settings, SEED);
@@ -81,32 +85,36 @@ fn run(lay_down: impl Fn(usize) -> bool) -> (Diary, Vec<u64>) {
 
 #[test]
 fn laying_a_run_down_after_any_unit_changes_no_bit() {
-    let unbroken = run(|_| false);
-    assert!(
-        unbroken.0.0.len() > 100,
-        "the run has generations and refinements to compare"
-    );
-    assert_eq!(unbroken, run(|_| true));
-    assert_eq!(unbroken, run(|unit| unit % 3 == 1));
+    for method in SEARCHES {
+        let unbroken = run(method, |_| false);
+        assert!(
+            unbroken.0.0.len() > 100,
+            "the run has generations and refinements to compare"
+        );
+        assert_eq!(unbroken, run(method, |_| true), "{method}");
+        assert_eq!(unbroken, run(method, |unit| unit % 3 == 1), "{method}");
+    }
 }
 
 #[test]
 fn the_number_of_threads_changes_no_bit() {
-    let with_threads = |threads| {
+    let with_threads = |method, threads| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .unwrap();
-        pool.install(|| run(|_| false))
+        pool.install(|| run(method, |_| false))
     };
-    let single = with_threads(1);
-    assert_eq!(single, with_threads(2));
-    assert_eq!(single, with_threads(5));
+    for method in SEARCHES {
+        let single = with_threads(method, 1);
+        assert_eq!(single, with_threads(method, 2), "{method}");
+        assert_eq!(single, with_threads(method, 5), "{method}");
+    }
 }
 
 #[test]
 fn an_interrupted_unit_is_done_again_with_the_same_bits() {
-    let (problem, settings) = problem();
+    let (problem, settings) = problem(SEARCHES[0]);
     let (go_on, halt) = (AtomicBool::new(false), AtomicBool::new(true));
     let mut plain = Diary::default();
     let mut interrupted = Diary::default();

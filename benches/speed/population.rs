@@ -166,13 +166,11 @@ const EFFECTS: [(&str, f64); 7] = [
 pub fn documents() -> Value {
     let compared = |effects: &[(&str, f64)]| {
         let nanoseconds = [Bench::new(), Bench::written()].map(|bench| {
+            let place = |name: &str| bench.model.description().parameter_index(name);
+            let place = |name: &str| place(name).expect("a parameter of the servo");
             let mut candidates = bench.candidates(CANDIDATES);
-            for (name, value) in effects {
-                let place = bench.model.description().parameter_index(name);
-                let place = place.expect("a parameter of the servo");
-                for candidate in &mut candidates {
-                    candidate[place] = *value;
-                }
+            for candidate in &mut candidates {
+                effects.iter().for_each(|(name, value)| candidate[place(name)] = *value);
             }
             let work = Work {
                 candidates: &candidates,

@@ -34,7 +34,7 @@ const LABEL: &str = "comparison";
 const MOST_SEEDS: u64 = 50;
 
 /// Jobs of one comparison at the most.
-const MOST_JOBS: u32 = 3 * MOST_SEEDS as u32;
+const MOST_JOBS: u32 = 4 * MOST_SEEDS as u32;
 
 /// What a comparison is asked to do.
 #[derive(ToSchema)]
@@ -49,7 +49,7 @@ pub struct ComparisonSpec {
     /// calls its own; its seed, else 1, is that of the first run of each.
     job: JobSpec,
     /// The methods, each once; left out, all.
-    #[schema(required = false, min_items = 1, max_items = 3)]
+    #[schema(required = false, min_items = 1, max_items = 4)]
     methods: Vec<MethodName>,
     /// Runs of each method, each with the seed after the one before.
     #[schema(required = false, minimum = 1, maximum = 50, default = 10)]
@@ -127,6 +127,7 @@ fn all_methods() -> Vec<String> {
     let all = [
         MethodName::IcraGenetic,
         MethodName::DifferentialEvolution,
+        MethodName::CmaEs,
         MethodName::MultistartLm,
     ];
     all.iter().map(|method| name_of(*method)).collect()

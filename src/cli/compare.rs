@@ -34,7 +34,7 @@ pub struct Arguments {
     #[arg(
         long,
         value_delimiter = ',',
-        default_value = "icra_genetic,differential_evolution,multistart_lm"
+        default_value = "icra_genetic,differential_evolution,cma_es,multistart_lm"
     )]
     methods: Vec<String>,
 
@@ -57,16 +57,17 @@ pub fn compare(arguments: &Arguments) -> Result<(), CommandError> {
     let recording = files::recording(&arguments.recording, arguments.time.as_deref())?;
     let prepared = Prepared::read(recording, &arguments.job, arguments.model.as_deref())?;
     let problem = &prepared.assembly.problem;
+    let own = &prepared.spec.method;
+    let settings = methods
+        .iter()
+        .map(|(name, method)| settings(own, name, *method));
+    let settings = settings.collect::<Result<Vec<Settings>, CommandError>>()?;
     let mut trials = Vec::new();
-    for (name, method) in &methods {
+    for ((name, _), settings) in methods.iter().zip(&settings) {
         for seed in 1..=arguments.seeds {
             eprint!("\r{name}, seed {seed} of {}    ", arguments.seeds);
-            let settings = Settings {
-                name: *method,
-                ..prepared.spec.method.clone()
-            };
             let started = Instant::now();
-            let report = run(problem, &settings, seed);
+            let report = run(problem, settings, seed);
             let seconds = started.elapsed().as_secs_f64();
             trials.extend(report.map(|report| trial(problem, (name, seed), &report, seconds)));
         }
@@ -93,6 +94,18 @@ fn methods(names: &[String]) -> Result<Vec<(String, MethodName)>, CommandError> 
             .map_err(|error| CommandError::input(format!("--methods: {error}")))
     };
     names.iter().map(method).collect()
+}
+
+/// The job's settings for another method.
+fn settings(own: &Settings, name: &str, method: MethodName) -> Result<Settings, CommandError> {
+    let settings = Settings {
+        name: method,
+        ..own.clone()
+    };
+    match settings.contradiction() {
+        Some(detail) => Err(CommandError::input(format!("--methods: {name}: {detail}"))),
+        None => Ok(settings),
+    }
 }
 
 struct Unwatched;

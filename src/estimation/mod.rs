@@ -16,6 +16,7 @@
 //! clock, no I/O; a candidate that fails is a value.
 
 pub mod climb;
+pub mod cma_es;
 pub mod differential;
 pub mod leaders;
 pub mod loss;

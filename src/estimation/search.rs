@@ -6,6 +6,7 @@
 //! goes on with the same bits.
 
 use super::climb::Climb;
+use super::cma_es::{self, Strategy};
 use super::differential;
 use super::leaders::{self, Judged};
 use super::memory::Memory;
@@ -43,6 +44,9 @@ pub struct State {
     /// The parents that the candidates challenge, in differential evolution.
     #[serde(default)]
     pub parents: Vec<Parent>,
+    /// What the candidates are drawn from, in covariance matrix adaptation.
+    #[serde(default)]
+    pub strategy: Option<Strategy>,
     /// The generation after which this search began; those before belong to earlier ones.
     #[serde(default)]
     pub began: u32,
@@ -91,14 +95,12 @@ impl Search {
     /// Begins a search.
     #[must_use]
     pub fn start(problem: &Problem, settings: &Settings, seed: u64) -> Search {
-        let encoding = Encoding {
-            bits: settings.bits_per_parameter,
-            genes: problem.coordinates.len(),
-        };
+        let (population, strategy) = beginning(encoding(problem, settings), settings, seed, 0);
         let state = State {
             generation: 0,
-            population: random_population(encoding, settings, seed, 0),
+            population,
             parents: Vec::new(),
+            strategy,
             began: 0,
             earlier: None,
             leaders: Vec::new(),
@@ -117,10 +119,7 @@ impl Search {
         Search {
             settings: settings.clone(),
             seed,
-            encoding: Encoding {
-                bits: settings.bits_per_parameter,
-                genes: problem.coordinates.len(),
-            },
+            encoding: encoding(problem, settings),
             objective: Objective::new(problem, settings.block_samples as usize),
             memory: Memory::default(),
             simulated: Vec::new(),
@@ -132,8 +131,8 @@ impl Search {
     /// done goes on counting.
     pub fn restart(&mut self) {
         let state = &mut self.state;
-        state.population =
-            random_population(self.encoding, &self.settings, self.seed, state.generation);
+        (state.population, state.strategy) =
+            beginning(self.encoding, &self.settings, self.seed, state.generation);
         state.parents.clear();
         state.began = state.generation;
         let last = state.leaders.drain(..).next();
@@ -160,9 +159,9 @@ impl Search {
     /// `stop` was raised.
     pub fn generation(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<Generation> {
         let population = self.state.population.clone();
-        if self.settings.name == MethodName::DifferentialEvolution {
+        if self.settings.name != MethodName::IcraGenetic {
             let evaluations = self.evaluate(problem, &population, stop)?;
-            return Some(self.challenge(problem, &population, &evaluations));
+            return Some(self.without_credits(problem, &population, &evaluations));
         }
         let elite = self.climber();
         let encoding = self.encoding;
@@ -191,8 +190,8 @@ impl Search {
         Some(Generation { row, stop })
     }
 
-    /// A generation of differential evolution.
-    fn challenge(
+    /// A generation of one of the methods to compare with.
+    fn without_credits(
         &mut self,
         problem: &Problem,
         population: &[Chromosome],
@@ -203,11 +202,16 @@ impl Search {
         self.remember_leaders(population, evaluations);
         let row = self.row(problem, evaluations, None);
         let stop = self.stop_reason();
-        let state = &mut self.state;
-        state.parents = differential::survivors(&state.parents, population, evaluations);
         let mut rng = self.stream(Purpose::Mutation);
-        self.state.population =
-            differential::challengers(&self.state.parents, self.encoding, &mut rng);
+        let (state, encoding) = (&mut self.state, self.encoding);
+        state.population = match &mut state.strategy {
+            Some(strategy) => cma_es::next(strategy, evaluations, encoding, &mut rng),
+            None => {
+                let parents = &mut state.parents;
+                *parents = differential::survivors(parents, population, evaluations);
+                differential::challengers(parents, encoding, &mut rng)
+            }
+        };
         Generation { row, stop }
     }
 
@@ -448,15 +452,31 @@ impl Search {
     }
 }
 
-/// The first population of a search that begins after a generation.
-fn random_population(
+fn encoding(problem: &Problem, settings: &Settings) -> Encoding {
+    Encoding {
+        bits: match settings.name {
+            MethodName::CmaEs => cma_es::BITS,
+            _ => settings.bits_per_parameter,
+        },
+        genes: problem.coordinates.len(),
+    }
+}
+
+/// The first population of a search that begins after a generation, and what it was drawn from.
+fn beginning(
     encoding: Encoding,
     settings: &Settings,
     seed: u64,
     generation: u32,
-) -> Vec<Chromosome> {
+) -> (Vec<Chromosome>, Option<Strategy>) {
     let mut rng = stream(seed, u64::from(generation), Purpose::Population);
-    operators::random_population(encoding, settings.population as usize, &mut rng)
+    let candidates = settings.population as usize;
+    if settings.name == MethodName::CmaEs {
+        let (population, strategy) = cma_es::beginning(encoding, candidates, &mut rng);
+        return (population, Some(strategy));
+    }
+    let drawn = operators::random_population(encoding, candidates, &mut rng);
+    (drawn, None)
 }
 
 fn index_of_best(evaluations: &[Arc<Evaluation>]) -> usize {

@@ -1,5 +1,6 @@
 //! The settings of the method: the paper's numbers as defaults, and what the paper leaves open.
 
+use super::cma_es;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -48,6 +49,8 @@ pub enum MethodName {
     IcraGenetic,
     /// Differential evolution, refined by least squares: to compare with.
     DifferentialEvolution,
+    /// Covariance matrix adaptation evolution strategy, refined by least squares: to compare with.
+    CmaEs,
     /// Least squares from `refine_candidates` random points of the box: to compare with.
     MultistartLm,
 }
@@ -58,7 +61,8 @@ pub enum MethodName {
 pub struct Settings {
     /// The method.
     pub name: MethodName,
-    /// Candidates in a generation (the paper's K), 2 to 10 000.
+    /// Candidates in a generation (the paper's K, the λ of `cma_es`), 2 to 10 000; at least 4
+    /// in `cma_es`.
     pub population: u32,
     /// Generations at the most, 0 to 1 000 000. 0 refines the middle of the box.
     pub generations: u32,
@@ -82,7 +86,8 @@ pub struct Settings {
     pub block_order: BlockOrder,
     /// Credit updates at the most in one generation (the paper's T); absent: one for each block.
     pub credit_updates: Option<u32>,
-    /// Bits of the Gray code for each parameter, 4 to 32.
+    /// Bits of the Gray code for each parameter, 4 to 32. `cma_es`, whose steps become finer than
+    /// 16 bits are, always takes 32.
     pub bits_per_parameter: u32,
     /// Whether the candidate with the lowest cost always survives.
     pub elitism: bool,
@@ -135,6 +140,22 @@ impl Default for Settings {
             restarts: 1,
             refine: true,
             refine_candidates: 3,
+        }
+    }
+}
+
+impl Settings {
+    /// Why the method cannot work with these settings, if it cannot.
+    #[must_use]
+    pub fn contradiction(&self) -> Option<&'static str> {
+        match self.name {
+            MethodName::MultistartLm if !self.refine => {
+                Some("`multistart_lm` is nothing but refinement: leave `refine` at true")
+            }
+            MethodName::CmaEs if self.population < cma_es::FEWEST => {
+                Some("`cma_es` needs a `population` of at least 4 to learn from")
+            }
+            _ => None,
         }
     }
 }

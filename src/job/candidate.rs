@@ -23,7 +23,8 @@ pub struct CandidateColumn {
     /// Its SI unit.
     #[schema(example = "kg")]
     pub unit: String,
-    /// Of an initial state the experiment, counted from 0; `null` for a parameter.
+    /// Of an initial state, and of a parameter of one experiment, the experiment, counted from 0;
+    /// `null` for a parameter that experiments share.
     pub experiment: Option<usize>,
     /// Of an initial state the state of the model; `null` for a parameter.
     pub state: Option<String>,
@@ -48,19 +49,13 @@ impl CandidateColumn {
     /// A column for each unknown of a problem.
     #[must_use]
     pub fn of(problem: &Problem) -> Vec<Self> {
-        let states = &problem.model.description().states;
         let columns = problem.coordinates.iter().map(|coordinate| {
-            let (experiment, state) = match coordinate.target {
-                Target::Parameter(_) => (None, None),
-                Target::InitialState { experiment, state } => {
-                    (Some(experiment), Some(states[state].name.to_string()))
-                }
-            };
+            let is_state = matches!(coordinate.target, Target::InitialState { .. });
             Self {
                 name: coordinate.name.clone(),
                 unit: coordinate.unit.clone(),
-                experiment,
-                state,
+                experiment: coordinate.target.experiment(),
+                state: is_state.then(|| coordinate.quantity.clone()),
             }
         });
         columns.collect()

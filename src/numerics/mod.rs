@@ -5,3 +5,4 @@ pub mod interpolation;
 pub mod least_squares;
 pub mod rng;
 pub mod statistics;
+pub mod symmetric;

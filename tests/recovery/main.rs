@@ -9,6 +9,7 @@ mod effects;
 mod intervals;
 mod joint;
 mod outliers;
+mod rivals;
 mod run;
 
 use greybox::dataset::{Recording, Signal, TimeAxis, csv};

@@ -7,7 +7,6 @@ use serde::de::value::StrDeserializer;
 use super::JobSpec;
 use crate::document::reader::{Field, Object};
 use crate::estimation::Settings;
-use crate::estimation::settings::MethodName;
 use crate::model::ModelDescription;
 use crate::uncertainty;
 use crate::uncertainty::settings::Intervals;
@@ -72,8 +71,7 @@ pub(super) fn read(field: &Field<'_>) -> Settings {
     section.flag("refine", &mut settings.refine);
     section.count("refine_candidates", 1..=32, &mut settings.refine_candidates);
     object.finish();
-    if settings.name == MethodName::MultistartLm && !settings.refine {
-        let detail = "`multistart_lm` is nothing but refinement: leave `refine` at true";
+    if let Some(detail) = settings.contradiction() {
         field.fault("contradiction", detail);
     }
     settings

@@ -137,7 +137,12 @@ fn a_run_taken_up_after_every_unit_comes_to_the_same_result() {
 
 #[test]
 fn several_searches_and_other_methods_are_taken_up_with_the_same_bits_too() {
-    for method in ["icra_genetic", "differential_evolution", "multistart_lm"] {
+    for method in [
+        "icra_genetic",
+        "differential_evolution",
+        "cma_es",
+        "multistart_lm",
+    ] {
         let mut job = job();
         job.spec["method"]["name"] = json!(method);
         job.spec["method"]["restarts"] = json!(2);

@@ -1,0 +1,66 @@
+//! The principal axes of a symmetric matrix.
+
+use nalgebra::{DMatrix, SymmetricEigen};
+
+/// An eigenvector of length one and its eigenvalue.
+#[derive(Clone, Debug)]
+pub struct Axis {
+    /// The eigenvalue.
+    pub value: f64,
+    /// The eigenvector.
+    pub direction: Vec<f64>,
+}
+
+/// The axes of a symmetric matrix of finite numbers, given row by row. Small eigenvalues are
+/// exact to a rounding error of the largest.
+#[must_use]
+pub fn axes(rows: &[Vec<f64>]) -> Vec<Axis> {
+    let matrix = DMatrix::from_fn(rows.len(), rows.len(), |row, column| rows[row][column]);
+    let found = SymmetricEigen::new(matrix);
+    let columns = found.eigenvectors.column_iter();
+    let pairs = found.eigenvalues.iter().zip(columns);
+    pairs
+        .map(|(value, direction)| Axis {
+            value: *value,
+            direction: direction.iter().copied().collect(),
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_axes_put_together_give_the_matrix_back(
+            entries in prop::collection::vec(-10.0..10.0f64, 15),
+            size in 1usize..=5,
+        ) {
+            let entry = |a: usize, b: usize| entries[a.max(b) * (a.max(b) + 1) / 2 + a.min(b)];
+            let rows: Vec<Vec<f64>> = (0..size)
+                .map(|row| (0..size).map(|column| entry(row, column)).collect())
+                .collect();
+            let axes = axes(&rows);
+            for place in 0..size * size {
+                let (row, column) = (place / size, place % size);
+                let products = || axes.iter().map(|a| a.direction[row] * a.direction[column]);
+                let unit: f64 = products().sum();
+                prop_assert!((unit - f64::from(row == column)).abs() < 1e-12);
+                let parts = axes.iter().zip(products());
+                let sum: f64 = parts.map(|(axis, product)| axis.value * product).sum();
+                prop_assert!((sum - rows[row][column]).abs() < 1e-11);
+            }
+        }
+    }
+
+    #[test]
+    fn a_matrix_of_zeros_has_axes_too() {
+        for size in 1..4 {
+            let axes = axes(&vec![vec![0.0; size]; size]);
+            assert_eq!(axes.len(), size);
+            assert!(axes.iter().all(|axis| axis.value == 0.0));
+        }
+    }
+}
