@@ -53,6 +53,7 @@ impl Figure {
         let missed = if reached { "" } else { "missed" };
         let decimals = match value.abs() {
             100.0.. => 0,
+            _ if value.fract() == 0.0 => 0,
             10.0.. => 1,
             _ => 2,
         };

@@ -31,6 +31,7 @@ fn main() {
     let as_json = std::env::args().any(|argument| argument == "--json");
     let figures = json!({
         "population": population::figures(),
+        "documents": population::documents(),
         "estimate": [estimate(Demo::A), estimate(Demo::D)],
         "ingest": ingest(),
     });

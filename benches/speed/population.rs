@@ -2,7 +2,7 @@
 
 use super::{RUNS, SEED, shortest};
 use greybox::demo::{self, Demo};
-use greybox::model::{Catalogue, Model};
+use greybox::model::{Catalogue, Model, document};
 use greybox::simulation::batch::{self, Run, Sink};
 use greybox::simulation::lanes::Lanes;
 use greybox::simulation::{Accuracy, Candidate, Excitation};
@@ -48,6 +48,17 @@ struct Work<'a> {
 }
 
 impl Bench {
+    /// The same with the servo written as a document.
+    fn written() -> Bench {
+        let text = include_str!("../../tests/documents/models/single_rod_servo.json");
+        let document = serde_json::from_str(text).expect("a document of the tests is JSON");
+        let read = document::read(&document).expect("a document of the tests is sound");
+        Bench {
+            model: std::sync::Arc::new(read.model),
+            ..Bench::new()
+        }
+    }
+
     fn new() -> Bench {
         let recording = demo::recording(Demo::A, SEED);
         let models = Catalogue::built_in();
@@ -138,6 +149,46 @@ impl Bench {
         let (seconds, (_, derivatives)) = pool.install(|| shortest(RUNS, || self.simulate(work)));
         (seconds, derivatives)
     }
+}
+
+/// What the document of the servo always computes, and the servo in Rust only where it is there.
+const EFFECTS: [(&str, f64); 7] = [
+    ("coulomb_friction", 100.0),
+    ("stribeck_friction", 30.0),
+    ("dead_band", 0.02),
+    ("internal_leakage", 1e-12),
+    ("external_leakage", 1e-13),
+    ("air_fraction", 0.002),
+    ("supply_droop", 1e8),
+];
+
+/// A derivative of the servo in Rust, and of the servo that a user has written, on one core.
+pub fn documents() -> Value {
+    let compared = |effects: &[(&str, f64)]| {
+        let nanoseconds = [Bench::new(), Bench::written()].map(|bench| {
+            let mut candidates = bench.candidates(CANDIDATES);
+            for (name, value) in effects {
+                let place = bench.model.description().parameter_index(name);
+                let place = place.expect("a parameter of the servo");
+                for candidate in &mut candidates {
+                    candidate[place] = *value;
+                }
+            }
+            let work = Work {
+                candidates: &candidates,
+                samples: bench.reference[0].len(),
+                step: Accuracy::Full.step_times_rate(),
+            };
+            let (seconds, derivatives) = bench.timed(&work, 1);
+            1e9 * seconds / derivatives as f64
+        });
+        json!({
+            "rust_nanoseconds_per_derivative": nanoseconds[0],
+            "document_nanoseconds_per_derivative": nanoseconds[1],
+            "ratio": nanoseconds[1] / nanoseconds[0],
+        })
+    };
+    json!({"every_effect": compared(&EFFECTS), "effects_of_recording_a": compared(&[])})
 }
 
 /// Time, work and error at three accuracies; growth with samples and with candidates.

@@ -150,7 +150,11 @@ fn estimates_csv(outcome: &Outcome) -> String {
     );
     let parameters = outcome.parameters.iter().map(|parameter| {
         let named = (&parameter.name, &parameter.unit, &parameter.estimate);
-        (named, String::new())
+        let experiment = parameter.experiment;
+        (
+            named,
+            experiment.map_or_else(String::new, |place| place.to_string()),
+        )
     });
     let states = outcome.initial_states.iter().map(|state| {
         let named = (&state.state, &state.unit, &state.estimate);

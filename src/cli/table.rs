@@ -33,7 +33,7 @@ fn estimates(outcome: &Outcome, truths: Option<&[(String, f64)]>) -> String {
             let of_name = truths.iter().find(|(name, _)| *name == parameter.name);
             of_name.map(|(_, value)| *value)
         });
-        let name = format!("{} ({})", parameter.name, parameter.symbol);
+        let name = parameter.label();
         table.add_row(row(name, &parameter.unit, &parameter.estimate, truth));
     }
     for state in &outcome.initial_states {

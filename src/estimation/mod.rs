@@ -19,6 +19,7 @@ pub mod climb;
 pub mod cma_es;
 pub mod differential;
 pub mod leaders;
+pub mod loss;
 pub mod memory;
 pub mod objective;
 pub mod observer;

@@ -2,9 +2,11 @@
 //!
 //! A residual is measured − simulated, divided by its output's residual scale. The error of a
 //! block is the root mean square of its residuals (the paper's `|E_s^k|`, Eq. 10); the cost is
-//! their mean square over all the data that are estimated from. Missing samples count nowhere.
+//! their mean square over all the data that are estimated from. Where the job asks for another
+//! loss than the square ([`loss`](super::loss)), that loss stands in the place of the square. Missing samples count nowhere.
 //! Errors are summed while the simulation runs; no trajectory is stored.
 
+use super::loss::Loss;
 use super::problem::{Experiment, Extent, Problem, Spelled};
 use crate::simulation::batch::{self, Sink};
 use crate::simulation::lanes::{LANES, Lanes};
@@ -79,6 +81,7 @@ impl Objective {
             outputs: problem.outputs.iter().map(|output| output.index).collect(),
             n_outputs: problem.model.description().outputs.len(),
             weights: &self.weights,
+            loss: problem.loss,
             block_samples: self.block_samples,
             sums: vec![Lanes([0.0; LANES]); self.counts[run].len()],
         };
@@ -112,6 +115,7 @@ struct SquareSums<'a> {
     outputs: Vec<usize>,
     n_outputs: usize,
     weights: &'a [f64],
+    loss: Loss,
     block_samples: usize,
     sums: Vec<Lanes>,
 }
@@ -124,7 +128,7 @@ impl Sink for SquareSums<'_> {
             let measured = self.experiment.measured.iter().map(|values| values[sample]);
             let outputs = self.outputs.iter().zip(measured).zip(self.weights);
             for ((&output, measured), weight) in outputs.filter(|((_, y), _)| !y.is_nan()) {
-                let residual = row[output].map(|value| (measured - value) * weight);
+                let residual = row[output].map(|value| self.loss.bent((measured - value) * weight));
                 *sum += residual * residual;
             }
         }

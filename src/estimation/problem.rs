@@ -1,10 +1,11 @@
 //! What is estimated: a model, the experiments that it shall explain, and which of its numbers
 //! are unknown.
 //!
-//! The unknowns are *coordinates*: parameters shared by all experiments and initial states of
-//! single experiments. A candidate is a vector of *positions*, one for each coordinate, from 0
+//! The unknowns are *coordinates*: parameters shared by all experiments, parameters of single
+//! experiments, and initial states of single experiments. A candidate is a vector of *positions*, one for each coordinate, from 0
 //! (lower bound) to 1 (upper bound) along the coordinate's scale.
 
+use super::loss::Loss;
 use crate::model::{Model, Scale};
 use crate::simulation::batch::Run;
 use crate::simulation::{Accuracy, Candidate, Excitation};
@@ -13,6 +14,8 @@ use std::sync::Arc;
 /// One experiment, uniform and in SI units.
 #[derive(Clone, Debug)]
 pub struct Experiment {
+    /// Its place among the experiments of the job; segments of one experiment share it.
+    pub place: usize,
     /// The time from one sample to the next `[s]`.
     pub sample_time: f64,
     /// How many samples.
@@ -28,6 +31,8 @@ pub struct Experiment {
     /// For each state of the model where it starts; none: where a coordinate or else the model
     /// says.
     pub initial_state: Vec<Option<f64>>,
+    /// Parameters that have a value of their own in this experiment, by their places.
+    pub parameters: Vec<(usize, f64)>,
 }
 
 /// An output that is measured in at least one experiment.
@@ -49,8 +54,16 @@ pub struct MeasuredOutput {
 /// What a coordinate stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// A parameter, by its place in the model's description.
+    /// A parameter that all experiments share but those with a value of their own, by its place
+    /// in the model's description.
     Parameter(usize),
+    /// A parameter of one experiment, both by their places.
+    ExperimentParameter {
+        /// The experiment.
+        experiment: usize,
+        /// The parameter.
+        parameter: usize,
+    },
     /// A state at the first sample of an experiment, both by their places.
     InitialState {
         /// The experiment.
@@ -60,11 +73,26 @@ pub enum Target {
     },
 }
 
+impl Target {
+    /// The experiment that it belongs to; none: all of them.
+    #[must_use]
+    pub fn experiment(self) -> Option<usize> {
+        match self {
+            Target::Parameter(_) => None,
+            Target::ExperimentParameter { experiment, .. }
+            | Target::InitialState { experiment, .. } => Some(experiment),
+        }
+    }
+}
+
 /// One unknown number.
 #[derive(Clone, Debug)]
 pub struct Coordinate {
-    /// Its name: the parameter's, or the state's.
+    /// Its name, which no other coordinate has: the parameter's, or one made of the parameter's
+    /// or the state's and the experiment.
     pub name: String,
+    /// The name of the parameter or the state.
+    pub quantity: String,
     /// Its symbol in the equations.
     pub symbol: String,
     /// Its SI unit.
@@ -109,6 +137,8 @@ pub struct Problem {
     pub outputs: Vec<MeasuredOutput>,
     /// The experiments, at least one; shared by the problems that differ in something else.
     pub experiments: Arc<Vec<Experiment>>,
+    /// How much a residual counts.
+    pub loss: Loss,
 }
 
 /// A candidate spelled out for one experiment.
@@ -151,32 +181,36 @@ impl Problem {
     /// The candidate spelled out for an experiment.
     #[must_use]
     pub fn fill(&self, experiment: usize, positions: &[f64]) -> Filled {
+        let experiment = &self.experiments[experiment];
         let mut filled = Filled {
             parameters: self.parameters.clone(),
-            initial_state: self.experiments[experiment].initial_state.clone(),
+            initial_state: experiment.initial_state.clone(),
         };
-        for (coordinate, position) in self.coordinates.iter().zip(positions) {
+        let pairs = self.coordinates.iter().zip(positions);
+        let mut own = experiment.parameters.clone();
+        for (coordinate, position) in pairs {
             let value = coordinate.value(*position);
             match coordinate.target {
                 Target::Parameter(index) => filled.parameters[index] = value,
-                Target::InitialState {
-                    experiment: of,
-                    state,
-                } if of == experiment => {
-                    filled.initial_state[state] = Some(value);
+                target if target.experiment() != Some(experiment.place) => {}
+                Target::ExperimentParameter { parameter, .. } => own.push((parameter, value)),
+                Target::InitialState { state, .. } => {
+                    filled.initial_state[state].get_or_insert(value);
                 }
-                Target::InitialState { .. } => {}
             }
+        }
+        for (parameter, value) in own {
+            filled.parameters[parameter] = value;
         }
         filled
     }
 
-    /// The candidate's fastest rate that a step must resolve [1/s].
+    /// The fastest rate that a step must resolve for the candidate in any experiment [1/s].
     #[must_use]
     pub fn resolved_rate(&self, positions: &[f64]) -> f64 {
-        self.model
-            .plant()
-            .resolved_rate(&self.fill(0, positions).parameters)
+        let plant = self.model.plant();
+        let rate = |experiment| plant.resolved_rate(&self.fill(experiment, positions).parameters);
+        (0..self.experiments.len()).map(rate).fold(0.0, f64::max)
     }
 
     /// Residuals at hand: samples that are there, over all outputs and experiments, in the part

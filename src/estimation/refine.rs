@@ -89,9 +89,11 @@ impl Linearisation {
     fn of(around: &Neighbourhood<'_>) -> Result<Linearisation, Failure> {
         let mut rows = Rows::new(around.n_columns());
         let mut sum = 0.0;
+        let loss = around.loss();
         around.visit(|row| {
-            rows.add(row.derivatives.iter().copied(), row.residual);
-            sum += row.residual * row.residual;
+            let (residual, slope) = (loss.bent(row.residual), loss.slope(row.residual));
+            rows.add(row.derivatives.iter().map(|d| d * slope), residual);
+            sum += residual * residual;
         })?;
         let triangle = rows.finish();
         let cost = sum / triangle.rows() as f64;

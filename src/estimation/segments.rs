@@ -97,6 +97,7 @@ fn cut(
     }
     let part = |values: &Vec<f64>| values[from..from + length].to_vec();
     Some(Experiment {
+        place: experiment.place,
         sample_time: experiment.sample_time,
         samples: length,
         estimation_samples: length,
@@ -104,5 +105,6 @@ fn cut(
         inputs: experiment.inputs.iter().map(part).collect(),
         measured: experiment.measured.iter().map(part).collect(),
         initial_state: start.into_iter().map(Some).collect(),
+        parameters: experiment.parameters.clone(),
     })
 }

@@ -5,6 +5,7 @@
 //! differences are those of the equations and not of the step control. Positions, not values,
 //! are shifted: what comes out is ∂residual/∂position.
 
+use super::loss::Loss;
 use super::problem::{Extent, Problem, Spelled};
 use crate::simulation::batch::{self, Sink};
 use crate::simulation::lanes::Lanes;
@@ -166,6 +167,12 @@ impl<'a> Neighbourhood<'a> {
         })
     }
 
+    /// How much a residual counts.
+    #[must_use]
+    pub fn loss(&self) -> Loss {
+        self.problem.loss
+    }
+
     /// How many derivatives each residual has.
     #[must_use]
     pub fn n_columns(&self) -> usize {
@@ -213,6 +220,7 @@ impl<'a> Neighbourhood<'a> {
             return f64::INFINITY;
         }
         let residuals = places(self.problem).filter_map(|place| self.residual(member, place));
+        let residuals = residuals.map(|residual| self.problem.loss.bent(residual));
         let (sum, count) = residuals.fold((0.0, 0_usize), |(sum, count), residual| {
             (sum + residual * residual, count + 1)
         });

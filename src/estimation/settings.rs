@@ -101,6 +101,10 @@ pub struct Settings {
     pub noise_floor: bool,
     /// Stop at this cost.
     pub cost_target: Option<f64>,
+    /// A residual larger than so many times the declared noise counts linearly and not squared
+    /// (Huber's loss), 0.5 to 100; absent: all count squared. For recordings with outliers; every
+    /// measured output needs its `noise_std`. 1.345 costs 5 % of efficiency where there are none.
+    pub huber_threshold: Option<f64>,
     /// Independent searches, 1 to 32. With more than one the best candidate of each is refined,
     /// and the result shows how far they agree. `multistart_lm` begins so many times as often.
     pub restarts: u32,
@@ -132,6 +136,7 @@ impl Default for Settings {
             stagnation_generations: 10,
             noise_floor: true,
             cost_target: None,
+            huber_threshold: None,
             restarts: 1,
             refine: true,
             refine_candidates: 3,

@@ -12,12 +12,13 @@ pub use outcome::{Origin, outcome};
 pub use preflight::{Finding, Preflight, preflight};
 pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};
 
-use super::spec::{JobSpec, ParameterSpec};
+use super::spec::{FreeParameter, JobSpec, ParameterSpec};
 use crate::dataset::Recording;
 use crate::document::fault::{Fault, pointer_to};
 use crate::estimation::Problem;
+use crate::estimation::loss::Loss;
 use crate::estimation::problem::{Coordinate, MeasuredOutput, Target};
-use crate::model::{Model, ModelDescription};
+use crate::model::{Model, ModelDescription, ParameterDescription};
 use crate::numerics::statistics;
 use experiment::Cut;
 use std::sync::Arc;
@@ -51,6 +52,7 @@ pub fn problem(
             outputs: &outputs,
             validation_fraction: spec.validation.fraction,
             pointer: &pointer,
+            place: index,
         };
         match cutter.cut(experiment, recording) {
             Ok(cut) => cuts.push(cut),
@@ -80,6 +82,10 @@ pub fn problem(
         coordinates,
         outputs,
         experiments,
+        loss: spec
+            .method
+            .huber_threshold
+            .map_or(Loss::Squared, Loss::Huber),
     };
     if problem.n_residuals() <= problem.coordinates.len() {
         let detail = format!(
@@ -132,26 +138,53 @@ fn scaled(mut outputs: Vec<MeasuredOutput>, spec: &JobSpec, cuts: &[Cut]) -> Vec
     outputs
 }
 
-/// A value for each parameter, and the free ones as coordinates.
+/// A value for each parameter, and the free ones as coordinates: those that experiments share
+/// first, then those of single experiments.
 fn parameters(spec: &JobSpec, description: &ModelDescription) -> (Vec<f64>, Vec<Coordinate>) {
     let mut values = description.defaults();
     let mut coordinates = Vec::new();
     for (index, parameter) in description.parameters.iter().enumerate() {
         match spec.parameters.get(&*parameter.name) {
             Some(ParameterSpec::Fixed(fixed)) => values[index] = fixed.value,
-            Some(ParameterSpec::Free(free)) => coordinates.push(Coordinate {
-                name: parameter.name.to_string(),
-                symbol: parameter.symbol.to_string(),
-                unit: parameter.unit.to_string(),
-                target: Target::Parameter(index),
-                lower: free.estimate.lower,
-                upper: free.estimate.upper,
-                scale: free.estimate.scale,
-            }),
-            None => {}
+            Some(ParameterSpec::Free(free)) if spec.shares(&parameter.name) => {
+                let target = Target::Parameter(index);
+                coordinates.push(coordinate(parameter, free, target));
+            }
+            _ => {}
+        }
+    }
+    for (experiment, own) in spec.experiments.iter().enumerate() {
+        for (index, parameter) in description.parameters.iter().enumerate() {
+            if let Some(ParameterSpec::Free(free)) = own.parameters.get(&*parameter.name) {
+                let target = Target::ExperimentParameter {
+                    experiment,
+                    parameter: index,
+                };
+                coordinates.push(coordinate(parameter, free, target));
+            }
         }
     }
     (values, coordinates)
+}
+
+fn coordinate(
+    parameter: &ParameterDescription,
+    free: &FreeParameter,
+    target: Target,
+) -> Coordinate {
+    Coordinate {
+        name: match target.experiment() {
+            None => parameter.name.to_string(),
+            Some(experiment) => format!("{}[{experiment}]", parameter.name),
+        },
+        quantity: parameter.name.to_string(),
+        symbol: parameter.symbol.to_string(),
+        unit: parameter.unit.to_string(),
+        target,
+        lower: free.estimate.lower,
+        upper: free.estimate.upper,
+        scale: free.estimate.scale,
+    }
 }
 
 /// The place of an experiment's signal in the specification.

@@ -89,6 +89,11 @@ pub struct ParameterEstimate {
     /// The name in the job, e.g. `mass`.
     #[schema(example = "mass")]
     pub name: String,
+    /// The experiment whose value it is, counted from 0 in the order of the job; absent where
+    /// experiments share it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub experiment: Option<usize>,
     /// The symbol in the equations.
     #[schema(example = "M")]
     pub symbol: String,
@@ -98,6 +103,18 @@ pub struct ParameterEstimate {
     /// What is known about its value.
     #[serde(flatten)]
     pub estimate: Estimate,
+}
+
+impl ParameterEstimate {
+    /// What it is called in tables, e.g. `mass (M)`.
+    #[must_use]
+    pub fn label(&self) -> String {
+        let label = format!("{} ({})", self.name, self.symbol);
+        match self.experiment {
+            None => label,
+            Some(experiment) => format!("{label} in experiment {experiment}"),
+        }
+    }
 }
 
 /// One estimated initial state.
@@ -224,6 +241,11 @@ pub struct ResidualReport {
     pub white: Option<bool>,
     /// How many independent residuals they are worth.
     pub effective_samples: Option<f64>,
+    /// Residuals beyond `method.huber_threshold`, which counted less than their square; absent
+    /// where all counted squared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub outliers: Option<u64>,
     /// For each input that varies, how the residuals follow it.
     #[serde(default)]
     pub inputs: BTreeMap<String, InputCorrelation>,
@@ -357,6 +379,7 @@ mod tests {
     #[test]
     fn an_estimate_stands_beside_its_name_as_the_contract_shows_it() {
         let parameter = ParameterEstimate {
+            experiment: None,
             name: "mass".into(),
             symbol: "M".into(),
             unit: "kg".into(),

@@ -25,6 +25,7 @@ mod method;
 mod model;
 mod model_search;
 mod outputs;
+mod own_parameters;
 mod parameter;
 
 pub mod simulation;
@@ -136,6 +137,11 @@ pub struct ExperimentSpec {
     /// By the model's name, where each state starts; left out, as the model says.
     #[serde(default)]
     pub initial_state: BTreeMap<String, InitialStateSpec>,
+    /// By the model's name, parameters that are this experiment's own: another load, an offset or
+    /// a dead time of its own. A value, or a range to look in; all others are those of the job.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schema(example = json!({"load_force": {"value": 200.0}}))]
+    pub parameters: BTreeMap<String, ParameterSpec>,
     /// What it is for.
     #[serde(default)]
     #[schema(required = false)]
@@ -312,6 +318,13 @@ impl JobSpec {
         }
     }
 
+    /// Whether an experiment that is estimated from takes the job's value of a parameter, and not
+    /// one of its own.
+    #[must_use]
+    pub fn shares(&self, parameter: &str) -> bool {
+        own_parameters::shares(&self.experiments, parameter)
+    }
+
     /// What is asked about the estimate, once it stands.
     #[must_use]
     pub fn request(&self) -> uncertainty::Request {
@@ -380,6 +393,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let seed = root
         .optional("seed")
         .map_or_else(|| Some(drawn_seed()), |field| field.integer(0, MAX_SEED));
+    own_parameters::check(&root, &experiments, &parameters, model_search.as_ref());
     if let (Some(model), Some(parameters), Some(experiments)) = (model, &parameters, &experiments)
         && !anything_free(model, parameters, experiments)
     {
@@ -387,23 +401,30 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
                       estimate; free one with {\"estimate\": {}}";
         root.fault("nothing_to_estimate", detail);
     }
+    let complete = || {
+        Some(JobSpec {
+            name,
+            labels: labels.unwrap_or_default(),
+            model: model?.name.to_string(),
+            experiments: experiments?,
+            parameters: parameters?,
+            outputs: outputs.unwrap_or_default(),
+            method: method.unwrap_or_default(),
+            model_search,
+            uncertainty: uncertainty.unwrap_or_default(),
+            validation: validation.unwrap_or_default(),
+            limits: limits.unwrap_or(LimitsSpec {
+                max_duration_s: DEFAULT_MAX_DURATION_S.min(context.max_duration_s),
+            }),
+            seed: seed?,
+        })
+    };
+    let spec = complete();
+    if let (Some(spec), Some(model)) = (&spec, model) {
+        method::check_loss(&root, spec, model);
+    }
     root.finish();
-    Some(JobSpec {
-        name,
-        labels: labels.unwrap_or_default(),
-        model: model?.name.to_string(),
-        experiments: experiments?,
-        parameters: parameters?,
-        outputs: outputs.unwrap_or_default(),
-        method: method.unwrap_or_default(),
-        model_search,
-        uncertainty: uncertainty.unwrap_or_default(),
-        validation: validation.unwrap_or_default(),
-        limits: limits.unwrap_or(LimitsSpec {
-            max_duration_s: DEFAULT_MAX_DURATION_S.min(context.max_duration_s),
-        }),
-        seed: seed?,
-    })
+    spec
 }
 
 fn read_validation(field: &Field<'_>) -> ValidationSpec {
@@ -449,8 +470,12 @@ fn anything_free(
                 None => state.initial.is_estimated(),
             })
     };
-    let mut said = parameters.values();
-    said.any(|p| matches!(p, ParameterSpec::Free(_))) || experiments.iter().any(free_state)
+    let is_free = |said: &ParameterSpec| matches!(said, ParameterSpec::Free(_));
+    let mut said = parameters.iter();
+    let mut own = experiments.iter().flat_map(|e| e.parameters.values());
+    said.any(|(name, said)| is_free(said) && own_parameters::shares(experiments, name))
+        || own.any(is_free)
+        || experiments.iter().any(free_state)
 }
 
 /// A seed for a job that brings none, from the random bits of a fresh identifier.

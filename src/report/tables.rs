@@ -12,7 +12,7 @@ pub fn estimates(page: &mut String, outcome: &Outcome) {
          <th>searched</th><th>change of outputs at +100 %</th></tr>\n",
     );
     for parameter in &outcome.parameters {
-        let name = format!("{} ({})", parameter.name, parameter.symbol);
+        let name = parameter.label();
         row(page, &name, &parameter.unit, &parameter.estimate);
     }
     for state in &outcome.initial_states {
@@ -107,10 +107,13 @@ pub fn fit(page: &mut String, outcome: &Outcome) {
                 format!("{}: {word} ({correlation})", escape(input))
             })
             .collect();
+        let outliers = report
+            .outliers
+            .map_or_else(String::new, |count| format!("<br>{count} outliers"));
         push(
             page,
             format_args!(
-                "<tr><td>{}</td><td>{} ({})</td><td>{}</td><td>{}</td><td>{white}</td>\
+                "<tr><td>{}</td><td>{} ({}){outliers}</td><td>{}</td><td>{}</td><td>{white}</td>\
                  <td class=\"words\">{}</td></tr>\n",
                 escape(output),
                 significant(report.noise_std, 3),

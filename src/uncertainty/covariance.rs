@@ -7,7 +7,8 @@
 //! record (the sandwich form; P. J. Huber 1967, with batch means for its middle). Several block
 //! lengths are tried and the widest result is taken, never narrower than the Fisher one.
 //!
-//! The noise of an output is the declared one, or larger where the residuals are larger.
+//! The noise of an output is the declared one, or larger where the residuals are larger. Under
+//! Huber's loss the score of a residual stands in the place of the residual (see `residuals`).
 
 use super::residuals::ResidualReport;
 use crate::estimation::problem::Problem;
@@ -114,7 +115,8 @@ pub fn linearise(
     let mut gathered = Gathered::new(positions.len(), problem.n_residuals());
     let mut slopes = Slopes::new(positions.len(), problem.outputs.len());
     sensitivity::visit_rows(problem, positions, Accuracy::Full, stop, |row| {
-        gathered.add(row.derivatives, row.residual, weights[row.output]);
+        let score = problem.loss.score(row.residual) / residuals[row.output].inlier_share;
+        gathered.add(row.derivatives, score, weights[row.output]);
         slopes.add(&row);
     })?;
     let (triangle, sums) = gathered.finish();

@@ -20,6 +20,7 @@ pub mod verdict;
 pub use selection::{Conclusion, conclude};
 pub use settings::{Intervals, Settings};
 
+use crate::estimation::loss::Loss;
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
 use crate::estimation::sensitivity::SensitivityError;
@@ -120,7 +121,11 @@ pub fn analyse(
     };
     let estimation_fit = fit::of(problem, &trajectories, fit::Part::Estimation);
     let validation_fit = fit::of(problem, &trajectories, fit::Part::Validation);
-    let criteria = fit::criteria(&estimation_fit, problem.coordinates.len());
+    // They compare likelihoods of normal noise.
+    let criteria = match problem.loss {
+        Loss::Squared => fit::criteria(&estimation_fit, problem.coordinates.len()),
+        Loss::Huber(_) => None,
+    };
     let mut analysis = Analysis {
         coordinates: linearised.coordinates,
         correlation: linearised.correlation,

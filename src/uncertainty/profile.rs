@@ -227,6 +227,13 @@ fn hold(reduced: &mut Problem, problem: &Problem, coordinate: usize, position: f
     let value = held.value(position);
     match held.target {
         Target::Parameter(index) => reduced.parameters[index] = value,
+        Target::ExperimentParameter {
+            experiment,
+            parameter,
+        } => {
+            let experiments = Arc::make_mut(&mut reduced.experiments);
+            experiments[experiment].parameters.push((parameter, value));
+        }
         Target::InitialState { experiment, state } => {
             let experiments = Arc::make_mut(&mut reduced.experiments);
             experiments[experiment].initial_state[state] = Some(value);

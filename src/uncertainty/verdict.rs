@@ -115,7 +115,7 @@ fn check_coordinates(verdict: &mut Verdict, problem: &Problem, analysis: &Analys
     for (coordinate, known) in problem.coordinates.iter().zip(&analysis.coordinates) {
         // Where the record starts is not what the job is for.
         let trust = match coordinate.target {
-            Target::Parameter(_) => Trust::Low,
+            Target::Parameter(_) | Target::ExperimentParameter { .. } => Trust::Low,
             Target::InitialState { .. } => Trust::Moderate,
         };
         if known.at_bound {

@@ -8,6 +8,7 @@
 mod effects;
 mod intervals;
 mod joint;
+mod outliers;
 mod rivals;
 mod run;
 

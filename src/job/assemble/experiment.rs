@@ -4,7 +4,7 @@ use super::{Finding, signal_pointer};
 use crate::dataset::{Recording, Split, Window};
 use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Target};
 use crate::job::fault::Fault;
-use crate::job::spec::{ExperimentRole, ExperimentSpec, InitialStateSpec};
+use crate::job::spec::{ExperimentRole, ExperimentSpec, InitialStateSpec, ParameterSpec};
 use crate::model::{InitialState, ModelDescription, Scale};
 use crate::numerics::statistics;
 use std::borrow::Cow;
@@ -23,6 +23,8 @@ pub(super) struct Cutter<'a> {
     pub outputs: &'a [MeasuredOutput],
     pub validation_fraction: f64,
     pub pointer: &'a str,
+    /// The place of the experiment in the job.
+    pub place: usize,
 }
 
 /// An experiment that has been cut.
@@ -52,6 +54,7 @@ impl FreeState {
         };
         Coordinate {
             name,
+            quantity: state.name.to_string(),
             symbol: format!("{}(0)", state.name),
             unit: state.unit.to_string(),
             target: Target::InitialState {
@@ -121,6 +124,7 @@ impl Cutter<'_> {
             return Err(faults);
         }
         let mut experiment = Experiment {
+            place: self.place,
             sample_time: data.sample_time,
             samples: data.samples,
             estimation_samples: match spec.role {
@@ -131,6 +135,7 @@ impl Cutter<'_> {
             inputs,
             measured,
             initial_state: vec![None; self.description.states.len()],
+            parameters: self.own_values(spec),
         };
         let free_states = self.settle_start(spec, &mut experiment);
         Ok(Cut {
@@ -138,6 +143,20 @@ impl Cutter<'_> {
             free_states,
             findings,
         })
+    }
+
+    /// The parameters that have a known value of their own in this experiment.
+    fn own_values(&self, spec: &ExperimentSpec) -> Vec<(usize, f64)> {
+        let fixed = spec
+            .parameters
+            .iter()
+            .filter_map(|(name, said)| match said {
+                ParameterSpec::Fixed(fixed) => Some((name, fixed.value)),
+                ParameterSpec::Free(_) => None,
+            });
+        fixed
+            .filter_map(|(name, value)| Some((self.description.parameter_index(name)?, value)))
+            .collect()
     }
 
     /// The samples of each input, their holes bridged.

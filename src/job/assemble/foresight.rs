@@ -1,6 +1,7 @@
 //! What a job's data could fix, said before the job runs.
 
 use super::{Assembly, Finding, preflight};
+use crate::document::fault::pointer_to;
 use crate::estimation::Settings;
 use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::simulation::Accuracy;
@@ -106,10 +107,7 @@ fn unseen(problem: &Problem, flat: &[FlatDirection]) -> impl Iterator<Item = Fin
 fn prediction(coordinate: &Coordinate, foreseen: &Foreseen) -> Prediction {
     Prediction {
         name: coordinate.name.clone(),
-        experiment: match coordinate.target {
-            Target::Parameter(_) => None,
-            Target::InitialState { experiment, .. } => Some(experiment),
-        },
+        experiment: coordinate.target.experiment(),
         unit: coordinate.unit.clone(),
         standard_error: foreseen.standard_error,
         share_of_range: foreseen.share_of_range.map(|(low, high)| [low, high]),
@@ -119,6 +117,10 @@ fn prediction(coordinate: &Coordinate, foreseen: &Foreseen) -> Prediction {
 fn pointer_of(coordinate: &Coordinate) -> String {
     match coordinate.target {
         Target::Parameter(_) => format!("/parameters/{}", coordinate.name),
+        Target::ExperimentParameter { experiment, .. } => pointer_to(
+            &format!("/experiments/{experiment}/parameters"),
+            &coordinate.quantity,
+        ),
         Target::InitialState { experiment, .. } => {
             format!("/experiments/{experiment}/initial_state")
         }

@@ -111,19 +111,21 @@ fn estimates(
         let mut estimate = estimate(coordinate, report.values[index], known, missing);
         let names = problem.outputs.iter().map(|output| output.name.clone());
         estimate.output_change = names.zip(known.output_changes.iter().copied()).collect();
-        let (name, unit) = (coordinate.name.clone(), coordinate.unit.clone());
+        let unit = coordinate.unit.clone();
         match coordinate.target {
-            Target::Parameter(_) => parameters.push(ParameterEstimate {
-                name,
-                symbol: coordinate.symbol.clone(),
-                unit,
-                estimate,
-            }),
-            Target::InitialState { experiment, state } => {
-                let state = problem.model.description().states[state].name.to_string();
+            Target::Parameter(_) | Target::ExperimentParameter { .. } => {
+                parameters.push(ParameterEstimate {
+                    name: coordinate.quantity.clone(),
+                    experiment: coordinate.target.experiment(),
+                    symbol: coordinate.symbol.clone(),
+                    unit,
+                    estimate,
+                })
+            }
+            Target::InitialState { experiment, .. } => {
                 initial_states.push(InitialStateEstimate {
                     experiment,
-                    state,
+                    state: coordinate.quantity.clone(),
                     unit,
                     estimate,
                 });
@@ -199,6 +201,7 @@ fn residuals(problem: &Problem, analysis: &Analysis) -> BTreeMap<String, Residua
                 lag_1_autocorrelation: report.lag_1_autocorrelation.and_then(finite),
                 white: report.white,
                 effective_samples: report.effective_samples.and_then(finite),
+                outliers: report.outliers.map(|outliers| outliers as u64),
                 inputs: report.inputs.iter().map(input_correlation).collect(),
             };
             (output.name.clone(), entry)
@@ -224,9 +227,9 @@ fn criteria(report: &Report, analysis: &Analysis) -> Criteria {
         aicc: known.map(|criteria| criteria.aicc),
         bic: known.map(|criteria| criteria.bic),
         fpe: known.and_then(|criteria| finite(criteria.fpe)),
-        reason: known
-            .is_none()
-            .then(|| "too few samples, or a simulation that fails or fits exactly".to_owned()),
+        reason: known.is_none().then(|| {
+            "too few samples, a simulation that fails or fits exactly, or Huber's loss".to_owned()
+        }),
     }
 }
 

@@ -92,13 +92,12 @@ pub fn trajectory(
 
 /// Whether the result has an estimate of it: an effect that the data do not support has none.
 fn is_estimated(coordinate: &Coordinate, outcome: &Outcome) -> bool {
-    match coordinate.target {
-        Target::Parameter(_) => {
-            let mut estimated = outcome.parameters.iter();
-            estimated.any(|parameter| parameter.name == coordinate.name)
-        }
-        Target::InitialState { .. } => true,
-    }
+    let is_state = matches!(coordinate.target, Target::InitialState { .. });
+    let mut estimated = outcome.parameters.iter();
+    is_state
+        || estimated.any(|known| {
+            known.experiment == coordinate.target.experiment() && known.name == coordinate.quantity
+        })
 }
 
 fn positions(problem: &Problem, outcome: &Outcome) -> Vec<f64> {

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::{
     ExperimentRole, ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec,
-    MAX_EXPERIMENTS, StateRange, WindowSpec,
+    MAX_EXPERIMENTS, ParameterSpec, StateRange, WindowSpec, parameter,
 };
 use crate::dataset::Summary;
 use crate::document::reader::{Field, Object, did_you_mean, listed};
@@ -82,6 +82,17 @@ fn read(
         ])
     });
     let role = role.unwrap_or_default();
+    let parameters = object.optional("parameters");
+    let parameters = match (&parameters, model) {
+        (Some(field), Some(model)) => parameter::read_named(field, model),
+        _ => BTreeMap::new(),
+    };
+    let is_unknown = |said: &ParameterSpec| matches!(said, ParameterSpec::Free(_));
+    if role == ExperimentRole::Validation && parameters.values().any(is_unknown) {
+        let detail = "an experiment that only validates has nothing to estimate its own \
+                      parameters from: give their values";
+        object.fault("contradiction", detail);
+    }
     let is_free = |start: &InitialStateSpec| matches!(start, InitialStateSpec::Free(_));
     if role == ExperimentRole::Validation && initial_state.values().any(is_free) {
         let detail = "an experiment that only validates has nothing to estimate its start from: \
@@ -94,6 +105,7 @@ fn read(
         signals: signals?,
         window: window.flatten(),
         initial_state,
+        parameters,
         role,
     })
 }

@@ -4,9 +4,12 @@ use serde::de::DeserializeOwned;
 use serde::de::IntoDeserializer;
 use serde::de::value::StrDeserializer;
 
+use super::JobSpec;
 use crate::document::reader::{Field, Object};
 use crate::estimation::Settings;
+use crate::model::ModelDescription;
 use crate::uncertainty;
+use crate::uncertainty::settings::Intervals;
 
 /// The settings; what the section leaves out is the method's default.
 pub(super) fn read(field: &Field<'_>) -> Settings {
@@ -60,6 +63,10 @@ pub(super) fn read(field: &Field<'_>) -> Settings {
     if section.number("cost_target", 0.0..=f64::INFINITY, &mut cost_target) {
         settings.cost_target = Some(cost_target);
     }
+    let mut huber_threshold = 0.0;
+    if section.number("huber_threshold", 0.5..=100.0, &mut huber_threshold) {
+        settings.huber_threshold = Some(huber_threshold);
+    }
     section.count("restarts", 1..=32, &mut settings.restarts);
     section.flag("refine", &mut settings.refine);
     section.count("refine_candidates", 1..=32, &mut settings.refine_candidates);
@@ -68,6 +75,40 @@ pub(super) fn read(field: &Field<'_>) -> Settings {
         field.fault("contradiction", detail);
     }
     settings
+}
+
+/// What Huber's loss asks of the rest of the job: a noise level to measure residuals by, and
+/// nothing that compares likelihoods.
+pub(super) fn check_loss(job: &Object<'_>, spec: &JobSpec, model: &ModelDescription) {
+    if spec.method.huber_threshold.is_none() {
+        return;
+    }
+    let is_measured = |name: &str| {
+        let mut experiments = spec.experiments.iter();
+        experiments.any(|experiment| experiment.signals.contains_key(name))
+    };
+    let has_noise = |name: &str| {
+        let known = spec.outputs.get(name);
+        known.is_some_and(|output| output.noise_std.is_some())
+    };
+    let outputs = model.outputs.iter().map(|output| &*output.name);
+    for output in outputs.filter(|name| is_measured(name) && !has_noise(name)) {
+        let detail = format!(
+            "`method.huber_threshold` counts in units of the noise: \
+             `outputs.{output}.noise_std` is needed"
+        );
+        job.fault("missing_field", detail);
+    }
+    if spec.model_search.is_some() {
+        let detail = "`model_search` compares models by the likelihood of normal noise, which \
+                      `method.huber_threshold` gives up: leave one of them out";
+        job.fault("contradiction", detail);
+    }
+    if spec.uncertainty.intervals == Intervals::Profile {
+        let detail = "profile intervals follow the likelihood of normal noise, which \
+                      `method.huber_threshold` gives up: ask for `bootstrap`";
+        job.fault("contradiction", detail);
+    }
 }
 
 /// The settings of the uncertainty analysis.

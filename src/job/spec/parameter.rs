@@ -16,16 +16,27 @@ pub(super) fn read_all(
         .iter()
         .map(|parameter| (parameter.name.to_string(), by_default(parameter)))
         .collect();
-    let entries = section.and_then(|field| field.object());
-    for (name, field) in entries.map(|o| o.entries()).into_iter().flatten() {
+    if let Some(section) = section {
+        parameters.extend(read_named(section, model));
+    }
+    parameters
+}
+
+/// The parameters that a section names.
+pub(super) fn read_named(
+    section: &Field<'_>,
+    model: &ModelDescription,
+) -> BTreeMap<String, ParameterSpec> {
+    let mut named = BTreeMap::new();
+    for (name, field) in section.object().map(|o| o.entries()).into_iter().flatten() {
         let Some(index) = known(name, &field, model) else {
             continue;
         };
         if let Some(read) = read(&field, &model.parameters[index]) {
-            parameters.insert(name.to_owned(), read);
+            named.insert(name.to_owned(), read);
         }
     }
-    parameters
+    named
 }
 
 /// A value for each parameter, in the order of the model: a number or `{"value": …}`.

@@ -208,6 +208,61 @@ fn an_unknown_model_hides_no_fault_that_does_not_depend_on_it() {
 }
 
 #[test]
+fn what_is_an_experiments_own_must_be_estimable_and_mean_one_thing() {
+    let free = json!({"estimate": {"lower": 1, "upper": 2}});
+    let own = |role: &str, parameters: Value| json!({"dataset": DATASET, "role": role, "parameters": parameters});
+    let with = |experiments: Value, search: Value| {
+        faults(|document| {
+            document["experiments"] = experiments;
+            document["parameters"] = json!({"mass": {"estimate": {}}});
+            if !search.is_null() {
+                document["model_search"] = search;
+            }
+        })
+    };
+    let unknown = json!([own("estimation", json!({"carts": {"value": 1}}))]);
+    let place = "/experiments/0/parameters/carts";
+    assert_eq!(
+        with(unknown, Value::Null),
+        [pair(place, "unknown_parameter")]
+    );
+    let validates = json!([
+        {"dataset": DATASET},
+        own("validation", json!({"load": free}))
+    ]);
+    let expected = [pair("/experiments/1", "contradiction")];
+    assert_eq!(with(validates, Value::Null), expected);
+    let unshared = json!([
+        own("estimation", json!({"mass": {"value": 2}, "load": free})),
+        {"dataset": DATASET, "role": "validation"}
+    ]);
+    assert_eq!(with(unshared, Value::Null), [pair("", "contradiction")]);
+    let effect = json!([own("estimation", json!({"load": free}))]);
+    let search = json!({"effects": ["load"]});
+    assert_eq!(with(effect, search), [pair("", "contradiction")]);
+}
+
+#[test]
+fn hubers_loss_needs_a_noise_level_and_no_likelihood() {
+    let with = |more: Value| {
+        faults(|document| {
+            document["method"] = json!({"huber_threshold": 1.5});
+            for (name, value) in more.as_object().unwrap() {
+                document[name] = value.clone();
+            }
+        })
+    };
+    assert_eq!(with(json!({})), [pair("", "missing_field")]);
+    let noise = json!({"position": {"noise_std": 1e-5}});
+    let profile = json!({"outputs": noise, "uncertainty": {"intervals": "profile"}});
+    assert_eq!(with(profile), [pair("", "contradiction")]);
+    let search = json!({"outputs": noise, "model_search": {"effects": ["load"]}});
+    assert_eq!(with(search), [pair("", "contradiction")]);
+    let tight = with(json!({"method": {"huber_threshold": 0.1}}));
+    assert_eq!(tight, [pair("/method/huber_threshold", "out_of_range")]);
+}
+
+#[test]
 fn a_job_does_not_read_more_than_memory_holds() {
     let mut summary = recording();
     summary.samples = 1_000_000;
