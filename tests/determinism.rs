@@ -44,8 +44,10 @@ fn problem(method: &str) -> (Problem, Settings) {
     let dataset = DatasetId::new();
     let mut document = demo::job(Demo::D);
     document["experiments"] = serde_json::json!([{ "dataset": dataset.to_string() }]);
+    // One refinement is like another: the rivals of the method go without.
     document["method"] = serde_json::json!({
-        "name": method, "generations": 12, "population": 12, "refine_candidates": 2
+        "name": method, "generations": 12, "population": 12, "refine_candidates": 2,
+        "refine": method == SEARCHES[0]
     });
     let catalogue = Catalogue::built_in();
     let datasets = HashMap::from([(dataset, recording.summary())]);
