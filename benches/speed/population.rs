@@ -170,7 +170,9 @@ pub fn documents() -> Value {
             let place = |name: &str| place(name).expect("a parameter of the servo");
             let mut candidates = bench.candidates(CANDIDATES);
             for candidate in &mut candidates {
-                effects.iter().for_each(|(name, value)| candidate[place(name)] = *value);
+                effects
+                    .iter()
+                    .for_each(|(name, value)| candidate[place(name)] = *value);
             }
             let work = Work {
                 candidates: &candidates,
