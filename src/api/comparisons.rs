@@ -305,7 +305,7 @@ fn seed_of(row: &JobRow) -> u64 {
 fn trial(row: &JobRow, outcome: Value) -> Option<Trial> {
     let outcome: Outcome = serde_json::from_value(outcome).ok()?;
     let estimates = outcome.parameters.iter();
-    let estimates = estimates.map(|known| (known.name.clone(), known.estimate.estimate));
+    let estimates = estimates.map(|known| (known.key(), known.estimate.estimate));
     let (started, finished) = (row.started_at?, row.finished_at?);
     Some(Trial {
         method: method_of(row),

@@ -106,6 +106,16 @@ pub struct ParameterEstimate {
 }
 
 impl ParameterEstimate {
+    /// A name that no other parameter of the result has: `mass`, or `load[1]` for the second
+    /// experiment's own.
+    #[must_use]
+    pub fn key(&self) -> String {
+        match self.experiment {
+            None => self.name.clone(),
+            Some(experiment) => format!("{}[{experiment}]", self.name),
+        }
+    }
+
     /// What it is called in tables, e.g. `mass (M)`.
     #[must_use]
     pub fn label(&self) -> String {

@@ -26,10 +26,13 @@ export function described(model, list, name) {
 
 // The parameters of the best candidate of a generation.
 export function bestTable(row, job, model) {
-  const rows = Object.entries(row.best ?? {}).map(([name, value]) => {
+  const rows = Object.entries(row.best ?? {}).map(([key, value]) => {
+    // `offset[1]` is the offset of the second experiment alone.
+    const [, name, experiment] = /^(.*?)(?:\[(\d+)\])?$/.exec(key);
     const about = described(model, "parameters", name);
-    const { lower, upper } = { ...about, ...job.spec?.parameters?.[name]?.estimate };
-    return [nameCell(words(name), about.symbol), number(value, 6), "–", "–", unitText(about.unit ?? ""),
+    const said = experiment === undefined ? job.spec : job.spec?.experiments?.[experiment];
+    const { lower, upper } = { ...about, ...said?.parameters?.[name]?.estimate };
+    return [nameCell(ofExperiment(name, experiment), about.symbol), number(value, 6), "–", "–", unitText(about.unit ?? ""),
       bounds(lower, upper), ""];
   });
   return table("Best parameters so far", ESTIMATE_COLUMNS, rows);
@@ -37,12 +40,17 @@ export function bestTable(row, job, model) {
 
 export function parameterTable(parameters) {
   return table("Estimated parameters", ESTIMATE_COLUMNS,
-    parameters.map((parameter) => estimateRow(words(parameter.name), parameter)), { empty: "No parameter was free." });
+    parameters.map((parameter) => estimateRow(ofExperiment(parameter.name, parameter.experiment), parameter)),
+    { empty: "No parameter was free." });
+}
+
+function ofExperiment(name, experiment) {
+  return experiment === undefined ? words(name) : `${words(name)}, experiment ${Number(experiment) + 1}`;
 }
 
 export function initialStateTable(states) {
-  const name = (state) => `${words(state.state)}, experiment ${state.experiment + 1}`;
-  return table("Estimated initial states", ESTIMATE_COLUMNS, states.map((state) => estimateRow(name(state), state)));
+  return table("Estimated initial states", ESTIMATE_COLUMNS,
+    states.map((state) => estimateRow(ofExperiment(state.state, state.experiment), state)));
 }
 
 function estimateRow(name, estimate) {
