@@ -26,6 +26,8 @@ ESTIMATION_SAMPLES = 9000
 # M [kg], B [N s/m], Ks [N/m], Km [Pa].
 TRUTH = (58.0, 370.0, 21412.0, 1.6009e9)
 RUNS = 5
+# The natural frequency of the spool [rad/s]; its damping ratio is 0.7.
+SPOOL = 628.318530717958647
 
 
 def outside():
@@ -65,21 +67,24 @@ def inside(recording, ours):
 
     @numba.njit
     def slope(state, command, candidate):
-        p1, p2, x, v = state
+        p1, p2, x, v, spool, spool_velocity = state
         mass, damping, stiffness, bulk = candidate
         supply, drain, gain = 7e6, 1e5, 8.91e-8
         area_1, area_2, stroke = 1.2566e-3, 8.765e-4, 0.14
-        if command >= 0.0:
+        opening = min(max(spool, -1.0), 1.0)
+        if opening >= 0.0:
             flow_1, flow_2 = root(supply - p1), root(p2 - drain)
         else:
             flow_1, flow_2 = root(p1 - drain), root(supply - p2)
-        flow_1 *= gain * command
-        flow_2 *= gain * command
+        flow_1 *= gain * opening
+        flow_2 *= gain * opening
         return (
             bulk / (3e-5 + area_1 * x) * (flow_1 - area_1 * v),
             bulk / (3e-5 + area_2 * (stroke - x)) * (area_2 * v - flow_2),
             v,
             (area_1 * p1 - area_2 * p2 - damping * v - stiffness * (x - 0.07)) / mass,
+            spool_velocity,
+            SPOOL**2 * (command - spool) - 2.0 * 0.7 * SPOOL * spool_velocity,
         )
 
     @numba.njit
@@ -89,6 +94,8 @@ def inside(recording, ours):
             state[1] + length * rate[1],
             state[2] + length * rate[2],
             state[3] + length * rate[3],
+            state[4] + length * rate[4],
+            state[5] + length * rate[5],
         )
 
     @numba.njit(parallel=True)
@@ -97,7 +104,7 @@ def inside(recording, ours):
         for k in numba.prange(candidates.shape[0]):
             candidate = (candidates[k, 0], candidates[k, 1], candidates[k, 2], candidates[k, 3])
             p2 = 0.575 * 7e6
-            state = (p2 * 8.765e-4 / 1.2566e-3, p2, 0.07, 0.0)
+            state = (p2 * 8.765e-4 / 1.2566e-3, p2, 0.07, 0.0, 0.0, 0.0)
             h = SAMPLE_TIME / steps
             for n in range(reference.size):
                 out[k, n] = state[2]
@@ -112,6 +119,8 @@ def inside(recording, ours):
                         state[1] + h / 6.0 * (k1[1] + 2.0 * (k2[1] + k3[1]) + k4[1]),
                         state[2] + h / 6.0 * (k1[2] + 2.0 * (k2[2] + k3[2]) + k4[2]),
                         state[3] + h / 6.0 * (k1[3] + 2.0 * (k2[3] + k3[3]) + k4[3]),
+                        state[4] + h / 6.0 * (k1[4] + 2.0 * (k2[4] + k3[4]) + k4[4]),
+                        state[5] + h / 6.0 * (k1[5] + 2.0 * (k2[5] + k3[5]) + k4[5]),
                     )
         return out
 
