@@ -7,67 +7,12 @@
 use super::dynamics::{Dynamics, SampledInputs};
 use super::explicit::{self, LARGEST_STEP_TIMES_RATE, Steps};
 use super::lanes::{LANES, Lanes, Real, RealArray, lane_of, set_lane_of};
+use super::width::{Wide, Width};
 use super::{BlockSimulator, Candidate, Excitation, Failure, stiff};
 
 /// Derivatives that one candidate may spend in the stiff method over a whole recording. A count
 /// and not a time, so that the outcome does not depend on the machine's load.
 pub const STIFF_BUDGET: u64 = 4_000_000;
-
-/// The vector registers that a block is compiled for. All give the same bits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Width {
-    /// What every processor of this architecture has.
-    Baseline,
-    /// AVX2: four numbers in a register.
-    #[cfg(target_arch = "x86_64")]
-    Avx2,
-}
-
-impl Width {
-    /// The widths that this machine has, the widest last.
-    #[must_use]
-    pub fn available() -> Vec<Width> {
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            return vec![Width::Baseline, Width::Avx2];
-        }
-        vec![Width::Baseline]
-    }
-
-    fn widest() -> Width {
-        *Width::available()
-            .last()
-            .expect("every machine has the baseline")
-    }
-}
-
-/// Work over rows of lanes that gains by wide registers. All of it that matters must be inlined
-/// into [`Wide::work`], for only then is it compiled for them.
-pub trait Wide {
-    /// What comes of it.
-    type Output;
-    /// Does it.
-    fn work(self) -> Self::Output;
-}
-
-/// Does work with the widest registers of this machine; the bits are those of any width.
-#[inline]
-pub fn at_full_width<W: Wide>(work: W) -> W::Output {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has these registers, it was asked in the line before.
-        #[expect(unsafe_code, reason = "run-time dispatch over vector widths")]
-        return unsafe { work_avx2(work) };
-    }
-    work.work()
-}
-
-/// The same code, compiled for registers of four numbers.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn work_avx2<W: Wide>(work: W) -> W::Output {
-    work.work()
-}
 
 /// Starts the simulation of up to [`LANES`] candidates; lanes left over repeat the first.
 pub fn simulator<'a, D: Dynamics>(
@@ -218,6 +163,7 @@ impl<'a, D: Dynamics> Block<'a, D> {
             &explicit::Constants {
                 wide: &self.constants,
                 single: &self.lane_constants,
+                width: self.width,
             },
             held,
             &start,
@@ -322,12 +268,21 @@ impl<'a, D: Dynamics> Block<'a, D> {
             }
         }
     }
+}
 
-    /// The same code, compiled for registers of four numbers.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn advance_avx2(&mut self, samples: usize, outputs: &mut [Lanes]) {
-        self.advance_lanes(samples, outputs);
+/// The next samples of a block.
+struct Advance<'b, 'a, D: Dynamics> {
+    block: &'b mut Block<'a, D>,
+    samples: usize,
+    outputs: &'b mut [Lanes],
+}
+
+impl<D: Dynamics> Wide for Advance<'_, '_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn work(self) {
+        self.block.advance_lanes(self.samples, self.outputs);
     }
 }
 
@@ -389,17 +344,11 @@ impl<D: Dynamics> BlockSimulator for Block<'_, D> {
         if samples == 0 {
             return;
         }
-        match self.width {
-            Width::Baseline => self.advance_lanes(samples, outputs),
-            #[cfg(target_arch = "x86_64")]
-            Width::Avx2 => {
-                // SAFETY: `Width::available` offers this width only where the processor has it.
-                #[expect(unsafe_code, reason = "run-time dispatch over vector widths")]
-                unsafe {
-                    self.advance_avx2(samples, outputs);
-                }
-            }
-        }
+        self.width.does(Advance {
+            block: self,
+            samples,
+            outputs,
+        });
     }
 
     fn failures(&self) -> &[Option<Failure>; LANES] {

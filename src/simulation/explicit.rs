@@ -7,6 +7,7 @@
 use super::Accuracy;
 use super::dynamics::Dynamics;
 use super::lanes::{LANES, Lanes, Real, RealArray, lane_of, set_lane_of};
+use super::width::{Wide, Width};
 
 /// Where a step times the local rate exceeds this, the explicit method is no longer trusted (its
 /// stability ends at 2.78 on the real axis) and the sample is integrated by the stiff method.
@@ -74,8 +75,8 @@ impl Steps {
 }
 
 /// Takes every lane's steps. A lane in whose step a switch of the plant changes its sign, so that
-/// the equations have a kink there, takes that step anew, alone, in two parts that meet near the
-/// kink: the method keeps its order.
+/// the equations have a kink there, takes that step anew in two parts that meet near the kink: the
+/// method keeps its order.
 #[inline(always)]
 pub fn integrate<D: Dynamics>(
     dynamics: &D,
@@ -100,7 +101,7 @@ pub fn integrate<D: Dynamics>(
                 steps,
                 taken,
             };
-            kinked.take_anew(dynamics, constants.single, &mut next);
+            kinked.take_anew(dynamics, constants, &mut next);
             switches = dynamics.switches(constants.wide, held, &next);
         } else {
             switches = after;
@@ -115,12 +116,14 @@ pub fn integrate<D: Dynamics>(
     state
 }
 
-/// A candidate's constants, side by side and one by one.
+/// The candidates' constants, side by side and one by one.
 pub struct Constants<'a, D: Dynamics> {
     /// For the equations over all lanes.
     pub wide: &'a D::Constants<Lanes>,
     /// For those over one.
     pub single: &'a [D::Constants<f64>; LANES],
+    /// The registers that the lanes stand in.
+    pub width: Width,
 }
 
 #[inline(always)]
@@ -163,25 +166,36 @@ struct Kinked<'a, D: Dynamics> {
 }
 
 impl<D: Dynamics> Kinked<'_, D> {
-    /// Replaces the lanes with a kink in `next`.
+    /// Replaces the lanes with a kink in `next`: one by one where they are few, else all at once.
     #[inline(never)]
-    fn take_anew(
-        &self,
-        dynamics: &D,
-        constants: &[D::Constants<f64>; LANES],
-        next: &mut D::State<Lanes>,
-    ) {
-        for (lane, constants) in constants.iter().enumerate() {
-            let share = self.share_before(lane);
-            if share < 1.0 && self.taken < self.steps.count[lane] {
-                let held: D::Held<f64> = lane_of(self.held, lane);
-                let start: D::State<f64> = lane_of(self.state, lane);
-                let length = self.steps.length.0[lane];
-                let first = length * share;
-                let middle = runge_kutta(dynamics, constants, &held, &start, first);
-                let end = runge_kutta(dynamics, constants, &held, &middle, length - first);
-                set_lane_of(next, lane, &end);
-            }
+    fn take_anew(&self, dynamics: &D, constants: &Constants<'_, D>, next: &mut D::State<Lanes>) {
+        let share = std::array::from_fn(|lane| {
+            let moves = self.taken < self.steps.count[lane];
+            if moves { self.share_before(lane) } else { 1.0 }
+        });
+        let kinked = |lane: usize| share[lane] < 1.0;
+        let first = Lanes(share) * self.steps.length;
+        let parts = [first, self.steps.length - first];
+        if (0..LANES).filter(|&lane| kinked(lane)).count() >= TOGETHER_FROM {
+            let end = constants.width.does(Parts {
+                dynamics,
+                constants: constants.wide,
+                held: self.held,
+                state: self.state,
+                lengths: parts,
+            });
+            replace_lanes(next, &end, kinked);
+            return;
+        }
+        for lane in (0..LANES).filter(|&lane| kinked(lane)) {
+            let end = Parts {
+                dynamics,
+                constants: &constants.single[lane],
+                held: &lane_of(self.held, lane),
+                state: &lane_of(self.state, lane),
+                lengths: parts.map(|part| part.0[lane]),
+            };
+            set_lane_of(next, lane, &end.work());
         }
     }
 
@@ -193,6 +207,31 @@ impl<D: Dynamics> Kinked<'_, D> {
             .filter(|(before, after)| before * after < 0.0)
             .map(|(before, after)| before / (before - after));
         crossed.fold(1.0, f64::min)
+    }
+}
+
+/// From so many lanes on it takes no longer to go anew with all.
+const TOGETHER_FROM: usize = 3;
+
+/// A step in parts, one after the other.
+struct Parts<'a, D: Dynamics, R: Real> {
+    dynamics: &'a D,
+    constants: &'a D::Constants<R>,
+    held: &'a D::Held<R>,
+    state: &'a D::State<R>,
+    lengths: [R; 2],
+}
+
+impl<D: Dynamics, R: Real> Wide for Parts<'_, D, R> {
+    type Output = D::State<R>;
+
+    #[inline(always)]
+    fn work(self) -> D::State<R> {
+        let mut state = *self.state;
+        for length in self.lengths {
+            state = runge_kutta(self.dynamics, self.constants, self.held, &state, length);
+        }
+        state
     }
 }
 

@@ -3,8 +3,8 @@
 //! [`dynamics`] is what a plant says of itself, [`lanes`] the numbers that its equations are
 //! written in, [`block`] one block of candidates going through a recording side by side:
 //! fixed-step Runge–Kutta ([`explicit`]) where that is accurate, an adaptive Rosenbrock method
-//! ([`stiff`]) for the single samples of the single candidates where it is not. [`batch`] spreads
-//! blocks over the processor's cores.
+//! ([`stiff`]) for the single samples of the single candidates where it is not. [`width`] chooses
+//! the processor's registers for it, [`batch`] spreads blocks over the processor's cores.
 
 pub mod batch;
 pub mod block;
@@ -13,6 +13,7 @@ pub mod explicit;
 pub mod lanes;
 pub mod single;
 pub mod stiff;
+pub mod width;
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;

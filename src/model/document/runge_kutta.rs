@@ -8,9 +8,9 @@
 use super::jacobian;
 use super::plant::DocumentPlant;
 use super::simulator::Machine;
-use crate::simulation::block::{self, Wide};
 use crate::simulation::explicit::Steps;
 use crate::simulation::lanes::{LANES, Lanes, Real};
+use crate::simulation::width::{self, Wide};
 
 /// Differences of slopes below this share of the slope, or below that share of the state's scale,
 /// are rounding and say nothing.
@@ -80,7 +80,7 @@ impl Explicit {
     ) -> Lanes {
         machine.rates(state, Lanes::splat(0.0), &mut self.slopes[0]);
         machine.switches(&mut self.switches);
-        block::at_full_width(Integration {
+        width::at_full_width(Integration {
             explicit: self,
             machine,
             state,
@@ -135,7 +135,7 @@ impl Explicit {
             from: whole.from + first.length,
             length: whole.length - first.length,
         };
-        block::at_full_width(TwoSteps {
+        width::at_full_width(TwoSteps {
             explicit: self,
             machine,
             state: state.to_vec(),

@@ -7,8 +7,8 @@
 use super::arithmetic::{self, Operation, Table};
 use super::graph::{Graph, Leaf, MAX_NODES, Node, NodeId};
 use super::program::Program;
-use crate::simulation::block::{self, Wide};
 use crate::simulation::lanes::{LANES, Lanes, Real};
+use crate::simulation::width::{self, Wide};
 
 /// One number, or one row of lanes, for each node that a graph can have: a fixed size, so that an
 /// instruction finds its registers without a check.
@@ -262,7 +262,7 @@ impl Row for f64 {
 
 impl Row for Lanes {
     fn run(tape: &Tape, list: &List, registers: &mut Registers<Lanes>) {
-        block::at_full_width(OneList {
+        width::at_full_width(OneList {
             tape,
             list,
             registers,

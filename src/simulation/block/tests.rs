@@ -96,18 +96,11 @@ fn bits(outputs: &[Lanes], lane: usize) -> Vec<u64> {
 
 #[test]
 fn every_vector_width_gives_the_same_bits() {
-    let widths = Width::available();
-    println!("widths on this machine: {widths:?}");
-    let baseline = simulate(&MIXED, &square_wave(), widths[0]);
-    for width in widths {
-        let other = simulate(&MIXED, &square_wave(), width);
-        for lane in (0..LANES).filter(|lane| *lane != 5) {
-            assert_eq!(
-                bits(&baseline, lane),
-                bits(&other, lane),
-                "{width:?} lane {lane}"
-            );
-        }
+    println!("widest on this machine: {:?}", Width::widest());
+    let [narrow, wide] =
+        [Width::BASELINE, Width::widest()].map(|width| simulate(&MIXED, &square_wave(), width));
+    for lane in (0..LANES).filter(|lane| *lane != 5) {
+        assert_eq!(bits(&narrow, lane), bits(&wide, lane), "lane {lane}");
     }
 }
 
