@@ -7,7 +7,7 @@ mod outcome;
 mod preflight;
 mod trajectory;
 
-pub use foresight::{Identifiability, Prediction, flat_directions, foresee};
+pub use foresight::{Identifiability, Prediction, flat_directions, foresee, unseen};
 pub use outcome::{Origin, outcome};
 pub use preflight::{Finding, Preflight, preflight};
 pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};

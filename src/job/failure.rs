@@ -60,15 +60,16 @@ impl Failure {
         }
     }
 
-    /// The data do not see a combination of the unknowns, and the job asks to be refused then.
+    /// The data do not see a change of the unknowns, and the job's settings refuse it then.
     pub fn not_identifiable(errors: Vec<Fault>) -> Self {
         Self {
             kind: "/problems/not-identifiable".into(),
             title: "The data do not fix the unknowns".into(),
             status: 422,
-            detail: "the data do not see a combination of the unknowns, so no estimate of them \
-                     would mean anything: do what the errors say, or ask for \
-                     `uncertainty.flat_directions: report`"
+            detail: "the unknowns can change along what the errors name and the outputs stay as \
+                     they are, so no estimate of them would mean anything: do what the errors \
+                     say, or ask for `uncertainty.flat_directions: report` to estimate all the \
+                     same"
                 .to_owned(),
             errors,
         }

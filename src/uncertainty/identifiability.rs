@@ -5,6 +5,7 @@
 //! `(JᵀJ)⁻¹` (the Cramér–Rao bound; L. Ljung, *System Identification*, 1999, ch. 7): so much is
 //! predicted of each unknown. A direction v along which `1/|J·v|` exceeds half the box at every
 //! point is *flat*: the unknowns may move along it together and the outputs stay as they are.
+//! A direction is straight in the box: a product of powers on log scales, a sum on linear ones.
 //! Where large effects of single unknowns cancel, J·v is all rounding: so the directions that J
 //! proposes are tried at each point by going along them.
 
@@ -50,6 +51,14 @@ pub struct FlatDirection {
     pub parts: Vec<(usize, f64)>,
     /// In words, e.g. what a ratio keeps fixed.
     pub words: String,
+}
+
+impl FlatDirection {
+    /// Whether several unknowns take part.
+    #[must_use]
+    pub fn is_combination(&self) -> bool {
+        self.parts.len() > 1
+    }
 }
 
 /// What is foreseen of a problem.

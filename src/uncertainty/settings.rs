@@ -1,5 +1,6 @@
 //! How much is asked about an estimate's uncertainty.
 
+use super::identifiability::FlatDirection;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -19,15 +20,30 @@ pub enum Intervals {
     Bootstrap,
 }
 
-/// What to do where the data do not see a combination of unknowns.
+/// What to do where the data do not see a change of an unknown, or of a combination of unknowns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FlatDirections {
     /// Say so at the start of the job, and in the result.
-    #[default]
     Report,
-    /// End the job at its start.
+    /// End the job at its start where several unknowns can change together without an output that
+    /// shows it; say so where the data hardly depend on a single one.
+    #[default]
+    RefuseCombinations,
+    /// End the job at its start in both cases.
     Refuse,
+}
+
+impl FlatDirections {
+    /// Whether a job ends at its start for a direction.
+    #[must_use]
+    pub fn refuses(self, direction: &FlatDirection) -> bool {
+        match self {
+            FlatDirections::Report => false,
+            FlatDirections::RefuseCombinations => direction.is_combination(),
+            FlatDirections::Refuse => true,
+        }
+    }
 }
 
 /// What a job says under `uncertainty`.
@@ -39,7 +55,7 @@ pub struct Settings {
     pub intervals: Intervals,
     /// Refits of a bootstrap, 40 to 10 000.
     pub bootstrap_samples: u32,
-    /// What to do where the data do not see a combination of unknowns.
+    /// What to do where the data do not see a change of an unknown, or of a combination of unknowns.
     pub flat_directions: FlatDirections,
 }
 

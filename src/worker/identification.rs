@@ -19,7 +19,7 @@ use crate::job::{
 };
 use crate::model::{Catalogue, Model, document};
 use crate::store::JobRow;
-use crate::uncertainty::settings::FlatDirections;
+use crate::uncertainty::identifiability::FlatDirection;
 use crate::uncertainty::{self, Conclusion};
 
 /// The identification of a model's parameters from recordings.
@@ -139,14 +139,21 @@ static NEVER: AtomicBool = AtomicBool::new(false);
 impl Run for IdentificationRun {
     fn advance(&mut self, stop: &AtomicBool, rows: &mut dyn FnMut(Row)) -> Advance {
         if let Some(findings) = &self.findings {
-            let Some(unseen) = assemble::flat_directions(&self.problem, stop) else {
+            let Some(flat) = assemble::flat_directions(&self.problem, stop) else {
                 return Advance::Interrupted;
             };
-            let findings = findings.iter().chain(&unseen).cloned().collect();
+            let told = |flat: &FlatDirection| assemble::unseen(&self.problem, flat);
+            let refuses =
+                |flat: &&FlatDirection| self.request.settings.flat_directions.refuses(flat);
+            let grounds: Vec<Finding> = flat.iter().filter(refuses).map(told).collect();
+            let findings = findings
+                .iter()
+                .cloned()
+                .chain(flat.iter().map(told))
+                .collect();
             self.findings = None;
-            if self.request.settings.flat_directions == FlatDirections::Refuse && !unseen.is_empty()
-            {
-                self.refusal = Some(refusal(&unseen));
+            if !grounds.is_empty() {
+                self.refusal = Some(refusal(&grounds));
                 return Advance::Finished;
             }
             rows(Row::Findings(findings));
@@ -214,10 +221,10 @@ impl Run for IdentificationRun {
     }
 }
 
-fn refusal(unseen: &[Finding]) -> Failure {
+fn refusal(grounds: &[Finding]) -> Failure {
     let fault =
         |finding: &Finding| Fault::new(&finding.pointer, finding.code.clone(), &finding.detail);
-    Failure::not_identifiable(unseen.iter().map(fault).collect())
+    Failure::not_identifiable(grounds.iter().map(fault).collect())
 }
 
 impl IdentificationRun {

@@ -76,7 +76,7 @@ pub fn foresee(
     let never = AtomicBool::new(false);
     let foresight = identifiability::foresee(problem, Accuracy::Full, &never);
     let foresight = foresight.expect("nobody interrupts");
-    findings.extend(unseen(problem, &foresight.flat));
+    findings.extend(foresight.flat.iter().map(|flat| unseen(problem, flat)));
     let pairs = problem.coordinates.iter().zip(&foresight.coordinates);
     Identifiability {
         points: foresight.points as u64,
@@ -90,18 +90,18 @@ pub fn foresee(
 /// What the data of a job that begins do not see, at the price of about one generation. Answers
 /// nothing when `stop` was raised.
 #[must_use]
-pub fn flat_directions(problem: &Problem, stop: &AtomicBool) -> Option<Vec<Finding>> {
+pub fn flat_directions(problem: &Problem, stop: &AtomicBool) -> Option<Vec<FlatDirection>> {
     let foresight = identifiability::foresee(problem, Accuracy::Screening, stop)?;
-    Some(unseen(problem, &foresight.flat).collect())
+    Some(foresight.flat)
 }
 
-fn unseen(problem: &Problem, flat: &[FlatDirection]) -> impl Iterator<Item = Finding> {
-    flat.iter().map(|flat| {
-        let place = flat.parts.first();
-        let place = place.map(|(index, _)| &problem.coordinates[*index]);
-        let pointer = place.map_or_else(String::new, pointer_of);
-        Finding::new("not_identifiable", &pointer, &flat.words)
-    })
+/// What a direction that the data do not see is told as.
+#[must_use]
+pub fn unseen(problem: &Problem, flat: &FlatDirection) -> Finding {
+    let place = flat.parts.first();
+    let place = place.map(|(index, _)| &problem.coordinates[*index]);
+    let pointer = place.map_or_else(String::new, pointer_of);
+    Finding::new("not_identifiable", &pointer, &flat.words)
 }
 
 fn prediction(coordinate: &Coordinate, foreseen: &Foreseen) -> Prediction {

@@ -13,11 +13,16 @@ use crate::job::{DatasetId, JobId, Status};
 /// A carriage of 2 kg with 3 N·s/m of viscous friction under a square wave, integrated at a
 /// tenth of the sample time.
 fn recording() -> Recording {
+    carriage(|k| if (k / 17) % 2 == 0 { 20.0 } else { -20.0 })
+}
+
+/// The carriage under forces \[N\], one for each sample.
+fn carriage(force_of: impl Fn(usize) -> f64) -> Recording {
     let (sample_time, samples) = (0.02, 200);
     let (mut position, mut velocity) = (0.0, 0.0);
     let (mut positions, mut forces) = (Vec::new(), Vec::new());
     for k in 0..samples {
-        let force = if (k / 17) % 2 == 0 { 20.0 } else { -20.0 };
+        let force = force_of(k);
         forces.push(force);
         positions.push(position);
         for _ in 0..10 {
@@ -37,8 +42,13 @@ fn recording() -> Recording {
 }
 
 fn job() -> JobRow {
+    job_with(|_| ())
+}
+
+/// The job with its document changed.
+fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
     let dataset = DatasetId::new();
-    let document = json!({
+    let mut document = json!({
         "model": "positioning_drive",
         "experiments": [{"dataset": dataset}],
         "parameters": {
@@ -51,6 +61,7 @@ fn job() -> JobRow {
         "method": {"population": 10, "generations": 6},
         "seed": 7
     });
+    change(&mut document);
     let catalogue = Catalogue::built_in();
     let datasets = HashMap::from([(dataset, recording().summary())]);
     let context = Context {
@@ -203,7 +214,7 @@ fn what_the_data_do_not_see_is_told_before_the_search_begins() {
 }
 
 #[test]
-fn a_job_that_asks_for_it_ends_where_the_data_do_not_fix_its_unknowns() {
+fn a_job_that_asks_for_it_ends_where_the_data_do_not_fix_a_single_unknown() {
     let mut job = job();
     job.spec["uncertainty"]["flat_directions"] = json!("refuse");
     let mut run = begin_on(standing_still(), &job, None);
@@ -214,6 +225,43 @@ fn a_job_that_asks_for_it_ends_where_the_data_do_not_fix_its_unknowns() {
     // With a moving carriage the same job goes on.
     let mut run = begin(&job, None);
     assert!(!work(&mut *run).is_empty());
+    assert!(run.outcome(None).is_ok());
+}
+
+#[test]
+fn unknowns_that_change_together_unseen_end_a_job_unless_it_says_otherwise() {
+    // A carriage that only ever moves ahead does not tell dry friction from a constant force.
+    let only_ahead = || carriage(|k| if (k / 17) % 2 == 0 { 20.0 } else { 12.0 });
+    let job = |flat_directions: Option<&str>| {
+        job_with(|document| {
+            document["experiments"][0]["initial_state"] = json!({"position": 0, "velocity": 0.5});
+            for (name, lower) in [("coulomb_friction", 0.1), ("offset", -5.0)] {
+                document["parameters"][name] =
+                    json!({"estimate": {"lower": lower, "upper": 5, "scale": "linear"}});
+            }
+            if let Some(word) = flat_directions {
+                document["uncertainty"] = json!({"flat_directions": word});
+            }
+        })
+    };
+    let mut run = begin_on(only_ahead(), &job(None), None);
+    assert!(work(&mut *run).is_empty(), "nothing is searched");
+    let failure = run.outcome(None).expect_err("a refusal");
+    assert_eq!(failure.kind, "/problems/not-identifiable");
+    let [fault] = &failure.errors[..] else {
+        panic!("{:?}", failure.errors);
+    };
+    for name in ["coulomb_friction", "offset", "give one of them"] {
+        assert!(fault.detail.contains(name), "{}", fault.detail);
+    }
+    // The user who knows it has an estimate all the same, and low trust in it.
+    let mut run = begin_on(only_ahead(), &job(Some("report")), None);
+    work(&mut *run);
+    let told = outcome(&mut *run, None);
+    assert_eq!(told["verdict"]["trust"], "low");
+    // Back and forth they are told apart.
+    let mut run = begin(&job(Some("refuse")), None);
+    work(&mut *run);
     assert!(run.outcome(None).is_ok());
 }
 
