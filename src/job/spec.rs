@@ -393,13 +393,13 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let seed = root
         .optional("seed")
         .map_or_else(|| Some(drawn_seed()), |field| field.integer(0, MAX_SEED));
-    own_parameters::check(&root, &experiments, &parameters, model_search.as_ref());
-    if let (Some(model), Some(parameters), Some(experiments)) = (model, &parameters, &experiments)
-        && !anything_free(model, parameters, experiments)
-    {
-        let detail = "every parameter and every initial state is fixed: there is nothing to \
-                      estimate; free one with {\"estimate\": {}}";
-        root.fault("nothing_to_estimate", detail);
+    if let (Some(experiments), Some(parameters)) = (&experiments, &parameters) {
+        own_parameters::check(&root, experiments, parameters, model_search.as_ref());
+        if model.is_some_and(|model| !anything_free(model, parameters, experiments)) {
+            let detail = "every parameter and every initial state is fixed: there is nothing to \
+                          estimate; free one with {\"estimate\": {}}";
+            root.fault("nothing_to_estimate", detail);
+        }
     }
     let complete = || {
         Some(JobSpec {

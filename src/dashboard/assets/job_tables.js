@@ -17,7 +17,7 @@ const FIT_COLUMNS = [
 const RESIDUAL_COLUMNS = [
   { title: "Output" }, { title: "χ² per sample", numeric: true }, { title: "White" },
   { title: "Lag-1 autocorrelation", numeric: true }, { title: "Noise level", numeric: true },
-  { title: "Effective samples", numeric: true },
+  { title: "Outliers", numeric: true }, { title: "Effective samples", numeric: true },
 ];
 
 export function described(model, list, name) {
@@ -111,7 +111,7 @@ export function residualTable(residuals, model) {
     return [words(output), number(report.chi_square_per_sample), white[report.white] ?? "–",
       number(report.lag_1_autocorrelation, 3),
       `${quantity(number(report.noise_std, 3), unit)} (${report.noise_std_source ?? "–"})`,
-      count(Math.round(report.effective_samples ?? NaN))];
+      count(report.outliers ?? NaN), count(Math.round(report.effective_samples ?? NaN))];
   });
   return table("Residuals of the outputs", RESIDUAL_COLUMNS, rows);
 }

@@ -18,13 +18,10 @@ pub(super) fn shares(experiments: &[ExperimentSpec], parameter: &str) -> bool {
 /// estimated from, and one meaning.
 pub(super) fn check(
     job: &Object<'_>,
-    experiments: &Option<Vec<ExperimentSpec>>,
-    parameters: &Option<BTreeMap<String, ParameterSpec>>,
+    experiments: &[ExperimentSpec],
+    parameters: &BTreeMap<String, ParameterSpec>,
     search: Option<&ModelSearch>,
 ) {
-    let (Some(experiments), Some(parameters)) = (experiments, parameters) else {
-        return;
-    };
     for (name, said) in parameters {
         let free = matches!(said, ParameterSpec::Free(_));
         let alone = experiments
