@@ -210,7 +210,7 @@ impl<D: Dynamics> Kinked<'_, D> {
     }
 }
 
-/// From so many lanes on it takes no longer to go anew with all.
+/// From so many lanes on all go anew together. Chosen from the registers' width, not tuned.
 const TOGETHER_FROM: usize = 3;
 
 /// A step in parts, one after the other.
