@@ -4,9 +4,10 @@
     python3 benches/compare.py
 
 makes a throw-away environment with numba and SciPy, simulates thirty candidates of the servo over
-recording A with twenty Runge-Kutta steps a sample (numba, both cores), estimates M, B, Ks and Km
-by differential evolution and least squares (SciPy around the same kernel), and prints the times
-beside this project's. The equations are those of `src/model/single_rod_servo`, without the
+recording A with twenty Runge-Kutta steps a sample and with so many that the positions err by a
+tenth of a micrometre (numba, both cores), estimates M, B, Ks and Km by differential evolution and
+least squares (SciPy around the same kernel), and prints the times beside this project's. The
+candidates are the same; the equations are those of `src/model/single_rod_servo`, without the
 effects that recording A does not have.
 """
 
@@ -26,6 +27,11 @@ ESTIMATION_SAMPLES = 9000
 # M [kg], B [N s/m], Ks [N/m], Km [Pa].
 TRUTH = (58.0, 370.0, 21412.0, 1.6009e9)
 RUNS = 5
+CANDIDATES = 30
+# How far the candidates lie from the truth, as a share.
+SPREAD = 0.05
+# The error at which populations are compared [um rms].
+TENTH = 0.1
 # The natural frequency of the spool [rad/s]; its damping ratio is 0.7.
 SPOOL = 628.318530717958647
 
@@ -133,13 +139,22 @@ def inside(recording, ours):
         return min(times), answer
 
     truth = numpy.array(TRUTH)
-    spread = numpy.linspace(-0.05, 0.05, 30)[:, None]
-    candidates = truth * (1.0 + spread)
+    # Steps of the golden ratio, as in `benches/speed/population.rs`.
+    spread = numpy.arange(4 * CANDIDATES) * 0.618033988749894848 % 1.0 * 2.0 - 1.0
+    candidates = truth * (1.0 + SPREAD * spread.reshape(CANDIDATES, 4))
     positions(candidates[:2], reference[:10], STEPS)
-    population, _ = shortest(RUNS, lambda: positions(candidates, reference, STEPS))
-    fine = positions(truth[None, :], reference, 400)
-    coarse = positions(truth[None, :], reference, STEPS)
-    error = float(numpy.sqrt(numpy.mean((fine - coarse) ** 2)))
+    fine = positions(candidates, reference, 400)
+
+    def error(steps):
+        difference = positions(candidates, reference, steps) - fine
+        return 1e6 * float(numpy.sqrt(numpy.mean(difference**2)))
+
+    accurate_steps = next(steps for steps in range(STEPS, 400) if error(steps) <= TENTH)
+    populations = {
+        steps: shortest(RUNS, lambda: positions(candidates, reference, steps))[0]
+        for steps in (STEPS, accurate_steps)
+    }
+    population = populations[accurate_steps]
 
     box = ours["estimate"][0]["bounds"]
     lower, upper = (numpy.log([bounds[side] for bounds in box]) for side in (0, 1))
@@ -171,13 +186,14 @@ def inside(recording, ours):
     errors = 100.0 * (numpy.exp(refined.x) / truth - 1.0)
 
     print("population, 30 candidates, 12 000 samples, both cores")
-    print(f"  numba, {STEPS} steps: {1e3 * population:7.1f} ms, {1e6 * error:.3f} um rms")
+    for steps, seconds in populations.items():
+        print(f"  numba, {steps} steps: {1e3 * seconds:7.1f} ms, {error(steps):.3f} um rms")
     for row in ours["population"]["accuracies"]:
         milliseconds = row["milliseconds_on_2_threads"]
         print(
             f"  greybox, {row['accuracy']}: {milliseconds:7.1f} ms, "
             f"{row['position_error_rms_micrometres']:.3f} um rms, "
-            f"{1e3 * population / milliseconds:.1f} times numba"
+            f"{1e3 * population / milliseconds:.1f} times numba at {TENTH} um"
         )
     mine = ours["estimate"][0]
     print("estimate of M, B, Ks, Km with standard errors")

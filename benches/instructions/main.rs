@@ -30,7 +30,7 @@ use std::sync::Arc;
 /// Samples that a block goes through.
 const SAMPLES: usize = 200;
 
-/// Eight candidates about the nominal rig, and the excitation of recording A.
+/// A block of candidates about the nominal rig, and the excitation of recording A.
 struct Work {
     model: Arc<Model>,
     candidates: Vec<Vec<f64>>,
@@ -42,11 +42,12 @@ impl Work {
     fn of(model: Arc<Model>, accuracy: Accuracy) -> Work {
         let recording = demo::recording_of(Demo::A, 1, SAMPLES);
         let reference = recording.signal("reference").expect("a signal of A");
-        let candidates = (0..LANES).map(|lane| {
+        let size = model.plant().block_size(accuracy);
+        let candidates = (0..size).map(|lane| {
             let mut candidate = model.description().defaults();
             for name in ["mass", "damping", "stiffness", "bulk_modulus"] {
                 let place = model.description().parameter_index(name);
-                let share = 0.02 * (lane as f64 - 3.5);
+                let share = 0.16 * ((lane as f64 + 0.5) / size as f64 - 0.5);
                 candidate[place.expect("a parameter of the servo")] *= 1.0 + share;
             }
             candidate
@@ -74,7 +75,8 @@ fn written(accuracy: Accuracy) -> Work {
 }
 
 #[library_benchmark]
-#[bench::rust_as_the_search_simulates(args = (Accuracy::Screening), setup = in_rust)]
+#[bench::rust_as_the_search_simulates(args = (Accuracy::Ranking), setup = in_rust)]
+#[bench::rust_as_descents_begin(args = (Accuracy::Screening), setup = in_rust)]
 #[bench::rust_as_estimates_are_made(args = (Accuracy::Full), setup = in_rust)]
 #[bench::document_as_estimates_are_made(args = (Accuracy::Full), setup = written)]
 fn simulate(work: Work) -> Vec<Lanes> {
@@ -96,7 +98,8 @@ fn simulate(work: Work) -> Vec<Lanes> {
             resolved_rate: None,
         })
         .collect();
-    let mut outputs = vec![Lanes([0.0; LANES]); SAMPLES * description.outputs.len()];
+    let rows = SAMPLES * candidates.len() / LANES;
+    let mut outputs = vec![Lanes([0.0; LANES]); rows * description.outputs.len()];
     let mut block = work.model.plant().simulator(excitation, &candidates);
     black_box(&mut block).advance(SAMPLES, &mut outputs);
     outputs

@@ -20,7 +20,7 @@ use std::sync::atomic::AtomicBool;
 /// record may have more of them.
 fn most_iterations(accuracy: Accuracy, rows: usize) -> u32 {
     match accuracy {
-        Accuracy::Screening => 60,
+        Accuracy::Ranking | Accuracy::Screening => 60,
         Accuracy::Full if rows <= SHORT => 500,
         Accuracy::Full => 120,
     }
@@ -32,7 +32,7 @@ const SHORT: usize = 1000;
 /// minimum than its simulation is to the truth.
 fn smallest_progress(accuracy: Accuracy) -> (f64, f64) {
     match accuracy {
-        Accuracy::Screening => (1e-5, 1e-6),
+        Accuracy::Ranking | Accuracy::Screening => (1e-5, 1e-6),
         Accuracy::Full => (1e-16, 1e-14),
     }
 }
@@ -372,7 +372,7 @@ impl Descent {
     fn columns(&self) -> u64 {
         let n = self.positions.len() as u64;
         match self.accuracy {
-            Accuracy::Screening => 1 + n,
+            Accuracy::Ranking | Accuracy::Screening => 1 + n,
             Accuracy::Full => 1 + 2 * n,
         }
     }

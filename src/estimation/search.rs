@@ -215,7 +215,7 @@ impl Search {
         Generation { row, stop }
     }
 
-    /// Simulates the candidates that have not been simulated before.
+    /// Simulates the candidates that have not been simulated before, as finely as ranking needs.
     fn evaluate(
         &mut self,
         problem: &Problem,
@@ -229,9 +229,9 @@ impl Search {
             .filter(|(_, one)| self.memory.recall(one).is_none() && known.insert(one))
             .unzip();
         let positions: Vec<Vec<f64>> = fresh.iter().map(|c| self.encoding.decode(c)).collect();
-        let evaluations =
-            self.objective
-                .evaluate(problem, &positions, Accuracy::Screening, stop)?;
+        let evaluations = self
+            .objective
+            .evaluate(problem, &positions, Accuracy::Ranking, stop)?;
         let simulated = Simulated::of(problem, &places, &positions, &evaluations);
         self.simulated.extend(simulated);
         let counters = &mut self.state.counters;

@@ -63,7 +63,7 @@ impl<'a> Directions<'a> {
             vectors: axes,
             shift: SHIFT,
             sides: match accuracy {
-                Accuracy::Screening => Sides::One,
+                Accuracy::Ranking | Accuracy::Screening => Sides::One,
                 Accuracy::Full => Sides::Both,
             },
         }

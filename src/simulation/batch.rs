@@ -7,7 +7,7 @@
 use super::block;
 use super::dynamics::Dynamics;
 use super::lanes::{LANES, Lanes};
-use super::{BlockSimulator, Candidate, Excitation, Failure};
+use super::{Accuracy, BlockSimulator, Candidate, Excitation, Failure};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -20,7 +20,11 @@ pub trait Plant: Send + Sync {
     fn n_outputs(&self) -> usize;
     /// The candidate's fastest rate that a step must resolve [1/s].
     fn resolved_rate(&self, parameters: &[f64]) -> f64;
-    /// Starts a block of up to [`LANES`] candidates.
+    /// Candidates in a block at this accuracy, a multiple of [`LANES`].
+    fn block_size(&self, _accuracy: Accuracy) -> usize {
+        LANES
+    }
+    /// Starts a block of up to [`Plant::block_size`] candidates.
     fn simulator<'a>(
         &'a self,
         excitation: Excitation<'a>,
@@ -47,6 +51,10 @@ impl<D: Dynamics> Plant for PlantOf<D> {
             .resolved_rate(&self.dynamics.constants(parameters))
     }
 
+    fn block_size(&self, accuracy: Accuracy) -> usize {
+        block::size(accuracy)
+    }
+
     fn simulator<'a>(
         &'a self,
         excitation: Excitation<'a>,
@@ -56,7 +64,7 @@ impl<D: Dynamics> Plant for PlantOf<D> {
     }
 }
 
-/// Takes the outputs of one block as they are simulated.
+/// Takes the outputs of up to [`LANES`] candidates as they are simulated.
 pub trait Sink: Send {
     /// `outputs[sample · n_outputs + output]` from `first_sample` on.
     fn consume(&mut self, first_sample: usize, outputs: &[Lanes]);
@@ -71,7 +79,7 @@ pub struct Run<'a> {
     pub candidates: Vec<Candidate<'a>>,
 }
 
-/// One finished piece of work.
+/// What became of up to [`LANES`] candidates over one recording.
 #[derive(Debug)]
 pub struct Piece<S> {
     /// The recording, as an index.
@@ -82,7 +90,7 @@ pub struct Piece<S> {
     pub sink: S,
     /// How each lane has failed, if it has.
     pub failures: [Option<Failure>; LANES],
-    /// Derivatives evaluated, one lane each.
+    /// Derivatives evaluated, one lane each; the first piece of a block has them all.
     pub derivative_evaluations: u64,
 }
 
@@ -105,60 +113,95 @@ pub fn simulate<S: Sink>(
     };
     let rates: Vec<f64> = order.iter().map(rate).collect();
     order.sort_by(|&a, &b| rates[a].total_cmp(&rates[b]));
-    let pieces: Vec<(usize, &[usize])> = (0..runs.len())
-        .flat_map(|run| order.chunks(LANES).map(move |members| (run, members)))
+    let blocks: Vec<(usize, &[usize])> = runs
+        .iter()
+        .enumerate()
+        .flat_map(|(run, Run { excitation, .. })| {
+            let size = plant.block_size(excitation.accuracy);
+            order.chunks(size).map(move |members| (run, members))
+        })
         .collect();
-    pieces
+    let of_blocks: Option<Vec<Vec<Piece<S>>>> = blocks
         .into_par_iter()
         .map(|(run, members)| {
-            let candidates: Vec<_> = members
-                .iter()
-                .map(|&index| runs[run].candidates[index])
-                .collect();
-            let mut simulator = plant.simulator(runs[run].excitation, &candidates);
-            let mut sink = new_sink(run);
-            let samples = runs[run].excitation.samples;
-            drive(
-                simulator.as_mut(),
-                samples,
-                plant.n_outputs(),
-                stop,
-                &mut sink,
-            )?;
-            Some(Piece {
+            let block = Block {
+                plant,
                 run,
-                members: members.to_vec(),
-                sink,
-                failures: *simulator.failures(),
-                derivative_evaluations: simulator.derivative_evaluations(),
-            })
+                excitation: runs[run].excitation,
+                members,
+            };
+            let candidates = members.iter().map(|&index| runs[run].candidates[index]);
+            let candidates: Vec<_> = candidates.collect();
+            block.simulate(&candidates, stop, &new_sink)
         })
-        .collect()
+        .collect();
+    Some(of_blocks?.into_iter().flatten().collect())
 }
 
-/// Window after window until the recording ends, every lane has failed, or `stop` is raised.
-fn drive(
-    simulator: &mut dyn BlockSimulator,
-    samples: usize,
-    n_outputs: usize,
-    stop: &AtomicBool,
-    sink: &mut impl Sink,
-) -> Option<()> {
-    let mut outputs = vec![Lanes([f64::NAN; LANES]); WINDOW_SAMPLES.min(samples) * n_outputs];
-    let mut sample = 0;
-    while sample < samples {
-        if stop.load(Ordering::Relaxed) {
-            return None;
-        }
-        let count = WINDOW_SAMPLES.min(samples - sample);
-        let window = &mut outputs[..count * n_outputs];
-        if simulator.failures().iter().all(Option::is_some) {
-            window.fill(Lanes([f64::NAN; LANES]));
-        } else {
-            simulator.advance(count, window);
-        }
-        sink.consume(sample, window);
-        sample += count;
+/// Candidates that go through a recording side by side.
+struct Block<'a> {
+    plant: &'a dyn Plant,
+    /// The recording, as an index.
+    run: usize,
+    excitation: Excitation<'a>,
+    /// The candidates, as indices.
+    members: &'a [usize],
+}
+
+impl Block<'_> {
+    /// A piece for each group of lanes.
+    fn simulate<S: Sink>(
+        &self,
+        candidates: &[Candidate<'_>],
+        stop: &AtomicBool,
+        new_sink: impl Fn(usize) -> S,
+    ) -> Option<Vec<Piece<S>>> {
+        let mut simulator = self.plant.simulator(self.excitation, candidates);
+        let groups = self.members.chunks(LANES);
+        let mut sinks: Vec<S> = groups.clone().map(|_| new_sink(self.run)).collect();
+        self.drive(simulator.as_mut(), stop, &mut sinks)?;
+        let failures = simulator.failures().chunks(LANES);
+        let mut derivative_evaluations = simulator.derivative_evaluations();
+        let pieces = groups.zip(sinks).zip(failures);
+        let pieces = pieces.map(|((members, sink), failures)| Piece {
+            run: self.run,
+            members: members.to_vec(),
+            sink,
+            failures: std::array::from_fn(|lane| failures[lane]),
+            derivative_evaluations: std::mem::take(&mut derivative_evaluations),
+        });
+        Some(pieces.collect())
     }
-    Some(())
+
+    /// Window after window until the recording ends, every lane has failed, or `stop` is raised.
+    fn drive(
+        &self,
+        simulator: &mut dyn BlockSimulator,
+        stop: &AtomicBool,
+        sinks: &mut [impl Sink],
+    ) -> Option<()> {
+        let samples = self.excitation.samples;
+        let n_outputs = self.plant.n_outputs();
+        let groups = simulator.failures().len() / LANES;
+        let row = groups * n_outputs;
+        let mut outputs = vec![Lanes([f64::NAN; LANES]); WINDOW_SAMPLES.min(samples) * row];
+        let mut sample = 0;
+        while sample < samples {
+            if stop.load(Ordering::Relaxed) {
+                return None;
+            }
+            let count = WINDOW_SAMPLES.min(samples - sample);
+            let window = &mut outputs[..count * row];
+            if simulator.failures().iter().all(Option::is_some) {
+                window.fill(Lanes([f64::NAN; LANES]));
+            } else {
+                simulator.advance(count, window);
+            }
+            for (sink, outputs) in sinks.iter_mut().zip(window.chunks(count * n_outputs)) {
+                sink.consume(sample, outputs);
+            }
+            sample += count;
+        }
+        Some(())
+    }
 }

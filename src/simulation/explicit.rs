@@ -6,7 +6,7 @@
 
 use super::Accuracy;
 use super::dynamics::Dynamics;
-use super::lanes::{LANES, Lanes, Real, RealArray, lane_of, set_lane_of};
+use super::lanes::{LANES, Lanes, Real, RealArray, Scalar, lane_of, set_lane_of};
 use super::width::{Wide, Width};
 
 /// Where a step times the local rate exceeds this, the explicit method is no longer trusted (its
@@ -19,58 +19,105 @@ pub const LARGEST_STEP_COUNT: u32 = 400;
 /// Derivatives that one step takes.
 pub const STAGES: usize = 4;
 
-/// Where the stages stand in a step, along the slope of the stage before, and their weights in
-/// the step's sum (Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, 1993,
-/// table II.1.2).
-const TABLEAU: [Stage; STAGES] = [
-    Stage {
-        point: 0.0,
-        weight: 1.0 / 6.0,
-    },
-    Stage {
-        point: 0.5,
-        weight: 1.0 / 3.0,
-    },
-    Stage {
-        point: 0.5,
-        weight: 1.0 / 3.0,
-    },
-    Stage {
-        point: 1.0,
-        weight: 1.0 / 6.0,
-    },
-];
-
-struct Stage {
-    point: f64,
-    weight: f64,
-}
-
 /// How many steps of which length each lane takes.
 #[derive(Clone, Copy, Debug)]
-pub struct Steps {
+pub struct Steps<T = f64, const N: usize = LANES> {
     /// Steps of each lane.
-    pub count: [u32; LANES],
+    pub count: [u32; N],
     /// Their length `[s]`.
-    pub length: Lanes,
+    pub length: Lanes<T, N>,
 }
 
-impl Steps {
+impl<T: Scalar, const N: usize> Steps<T, N> {
     /// Steps over `duration` that keep each lane's `rate` resolved.
     #[must_use]
-    pub fn resolving(rate: &Lanes, duration: &Lanes, accuracy: Accuracy) -> Steps {
+    pub fn resolving(
+        rate: &Lanes<f64, N>,
+        duration: &Lanes<f64, N>,
+        accuracy: Accuracy,
+    ) -> Steps<T, N> {
         let mut steps = Steps {
-            count: [0; LANES],
+            count: [0; N],
             length: Lanes::splat(0.0),
         };
-        for lane in 0..LANES {
+        for lane in 0..N {
             let wanted = (duration.0[lane] * rate.0[lane] / accuracy.step_times_rate()).ceil();
             let at_least = f64::from(u32::from(duration.0[lane] > 0.0));
             let count = wanted.clamp(at_least, f64::from(LARGEST_STEP_COUNT));
             steps.count[lane] = count as u32;
-            steps.length.0[lane] = duration.0[lane] / count.max(1.0);
+            steps
+                .length
+                .set_lane(lane, duration.0[lane] / count.max(1.0));
         }
         steps
+    }
+}
+
+/// A state that grows by small increments. In single precision it remembers what rounding has
+/// left out of it (W. Kahan, "Further remarks on reducing truncation errors", Communications of
+/// the ACM 8, 1965), or a state that creeps by less than its last digit a step would stand still.
+#[derive(Clone, Copy, Debug)]
+pub struct Sum<S> {
+    /// The state.
+    pub state: S,
+    /// By how much it is too large.
+    excess: S,
+}
+
+impl<S> Sum<S> {
+    /// A state before the first increment.
+    pub fn of<R: Real>(state: S) -> Sum<S>
+    where
+        S: RealArray<R>,
+    {
+        Sum {
+            state,
+            excess: S::zeros(),
+        }
+    }
+
+    #[inline(always)]
+    fn plus<R: Real>(&self, increment: &S) -> Sum<S>
+    where
+        S: RealArray<R>,
+    {
+        let mut next = *self;
+        let states = next.state.as_mut().iter_mut();
+        let excesses = next.excess.as_mut().iter_mut();
+        for ((state, excess), increment) in states.zip(excesses).zip(increment.as_ref()) {
+            if R::IS_SINGLE {
+                let part = *increment - *excess;
+                let total = *state + part;
+                *excess = (total - *state) - part;
+                *state = total;
+            } else {
+                *state += *increment;
+            }
+        }
+        next
+    }
+
+    /// Takes over the chosen lanes.
+    #[inline(never)]
+    fn replace_lanes<T: Scalar, const N: usize>(
+        &mut self,
+        by: &Sum<S>,
+        chosen: impl Fn(usize) -> bool,
+    ) where
+        S: RealArray<Lanes<T, N>>,
+    {
+        replace_lanes(&mut self.state, &by.state, &chosen);
+        replace_lanes(&mut self.excess, &by.excess, &chosen);
+    }
+
+    /// Gives a lane another state.
+    pub fn set_lane<R: Real, A: RealArray<f64>>(&mut self, lane: usize, state: &A)
+    where
+        S: RealArray<R>,
+    {
+        set_lane_of(&mut self.state, lane, state);
+        let zeros = A::zeros();
+        set_lane_of(&mut self.excess, lane, &zeros);
     }
 }
 
@@ -78,54 +125,60 @@ impl Steps {
 /// the equations have a kink there, takes that step anew in two parts that meet near the kink: the
 /// method keeps its order.
 #[inline(always)]
-pub fn integrate<D: Dynamics>(
+pub fn integrate<D: Dynamics, T: Scalar, const N: usize>(
     dynamics: &D,
-    constants: &Constants<'_, D>,
-    held: &D::Held<Lanes>,
-    state: &D::State<Lanes>,
-    steps: &Steps,
-) -> D::State<Lanes> {
+    constants: &Constants<'_, D, T, N>,
+    held: &D::Held<Lanes<T, N>>,
+    start: &Sum<D::State<Lanes<T, N>>>,
+    steps: &Steps<T, N>,
+) -> Sum<D::State<Lanes<T, N>>> {
     let together = steps.count.iter().copied().min().unwrap_or(0);
     let at_most = steps.count.iter().copied().max().unwrap_or(0);
-    let mut state = *state;
-    let mut switches = dynamics.switches(constants.wide, held, &state);
+    let mut sum = *start;
+    let mut switches = dynamics.switches(constants.wide, held, &sum.state);
     for taken in 0..at_most {
-        let mut next = runge_kutta(dynamics, constants.wide, held, &state, steps.length);
-        let after = dynamics.switches(constants.wide, held, &next);
+        let state = &sum.state;
+        let mut increment = runge_kutta(dynamics, constants.wide, held, state, steps.length);
+        let mut next = sum.plus(&increment);
+        let after = dynamics.switches(constants.wide, held, &next.state);
         if crosses(&switches, &after) {
             let kinked = Kinked {
                 held,
-                state: &state,
+                state,
                 before: &switches,
                 after: &after,
                 steps,
                 taken,
             };
-            kinked.take_anew(dynamics, constants, &mut next);
-            switches = dynamics.switches(constants.wide, held, &next);
+            kinked.take_anew(dynamics, constants, &mut increment);
+            next = sum.plus(&increment);
+            switches = dynamics.switches(constants.wide, held, &next.state);
         } else {
             switches = after;
         }
         if taken < together {
-            state = next;
+            sum = next;
         } else {
-            replace_lanes(&mut state, &next, |lane| taken < steps.count[lane]);
-            switches = dynamics.switches(constants.wide, held, &state);
+            sum.replace_lanes(&next, |lane| taken < steps.count[lane]);
+            switches = dynamics.switches(constants.wide, held, &sum.state);
         }
     }
-    state
+    sum
 }
 
 /// The candidates' constants, side by side and one by one.
-pub struct Constants<'a, D: Dynamics> {
+pub struct Constants<'a, D: Dynamics, T: Scalar, const N: usize> {
     /// For the equations over all lanes.
-    pub wide: &'a D::Constants<Lanes>,
+    pub wide: &'a D::Constants<Lanes<T, N>>,
     /// For those over one.
-    pub single: &'a [D::Constants<f64>; LANES],
+    pub single: &'a [D::Constants<T>; N],
     /// The registers that the lanes stand in.
     pub width: Width,
 }
 
+/// By how much a step changes the state (Hairer, Nørsett, Wanner, *Solving Ordinary Differential
+/// Equations I*, 1993, table II.1.2). Written out: a loop over the stages would keep the lanes in
+/// memory.
 #[inline(always)]
 fn runge_kutta<D: Dynamics, R: Real>(
     dynamics: &D,
@@ -134,68 +187,78 @@ fn runge_kutta<D: Dynamics, R: Real>(
     state: &D::State<R>,
     length: R,
 ) -> D::State<R> {
-    let mut next = *state;
-    let mut slope = D::State::<R>::zeros();
-    for stage in &TABLEAU {
-        let point = state.plus_scaled(length * R::splat(stage.point), &slope);
-        slope = dynamics.derivative(constants, held, &point);
-        next = next.plus_scaled(length * R::splat(stage.weight), &slope);
-    }
-    next
+    let [half, third, sixth] = [0.5, 1.0 / 3.0, 1.0 / 6.0].map(|part| length * R::splat(part));
+    let derivative = |state: &D::State<R>| dynamics.derivative(constants, held, state);
+    let slope = derivative(state);
+    let increment = slope.scaled(sixth);
+    let slope = derivative(&state.plus_scaled(half, &slope));
+    let increment = increment.plus_scaled(third, &slope);
+    let slope = derivative(&state.plus_scaled(half, &slope));
+    let increment = increment.plus_scaled(third, &slope);
+    let slope = derivative(&state.plus_scaled(length, &slope));
+    increment.plus_scaled(sixth, &slope)
 }
 
 /// Whether a switch changes its sign in at least one lane.
 #[inline(always)]
-fn crosses<W: RealArray<Lanes>>(before: &W, after: &W) -> bool {
+fn crosses<T: Scalar, const N: usize, W: RealArray<Lanes<T, N>>>(before: &W, after: &W) -> bool {
     let mut lowest = Lanes::splat(0.0);
     for (before, after) in before.as_ref().iter().zip(after.as_ref()) {
         lowest = Real::min(*before * *after, lowest);
     }
-    lowest.any(|product| product < 0.0)
+    let zero = T::splat(0.0);
+    let any = |any, product: &T| any | (*product < zero);
+    lowest.0.iter().fold(false, any)
 }
 
 /// A step in which at least one lane has a kink.
-struct Kinked<'a, D: Dynamics> {
-    held: &'a D::Held<Lanes>,
-    state: &'a D::State<Lanes>,
-    before: &'a D::Switches<Lanes>,
-    after: &'a D::Switches<Lanes>,
-    steps: &'a Steps,
+struct Kinked<'a, D: Dynamics, T: Scalar, const N: usize> {
+    held: &'a D::Held<Lanes<T, N>>,
+    state: &'a D::State<Lanes<T, N>>,
+    before: &'a D::Switches<Lanes<T, N>>,
+    after: &'a D::Switches<Lanes<T, N>>,
+    steps: &'a Steps<T, N>,
     /// Steps taken so far.
     taken: u32,
 }
 
-impl<D: Dynamics> Kinked<'_, D> {
-    /// Replaces the lanes with a kink in `next`: one by one where they are few, else all at once.
+impl<D: Dynamics, T: Scalar, const N: usize> Kinked<'_, D, T, N> {
+    /// Replaces the increments of the lanes with a kink: one by one where they are few, else all
+    /// at once.
     #[inline(never)]
-    fn take_anew(&self, dynamics: &D, constants: &Constants<'_, D>, next: &mut D::State<Lanes>) {
+    fn take_anew(
+        &self,
+        dynamics: &D,
+        constants: &Constants<'_, D, T, N>,
+        increment: &mut D::State<Lanes<T, N>>,
+    ) {
         let share = std::array::from_fn(|lane| {
             let moves = self.taken < self.steps.count[lane];
             if moves { self.share_before(lane) } else { 1.0 }
         });
         let kinked = |lane: usize| share[lane] < 1.0;
-        let first = Lanes(share) * self.steps.length;
+        let first = Lanes(share.map(T::splat)) * self.steps.length;
         let parts = [first, self.steps.length - first];
-        if (0..LANES).filter(|&lane| kinked(lane)).count() >= TOGETHER_FROM {
-            let end = constants.width.does(Parts {
+        if (0..N).filter(|&lane| kinked(lane)).count() >= TOGETHER_FROM {
+            let anew = constants.width.does(Parts {
                 dynamics,
                 constants: constants.wide,
                 held: self.held,
                 state: self.state,
                 lengths: parts,
             });
-            replace_lanes(next, &end, kinked);
+            replace_lanes(increment, &anew, kinked);
             return;
         }
-        for lane in (0..LANES).filter(|&lane| kinked(lane)) {
-            let end = Parts {
+        for lane in (0..N).filter(|&lane| kinked(lane)) {
+            let anew = Parts {
                 dynamics,
                 constants: &constants.single[lane],
                 held: &lane_of(self.held, lane),
                 state: &lane_of(self.state, lane),
                 lengths: parts.map(|part| part.0[lane]),
             };
-            set_lane_of(next, lane, &end.work());
+            set_lane_of(increment, lane, &anew.work());
         }
     }
 
@@ -203,7 +266,7 @@ impl<D: Dynamics> Kinked<'_, D> {
     fn share_before(&self, lane: usize) -> f64 {
         let switches = self.before.as_ref().iter().zip(self.after.as_ref());
         let crossed = switches
-            .map(|(before, after)| (before.0[lane], after.0[lane]))
+            .map(|(before, after)| (before.lane(lane), after.lane(lane)))
             .filter(|(before, after)| before * after < 0.0)
             .map(|(before, after)| before / (before - after));
         crossed.fold(1.0, f64::min)
@@ -211,7 +274,7 @@ impl<D: Dynamics> Kinked<'_, D> {
 }
 
 /// From so many lanes on all go anew together. Chosen from the registers' width, not tuned.
-const TOGETHER_FROM: usize = 3;
+const TOGETHER_FROM: usize = 2;
 
 /// A step in parts, one after the other.
 struct Parts<'a, D: Dynamics, R: Real> {
@@ -225,22 +288,30 @@ struct Parts<'a, D: Dynamics, R: Real> {
 impl<D: Dynamics, R: Real> Wide for Parts<'_, D, R> {
     type Output = D::State<R>;
 
+    /// By how much the parts change the state.
     #[inline(always)]
     fn work(self) -> D::State<R> {
-        let mut state = *self.state;
-        for length in self.lengths {
-            state = runge_kutta(self.dynamics, self.constants, self.held, &state, length);
-        }
-        state
+        let step = |state: &D::State<R>, length| {
+            runge_kutta(self.dynamics, self.constants, self.held, state, length)
+        };
+        let [first, second] = self.lengths;
+        let to_the_kink = step(self.state, first);
+        let one = R::splat(1.0);
+        let from_the_kink = step(&self.state.plus_scaled(one, &to_the_kink), second);
+        to_the_kink.plus_scaled(one, &from_the_kink)
     }
 }
 
 /// Takes over the chosen lanes.
 #[inline(never)]
-fn replace_lanes<S: RealArray<Lanes>>(state: &mut S, by: &S, chosen: impl Fn(usize) -> bool) {
-    for (value, by) in state.as_mut().iter_mut().zip(by.as_ref()) {
-        for lane in (0..LANES).filter(|&lane| chosen(lane)) {
-            value.0[lane] = by.0[lane];
+fn replace_lanes<T: Scalar, const N: usize, S: RealArray<Lanes<T, N>>>(
+    numbers: &mut S,
+    by: &S,
+    chosen: impl Fn(usize) -> bool,
+) {
+    for (number, by) in numbers.as_mut().iter_mut().zip(by.as_ref()) {
+        for lane in (0..N).filter(|&lane| chosen(lane)) {
+            number.0[lane] = by.0[lane];
         }
     }
 }

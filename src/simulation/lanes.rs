@@ -1,19 +1,27 @@
-//! The numbers that equations are written in: one candidate (`f64`) or eight at once ([`Lanes`]).
+//! The numbers that equations are written in: one candidate ([`f64`]) or several at once
+//! ([`Lanes`]), and the same in single precision for ranking ([`SingleLanes`]).
 //!
 //! A model writes its equations once over [`Real`]. [`Lanes`] keeps one candidate in each lane and
 //! does every operation lane by lane, with the same IEEE 754 operations in the same order as
-//! `f64` does: a lane's bits depend neither on its neighbours nor on the width of the machine's
-//! registers. No fused multiply-add, no hardware estimate, no platform mathematics library.
+//! one number alone does: a lane's bits depend neither on its neighbours nor on the width of the
+//! machine's registers. No fused multiply-add, no hardware estimate, no platform mathematics
+//! library.
 
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// Candidates in one [`Lanes`].
 pub const LANES: usize = 8;
 
+/// Candidates in one [`SingleLanes`]: as many as fill the same registers.
+pub const SINGLE_LANES: usize = 2 * LANES;
+
 /// One number per lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
-pub struct Lanes(pub [f64; LANES]);
+pub struct Lanes<T = f64, const N: usize = LANES>(pub [T; N]);
+
+/// One number of single precision per lane.
+pub type SingleLanes = Lanes<f32, SINGLE_LANES>;
 
 /// A real number, or several side by side, with the operations that equations need.
 pub trait Real:
@@ -32,6 +40,8 @@ pub trait Real:
 {
     /// How many numbers stand side by side.
     const WIDTH: usize;
+    /// Whether they are of single precision.
+    const IS_SINGLE: bool;
     /// The same number in every lane.
     fn splat(value: f64) -> Self;
     /// The number in one lane.
@@ -50,8 +60,8 @@ pub trait Real:
     fn select_ge(self, threshold: Self, at_least: Self, below: Self) -> Self;
     /// The magnitude of `self` with the sign of `sign`.
     fn copysign(self, sign: Self) -> Self;
-    /// The exponential, accurate to 2 units in the last place for arguments in [-700, 700];
-    /// arguments outside are taken as the nearer end.
+    /// The exponential, accurate to 2 units in the last place for arguments in [-700, 700] ([-87,
+    /// 87] in single precision); arguments outside are taken as the nearer end.
     fn exp(self) -> Self;
     /// Whether a condition holds for the number in at least one lane.
     fn any(&self, condition: impl Fn(f64) -> bool) -> bool {
@@ -62,7 +72,7 @@ pub trait Real:
     fn clamp(self, lower: f64, upper: f64) -> Self {
         self.max(Self::splat(lower)).min(Self::splat(upper))
     }
-    /// The hyperbolic tangent, with an absolute error below 3e-16.
+    /// The hyperbolic tangent, with an absolute error below 3e-16 (2e-7 in single precision).
     #[inline(always)]
     fn tanh(self) -> Self {
         // Beyond 20 the result rounds to ±1.
@@ -71,6 +81,12 @@ pub trait Real:
         (Self::splat(1.0) - Self::splat(2.0) / (e + Self::splat(1.0))).copysign(self)
     }
 }
+
+/// One number.
+pub trait Scalar: Real + PartialOrd {}
+
+impl Scalar for f64 {}
+impl Scalar for f32 {}
 
 /// e^x by reduction to |r| ≤ ln 2 / 2 and the Taylor polynomial of degree 13 (remainder below
 /// 5e-18), scaled by a power of two through the exponent bits. Plain adds and multiplies only.
@@ -108,56 +124,92 @@ fn exp_f64(x: f64) -> f64 {
     sum * f64::from_bits(exponent)
 }
 
-impl Real for f64 {
-    const WIDTH: usize = 1;
-    #[inline(always)]
-    fn splat(value: f64) -> Self {
-        value
+/// The same in single precision: the polynomial of degree 7 (remainder below 1e-8).
+#[inline(always)]
+fn exp_f32(x: f32) -> f32 {
+    /// 1.5·2^23.
+    const ROUND: f32 = 12_582_912.0;
+    /// ln 2 in two parts, the first with 16 significant bits.
+    const LN_2_HIGH: f32 = 0.693_145_75;
+    const LN_2_LOW: f32 = 1.428_606_8e-6;
+    let x = if x > 87.0 { 87.0 } else { x };
+    let x = if x < -87.0 { -87.0 } else { x };
+    let shifted = x * std::f32::consts::LOG2_E + ROUND;
+    let k = shifted - ROUND;
+    let r = (x - k * LN_2_HIGH) - k * LN_2_LOW;
+    let mut sum = 1.0 / 5040.0;
+    for inverse_factorial in [
+        1.0 / 720.0,
+        1.0 / 120.0,
+        1.0 / 24.0,
+        1.0 / 6.0,
+        0.5,
+        1.0,
+        1.0,
+    ] {
+        sum = sum * r + inverse_factorial;
     }
-    #[inline(always)]
-    fn lane(&self, _lane: usize) -> f64 {
-        *self
-    }
-    #[inline(always)]
-    fn set_lane(&mut self, _lane: usize, value: f64) {
-        *self = value;
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        f64::sqrt(self)
-    }
-    #[inline(always)]
-    fn abs(self) -> Self {
-        f64::abs(self)
-    }
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        if self < other { self } else { other }
-    }
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        if self > other { self } else { other }
-    }
-    #[inline(always)]
-    fn select_ge(self, threshold: Self, at_least: Self, below: Self) -> Self {
-        if self >= threshold { at_least } else { below }
-    }
-    #[inline(always)]
-    fn copysign(self, sign: Self) -> Self {
-        f64::copysign(self, sign)
-    }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        exp_f64(self)
-    }
+    let exponent = shifted.to_bits().wrapping_add(127) << 23;
+    sum * f32::from_bits(exponent)
 }
 
-impl Lanes {
+macro_rules! real {
+    ($number:ident, $is_single:literal, $exp:ident) => {
+        impl Real for $number {
+            const WIDTH: usize = 1;
+            const IS_SINGLE: bool = $is_single;
+            #[inline(always)]
+            fn splat(value: f64) -> Self {
+                value as $number
+            }
+            #[inline(always)]
+            fn lane(&self, _lane: usize) -> f64 {
+                f64::from(*self)
+            }
+            #[inline(always)]
+            fn set_lane(&mut self, _lane: usize, value: f64) {
+                *self = value as $number;
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                $number::sqrt(self)
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                $number::abs(self)
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                if self < other { self } else { other }
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                if self > other { self } else { other }
+            }
+            #[inline(always)]
+            fn select_ge(self, threshold: Self, at_least: Self, below: Self) -> Self {
+                if self >= threshold { at_least } else { below }
+            }
+            #[inline(always)]
+            fn copysign(self, sign: Self) -> Self {
+                $number::copysign(self, sign)
+            }
+            #[inline(always)]
+            fn exp(self) -> Self {
+                $exp(self)
+            }
+        }
+    };
+}
+real!(f64, false, exp_f64);
+real!(f32, true, exp_f32);
+
+impl<T: Copy, const N: usize> Lanes<T, N> {
     /// `function` of each lane.
     #[inline(always)]
-    pub fn map(self, function: impl Fn(f64) -> f64) -> Self {
+    pub fn map(self, function: impl Fn(T) -> T) -> Self {
         let mut result = self;
-        for lane in 0..LANES {
+        for lane in 0..N {
             result.0[lane] = function(self.0[lane]);
         }
         result
@@ -165,49 +217,50 @@ impl Lanes {
 
     /// `function` of each pair of lanes.
     #[inline(always)]
-    pub fn zip(self, other: Self, function: impl Fn(f64, f64) -> f64) -> Self {
+    pub fn zip(self, other: Self, function: impl Fn(T, T) -> T) -> Self {
         let mut result = self;
-        for lane in 0..LANES {
+        for lane in 0..N {
             result.0[lane] = function(self.0[lane], other.0[lane]);
         }
         result
     }
 }
 
-impl Real for Lanes {
-    const WIDTH: usize = LANES;
+impl<T: Scalar, const N: usize> Real for Lanes<T, N> {
+    const WIDTH: usize = N;
+    const IS_SINGLE: bool = T::IS_SINGLE;
     #[inline(always)]
     fn splat(value: f64) -> Self {
-        Lanes([value; LANES])
+        Lanes([T::splat(value); N])
     }
     #[inline(always)]
     fn lane(&self, lane: usize) -> f64 {
-        self.0[lane]
+        self.0[lane].lane(0)
     }
     #[inline(always)]
     fn set_lane(&mut self, lane: usize, value: f64) {
-        self.0[lane] = value;
+        self.0[lane] = T::splat(value);
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
-        self.map(f64::sqrt)
+        self.map(T::sqrt)
     }
     #[inline(always)]
     fn abs(self) -> Self {
-        self.map(f64::abs)
+        self.map(T::abs)
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        self.zip(other, <f64 as Real>::min)
+        self.zip(other, T::min)
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        self.zip(other, <f64 as Real>::max)
+        self.zip(other, T::max)
     }
     #[inline(always)]
     fn select_ge(self, threshold: Self, at_least: Self, below: Self) -> Self {
         let mut result = self;
-        for lane in 0..LANES {
+        for lane in 0..N {
             result.0[lane] =
                 self.0[lane].select_ge(threshold.0[lane], at_least.0[lane], below.0[lane]);
         }
@@ -215,24 +268,24 @@ impl Real for Lanes {
     }
     #[inline(always)]
     fn copysign(self, sign: Self) -> Self {
-        self.zip(sign, f64::copysign)
+        self.zip(sign, T::copysign)
     }
     #[inline(always)]
     fn exp(self) -> Self {
-        self.map(exp_f64)
+        self.map(T::exp)
     }
 }
 
 macro_rules! lanewise {
     ($($trait:ident $method:ident $assign:ident $assign_method:ident $operator:tt;)*) => {$(
-        impl $trait for Lanes {
+        impl<T: Scalar, const N: usize> $trait for Lanes<T, N> {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
                 self.zip(other, |a, b| a $operator b)
             }
         }
-        impl $assign for Lanes {
+        impl<T: Scalar, const N: usize> $assign for Lanes<T, N> {
             #[inline(always)]
             fn $assign_method(&mut self, other: Self) {
                 *self = *self $operator other;
@@ -246,7 +299,7 @@ lanewise! {
     Mul mul MulAssign mul_assign *;
 }
 
-impl Div for Lanes {
+impl<T: Scalar, const N: usize> Div for Lanes<T, N> {
     type Output = Self;
     #[inline(always)]
     fn div(self, other: Self) -> Self {
@@ -254,7 +307,7 @@ impl Div for Lanes {
     }
 }
 
-impl Neg for Lanes {
+impl<T: Scalar, const N: usize> Neg for Lanes<T, N> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
@@ -269,6 +322,9 @@ pub trait RealArray<R: Real>: Copy + Send + Sync + AsRef<[R]> + AsMut<[R]> + 'st
     /// `self + scale · direction`, element by element.
     #[must_use]
     fn plus_scaled(&self, scale: R, direction: &Self) -> Self;
+    /// `scale · self`, element by element.
+    #[must_use]
+    fn scaled(&self, scale: R) -> Self;
 }
 
 impl<R: Real, const N: usize> RealArray<R> for [R; N] {
@@ -284,21 +340,34 @@ impl<R: Real, const N: usize> RealArray<R> for [R; N] {
         }
         result
     }
+
+    #[inline(always)]
+    fn scaled(&self, scale: R) -> Self {
+        let mut result = *self;
+        for value in &mut result {
+            *value = scale * *value;
+        }
+        result
+    }
 }
 
-/// One lane of each number.
-pub fn lane_of<W: RealArray<Lanes>, S: RealArray<f64>>(wide: &W, lane: usize) -> S {
-    let mut single = S::zeros();
+/// One lane of each number, in the precision that is asked for.
+pub fn lane_of<R: Real, S: Real, W: RealArray<R>, A: RealArray<S>>(wide: &W, lane: usize) -> A {
+    let mut single = A::zeros();
     for (value, lanes) in single.as_mut().iter_mut().zip(wide.as_ref()) {
-        *value = lanes.0[lane];
+        *value = S::splat(lanes.lane(lane));
     }
     single
 }
 
 /// Replaces one lane of each number.
-pub fn set_lane_of<W: RealArray<Lanes>, S: RealArray<f64>>(wide: &mut W, lane: usize, single: &S) {
+pub fn set_lane_of<R: Real, S: Real, W: RealArray<R>, A: RealArray<S>>(
+    wide: &mut W,
+    lane: usize,
+    single: &A,
+) {
     for (lanes, value) in wide.as_mut().iter_mut().zip(single.as_ref()) {
-        lanes.0[lane] = *value;
+        lanes.set_lane(lane, value.lane(0));
     }
 }
 
@@ -320,8 +389,37 @@ mod tests {
         }
 
         #[test]
+        fn exp_and_tanh_of_single_precision_agree_with_an_independent_library(
+            x in -87.0..87.0f32,
+        ) {
+            let (exp, tanh) = (libm::exp(f64::from(x)), libm::tanh(f64::from(x)));
+            let error = (f64::from(Real::exp(x)) - exp).abs();
+            prop_assert!(error <= 2.0 * f64::from(f32::EPSILON) * exp);
+            prop_assert!((f64::from(Real::tanh(x)) - tanh).abs() <= 2e-7);
+        }
+
+        #[test]
+        fn a_lane_of_single_precision_has_the_bits_of_a_single_number(
+            a in -50.0..50.0f32,
+            b in -50.0..50.0f32,
+        ) {
+            let mut lanes = SingleLanes::splat(1.25);
+            lanes.0[13] = a;
+            let other = Lanes([b; SINGLE_LANES]);
+            let pairs = [
+                ((lanes * other + lanes / other).0[13], a * b + a / b),
+                (lanes.tanh().0[13], Real::tanh(a)),
+                (lanes.abs().sqrt().0[13], a.abs().sqrt()),
+                (lanes.select_ge(other, lanes, other).0[13], if a >= b { a } else { b }),
+            ];
+            for (lane, single) in pairs {
+                prop_assert_eq!(lane.to_bits(), single.to_bits());
+            }
+        }
+
+        #[test]
         fn a_lane_has_the_bits_of_a_single_number(a in -50.0..50.0f64, b in -50.0..50.0f64) {
-            let mut lanes = Lanes::splat(1.25);
+            let mut lanes: Lanes = Lanes::splat(1.25);
             lanes.set_lane(5, a);
             let other = Lanes::splat(b);
             let pairs = [

@@ -1,7 +1,7 @@
 //! Integration of any model, many candidates at once.
 //!
-//! [`dynamics`] is what a plant says of itself, [`lanes`] the numbers that its equations are
-//! written in, [`block`] one block of candidates going through a recording side by side:
+//! [`dynamics`] is what a plant says of itself, [`lanes`] the numbers of either precision that its
+//! equations are written in, [`block`] one block of candidates going through a recording side by side:
 //! fixed-step Runge–Kutta ([`explicit`]) where that is accurate, an adaptive Rosenbrock method
 //! ([`stiff`]) for the single samples of the single candidates where it is not. [`width`] chooses
 //! the processor's registers for it, [`batch`] spreads blocks over the processor's cores.
@@ -18,11 +18,15 @@ pub mod width;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// How finely a simulation resolves a candidate's fastest rate.
+/// How accurate a simulation is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Accuracy {
-    /// Fine enough to rank candidates: the servo's position within 2 µm rms.
+    /// Fine enough to rank candidates by their errors: the steps of [`Accuracy::Screening`], in
+    /// single precision where the plant offers it (which moves the servo's position by less than
+    /// 0.1 µm rms). Too coarse for differences between neighbours.
+    Ranking,
+    /// Fine enough to find the best candidate: the servo's position within 2 µm rms.
     Screening,
     /// Fine enough to estimate from: the servo's position within 0.1 µm of the trajectories in
     /// `tests/known_answers`.
@@ -35,7 +39,7 @@ impl Accuracy {
     #[must_use]
     pub fn step_times_rate(self) -> f64 {
         match self {
-            Accuracy::Screening => 0.8,
+            Accuracy::Ranking | Accuracy::Screening => 0.8,
             Accuracy::Full => 0.15,
         }
     }
@@ -44,7 +48,7 @@ impl Accuracy {
     #[must_use]
     pub fn stiff_tolerance(self) -> f64 {
         match self {
-            Accuracy::Screening => 1e-5,
+            Accuracy::Ranking | Accuracy::Screening => 1e-5,
             Accuracy::Full => 1e-8,
         }
     }
@@ -103,13 +107,14 @@ impl Failure {
     }
 }
 
-/// Up to [`lanes::LANES`] candidates going through a recording side by side.
+/// A block of candidates going through a recording side by side.
 pub trait BlockSimulator: Send {
-    /// Simulates the next samples and writes all of the model's outputs at each of them,
-    /// `outputs[sample · n_outputs + output]`; a failed candidate's outputs are NaN.
+    /// Simulates the next samples and writes all of the model's outputs at each of them; a failed
+    /// candidate's outputs are NaN. The candidates stand in groups of [`lanes::LANES`], one after
+    /// the other: `outputs[(group · samples + sample) · n_outputs + output]`.
     fn advance(&mut self, samples: usize, outputs: &mut [lanes::Lanes]);
-    /// How each lane has failed, if it has.
-    fn failures(&self) -> &[Option<Failure>; lanes::LANES];
+    /// How each lane of each group has failed, if it has.
+    fn failures(&self) -> &[Option<Failure>];
     /// Derivatives evaluated so far, one lane each.
     fn derivative_evaluations(&self) -> u64;
 }

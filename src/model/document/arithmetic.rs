@@ -333,7 +333,7 @@ mod tests {
         fn a_lane_has_the_bits_of_a_single_number(a in -5.0..5.0f64, b in -5.0..5.0f64) {
             for operation in ALL {
                 let single = apply(operation, [a, b, 0.25], &tables());
-                let mut row = [Lanes::splat(1.5), Lanes::splat(0.5), Lanes::splat(0.25)];
+                let mut row: [Lanes; 3] = [Lanes::splat(1.5), Lanes::splat(0.5), Lanes::splat(0.25)];
                 row[0].set_lane(LANES - 1, a);
                 row[1].set_lane(LANES - 1, b);
                 let mut registers = [row[0], row[1], row[2], Lanes::splat(0.0)];

@@ -48,7 +48,7 @@ impl Explicit {
         let zeros = || vec![Lanes::splat(0.0); n];
         let n_switches = plant.tape.roots.switches.len();
         let mut weights = zeros();
-        let mut floor = Lanes::splat(0.0);
+        let mut floor = Lanes([0.0; LANES]);
         for lane in 0..LANES {
             let mut matrix = plant.initial_jacobian(|index| parameters(lane, index));
             let balanced = jacobian::balance(&mut matrix, n);
@@ -205,7 +205,7 @@ impl Wide for Integration<'_, '_, '_> {
             steps,
         } = self;
         let at_most = steps.count.iter().copied().max().unwrap_or(0);
-        let mut worst = Lanes::splat(0.0);
+        let mut worst = Lanes([0.0; LANES]);
         let mut elapsed = Lanes::splat(0.0);
         for taken in 0..at_most {
             let whole = Stretch {

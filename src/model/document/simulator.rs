@@ -431,7 +431,7 @@ impl BlockSimulator for Simulator<'_> {
         }
     }
 
-    fn failures(&self) -> &[Option<Failure>; LANES] {
+    fn failures(&self) -> &[Option<Failure>] {
         &self.failures
     }
 

@@ -60,25 +60,30 @@ impl<R: Real> Cylinder<R> {
 
     /// p1' and p2' [Pa/s] from the flows into chamber 1 and out of chamber 2 [m³/s].
     #[inline(always)]
-    pub fn pressure_rates(&self, flows: (R, R), pressures: (R, R), motion: (R, R)) -> (R, R) {
+    pub fn pressure_rates<const EFFECTS: bool>(
+        &self,
+        flows: (R, R),
+        pressures: (R, R),
+        motion: (R, R),
+    ) -> (R, R) {
         let (position, velocity) = motion;
         let (volume_1, volume_2) = self.volumes(position);
         let mut net_1 = flows.0 - self.piston_area * velocity;
         let mut net_2 = self.annulus_area * velocity - flows.1;
-        if self.has_leakage {
+        if EFFECTS && self.has_leakage {
             let across = self.internal_leakage * (pressures.0 - pressures.1);
             net_1 = net_1 - across - self.external_leakage * (pressures.0 - self.return_pressure);
             net_2 = net_2 + across - self.external_leakage * (pressures.1 - self.return_pressure);
         }
         (
-            self.bulk_modulus_at(pressures.0) / volume_1 * net_1,
-            self.bulk_modulus_at(pressures.1) / volume_2 * net_2,
+            self.bulk_modulus_at::<EFFECTS>(pressures.0) / volume_1 * net_1,
+            self.bulk_modulus_at::<EFFECTS>(pressures.1) / volume_2 * net_2,
         )
     }
 
     #[inline(always)]
-    fn bulk_modulus_at(&self, pressure: R) -> R {
-        if !self.has_air {
+    fn bulk_modulus_at<const EFFECTS: bool>(&self, pressure: R) -> R {
+        if !(EFFECTS && self.has_air) {
             return self.bulk_modulus;
         }
         let pressure = pressure.max(R::splat(LOWEST_AIR_PRESSURE));

@@ -13,7 +13,8 @@ pub struct Friction<R> {
     stribeck: R,
     inverse_velocity: R,
     inverse_stribeck_velocity: R,
-    has_friction: bool,
+    /// Whether there is any.
+    pub has_friction: bool,
     has_stribeck: bool,
 }
 
@@ -33,8 +34,8 @@ impl<R: Real> Friction<R> {
 
     /// The friction force at a velocity [N].
     #[inline(always)]
-    pub fn force(&self, velocity: R) -> R {
-        if !self.has_friction {
+    pub fn force<const EFFECTS: bool>(&self, velocity: R) -> R {
+        if !(EFFECTS && self.has_friction) {
             return R::splat(0.0);
         }
         self.level(velocity) * (velocity * self.inverse_velocity).tanh()

@@ -35,13 +35,18 @@ pub struct Load<R> {
 impl<R: Real> Load<R> {
     /// v' [m/s²] under the force of the pressures [N].
     #[inline(always)]
-    pub fn acceleration(&self, pressure_force: R, position: R, velocity: R) -> R {
+    pub fn acceleration<const EFFECTS: bool>(
+        &self,
+        pressure_force: R,
+        position: R,
+        velocity: R,
+    ) -> R {
         let mut force = pressure_force
             - self.damping * velocity
             - self.stiffness * (position - self.neutral_position)
-            - self.friction.force(velocity)
+            - self.friction.force::<EFFECTS>(velocity)
             - self.constant_force;
-        if self.has_stops {
+        if EFFECTS && self.has_stops {
             force = force + self.stop(-position, -velocity)
                 - self.stop(position - self.stroke, velocity);
         }

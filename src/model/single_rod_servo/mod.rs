@@ -22,6 +22,7 @@ mod description;
 mod friction;
 mod load;
 mod orifice;
+mod plant;
 mod servovalve;
 
 use super::Model;
@@ -31,12 +32,15 @@ use cylinder::Cylinder;
 use friction::Friction;
 use load::Load;
 use orifice::{signed_root, signed_root_slope};
+use plant::Servo;
 use servovalve::{Spool, Valve};
 
 /// The model with its description.
 #[must_use]
 pub fn model() -> Model {
-    Model::new(description::describe(), SingleRodServo)
+    let description = description::describe();
+    let n_outputs = description.outputs.len();
+    Model::of_plant(description, Servo { n_outputs })
 }
 
 /// Which input set stands for the position loop of the paper's Fig. 2.
@@ -49,9 +53,9 @@ const INITIAL_PRESSURE_SHARE: f64 = 0.575;
 /// the modes that ring; the trajectories in `tests/known_answers` hold with it.
 const FRICTION_SHARE: f64 = 0.4;
 
-/// The equations.
+/// The equations, with the switchable effects that the constants have, or without any.
 #[derive(Clone, Copy, Debug)]
-struct SingleRodServo;
+struct SingleRodServo<const EFFECTS: bool>;
 
 /// What follows from a candidate's parameters.
 #[derive(Clone, Copy, Debug)]
@@ -78,12 +82,22 @@ struct Ports<R> {
 }
 
 impl<R: Real> Constants<R> {
+    /// Whether a switchable effect is there.
+    fn has_effects(&self) -> bool {
+        self.has_droop
+            || self.valve.has_dead_band
+            || self.cylinder.has_leakage
+            || self.cylinder.has_air
+            || self.load.friction.has_friction
+            || self.load.has_stops
+    }
+
     /// The pressure drops that drive Q1 and Q2, by the sign of the opening.
     #[inline(always)]
-    fn ports(&self, opening: R, pressures: (R, R)) -> Ports<R> {
+    fn ports<const EFFECTS: bool>(&self, opening: R, pressures: (R, R)) -> Ports<R> {
         let zero = R::splat(0.0);
         let (p1, p2) = pressures;
-        let supply = self.supply(opening, pressures);
+        let supply = self.supply::<EFFECTS>(opening, pressures);
         let drop_1 = opening.select_ge(zero, supply - p1, p1 - self.return_pressure);
         let drop_2 = opening.select_ge(zero, p2 - self.return_pressure, supply - p2);
         Ports {
@@ -95,8 +109,8 @@ impl<R: Real> Constants<R> {
     /// The supply pressure, which sags by the droop times the flow that the valve would take at
     /// full pressure (a first approximation of the sag; exact for small droop).
     #[inline(always)]
-    fn supply(&self, opening: R, (p1, p2): (R, R)) -> R {
-        if !self.has_droop {
+    fn supply<const EFFECTS: bool>(&self, opening: R, (p1, p2): (R, R)) -> R {
+        if !(EFFECTS && self.has_droop) {
             return self.supply_pressure;
         }
         let chamber = opening.select_ge(R::splat(0.0), p1, p2);
@@ -115,7 +129,7 @@ impl<R: Real> Constants<R> {
     }
 }
 
-impl Dynamics for SingleRodServo {
+impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
     /// p1, p2, x, v, spool position, spool velocity.
     type State<R: Real> = [R; 6];
     /// The valve command.
@@ -224,11 +238,14 @@ impl Dynamics for SingleRodServo {
             position: spool_position,
             velocity: spool_velocity,
         };
-        let opening = constants.valve.opening(command, &spool);
-        let flows = constants.flows(&constants.ports(opening, (p1, p2)));
-        let (p1_rate, p2_rate) = constants.cylinder.pressure_rates(flows, (p1, p2), (x, v));
+        let opening = constants.valve.opening::<EFFECTS>(command, &spool);
+        let flows = constants.flows(&constants.ports::<EFFECTS>(opening, (p1, p2)));
+        let (pressures, motion) = ((p1, p2), (x, v));
+        let (p1_rate, p2_rate) = constants
+            .cylinder
+            .pressure_rates::<EFFECTS>(flows, pressures, motion);
         let force = constants.cylinder.piston_area * p1 - constants.cylinder.annulus_area * p2;
-        let acceleration = constants.load.acceleration(force, x, v);
+        let acceleration = constants.load.acceleration::<EFFECTS>(force, x, v);
         let spool_rates = constants.valve.rates(command, &spool);
         [
             p1_rate,
@@ -294,8 +311,8 @@ impl Dynamics for SingleRodServo {
             position: spool_position,
             velocity: spool_velocity,
         };
-        let opening = constants.valve.opening(command, &spool);
-        let Ports { opening, drops } = constants.ports(opening, (p1, p2));
+        let opening = constants.valve.opening::<EFFECTS>(command, &spool);
+        let Ports { opening, drops } = constants.ports::<EFFECTS>(opening, (p1, p2));
         let gain = (constants.flow_gain * opening).abs() * constants.cylinder.bulk_modulus;
         let (volume_1, volume_2) = constants.cylinder.volumes(x);
         let fill_1 = signed_root_slope(drops.0, constants.transition_squared) / volume_1;

@@ -21,7 +21,8 @@ pub struct Valve<R> {
     damping: R,
     /// Half the width of the dead band, as a share of the full stroke [1].
     dead_band: R,
-    has_dead_band: bool,
+    /// Whether there is a dead band.
+    pub has_dead_band: bool,
 }
 
 /// Position and velocity of the spool, or their rates of change.
@@ -38,7 +39,7 @@ impl<R: Real> Valve<R> {
     /// `time_constant` > 0, else the spool is the command.
     pub fn new([natural_frequency, damping_ratio, time_constant, dead_band]: [R; 4]) -> Self {
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
-        let tiny = R::splat(f64::MIN_POSITIVE);
+        let tiny = R::splat(f64::from(f32::MIN_POSITIVE));
         let second_order = natural_frequency.select_ge(tiny, one, zero);
         let lags_first = time_constant.select_ge(tiny, one - second_order, zero);
         let safe_time = time_constant.select_ge(tiny, time_constant, one);
@@ -56,9 +57,9 @@ impl<R: Real> Valve<R> {
     /// The opening of the ports [1], positive towards extension: the spool beyond its dead band,
     /// at most fully open.
     #[inline(always)]
-    pub fn opening(&self, command: R, spool: &Spool<R>) -> R {
+    pub fn opening<const EFFECTS: bool>(&self, command: R, spool: &Spool<R>) -> R {
         let spool = self.acting(command, spool);
-        if !self.has_dead_band {
+        if !(EFFECTS && self.has_dead_band) {
             return spool.clamp(-1.0, 1.0);
         }
         let beyond = (spool.abs() - self.dead_band).max(R::splat(0.0));

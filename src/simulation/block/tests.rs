@@ -53,12 +53,33 @@ impl Dynamics for Pendulum {
 }
 
 fn simulate(parameters: &[[f64; 3]], inputs: &[Vec<f64>], width: Width) -> Vec<Lanes> {
+    outputs::<f64, LANES>(Accuracy::Full, parameters, (inputs, width))
+}
+
+/// The positions of each candidate, in single precision.
+fn rank(parameters: &[[f64; 3]], inputs: &[Vec<f64>], width: Width) -> Vec<Vec<f64>> {
+    let accuracy = Accuracy::Ranking;
+    let outputs = outputs::<f32, SINGLE_LANES>(accuracy, parameters, (inputs, width));
+    let groups = outputs.chunks(2 * inputs[0].len());
+    let of_group = |group: &[Lanes]| {
+        let lane = |lane| group.iter().step_by(2).map(|row| row.0[lane]).collect();
+        std::array::from_fn::<Vec<f64>, LANES, _>(lane)
+    };
+    let positions = groups.flat_map(of_group);
+    positions.take(parameters.len()).collect()
+}
+
+fn outputs<T: Scalar, const N: usize>(
+    accuracy: Accuracy,
+    parameters: &[[f64; 3]],
+    (inputs, width): (&[Vec<f64>], Width),
+) -> Vec<Lanes> {
     let excitation = Excitation {
         sample_time: 0.1,
         samples: inputs[0].len(),
         input_set: 0,
         inputs,
-        accuracy: crate::simulation::Accuracy::Full,
+        accuracy,
     };
     let candidate = |parameters| Candidate {
         parameters,
@@ -66,8 +87,8 @@ fn simulate(parameters: &[[f64; 3]], inputs: &[Vec<f64>], width: Width) -> Vec<L
         resolved_rate: None,
     };
     let candidates: Vec<_> = parameters.iter().map(|p| candidate(p.as_slice())).collect();
-    let mut block = Block::new(&Pendulum, excitation, &candidates, width);
-    let mut outputs = vec![Lanes([0.0; LANES]); 2 * inputs[0].len()];
+    let mut block = Block::<_, T, N>::new(&Pendulum, excitation, &candidates, width);
+    let mut outputs = vec![Lanes([0.0; LANES]); 2 * inputs[0].len() * (N / LANES)];
     block.advance(inputs[0].len(), &mut outputs);
     outputs
 }
@@ -114,6 +135,56 @@ fn a_candidate_does_not_see_its_neighbours_not_even_one_that_explodes() {
     for lane in (0..LANES).filter(|lane| *lane != 5) {
         let alone = simulate(&MIXED[lane..=lane], &square_wave(), Width::widest());
         assert_eq!(bits(&together, lane), bits(&alone, 0), "lane {lane}");
+    }
+}
+
+/// The mixed candidates twice over, in another order.
+fn sixteen() -> Vec<[f64; 3]> {
+    MIXED.into_iter().chain(MIXED.into_iter().rev()).collect()
+}
+
+#[test]
+fn ranking_gives_the_same_bits_in_every_width_and_beside_any_neighbour() {
+    let bits = |position: &[f64]| -> Vec<u64> { position.iter().map(|x| x.to_bits()).collect() };
+    let candidates = sixteen();
+    let [narrow, wide] =
+        [Width::BASELINE, Width::widest()].map(|width| rank(&candidates, &square_wave(), width));
+    for (index, candidate) in candidates.iter().enumerate() {
+        if candidate[0] < 0.0 {
+            assert!(wide[index].last().unwrap().is_nan(), "it has failed");
+            continue;
+        }
+        let alone = &rank(&[*candidate], &square_wave(), Width::widest())[0];
+        assert_eq!(
+            bits(&narrow[index]),
+            bits(&wide[index]),
+            "candidate {index}"
+        );
+        assert_eq!(bits(alone), bits(&wide[index]), "candidate {index}");
+    }
+}
+
+#[test]
+fn ranking_differs_from_the_same_steps_in_double_precision_by_rounding_alone() {
+    let ranked = rank(&MIXED, &square_wave(), Width::widest());
+    let inputs: &[Vec<f64>] = &square_wave();
+    let screened = outputs::<f64, LANES>(Accuracy::Screening, &MIXED, (inputs, Width::widest()));
+    for (lane, ranked) in ranked.iter().enumerate().filter(|(lane, _)| *lane != 5) {
+        for (x, row) in ranked.iter().zip(screened.iter().step_by(2)) {
+            // A hundred roundings to 24 bits of a swing of size 1.
+            assert!((x - row.0[lane]).abs() < 6e-6, "{x} {}", row.0[lane]);
+        }
+    }
+}
+
+/// A push of 1e-8 moves the mass from 1 by half a ten-millionth in 10 s, hardly more than the
+/// last of 24 bits, in steps of which none would reach it.
+#[test]
+fn a_state_that_creeps_by_less_than_its_last_digit_moves_on_in_single_precision() {
+    let creep = &rank(&[[0.0; 3]], &[vec![1e-8; 240]], Width::widest())[0];
+    for (sample, x) in creep.iter().enumerate() {
+        let exact = 1.0 + 0.5e-8 * (0.1 * sample as f64).powi(2);
+        assert!((x - exact).abs() <= f64::from(f32::EPSILON), "{x} {exact}");
     }
 }
 
