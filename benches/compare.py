@@ -26,7 +26,7 @@ NOISE = 9.9e-6
 ESTIMATION_SAMPLES = 9000
 # M [kg], B [N s/m], Ks [N/m], Km [Pa].
 TRUTH = (58.0, 370.0, 21412.0, 1.6009e9)
-RUNS = 5
+RUNS = 15
 CANDIDATES = 30
 # How far the candidates lie from the truth, as a share.
 SPREAD = 0.05

@@ -25,7 +25,7 @@ use std::time::Instant;
 const SEED: u64 = 1;
 
 /// Runs of which the shortest counts.
-const RUNS: usize = 5;
+const RUNS: usize = 15;
 
 fn main() {
     let as_json = std::env::args().any(|argument| argument == "--json");
@@ -61,7 +61,7 @@ fn shortest<T>(runs: usize, mut run: impl FnMut() -> T) -> (f64, T) {
 /// The demonstration's job with its refinement and its standard errors.
 fn estimate(demo: Demo) -> Value {
     let (problem, spec) = problem(demo);
-    let (seconds, report) = shortest(2, || search(&problem, &spec));
+    let (seconds, report) = shortest(5, || search(&problem, &spec));
     let truth = demo::true_parameters(demo);
     let errors: serde_json::Map<String, Value> = problem
         .coordinates
