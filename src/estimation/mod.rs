@@ -2,7 +2,8 @@
 //!
 //! One run reads like section 3 of the paper. Generation after generation ([`search`]):
 //!
-//! 1. every candidate is simulated over the recorded inputs ([`objective`]),
+//! 1. every candidate is simulated over the recorded inputs ([`objective`]), as finely as ranking
+//!    needs ([`Ranking`](crate::simulation::Accuracy::Ranking)),
 //! 2. the ICRA network turns the errors in block after block of data into credits, until the
 //!    entropy criterion stops it (section 3.1, [`crate::credit`]),
 //! 3. the credits are the selection probabilities from which the genetic algorithm breeds the

@@ -47,8 +47,9 @@ struct Block<'a, D: Dynamics, T: Scalar, const N: usize> {
     excitation: Excitation<'a>,
     width: Width,
     constants: D::Constants<Lanes<T, N>>,
+    /// Those of each lane.
     lane_constants: [D::Constants<T>; N],
-    /// Those of each lane in double precision, for the stiff method.
+    /// The same in double precision, for the stiff method.
     exact_constants: [D::Constants<f64>; N],
     delay: Option<Delay<D, T, N>>,
     whole_sample: Steps<T, N>,
