@@ -172,16 +172,16 @@ impl<'a, D: Dynamics, T: Scalar, const N: usize> Block<'a, D, T, N> {
 
     #[inline(always)]
     fn integrate_sample(&mut self, held: D::Held<Lanes<T, N>>) {
-        match &mut self.delay {
-            None => self.integrate_segment(&Segment {
-                held,
-                steps: self.whole_sample,
-            }),
-            Some(delay) => {
-                let [before, after] = delay.segments(held);
-                self.integrate_segment(&before);
-                self.integrate_segment(&after);
+        let [first, second] = match &mut self.delay {
+            None => {
+                let steps = self.whole_sample;
+                [Some(Segment { held, steps }), None]
             }
+            Some(delay) => delay.segments(held).map(Some),
+        };
+        // One call: what is inlined into it is the largest code there is.
+        for segment in [first, second].into_iter().flatten() {
+            self.integrate_segment(&segment);
         }
     }
 

@@ -76,22 +76,33 @@ impl<S> Sum<S> {
         }
     }
 
+    /// What the weighted slopes of a step are added to: the state in double precision; nothing in
+    /// single, where the increment keeps all its digits until [`Sum::after`] adds it.
     #[inline(always)]
-    fn plus<R: Real>(&self, increment: &S) -> Sum<S>
+    fn base<R: Real>(state: &S) -> S
+    where
+        S: RealArray<R>,
+    {
+        if R::IS_SINGLE { S::zeros() } else { *state }
+    }
+
+    /// The state after a step from its base to here.
+    #[inline(always)]
+    fn after<R: Real>(&self, step: &S) -> Sum<S>
     where
         S: RealArray<R>,
     {
         let mut next = *self;
         let states = next.state.as_mut().iter_mut();
         let excesses = next.excess.as_mut().iter_mut();
-        for ((state, excess), increment) in states.zip(excesses).zip(increment.as_ref()) {
+        for ((state, excess), step) in states.zip(excesses).zip(step.as_ref()) {
             if R::IS_SINGLE {
-                let part = *increment - *excess;
+                let part = *step - *excess;
                 let total = *state + part;
                 *excess = (total - *state) - part;
                 *state = total;
             } else {
-                *state += *increment;
+                *state = *step;
             }
         }
         next
@@ -138,8 +149,9 @@ pub fn integrate<D: Dynamics, T: Scalar, const N: usize>(
     let mut switches = dynamics.switches(constants.wide, held, &sum.state);
     for taken in 0..at_most {
         let state = &sum.state;
-        let mut increment = runge_kutta(dynamics, constants.wide, held, state, steps.length);
-        let mut next = sum.plus(&increment);
+        let base = Sum::base(state);
+        let mut step = runge_kutta(dynamics, (constants.wide, held), state, &base, steps.length);
+        let mut next = sum.after(&step);
         let after = dynamics.switches(constants.wide, held, &next.state);
         if crosses(&switches, &after) {
             let kinked = Kinked {
@@ -150,8 +162,8 @@ pub fn integrate<D: Dynamics, T: Scalar, const N: usize>(
                 steps,
                 taken,
             };
-            kinked.take_anew(dynamics, constants, &mut increment);
-            next = sum.plus(&increment);
+            kinked.take_anew(dynamics, constants, &mut step);
+            next = sum.after(&step);
             switches = dynamics.switches(constants.wide, held, &next.state);
         } else {
             switches = after;
@@ -176,27 +188,27 @@ pub struct Constants<'a, D: Dynamics, T: Scalar, const N: usize> {
     pub width: Width,
 }
 
-/// By how much a step changes the state (Hairer, Nørsett, Wanner, *Solving Ordinary Differential
-/// Equations I*, 1993, table II.1.2). Written out: a loop over the stages would keep the lanes in
-/// memory.
+/// A step from a state: its weighted slopes, added to `base` (Hairer, Nørsett, Wanner, *Solving
+/// Ordinary Differential Equations I*, 1993, table II.1.2). Written out: a loop over the stages
+/// would keep the lanes in memory.
 #[inline(always)]
 fn runge_kutta<D: Dynamics, R: Real>(
     dynamics: &D,
-    constants: &D::Constants<R>,
-    held: &D::Held<R>,
+    (constants, held): (&D::Constants<R>, &D::Held<R>),
     state: &D::State<R>,
+    base: &D::State<R>,
     length: R,
 ) -> D::State<R> {
     let [half, third, sixth] = [0.5, 1.0 / 3.0, 1.0 / 6.0].map(|part| length * R::splat(part));
     let derivative = |state: &D::State<R>| dynamics.derivative(constants, held, state);
     let slope = derivative(state);
-    let increment = slope.scaled(sixth);
+    let sum = base.plus_scaled(sixth, &slope);
     let slope = derivative(&state.plus_scaled(half, &slope));
-    let increment = increment.plus_scaled(third, &slope);
+    let sum = sum.plus_scaled(third, &slope);
     let slope = derivative(&state.plus_scaled(half, &slope));
-    let increment = increment.plus_scaled(third, &slope);
+    let sum = sum.plus_scaled(third, &slope);
     let slope = derivative(&state.plus_scaled(length, &slope));
-    increment.plus_scaled(sixth, &slope)
+    sum.plus_scaled(sixth, &slope)
 }
 
 /// Whether a switch changes its sign in at least one lane.
@@ -223,14 +235,14 @@ struct Kinked<'a, D: Dynamics, T: Scalar, const N: usize> {
 }
 
 impl<D: Dynamics, T: Scalar, const N: usize> Kinked<'_, D, T, N> {
-    /// Replaces the increments of the lanes with a kink: one by one where they are few, else all
-    /// at once.
+    /// Replaces the steps of the lanes with a kink: one by one where they are few, else all at
+    /// once.
     #[inline(never)]
     fn take_anew(
         &self,
         dynamics: &D,
         constants: &Constants<'_, D, T, N>,
-        increment: &mut D::State<Lanes<T, N>>,
+        step: &mut D::State<Lanes<T, N>>,
     ) {
         let share = std::array::from_fn(|lane| {
             let moves = self.taken < self.steps.count[lane];
@@ -247,7 +259,7 @@ impl<D: Dynamics, T: Scalar, const N: usize> Kinked<'_, D, T, N> {
                 state: self.state,
                 lengths: parts,
             });
-            replace_lanes(increment, &anew, kinked);
+            replace_lanes(step, &anew, kinked);
             return;
         }
         for lane in (0..N).filter(|&lane| kinked(lane)) {
@@ -258,7 +270,7 @@ impl<D: Dynamics, T: Scalar, const N: usize> Kinked<'_, D, T, N> {
                 state: &lane_of(self.state, lane),
                 lengths: parts.map(|part| part.0[lane]),
             };
-            set_lane_of(increment, lane, &anew.work());
+            set_lane_of(step, lane, &anew.work());
         }
     }
 
@@ -288,17 +300,19 @@ struct Parts<'a, D: Dynamics, R: Real> {
 impl<D: Dynamics, R: Real> Wide for Parts<'_, D, R> {
     type Output = D::State<R>;
 
-    /// By how much the parts change the state.
+    /// The step that the parts make together.
     #[inline(always)]
     fn work(self) -> D::State<R> {
-        let step = |state: &D::State<R>, length| {
-            runge_kutta(self.dynamics, self.constants, self.held, state, length)
+        let given = (self.constants, self.held);
+        let [to_the_kink, from_it] = self.lengths;
+        let base = Sum::base(self.state);
+        let step = runge_kutta(self.dynamics, given, self.state, &base, to_the_kink);
+        let kink = if R::IS_SINGLE {
+            self.state.plus_scaled(R::splat(1.0), &step)
+        } else {
+            step
         };
-        let [first, second] = self.lengths;
-        let to_the_kink = step(self.state, first);
-        let one = R::splat(1.0);
-        let from_the_kink = step(&self.state.plus_scaled(one, &to_the_kink), second);
-        to_the_kink.plus_scaled(one, &from_the_kink)
+        runge_kutta(self.dynamics, given, &kink, &step, from_it)
     }
 }
 

@@ -322,9 +322,6 @@ pub trait RealArray<R: Real>: Copy + Send + Sync + AsRef<[R]> + AsMut<[R]> + 'st
     /// `self + scale · direction`, element by element.
     #[must_use]
     fn plus_scaled(&self, scale: R, direction: &Self) -> Self;
-    /// `scale · self`, element by element.
-    #[must_use]
-    fn scaled(&self, scale: R) -> Self;
 }
 
 impl<R: Real, const N: usize> RealArray<R> for [R; N] {
@@ -337,15 +334,6 @@ impl<R: Real, const N: usize> RealArray<R> for [R; N] {
         let mut result = *self;
         for (value, slope) in result.iter_mut().zip(direction) {
             *value += scale * *slope;
-        }
-        result
-    }
-
-    #[inline(always)]
-    fn scaled(&self, scale: R) -> Self {
-        let mut result = *self;
-        for value in &mut result {
-            *value = scale * *value;
         }
         result
     }
