@@ -42,7 +42,8 @@ impl Work {
     fn of(model: Arc<Model>, accuracy: Accuracy) -> Work {
         let recording = demo::recording_of(Demo::A, 1, SAMPLES);
         let reference = recording.signal("reference").expect("a signal of A");
-        let size = model.plant().block_size(accuracy);
+        let sizes = model.plant().block_sizes(accuracy);
+        let size = *sizes.last().expect("a block holds something");
         let candidates = (0..size).map(|lane| {
             let mut candidate = model.description().defaults();
             for name in ["mass", "damping", "stiffness", "bulk_modulus"] {

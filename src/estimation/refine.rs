@@ -4,15 +4,14 @@
 //! ([`super::sensitivity`]); the damped least-squares steps for several dampings are simulated
 //! together and the best of them is taken (K. Levenberg 1944, D. W. Marquardt 1963; the form
 //! with a triangle instead of normal equations after J. J. Moré, "The Levenberg–Marquardt
-//! algorithm", Lecture Notes in Mathematics 630, 1978). A coordinate that stands at a bound and
-//! is drawn beyond it is held there for the step. A descent goes down coarsely simulated first;
-//! the one that came lowest is then polished, simulated finely.
+//! algorithm", Lecture Notes in Mathematics 630, 1978). A coordinate at a bound that is drawn beyond
+//! it is held there for the step. A descent goes down coarsely simulated first; the one that came
+//! lowest is then polished, simulated finely.
 
 use super::problem::Problem;
-use super::sensitivity::{self, Directions, Neighbourhood, SensitivityError};
+use super::sensitivity::{Neighbourhood, SensitivityError, Sides};
 use crate::numerics::least_squares::{Rows, Triangle};
-use crate::simulation::lanes::LANES;
-use crate::simulation::{Accuracy, Failure};
+use crate::simulation::{Accuracy, Failure, lanes::LANES};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 
@@ -27,6 +26,14 @@ fn most_iterations(accuracy: Accuracy, rows: usize) -> u32 {
 }
 /// Residuals of a record that costs next to nothing to go on with.
 const SHORT: usize = 1000;
+/// Where a descent differentiates. To one side a difference errs by some millionths, which bends
+/// the way down and leaves its end where it is; a short record affords both.
+fn sides(problem: &Problem, accuracy: Accuracy) -> Sides {
+    match accuracy {
+        Accuracy::Full if problem.n_residuals() <= SHORT => Sides::Both,
+        _ => Sides::One,
+    }
+}
 /// A descent ends when an iteration gains less than this share of the cost, or moves no
 /// coordinate by more than this share of its range. A coarse descent need not come closer to its
 /// minimum than its simulation is to the truth.
@@ -50,7 +57,10 @@ const SAME_MINIMUM: f64 = 1.0;
 /// The dampings that are tried, relative to the last good one: the first always, of the others as
 /// many as fill the lanes.
 const DAMPING_FACTORS: [f64; 8] = [1e-4, 1.0, 1e2, 1e-2, 10.0, 1e-1, 1e4, 1e-3];
-/// So many of the others at least.
+/// On a long record the boldest step is taken where it gains this share of what the best of the
+/// others does: there the residuals are linearised already.
+const ENOUGH: f64 = 0.999;
+/// At least so many others.
 const FEWEST_OTHERS: usize = 3;
 const FIRST_DAMPING: f64 = 1e-3;
 const SMALLEST_DAMPING: f64 = 1e-14;
@@ -78,9 +88,8 @@ pub fn linearise(
     accuracy: Accuracy,
     stop: &AtomicBool,
 ) -> Result<Linearisation, SensitivityError> {
-    let axes = sensitivity::axes(positions.len());
-    let axes = Directions::along_axes(positions, &axes, accuracy);
-    Neighbourhood::simulate(problem, axes, &[], (accuracy, stop))
+    let middle = (positions, sides(problem, accuracy));
+    Neighbourhood::along_axes(problem, middle, &[], (accuracy, stop))
         .ok_or(SensitivityError::Interrupted)
         .and_then(|around| Linearisation::of(&around).map_err(SensitivityError::Failed))
 }
@@ -315,7 +324,7 @@ impl Descent {
             None => match linearise(problem, &self.positions, self.accuracy, stop) {
                 Ok(linearisation) => {
                     if !self.is_counted {
-                        self.evaluations += self.columns();
+                        self.evaluations += self.columns(problem);
                     }
                     linearisation
                 }
@@ -368,13 +377,9 @@ impl Descent {
         self.is_polished() && self.distance.is_some_and(|distance| distance < NEAR)
     }
 
-    /// The candidate and its neighbours, as many as a linearisation simulates.
-    fn columns(&self) -> u64 {
-        let n = self.positions.len() as u64;
-        match self.accuracy {
-            Accuracy::Ranking | Accuracy::Screening => 1 + n,
-            Accuracy::Full => 1 + 2 * n,
-        }
+    /// As many candidates as a linearisation simulates.
+    fn columns(&self, problem: &Problem) -> u64 {
+        sides(problem, self.accuracy).candidates(self.positions.len())
     }
 
     /// Simulates what the dampings lead to; the boldest together with its neighbours, because it
@@ -385,7 +390,7 @@ impl Descent {
         linearisation: &Linearisation,
         stop: &AtomicBool,
     ) -> Option<Step> {
-        let least = self.columns() as usize + FEWEST_OTHERS;
+        let least = self.columns(problem) as usize + FEWEST_OTHERS;
         let others = FEWEST_OTHERS + least.next_multiple_of(LANES) - least;
         let factors = DAMPING_FACTORS.iter().take(1 + others);
         let dampings = factors.map(|factor| (self.damping * factor).max(SMALLEST_DAMPING));
@@ -393,11 +398,10 @@ impl Descent {
         let Some((boldest, others)) = trials.split_first() else {
             return Some(Step::nowhere());
         };
-        let axes = sensitivity::axes(self.positions.len());
-        let axes = Directions::along_axes(&boldest.1, &axes, self.accuracy);
-        let candidates: Vec<Vec<f64>> = others.iter().map(|(_, moved)| moved.clone()).collect();
-        let around = Neighbourhood::simulate(problem, axes, &candidates, (self.accuracy, stop))?;
-        self.evaluations += self.columns() + others.len() as u64;
+        let middle = (&boldest.1[..], sides(problem, self.accuracy));
+        let beside: Vec<Vec<f64>> = others.iter().map(|(_, moved)| moved.clone()).collect();
+        let around = Neighbourhood::along_axes(problem, middle, &beside, (self.accuracy, stop))?;
+        self.evaluations += self.columns(problem) + others.len() as u64;
         let bold = Linearisation::of(&around).ok();
         let bold = bold.map(|bold| Step {
             damping: boldest.0,
@@ -405,16 +409,21 @@ impl Descent {
             cost: bold.cost,
             linearisation: Some(bold),
         });
-        let others = others.iter().enumerate();
-        let others = others.map(|(place, (damping, moved))| Step {
-            damping: *damping,
-            positions: moved.clone(),
-            cost: around.cost(place),
-            linearisation: None,
-        });
-        let all = bold.into_iter().chain(others);
-        let best = all.min_by(|a, b| a.cost.total_cmp(&b.cost));
-        Some(best.unwrap_or_else(Step::nowhere))
+        let others = others
+            .iter()
+            .enumerate()
+            .map(|(place, (damping, moved))| Step {
+                damping: *damping,
+                positions: moved.clone(),
+                cost: around.cost(place),
+                linearisation: None,
+            });
+        let other = others.min_by(|a, b| a.cost.total_cmp(&b.cost));
+        let gain = |step: &Step| linearisation.cost - step.cost;
+        let share = if middle.1 == Sides::One { ENOUGH } else { 1.0 };
+        let enough = other.as_ref().map(|other| share * gain(other).max(0.0));
+        let best = bold.filter(|bold| enough.is_none_or(|enough| gain(bold) >= enough));
+        Some(best.or(other).unwrap_or_else(Step::nowhere))
     }
 
     /// Takes a step, if it gains anything, and ends where that is not worth another.

@@ -1,5 +1,5 @@
-//! How the residuals move with the coordinates, by central differences; by differences ahead where
-//! the simulation is coarse and half as many candidates tell as much.
+//! How the residuals move with the coordinates, by central differences; by differences to one side
+//! where half as many candidates tell as much.
 //!
 //! All columns are simulated together as one batch, with the same integration steps, so that the
 //! differences are those of the equations and not of the step control. Positions, not values,
@@ -54,25 +54,21 @@ pub enum Sides {
     One,
 }
 
-impl<'a> Directions<'a> {
-    /// Along the coordinates ([`axes`]), to one side where the simulation is coarse.
+impl Sides {
+    /// How many candidates differences along so many directions take, the one in the middle
+    /// included.
     #[must_use]
-    pub fn along_axes(from: &'a [f64], axes: &'a [Vec<f64>], accuracy: Accuracy) -> Self {
-        Directions {
-            from,
-            vectors: axes,
-            shift: SHIFT,
-            sides: match accuracy {
-                Accuracy::Ranking | Accuracy::Screening => Sides::One,
-                Accuracy::Full => Sides::Both,
-            },
-        }
+    pub fn candidates(self, directions: usize) -> u64 {
+        let neighbours = match self {
+            Sides::Both => 2,
+            Sides::One => 1,
+        };
+        1 + neighbours * directions as u64
     }
 }
 
 /// The unit vectors of `n` coordinates.
-#[must_use]
-pub fn axes(n: usize) -> Vec<Vec<f64>> {
+fn axes(n: usize) -> Vec<Vec<f64>> {
     let part = |axis, index| if index == axis { 1.0 } else { 0.0 };
     let axis = |axis| (0..n).map(|index| part(axis, index)).collect();
     (0..n).map(axis).collect()
@@ -101,9 +97,26 @@ pub fn visit_rows(
     stop: &AtomicBool,
     visit: impl FnMut(Row<'_>),
 ) -> Result<(), SensitivityError> {
-    let axes = axes(positions.len());
-    let axes = Directions::along_axes(positions, &axes, accuracy);
-    visit_directions(problem, axes, accuracy, stop, visit)
+    around(problem, positions, accuracy, stop)
+        .ok_or(SensitivityError::Interrupted)?
+        .visit(visit)
+        .map_err(SensitivityError::Failed)
+}
+
+/// A candidate with its neighbours along every coordinate, to one side where the simulation is
+/// coarse. Answers nothing when the stop flag was raised.
+#[must_use]
+pub fn around<'a>(
+    problem: &'a Problem,
+    positions: &[f64],
+    accuracy: Accuracy,
+    stop: &AtomicBool,
+) -> Option<Neighbourhood<'a>> {
+    let sides = match accuracy {
+        Accuracy::Ranking | Accuracy::Screening => Sides::One,
+        Accuracy::Full => Sides::Both,
+    };
+    Neighbourhood::along_axes(problem, (positions, sides), &[], (accuracy, stop))
 }
 
 /// The same with derivatives along given directions of the box.
@@ -135,6 +148,25 @@ pub struct Neighbourhood<'a> {
 }
 
 impl<'a> Neighbourhood<'a> {
+    /// Simulates a candidate, its neighbours along every coordinate, and others. Answers nothing
+    /// when the stop flag was raised.
+    #[must_use]
+    pub fn along_axes(
+        problem: &'a Problem,
+        (positions, sides): (&[f64], Sides),
+        others: &[Vec<f64>],
+        simulated: (Accuracy, &AtomicBool),
+    ) -> Option<Neighbourhood<'a>> {
+        let axes = axes(positions.len());
+        let axes = Directions {
+            from: positions,
+            vectors: &axes,
+            shift: SHIFT,
+            sides,
+        };
+        Neighbourhood::simulate(problem, axes, others, simulated)
+    }
+
     /// Simulates them, the neighbours with the steps that the candidate needs. Answers nothing
     /// when the stop flag was raised.
     #[must_use]

@@ -9,7 +9,7 @@ use super::dynamics::Dynamics;
 use super::lanes::{LANES, Lanes};
 use super::{Accuracy, BlockSimulator, Candidate, Excitation, Failure};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Samples simulated between two looks at the stop flag; also bounds the buffer of outputs.
 pub const WINDOW_SAMPLES: usize = 512;
@@ -20,11 +20,12 @@ pub trait Plant: Send + Sync {
     fn n_outputs(&self) -> usize;
     /// The candidate's fastest rate that a step must resolve [1/s].
     fn resolved_rate(&self, parameters: &[f64]) -> f64;
-    /// Candidates in a block at this accuracy, a multiple of [`LANES`].
-    fn block_size(&self, _accuracy: Accuracy) -> usize {
-        LANES
+    /// How many candidates a block may hold at this accuracy, ascending. A larger one takes less
+    /// time for each candidate, a smaller one less for the whole block.
+    fn block_sizes(&self, _accuracy: Accuracy) -> &'static [usize] {
+        &[LANES]
     }
-    /// Starts a block of up to [`Plant::block_size`] candidates.
+    /// Starts a block of candidates, at most as many as the largest holds.
     fn simulator<'a>(
         &'a self,
         excitation: Excitation<'a>,
@@ -51,8 +52,8 @@ impl<D: Dynamics> Plant for PlantOf<D> {
             .resolved_rate(&self.dynamics.constants(parameters))
     }
 
-    fn block_size(&self, accuracy: Accuracy) -> usize {
-        block::size(accuracy)
+    fn block_sizes(&self, accuracy: Accuracy) -> &'static [usize] {
+        block::sizes(accuracy)
     }
 
     fn simulator<'a>(
@@ -104,6 +105,7 @@ pub fn simulate<S: Sink>(
     let Some(first) = runs.first() else {
         return Some(Vec::new());
     };
+    let at_work = AtWork::begin();
     let mut order: Vec<usize> = (0..first.candidates.len()).collect();
     let rate = |&index: &usize| {
         let candidate = &first.candidates[index];
@@ -117,7 +119,8 @@ pub fn simulate<S: Sink>(
         .iter()
         .enumerate()
         .flat_map(|(run, Run { excitation, .. })| {
-            let size = plant.block_size(excitation.accuracy);
+            let sizes = plant.block_sizes(excitation.accuracy);
+            let size = at_work.block_size(sizes, order.len(), runs.len());
             order.chunks(size).map(move |members| (run, members))
         })
         .collect();
@@ -136,6 +139,38 @@ pub fn simulate<S: Sink>(
         })
         .collect();
     Some(of_blocks?.into_iter().flatten().collect())
+}
+
+/// Batches at work, which share the threads.
+static AT_WORK: AtomicUsize = AtomicUsize::new(0);
+
+/// A batch at work.
+struct AtWork {
+    /// Threads for each of the batches at work when it began.
+    threads: usize,
+}
+
+impl AtWork {
+    fn begin() -> AtWork {
+        let batches = 1 + AT_WORK.fetch_add(1, Ordering::Relaxed);
+        AtWork {
+            threads: rayon::current_num_threads() / batches,
+        }
+    }
+
+    /// The smallest blocks of which there is still a thread for each, or else the largest. No bit
+    /// of a result depends on it.
+    fn block_size(&self, sizes: &[usize], candidates: usize, runs: usize) -> usize {
+        let has_threads = |size: &&usize| runs * candidates.div_ceil(**size) <= self.threads;
+        let chosen = sizes.iter().find(has_threads).or(sizes.last());
+        chosen.copied().unwrap_or(LANES)
+    }
+}
+
+impl Drop for AtWork {
+    fn drop(&mut self) {
+        AT_WORK.fetch_sub(1, Ordering::Relaxed);
+    }
 }
 
 /// Candidates that go through a recording side by side.
@@ -161,13 +196,14 @@ impl Block<'_> {
         let mut sinks: Vec<S> = groups.clone().map(|_| new_sink(self.run)).collect();
         self.drive(simulator.as_mut(), stop, &mut sinks)?;
         let failures = simulator.failures().chunks(LANES);
+        let failure = |failures: &[Option<Failure>], lane| failures.get(lane).copied().flatten();
         let mut derivative_evaluations = simulator.derivative_evaluations();
         let pieces = groups.zip(sinks).zip(failures);
         let pieces = pieces.map(|((members, sink), failures)| Piece {
             run: self.run,
             members: members.to_vec(),
             sink,
-            failures: std::array::from_fn(|lane| failures[lane]),
+            failures: std::array::from_fn(|lane| failure(failures, lane)),
             derivative_evaluations: std::mem::take(&mut derivative_evaluations),
         });
         Some(pieces.collect())
@@ -182,8 +218,7 @@ impl Block<'_> {
     ) -> Option<()> {
         let samples = self.excitation.samples;
         let n_outputs = self.plant.n_outputs();
-        let groups = simulator.failures().len() / LANES;
-        let row = groups * n_outputs;
+        let row = sinks.len() * n_outputs;
         let mut outputs = vec![Lanes([f64::NAN; LANES]); WINDOW_SAMPLES.min(samples) * row];
         let mut sample = 0;
         while sample < samples {

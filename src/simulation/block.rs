@@ -16,27 +16,38 @@ use super::{Accuracy, BlockSimulator, Candidate, Excitation, Failure, stiff};
 /// and not a time, so that the outcome does not depend on the machine's load.
 pub const STIFF_BUDGET: u64 = 4_000_000;
 
-/// Candidates in a block at this accuracy.
+/// How many candidates a block may hold at this accuracy, ascending. A larger one takes less time
+/// for each candidate, a smaller one less for the whole block.
 #[must_use]
-pub fn size(accuracy: Accuracy) -> usize {
+pub fn sizes(accuracy: Accuracy) -> &'static [usize] {
     match accuracy {
-        Accuracy::Ranking => SINGLE_LANES,
-        Accuracy::Screening | Accuracy::Full => LANES,
+        Accuracy::Ranking => &[SINGLE_LANES / 2, SINGLE_LANES],
+        Accuracy::Screening | Accuracy::Full => &[LANES / 2, LANES],
     }
 }
 
-/// Starts the simulation of up to [`size`] candidates; lanes left over repeat the first.
+/// Starts the simulation of candidates in the smallest block that holds them; lanes left over
+/// repeat the first.
 pub fn simulator<'a, D: Dynamics>(
     dynamics: &'a D,
     excitation: Excitation<'a>,
     candidates: &[Candidate<'_>],
 ) -> Box<dyn BlockSimulator + 'a> {
+    const HALF: usize = LANES / 2;
+    const SINGLE_HALF: usize = SINGLE_LANES / 2;
     let width = Width::widest();
-    match excitation.accuracy {
-        Accuracy::Ranking => Box::new(Block::<_, f32, SINGLE_LANES>::new(
+    let is_small = candidates.len() <= sizes(excitation.accuracy)[0];
+    match (excitation.accuracy, is_small) {
+        (Accuracy::Ranking, false) => Box::new(Block::<_, f32, SINGLE_LANES>::new(
             dynamics, excitation, candidates, width,
         )),
-        Accuracy::Screening | Accuracy::Full => Box::new(Block::<_, f64, LANES>::new(
+        (Accuracy::Ranking, true) => Box::new(Block::<_, f32, SINGLE_HALF>::new(
+            dynamics, excitation, candidates, width,
+        )),
+        (_, false) => Box::new(Block::<_, f64, LANES>::new(
+            dynamics, excitation, candidates, width,
+        )),
+        (_, true) => Box::new(Block::<_, f64, HALF>::new(
             dynamics, excitation, candidates, width,
         )),
     }
@@ -141,7 +152,7 @@ impl<'a, D: Dynamics, T: Scalar, const N: usize> Block<'a, D, T, N> {
 
     #[inline(always)]
     fn advance_lanes(&mut self, samples: usize, outputs: &mut [Lanes]) {
-        let of_group = outputs.len() / (N / LANES);
+        let of_group = outputs.len() / N.div_ceil(LANES);
         let mut row = vec![Lanes::splat(0.0); of_group / samples];
         let mut inputs = Vec::with_capacity(self.excitation.inputs.len());
         for first in (0..of_group).step_by(row.len()) {
@@ -302,7 +313,7 @@ impl<'a, D: Dynamics, T: Scalar, const N: usize> Block<'a, D, T, N> {
     }
 }
 
-/// The outputs of one group of lanes.
+/// The outputs of one group of lanes; nothing where the block has fewer.
 #[inline(always)]
 fn write_group<T: Scalar, const N: usize>(
     row: &[Lanes<T, N>],
@@ -310,8 +321,8 @@ fn write_group<T: Scalar, const N: usize>(
     outputs: &mut [Lanes],
 ) {
     for (output, value) in outputs.iter_mut().zip(row) {
-        let lane = |lane| value.lane(group * LANES + lane);
-        *output = Lanes(std::array::from_fn(lane));
+        let lane = |lane| if lane < N { value.lane(lane) } else { f64::NAN };
+        *output = Lanes(std::array::from_fn(|index| lane(group * LANES + index)));
     }
 }
 

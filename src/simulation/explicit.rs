@@ -77,7 +77,7 @@ impl<S> Sum<S> {
     }
 
     /// What the weighted slopes of a step are added to: the state in double precision; nothing in
-    /// single, where the increment keeps all its digits until [`Sum::after`] adds it.
+    /// single, where the increment keeps all its digits until [`Sum::go_to`] adds it.
     #[inline(always)]
     fn base<R: Real>(state: &S) -> S
     where
@@ -86,39 +86,25 @@ impl<S> Sum<S> {
         if R::IS_SINGLE { S::zeros() } else { *state }
     }
 
-    /// The state after a step from its base to here.
+    /// Writes the state after a step from its base to here.
     #[inline(always)]
-    fn after<R: Real>(&self, step: &S) -> Sum<S>
+    fn go_to<R: Real>(&self, step: &S, next: &mut Sum<S>)
     where
         S: RealArray<R>,
     {
-        let mut next = *self;
-        let states = next.state.as_mut().iter_mut();
-        let excesses = next.excess.as_mut().iter_mut();
-        for ((state, excess), step) in states.zip(excesses).zip(step.as_ref()) {
+        let (states, excesses) = (self.state.as_ref(), self.excess.as_ref());
+        let next_states = next.state.as_mut();
+        let next_excesses = next.excess.as_mut();
+        for (index, step) in step.as_ref().iter().enumerate() {
             if R::IS_SINGLE {
-                let part = *step - *excess;
-                let total = *state + part;
-                *excess = (total - *state) - part;
-                *state = total;
+                let part = *step - excesses[index];
+                let total = states[index] + part;
+                next_excesses[index] = (total - states[index]) - part;
+                next_states[index] = total;
             } else {
-                *state = *step;
+                next_states[index] = *step;
             }
         }
-        next
-    }
-
-    /// Takes over the chosen lanes.
-    #[inline(never)]
-    fn replace_lanes<T: Scalar, const N: usize>(
-        &mut self,
-        by: &Sum<S>,
-        chosen: impl Fn(usize) -> bool,
-    ) where
-        S: RealArray<Lanes<T, N>>,
-    {
-        replace_lanes(&mut self.state, &by.state, &chosen);
-        replace_lanes(&mut self.excess, &by.excess, &chosen);
     }
 
     /// Gives a lane another state.
@@ -145,37 +131,50 @@ pub fn integrate<D: Dynamics, T: Scalar, const N: usize>(
 ) -> Sum<D::State<Lanes<T, N>>> {
     let together = steps.count.iter().copied().min().unwrap_or(0);
     let at_most = steps.count.iter().copied().max().unwrap_or(0);
-    let mut sum = *start;
-    let mut switches = dynamics.switches(constants.wide, held, &sum.state);
+    let counts = Lanes(steps.count.map(|count| T::splat(f64::from(count))));
+    // Two places that take turns: what a step comes from and where it goes to.
+    let mut sums = [*start, *start];
+    let mut switches = [dynamics.switches(constants.wide, held, &start.state); 2];
+    let [mut sum, mut next] = sums.each_mut();
+    let [mut before, mut after] = switches.each_mut();
     for taken in 0..at_most {
         let state = &sum.state;
         let base = Sum::base(state);
         let mut step = runge_kutta(dynamics, (constants.wide, held), state, &base, steps.length);
-        let mut next = sum.after(&step);
-        let after = dynamics.switches(constants.wide, held, &next.state);
-        if crosses(&switches, &after) {
+        sum.go_to(&step, next);
+        *after = dynamics.switches(constants.wide, held, &next.state);
+        if crosses(before, after) {
             let kinked = Kinked {
                 held,
                 state,
-                before: &switches,
-                after: &after,
+                before,
+                after,
                 steps,
                 taken,
             };
             kinked.take_anew(dynamics, constants, &mut step);
-            next = sum.after(&step);
-            switches = dynamics.switches(constants.wide, held, &next.state);
-        } else {
-            switches = after;
+            sum.go_to(&step, next);
+            *after = dynamics.switches(constants.wide, held, &next.state);
         }
-        if taken < together {
-            sum = next;
-        } else {
-            sum.replace_lanes(&next, |lane| taken < steps.count[lane]);
-            switches = dynamics.switches(constants.wide, held, &sum.state);
+        if taken >= together {
+            let left = counts - Lanes::splat(f64::from(taken));
+            rest(&mut next.state, &sum.state, left);
+            rest(&mut next.excess, &sum.excess, left);
+            rest(after, before, left);
         }
+        std::mem::swap(&mut sum, &mut next);
+        std::mem::swap(&mut before, &mut after);
     }
-    sum
+    *sum
+}
+
+/// Lanes with no steps left stay where they were.
+#[inline(always)]
+fn rest<R: Real, A: RealArray<R>>(numbers: &mut A, before: &A, left: R) {
+    let one = R::splat(1.0);
+    for (number, before) in numbers.as_mut().iter_mut().zip(before.as_ref()) {
+        *number = left.select_ge(one, *number, *before);
+    }
 }
 
 /// The candidates' constants, side by side and one by one.

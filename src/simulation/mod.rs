@@ -113,7 +113,8 @@ pub trait BlockSimulator: Send {
     /// candidate's outputs are NaN. The candidates stand in groups of [`lanes::LANES`], one after
     /// the other: `outputs[(group · samples + sample) · n_outputs + output]`.
     fn advance(&mut self, samples: usize, outputs: &mut [lanes::Lanes]);
-    /// How each lane of each group has failed, if it has.
+    /// How each lane has failed, if it has. The last group may have fewer lanes than
+    /// [`lanes::LANES`].
     fn failures(&self) -> &[Option<Failure>];
     /// Derivatives evaluated so far, one lane each.
     fn derivative_evaluations(&self) -> u64;

@@ -12,11 +12,10 @@
 
 use super::residuals::ResidualReport;
 use crate::estimation::problem::Problem;
-use crate::estimation::sensitivity::{self, SensitivityError};
+use crate::estimation::sensitivity::{self, Neighbourhood};
 use crate::numerics::least_squares::{Rows, Triangle};
-use crate::simulation::Accuracy;
+use crate::simulation::Failure;
 use nalgebra::{DMatrix, DVector};
-use std::sync::atomic::AtomicBool;
 
 /// Numbers of blocks that the middle of the sandwich is made of. Few long blocks catch long
 /// memories, many short ones are less noisy themselves.
@@ -101,20 +100,20 @@ pub fn weights(problem: &Problem, residuals: &[ResidualReport]) -> Vec<f64> {
         .collect()
 }
 
-/// Linearises the residuals at a candidate.
+/// Linearises the residuals at a candidate that was simulated with its neighbours.
 ///
 /// # Errors
-/// When the stop flag was raised, or a simulation failed.
+/// How the candidate or a neighbour failed.
 pub fn linearise(
     problem: &Problem,
-    positions: &[f64],
+    around: &Neighbourhood<'_>,
     residuals: &[ResidualReport],
-    stop: &AtomicBool,
-) -> Result<Linear, SensitivityError> {
+) -> Result<Linear, Failure> {
     let weights = weights(problem, residuals);
-    let mut gathered = Gathered::new(positions.len(), problem.n_residuals());
-    let mut slopes = Slopes::new(positions.len(), problem.outputs.len());
-    sensitivity::visit_rows(problem, positions, Accuracy::Full, stop, |row| {
+    let unknowns = around.n_columns();
+    let mut gathered = Gathered::new(unknowns, problem.n_residuals());
+    let mut slopes = Slopes::new(unknowns, problem.outputs.len());
+    around.visit(|row| {
         let score = problem.loss.score(row.residual) / residuals[row.output].inlier_share;
         gathered.add(row.derivatives, score, weights[row.output]);
         slopes.add(&row);
@@ -122,7 +121,7 @@ pub fn linearise(
     let (triangle, sums) = gathered.finish();
     let factor = triangle.factor();
     let condition = condition(&factor);
-    let enough = triangle.rows() >= positions.len() && condition <= LARGEST_CONDITION;
+    let enough = triangle.rows() >= unknowns && condition <= LARGEST_CONDITION;
     let coloured = residuals.iter().any(|report| report.white == Some(false));
     let squares = weights.iter().map(|weight| weight.powi(-2)).sum::<f64>();
     Ok(Linear {

@@ -23,8 +23,9 @@ pub use settings::{Intervals, Settings};
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
-use crate::estimation::sensitivity::SensitivityError;
+use crate::estimation::sensitivity::{self, Neighbourhood, SensitivityError};
 use crate::estimation::trajectory;
+use crate::simulation::Accuracy;
 use crate::simulation::single::Outputs;
 use bootstrap::Bootstrap;
 use covariance::{Covariance, Linear};
@@ -103,7 +104,12 @@ pub fn analyse(
     request: &Request,
     stop: &AtomicBool,
 ) -> Option<Analysis> {
-    let trajectories = trajectory::simulate(problem, &report.positions, stop)?;
+    let positions = &report.positions;
+    let (trajectories, around) = rayon::join(
+        || trajectory::simulate(problem, positions, stop),
+        || sensitivity::around(problem, positions, Accuracy::Full, stop),
+    );
+    let (trajectories, around) = (trajectories?, around?);
     let Ok(trajectories) = trajectories else {
         return Some(without_simulation(problem, report));
     };
@@ -114,7 +120,7 @@ pub fn analyse(
         trajectories: &trajectories,
         residuals: &residuals,
     };
-    let linearised = match estimate.linearised(request, stop) {
+    let linearised = match estimate.linearised(&around, request, stop) {
         Ok(linearised) => linearised,
         Err(SensitivityError::Interrupted) => return None,
         Err(failure) => Linearised::without(problem, report, failure.to_string()),
@@ -190,11 +196,13 @@ struct Estimate<'a> {
 impl Estimate<'_> {
     fn linearised(
         &self,
+        around: &Neighbourhood<'_>,
         request: &Request,
         stop: &AtomicBool,
     ) -> Result<Linearised, SensitivityError> {
         let (problem, positions) = (self.problem, &self.report.positions[..]);
-        let linear = covariance::linearise(problem, positions, self.residuals, stop)?;
+        let linear = covariance::linearise(problem, around, self.residuals)
+            .map_err(SensitivityError::Failed)?;
         let weights = covariance::weights(problem, self.residuals);
         let flat = identifiability::flat_at(problem, positions, &linear.factor, &weights, stop)?;
         let mut coordinates = coordinates(problem, self.report, Some(&linear));

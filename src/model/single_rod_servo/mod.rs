@@ -53,7 +53,8 @@ const INITIAL_PRESSURE_SHARE: f64 = 0.575;
 /// the modes that ring; the trajectories in `tests/known_answers` hold with it.
 const FRICTION_SHARE: f64 = 0.4;
 
-/// The equations, with the switchable effects that the constants have, or without any.
+/// The equations, with the switchable effects and the lag that the constants have, or without
+/// effects and with the lag of second order.
 #[derive(Clone, Copy, Debug)]
 struct SingleRodServo<const EFFECTS: bool>;
 
@@ -82,9 +83,10 @@ struct Ports<R> {
 }
 
 impl<R: Real> Constants<R> {
-    /// Whether a switchable effect is there.
+    /// Whether a switchable effect is there, or another lag of the valve than that of second order.
     fn has_effects(&self) -> bool {
         self.has_droop
+            || !self.valve.is_of_second_order()
             || self.valve.has_dead_band
             || self.cylinder.has_leakage
             || self.cylinder.has_air
@@ -246,7 +248,7 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
             .pressure_rates::<EFFECTS>(flows, pressures, motion);
         let force = constants.cylinder.piston_area * p1 - constants.cylinder.annulus_area * p2;
         let acceleration = constants.load.acceleration::<EFFECTS>(force, x, v);
-        let spool_rates = constants.valve.rates(command, &spool);
+        let spool_rates = constants.valve.rates::<EFFECTS>(command, &spool);
         [
             p1_rate,
             p2_rate,
@@ -265,7 +267,8 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
         &[p1, p2, _, _, position, velocity]: &[R; 6],
     ) -> [R; 8] {
         let spool = Spool { position, velocity };
-        let [opens, opens_back, open, open_back] = constants.valve.switches(command, &spool);
+        let [opens, opens_back, open, open_back] =
+            constants.valve.switches::<EFFECTS>(command, &spool);
         let (supply, drain) = (constants.supply_pressure, constants.return_pressure);
         [
             opens,

@@ -1,8 +1,8 @@
 //! The servo as a plant that is simulated block by block.
 //!
-//! Candidates of which none has a switchable effect are simulated by equations from which the
-//! effects are left out when they are compiled. An effect that is not there adds nothing, so the
-//! bits are the same; the processor is spared the questions.
+//! Candidates of which none has a switchable effect, and whose valve lags in second order, are
+//! simulated by equations from which the rest is left out when they are compiled. What is not
+//! there adds nothing, so the bits are the same; the processor is spared the questions.
 
 use super::SingleRodServo;
 use crate::simulation::batch::Plant;
@@ -27,8 +27,8 @@ impl Plant for Servo {
         WITH_EFFECTS.resolved_rate(&WITH_EFFECTS.constants(parameters))
     }
 
-    fn block_size(&self, accuracy: Accuracy) -> usize {
-        block::size(accuracy)
+    fn block_sizes(&self, accuracy: Accuracy) -> &'static [usize] {
+        block::sizes(accuracy)
     }
 
     fn simulator<'a>(

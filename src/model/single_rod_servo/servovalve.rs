@@ -6,6 +6,20 @@
 
 use crate::simulation::lanes::Real;
 
+/// A spool that settles at the edge of a port crosses it again and again, at last with every
+/// rounding. In single precision crossings within this share of its stroke count as none.
+const SETTLED: f64 = 1e-4;
+
+/// How far the spool is beyond an edge, or nothing where it has settled there.
+#[inline(always)]
+fn crossed<R: Real>(distance: R) -> R {
+    if !R::IS_SINGLE {
+        return distance;
+    }
+    let zero = R::splat(0.0);
+    distance.abs().select_ge(R::splat(SETTLED), distance, zero)
+}
+
 /// What follows from the valve's parameters.
 #[derive(Clone, Copy, Debug)]
 pub struct Valve<R> {
@@ -58,7 +72,7 @@ impl<R: Real> Valve<R> {
     /// at most fully open.
     #[inline(always)]
     pub fn opening<const EFFECTS: bool>(&self, command: R, spool: &Spool<R>) -> R {
-        let spool = self.acting(command, spool);
+        let spool = self.acting::<EFFECTS>(command, spool);
         if !(EFFECTS && self.has_dead_band) {
             return spool.clamp(-1.0, 1.0);
         }
@@ -68,25 +82,45 @@ impl<R: Real> Valve<R> {
 
     /// Where a port begins to open (both signs) and where it is fully open (both signs).
     #[inline(always)]
-    pub fn switches(&self, command: R, spool: &Spool<R>) -> [R; 4] {
-        let spool = self.acting(command, spool);
-        let (opens, open) = (self.dead_band, self.dead_band + R::splat(1.0));
-        [spool - opens, spool + opens, spool - open, spool + open]
+    pub fn switches<const EFFECTS: bool>(&self, command: R, spool: &Spool<R>) -> [R; 4] {
+        let spool = self.acting::<EFFECTS>(command, spool);
+        let (opens, open) = if EFFECTS {
+            (self.dead_band, self.dead_band + R::splat(1.0))
+        } else {
+            (R::splat(0.0), R::splat(1.0))
+        };
+        [
+            crossed(spool - opens),
+            crossed(spool + opens),
+            crossed(spool - open),
+            crossed(spool + open),
+        ]
     }
 
     #[inline(always)]
-    fn acting(&self, command: R, spool: &Spool<R>) -> R {
+    fn acting<const EFFECTS: bool>(&self, command: R, spool: &Spool<R>) -> R {
+        if !EFFECTS {
+            return spool.position;
+        }
         self.direct * command + (R::splat(1.0) - self.direct) * spool.position
     }
 
     /// The spool's rates of change.
     #[inline(always)]
-    pub fn rates(&self, command: R, spool: &Spool<R>) -> Spool<R> {
+    pub fn rates<const EFFECTS: bool>(&self, command: R, spool: &Spool<R>) -> Spool<R> {
         let error = command - spool.position;
-        Spool {
-            position: self.second_order * spool.velocity + self.first_order_rate * error,
-            velocity: self.stiffness * error - self.damping * spool.velocity,
-        }
+        let velocity = self.stiffness * error - self.damping * spool.velocity;
+        let position = if EFFECTS {
+            self.second_order * spool.velocity + self.first_order_rate * error
+        } else {
+            spool.velocity
+        };
+        Spool { position, velocity }
+    }
+
+    /// Whether the lag is of second order in every lane.
+    pub fn is_of_second_order(&self) -> bool {
+        !self.second_order.any(|share| share < 1.0)
     }
 
     /// The fastest rate of the lag [1/s].

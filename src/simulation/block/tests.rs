@@ -164,6 +164,50 @@ fn ranking_gives_the_same_bits_in_every_width_and_beside_any_neighbour() {
     }
 }
 
+/// The positions of each candidate in the block that they are given.
+fn in_a_block(accuracy: Accuracy, parameters: &[[f64; 3]]) -> Vec<Vec<f64>> {
+    let inputs = square_wave();
+    let excitation = Excitation {
+        sample_time: 0.1,
+        samples: inputs[0].len(),
+        input_set: 0,
+        inputs: &inputs,
+        accuracy,
+    };
+    let candidate = |parameters| Candidate {
+        parameters,
+        initial_state: &[None, None],
+        resolved_rate: None,
+    };
+    let candidates: Vec<_> = parameters.iter().map(|p| candidate(p.as_slice())).collect();
+    let groups = parameters.len().div_ceil(LANES);
+    let mut outputs = vec![Lanes([0.0; LANES]); 2 * excitation.samples * groups];
+    simulator(&Pendulum, excitation, &candidates).advance(excitation.samples, &mut outputs);
+    let of_candidate = |index: usize| {
+        let group = outputs.chunks(2 * excitation.samples).nth(index / LANES);
+        let rows = group.unwrap_or_default().iter().step_by(2);
+        rows.map(|row| row.0[index % LANES]).collect()
+    };
+    (0..parameters.len()).map(of_candidate).collect()
+}
+
+#[test]
+fn a_block_of_any_size_gives_the_same_bits() {
+    let bits = |position: &[f64]| -> Vec<u64> { position.iter().map(|x| x.to_bits()).collect() };
+    // Without the candidate that fails, whose outputs are not numbers.
+    let candidates: Vec<_> = sixteen().into_iter().filter(|c| c[0] > 0.0).collect();
+    for accuracy in [Accuracy::Ranking, Accuracy::Full] {
+        let largest = *sizes(accuracy).last().unwrap();
+        let all = in_a_block(accuracy, &candidates[..largest.min(candidates.len())]);
+        for count in [1, 3, 4, 5, 8] {
+            let some = in_a_block(accuracy, &candidates[..count]);
+            for (index, (some, all)) in some.iter().zip(&all).enumerate() {
+                assert_eq!(bits(some), bits(all), "candidate {index} of {count}");
+            }
+        }
+    }
+}
+
 #[test]
 fn ranking_differs_from_the_same_steps_in_double_precision_by_rounding_alone() {
     let ranked = rank(&MIXED, &square_wave(), Width::widest());
