@@ -4,6 +4,7 @@
 //! `benches/compare.py` sets beside other programs. Each figure is the shortest of several runs,
 //! because whatever else the machine does only adds to a time.
 
+mod limits;
 mod population;
 
 use greybox::dataset::csv;
@@ -30,6 +31,7 @@ const RUNS: usize = 15;
 fn main() {
     let as_json = std::env::args().any(|argument| argument == "--json");
     let figures = json!({
+        "limits": limits::figures(),
         "population": population::figures(),
         "documents": population::documents(),
         "estimate": [estimate(Demo::A), estimate(Demo::D)],
