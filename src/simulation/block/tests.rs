@@ -69,24 +69,32 @@ fn rank(parameters: &[[f64; 3]], inputs: &[Vec<f64>], width: Width) -> Vec<Vec<f
     positions.take(parameters.len()).collect()
 }
 
-fn outputs<T: Scalar, const N: usize>(
-    accuracy: Accuracy,
-    parameters: &[[f64; 3]],
-    (inputs, width): (&[Vec<f64>], Width),
-) -> Vec<Lanes> {
-    let excitation = Excitation {
+fn excitation(accuracy: Accuracy, inputs: &[Vec<f64>]) -> Excitation<'_> {
+    Excitation {
         sample_time: 0.1,
         samples: inputs[0].len(),
         input_set: 0,
         inputs,
         accuracy,
-    };
+    }
+}
+
+fn candidates(parameters: &[[f64; 3]]) -> Vec<Candidate<'_>> {
     let candidate = |parameters| Candidate {
         parameters,
         initial_state: &[None, None],
         resolved_rate: None,
     };
-    let candidates: Vec<_> = parameters.iter().map(|p| candidate(p.as_slice())).collect();
+    parameters.iter().map(|p| candidate(p.as_slice())).collect()
+}
+
+fn outputs<T: Scalar, const N: usize>(
+    accuracy: Accuracy,
+    parameters: &[[f64; 3]],
+    (inputs, width): (&[Vec<f64>], Width),
+) -> Vec<Lanes> {
+    let excitation = excitation(accuracy, inputs);
+    let candidates = candidates(parameters);
     let mut block = Block::<_, T, N>::new(&Pendulum, excitation, &candidates, width);
     let mut outputs = vec![Lanes([0.0; LANES]); 2 * inputs[0].len() * (N / LANES)];
     block.advance(inputs[0].len(), &mut outputs);
@@ -167,19 +175,8 @@ fn ranking_gives_the_same_bits_in_every_width_and_beside_any_neighbour() {
 /// The positions of each candidate in the block that they are given.
 fn in_a_block(accuracy: Accuracy, parameters: &[[f64; 3]]) -> Vec<Vec<f64>> {
     let inputs = square_wave();
-    let excitation = Excitation {
-        sample_time: 0.1,
-        samples: inputs[0].len(),
-        input_set: 0,
-        inputs: &inputs,
-        accuracy,
-    };
-    let candidate = |parameters| Candidate {
-        parameters,
-        initial_state: &[None, None],
-        resolved_rate: None,
-    };
-    let candidates: Vec<_> = parameters.iter().map(|p| candidate(p.as_slice())).collect();
+    let excitation = excitation(accuracy, &inputs);
+    let candidates = candidates(parameters);
     let groups = parameters.len().div_ceil(LANES);
     let mut outputs = vec![Lanes([0.0; LANES]); 2 * excitation.samples * groups];
     simulator(&Pendulum, excitation, &candidates).advance(excitation.samples, &mut outputs);
