@@ -261,11 +261,10 @@ fn no_source_panics_on_what_is_not_there() {
 /// Files of this project's own writing.
 fn own_files() -> Vec<PathBuf> {
     let folders = ["src", "tests", "benches"];
-    let files = folders
+    folders
         .iter()
-        .flat_map(|folder| files(folder, &["rs", "js", "css", "html", "sql"]));
-    let own = Path::new(file!()).file_name().expect("a name");
-    files.filter(|path| !path.ends_with(own)).collect()
+        .flat_map(|folder| files(folder, &["rs", "js", "css", "html", "sql"]))
+        .collect()
 }
 
 #[test]
@@ -288,17 +287,22 @@ fn every_file_says_what_it_is_and_is_read_at_a_sitting() {
 
 #[test]
 fn nothing_is_left_undone_or_bound_to_one_machine() {
+    // Each is written in two parts, so that this file itself can be looked through.
     // The word is the field's for what is called credit here: one concept, one word.
-    const UNUSED_WORD: &str = "fitness";
+    const UNUSED_WORD: &str = concat!("fit", "ness");
     let undone = [
-        "TODO",
-        "FIXME",
-        "XXX",
-        "unimplemented!",
-        "todo!",
-        "#[ignore",
+        concat!("TO", "DO"),
+        concat!("FIX", "ME"),
+        concat!("XX", "X"),
+        concat!("unimple", "mented!"),
+        concat!("to", "do!"),
+        concat!("#[ig", "nore"),
     ];
-    let machine = ["/home/", "/Users/", ":\\Users\\"];
+    let machine = [
+        concat!("/ho", "me/"),
+        concat!("/Us", "ers/"),
+        concat!(":\\Us", "ers\\"),
+    ];
     let mut faults = Vec::new();
     for path in own_files() {
         let text = read(&path);

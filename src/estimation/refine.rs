@@ -26,8 +26,8 @@ fn most_iterations(accuracy: Accuracy, rows: usize) -> u32 {
 }
 /// Residuals of a record that costs next to nothing to go on with.
 const SHORT: usize = 1000;
-/// Where a descent differentiates. To one side a difference errs by some millionths, which bends
-/// the way down and leaves its end where it is; a short record affords both.
+/// Where a descent differentiates. Differences to one side brought 200 descents to the floor of
+/// recording A within 2e-6 of its chi-square (`benches/README.md`); a short record affords both.
 fn sides(problem: &Problem, accuracy: Accuracy) -> Sides {
     match accuracy {
         Accuracy::Full if problem.n_residuals() <= SHORT => Sides::Both,

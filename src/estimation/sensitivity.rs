@@ -103,22 +103,6 @@ pub fn visit_rows(
         .map_err(SensitivityError::Failed)
 }
 
-/// A candidate with its neighbours along every coordinate, to one side where the simulation is
-/// coarse. Answers nothing when the stop flag was raised.
-#[must_use]
-pub fn around<'a>(
-    problem: &'a Problem,
-    positions: &[f64],
-    accuracy: Accuracy,
-    stop: &AtomicBool,
-) -> Option<Neighbourhood<'a>> {
-    let sides = match accuracy {
-        Accuracy::Ranking | Accuracy::Screening => Sides::One,
-        Accuracy::Full => Sides::Both,
-    };
-    Neighbourhood::along_axes(problem, (positions, sides), &[], (accuracy, stop))
-}
-
 /// The same with derivatives along given directions of the box.
 ///
 /// # Errors
@@ -134,6 +118,22 @@ pub fn visit_directions(
         .ok_or(SensitivityError::Interrupted)?
         .visit(visit)
         .map_err(SensitivityError::Failed)
+}
+
+/// A candidate with its neighbours along every coordinate, to one side where the simulation is
+/// coarse. Answers nothing when the stop flag was raised.
+#[must_use]
+pub fn around<'a>(
+    problem: &'a Problem,
+    positions: &[f64],
+    accuracy: Accuracy,
+    stop: &AtomicBool,
+) -> Option<Neighbourhood<'a>> {
+    let sides = match accuracy {
+        Accuracy::Ranking | Accuracy::Screening => Sides::One,
+        Accuracy::Full => Sides::Both,
+    };
+    Neighbourhood::along_axes(problem, (positions, sides), &[], (accuracy, stop))
 }
 
 /// A candidate and its neighbours, simulated together with others that shall be compared.

@@ -282,6 +282,39 @@ fn every_candidate_of_a_ranking_comes_out_in_its_place() {
     }
 }
 
+/// A valve that lags in second order is simulated by equations of its own while nobody beside it
+/// needs others; that must not show, and a valve with another lag must not get them.
+#[test]
+fn every_lag_of_the_valve_moves_alone_as_beside_the_others() {
+    let reference = Reference::of_manifest("nominal_closed_loop");
+    let input = &reference.input()[..600];
+    let description = servo().description().clone();
+    let place = |name: &str| description.parameter_index(name).unwrap();
+    let second_order = description.defaults();
+    let [late, soon, direct] = [4e-3, 1e-3, 0.0].map(|time_constant| {
+        let mut candidate = second_order.clone();
+        candidate[place("spool_natural_frequency")] = 0.0;
+        candidate[place("spool_time_constant")] = time_constant;
+        candidate
+    });
+    let candidates = [second_order, late, soon, direct];
+    for accuracy in [Accuracy::Ranking, Accuracy::Screening, Accuracy::Full] {
+        let together = positions(accuracy, &candidates, input);
+        for (candidate, beside) in candidates.iter().zip(&together) {
+            let alone = &positions(accuracy, std::slice::from_ref(candidate), input)[0];
+            let bits = |track: &[f64]| track.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(alone), bits(beside));
+        }
+        // The shorter the lag, the nearer to none; each is a motion of its own.
+        let [second_order, late, soon, direct] = &together[..] else {
+            panic!("four candidates went in")
+        };
+        let [far, near] = [late, soon].map(|track| largest_difference(track, direct));
+        assert!(far > 2.0 * near && near > 1e-5, "{far} and {near} m");
+        assert!(largest_difference(second_order, direct) > 1e-5);
+    }
+}
+
 /// (M, B, Ks, Km, forces, pressures, d0)·λ with Kq/√λ and leakage/λ leaves the motion as it is.
 /// λ is a power of four, so that every scaled number is exact and only the order of rounding in
 /// roots can differ.
