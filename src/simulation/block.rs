@@ -335,6 +335,7 @@ struct Advance<'b, 'a, D: Dynamics, T: Scalar, const N: usize> {
 
 impl<D: Dynamics, T: Scalar, const N: usize> Wide for Advance<'_, '_, D, T, N> {
     type Output = ();
+    const FILLS_64_BYTES: bool = T::IS_SINGLE && N == SINGLE_LANES;
 
     #[inline(always)]
     fn work(self) {

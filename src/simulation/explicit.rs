@@ -6,7 +6,7 @@
 
 use super::Accuracy;
 use super::dynamics::Dynamics;
-use super::lanes::{LANES, Lanes, Real, RealArray, Scalar, lane_of, set_lane_of};
+use super::lanes::{LANES, Lanes, Real, RealArray, SINGLE_LANES, Scalar, lane_of, set_lane_of};
 use super::width::{Wide, Width};
 
 /// Where a step times the local rate exceeds this, the explicit method is no longer trusted (its
@@ -298,6 +298,7 @@ struct Parts<'a, D: Dynamics, R: Real> {
 
 impl<D: Dynamics, R: Real> Wide for Parts<'_, D, R> {
     type Output = D::State<R>;
+    const FILLS_64_BYTES: bool = R::IS_SINGLE && R::WIDTH == SINGLE_LANES;
 
     /// The step that the parts make together.
     #[inline(always)]
