@@ -79,6 +79,8 @@ const PLACES: &[(&str, &[&str])] = &[
     ("metrics", &["api", "app", "worker"]),
     ("metrics_exporter_prometheus", &["api", "app"]),
     ("reqwest", &["cli"]),
+    // Where samples are put aside on their way into the database.
+    ("tempfile", &["store"]),
     // Settings are flags as well as variables.
     ("clap", &["cli", "config"]),
     ("directories", &["config"]),

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, Request};
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use futures_util::TryStreamExt;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -286,10 +286,17 @@ pub fn unsupported(headers: &HeaderMap, expected: &str) -> Problem {
     Problem::new(Kind::UnsupportedMediaType, detail)
 }
 
+/// Samples could not be put aside or read back: the server's fault.
+pub fn scratch_failed(error: &io::Error) -> Problem {
+    tracing::error!(%error, "the scratch of a recording failed");
+    Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
+}
+
 impl From<ReadError> for Problem {
     /// A recording that is not one. A source that broke off is told by [`parse`].
     fn from(error: ReadError) -> Self {
         let kind = match &error {
+            ReadError::Scratch(error) => return scratch_failed(error),
             ReadError::Invalid(_) => Kind::Invalid,
             ReadError::Malformed(_) | ReadError::Io(_) => Kind::Malformed,
         };
@@ -310,7 +317,6 @@ impl From<ReadError> for Problem {
 
 #[cfg(test)]
 mod tests {
-    use axum::http::StatusCode;
     use axum::response::IntoResponse;
 
     use super::*;

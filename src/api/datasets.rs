@@ -14,13 +14,13 @@ use tokio_util::io::{ReaderStream, SyncIoBridge};
 use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
-use super::body::{content_type, parse, unsupported};
+use super::body::{content_type, parse, scratch_failed, unsupported};
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::extract::Named;
 use super::manners::{hex, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use crate::dataset::{self, Recording, Samples, Summary};
+use crate::dataset::{self, Intake, NewScratch, Recording, Samples, Summary};
 use crate::job::DatasetId;
 use crate::job::spec::MAX_NAME_CHARS;
 use crate::store::{DatasetRemoval, DatasetRow, NewDataset};
@@ -137,18 +137,23 @@ pub async fn create(
             time: options.time.clone(),
             name: options.name.clone(),
         },
+        scratch: state.store.scratch(),
     };
     let parsed = parse(request.into_body(), limit, move |text| {
-        Ok(reading.read(text)?)
+        let mut recording = reading.read(text)?;
+        let summary = recording.summary();
+        let summary = summary.map_err(|error| scratch_failed(&error))?;
+        Ok((recording, summary))
     })
     .await?;
-    let mut recording = parsed.value;
+    let (mut recording, summary) = parsed.value;
     if options.name.is_some() {
         recording.name.clone_from(&options.name);
     }
     let new = NewDataset {
         name: recording.name.clone(),
         digest: digest(parsed.digest, &options),
+        summary,
         recording,
     };
     let (row, is_new) = state.store.insert_dataset(new).await?;
@@ -167,13 +172,14 @@ pub async fn create(
 struct ReadingOptions {
     format: Format,
     csv: dataset::csv::Options,
+    scratch: NewScratch,
 }
 
 impl ReadingOptions {
-    fn read(&self, text: &mut dyn Read) -> Result<Recording, dataset::ReadError> {
+    fn read(self, text: &mut dyn Read) -> Result<Intake, dataset::ReadError> {
         match self.format {
-            Format::Csv => dataset::csv::read(text, &self.csv),
-            Format::Json => dataset::json::read(text),
+            Format::Csv => dataset::csv::receive(text, &self.csv, self.scratch),
+            Format::Json => dataset::json::read(text).map(Intake::from),
         }
     }
 }

@@ -1,5 +1,7 @@
 //! When the samples of a recording were taken.
 
+use super::columns::Series;
+use std::io;
 use std::ops::Range;
 
 /// How far a sample may lie from its place on a uniform grid, in sample times.
@@ -30,23 +32,30 @@ impl TimeAxis {
     /// what the instants can tell about the sample time.
     #[must_use]
     pub fn from_instants(instants: Vec<f64>, scale: f64) -> Self {
-        let samples = instants.len();
-        let Some(last) = instants.last().copied().filter(|last| *last > 0.0) else {
-            return Self::Instants(instants);
-        };
-        let intervals = (samples - 1) as f64;
-        let rounding = 2.0 * f64::EPSILON * scale.abs().max(last) / intervals;
-        let sample_time = shortest_decimal(last / intervals, rounding);
-        let on_grid = |(k, instant): (usize, &f64)| {
-            (instant - k as f64 * sample_time).abs() <= JITTER_TOLERANCE * sample_time
-        };
-        if instants.iter().enumerate().all(on_grid) {
-            Self::Uniform {
-                sample_time,
-                samples,
-            }
-        } else {
-            Self::Instants(instants)
+        let last = instants.last().copied().unwrap_or(0.0);
+        let grid = Grid::through(instants.len(), last, scale);
+        match grid.filter(|grid| grid.holds(0, &instants)) {
+            Some(grid) => grid.axis(instants.len()),
+            None => Self::Instants(instants),
+        }
+    }
+
+    /// The same of so many instants up to the `last` one that need not be in memory.
+    pub(super) fn of_series(
+        instants: &mut dyn Series,
+        (samples, last): (usize, f64),
+        scale: f64,
+    ) -> io::Result<Self> {
+        let mut grid = Grid::through(samples, last, scale);
+        let mut first = 0;
+        instants.visit(&mut |piece| {
+            grid = grid.filter(|grid| grid.holds(first, piece));
+            first += piece.len();
+            Ok(())
+        })?;
+        match grid {
+            Some(grid) => Ok(grid.axis(samples)),
+            None => Ok(Self::Instants(instants.collect()?)),
         }
     }
 
@@ -121,6 +130,40 @@ impl TimeAxis {
                 k as usize
             }
             Self::Instants(instants) => instants.partition_point(|instant| *instant < early),
+        }
+    }
+}
+
+/// A uniform grid from 0 to the last of some instants.
+#[derive(Clone, Copy)]
+struct Grid {
+    sample_time: f64,
+}
+
+impl Grid {
+    fn through(samples: usize, last: f64, scale: f64) -> Option<Self> {
+        if samples < 2 || last <= 0.0 {
+            return None;
+        }
+        let intervals = (samples - 1) as f64;
+        let rounding = 2.0 * f64::EPSILON * scale.abs().max(last) / intervals;
+        Some(Self {
+            sample_time: shortest_decimal(last / intervals, rounding),
+        })
+    }
+
+    /// Whether these instants, of which `first` is the index of the first, lie on it.
+    fn holds(&self, first: usize, instants: &[f64]) -> bool {
+        let Self { sample_time } = *self;
+        (first..).zip(instants).all(|(k, instant)| {
+            (instant - k as f64 * sample_time).abs() <= JITTER_TOLERANCE * sample_time
+        })
+    }
+
+    fn axis(self, samples: usize) -> TimeAxis {
+        TimeAxis::Uniform {
+            sample_time: self.sample_time,
+            samples,
         }
     }
 }

@@ -39,6 +39,9 @@ pub enum ReadError {
     /// The source broke off or its limit was exceeded.
     #[error("the recording could not be read to its end: {0}")]
     Io(#[from] io::Error),
+    /// The samples could not be put aside, which is not the source's fault.
+    #[error("the samples of the recording could not be put aside: {0}")]
+    Scratch(io::Error),
     /// The text is not CSV or not JSON.
     #[error("the recording is malformed: {}", sentences(.0))]
     Malformed(Vec<Fault>),
@@ -52,7 +55,7 @@ impl ReadError {
     #[must_use]
     pub fn faults(&self) -> &[Fault] {
         match self {
-            Self::Io(_) => &[],
+            Self::Io(_) | Self::Scratch(_) => &[],
             Self::Malformed(faults) | Self::Invalid(faults) => faults,
         }
     }

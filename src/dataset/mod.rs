@@ -1,18 +1,22 @@
 //! Recordings and the experiments cut from them.
 //!
 //! A [`Recording`] is what a plant delivered: named signals over one time axis, read from CSV
-//! ([`csv::read`]) or JSON ([`json::read`]), already in SI units. An [`Experiment`] is the part of it
+//! ([`csv::read`]) or JSON ([`json::read`]), already in SI units; an [`Intake`] is the same on its
+//! way to where it is kept, and need not be in memory. An [`Experiment`] is the part of it
 //! that one estimation uses: uniform in time, cut to a window, under the model's signal names.
 //! A missing sample is NaN in both and is never invented; outside this module it is `null` or an
 //! empty field.
 
 mod axis;
+mod columns;
 pub mod csv;
 mod decimate;
 mod error;
 mod experiment;
 mod export;
+mod intake;
 pub mod json;
+mod profile;
 mod quality;
 mod resample;
 mod split;
@@ -20,9 +24,11 @@ mod summary;
 pub mod units;
 
 pub use axis::TimeAxis;
+pub use columns::{NewScratch, Scratch};
 pub use decimate::{SampledSignal, Samples, kept_indices};
 pub use error::{ExperimentError, Fault, ReadError};
 pub use experiment::Experiment;
+pub use intake::{Intake, Named};
 pub use quality::{QualityReport, Warning};
 pub use split::{Split, Window};
 pub use summary::{SignalSummary, Summary};

@@ -3,18 +3,17 @@
 //! The report warns; it changes nothing. Thresholds are ours, chosen so that excitation signals
 //! (which hold their levels on purpose) stay quiet; each stands with its constant.
 
+use super::TimeAxis;
+use super::intake::Named;
+use super::profile::{Extreme, Profile};
 use super::resample::LONGEST_BRIDGE;
-use super::{Recording, Signal, TimeAxis};
 use serde::{Deserialize, Serialize};
-use std::collections::HashSet;
 use utoipa::ToSchema;
 
 /// A signal is saturated when at least this part of its samples is at its exact extreme…
 const SATURATED_FRACTION: f64 = 0.01;
 /// …and at least so many are.
 const SATURATED_SAMPLES: usize = 10;
-/// A signal of no more levels than this is a sequence of steps and holds its extremes on purpose.
-const STEPPED_LEVELS: usize = 10;
 /// A signal is frozen where it holds one value for at least so many samples…
 const FROZEN_SAMPLES: usize = 50;
 /// …and for so many times as long as it holds a value elsewhere on average.
@@ -65,16 +64,20 @@ impl Warning {
     }
 }
 
-/// Looks a recording over.
-pub(super) fn report(recording: &Recording) -> QualityReport {
-    let mut warnings = recording.notes.clone();
-    if let TimeAxis::Instants(instants) = &recording.time {
-        let sample_time = recording.time.sample_time();
+/// Looks over a recording whose signals have been gone through.
+pub(super) fn report(
+    time: &TimeAxis,
+    notes: &[Warning],
+    signals: &[(&Named, Profile)],
+) -> QualityReport {
+    let mut warnings = notes.to_vec();
+    if let TimeAxis::Instants(instants) = time {
+        let sample_time = time.sample_time();
         warnings.push(non_uniform(instants, sample_time));
         warnings.extend(gaps(instants, sample_time));
     }
-    for signal in &recording.signals {
-        let found = of_signal(signal, &recording.time);
+    for (signal, profile) in signals {
+        let found = of_signal(signal, profile, time);
         warnings.extend(
             found
                 .into_iter()
@@ -118,20 +121,15 @@ fn gaps(instants: &[f64], sample_time: f64) -> Option<Warning> {
 }
 
 /// A code and a sentence for each oddity of a signal.
-fn of_signal(signal: &Signal, time: &TimeAxis) -> Vec<(&'static str, String)> {
-    let samples = signal.values.len();
-    let present: Vec<f64> = signal
-        .values
-        .iter()
-        .copied()
-        .filter(|v| !v.is_nan())
-        .collect();
-    let Some(first) = present.first() else {
+fn of_signal(signal: &Named, profile: &Profile, time: &TimeAxis) -> Vec<(&'static str, String)> {
+    let Some(values) = &profile.values else {
         return vec![("no_values", "every sample is missing".to_owned())];
     };
+    let Profile {
+        samples, missing, ..
+    } = profile;
     let mut found = Vec::new();
-    let missing = samples - present.len();
-    if missing > 0 {
+    if *missing > 0 {
         found.push((
             "missing_samples",
             format!("{missing} of {samples} samples are missing"),
@@ -141,39 +139,26 @@ fn of_signal(signal: &Signal, time: &TimeAxis) -> Vec<(&'static str, String)> {
         let detail = "no unit given; the values are taken as SI".to_owned();
         found.push(("no_unit", detail));
     }
-    if present.iter().all(|value| value == first) {
-        let detail = format!("every sample is {}", shown(*first));
+    if values.is_constant() {
+        let detail = format!("every sample is {}", shown(values.min.value));
         found.push(("constant_signal", detail));
         return found;
     }
-    if !is_stepped(&present) {
-        found.extend(saturated(&present, f64::min, "minimum"));
-        found.extend(saturated(&present, f64::max, "maximum"));
+    if !values.is_stepped {
+        let present = samples - missing;
+        found.extend(saturated(values.min, present, "minimum"));
+        found.extend(saturated(values.max, present, "maximum"));
     }
-    found.extend(frozen(&signal.values, time));
+    found.extend(frozen(profile, time));
     found
 }
 
-/// Whether the signal moves between a few levels only.
-fn is_stepped(values: &[f64]) -> bool {
-    let mut levels = HashSet::with_capacity(STEPPED_LEVELS + 1);
-    !values.iter().any(|value| {
-        levels.insert(value.to_bits());
-        levels.len() > STEPPED_LEVELS
-    })
-}
-
-fn saturated(
-    values: &[f64],
-    pick: fn(f64, f64) -> f64,
-    which: &str,
-) -> Option<(&'static str, String)> {
-    let extreme = values.iter().copied().reduce(pick)?;
-    let count = values.iter().filter(|value| **value == extreme).count();
-    let fraction = count as f64 / values.len() as f64;
+fn saturated(extreme: Extreme, present: usize, which: &str) -> Option<(&'static str, String)> {
+    let count = extreme.samples;
+    let fraction = count as f64 / present as f64;
     (count >= SATURATED_SAMPLES && fraction >= SATURATED_FRACTION).then(|| {
         let percent = 100.0 * fraction;
-        let extreme = shown(extreme);
+        let extreme = shown(extreme.value);
         let detail =
             format!("{count} samples ({percent:.1} %) are at the {which} {extreme} exactly");
         ("saturated_signal", detail)
@@ -181,28 +166,22 @@ fn saturated(
 }
 
 /// The longest stretch of one value, where it is far longer than the others.
-fn frozen(values: &[f64], time: &TimeAxis) -> Option<(&'static str, String)> {
-    let (mut runs, mut start) = (0_usize, 0);
-    let mut longest = 0..0;
-    for k in 1..=values.len() {
-        if k < values.len() && values[k] == values[start] {
-            continue;
-        }
-        runs += 1;
-        if k - start > longest.len() {
-            longest = start..k;
-        }
-        start = k;
-    }
-    let elsewhere = (values.len() - longest.len()) as f64 / runs.saturating_sub(1).max(1) as f64;
+fn frozen(profile: &Profile, time: &TimeAxis) -> Option<(&'static str, String)> {
+    let Profile {
+        samples,
+        runs,
+        longest,
+        ..
+    } = profile;
+    let elsewhere = (samples - longest.samples) as f64 / runs.saturating_sub(1).max(1) as f64;
     let frozen =
-        longest.len() >= FROZEN_SAMPLES && longest.len() as f64 >= FROZEN_RATIO * elsewhere;
+        longest.samples >= FROZEN_SAMPLES && longest.samples as f64 >= FROZEN_RATIO * elsewhere;
     frozen.then(|| {
         let detail = format!(
             "holds {} for {} samples from {} s on, and changes every {elsewhere:.1} samples \
              elsewhere",
-            shown(values[longest.start]),
-            longest.len(),
+            shown(longest.value),
+            longest.samples,
             shown(time.instant(longest.start)),
         );
         ("frozen_signal", detail)
@@ -223,6 +202,7 @@ fn shown(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dataset::{Recording, Signal};
 
     fn codes(values: Vec<f64>) -> Vec<String> {
         let time = TimeAxis::Uniform {
@@ -230,7 +210,9 @@ mod tests {
             samples: values.len(),
         };
         let recording = Recording::new(time, vec![Signal::new("a", "m", values)]);
-        report(&recording)
+        recording
+            .summary()
+            .report
             .warnings
             .into_iter()
             .map(|warning| warning.code)
@@ -289,7 +271,7 @@ mod tests {
             samples: 2,
         };
         let recording = Recording::new(time, vec![Signal::new("a", "", vec![1.0, 2.0])]);
-        assert_eq!(report(&recording).warnings[0].code, "no_unit");
+        assert_eq!(recording.summary().report.warnings[0].code, "no_unit");
     }
 
     #[test]
@@ -300,7 +282,7 @@ mod tests {
             TimeAxis::Instants(instants),
             vec![Signal::new("a", "m", values)],
         );
-        let warnings = report(&recording).warnings;
+        let warnings = recording.summary().report.warnings;
         assert_eq!(warnings[0].code, "non_uniform_time");
         assert_eq!(warnings[1].code, "gap");
         let expected = "1 gaps longer than 2 sample times; the longest, 4.5 s, begins at 3 s";
@@ -315,6 +297,9 @@ mod tests {
         };
         let mut recording = Recording::new(time, vec![Signal::new("a", "m", vec![1.0, 2.0])]);
         recording.notes.push(Warning::duplicate_time(3));
-        assert_eq!(report(&recording).warnings[0].code, "duplicate_time");
+        assert_eq!(
+            recording.summary().report.warnings[0].code,
+            "duplicate_time"
+        );
     }
 }

@@ -1,7 +1,9 @@
 //! What a recording holds, in a few numbers.
 
+use super::intake::Named;
+use super::profile::Profile;
 use super::quality::{self, QualityReport};
-use super::{Recording, Signal};
+use super::{Recording, Signal, TimeAxis, Warning};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -45,35 +47,41 @@ impl Recording {
     /// The recording in a few numbers, with its quality report.
     #[must_use]
     pub fn summary(&self) -> Summary {
-        Summary {
-            samples: self.time.samples(),
-            duration_s: self.time.duration(),
-            sample_time_s: self.time.sample_time(),
-            uniform: self.time.is_uniform(),
-            signals: self.signals.iter().map(summarise).collect(),
-            report: quality::report(self),
-        }
+        let signals = self.signals.iter().enumerate();
+        let signals: Vec<Named> = signals
+            .map(|(column, signal)| Named::new(signal, column))
+            .collect();
+        let profile = |signal: &Signal| {
+            Profile::of(&mut signal.values.as_slice()).expect("memory can be read")
+        };
+        let profiles = self.signals.iter().map(profile);
+        let profiled: Vec<_> = signals.iter().zip(profiles).collect();
+        of(&self.time, &self.notes, &profiled)
     }
 }
 
-fn summarise(signal: &Signal) -> SignalSummary {
-    let present = || {
-        signal
-            .values
-            .iter()
-            .copied()
-            .filter(|value| !value.is_nan())
-    };
-    let count = present().count() as f64;
+/// The summary of signals that have been gone through.
+pub(super) fn of(time: &TimeAxis, notes: &[Warning], profiled: &[(&Named, Profile)]) -> Summary {
+    Summary {
+        samples: time.samples(),
+        duration_s: time.duration(),
+        sample_time_s: time.sample_time(),
+        uniform: time.is_uniform(),
+        signals: profiled.iter().map(of_signal).collect(),
+        report: quality::report(time, notes, profiled),
+    }
+}
+
+fn of_signal((signal, profile): &(&Named, Profile)) -> SignalSummary {
+    let values = profile.values.as_ref();
     SignalSummary {
         name: signal.name.clone(),
         unit: signal.unit.clone(),
         recorded_unit: signal.recorded_unit.clone(),
-        missing: signal.missing(),
-        min: present().reduce(f64::min),
-        max: present().reduce(f64::max),
-        // Each term is divided first: the sum of large finite values need not be finite.
-        mean: (count > 0.0).then(|| present().map(|value| value / count).sum()),
+        missing: profile.missing,
+        min: values.map(|values| values.min.value),
+        max: values.map(|values| values.max.value),
+        mean: values.map(|values| values.mean),
     }
 }
 

@@ -1,31 +1,37 @@
 //! Stored recordings: each kept once however often it is posted, samples as they are in memory.
 //!
-//! Samples are little-endian `f64` in chunks of at most 8 MiB; a missing sample is NaN.
+//! Samples are little-endian `f64` in chunks of at most 1 MiB (8 MiB in databases of earlier
+//! versions); a missing sample is NaN. On their way in, memory holds a few chunks.
 
+use std::io;
 use std::sync::Arc;
 
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use sqlx::{QueryBuilder, Row, Sqlite};
+use tokio::sync::mpsc;
 
 use super::jobs::{Page, from_json, json, time};
 use super::writer::Tx;
 use super::{Change, Store, StoreError, corrupt};
-use crate::dataset::{Recording, Signal, Summary, TimeAxis, Warning};
+use crate::dataset::{Intake, NewScratch, Recording, Signal, Summary, TimeAxis, Warning};
 use crate::job::{DatasetId, JobId};
 
 /// The most bytes in one chunk.
-const CHUNK_BYTES: usize = 8 << 20;
+const CHUNK_BYTES: usize = 1 << 20;
+/// Chunks that wait to be written.
+const CHUNKS_WAITING: usize = 2;
 
 /// A recording to be stored.
-#[derive(Clone, Debug)]
 pub struct NewDataset {
     /// A name for people.
     pub name: Option<String>,
     /// A digest of the bytes that came and of the options they were read with.
     pub digest: String,
+    /// What it holds, in a few numbers.
+    pub summary: Summary,
     /// What was read.
-    pub recording: Recording,
+    pub recording: Intake,
 }
 
 /// A recording as it is shown: all but its samples.
@@ -73,6 +79,13 @@ struct SignalDescription {
 }
 
 impl Store {
+    /// Makes scratches for recordings on their way here: files without a name beside the
+    /// database, which are gone with the process.
+    pub fn scratch(&self) -> NewScratch {
+        let folder = self.inner.folder.clone();
+        Box::new(move || Ok(Box::new(tempfile::tempfile_in(folder)?)))
+    }
+
     /// Stores a recording, or finds the one that has the same digest. Says whether it is new.
     pub async fn insert_dataset(&self, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
         self.inner
@@ -204,7 +217,7 @@ async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), Stor
         id: DatasetId::new(),
         name: new.name,
         digest: new.digest,
-        summary: new.recording.summary(),
+        summary: new.summary,
         created_at: Timestamp::now(),
     };
     let key = row.id.to_string();
@@ -220,33 +233,110 @@ async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), Stor
     .bind(row.created_at.to_string())
     .execute(&mut **tx)
     .await?;
-    if let TimeAxis::Instants(instants) = &new.recording.time {
-        insert_samples(tx, &key, 0, instants).await?;
-    }
-    for (position, signal) in (1..).zip(&new.recording.signals) {
-        insert_samples(tx, &key, position, &signal.values).await?;
-    }
+    insert_samples(tx, &key, new.recording).await?;
     Ok((row, true))
 }
 
-async fn insert_samples(
-    tx: &mut Tx,
-    dataset: &str,
-    position: i64,
-    samples: &[f64],
-) -> Result<(), StoreError> {
-    for (number, chunk) in (0_i64..).zip(samples.chunks(CHUNK_BYTES / size_of::<f64>())) {
+async fn insert_samples(tx: &mut Tx, dataset: &str, recording: Intake) -> Result<(), StoreError> {
+    let (send, mut chunks) = mpsc::channel(CHUNKS_WAITING);
+    let cutting = tokio::task::spawn_blocking(move || {
+        let gone = |_| io::Error::from(io::ErrorKind::BrokenPipe);
+        cut(recording, |chunk| send.blocking_send(chunk).map_err(gone))
+    });
+    while let Some(chunk) = chunks.recv().await {
+        let Chunk {
+            position,
+            number,
+            samples,
+        } = chunk;
         sqlx::query(
             "insert into dataset_chunks (dataset, position, chunk, samples) values (?, ?, ?, ?)",
         )
         .bind(dataset)
         .bind(position)
         .bind(number)
-        .bind(encode(chunk))
+        .bind(samples)
         .execute(&mut **tx)
         .await?;
     }
+    let cut = cutting.await.unwrap_or_else(|crash| Err(crash.into()));
+    cut.map_err(StoreError::Scratch)
+}
+
+/// A part of a series of samples.
+struct Chunk {
+    /// Which series: 0 is the time axis, signals follow.
+    position: i64,
+    number: i64,
+    samples: Vec<u8>,
+}
+
+/// Cuts the series of a recording, one after the other.
+fn cut(
+    mut recording: Intake,
+    mut hand_over: impl FnMut(Chunk) -> io::Result<()>,
+) -> io::Result<()> {
+    if let TimeAxis::Instants(instants) = &recording.time {
+        let mut cutter = Cutter::new(0);
+        cutter.take(instants, &mut hand_over)?;
+        cutter.end(&mut hand_over)?;
+    }
+    for signal in 0..recording.signals.len() {
+        let mut cutter = Cutter::new(signal as i64 + 1);
+        recording.visit(signal, &mut |samples| cutter.take(samples, &mut hand_over))?;
+        cutter.end(&mut hand_over)?;
+    }
     Ok(())
+}
+
+/// Cuts a series that comes in pieces of any length.
+struct Cutter {
+    position: i64,
+    number: i64,
+    samples: Vec<u8>,
+}
+
+impl Cutter {
+    fn new(position: i64) -> Self {
+        Self {
+            position,
+            number: 0,
+            samples: Vec::new(),
+        }
+    }
+
+    fn take(
+        &mut self,
+        samples: &[f64],
+        hand_over: &mut impl FnMut(Chunk) -> io::Result<()>,
+    ) -> io::Result<()> {
+        let mut left = samples;
+        while !left.is_empty() {
+            let room = (CHUNK_BYTES - self.samples.len()) / size_of::<f64>();
+            let (now, later) = left.split_at(room.min(left.len()));
+            self.samples
+                .extend(now.iter().flat_map(|x| x.to_le_bytes()));
+            left = later;
+            if self.samples.len() == CHUNK_BYTES {
+                self.end(hand_over)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands over what there is.
+    fn end(&mut self, hand_over: &mut impl FnMut(Chunk) -> io::Result<()>) -> io::Result<()> {
+        if self.samples.is_empty() {
+            return Ok(());
+        }
+        hand_over(Chunk {
+            position: self.position,
+            number: self.number,
+            samples: std::mem::take(&mut self.samples),
+        })?;
+        self.number += 1;
+        Ok(())
+    }
 }
 
 async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval, StoreError> {
@@ -275,7 +365,7 @@ async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval, StoreError
     })
 }
 
-fn describe(recording: &Recording) -> Description {
+fn describe(recording: &Intake) -> Description {
     Description {
         start: recording.start,
         sample_time: match recording.time {
@@ -334,10 +424,6 @@ fn assemble(
         signals,
         notes: description.notes,
     })
-}
-
-fn encode(samples: &[f64]) -> Vec<u8> {
-    samples.iter().flat_map(|x| x.to_le_bytes()).collect()
 }
 
 fn decode(bytes: &[u8]) -> impl Iterator<Item = f64> {

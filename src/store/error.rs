@@ -40,6 +40,9 @@ pub enum StoreError {
         /// Why.
         source: std::io::Error,
     },
+    /// The samples of a recording that is to be stored do not read back.
+    #[error("the samples of a recording could not be read back: {0}")]
+    Scratch(#[source] std::io::Error),
     /// A stored value does not read back.
     #[error("the stored {what} of {of} does not read back: {why}")]
     Corrupt {

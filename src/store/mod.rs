@@ -24,7 +24,7 @@ mod submit;
 mod tests;
 mod writer;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -83,6 +83,8 @@ pub struct Store {
 }
 
 struct Inner {
+    /// The folder of the database.
+    folder: PathBuf,
     writer: Writer,
     writer_pool: SqlitePool,
     readers: SqlitePool,
@@ -99,12 +101,12 @@ impl Store {
         settings: &DatabaseSettings,
         on_change: OnChange,
     ) -> Result<Self, StoreError> {
-        if let Some(folder) = settings.path.parent().filter(|p| !p.as_os_str().is_empty()) {
-            std::fs::create_dir_all(folder).map_err(|source| StoreError::File {
-                path: folder.to_owned(),
-                source,
-            })?;
-        }
+        let folder = settings.path.parent().filter(|p| !p.as_os_str().is_empty());
+        let folder = folder.unwrap_or(Path::new(".")).to_owned();
+        std::fs::create_dir_all(&folder).map_err(|source| StoreError::File {
+            path: folder.clone(),
+            source,
+        })?;
         let lock = FileLock::take(&settings.path)?;
         let writer_pool = SqlitePoolOptions::new()
             .max_connections(1)
@@ -127,6 +129,7 @@ impl Store {
         let recent = RecentRows::default();
         let store = Self {
             inner: Arc::new(Inner {
+                folder,
                 writer: Writer::start(writer_pool.clone(), forget_then(recent.clone(), on_change)),
                 writer_pool,
                 readers,

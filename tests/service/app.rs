@@ -63,14 +63,19 @@ impl Answer {
 }
 
 impl TestApp {
-    /// A server with an empty database.
+    /// A server with an empty database that takes bodies of a MiB.
     pub async fn start() -> Self {
+        Self::taking_mib(1).await
+    }
+
+    /// A server with an empty database that takes bodies of so many MiB.
+    pub async fn taking_mib(max_body_mib: u16) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let database = format!("sqlite://{}", folder.path().join("greybox.db").display());
         let settings = Settings {
             listen: (Ipv4Addr::LOCALHOST, 0).into(),
             database: Some(database),
-            max_body_mib: 1,
+            max_body_mib,
             ..Settings::default()
         };
         Self {

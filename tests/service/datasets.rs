@@ -173,6 +173,27 @@ async fn samples_come_decimated_as_json_or_whole_as_csv() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_long_recording_comes_back_as_it_was_sent() {
+    let app = TestApp::taking_mib(8).await;
+    let samples = 150_000_u32;
+    let rows = (0..samples).map(|k| {
+        let second = f64::from(k);
+        format!("{second:?},{:?},{:?}\n", second.sqrt(), second.sin())
+    });
+    let sent: String = std::iter::once("time [s],a [m],b [N]\n".to_owned())
+        .chain(rows)
+        .collect();
+    let stored = app.post_csv("/v1/datasets", sent.clone()).await.expect(201);
+    let dataset = stored.json();
+    assert_eq!(dataset["samples"], samples);
+    assert_eq!(dataset["signals"][0]["max"], f64::from(samples - 1).sqrt());
+    let path = format!("{}/samples", stored.header("location"));
+    let request = app.request(Method::GET, &path).header("accept", "text/csv");
+    let back = app.send(request).await.expect(200);
+    assert!(back.text == sent, "{} bytes came back", back.text.len());
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn samples_of_a_signal_that_is_not_there_are_refused() {
     let app = TestApp::start().await;
     let id = app.store_drive().await;

@@ -6,14 +6,15 @@
 //! missing samples. Comma, semicolon or tab is told from the header; a byte order mark, CRLF, empty
 //! rows and empty fields at the ends of lines are understood.
 //!
-//! Memory holds the values (eight bytes each), never the text.
+//! Memory holds the values (eight bytes each) or, where there is a scratch, a few MiB of them;
+//! never the text.
 
 mod clock;
 mod header;
 mod table;
 
 use super::error::Faults;
-use super::{Fault, ReadError, Recording};
+use super::{Fault, Intake, NewScratch, ReadError, Recording};
 use ::csv::{ByteRecord, ErrorKind, ReaderBuilder};
 use header::Header;
 use std::io::{self, BufRead, BufReader, Cursor, Read};
@@ -31,12 +32,33 @@ pub struct Options {
     pub name: Option<String>,
 }
 
-/// Reads a recording.
+/// Reads a recording into memory.
 ///
 /// # Errors
 /// When the source fails, when the text is not CSV, or with everything that is wrong with the
 /// columns and values.
 pub fn read(reader: impl Read, options: &Options) -> Result<Recording, ReadError> {
+    let intake = take_in(reader, options, None)?;
+    intake.into_recording().map_err(ReadError::Scratch)
+}
+
+/// Reads a recording of which memory holds a few MiB; what is more goes to the scratch.
+///
+/// # Errors
+/// Those of [`read`], and when the scratch fails.
+pub fn receive(
+    reader: impl Read,
+    options: &Options,
+    scratch: NewScratch,
+) -> Result<Intake, ReadError> {
+    take_in(reader, options, Some(scratch))
+}
+
+fn take_in(
+    reader: impl Read,
+    options: &Options,
+    scratch: Option<NewScratch>,
+) -> Result<Intake, ReadError> {
     let mut reader = BufReader::with_capacity(HEAD_BYTES as usize, reader);
     let head = read_head(&mut reader)?;
     let delimiter = header::delimiter(&head);
@@ -45,12 +67,12 @@ pub fn read(reader: impl Read, options: &Options) -> Result<Recording, ReadError
         .flexible(true)
         .from_reader(Cursor::new(head).chain(reader));
     let header = Header::parse(rows.byte_headers().map_err(from_csv)?, options)?;
-    let mut table = Table::new(header, delimiter);
+    let mut table = Table::new(header, delimiter, scratch);
     let mut record = ByteRecord::new();
     while !table.is_full() && rows.read_byte_record(&mut record).map_err(from_csv)? {
-        table.push(&record);
+        table.push(&record).map_err(ReadError::Scratch)?;
     }
-    table.into_recording(options.name.clone())
+    table.into_intake(options.name.clone())
 }
 
 /// The text up to the end of the first line that is not blank, without a byte order mark.

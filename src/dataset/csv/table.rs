@@ -1,24 +1,28 @@
 //! The rows: fields to SI values, and everything that can be wrong with them.
 
+use super::super::columns::{Columns, NewScratch};
 use super::super::error::Faults;
 use super::super::units::Unit;
-use super::super::{MIN_SAMPLES, ReadError, Recording, Signal, TimeAxis, Warning};
+use super::super::{Intake, MIN_SAMPLES, Named, ReadError, TimeAxis, Warning};
 use super::clock::Clock;
 use super::fault;
 use super::header::{Column, Header};
 use ::csv::ByteRecord;
+use std::io;
 
 /// The longest piece of a field that a fault repeats, in characters.
 const QUOTED_CHARACTERS: usize = 40;
 
 /// The values read so far.
-#[derive(Debug)]
 pub(super) struct Table {
     columns: Vec<Column>,
-    values: Vec<Vec<f64>>,
+    /// The samples of each column; the time's are seconds from the first row.
+    samples: Columns,
+    row: Vec<f64>,
     time: usize,
     clock: Clock,
-    instants: Vec<f64>,
+    /// The time of the last row [s].
+    last: Option<f64>,
     /// Fields may be decimal numbers with a comma, which deserves its own advice.
     comma_is_free: bool,
     ran_backwards: bool,
@@ -28,18 +32,19 @@ pub(super) struct Table {
 }
 
 impl Table {
-    pub(super) fn new(header: Header, delimiter: u8) -> Self {
+    pub(super) fn new(header: Header, delimiter: u8, scratch: Option<NewScratch>) -> Self {
         let Header {
             columns,
             time,
             faults,
         } = header;
         Self {
-            values: columns.iter().map(|_| Vec::new()).collect(),
+            samples: Columns::new(columns.len(), scratch),
+            row: Vec::with_capacity(columns.len()),
             time,
             clock: Clock::new(&columns[time].recorded_unit),
             columns,
-            instants: Vec::new(),
+            last: None,
             comma_is_free: delimiter != b',',
             ran_backwards: false,
             duplicates: 0,
@@ -54,10 +59,13 @@ impl Table {
     }
 
     /// Takes a row.
-    pub(super) fn push(&mut self, record: &ByteRecord) {
+    ///
+    /// # Errors
+    /// When the scratch fails.
+    pub(super) fn push(&mut self, record: &ByteRecord) -> io::Result<()> {
         if record.iter().all(|field| field.trim_ascii().is_empty()) {
             self.empty_rows += 1;
-            return;
+            return Ok(());
         }
         let line = record.position().map_or(0, ::csv::Position::line);
         let wanted = self.columns.len();
@@ -69,7 +77,7 @@ impl Table {
             let detail = format!("{} fields where the header has {wanted}", record.len());
             self.faults
                 .malformed(fault("ragged_row", line, None, detail));
-            return;
+            return Ok(());
         }
         match self.clock.read(&record[self.time]) {
             Err((code, detail)) => {
@@ -78,16 +86,21 @@ impl Table {
             }
             Ok(instant) => {
                 if self.is_next(instant, line) {
-                    self.instants.push(instant);
-                    self.push_values(record, line);
+                    self.last = Some(instant);
+                    self.read_row(record, instant, line);
+                    // With a fault there will be no recording.
+                    if self.faults.is_empty() {
+                        self.samples.push(&self.row)?;
+                    }
                 }
             }
         }
+        Ok(())
     }
 
     /// Whether the row comes after those before it; counts and reports those that do not.
     fn is_next(&mut self, instant: f64, line: u64) -> bool {
-        let Some(last) = self.instants.last().copied() else {
+        let Some(last) = self.last else {
             return true;
         };
         if instant == last {
@@ -103,13 +116,15 @@ impl Table {
         instant > last
     }
 
-    fn push_values(&mut self, record: &ByteRecord, line: u64) {
+    fn read_row(&mut self, record: &ByteRecord, instant: f64, line: u64) {
+        self.row.clear();
         for (k, field) in record.iter().take(self.columns.len()).enumerate() {
             if k == self.time {
+                self.row.push(instant);
                 continue;
             }
             match value(field, self.columns[k].unit) {
-                Ok(value) => self.values[k].push(value),
+                Ok(value) => self.row.push(value),
                 Err((code, mut detail)) => {
                     detail.push_str(self.advice(field));
                     let column = Some(self.columns[k].name.as_str());
@@ -129,41 +144,35 @@ impl Table {
     }
 
     /// The recording, or all faults.
-    pub(super) fn into_recording(mut self, name: Option<String>) -> Result<Recording, ReadError> {
-        if self.faults.is_empty() && self.instants.len() < MIN_SAMPLES {
-            let detail = format!(
-                "{} rows with distinct times; at least {MIN_SAMPLES} are needed",
-                self.instants.len()
-            );
+    pub(super) fn into_intake(mut self, name: Option<String>) -> Result<Intake, ReadError> {
+        let samples = self.samples.rows();
+        if self.faults.is_empty() && samples < MIN_SAMPLES {
+            let detail =
+                format!("{samples} rows with distinct times; at least {MIN_SAMPLES} are needed");
             self.faults
                 .invalid(fault("too_few_samples", 1, None, detail));
         }
         self.faults.result()?;
-        let notes = notes(self.duplicates, self.empty_rows);
-        let signals = self
-            .columns
-            .into_iter()
-            .zip(self.values)
-            .enumerate()
+        let signals = self.columns.into_iter().enumerate();
+        let signals = signals
             .filter(|(k, _)| *k != self.time)
-            .map(|(_, (column, mut values))| {
-                values.shrink_to_fit();
-                Signal {
-                    name: column.name,
-                    unit: column.unit.si.to_owned(),
-                    recorded_unit: column.recorded_unit,
-                    values,
-                }
+            .map(|(k, column)| Named {
+                name: column.name,
+                unit: column.unit.si.to_owned(),
+                recorded_unit: column.recorded_unit,
+                column: k,
             })
             .collect();
-        let start = self.clock.start();
-        let time = TimeAxis::from_instants(self.instants, self.clock.scale());
-        Ok(Recording {
+        let end = (samples, self.last.unwrap_or(0.0));
+        let mut instants = self.samples.column(self.time);
+        let time = TimeAxis::of_series(&mut instants, end, self.clock.scale());
+        Ok(Intake {
             name,
-            start,
-            time,
+            start: self.clock.start(),
+            time: time.map_err(ReadError::Scratch)?,
             signals,
-            notes,
+            notes: notes(self.duplicates, self.empty_rows),
+            columns: self.samples,
         })
     }
 }

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::dataset::{Recording, Signal, TimeAxis, Warning};
+use crate::dataset::{Recording, Signal, TimeAxis, Warning, csv};
 use crate::job::DatasetId;
 
 fn recording(time: TimeAxis, values: Vec<f64>) -> Recording {
@@ -31,7 +31,8 @@ fn new_dataset(digest: &str, recording: Recording) -> NewDataset {
     NewDataset {
         name: Some("rig 4, run 3".to_owned()),
         digest: digest.to_owned(),
-        recording,
+        summary: recording.summary(),
+        recording: recording.into(),
     }
 }
 
@@ -101,18 +102,35 @@ async fn a_job_on_a_recording_that_is_not_there_is_refused() {
 }
 
 #[tokio::test]
-async fn a_recording_larger_than_a_chunk_comes_back_whole() {
+async fn a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_scratch() {
     let fixture = Fixture::new().await;
-    let samples = (8 << 20) / 8 + 3;
-    let values: Vec<f64> = (0..samples).map(|k| k as f64).collect();
-    let long = recording(uniform(samples), values.clone());
-    let (row, _) = fixture
-        .store
-        .insert_dataset(new_dataset("sha256:long", long))
-        .await
-        .expect("a dataset");
-    let back = fixture.store.recording(row.id).await.expect("a read");
-    assert_eq!(back.expect("a recording").signals[1].values, values);
+    let samples = 3 * (1 << 20) / 8 + 3;
+    let values: Vec<f64> = (0..samples).map(|k| (k as f64).sqrt()).collect();
+    let in_memory = recording(uniform(samples), values);
+    let mut text = Vec::new();
+    in_memory.write_csv(&mut text).expect("memory takes all");
+    let scratch = fixture.store.scratch();
+    let mut put_aside = csv::receive(text.as_slice(), &csv::Options::default(), scratch)
+        .expect("what is written can be read");
+    let mut summary = in_memory.summary();
+    summary.signals[1].recorded_unit = "Pa".to_owned();
+    summary.report.warnings.clear();
+    assert_eq!(put_aside.summary().expect("a scratch"), summary);
+    let put_aside = NewDataset {
+        name: None,
+        digest: "sha256:2".to_owned(),
+        summary,
+        recording: put_aside,
+    };
+    for new in [new_dataset("sha256:1", in_memory.clone()), put_aside] {
+        let (row, _) = fixture.store.insert_dataset(new).await.expect("a dataset");
+        let back = fixture.store.recording(row.id).await.expect("a read");
+        let back = back.expect("a recording");
+        assert_eq!(back.time, in_memory.time);
+        for (back, stored) in back.signals.iter().zip(&in_memory.signals) {
+            assert!(back.values == stored.values, "{}", back.name);
+        }
+    }
 }
 
 fn bits(values: &[f64]) -> Vec<u64> {
