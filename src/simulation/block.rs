@@ -58,9 +58,7 @@ struct Block<'a, D: Dynamics, T: Scalar, const N: usize> {
     excitation: Excitation<'a>,
     width: Width,
     constants: D::Constants<Lanes<T, N>>,
-    /// Those of each lane.
-    lane_constants: [D::Constants<T>; N],
-    /// The same in double precision, for the stiff method.
+    /// Those of each lane in double precision, for the stiff method.
     exact_constants: [D::Constants<f64>; N],
     delay: Option<Delay<D, T, N>>,
     whole_sample: Steps<T, N>,
@@ -112,10 +110,6 @@ impl<'a, D: Dynamics, T: Scalar, const N: usize> Block<'a, D, T, N> {
             })
             .collect();
         let constants = dynamics.constants(&parameters);
-        let lane_constants = std::array::from_fn(|lane| {
-            let parameters: Vec<T> = parameters.iter().map(|lanes| lanes.0[lane]).collect();
-            dynamics.constants(&parameters)
-        });
         let mut state = dynamics.initial_state(&constants);
         for (index, value) in state.as_mut().iter_mut().enumerate() {
             let own = *value;
@@ -137,7 +131,6 @@ impl<'a, D: Dynamics, T: Scalar, const N: usize> Block<'a, D, T, N> {
             excitation,
             width,
             constants,
-            lane_constants,
             exact_constants,
             delay,
             whole_sample: Steps::resolving(&resolved_rate, &sample_time, excitation.accuracy),
@@ -205,7 +198,6 @@ impl<'a, D: Dynamics, T: Scalar, const N: usize> Block<'a, D, T, N> {
             self.dynamics,
             &explicit::Constants {
                 wide: &self.constants,
-                single: &self.lane_constants,
                 width: self.width,
             },
             held,

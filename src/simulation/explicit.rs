@@ -177,12 +177,10 @@ fn rest<R: Real, A: RealArray<R>>(numbers: &mut A, before: &A, left: R) {
     }
 }
 
-/// The candidates' constants, side by side and one by one.
+/// The candidates' constants, side by side.
 pub struct Constants<'a, D: Dynamics, T: Scalar, const N: usize> {
-    /// For the equations over all lanes.
+    /// Those of every lane.
     pub wide: &'a D::Constants<Lanes<T, N>>,
-    /// For those over one.
-    pub single: &'a [D::Constants<T>; N],
     /// The registers that the lanes stand in.
     pub width: Width,
 }
@@ -234,8 +232,8 @@ struct Kinked<'a, D: Dynamics, T: Scalar, const N: usize> {
 }
 
 impl<D: Dynamics, T: Scalar, const N: usize> Kinked<'_, D, T, N> {
-    /// Replaces the steps of the lanes with a kink: one by one where they are few, else all at
-    /// once.
+    /// Replaces the steps of the lanes with a kink. All lanes are computed, for where one has a
+    /// kink most others have it in the same step.
     #[inline(never)]
     fn take_anew(
         &self,
@@ -247,30 +245,15 @@ impl<D: Dynamics, T: Scalar, const N: usize> Kinked<'_, D, T, N> {
             let moves = self.taken < self.steps.count[lane];
             if moves { self.share_before(lane) } else { 1.0 }
         });
-        let kinked = |lane: usize| share[lane] < 1.0;
         let first = Lanes(share.map(T::splat)) * self.steps.length;
-        let parts = [first, self.steps.length - first];
-        if (0..N).filter(|&lane| kinked(lane)).count() >= TOGETHER_FROM {
-            let anew = constants.width.does(Parts {
-                dynamics,
-                constants: constants.wide,
-                held: self.held,
-                state: self.state,
-                lengths: parts,
-            });
-            replace_lanes(step, &anew, kinked);
-            return;
-        }
-        for lane in (0..N).filter(|&lane| kinked(lane)) {
-            let anew = Parts {
-                dynamics,
-                constants: &constants.single[lane],
-                held: &lane_of(self.held, lane),
-                state: &lane_of(self.state, lane),
-                lengths: parts.map(|part| part.0[lane]),
-            };
-            set_lane_of(step, lane, &anew.work());
-        }
+        let anew = constants.width.does(Parts {
+            dynamics,
+            constants: constants.wide,
+            held: self.held,
+            state: self.state,
+            lengths: [first, self.steps.length - first],
+        });
+        replace_lanes(step, &anew, |lane| share[lane] < 1.0);
     }
 
     /// The part of the step before a lane's first kink, by linear interpolation; 1 without one.
@@ -283,9 +266,6 @@ impl<D: Dynamics, T: Scalar, const N: usize> Kinked<'_, D, T, N> {
         crossed.fold(1.0, f64::min)
     }
 }
-
-/// From so many lanes on all go anew together. Chosen from the registers' width, not tuned.
-const TOGETHER_FROM: usize = 2;
 
 /// A step in parts, one after the other.
 struct Parts<'a, D: Dynamics, R: Real> {
@@ -304,15 +284,17 @@ impl<D: Dynamics, R: Real> Wide for Parts<'_, D, R> {
     #[inline(always)]
     fn work(self) -> D::State<R> {
         let given = (self.constants, self.held);
-        let [to_the_kink, from_it] = self.lengths;
-        let base = Sum::base(self.state);
-        let step = runge_kutta(self.dynamics, given, self.state, &base, to_the_kink);
-        let kink = if R::IS_SINGLE {
-            self.state.plus_scaled(R::splat(1.0), &step)
-        } else {
-            step
-        };
-        runge_kutta(self.dynamics, given, &kink, &step, from_it)
+        let mut step = Sum::base(self.state);
+        let mut reached = *self.state;
+        for length in self.lengths {
+            step = runge_kutta(self.dynamics, given, &reached, &step, length);
+            reached = if R::IS_SINGLE {
+                self.state.plus_scaled(R::splat(1.0), &step)
+            } else {
+                step
+            };
+        }
+        step
     }
 }
 
