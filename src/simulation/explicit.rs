@@ -6,7 +6,7 @@
 
 use super::Accuracy;
 use super::dynamics::Dynamics;
-use super::lanes::{LANES, Lanes, Real, RealArray, SINGLE_LANES, Scalar, lane_of, set_lane_of};
+use super::lanes::{LANES, Lanes, Real, RealArray, SINGLE_LANES, Scalar, set_lane_of};
 use super::width::{Wide, Width};
 
 /// Where a step times the local rate exceeds this, the explicit method is no longer trusted (its

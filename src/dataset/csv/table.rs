@@ -84,16 +84,11 @@ impl Table {
                 let column = Some(self.columns[self.time].name.as_str());
                 self.faults.invalid(fault(code, line, column, detail));
             }
-            Ok(instant) => {
-                if self.is_next(instant, line) {
-                    self.last = Some(instant);
-                    self.read_row(record, instant, line);
-                    // With a fault there will be no recording.
-                    if self.faults.is_empty() {
-                        self.samples.push(&self.row)?;
-                    }
-                }
+            Ok(instant) if self.is_next(instant, line) => {
+                self.last = Some(instant);
+                self.push_values(record, instant, line)?;
             }
+            Ok(_) => {}
         }
         Ok(())
     }
@@ -116,7 +111,7 @@ impl Table {
         instant > last
     }
 
-    fn read_row(&mut self, record: &ByteRecord, instant: f64, line: u64) {
+    fn push_values(&mut self, record: &ByteRecord, instant: f64, line: u64) -> io::Result<()> {
         self.row.clear();
         for (k, field) in record.iter().take(self.columns.len()).enumerate() {
             if k == self.time {
@@ -132,6 +127,11 @@ impl Table {
                 }
             }
         }
+        // With a fault there will be no recording.
+        if self.faults.is_empty() {
+            self.samples.push(&self.row)?;
+        }
+        Ok(())
     }
 
     /// What to do about a number with a decimal comma.
