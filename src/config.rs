@@ -53,7 +53,8 @@ pub struct Settings {
     )]
     pub slice_s: f64,
 
-    /// Largest recording that is taken `[MiB]`
+    /// Largest recording that is taken `[MiB]`; until it is stored its samples need as much space
+    /// beside the database
     #[arg(
         long,
         env = "GREYBOX_MAX_BODY_MIB",
