@@ -132,8 +132,11 @@ impl Columns {
     }
 
     fn put_aside(&mut self) -> io::Result<()> {
-        let mut bytes = Vec::with_capacity(self.block_rows * SAMPLE_BYTES);
+        let column_bytes = self.block_rows * SAMPLE_BYTES;
+        let end = self.blocks * (self.held.len() * column_bytes) as u64;
+        let mut bytes = Vec::with_capacity(column_bytes);
         let scratch = self.place.open()?;
+        scratch.seek(SeekFrom::Start(end))?;
         for column in &mut self.held {
             bytes.clear();
             bytes.extend(column.iter().flat_map(|sample| sample.to_le_bytes()));
@@ -186,7 +189,6 @@ impl Series for Column<'_> {
                 samples.extend(numbers.iter().map(|number| f64::from_le_bytes(*number)));
                 take(&samples)?;
             }
-            scratch.seek(SeekFrom::End(0))?;
         }
         take(&held[self.index])
     }

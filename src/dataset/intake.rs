@@ -2,8 +2,7 @@
 //! memory.
 
 use super::columns::{Columns, Series};
-use super::profile::Profile;
-use super::{Recording, Signal, Summary, TimeAxis, Warning, summary};
+use super::{Recording, Signal, TimeAxis, Warning};
 use std::io;
 
 /// A recording whose samples are in memory or in a scratch.
@@ -38,20 +37,6 @@ pub struct Named {
 }
 
 impl Intake {
-    /// The recording in a few numbers, with its quality report.
-    ///
-    /// # Errors
-    /// When the samples cannot be read back.
-    pub fn summary(&mut self) -> io::Result<Summary> {
-        let columns = &mut self.columns;
-        let profiled = self.signals.iter().map(|signal| {
-            let profile = Profile::of(&mut columns.column(signal.column))?;
-            Ok((signal, profile))
-        });
-        let profiled: Vec<_> = profiled.collect::<io::Result<_>>()?;
-        Ok(summary::of(&self.time, &self.notes, &profiled))
-    }
-
     /// Hands over the samples of one of the `signals` in their order, piece by piece.
     ///
     /// # Errors

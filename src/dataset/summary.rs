@@ -1,10 +1,11 @@
 //! What a recording holds, in a few numbers.
 
-use super::intake::Named;
+use super::intake::{Intake, Named};
 use super::profile::Profile;
 use super::quality::{self, QualityReport};
 use super::{Recording, Signal, TimeAxis, Warning};
 use serde::{Deserialize, Serialize};
+use std::io;
 use utoipa::ToSchema;
 
 /// A recording as lists and pages show it.
@@ -60,8 +61,24 @@ impl Recording {
     }
 }
 
+impl Intake {
+    /// The recording in a few numbers, with its quality report.
+    ///
+    /// # Errors
+    /// When the samples cannot be read back.
+    pub fn summary(&mut self) -> io::Result<Summary> {
+        let columns = &mut self.columns;
+        let profiled = self.signals.iter().map(|signal| {
+            let profile = Profile::of(&mut columns.column(signal.column))?;
+            Ok((signal, profile))
+        });
+        let profiled: Vec<_> = profiled.collect::<io::Result<_>>()?;
+        Ok(of(&self.time, &self.notes, &profiled))
+    }
+}
+
 /// The summary of signals that have been gone through.
-pub(super) fn of(time: &TimeAxis, notes: &[Warning], profiled: &[(&Named, Profile)]) -> Summary {
+fn of(time: &TimeAxis, notes: &[Warning], profiled: &[(&Named, Profile)]) -> Summary {
     Summary {
         samples: time.samples(),
         duration_s: time.duration(),
