@@ -73,7 +73,8 @@ impl Registers {
             Registers::Baseline => true,
             #[cfg(target_arch = "x86_64")]
             Registers::Avx2 => is_x86_feature_detected!("avx2"),
-            // Processors from 2019 on. Those before them lower their clock for such registers.
+            // Processors from 2019 on; those before them lower their clock for such registers
+            // (Intel Xeon Processor Scalable Family, Specification Update, 2017: turbo with AVX-512).
             #[cfg(target_arch = "x86_64")]
             Registers::Avx512 => {
                 Registers::Avx2.is_here()
