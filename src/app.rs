@@ -86,7 +86,7 @@ impl App {
         });
         let closing = CancellationToken::new();
         let routes = api::resources(state).merge(dashboard::router());
-        let serve = connections::serve(listener, api::finish(routes), closing.clone());
+        let serve = connections::serve(listener, api::with_middleware(routes), closing.clone());
         let server = tokio::spawn(serve);
         tracing::info!(%address, "listening");
         Ok(Self {

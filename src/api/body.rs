@@ -14,7 +14,7 @@ use tokio_stream::{Stream, StreamExt};
 use tokio_util::io::{StreamReader, SyncIoBridge};
 
 use super::error::{Answer, Kind, Problem, ProblemFault};
-use super::manners::hex;
+use super::http_headers::hex;
 use super::{ApiState, blocking};
 use crate::dataset::ReadError;
 use crate::document::{json as document, yaml};

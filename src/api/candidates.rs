@@ -9,8 +9,8 @@ use utoipa::ToSchema;
 
 use super::error::Answer;
 use super::extract::Named;
+use super::http_headers::{json, prefers};
 use super::jobs::no_job;
-use super::manners::{json, prefers};
 use super::query::Params;
 use super::results::{GenerationsQuery, csv};
 use super::{ApiState, blocking};

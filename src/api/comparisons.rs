@@ -18,7 +18,7 @@ use super::ApiState;
 use super::body::JsonDocument;
 use super::error::{Answer, Problem};
 use super::extract::Named;
-use super::manners::{hex, idempotency_key, json};
+use super::http_headers::{hex, idempotency_key, json};
 use super::query::{NoQuery, Params};
 use super::submit;
 use crate::document::reader::{Faults, Field};

@@ -17,7 +17,7 @@ use super::ApiState;
 use super::body::{content_type, parse, scratch_failed, unsupported};
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::extract::Named;
-use super::manners::{hex, json, prefers, tagged_json};
+use super::http_headers::{hex, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::dataset::{self, Intake, NewScratch, Recording, Samples, Summary};

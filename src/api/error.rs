@@ -1,6 +1,6 @@
 //! Every answer that is not a success: one RFC 9457 problem document.
 //!
-//! A handler returns a [`Problem`]; the outermost layer ([`super::finish()`]) turns it, and every bare
+//! A handler returns a [`Problem`]; the outermost layer ([`super::with_middleware()`]) turns it, and every bare
 //! error status that the framework made, into the document with the path and the request's id.
 
 use axum::body::Body;

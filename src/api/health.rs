@@ -8,7 +8,7 @@ use utoipa::ToSchema;
 
 use super::ApiState;
 use super::error::{Answer, Kind, Problem};
-use super::manners::json;
+use super::http_headers::json;
 
 /// How long an unready client may wait before it asks again `[s]`.
 const RETRY_S: u32 = 2;

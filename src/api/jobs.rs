@@ -16,7 +16,7 @@ use utoipa::{IntoParams, ToSchema};
 use super::ApiState;
 use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
-use super::manners::{MAX_WAIT_S, json, tagged};
+use super::http_headers::{MAX_WAIT_S, json, tagged};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::job::{Failure, IllegalTransition, JobId, JobSpec, Phase, Progress, Status};

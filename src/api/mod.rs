@@ -6,24 +6,24 @@
 
 pub mod body;
 pub mod candidates;
-mod checked;
 pub mod comparisons;
 pub mod datasets;
 pub mod error;
 pub mod events;
 pub mod extract;
-pub mod finish;
+pub mod finished_job;
 pub mod health;
+pub mod http_headers;
 pub mod jobs;
-pub mod manners;
+pub mod middleware;
 pub mod models;
 pub mod openapi;
 pub mod page;
 pub mod query;
 pub mod report;
 pub mod results;
-pub mod settled;
 pub mod simulations;
+mod spec_cache;
 pub mod submit;
 pub mod trajectory;
 
@@ -43,10 +43,10 @@ use crate::job::{Fault, JobSpec};
 use crate::model::{Catalogue, Model};
 use crate::store::Store;
 
-use checked::CheckedSpecs;
 use error::{Answer, Kind, Problem};
-pub use finish::finish;
+pub use middleware::with_middleware;
 pub use openapi::openapi;
+use spec_cache::SpecCache;
 
 /// What the service lets one client ask for.
 #[derive(Clone, Debug)]
@@ -102,7 +102,7 @@ pub struct ApiState(Arc<Shared>);
 pub struct Shared {
     parts: Parts,
     recordings: Arc<Semaphore>,
-    checked: CheckedSpecs,
+    checked: SpecCache,
     streams: Arc<Semaphore>,
 }
 
@@ -111,7 +111,7 @@ impl ApiState {
     pub fn new(parts: Parts) -> Self {
         Self(Arc::new(Shared {
             recordings: Arc::new(Semaphore::new(parts.limits.recordings_at_once)),
-            checked: CheckedSpecs::default(),
+            checked: SpecCache::default(),
             streams: Arc::new(Semaphore::new(parts.limits.streams_at_once)),
             parts,
         }))

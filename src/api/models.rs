@@ -13,7 +13,7 @@ use super::ApiState;
 use super::body::ModelDocument;
 use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
-use super::manners::{json, tagged_json};
+use super::http_headers::{json, tagged_json};
 use super::query::{NoQuery, Params};
 use crate::job::Fault;
 use crate::model::document::{self, Referenced};

@@ -14,7 +14,7 @@ use utoipa::openapi::{InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, Ref,
 use utoipa::openapi::{ResponseBuilder, tag::TagBuilder};
 
 use super::error::{PROBLEM_JSON, ProblemDocument};
-use super::manners::tagged_json;
+use super::http_headers::tagged_json;
 use crate::job::Event;
 
 /// The description of the whole API.

@@ -80,7 +80,7 @@ impl<T: Serialize> Page<T> {
 
     /// The answer to `uri`, with `Link: rel="next"`.
     pub fn answer(&self, uri: &Uri) -> Response {
-        let mut response = super::manners::json(axum::http::StatusCode::OK, self);
+        let mut response = super::http_headers::json(axum::http::StatusCode::OK, self);
         if let Some(token) = &self.next_page_token {
             let link = format!("<{}>; rel=\"next\"", with_token(uri, token));
             if let Ok(link) = HeaderValue::from_str(&link) {

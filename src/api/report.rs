@@ -6,8 +6,8 @@ use axum::response::{Html, IntoResponse};
 
 use super::error::Answer;
 use super::extract::Named;
+use super::finished_job::FinishedJob;
 use super::query::{NoQuery, Params};
-use super::settled::Settled;
 use super::{ApiState, blocking};
 use crate::job::JobId;
 use crate::report::{self, Report};
@@ -35,18 +35,18 @@ pub async fn report(
     Named(id): Named<JobId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    let settled = Settled::read(&state, id).await?;
+    let job = FinishedJob::read(&state, id).await?;
     let generations = state.store.generations(id, 0, MAX_GENERATIONS).await?;
     blocking(move || {
-        let experiments = settled.trajectory()?;
-        let row = &settled.row;
+        let experiments = job.trajectory()?;
+        let row = &job.row;
         let title = row.name.clone().unwrap_or_else(|| id.to_string());
         let finished_at = row.finished_at.map(|instant| instant.to_string());
         let page = report::render(&Report {
             title: &title,
             finished_at: finished_at.as_deref(),
-            spec: &settled.spec,
-            outcome: &settled.outcome,
+            spec: &job.spec,
+            outcome: &job.outcome,
             generations: &generations,
             experiments: &experiments,
         });

@@ -9,10 +9,10 @@ use utoipa::{IntoParams, ToSchema};
 use super::ApiState;
 use super::error::Answer;
 use super::extract::Named;
+use super::finished_job::{result_of, unreadable};
+use super::http_headers::{json, prefers, tagged_json};
 use super::jobs::no_job;
-use super::manners::{json, prefers, tagged_json};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use super::settled::{settled_result, unreadable};
 use crate::job::{GenerationEvent, JobId, Outcome};
 
 /// Rows of the history in one answer when the client does not say.
@@ -135,7 +135,7 @@ pub async fn result(
     headers: HeaderMap,
 ) -> Answer {
     let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
-    let outcome = settled_result(&state, &row).await?;
+    let outcome = result_of(&state, &row).await?;
     if prefers(&headers, "text/csv") {
         let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
         return Ok(csv(estimates_csv(&outcome)));

@@ -15,7 +15,7 @@ use utoipa::{IntoParams, ToSchema};
 use super::body::JsonDocument;
 use super::datasets::{RecordingDocument, csv_answer};
 use super::error::{Answer, Kind, Problem};
-use super::manners::{json, prefers};
+use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
 use super::{ApiState, blocking, models};
 use crate::dataset::{self, Recording, SampledSignal, Signal, TimeAxis, Window};

@@ -11,11 +11,11 @@ use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
 use super::body::JsonDocument;
-use super::checked::Checked;
 use super::error::{Answer, Kind, Problem};
+use super::http_headers::{idempotency_key, json, preferred_wait};
 use super::jobs::{self, Job};
-use super::manners::{idempotency_key, json, preferred_wait};
 use super::query::{FromQuery, Params, QueryReader};
+use super::spec_cache::SpecKey;
 use super::{ApiState, blocking, models};
 use crate::job::assemble::{self, Assembly, Finding, Identifiability, Preflight};
 use crate::job::spec::Context;
@@ -67,10 +67,10 @@ pub struct PredictedCost {
 }
 
 /// What can be said of a job before it runs.
-type Foreseen = (Preflight, Identifiability);
+type Outlook = (Preflight, Identifiability);
 
 impl Validation {
-    fn new(spec: JobSpec, (preflight, identifiability): Foreseen) -> Self {
+    fn new(spec: JobSpec, (preflight, identifiability): Outlook) -> Self {
         let predicted_cost = PredictedCost {
             unknowns: preflight.unknowns,
             residuals: preflight.residuals,
@@ -134,11 +134,11 @@ pub async fn submit(
         let method = spec.method.clone();
         let look_ahead = move |assembly: &Assembly| {
             let mut preflight = assemble::preflight(assembly, &method);
-            let ahead = assemble::foresee(assembly, &method, &mut preflight.findings);
+            let ahead = assemble::forecast(assembly, &method, &mut preflight.findings);
             (preflight, ahead)
         };
-        let foreseen = assembled(&state, &spec, model, look_ahead).await?;
-        return Ok(json(StatusCode::OK, &Validation::new(spec, foreseen)));
+        let forecast = assembled(&state, &spec, model, look_ahead).await?;
+        return Ok(json(StatusCode::OK, &Validation::new(spec, forecast)));
     }
     check(&state, &spec, Arc::clone(&model)).await?;
     let submitted = store(&state, Ready { spec, model, new }, idempotency).await?;
@@ -238,7 +238,7 @@ async fn read(state: &ApiState, asked: &models::Asked) -> Answer<JobSpec> {
 
 /// Says what speaks against the job once its recordings are looked at.
 async fn check(state: &ApiState, spec: &JobSpec, model: Arc<Model>) -> Answer<()> {
-    let checked = Checked::of(spec);
+    let checked = SpecKey::of(spec);
     if !state.0.checked.contain(checked) {
         assembled(state, spec, model, |_| ()).await?;
         state.0.checked.insert(checked);
@@ -287,8 +287,8 @@ async fn accepted(state: &ApiState, row: JobRow, replayed: bool, headers: &Heade
     let wait = preferred_wait(headers);
     let mut row = Arc::new(row);
     if let Some(wait) = wait {
-        let settled = |row: &JobRow| row.status.is_terminal() || row.status == Status::Paused;
-        let later = jobs::wait_until(state, id, wait, settled).await?;
+        let finished = |row: &JobRow| row.status.is_terminal() || row.status == Status::Paused;
+        let later = jobs::wait_until(state, id, wait, finished).await?;
         row = later.ok_or_else(|| jobs::no_job(id))?;
     }
     let mut response = jobs::answer(StatusCode::ACCEPTED, &row);

@@ -10,10 +10,10 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::error::Answer;
 use super::extract::Named;
-use super::manners::{json, prefers};
+use super::finished_job::FinishedJob;
+use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
 use super::results;
-use super::settled::Settled;
 use super::{ApiState, blocking};
 use crate::dataset::kept_indices;
 use crate::job::assemble::{ExperimentTrajectory, OutputTrajectory};
@@ -96,12 +96,12 @@ pub async fn trajectory(
     Params(query): Params<TrajectoryQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let settled = Settled::read(&state, id).await?;
+    let job = FinishedJob::read(&state, id).await?;
     let as_csv = prefers(&headers, "text/csv");
     let points = query.max_points.unwrap_or(DEFAULT_POINTS);
     let points = usize::try_from(points).expect("the limit is small");
     blocking(move || {
-        let experiments = settled.trajectory()?;
+        let experiments = job.trajectory()?;
         if as_csv {
             return Ok(results::csv(csv(&experiments)));
         }

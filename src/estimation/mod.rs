@@ -16,12 +16,12 @@
 //! and however often the run is laid down ([`Estimation::checkpoint`]) and taken up again; no
 //! clock, no I/O; a candidate that fails is a value.
 
-pub mod climb;
 pub mod cma_es;
 pub mod differential;
+pub mod evaluation_cache;
+pub mod hill_climb;
 pub mod leaders;
 pub mod loss;
-pub mod memory;
 pub mod objective;
 pub mod observer;
 pub mod problem;

@@ -336,7 +336,7 @@ impl Descent {
             },
         };
         self.start_cost.get_or_insert(linearisation.cost);
-        if let Some((end, minimum)) = self.foreseen_end(&linearisation, found) {
+        if let Some((end, minimum)) = self.predicted_end(&linearisation, found) {
             self.positions = minimum.positions;
             self.cost = Some(minimum.cost);
             self.end = Some(end);
@@ -454,7 +454,7 @@ impl Descent {
 
     /// Where a descent can end without another simulation: in a minimum that is known, where the
     /// linear model leads there, or here, where it promises no gain that counts.
-    fn foreseen_end(
+    fn predicted_end(
         &mut self,
         linearisation: &Linearisation,
         found: &[Minimum],

@@ -5,11 +5,11 @@
 //! stream named by seed, generation and purpose: a search that is laid down after any generation
 //! goes on with the same bits.
 
-use super::climb::Climb;
 use super::cma_es::{self, Strategy};
 use super::differential;
+use super::evaluation_cache::EvaluationCache;
+use super::hill_climb::HillClimb;
 use super::leaders::{self, Judged};
-use super::memory::Memory;
 use super::objective::{Evaluation, Objective};
 use super::observer::{Counters, GenerationRow, Simulated};
 use super::problem::Problem;
@@ -75,7 +75,7 @@ pub struct Search {
     seed: u64,
     encoding: Encoding,
     objective: Objective,
-    memory: Memory,
+    memory: EvaluationCache,
     /// What no row has told of yet.
     simulated: Vec<Simulated>,
     /// What is laid down at a checkpoint.
@@ -121,7 +121,7 @@ impl Search {
             seed,
             encoding: encoding(problem, settings),
             objective: Objective::new(problem, settings.block_samples as usize),
-            memory: Memory::default(),
+            memory: EvaluationCache::default(),
             simulated: Vec::new(),
             state,
         }
@@ -168,8 +168,8 @@ impl Search {
         let (evaluations, climb) = rayon::join(
             || self.evaluate(problem, &population, stop),
             || match &elite {
-                Some(elite) => Climb::from(problem, &encoding.decode(elite), stop),
-                None => Some(Climb::default()),
+                Some(elite) => HillClimb::from(problem, &encoding.decode(elite), stop),
+                None => Some(HillClimb::default()),
             },
         );
         let (evaluations, climb) = (evaluations?, climb?);

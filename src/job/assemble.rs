@@ -2,12 +2,12 @@
 //! and what was found becomes the result document.
 
 mod experiment;
-mod foresight;
+mod forecast;
 mod outcome;
 mod preflight;
 mod trajectory;
 
-pub use foresight::{Identifiability, Prediction, flat_directions, foresee, unseen};
+pub use forecast::{Identifiability, Prediction, flat_directions, forecast, unseen};
 pub use outcome::{Origin, outcome};
 pub use preflight::{Finding, Preflight, preflight};
 pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};

@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_step_gains_and_moves_is_foreseen() {
+    fn what_a_step_gains_and_moves_is_predicted() {
         let mut triangle = Triangle::new(2);
         triangle.push(&line());
         let step = triangle.damped_step(0.0, &[true, true]).unwrap();

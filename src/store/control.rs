@@ -170,12 +170,12 @@ async fn apply(
             slices::change_status(tx, id, status, &[Event::State { status }]).await
         }
         Step::Become(status) => {
-            let mut told = vec![Event::State { status }];
+            let mut reported = vec![Event::State { status }];
             if status.is_terminal() {
-                told.push(Event::End { status });
+                reported.push(Event::End { status });
                 results::mark_cancelled(tx, id).await?;
             }
-            slices::change_status(tx, id, status, &told).await
+            slices::change_status(tx, id, status, &reported).await
         }
     }
 }

@@ -41,7 +41,7 @@ pub use events::StoredEvent;
 pub use jobs::{JobFilter, JobRemoval, JobRow, Page};
 pub use models::{MAX_MODELS, ModelRemoval, ModelRow, ModelStored, NewModel};
 pub use queue::{QUEUE, SliceOfJob};
-pub use slices::{Begin, Checkpoint, Ending, Hold, Lease, Record, Slice, Told};
+pub use slices::{Begin, Checkpoint, Ending, Hold, Lease, Record, Reported, Slice};
 pub use submit::{Idempotency, NewJob, Submitted};
 
 use lock::FileLock;

@@ -52,15 +52,15 @@ pub struct Slice {
     pub checkpoint: Option<Checkpoint>,
     /// Time that the slices before worked `[ms]`.
     pub running_ms: u64,
-    /// What events told of so far.
-    pub told: Told,
-    /// The newest generation, if no event told of it yet.
-    pub untold: Option<GenerationEvent>,
+    /// What events reported of so far.
+    pub reported: Reported,
+    /// The newest generation, if no event reported of it yet.
+    pub unreported: Option<GenerationEvent>,
 }
 
 /// How far the events of a job's search go.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Told {
+pub struct Reported {
     /// The last generation with an event; 0 for none.
     pub generation: u32,
     /// Refinements with an event.
@@ -74,12 +74,12 @@ pub struct Told {
 pub struct Record {
     /// Rows for the history.
     pub generations: Vec<GenerationEvent>,
-    /// Candidates that none of the rows before told of.
+    /// Candidates that none of the rows before reported of.
     pub candidates: Option<NewCandidates>,
     /// Events, in order.
     pub events: Vec<Event>,
     /// How far the events go now.
-    pub told: Told,
+    pub reported: Reported,
     /// How far the job came.
     pub progress: Option<Progress>,
     /// Where it can go on, at the end of a slice.
@@ -197,12 +197,12 @@ async fn begin(
         .bind(id.to_string())
         .fetch_optional(&mut **tx)
         .await?;
-    let told = Told {
+    let reported = Reported {
         generation: control.told_generation,
         refinements: control.told_refinements,
         at_ms: control.told_at_ms,
     };
-    let untold = newest_generation(tx, id, told.generation).await?;
+    let unreported = newest_generation(tx, id, reported.generation).await?;
     let job = jobs::fetch(&mut *tx, id).await?.unwrap_or(row);
     Ok(Begin::Slice(Box::new(Slice {
         lease: Lease {
@@ -212,8 +212,8 @@ async fn begin(
         job,
         checkpoint,
         running_ms: control.running_ms.unsigned_abs(),
-        told,
-        untold,
+        reported,
+        unreported,
     })))
 }
 
@@ -267,9 +267,9 @@ async fn write_record(tx: &mut Tx, lease: Lease, record: Record) -> Result<Hold,
     )
     .bind(i64::try_from(record.events.len()).expect("a record is small"))
     .bind(i64::try_from(record.worked_ms).unwrap_or(i64::MAX))
-    .bind(record.told.generation)
-    .bind(record.told.refinements)
-    .bind(record.told.at_ms)
+    .bind(record.reported.generation)
+    .bind(record.reported.refinements)
+    .bind(record.reported.at_ms)
     .bind(record.progress.as_ref().map(jobs::json))
     .bind(lease.job.to_string())
     .bind(lease.epoch)
@@ -321,20 +321,20 @@ async fn end(tx: &mut Tx, id: JobId, ending: &Ending) -> Result<(), StoreError> 
             .execute(&mut **tx)
             .await?;
     }
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     if status.is_terminal()
         && let Some(outcome) = &ending.outcome
     {
-        told.push(Event::Result {
+        reported.push(Event::Result {
             parameters: outcome["parameters"].clone(),
             fit: outcome["fit"].clone(),
         });
     }
-    told.push(Event::State { status });
+    reported.push(Event::State { status });
     if status.is_terminal() {
-        told.push(Event::End { status });
+        reported.push(Event::End { status });
     }
-    change_status(tx, id, status, &told).await
+    change_status(tx, id, status, &reported).await
 }
 
 /// Brings a job into a state and tells of it. The only place where a job changes its state.
@@ -342,7 +342,7 @@ pub(super) async fn change_status(
     tx: &mut Tx,
     id: JobId,
     to: Status,
-    told: &[Event],
+    reported: &[Event],
 ) -> Result<(), StoreError> {
     let key = id.to_string();
     let from: String = sqlx::query_scalar("select status from jobs where id = ?")
@@ -356,7 +356,7 @@ pub(super) async fn change_status(
         .advance_to(to)
         .map_err(|why| super::corrupt("status", &key, why))?;
     let now = Timestamp::now().to_string();
-    let n_events = i64::try_from(told.len()).expect("a change tells of little");
+    let n_events = i64::try_from(reported.len()).expect("a change tells of little");
     let last_event: i64 = sqlx::query_scalar(
         "update jobs set status = ?, request = null, revision = revision + 1, \
          last_event = last_event + ?, started_at = coalesce(started_at, ?), finished_at = ? \
@@ -369,7 +369,7 @@ pub(super) async fn change_status(
     .bind(&key)
     .fetch_one(&mut **tx)
     .await?;
-    events::insert(tx, id, last_event - n_events + 1, told).await?;
+    events::insert(tx, id, last_event - n_events + 1, reported).await?;
     if to.is_terminal() {
         sqlx::query("delete from checkpoints where job = ?")
             .bind(&key)

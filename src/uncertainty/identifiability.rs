@@ -32,9 +32,9 @@ const TRIED: f64 = 1e-2;
 /// Unknowns with a smaller part in a direction than this share of the largest are left out of it.
 const SMALLEST_PART: f64 = 0.05;
 
-/// What is foreseen of one coordinate.
+/// What is forecast of one coordinate.
 #[derive(Clone, Debug)]
-pub struct Foreseen {
+pub struct CoordinateForecast {
     /// The predicted standard error in the middle of the box, SI; none where the data do not fix
     /// the coordinate, or the simulation fails there.
     pub standard_error: Option<f64>,
@@ -61,13 +61,13 @@ impl FlatDirection {
     }
 }
 
-/// What is foreseen of a problem.
+/// What is forecast of a problem.
 #[derive(Clone, Debug)]
-pub struct Foresight {
+pub struct Forecast {
     /// Points of the box that could be simulated.
     pub points: usize,
     /// One for each coordinate.
-    pub coordinates: Vec<Foreseen>,
+    pub coordinates: Vec<CoordinateForecast>,
     /// What the data do not see.
     pub flat: Vec<FlatDirection>,
 }
@@ -84,7 +84,7 @@ struct View<'a> {
 
 /// Looks at a problem before it is estimated. Answers nothing when `stop` was raised.
 #[must_use]
-pub fn foresee(problem: &Problem, accuracy: Accuracy, stop: &AtomicBool) -> Option<Foresight> {
+pub fn forecast(problem: &Problem, accuracy: Accuracy, stop: &AtomicBool) -> Option<Forecast> {
     let n = problem.coordinates.len();
     let view = View {
         problem,
@@ -121,7 +121,7 @@ pub fn foresee(problem: &Problem, accuracy: Accuracy, stop: &AtomicBool) -> Opti
             let high = of_points.fold(0.0, f64::max);
             let slope = problem.coordinates[index].slope(0.5).abs();
             let in_middle = deviations.first().filter(|_| middle_is_there);
-            Foreseen {
+            CoordinateForecast {
                 standard_error: in_middle
                     .map(|deviations| deviations[index] * slope)
                     .filter(|error| error.is_finite()),
@@ -129,7 +129,7 @@ pub fn foresee(problem: &Problem, accuracy: Accuracy, stop: &AtomicBool) -> Opti
             }
         })
         .collect();
-    Some(Foresight {
+    Some(Forecast {
         points: factors.len(),
         coordinates,
         flat: flat

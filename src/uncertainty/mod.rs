@@ -5,7 +5,7 @@
 //! intervals ([`covariance`]; on request better ones, [`profile`] and [`bootstrap`]), looks at what the model leaves unexplained ([`residuals`],
 //! [`fit`]), and says in words what follows ([`verdict`]). A fit per cent alone certifies
 //! nothing: a wrong structure can fit 99 % with parameters wrong by factors. What the data could
-//! fix at all is foreseen by [`identifiability`].
+//! fix at all is forecast by [`identifiability`].
 
 pub mod bootstrap;
 pub mod covariance;

@@ -142,14 +142,14 @@ impl Run for IdentificationRun {
             let Some(flat) = assemble::flat_directions(&self.problem, stop) else {
                 return Advance::Interrupted;
             };
-            let told = |flat: &FlatDirection| assemble::unseen(&self.problem, flat);
+            let reported = |flat: &FlatDirection| assemble::unseen(&self.problem, flat);
             let refuses =
                 |flat: &&FlatDirection| self.request.settings.flat_directions.refuses(flat);
-            let grounds: Vec<Finding> = flat.iter().filter(refuses).map(told).collect();
+            let grounds: Vec<Finding> = flat.iter().filter(refuses).map(reported).collect();
             let findings = findings
                 .iter()
                 .cloned()
-                .chain(flat.iter().map(told))
+                .chain(flat.iter().map(reported))
                 .collect();
             self.findings = None;
             if !grounds.is_empty() {

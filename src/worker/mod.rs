@@ -3,13 +3,13 @@
 //! ```text
 //! River ──entry──▶ slice ──spawn_blocking──▶ Run (the method)
 //!                    ▲ │                        │ rows
-//!       stop flag ───┘ └── store ◀── relay ◀────┘
+//!       stop flag ───┘ └── store ◀── recorder ◀────┘
 //! ```
 
 mod active;
 mod candidates;
 pub mod identification;
-mod relay;
+mod recorder;
 pub mod run;
 mod slice;
 #[cfg(test)]

@@ -62,7 +62,7 @@ pub enum Advance {
 /// A line of the job's history.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Row {
-    /// What should be known before the search begins; told with its first generation.
+    /// What should be known before the search begins; reported with its first generation.
     Findings(Vec<Finding>),
     /// The search finished a generation.
     Generation(GenerationEvent),
@@ -70,7 +70,7 @@ pub enum Row {
     Candidates {
         /// What each of their values stands for.
         columns: Arc<[CandidateColumn]>,
-        /// The candidates; after an interruption some may have been told of before.
+        /// The candidates; after an interruption some may have been reported of before.
         candidates: Vec<Candidate>,
     },
     /// The refinement finished an iteration.

@@ -16,7 +16,7 @@ use tokio::sync::{Semaphore, SemaphorePermit, mpsc};
 use tokio::task::JoinError;
 
 use super::active::{ActiveJob, ActiveJobs};
-use super::relay::Relay;
+use super::recorder::Recorder;
 use super::run::{Advance, Assignment, Method, Row, Run, StopReason};
 use crate::dataset::Recording;
 use crate::job::{DatasetId, Failure, JobId, Progress, Status};
@@ -113,7 +113,7 @@ impl SliceWorker {
         }
     }
 
-    /// Ends a job that was asked to stop and is between two slices; a job at work is told to.
+    /// Ends a job that was asked to stop and is between two slices; a job at work is reported to.
     pub(super) async fn settle(&self, id: JobId) -> Result<(), StoreError> {
         if let Some(job) = self.active.take(id) {
             job.stop_flag().store(true, Ordering::Relaxed);
@@ -145,12 +145,12 @@ impl SliceWorker {
             time_left: time_left(&slice),
             stop,
         };
-        let mut relay = Relay::new(&slice, self.max_candidates);
+        let mut recorder = Recorder::new(&slice, self.max_candidates);
         let computed = match self.materials(&slice.job).await? {
             Ok(materials) => {
                 let (sender, units) = mpsc::channel(UNITS_WAITING);
                 let computation = self.compute(slice, materials, current.stop.clone(), sender);
-                let written = self.write_units(&current, &mut relay, units).await;
+                let written = self.write_units(&current, &mut recorder, units).await;
                 let computed = computation.await;
                 if written? == Hold::Lost {
                     return Ok(After::Done);
@@ -163,7 +163,7 @@ impl SliceWorker {
             worker: self,
             place,
             current,
-            relay,
+            recorder,
         };
         conclusion.draw(computed).await
     }
@@ -229,10 +229,10 @@ impl SliceWorker {
     async fn write_units(
         &self,
         current: &Current,
-        relay: &mut Relay,
+        recorder: &mut Recorder,
         mut units: mpsc::Receiver<Unit>,
     ) -> Result<Hold, StoreError> {
-        if let Err(error) = self.recall(current.lease, relay).await {
+        if let Err(error) = self.recall(current.lease, recorder).await {
             current.stop.store(true, Ordering::Relaxed);
             return Err(error);
         }
@@ -243,11 +243,11 @@ impl SliceWorker {
         loop {
             tokio::select! {
                 unit = units.recv() => match unit {
-                    Some(unit) => take(relay, unit, current.started.elapsed()),
+                    Some(unit) => take(recorder, unit, current.started.elapsed()),
                     None => return Ok(Hold::Kept),
                 },
                 _ = flush.tick() => {
-                    let written = self.flush(current.lease, relay).await;
+                    let written = self.flush(current.lease, recorder).await;
                     if !matches!(written, Ok(Hold::Kept)) {
                         current.stop.store(true, Ordering::Relaxed);
                         return written;
@@ -261,35 +261,35 @@ impl SliceWorker {
     }
 
     /// Reads back which candidates are kept, beside the computation, which has forgotten them.
-    async fn recall(&self, lease: Lease, relay: &mut Relay) -> Result<(), StoreError> {
+    async fn recall(&self, lease: Lease, recorder: &mut Recorder) -> Result<(), StoreError> {
         let mut after = Some(0);
         while let Some(generation) = after {
             let kept = self
                 .store
                 .candidates(lease.job, generation, u32::MAX, CANDIDATES_AT_ONCE);
             let kept = kept.await?;
-            relay.recall(&kept);
+            recorder.recall(&kept);
             // Once the record is cut nothing more is kept.
             after = kept.more_after.filter(|_| kept.cut_in_generation.is_none());
         }
         Ok(())
     }
 
-    async fn flush(&self, lease: Lease, relay: &mut Relay) -> Result<Hold, StoreError> {
-        relay.tell_if_due(Timestamp::now());
-        if relay.is_empty() {
+    async fn flush(&self, lease: Lease, recorder: &mut Recorder) -> Result<Hold, StoreError> {
+        recorder.report_if_due(Timestamp::now());
+        if recorder.is_empty() {
             return Ok(Hold::Kept);
         }
-        self.store.record(lease, relay.record()).await
+        self.store.record(lease, recorder.record()).await
     }
 }
 
-fn take(relay: &mut Relay, unit: Unit, worked: Duration) {
+fn take(recorder: &mut Recorder, unit: Unit, worked: Duration) {
     let now = Timestamp::now();
     for row in unit.rows {
-        relay.take(row, now);
+        recorder.take(row, now);
     }
-    relay.note(unit.progress, worked);
+    recorder.note(unit.progress, worked);
 }
 
 /// Works units until the run has finished, the time is up or the flag is raised.
@@ -328,7 +328,7 @@ struct Conclusion<'a> {
     /// Given up when nothing is left to be computed.
     place: Option<SemaphorePermit<'a>>,
     current: Current,
-    relay: Relay,
+    recorder: Recorder,
 }
 
 impl Conclusion<'_> {
@@ -390,7 +390,7 @@ impl Conclusion<'_> {
         if outcome.is_none() && status == Status::Succeeded {
             return self.end_without_result(None, Failure::no_estimate()).await;
         }
-        self.relay.tell(Timestamp::now());
+        self.recorder.report(Timestamp::now());
         let mut record = self.last_record();
         if status == Status::Paused {
             record.checkpoint = Some(self.checkpoint(&*run));
@@ -416,7 +416,7 @@ impl Conclusion<'_> {
         if let Some(failure) = &error {
             tracing::warn!(job = %self.current.lease.job, detail = failure.detail, "a job failed");
         }
-        self.relay.tell(Timestamp::now());
+        self.recorder.report(Timestamp::now());
         let record = self.last_record();
         let ending = Ending {
             status,
@@ -442,14 +442,14 @@ impl Conclusion<'_> {
         let worked = self.current.started.elapsed();
         Record {
             worked_ms: u64::try_from(worked.as_millis()).unwrap_or(u64::MAX),
-            ..self.relay.record()
+            ..self.recorder.record()
         }
     }
 
     fn checkpoint(&self, run: &dyn Run) -> Checkpoint {
         Checkpoint {
             state: run.checkpoint(),
-            refinements: self.relay.refinements(),
+            refinements: self.recorder.refinements(),
         }
     }
 }

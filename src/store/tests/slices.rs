@@ -67,7 +67,7 @@ async fn a_slice_goes_on_where_the_last_one_stopped() {
         fraction: 0.3,
         eta_s: Some(2.0),
     };
-    let told = Told {
+    let reported = Reported {
         generation: 2,
         refinements: 0,
         at_ms: 77,
@@ -76,7 +76,7 @@ async fn a_slice_goes_on_where_the_last_one_stopped() {
         generations: (1..=3).map(generation).collect(),
         candidates: None,
         events: vec![Event::Generation(generation(2))],
-        told,
+        reported,
         progress: Some(progress.clone()),
         checkpoint: Some(Checkpoint {
             state: b"state".to_vec(),
@@ -92,8 +92,8 @@ async fn a_slice_goes_on_where_the_last_one_stopped() {
         (&*checkpoint.state, checkpoint.refinements),
         (&b"state"[..], 2)
     );
-    assert_eq!((second.running_ms, second.told), (40, told));
-    assert_eq!(second.untold, Some(generation(3)));
+    assert_eq!((second.running_ms, second.reported), (40, reported));
+    assert_eq!(second.unreported, Some(generation(3)));
     assert_eq!(second.job.progress, Some(progress));
     assert_eq!(second.job.attempt, 1);
 }

@@ -196,7 +196,7 @@ fn what_the_data_do_not_see_is_told_before_the_search_begins() {
     let Some(Row::Findings(findings)) = rows.first() else {
         panic!("{:?}", rows.first());
     };
-    let told: Vec<(&str, &str)> = findings
+    let reported: Vec<(&str, &str)> = findings
         .iter()
         .map(|finding| (&*finding.code, &*finding.pointer))
         .collect();
@@ -205,9 +205,9 @@ fn what_the_data_do_not_see_is_told_before_the_search_begins() {
         ("not_identifiable", "/parameters/mass"),
         ("not_identifiable", "/parameters/viscous_friction"),
     ] {
-        assert!(told.contains(&expected), "{told:?}");
+        assert!(reported.contains(&expected), "{reported:?}");
     }
-    // A run that is taken up has told it before.
+    // A run that is taken up has reported it before.
     let mut resumed = begin_on(standing_still(), &job(), Some(run.checkpoint()));
     let is_finding = |row: &Row| matches!(row, Row::Findings(_));
     assert!(!work(&mut *resumed).iter().any(is_finding));
@@ -257,9 +257,9 @@ fn unknowns_that_change_together_unseen_end_a_job_unless_it_says_otherwise() {
     // The user who knows it has an estimate all the same, and low trust in it.
     let mut run = begin_on(only_ahead(), &job(Some("report")), None);
     work(&mut *run);
-    let told = outcome(&mut *run, None);
-    assert_eq!(told["verdict"]["trust"], "low");
-    // Back and forth they are told apart.
+    let reported = outcome(&mut *run, None);
+    assert_eq!(reported["verdict"]["trust"], "low");
+    // Back and forth they are reported apart.
     let mut run = begin(&job(Some("refuse")), None);
     work(&mut *run);
     assert!(run.outcome(None).is_ok());

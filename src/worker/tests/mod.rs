@@ -349,13 +349,13 @@ fn crashes_cost_a_slice_at_most_and_leave_no_trace_in_the_bits() {
             let events = server.wait_for_end(id).await;
             let ends = events.iter().filter(|event| event.is_last()).count();
             assert_eq!(ends, 1);
-            let told: Vec<u64> = events
+            let reported: Vec<u64> = events
                 .iter()
                 .filter(|event| event.name == "generation")
                 .map(|event| serde_json::from_str::<Value>(&event.data).expect("JSON"))
                 .map(|data| data["generation"].as_u64().expect("a number"))
                 .collect();
-            assert!(told.is_sorted_by(|a, b| a < b), "{told:?}");
+            assert!(reported.is_sorted_by(|a, b| a < b), "{reported:?}");
             assert_eq!(server.estimate(id).await, unbroken(20, 3));
             let kept = server.candidates(id).await;
             let places = kept

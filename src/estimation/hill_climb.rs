@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 
 /// What hill-climbing came to.
 #[derive(Debug, Default)]
-pub struct Climb {
+pub struct HillClimb {
     /// Where the least-squares steps lead.
     pub to: Vec<Vec<f64>>,
     /// Whether there is nothing left to climb but noise.
@@ -19,7 +19,7 @@ pub struct Climb {
     pub evaluations: u64,
 }
 
-impl Climb {
+impl HillClimb {
     /// The dampings of the steps.
     const DAMPINGS: [f64; 4] = [1e-4, 1e-2, 1.0, 1e2];
     /// At the noise floor least squares may still promise so much of the cost.
@@ -27,16 +27,16 @@ impl Climb {
 
     /// From a candidate. Answers nothing when `stop` was raised.
     #[must_use]
-    pub fn from(problem: &Problem, positions: &[f64], stop: &AtomicBool) -> Option<Climb> {
+    pub fn from(problem: &Problem, positions: &[f64], stop: &AtomicBool) -> Option<HillClimb> {
         let linearisation = match refine::linearise(problem, positions, Accuracy::Screening, stop) {
             Ok(linearisation) => linearisation,
             Err(SensitivityError::Interrupted) => return None,
-            Err(SensitivityError::Failed(_)) => return Some(Climb::default()),
+            Err(SensitivityError::Failed(_)) => return Some(HillClimb::default()),
         };
-        let steps = refine::trial_steps(&linearisation, positions, Climb::DAMPINGS);
-        Some(Climb {
+        let steps = refine::trial_steps(&linearisation, positions, HillClimb::DAMPINGS);
+        Some(HillClimb {
             to: steps.into_iter().map(|(_, moved)| moved).collect(),
-            at_floor: Climb::is_at_floor(problem, &linearisation, positions),
+            at_floor: HillClimb::is_at_floor(problem, &linearisation, positions),
             evaluations: positions.len() as u64 + 1,
         })
     }
@@ -47,6 +47,6 @@ impl Climb {
         let is_noise = problem.declares_noise()
             && statistics::is_unit_mean_square(linearisation.cost, linearisation.triangle.rows());
         let outlook = || linearisation.outlook(positions);
-        is_noise && outlook().is_some_and(|outlook| outlook.gain < Climb::FLOOR_GAIN)
+        is_noise && outlook().is_some_and(|outlook| outlook.gain < HillClimb::FLOOR_GAIN)
     }
 }

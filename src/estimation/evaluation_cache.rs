@@ -13,13 +13,13 @@ const LARGEST_NUMBER_COUNT: usize = 16_000_000;
 
 /// Evaluations by chromosome.
 #[derive(Debug, Default)]
-pub struct Memory {
+pub struct EvaluationCache {
     known: HashMap<Chromosome, Arc<Evaluation>>,
     order: VecDeque<Chromosome>,
     numbers: usize,
 }
 
-impl Memory {
+impl EvaluationCache {
     /// The evaluation of a candidate that has been simulated before.
     #[must_use]
     pub fn recall(&self, chromosome: &Chromosome) -> Option<Arc<Evaluation>> {

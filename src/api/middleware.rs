@@ -15,14 +15,14 @@ use tower_http::decompression::RequestDecompressionLayer;
 use uuid::Uuid;
 
 use super::error::{PROBLEM_JSON, Problem};
-use super::manners::GZIP_TAG_END;
+use super::http_headers::GZIP_TAG_END;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// The characters of a client's request id at the most; a longer one is replaced.
 const MAX_ID_CHARS: usize = 128;
 
 /// Puts the shared manners around routes. Unknown paths and methods get them too.
-pub fn finish(routes: Router) -> Router {
+pub fn with_middleware(routes: Router) -> Router {
     routes
         .fallback(|| async { StatusCode::NOT_FOUND })
         .layer(RequestDecompressionLayer::new())

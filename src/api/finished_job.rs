@@ -1,4 +1,4 @@
-//! A settled job with all that its result was made from, for whoever shows it again.
+//! A finished job with all that its result was made from, for whoever shows it again.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use crate::model::Model;
 use crate::store::JobRow;
 
 /// A job that has a result, its recordings and its model.
-pub struct Settled {
+pub struct FinishedJob {
     /// The job as it is stored.
     pub row: Arc<JobRow>,
     /// What was asked.
@@ -30,21 +30,21 @@ pub struct Settled {
     _permit: OwnedSemaphorePermit,
 }
 
-impl Settled {
+impl FinishedJob {
     /// Read from the store.
     ///
     /// # Errors
     ///
     /// There is no such job, it has no result or not yet, or its recording has been removed.
-    pub async fn read(state: &ApiState, id: JobId) -> Answer<Settled> {
+    pub async fn read(state: &ApiState, id: JobId) -> Answer<FinishedJob> {
         let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
-        let outcome = settled_result(state, &row).await?;
+        let outcome = result_of(state, &row).await?;
         let permit = state.recording_permit().await?;
         let spec = JobSpec::deserialize(&row.spec).map_err(unreadable)?;
         let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
         let recordings = state.recordings(&spec).await?.map_err(removed)?;
         let model = state.model(&spec.model).await?;
-        Ok(Settled {
+        Ok(FinishedJob {
             row,
             spec,
             outcome,
@@ -67,14 +67,14 @@ impl Settled {
 }
 
 /// The result of a job that has one.
-pub async fn settled_result(state: &ApiState, row: &JobRow) -> Answer<Value> {
-    let settled = row.status.is_terminal() || row.status == Status::Paused;
-    if settled && let Some(outcome) = state.store.result(row.id).await? {
+pub async fn result_of(state: &ApiState, row: &JobRow) -> Answer<Value> {
+    let finished = row.status.is_terminal() || row.status == Status::Paused;
+    if finished && let Some(outcome) = state.store.result(row.id).await? {
         return Ok(outcome);
     }
     let detail = match row.status {
         Status::Failed => "the job failed, its `error` says why".to_owned(),
-        status if settled => format!("the job was {status} before it had an estimate"),
+        status if finished => format!("the job was {status} before it had an estimate"),
         status => format!("the job is {status} and has no result yet"),
     };
     let problem = Problem::new(Kind::WrongState, detail);

@@ -5,7 +5,7 @@ use crate::document::fault::pointer_to;
 use crate::estimation::Settings;
 use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::simulation::Accuracy;
-use crate::uncertainty::identifiability::{self, FlatDirection, Foreseen};
+use crate::uncertainty::identifiability::{self, CoordinateForecast, FlatDirection};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 use utoipa::ToSchema;
@@ -48,7 +48,7 @@ pub struct Prediction {
 
 /// Looks ahead, where that takes no longer than a client waits; what it finds joins the findings.
 #[must_use]
-pub fn foresee(
+pub fn forecast(
     assembly: &Assembly,
     settings: &Settings,
     findings: &mut Vec<Finding>,
@@ -74,16 +74,16 @@ pub fn foresee(
         };
     }
     let never = AtomicBool::new(false);
-    let foresight = identifiability::foresee(problem, Accuracy::Full, &never);
-    let foresight = foresight.expect("nobody interrupts");
-    findings.extend(foresight.flat.iter().map(|flat| unseen(problem, flat)));
-    let pairs = problem.coordinates.iter().zip(&foresight.coordinates);
+    let forecast = identifiability::forecast(problem, Accuracy::Full, &never);
+    let forecast = forecast.expect("nobody interrupts");
+    findings.extend(forecast.flat.iter().map(|flat| unseen(problem, flat)));
+    let pairs = problem.coordinates.iter().zip(&forecast.coordinates);
     Identifiability {
-        points: foresight.points as u64,
+        points: forecast.points as u64,
         predictions: pairs
-            .map(|(coordinate, foreseen)| prediction(coordinate, foreseen))
+            .map(|(coordinate, forecast)| prediction(coordinate, forecast))
             .collect(),
-        flat_directions: foresight.flat.into_iter().map(|flat| flat.words).collect(),
+        flat_directions: forecast.flat.into_iter().map(|flat| flat.words).collect(),
     }
 }
 
@@ -91,8 +91,8 @@ pub fn foresee(
 /// nothing when `stop` was raised.
 #[must_use]
 pub fn flat_directions(problem: &Problem, stop: &AtomicBool) -> Option<Vec<FlatDirection>> {
-    let foresight = identifiability::foresee(problem, Accuracy::Screening, stop)?;
-    Some(foresight.flat)
+    let forecast = identifiability::forecast(problem, Accuracy::Screening, stop)?;
+    Some(forecast.flat)
 }
 
 /// What a direction that the data do not see is told as.
@@ -104,13 +104,13 @@ pub fn unseen(problem: &Problem, flat: &FlatDirection) -> Finding {
     Finding::new("not_identifiable", &pointer, &flat.words)
 }
 
-fn prediction(coordinate: &Coordinate, foreseen: &Foreseen) -> Prediction {
+fn prediction(coordinate: &Coordinate, forecast: &CoordinateForecast) -> Prediction {
     Prediction {
         name: coordinate.name.clone(),
         experiment: coordinate.target.experiment(),
         unit: coordinate.unit.clone(),
-        standard_error: foreseen.standard_error,
-        share_of_range: foreseen.share_of_range.map(|(low, high)| [low, high]),
+        standard_error: forecast.standard_error,
+        share_of_range: forecast.share_of_range.map(|(low, high)| [low, high]),
     }
 }
 

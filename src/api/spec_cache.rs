@@ -18,20 +18,20 @@ const LIMIT: usize = 1024;
 
 /// What a check came from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Checked([u8; 32]);
+pub struct SpecKey([u8; 32]);
 
 /// The specifications that passed lately.
 #[derive(Default)]
-pub struct CheckedSpecs(Mutex<Passed>);
+pub struct SpecCache(Mutex<Passed>);
 
 #[derive(Default)]
 struct Passed {
-    known: HashSet<Checked>,
+    known: HashSet<SpecKey>,
     /// The oldest first.
-    order: VecDeque<Checked>,
+    order: VecDeque<SpecKey>,
 }
 
-impl Checked {
+impl SpecKey {
     /// All that the check of a specification depends on.
     pub fn of(spec: &JobSpec) -> Self {
         let JobSpec {
@@ -58,15 +58,15 @@ impl Checked {
     }
 }
 
-impl CheckedSpecs {
+impl SpecCache {
     /// Whether such a specification has passed.
-    pub fn contain(&self, checked: Checked) -> bool {
+    pub fn contain(&self, checked: SpecKey) -> bool {
         let passed = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         passed.known.contains(&checked)
     }
 
     /// Remembers one that has passed.
-    pub fn insert(&self, checked: Checked) {
+    pub fn insert(&self, checked: SpecKey) {
         let mut passed = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if !passed.known.insert(checked) {
             return;
@@ -86,8 +86,8 @@ mod tests {
 
     #[test]
     fn the_specifications_that_are_remembered_are_bounded() {
-        let specs = CheckedSpecs::default();
-        let passed: Vec<Checked> = (0..=LIMIT).map(|n| Checked::digest(&n)).collect();
+        let specs = SpecCache::default();
+        let passed: Vec<SpecKey> = (0..=LIMIT).map(|n| SpecKey::digest(&n)).collect();
         for checked in passed.iter().chain(&passed[1..]) {
             specs.insert(*checked);
         }

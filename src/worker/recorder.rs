@@ -1,8 +1,8 @@
 //! From the rows of a run to the events and the history of its job.
 //!
 //! Every generation becomes a row of the history. It becomes an event too if the last such event
-//! is old enough; the last generation of a search always does. What was told before a crash is not
-//! told again: a slice that does a generation again comes to the same row.
+//! is old enough; the last generation of a search always does. What was reported before a crash is not
+//! reported again: a slice that does a generation again comes to the same row.
 
 use std::time::Duration;
 
@@ -12,17 +12,17 @@ use super::candidates::Candidates;
 use super::run::Row;
 use crate::job::assemble::Finding;
 use crate::job::{Event, GenerationEvent, Progress};
-use crate::store::{CandidatePage, Record, Slice, Told};
+use crate::store::{CandidatePage, Record, Reported, Slice};
 
 /// The least time between two `generation` events of a job: five a second.
 const GENERATION_EVENT_GAP: Duration = Duration::from_millis(200);
 
 /// Collects what a slice has to write.
 #[derive(Debug)]
-pub(super) struct Relay {
-    told: Told,
+pub(super) struct Recorder {
+    reported: Reported,
     /// The newest generation, while no event tells of it.
-    untold: Option<GenerationEvent>,
+    unreported: Option<GenerationEvent>,
     /// Iterations of the refinement so far, in this slice and before it.
     refinements: u32,
     /// Findings that no event tells of yet.
@@ -35,12 +35,12 @@ pub(super) struct Relay {
     worked_before: f64,
 }
 
-impl Relay {
+impl Recorder {
     /// Goes on where the last slice stopped; keeps `max_candidates` of the job at the most.
     pub(super) fn new(slice: &Slice, max_candidates: u64) -> Self {
         Self {
-            told: slice.told,
-            untold: slice.untold.clone(),
+            reported: slice.reported,
+            unreported: slice.unreported.clone(),
             refinements: slice.checkpoint.as_ref().map_or(0, |c| c.refinements),
             findings: Vec::new(),
             generations: Vec::new(),
@@ -67,9 +67,9 @@ impl Relay {
             Row::Findings(findings) => self.findings = findings,
             Row::Generation(generation) => {
                 self.generations.push(generation.clone());
-                if generation.generation > self.told.generation {
-                    self.untold = Some(generation);
-                    self.tell_if_due(now);
+                if generation.generation > self.reported.generation {
+                    self.unreported = Some(generation);
+                    self.report_if_due(now);
                 }
             }
             Row::Candidates {
@@ -77,11 +77,11 @@ impl Relay {
                 candidates,
             } => self.candidates.take(columns, candidates),
             Row::Refinement { iteration, cost } => {
-                self.tell(now);
+                self.report(now);
                 self.refinements += 1;
-                if self.refinements > self.told.refinements {
-                    self.tell_findings();
-                    self.told.refinements = self.refinements;
+                if self.refinements > self.reported.refinements {
+                    self.report_findings();
+                    self.reported.refinements = self.refinements;
                     self.events.push(Event::Refinement { iteration, cost });
                 }
             }
@@ -99,29 +99,29 @@ impl Relay {
     }
 
     /// Tells of the newest generation if the last event is old enough.
-    pub(super) fn tell_if_due(&mut self, now: Timestamp) {
+    pub(super) fn report_if_due(&mut self, now: Timestamp) {
         let gap = i64::try_from(GENERATION_EVENT_GAP.as_millis()).expect("a gap is short");
-        let since = now.as_millisecond() - self.told.at_ms;
+        let since = now.as_millisecond() - self.reported.at_ms;
         // A clock that was set back does not silence a job.
         if since >= gap || since < 0 {
-            self.tell(now);
+            self.report(now);
         }
     }
 
     /// Tells of the newest generation.
-    pub(super) fn tell(&mut self, now: Timestamp) {
-        if let Some(generation) = self.untold.take() {
-            self.tell_findings();
-            self.told.generation = generation.generation;
-            self.told.at_ms = now.as_millisecond();
+    pub(super) fn report(&mut self, now: Timestamp) {
+        if let Some(generation) = self.unreported.take() {
+            self.report_findings();
+            self.reported.generation = generation.generation;
+            self.reported.at_ms = now.as_millisecond();
             self.events.push(Event::Generation(generation));
         }
     }
 
-    /// Tells of the findings in front of the first row that is told, and so never twice.
-    fn tell_findings(&mut self) {
+    /// Tells of the findings in front of the first row that is reported, and so never twice.
+    fn report_findings(&mut self) {
         let findings = std::mem::take(&mut self.findings);
-        if (self.told.generation, self.told.refinements) == (0, 0) {
+        if (self.reported.generation, self.reported.refinements) == (0, 0) {
             self.events.extend(findings.into_iter().map(Event::Finding));
         }
     }
@@ -137,7 +137,7 @@ impl Relay {
             generations: std::mem::take(&mut self.generations),
             candidates: self.candidates.news(),
             events: std::mem::take(&mut self.events),
-            told: self.told,
+            reported: self.reported,
             progress: self.progress.take(),
             ..Record::default()
         }
@@ -151,10 +151,10 @@ mod tests {
 
     use super::*;
 
-    fn relay() -> Relay {
-        Relay {
-            told: Told::default(),
-            untold: None,
+    fn recorder() -> Recorder {
+        Recorder {
+            reported: Reported::default(),
+            unreported: None,
             refinements: 0,
             findings: Vec::new(),
             generations: Vec::new(),
@@ -183,7 +183,7 @@ mod tests {
         Timestamp::UNIX_EPOCH + 1_000_000_i64.seconds() + ms.milliseconds()
     }
 
-    fn told(events: &[Event]) -> Vec<u32> {
+    fn reported(events: &[Event]) -> Vec<u32> {
         let number = |event: &Event| match event {
             Event::Generation(generation) => Some(generation.generation),
             _ => None,
@@ -193,35 +193,38 @@ mod tests {
 
     #[test]
     fn the_last_generation_before_the_refinement_is_always_told() {
-        let mut relay = relay();
+        let mut recorder = recorder();
         for generation in 1..=5 {
-            relay.take(row(generation), at(i64::from(generation)));
+            recorder.take(row(generation), at(i64::from(generation)));
         }
         let refinement = Row::Refinement {
             iteration: 1,
             cost: 0.5,
         };
-        relay.take(refinement, at(6));
-        let record = relay.record();
-        assert_eq!(told(&record.events), [1, 5]);
+        recorder.take(refinement, at(6));
+        let record = recorder.record();
+        assert_eq!(reported(&record.events), [1, 5]);
         assert_eq!(record.events[2].name(), "refinement");
         assert_eq!(record.generations.len(), 5);
-        assert_eq!((record.told.generation, record.told.refinements), (5, 1));
+        assert_eq!(
+            (record.reported.generation, record.reported.refinements),
+            (5, 1)
+        );
     }
 
     #[test]
     fn what_was_told_before_a_crash_is_not_told_again() {
-        let mut relay = relay();
-        relay.told = Told {
+        let mut recorder = recorder();
+        recorder.reported = Reported {
             generation: 2,
             refinements: 1,
             at_ms: 0,
         };
         for generation in 1..=3 {
-            relay.take(row(generation), at(1000 * i64::from(generation)));
+            recorder.take(row(generation), at(1000 * i64::from(generation)));
         }
         for iteration in 1..=2 {
-            relay.take(
+            recorder.take(
                 Row::Refinement {
                     iteration,
                     cost: 1.0,
@@ -229,15 +232,15 @@ mod tests {
                 at(9000),
             );
         }
-        let record = relay.record();
-        assert_eq!(told(&record.events), [3]);
+        let record = recorder.record();
+        assert_eq!(reported(&record.events), [3]);
         assert_eq!(record.events.len(), 2);
         assert_eq!(record.generations.len(), 3);
     }
 
     #[test]
     fn the_time_left_follows_from_the_time_worked_in_all_slices() {
-        let mut relay = relay();
+        let mut recorder = recorder();
         let progress = Progress {
             phase: crate::job::Phase::Search,
             generation: 1,
@@ -248,8 +251,8 @@ mod tests {
             fraction: 0.25,
             eta_s: None,
         };
-        relay.note(progress, Duration::from_secs(2));
-        let noted = relay.record().progress.expect("progress");
+        recorder.note(progress, Duration::from_secs(2));
+        let noted = recorder.record().progress.expect("progress");
         assert_eq!(noted.eta_s, Some(36.0));
     }
 
@@ -258,22 +261,22 @@ mod tests {
         fn no_second_has_more_than_five_generation_events(
             gaps in proptest::collection::vec(0_i64..400, 1..200)
         ) {
-            let mut relay = relay();
+            let mut recorder = recorder();
             let mut now = 0;
             let mut times = Vec::new();
             for (generation, gap) in (1..).zip(&gaps) {
                 now += gap;
-                relay.take(row(generation), at(now));
-                times.extend(relay.record().events.iter().map(|_| now));
+                recorder.take(row(generation), at(now));
+                times.extend(recorder.record().events.iter().map(|_| now));
             }
             for (k, first) in times.iter().enumerate() {
                 let within = times[k..].iter().filter(|t| **t < first + 1000).count();
                 prop_assert!(within <= 5);
             }
-            relay.tell(at(now));
-            let last = told(&relay.record().events);
+            recorder.report(at(now));
+            let last = reported(&recorder.record().events);
             let newest = u32::try_from(gaps.len()).expect("few");
-            prop_assert!(last == [newest] || relay.told.generation == newest);
+            prop_assert!(last == [newest] || recorder.reported.generation == newest);
         }
     }
 }
