@@ -47,6 +47,8 @@ pub mod model;
 
 pub mod simulation;
 
+pub(crate) mod language;
+
 pub mod dataset;
 
 pub mod document;

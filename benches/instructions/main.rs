@@ -21,7 +21,7 @@ use greybox::dataset::{Recording, csv};
 use greybox::demo::{self, Demo};
 use greybox::model::{Catalogue, Model, document};
 use greybox::numerics::least_squares::{Rows, Triangle};
-use greybox::simulation::lanes::{LANES, Lanes};
+use greybox::numerics::lanes::{LANES, Lanes};
 use greybox::simulation::{Accuracy, Candidate, Excitation};
 use gungraun::{library_benchmark, library_benchmark_group, main};
 use std::hint::black_box;
@@ -85,6 +85,7 @@ fn simulate(work: Work) -> Vec<Lanes> {
     let start = vec![None; description.states.len()];
     let excitation = Excitation {
         sample_time: demo::SAMPLE_TIME,
+        instants: None,
         samples: SAMPLES,
         input_set: 0,
         inputs: &work.inputs,
@@ -96,7 +97,6 @@ fn simulate(work: Work) -> Vec<Lanes> {
         .map(|parameters| Candidate {
             parameters,
             initial_state: &start,
-            resolved_rate: None,
         })
         .collect();
     let rows = SAMPLES * candidates.len() / LANES;

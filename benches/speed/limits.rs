@@ -2,7 +2,7 @@
 //! fall below.
 
 use super::{RUNS, shortest};
-use greybox::simulation::lanes::{Lanes, Real};
+use greybox::numerics::lanes::{Lanes, Real};
 use greybox::simulation::width::{self, Wide};
 use serde_json::{Value, json};
 

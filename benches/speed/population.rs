@@ -4,7 +4,7 @@ use super::{RUNS, SEED, shortest};
 use greybox::demo::{self, Demo};
 use greybox::model::{Catalogue, Model, document};
 use greybox::simulation::batch::{self, Piece, Run, Sink};
-use greybox::simulation::lanes::Lanes;
+use greybox::numerics::lanes::Lanes;
 use greybox::simulation::{Accuracy, Candidate, Excitation};
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
@@ -114,6 +114,7 @@ impl Bench {
         let run = Run {
             excitation: Excitation {
                 sample_time: self.sample_time,
+                instants: None,
                 samples: work.samples,
                 input_set: 0,
                 inputs: &self.reference,

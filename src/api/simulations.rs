@@ -256,6 +256,7 @@ impl<'m> SimulationRun<'m> {
     fn outputs(&self, stop: &AtomicBool) -> Answer<Recording> {
         let excitation = Excitation {
             sample_time: self.sample_time,
+            instants: None,
             samples: self.samples,
             input_set: self.input_set,
             inputs: &self.inputs,
@@ -264,7 +265,6 @@ impl<'m> SimulationRun<'m> {
         let candidate = Candidate {
             parameters: &self.parameters,
             initial_state: &self.initial_state,
-            resolved_rate: None,
         };
         let simulated = single::outputs(self.model.plant(), &[(excitation, candidate)], stop);
         let Some(simulated) = simulated else {

@@ -140,6 +140,7 @@ fn outputs(model: &Model, parameters: &[f64], inputs: Inputs) -> Result<Recordin
     let values: Vec<Vec<f64>> = signals.into_iter().map(|(_, values)| values).collect();
     let excitation = Excitation {
         sample_time,
+        instants: None,
         samples,
         input_set: inputs.input_set,
         inputs: &values,
@@ -149,7 +150,6 @@ fn outputs(model: &Model, parameters: &[f64], inputs: Inputs) -> Result<Recordin
     let candidate = Candidate {
         parameters,
         initial_state: &vec![None; description.states.len()],
-        resolved_rate: None,
     };
     let never = AtomicBool::new(false);
     let simulated = single::outputs(model.plant(), &[(excitation, candidate)], &never)

@@ -87,6 +87,7 @@ fn drive(parameters: &[f64], input: &str, samples: &[f64]) -> Trajectory {
         .expect("the servo has an input set of this one input");
     let excitation = Excitation {
         sample_time: SAMPLE_TIME,
+        instants: None,
         samples: samples.len(),
         input_set,
         inputs: &[samples.to_vec()],
@@ -95,7 +96,6 @@ fn drive(parameters: &[f64], input: &str, samples: &[f64]) -> Trajectory {
     let candidate = Candidate {
         parameters,
         initial_state: &vec![None; description.states.len()],
-        resolved_rate: None,
     };
     let never = AtomicBool::new(false);
     let outputs = single::outputs(model.plant(), &[(excitation, candidate)], &never)

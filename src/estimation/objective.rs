@@ -9,7 +9,7 @@
 use super::loss::Loss;
 use super::problem::{Experiment, Extent, Problem, Spelled};
 use crate::simulation::batch::{self, Sink};
-use crate::simulation::lanes::{LANES, Lanes};
+use crate::numerics::lanes::{LANES, Lanes};
 use crate::simulation::{Accuracy, Failure};
 use std::sync::atomic::AtomicBool;
 

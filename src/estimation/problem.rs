@@ -205,11 +205,11 @@ impl Problem {
         filled
     }
 
-    /// The fastest rate that a step must resolve for the candidate in any experiment [1/s].
+    /// The fastest rate of the candidate in any experiment, as far as its model tells [1/s].
     #[must_use]
-    pub fn resolved_rate(&self, positions: &[f64]) -> f64 {
+    pub fn fastest_rate(&self, positions: &[f64]) -> f64 {
         let plant = self.model.plant();
-        let rate = |experiment| plant.resolved_rate(&self.fill(experiment, positions).parameters);
+        let rate = |experiment| plant.work_rate(&self.fill(experiment, positions).parameters);
         (0..self.experiments.len()).map(rate).fold(0.0, f64::max)
     }
 
@@ -242,8 +242,8 @@ pub enum Extent {
 #[derive(Debug)]
 pub struct Spelled {
     filled: Vec<Vec<Filled>>,
-    /// For each candidate; none: what it needs itself.
-    resolved_rates: Vec<Option<f64>>,
+    /// How many, from the first on, take the steps of the first.
+    in_step: usize,
 }
 
 impl Spelled {
@@ -259,15 +259,17 @@ impl Spelled {
         let filled = (0..problem.experiments.len()).map(of_experiment).collect();
         Spelled {
             filled,
-            resolved_rates: vec![None; candidates.len()],
+            in_step: 0,
         }
     }
 
-    /// Lets the first `members` take the same steps: what the first of them needs.
+    /// Lets the first `members` take the same steps: those that the first of them needs.
     #[must_use]
-    pub fn in_step(mut self, problem: &Problem, (first, members): (&[f64], usize)) -> Self {
-        self.resolved_rates[..members].fill(Some(problem.resolved_rate(first)));
-        self
+    pub fn in_step(self, members: usize) -> Self {
+        Spelled {
+            in_step: members,
+            ..self
+        }
     }
 
     /// One run for each experiment.
@@ -283,6 +285,7 @@ impl Spelled {
             .map(|(experiment, filled)| Run {
                 excitation: Excitation {
                     sample_time: experiment.sample_time,
+                    instants: None,
                     samples: match extent {
                         Extent::Estimation => experiment.estimation_samples,
                         Extent::Whole => experiment.samples,
@@ -293,13 +296,12 @@ impl Spelled {
                 },
                 candidates: filled
                     .iter()
-                    .zip(&self.resolved_rates)
-                    .map(|(filled, rate)| Candidate {
+                    .map(|filled| Candidate {
                         parameters: &filled.parameters,
                         initial_state: &filled.initial_state,
-                        resolved_rate: *rate,
                     })
                     .collect(),
+                in_step: self.in_step,
             })
             .collect()
     }

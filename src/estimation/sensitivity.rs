@@ -8,7 +8,7 @@
 use super::loss::Loss;
 use super::problem::{Extent, Problem, Spelled};
 use crate::simulation::batch::{self, Sink};
-use crate::simulation::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
 use crate::simulation::{Accuracy, Failure};
 use std::sync::atomic::AtomicBool;
 
@@ -378,7 +378,7 @@ fn record(
     accuracy: Accuracy,
     stop: &AtomicBool,
 ) -> Option<Vec<Columns>> {
-    let spelled = Spelled::new(problem, candidates).in_step(problem, (&candidates[0], in_step));
+    let spelled = Spelled::new(problem, candidates).in_step(in_step);
     let runs = spelled.runs(problem, Extent::Estimation, accuracy);
     let recorder = |run: usize| Recorder {
         chosen: problem.outputs.iter().map(|output| output.index).collect(),

@@ -1,6 +1,8 @@
 //! What one candidate's outputs look like beside the measured ones.
 
 use super::problem::{Extent, Problem, Spelled};
+use crate::numerics::lanes::Lanes;
+use crate::simulation::batch::{self, Sink};
 use crate::simulation::single::{self, Outputs};
 use crate::simulation::{Accuracy, Failure};
 use std::sync::atomic::AtomicBool;
@@ -23,4 +25,38 @@ pub fn simulate(
         .map(|run| (run.excitation, run.candidates[0]))
         .collect();
     single::outputs(problem.model.plant(), &recordings, stop)
+}
+
+/// Samples of each experiment that the derivatives are counted over.
+const COUNTED_SAMPLES: usize = 256;
+
+/// About how many derivatives one candidate takes in the search: counted where each experiment
+/// begins, and taken for the same over all of it.
+#[must_use]
+pub fn derivatives(problem: &Problem, positions: &[f64]) -> u64 {
+    let spelled = Spelled::new(problem, &[positions.to_vec()]);
+    let mut runs = spelled.runs(problem, Extent::Estimation, Accuracy::Screening);
+    let shares: Vec<f64> = runs
+        .iter_mut()
+        .map(|run| {
+            let samples = run.excitation.samples;
+            run.excitation.samples = samples.min(COUNTED_SAMPLES);
+            let intervals = |samples: usize| samples.saturating_sub(1).max(1) as f64;
+            intervals(samples) / intervals(run.excitation.samples)
+        })
+        .collect();
+    let never = AtomicBool::new(false);
+    let pieces = batch::simulate(problem.model.plant(), &runs, &never, |_run| Unread);
+    let pieces = pieces.unwrap_or_default();
+    let counts = pieces
+        .iter()
+        .map(|piece| piece.derivative_evaluations as f64 * shares[piece.run]);
+    counts.sum::<f64>() as u64
+}
+
+/// Outputs that nobody reads.
+struct Unread;
+
+impl Sink for Unread {
+    fn consume(&mut self, _first_sample: usize, _outputs: &[Lanes]) {}
 }

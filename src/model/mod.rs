@@ -15,8 +15,8 @@ pub use parameter::{
     InitialState, ParameterDescription, Scale, SignalDescription, StateDescription,
 };
 
-use crate::simulation::batch::{Plant, PlantOf};
-use crate::simulation::dynamics::Dynamics;
+use crate::simulation::Plant;
+use crate::simulation::native::{Dynamics, Native};
 use serde::Serialize;
 use std::borrow::Cow;
 use utoipa::ToSchema;
@@ -97,7 +97,7 @@ impl Model {
         let n_outputs = description.outputs.len();
         Model {
             description,
-            plant: Box::new(PlantOf {
+            plant: Box::new(Native {
                 dynamics,
                 n_outputs,
             }),

@@ -10,8 +10,9 @@ use super::{
     InitialState, Model, ModelDescription, ParameterDescription, SignalDescription,
     StateDescription,
 };
-use crate::simulation::dynamics::{Dynamics, SampledInputs};
-use crate::simulation::lanes::Real;
+use crate::numerics::lanes::Real;
+use crate::simulation::equations::Sample;
+use crate::simulation::native::Dynamics;
 
 /// The model with its description.
 #[must_use]
@@ -38,7 +39,6 @@ impl Dynamics for PositioningDrive {
     type State<R: Real> = [R; 2];
     /// The force.
     type Held<R: Real> = [R; 1];
-    type Switches<R: Real> = [R; 0];
     type Constants<R: Real> = Constants<R>;
 
     fn constants<R: Real>(&self, parameters: &[R]) -> Constants<R> {
@@ -71,10 +71,10 @@ impl Dynamics for PositioningDrive {
     fn hold<R: Real>(
         &self,
         _constants: &Constants<R>,
-        inputs: &SampledInputs<'_>,
+        sample: &Sample<'_>,
         _state: &[R; 2],
     ) -> [R; 1] {
-        [R::splat(inputs.values[0])]
+        [R::splat(sample.input(0))]
     }
 
     #[inline(always)]
@@ -93,11 +93,6 @@ impl Dynamics for PositioningDrive {
     }
 
     #[inline(always)]
-    fn switches<R: Real>(&self, _: &Constants<R>, _: &[R; 1], _: &[R; 2]) -> [R; 0] {
-        []
-    }
-
-    #[inline(always)]
     fn outputs<R: Real>(&self, _constants: &Constants<R>, state: &[R; 2], outputs: &mut [R]) {
         outputs.copy_from_slice(state);
     }
@@ -106,30 +101,8 @@ impl Dynamics for PositioningDrive {
         Some(constants.input_delay)
     }
 
-    fn resolved_rate(&self, constants: &Constants<f64>) -> f64 {
-        let steepest = constants.coulomb_friction * constants.inverse_velocity;
-        (constants.viscous_friction + steepest) * constants.inverse_mass
-    }
-
-    #[inline(always)]
-    fn local_rate<R: Real>(
-        &self,
-        constants: &Constants<R>,
-        _held: &[R; 1],
-        &[_, velocity]: &[R; 2],
-    ) -> R {
-        let tanh = (velocity * constants.inverse_velocity).tanh();
-        let slope =
-            constants.coulomb_friction * constants.inverse_velocity * (R::splat(1.0) - tanh * tanh);
-        (constants.viscous_friction + slope) * constants.inverse_mass
-    }
-
     fn state_scale(&self) -> &'static [f64] {
-        &[1e-2, 1e-2]
-    }
-
-    fn is_valid(&self, _constants: &Constants<f64>, _state: &[f64; 2]) -> bool {
-        true
+        &[1.0, 1.0]
     }
 }
 

@@ -1,8 +1,10 @@
-//! Random streams, statistics, interpolation and linear algebra.
+//! Random streams, statistics, interpolation, linear algebra, and rows of numbers side by side.
 
 pub mod dimension;
 pub mod interpolation;
+pub mod lanes;
 pub mod least_squares;
 pub mod rng;
 pub mod statistics;
 pub mod symmetric;
+pub mod width;

@@ -1,69 +1,16 @@
 //! Many candidates over one or more recordings, on all cores.
 //!
-//! Candidates are sorted by the work of a sample and grouped into blocks; each pair of block and
-//! recording is one piece of work for the thread pool. What comes out says which candidates it
+//! Candidates are sorted by their work and grouped into blocks; each pair of block and recording
+//! is one piece of work for the thread pool. What comes out says which candidates it
 //! belongs to and stands in a fixed order, so that nothing depends on the number of threads.
 
-use super::block;
-use super::dynamics::Dynamics;
-use super::lanes::{LANES, Lanes};
-use super::{Accuracy, BlockSimulator, Candidate, Excitation, Failure};
+use super::{BlockSimulator, Candidate, Candidates, Excitation, Failure, Plant};
+use crate::numerics::lanes::{LANES, Lanes};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Samples simulated between two looks at the stop flag; also bounds the buffer of outputs.
+/// Samples whose outputs are handed on together.
 pub const WINDOW_SAMPLES: usize = 512;
-
-/// A plant of any kind, behind one table of functions.
-pub trait Plant: Send + Sync {
-    /// How many outputs the plant has.
-    fn n_outputs(&self) -> usize;
-    /// The candidate's fastest rate that a step must resolve [1/s].
-    fn resolved_rate(&self, parameters: &[f64]) -> f64;
-    /// How many candidates a block may hold at this accuracy, ascending. A larger one takes less
-    /// time for each candidate, a smaller one less for the whole block.
-    fn block_sizes(&self, _accuracy: Accuracy) -> &'static [usize] {
-        &[LANES]
-    }
-    /// Starts a block of candidates, at most as many as the largest holds.
-    fn simulator<'a>(
-        &'a self,
-        excitation: Excitation<'a>,
-        candidates: &[Candidate<'_>],
-    ) -> Box<dyn BlockSimulator + 'a>;
-}
-
-/// Dynamics as a [`Plant`].
-#[derive(Clone, Copy, Debug)]
-pub struct PlantOf<D> {
-    /// The equations.
-    pub dynamics: D,
-    /// How many outputs they have.
-    pub n_outputs: usize,
-}
-
-impl<D: Dynamics> Plant for PlantOf<D> {
-    fn n_outputs(&self) -> usize {
-        self.n_outputs
-    }
-
-    fn resolved_rate(&self, parameters: &[f64]) -> f64 {
-        self.dynamics
-            .resolved_rate(&self.dynamics.constants(parameters))
-    }
-
-    fn block_sizes(&self, accuracy: Accuracy) -> &'static [usize] {
-        block::sizes(accuracy)
-    }
-
-    fn simulator<'a>(
-        &'a self,
-        excitation: Excitation<'a>,
-        candidates: &[Candidate<'_>],
-    ) -> Box<dyn BlockSimulator + 'a> {
-        block::simulator(&self.dynamics, excitation, candidates)
-    }
-}
 
 /// Takes the outputs of up to [`LANES`] candidates as they are simulated.
 pub trait Sink: Send {
@@ -78,6 +25,9 @@ pub struct Run<'a> {
     pub excitation: Excitation<'a>,
     /// The candidates; the same number for every recording of a batch.
     pub candidates: Vec<Candidate<'a>>,
+    /// How many of them, from the first on, take the steps that the first needs, so that they can
+    /// be compared to the last digits; 0: each takes its own.
+    pub in_step: usize,
 }
 
 /// What became of up to [`LANES`] candidates over one recording.
@@ -85,7 +35,8 @@ pub struct Run<'a> {
 pub struct Piece<S> {
     /// The recording, as an index.
     pub run: usize,
-    /// The candidate of each lane in use, as indices.
+    /// The candidate of each lane in use, as indices. The first of those in step stands in several
+    /// pieces, with the same outputs.
     pub members: Vec<usize>,
     /// What became of the outputs.
     pub sink: S,
@@ -106,39 +57,64 @@ pub fn simulate<S: Sink>(
         return Some(Vec::new());
     };
     let at_work = AtWork::begin();
-    let mut order: Vec<usize> = (0..first.candidates.len()).collect();
-    let rate = |&index: &usize| {
-        let candidate = &first.candidates[index];
-        candidate
-            .resolved_rate
-            .unwrap_or_else(|| plant.resolved_rate(candidate.parameters))
-    };
-    let rates: Vec<f64> = order.iter().map(rate).collect();
-    order.sort_by(|&a, &b| rates[a].total_cmp(&rates[b]));
-    let blocks: Vec<(usize, &[usize])> = runs
+    let order = Order::of(plant, first);
+    let blocks: Vec<Block<'_>> = runs
         .iter()
         .enumerate()
         .flat_map(|(run, Run { excitation, .. })| {
             let sizes = plant.block_sizes(excitation.accuracy);
-            let size = at_work.block_size(sizes, order.len(), runs.len());
-            order.chunks(size).map(move |members| (run, members))
+            let size = at_work.block_size(sizes, first.candidates.len(), runs.len());
+            let excitation = *excitation;
+            order.blocks(size).map(move |(members, in_step)| Block {
+                plant,
+                run,
+                excitation,
+                members,
+                in_step,
+            })
         })
         .collect();
     let of_blocks: Option<Vec<Vec<Piece<S>>>> = blocks
         .into_par_iter()
-        .map(|(run, members)| {
-            let block = Block {
-                plant,
-                run,
-                excitation: runs[run].excitation,
-                members,
-            };
-            let candidates = members.iter().map(|&index| runs[run].candidates[index]);
-            let candidates: Vec<_> = candidates.collect();
-            block.simulate(&candidates, stop, &new_sink)
-        })
+        .map(|block| block.simulate(&runs[block.run].candidates, stop, &new_sink))
         .collect();
     Some(of_blocks?.into_iter().flatten().collect())
+}
+
+/// In which order candidates are put into blocks.
+struct Order {
+    /// How many, from the first on, take the steps of the first.
+    in_step: usize,
+    /// The others, those of like work side by side.
+    others: Vec<usize>,
+}
+
+impl Order {
+    fn of(plant: &dyn Plant, run: &Run<'_>) -> Order {
+        let rate = |index: usize| plant.work_rate(run.candidates[index].parameters);
+        let others = run.in_step..run.candidates.len();
+        let mut rated: Vec<(f64, usize)> = others.map(|index| (rate(index), index)).collect();
+        rated.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        Order {
+            in_step: run.in_step,
+            others: rated.into_iter().map(|(_, index)| index).collect(),
+        }
+    }
+
+    /// Blocks of at most `size` candidates, and whether they are in step: the first of those
+    /// leads in each of their blocks.
+    fn blocks(&self, size: usize) -> impl Iterator<Item = (Vec<usize>, bool)> {
+        let led: Vec<usize> = (1..self.in_step).collect();
+        let led_blocks = led.chunks(size - 1).map(|chunk| {
+            let members = std::iter::once(0).chain(chunk.iter().copied());
+            (members.collect(), true)
+        });
+        let alone = (self.in_step == 1).then(|| (vec![0], true));
+        let led_blocks: Vec<(Vec<usize>, bool)> = led_blocks.chain(alone).collect();
+        let others = self.others.chunks(size);
+        let others = others.map(|chunk| (chunk.to_vec(), false));
+        led_blocks.into_iter().chain(others)
+    }
 }
 
 /// Batches at work, which share the threads.
@@ -180,7 +156,9 @@ struct Block<'a> {
     run: usize,
     excitation: Excitation<'a>,
     /// The candidates, as indices.
-    members: &'a [usize],
+    members: Vec<usize>,
+    /// Whether all take the steps of the first.
+    in_step: bool,
 }
 
 impl Block<'_> {
@@ -191,7 +169,13 @@ impl Block<'_> {
         stop: &AtomicBool,
         new_sink: impl Fn(usize) -> S,
     ) -> Option<Vec<Piece<S>>> {
-        let mut simulator = self.plant.simulator(self.excitation, candidates);
+        let members: Vec<Candidate<'_>> =
+            self.members.iter().map(|&index| candidates[index]).collect();
+        let block = Candidates {
+            members: &members,
+            in_step: self.in_step,
+        };
+        let mut simulator = self.plant.simulator(self.excitation, block);
         let groups = self.members.chunks(LANES);
         let mut sinks: Vec<S> = groups.clone().map(|_| new_sink(self.run)).collect();
         self.drive(simulator.as_mut(), stop, &mut sinks)?;
@@ -230,7 +214,7 @@ impl Block<'_> {
             if simulator.failures().iter().all(Option::is_some) {
                 window.fill(Lanes([f64::NAN; LANES]));
             } else {
-                simulator.advance(count, window);
+                simulator.advance(count, window, stop)?;
             }
             for (sink, outputs) in sinks.iter_mut().zip(window.chunks(count * n_outputs)) {
                 sink.consume(sample, outputs);

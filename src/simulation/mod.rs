@@ -1,21 +1,26 @@
 //! Integration of any model, many candidates at once.
 //!
-//! [`dynamics`] is what a plant says of itself, [`lanes`] the numbers of either precision that its
-//! equations are written in, [`block`] one block of candidates going through a recording side by side:
-//! fixed-step Runge–Kutta ([`explicit`]) where that is accurate, an adaptive Rosenbrock method
-//! ([`stiff`]) for the single samples of the single candidates where it is not. [`width`] chooses
-//! the processor's registers for it, [`batch`] spreads blocks over the processor's cores.
+//! [`equations`] is what the integrator asks of a plant; a model written in Rust ([`native`]) and
+//! the program of a document ([`program`]) answer it. [`steps`] takes a row of candidates from one
+//! instant to another, each with steps as long as its errors allow, by an explicit method
+//! ([`explicit`]) or, where that would take many steps, by one for stiff equations ([`stiff`]).
+//! [`block`] takes a row through a recording, [`batch`] spreads blocks over the processor's cores.
 
 pub mod batch;
 pub mod block;
-pub mod dynamics;
-pub mod explicit;
-pub mod lanes;
+pub mod equations;
+mod explicit;
+mod factors;
+mod input_delay;
+pub mod native;
+pub mod program;
 pub mod single;
-pub mod stiff;
-pub mod width;
+mod steps;
+mod stiff;
 
+use crate::numerics::lanes::{LANES, Lanes};
 use serde::{Deserialize, Serialize};
+use std::sync::atomic::AtomicBool;
 use utoipa::ToSchema;
 
 /// How accurate a simulation is.
@@ -35,21 +40,14 @@ pub enum Accuracy {
 }
 
 impl Accuracy {
-    /// Step times rate `[1]`.
+    /// The error that a step may make, against the size of each state `[1]`: the mean over the
+    /// states. It is that of a method of third order; the one of fourth order that is gone on with
+    /// errs less.
     #[must_use]
-    pub fn step_times_rate(self) -> f64 {
+    pub fn tolerance(self) -> f64 {
         match self {
-            Accuracy::Ranking | Accuracy::Screening => 0.8,
-            Accuracy::Full => 0.15,
-        }
-    }
-
-    /// Error of one step of the stiff method, against the larger of the state and its scale `[1]`.
-    #[must_use]
-    pub fn stiff_tolerance(self) -> f64 {
-        match self {
-            Accuracy::Ranking | Accuracy::Screening => 1e-5,
-            Accuracy::Full => 1e-8,
+            Accuracy::Ranking | Accuracy::Screening => 3e-5,
+            Accuracy::Full => 1e-7,
         }
     }
 }
@@ -59,6 +57,8 @@ impl Accuracy {
 pub struct Excitation<'a> {
     /// The time from one sample to the next `[s]`.
     pub sample_time: f64,
+    /// When the samples were taken `[s]`, where the time between them is not always the same.
+    pub instants: Option<&'a [f64]>,
     /// How many samples.
     pub samples: usize,
     /// Which of the model's input sets is in use.
@@ -69,6 +69,28 @@ pub struct Excitation<'a> {
     pub accuracy: Accuracy,
 }
 
+impl Excitation<'_> {
+    /// When a sample was taken `[s]`.
+    #[must_use]
+    pub fn instant(&self, sample: usize) -> f64 {
+        match self.instants {
+            Some(instants) => instants[sample],
+            None => sample as f64 * self.sample_time,
+        }
+    }
+
+    /// The time from a sample to the next `[s]`; 0 at the last.
+    #[must_use]
+    #[inline]
+    pub fn interval(&self, sample: usize) -> f64 {
+        match self.instants {
+            _ if sample + 1 >= self.samples => 0.0,
+            Some(instants) => instants[sample + 1] - instants[sample],
+            None => self.sample_time,
+        }
+    }
+}
+
 /// What is simulated: a full parameter vector and where it starts.
 #[derive(Clone, Copy, Debug)]
 pub struct Candidate<'a> {
@@ -76,9 +98,16 @@ pub struct Candidate<'a> {
     pub parameters: &'a [f64],
     /// For each state its value at the first sample, SI; none: the model's own.
     pub initial_state: &'a [Option<f64>],
-    /// The rate that its steps resolve [1/s], where that is not its own: candidates that are
-    /// compared to the last digits (a derivative by differences) take the same steps.
-    pub resolved_rate: Option<f64>,
+}
+
+/// Candidates that go through a recording side by side.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidates<'a> {
+    /// They themselves.
+    pub members: &'a [Candidate<'a>],
+    /// Whether all take the steps that the first of them needs, so that they can be compared to
+    /// the last digits.
+    pub in_step: bool,
 }
 
 /// Why a candidate's simulation ended before the record did.
@@ -87,12 +116,14 @@ pub struct Candidate<'a> {
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Failure {
-    /// A state is no longer a finite number.
+    /// A quantity is no longer a number, or beyond any that a plant can have.
     Diverged,
     /// A state has left the range in which the model's equations hold.
     OutOfRange,
     /// The step budget of one candidate is used up.
     StepBudget,
+    /// No step is short enough for its error to meet the tolerance.
+    Tolerance,
 }
 
 impl Failure {
@@ -103,18 +134,41 @@ impl Failure {
             Failure::Diverged => "diverged",
             Failure::OutOfRange => "out_of_range",
             Failure::StepBudget => "step_budget",
+            Failure::Tolerance => "tolerance",
         }
     }
+}
+
+/// A plant of any kind, behind one table of functions.
+pub trait Plant: Send + Sync {
+    /// How many outputs the plant has.
+    fn n_outputs(&self) -> usize;
+    /// A rate that grows with the work that a candidate takes [1/s]. Candidates of like work go
+    /// side by side; nothing else depends on it.
+    fn work_rate(&self, _parameters: &[f64]) -> f64 {
+        0.0
+    }
+    /// How many candidates a block may hold at this accuracy, ascending. A larger one takes less
+    /// time for each candidate, a smaller one less for the whole block.
+    fn block_sizes(&self, _accuracy: Accuracy) -> &'static [usize] {
+        &[LANES]
+    }
+    /// Starts a block of candidates, at most as many as the largest holds.
+    fn simulator<'a>(
+        &'a self,
+        excitation: Excitation<'a>,
+        candidates: Candidates<'_>,
+    ) -> Box<dyn BlockSimulator + 'a>;
 }
 
 /// A block of candidates going through a recording side by side.
 pub trait BlockSimulator: Send {
     /// Simulates the next samples and writes all of the model's outputs at each of them; a failed
-    /// candidate's outputs are NaN. The candidates stand in groups of [`lanes::LANES`], one after
-    /// the other: `outputs[(group · samples + sample) · n_outputs + output]`.
-    fn advance(&mut self, samples: usize, outputs: &mut [lanes::Lanes]);
-    /// How each lane has failed, if it has. The last group may have fewer lanes than
-    /// [`lanes::LANES`].
+    /// candidate's outputs are NaN. The candidates stand in groups of [`LANES`], one after the
+    /// other: `outputs[(group · samples + sample) · n_outputs + output]`. Answers nothing soon
+    /// after `stop` is raised.
+    fn advance(&mut self, samples: usize, outputs: &mut [Lanes], stop: &AtomicBool) -> Option<()>;
+    /// How each lane has failed, if it has. The last group may have fewer lanes than [`LANES`].
     fn failures(&self) -> &[Option<Failure>];
     /// Derivatives evaluated so far, one lane each.
     fn derivative_evaluations(&self) -> u64;

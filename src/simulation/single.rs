@@ -1,8 +1,8 @@
 //! One candidate over one or more recordings, all outputs kept.
 
-use super::batch::{self, Plant, Run, Sink};
-use super::lanes::Lanes;
-use super::{Candidate, Excitation, Failure};
+use super::batch::{self, Run, Sink};
+use super::{Candidate, Excitation, Failure, Plant};
+use crate::numerics::lanes::Lanes;
 use std::sync::atomic::AtomicBool;
 
 /// For each output its samples, SI.
@@ -22,6 +22,7 @@ pub fn outputs(
         .map(|&(excitation, candidate)| Run {
             excitation,
             candidates: vec![candidate],
+            in_step: 0,
         })
         .collect();
     let recorder = |_run: usize| FirstLane(vec![Vec::new(); plant.n_outputs()]);

@@ -1,188 +1,250 @@
-//! An adaptive Rosenbrock method for the samples at which a candidate is too stiff for fixed
-//! explicit steps: a piston stalled against its load, friction at standstill, an end stop.
+//! A Rosenbrock method for candidates whose fastest rate lies far beyond what their accuracy
+//! needs: a piston stalled against its load, friction at standstill, fast reactions.
 //!
-//! Four stages, order 4 with an embedded order 3, A-stable (Kaps and Rentrop's form with
-//! Shampine's coefficients: L. F. Shampine, "Implementation of Rosenbrock methods", ACM
-//! Transactions on Mathematical Software 8, 1982). The Jacobian is taken by forward differences.
+//! RODAS: six stages, order 4 with an embedded order 3, stiffly accurate and L-stable (E. Hairer,
+//! G. Wanner, *Solving Ordinary Differential Equations II*, 1996, section IV.7 and the
+//! coefficients of their code RODAS). It works in double precision on eight candidates at once.
 
-use super::Failure;
-use super::dynamics::Dynamics;
-use super::lanes::{Real, RealArray};
-use nalgebra::{DMatrix, DVector};
+use super::equations::Equations;
+use super::factors::Factors;
+use crate::numerics::lanes::{Lanes, Real};
+use crate::numerics::width::Wide;
 
-/// Steps at the most over one stretch.
-pub const LARGEST_STEP_COUNT: u32 = 20_000;
+/// Stages of a step.
+const STAGES: usize = 6;
 
 /// The share of a step that stands on the diagonal.
-pub const GAMMA: f64 = 0.5;
-/// Where the stages after the first evaluate the derivative, by the stages before.
-pub const A: [[f64; 3]; 3] = [
-    [2.0, 0.0, 0.0],
-    [48.0 / 25.0, 6.0 / 25.0, 0.0],
-    [48.0 / 25.0, 6.0 / 25.0, 0.0],
+const GAMMA: f64 = 0.25;
+
+/// Where the stages evaluate the derivative, by the stages before.
+const A: [[f64; 5]; STAGES] = [
+    [0.0; 5],
+    [1.544, 0.0, 0.0, 0.0, 0.0],
+    [0.946_678_528_081_582_6, 0.255_701_169_898_328_4, 0.0, 0.0, 0.0],
+    [3.314_825_187_068_521, 2.896_124_015_972_201, 0.998_641_913_997_781_7, 0.0, 0.0],
+    [
+        1.221_224_509_226_641,
+        6.019_134_481_288_629,
+        12.537_083_329_320_87,
+        -0.687_886_036_105_895,
+        0.0,
+    ],
+    [
+        1.221_224_509_226_641,
+        6.019_134_481_288_629,
+        12.537_083_329_320_87,
+        -0.687_886_036_105_895,
+        1.0,
+    ],
 ];
-/// What the stages after the first take over from those before.
-pub const C: [[f64; 3]; 3] = [
-    [-8.0, 0.0, 0.0],
-    [372.0 / 25.0, 12.0 / 5.0, 0.0],
-    [-112.0 / 125.0, -54.0 / 125.0, -2.0 / 5.0],
+
+/// What the stages take over from those before.
+const C: [[f64; 5]; STAGES] = [
+    [0.0; 5],
+    [-5.6688, 0.0, 0.0, 0.0, 0.0],
+    [-2.430_093_356_833_875, -0.206_359_915_709_191_5, 0.0, 0.0, 0.0],
+    [-0.107_352_905_815_137_5, -9.594_562_251_023_355, -20.470_286_148_096_16, 0.0, 0.0],
+    [
+        7.496_443_313_967_647,
+        -10.246_804_314_643_52,
+        -33.999_903_528_199_05,
+        11.708_908_932_061_6,
+        0.0,
+    ],
+    [
+        8.083_246_795_921_522,
+        -7.981_132_988_064_893,
+        -31.521_594_328_743_71,
+        16.319_305_431_231_36,
+        -6.058_818_238_834_054,
+    ],
 ];
-/// The step, by its stages.
-pub const B: [f64; 4] = [19.0 / 9.0, 0.5, 25.0 / 108.0, 125.0 / 108.0];
-/// The estimate of its error, by its stages.
-pub const E: [f64; 4] = [17.0 / 54.0, 7.0 / 36.0, 0.0, 125.0 / 108.0];
 
-/// How far, and how finely.
+/// When the stages evaluate the derivative, as a share of the step.
+const TIMES: [f64; STAGES] = [0.0, 0.386, 0.21, 0.63, 1.0, 1.0];
+
+/// How the stages take part in what time does to the derivative.
+const BY_TIME: [f64; STAGES] = [0.25, -0.1043, 0.1035, -0.036_200_000_000_000_23, 0.0, 0.0];
+
+/// Derivatives that a step of a plant with so many states is counted for, its Jacobian included.
+pub fn derivatives(n_states: usize) -> f64 {
+    (STAGES + 2 * n_states) as f64
+}
+
+/// Room for the stages of a step.
+#[derive(Clone, Debug)]
+pub struct Rosenbrock {
+    factors: Factors<Lanes>,
+    stages: [Vec<Lanes>; STAGES],
+    by_time: Vec<Lanes>,
+    /// The direction in which the Jacobian stretches most, found by going on with it (power
+    /// iteration).
+    direction: Vec<Lanes>,
+    /// By how much it stretched before.
+    stretch_before: Lanes,
+}
+
+/// A step to be taken.
 #[derive(Clone, Copy, Debug)]
-pub struct Span {
-    /// The time to cover `[s]`.
-    pub duration: f64,
-    /// Error of one step, against the larger of the state and its scale `[1]`.
-    pub tolerance: f64,
+pub struct Step<'a, S> {
+    /// From where.
+    pub states: &'a S,
+    /// What an error of each state is multiplied by.
+    pub weights: &'a S,
+    /// Since the held quantities began to act `[s]`.
+    pub elapsed: Lanes,
+    /// Its length `[s]`, not 0.
+    pub length: Lanes,
 }
 
-/// Where a stretch ended, and what it took.
+/// What a step came to.
 #[derive(Clone, Copy, Debug)]
-pub struct Stretch<S> {
-    /// The state at the end.
-    pub state: S,
-    /// Derivatives evaluated.
-    pub derivative_evaluations: u64,
+pub struct Taken {
+    /// The square of its estimated error: the mean over the states.
+    pub squared_error: Lanes,
+    /// The fastest rate of the plant times the step.
+    pub rate_times_length: Lanes,
 }
 
-/// Integrates one candidate over a span with `held` unchanged.
-///
-/// # Errors
-/// [`Failure::Diverged`] when a state is no longer finite, [`Failure::StepBudget`] when
-/// [`LARGEST_STEP_COUNT`] steps do not reach the end.
-pub fn integrate<D: Dynamics>(
-    dynamics: &D,
-    constants: &D::Constants<f64>,
-    held: &D::Held<f64>,
-    start: &D::State<f64>,
-    span: Span,
-) -> Result<Stretch<D::State<f64>>, Failure> {
-    let mut evaluations = 0;
-    let n = start.as_ref().len() as u64;
-    let state = controlled(span, *start, |state, _elapsed, length| {
-        evaluations += n + 3;
-        Ok(rosenbrock_step(dynamics, constants, held, state, length))
-    })?;
-    Ok(Stretch {
-        state,
-        derivative_evaluations: evaluations,
-    })
-}
+impl Rosenbrock {
+    /// Room for a plant with so many states.
+    pub fn new(n_states: usize) -> Rosenbrock {
+        let zeros = || vec![Lanes::splat(0.0); n_states];
+        // No direction of a plant is at right angles to this one.
+        let direction = (0..n_states).map(|state| Lanes::splat(1.0 + 0.1 * state as f64));
+        Rosenbrock {
+            factors: Factors::new(n_states),
+            stages: std::array::from_fn(|_| zeros()),
+            by_time: zeros(),
+            direction: direction.collect(),
+            stretch_before: Lanes::splat(0.0),
+        }
+    }
 
-/// Covers a span with steps as long as their errors allow. `step` answers the state after so much
-/// time more and its relative error; nothing where that cannot be had.
-///
-/// # Errors
-/// [`Failure::Diverged`] when steps become too short to get on, [`Failure::StepBudget`] when
-/// [`LARGEST_STEP_COUNT`] steps do not reach the end, and what `step` fails with.
-pub fn controlled<S>(
-    span: Span,
-    start: S,
-    mut step: impl FnMut(&S, f64, f64) -> Result<Option<(S, f64)>, Failure>,
-) -> Result<S, Failure> {
-    let Span {
-        duration,
-        tolerance,
-    } = span;
-    let mut state = start;
-    let mut elapsed = 0.0;
-    let mut length = duration * 0.05;
-    for _ in 0..LARGEST_STEP_COUNT {
-        let remaining = duration - elapsed;
-        let last = length >= remaining;
-        let taken = if last { remaining } else { length };
-        let trial = step(&state, elapsed, taken)?;
-        let error = trial
-            .as_ref()
-            .map_or(f64::INFINITY, |(_, error)| error / tolerance);
-        if let Some((next, _)) = trial
-            && error <= 1.0
-        {
-            state = next;
-            elapsed += taken;
-            if last {
-                return Ok(state);
+    /// Takes a step, and writes where it leads.
+    #[inline(always)]
+    pub fn step<E: Equations<Lanes>>(
+        &mut self,
+        equations: &mut E,
+        step: Step<'_, E::States>,
+        next: &mut E::States,
+    ) -> Taken {
+        let Step {
+            states,
+            weights,
+            elapsed,
+            length,
+        } = step;
+        let n = states.as_ref().len();
+        let inverse = Lanes::splat(1.0) / length;
+        let mut rates = states.clone();
+        equations.rates(states, elapsed, &mut rates);
+        let matrix = self.factors.matrix_mut();
+        equations.jacobian(states, elapsed, &rates, matrix);
+        let moves = equations.rates_by_time(&mut self.by_time);
+        let rate = stretch(matrix, &mut self.direction, weights.as_ref());
+        for (place, entry) in matrix.iter_mut().enumerate() {
+            *entry = -*entry;
+            if place % (n + 1) == 0 {
+                *entry += inverse * Lanes::splat(1.0 / GAMMA);
             }
         }
-        // Order 4: the error falls with the fourth power of the step.
-        let factor = if error.is_finite() {
-            (0.9 / error.max(1e-12).sqrt().sqrt()).clamp(0.2, 4.0)
-        } else {
-            0.1
-        };
-        length = taken * factor;
-        if length < duration * 1e-14 {
-            return Err(Failure::Diverged);
+        self.factors.factorise();
+        for stage in 0..STAGES {
+            let (before, now) = self.stages.split_at_mut(stage);
+            let right = &mut now[0];
+            if stage > 0 {
+                next.as_mut().copy_from_slice(states.as_ref());
+                for (a, stage) in A[stage].iter().zip(&*before) {
+                    add(next.as_mut(), Lanes::splat(*a), stage);
+                }
+                let at = elapsed + length * Lanes::splat(TIMES[stage]);
+                equations.rates(next, at, &mut rates);
+            }
+            right.copy_from_slice(rates.as_ref());
+            for (c, stage) in C[stage].iter().zip(&*before) {
+                add(right, inverse * Lanes::splat(*c), stage);
+            }
+            if moves {
+                add(right, length * Lanes::splat(BY_TIME[stage]), &self.by_time);
+            }
+            self.factors.solve(right);
+        }
+        // The last stage was evaluated at the solution of third order; it is the difference of
+        // the two as well.
+        let error = &self.stages[STAGES - 1];
+        add(next.as_mut(), Lanes::splat(1.0), error);
+        let mut squared_error = Lanes::splat(0.0);
+        for (error, weight) in error.iter().zip(weights.as_ref()) {
+            let weighted = *error * *weight;
+            squared_error += weighted * weighted;
+        }
+        let fastest = rate.max(self.stretch_before);
+        self.stretch_before = rate;
+        Taken {
+            squared_error: squared_error * Lanes::splat(1.0 / n as f64),
+            rate_times_length: fastest * length,
         }
     }
-    Err(Failure::StepBudget)
 }
 
-/// One step: the new state and its relative error; none where the linear
-/// system is singular or a number is not finite.
-fn rosenbrock_step<D: Dynamics>(
-    dynamics: &D,
-    constants: &D::Constants<f64>,
-    held: &D::Held<f64>,
-    state: &D::State<f64>,
-    length: f64,
-) -> Option<(D::State<f64>, f64)> {
-    let n = state.as_ref().len();
-    let scale = dynamics.state_scale();
-    let slope = dynamics.derivative(constants, held, state);
-    let mut matrix = DMatrix::<f64>::zeros(n, n);
-    for column in 0..n {
-        let mut shifted = *state;
-        let size = shifted.as_ref()[column].abs().max(scale[column]);
-        let change = size * 1e-8;
-        shifted.as_mut()[column] += change;
-        let shifted_slope = dynamics.derivative(constants, held, &shifted);
-        for row in 0..n {
-            let entry = (shifted_slope.as_ref()[row] - slope.as_ref()[row]) / change;
-            matrix[(row, column)] = -entry;
-        }
-        matrix[(column, column)] += 1.0 / (GAMMA * length);
-    }
-    let factors = matrix.lu();
-    let mut stages: [D::State<f64>; 4] = [D::State::<f64>::zeros(); 4];
-    let mut rates = slope;
-    let mut solution = DVector::<f64>::zeros(n);
-    for stage in 0..4 {
-        if stage == 1 || stage == 2 {
-            let mut point = *state;
-            for earlier in 0..stage {
-                point = point.plus_scaled(A[stage - 1][earlier], &stages[earlier]);
+/// By how much a matrix stretches a direction, which is replaced by where the matrix takes it, in
+/// the norm of the weights.
+#[inline(always)]
+fn stretch(matrix: &[Lanes], direction: &mut [Lanes], weights: &[Lanes]) -> Lanes {
+    let n = direction.len();
+    let image: Vec<Lanes> = matrix
+        .chunks_exact(n)
+        .map(|row| {
+            let mut sum = Lanes::splat(0.0);
+            for (entry, part) in row.iter().zip(&*direction) {
+                sum += *entry * *part;
             }
-            rates = dynamics.derivative(constants, held, &point);
+            sum
+        })
+        .collect();
+    let size = |vector: &[Lanes]| {
+        let mut sum = Lanes::splat(0.0);
+        for (part, weight) in vector.iter().zip(weights) {
+            let weighted = *part * *weight;
+            sum += weighted * weighted;
         }
-        let mut right = rates;
-        for earlier in 0..stage {
-            right = right.plus_scaled(C[stage - 1][earlier] / length, &stages[earlier]);
-        }
-        solution.copy_from_slice(right.as_ref());
-        if !factors.solve_mut(&mut solution) {
-            return None;
-        }
-        stages[stage].as_mut().copy_from_slice(solution.as_slice());
+        sum.sqrt()
+    };
+    let (before, after) = (size(direction), size(&image));
+    let (zero, least) = (Lanes::splat(0.0), Lanes::splat(f64::MIN_POSITIVE));
+    let rate = before.select_ge(least, after / before, zero);
+    for (part, image) in direction.iter_mut().zip(&image) {
+        // Where there is nothing to follow, the direction stays.
+        *part = after.select_ge(least, *image / after, *part);
     }
-    let mut next = *state;
-    let mut error: f64 = 0.0;
-    for (row, &scale) in scale.iter().enumerate() {
-        let mut change = 0.0;
-        let mut estimate = 0.0;
-        for stage in 0..4 {
-            change += B[stage] * stages[stage].as_ref()[row];
-            estimate += E[stage] * stages[stage].as_ref()[row];
-        }
-        next.as_mut()[row] += change;
-        let size = Real::max(next.as_ref()[row].abs(), scale);
-        error = error.max((estimate / size).abs());
+    rate
+}
+
+#[inline(always)]
+fn add(to: &mut [Lanes], share: Lanes, change: &[Lanes]) {
+    for (to, change) in to.iter_mut().zip(change) {
+        *to += share * *change;
     }
-    (error.is_finite() && next.as_ref().iter().all(|value| value.is_finite()))
-        .then_some((next, error))
+}
+
+/// A step as work that is compiled for each width of registers.
+pub struct WideStep<'a, E: Equations<Lanes>> {
+    /// Room for its stages.
+    pub rosenbrock: &'a mut Rosenbrock,
+    /// Of which plant.
+    pub equations: &'a mut E,
+    /// From where.
+    pub step: Step<'a, E::States>,
+    /// Where it leads.
+    pub next: &'a mut E::States,
+}
+
+impl<E: Equations<Lanes>> Wide for WideStep<'_, E> {
+    type Output = Taken;
+
+    #[inline(always)]
+    fn work(self) -> Taken {
+        self.rosenbrock.step(self.equations, self.step, self.next)
+    }
 }

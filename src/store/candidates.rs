@@ -186,6 +186,7 @@ fn code(failure: Option<Failure>) -> u8 {
         Some(Failure::Diverged) => 1,
         Some(Failure::OutOfRange) => 2,
         Some(Failure::StepBudget) => 3,
+        Some(Failure::Tolerance) => 4,
     }
 }
 
@@ -195,6 +196,7 @@ fn failure_of(code: u8) -> Result<Option<Failure>, String> {
         1 => Ok(Some(Failure::Diverged)),
         2 => Ok(Some(Failure::OutOfRange)),
         3 => Ok(Some(Failure::StepBudget)),
+        4 => Ok(Some(Failure::Tolerance)),
         other => Err(format!("there is no failure {other}")),
     }
 }

@@ -47,6 +47,7 @@ fn record(trial: &Trial<'_>, model: &Model) -> Recording {
     let samples = trial.inputs[0].len();
     let excitation = Excitation {
         sample_time: trial.sample_time,
+        instants: None,
         samples,
         input_set: 0,
         inputs: &trial.inputs,
@@ -56,7 +57,6 @@ fn record(trial: &Trial<'_>, model: &Model) -> Recording {
     let candidate = Candidate {
         parameters: &parameters,
         initial_state: &states,
-        resolved_rate: None,
     };
     let never = AtomicBool::new(false);
     let simulated = single::outputs(model.plant(), &[(excitation, candidate)], &never);
@@ -82,6 +82,7 @@ fn record(trial: &Trial<'_>, model: &Model) -> Recording {
     }
     let time = TimeAxis::Uniform {
         sample_time: trial.sample_time,
+        instants: None,
         samples,
     };
     Recording::new(time, signals)

@@ -30,6 +30,7 @@ fn simulate(
 ) -> Vec<Vec<f64>> {
     let excitation = Excitation {
         sample_time,
+        instants: None,
         samples: input[0].len(),
         input_set: 0,
         inputs: input,
@@ -39,7 +40,6 @@ fn simulate(
     let candidate = Candidate {
         parameters,
         initial_state: &states,
-        resolved_rate: None,
     };
     let never = AtomicBool::new(false);
     let outputs = single::outputs(model.plant(), &[(excitation, candidate)], &never);
@@ -179,16 +179,16 @@ fn the_tape_takes_the_steps_that_rust_takes() {
         let candidate = Candidate {
             parameters: &values,
             initial_state: &states,
-            resolved_rate: None,
         };
         let excitation = Excitation {
             sample_time: 0.01,
+            instants: None,
             samples: 200,
             input_set: 0,
             inputs: &input,
             accuracy: Accuracy::Full,
         };
-        let mut outputs = vec![greybox::simulation::lanes::Lanes([0.0; 8]); 800];
+        let mut outputs = vec![greybox::numerics::lanes::Lanes([0.0; 8]); 800];
         let mut block = model.plant().simulator(excitation, &[candidate; 8]);
         block.advance(200, &mut outputs);
         block.derivative_evaluations()

@@ -6,7 +6,7 @@
 
 use greybox::model::{Catalogue, Model};
 use greybox::simulation::batch::{self, Run, Sink};
-use greybox::simulation::lanes::Lanes;
+use greybox::numerics::lanes::Lanes;
 use greybox::simulation::{Accuracy, Candidate, Excitation, single};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -121,6 +121,7 @@ fn simulate_as(
     }
     let excitation = Excitation {
         sample_time: 0.01,
+        instants: None,
         samples: input.len(),
         input_set,
         inputs: &[input.to_vec()],
@@ -129,7 +130,6 @@ fn simulate_as(
     let candidate = Candidate {
         parameters: &values,
         initial_state: &[None; 6],
-        resolved_rate: None,
     };
     let stop = AtomicBool::new(false);
     let outputs = single::outputs(model.plant(), &[(excitation, candidate)], &stop);
@@ -230,11 +230,11 @@ fn positions(accuracy: Accuracy, candidates: &[Vec<f64>], input: &[f64]) -> Vec<
     let candidate = |parameters| Candidate {
         parameters,
         initial_state: &[None; 6],
-        resolved_rate: None,
     };
     let run = Run {
         excitation: Excitation {
             sample_time: 0.01,
+            instants: None,
             samples: input.len(),
             input_set: 0,
             inputs: &[input.to_vec()],

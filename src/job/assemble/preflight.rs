@@ -1,9 +1,8 @@
 //! What can be said of a job before it runs.
 
 use super::Assembly;
-use crate::estimation::Settings;
+use crate::estimation::{Settings, trajectory};
 use crate::numerics::statistics;
-use crate::simulation::Accuracy;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -56,12 +55,9 @@ const NYQUIST: f64 = std::f64::consts::PI;
 pub fn preflight(assembly: &Assembly, settings: &Settings) -> Preflight {
     let problem = &assembly.problem;
     let middle = vec![0.5; problem.coordinates.len()];
-    let rate = problem.resolved_rate(&middle);
+    let rate = problem.fastest_rate(&middle);
     let mut findings = assembly.findings.clone();
-    let mut derivatives = 0.0;
     for (index, experiment) in problem.experiments.iter().enumerate() {
-        let steps = rate * experiment.sample_time / Accuracy::Screening.step_times_rate();
-        derivatives += 4.0 * steps.ceil().max(1.0) * experiment.estimation_samples as f64;
         let pointer = format!("/experiments/{index}");
         if rate * experiment.sample_time > NYQUIST {
             let detail = format!(
@@ -90,7 +86,7 @@ pub fn preflight(assembly: &Assembly, settings: &Settings) -> Preflight {
         unknowns: problem.coordinates.len() as u64,
         residuals: problem.n_residuals() as u64,
         evaluations: u64::from(settings.population) * u64::from(settings.generations),
-        derivatives_per_evaluation: derivatives as u64,
+        derivatives_per_evaluation: trajectory::derivatives(problem, &middle),
         findings,
     }
 }

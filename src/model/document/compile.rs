@@ -3,11 +3,11 @@
 //! Every fault of every expression is found, each with its line and column. A name that was
 //! faulted once is not faulted again through the names that use it.
 
-use super::arithmetic::Operation;
+use crate::language::operation::Operation;
 use super::definition::{Declared, Definition, Text};
-use super::graph::{Full, Graph, Leaf, MAX_NODES, NodeId};
-use super::syntax::{Expression, Kind, Span};
-use super::unit::Unit;
+use crate::language::graph::{Full, Graph, Leaf, MAX_NODES, NodeId};
+use crate::language::syntax::{Expression, Kind, Span};
+use crate::language::unit::Unit;
 use crate::document::fault::Fault;
 use crate::document::reader::{Faults, did_you_mean};
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -72,8 +72,6 @@ pub struct Compiler<'d> {
     depth: usize,
     /// The graph so far.
     pub graph: Graph,
-    /// Nodes whose change of sign is a kink though they are no comparison.
-    pub kinks: Vec<NodeId>,
 }
 
 /// The expression that is being read.
@@ -96,7 +94,6 @@ impl<'d> Compiler<'d> {
             used: HashSet::new(),
             depth: 0,
             graph: Graph::default(),
-            kinks: Vec::new(),
         };
         compiler.declare_all();
         compiler
@@ -149,7 +146,7 @@ impl<'d> Compiler<'d> {
 
     fn name(&mut self, name: &'d str, symbol: Symbol, pointer: &str) {
         // A function is told from a quantity of its name by the parenthesis behind it.
-        let is_function = super::function::find(name).is_some();
+        let is_function = crate::language::function::find(name).is_some();
         if is_function && matches!(symbol, Symbol::Table(_)) || matches!(name, "and" | "or" | "not")
         {
             let detail = format!("`{name}` is a word of the language");

@@ -1,9 +1,9 @@
 //! A model document as its author wrote it: the names, units and texts, before the equations are
 //! put together.
 
-use super::arithmetic::Table;
-use super::syntax::Expression;
-use super::unit::Unit;
+use crate::language::operation::Table;
+use crate::language::syntax::Expression;
+use crate::language::unit::Unit;
 use crate::model::Scale;
 
 /// A document, read.
@@ -114,6 +114,7 @@ pub struct Options {
     pub delay: Option<Text>,
     pub fastest_rate: Option<Text>,
     pub valid_while: Option<Text>,
-    /// What changes its sign where the rates have a kink, where the author lists it.
+    /// Where the author lists kinks of the rates: read for documents that have the list, though
+    /// steps follow from their errors and need no mention of kinks.
     pub kinks: Option<Vec<Text>>,
 }

@@ -1,43 +1,28 @@
 //! Models that users write: equations as text, in a JSON or YAML document.
 //!
-//! `reading` reads names, units and texts, `syntax` an expression, `compile` puts the
-//! expressions together to one `graph` and checks their units, `tape` lays the graph out as
-//! instructions, and `plant` simulates them. No code is made at run time; every size is
-//! bounded; a document can be slow or wrong but cannot disturb another.
+//! `reading` reads names, units and texts, `compile` puts the expressions of the language
+//! ([`crate::language`]) together to one graph and checks their units, and
+//! [`crate::simulation::program`] runs them. A document can be slow or wrong but cannot disturb
+//! another.
 
-mod arithmetic;
 mod compile;
 mod definition;
 mod describe;
-mod function;
-mod graph;
-mod held;
-mod jacobian;
-mod lower;
-mod plant;
-mod program;
+mod expansion;
 mod reading;
 mod reference;
-mod runge_kutta;
-mod simulator;
-mod stiff;
-mod syntax;
-mod tape;
-mod token;
-mod unit;
 
 pub use reference::{Referenced, referenced};
 
 use super::Model;
 use crate::document::fault::Fault;
 use crate::document::reader::{Faults, Field};
+use crate::language::graph::NodeId;
+use crate::language::unit::Unit;
+use crate::simulation::program::{Lists, Program, Roots};
 use compile::{Compiler, Context};
 use definition::{Definition, Initial};
-use graph::NodeId;
-use plant::DocumentPlant;
 use serde_json::Value;
-use tape::{Roots, Tape};
-use unit::Unit;
 
 /// A document that can run.
 #[derive(Debug)]
@@ -73,26 +58,20 @@ fn read_into(document: &Value, faults: &Faults) -> Option<Read> {
         let detail = format!("no expression uses `{}`", parameter.name);
         Fault::new(&parameter.pointer, "unused_parameter", detail)
     });
-    let warnings = warnings.collect();
+    let kinks = definition.options.kinks.as_ref().map(|_| {
+        let detail = "steps follow from their errors: kinks need not be listed".to_owned();
+        Fault::new("/options/kinks", "not_needed", detail)
+    });
+    let warnings = warnings.chain(kinks).collect();
     if faults.count() > 0 {
         return None;
     }
-    let mut roots = roots?;
+    let roots = roots?;
     let moving_inputs = definition.options.first_order_hold;
-    if definition.options.kinks.is_none() {
-        let kinks = std::mem::take(&mut compiler.kinks);
-        let switches = tape::switches(&mut compiler.graph, &roots.rates, &kinks, moving_inputs);
-        let Ok(switches) = switches else {
-            let detail = format!("the model has more than {} operations", graph::MAX_NODES);
-            faults.add("", "too_large", detail);
-            return None;
-        };
-        roots.switches = switches;
-    }
     let tables = definition.tables.iter().map(|named| named.table.clone());
-    let tape = Tape::new(&compiler.graph, &roots, tables.collect(), moving_inputs);
-    let scales = definition.states.iter().map(|state| state.scale).collect();
-    let plant = DocumentPlant::new(tape, scales, description.defaults(), moving_inputs);
+    let lists = Lists::new(&compiler.graph, &roots, tables.collect(), moving_inputs);
+    let sizes: Vec<Option<f64>> = definition.states.iter().map(|state| state.scale).collect();
+    let plant = Program::new(lists, &sizes, &description.defaults(), moving_inputs);
     Some(Read {
         model: Model::of_plant(description, plant),
         warnings,
@@ -138,13 +117,8 @@ fn roots(definition: &Definition, compiler: &mut Compiler<'_>) -> Option<Roots> 
     }
     let valid = options.valid_while.as_ref();
     let valid = valid.map(|text| compiler.condition(text));
-    let kinks = options.kinks.iter().flatten();
-    let kinks: Vec<Option<NodeId>> = kinks
-        .map(|text| compiler.number(text, Context::Plant, Unit::Any))
-        .collect();
     Some(Roots {
         rates: rates.into_iter().collect::<Option<_>>()?,
-        switches: kinks.into_iter().collect::<Option<_>>()?,
         outputs: outputs.into_iter().collect::<Option<_>>()?,
         initial: initial.into_iter().collect::<Option<_>>()?,
         sampled: sampled

@@ -2,13 +2,13 @@
 //!
 //! Everything is bounded here, so that what follows works on a small thing.
 
-use super::arithmetic::Table;
+use crate::language::operation::Table;
 use super::definition::{
     Declared, Definition, Formula, Initial, Measured, NamedTable, Options, Parameter, Sampled,
     State, Text,
 };
-use super::syntax;
-use super::unit::Unit;
+use crate::language::syntax;
+use crate::language::unit::Unit;
 use crate::document::fault::Fault;
 use crate::document::reader::{Faults, Field, Object};
 use crate::model::Scale;

@@ -6,7 +6,7 @@
 //! reversed. Air in the oil, a share α of the volume at atmospheric pressure, compressed at
 //! constant temperature, softens it: `1/K(p) = 1/Km + α·p_a/p²`.
 
-use crate::simulation::lanes::Real;
+use crate::numerics::lanes::Real;
 
 /// Atmospheric pressure [Pa] (ISO 2533).
 const ATMOSPHERE: f64 = 101_325.0;

@@ -4,7 +4,7 @@
 //! the friction velocity v_t, and the Stribeck excess Fs at low speed (H. Olsson and others,
 //! "Friction models and friction compensation", European Journal of Control 4, 1998).
 
-use crate::simulation::lanes::Real;
+use crate::numerics::lanes::Real;
 
 /// What follows from the friction parameters.
 #[derive(Clone, Copy, Debug)]
@@ -39,21 +39,6 @@ impl<R: Real> Friction<R> {
             return R::splat(0.0);
         }
         self.level(velocity) * (velocity * self.inverse_velocity).tanh()
-    }
-
-    /// The slope of the force at a velocity, without that of the Stribeck excess [N·s/m].
-    #[inline(always)]
-    pub fn slope(&self, velocity: R) -> R {
-        if !self.has_friction {
-            return R::splat(0.0);
-        }
-        let tanh = (velocity * self.inverse_velocity).tanh();
-        self.level(velocity) * self.inverse_velocity * (R::splat(1.0) - tanh * tanh)
-    }
-
-    /// The steepest slope, at standstill [N·s/m].
-    pub fn largest_slope(&self) -> R {
-        (self.coulomb + self.stribeck) * self.inverse_velocity
     }
 
     #[inline(always)]

@@ -5,7 +5,7 @@
 //! (K. H. Hunt, F. R. E. Crossley, Journal of Applied Mechanics 42, 1975, Eq. 4 with n = 1).
 
 use super::friction::Friction;
-use crate::simulation::lanes::Real;
+use crate::numerics::lanes::Real;
 
 /// What follows from the load's parameters.
 #[derive(Clone, Copy, Debug)]
@@ -59,18 +59,5 @@ impl<R: Real> Load<R> {
         let zero = R::splat(0.0);
         let loss = (R::splat(1.0) + self.stop_damping * speed).max(zero);
         self.stop_stiffness * depth.max(zero) * loss
-    }
-
-    /// The fastest rate of the load itself at this state [1/s].
-    #[inline(always)]
-    pub fn rate(&self, position: R, velocity: R) -> R {
-        let loss = (self.damping + self.friction.slope(velocity)) * self.inverse_mass;
-        if !self.has_stops {
-            return loss;
-        }
-        let depth = (-position).max(position - self.stroke);
-        let spring = self.stop_stiffness * self.inverse_mass;
-        let stop = depth.select_ge(R::splat(0.0), spring.sqrt(), R::splat(0.0));
-        loss.max(stop)
     }
 }

@@ -26,12 +26,13 @@ mod plant;
 mod servovalve;
 
 use super::Model;
-use crate::simulation::dynamics::{Dynamics, SampledInputs};
-use crate::simulation::lanes::Real;
+use crate::numerics::lanes::Real;
+use crate::simulation::equations::Sample;
+use crate::simulation::native::Dynamics;
 use cylinder::Cylinder;
 use friction::Friction;
 use load::Load;
-use orifice::{signed_root, signed_root_slope};
+use orifice::signed_root;
 use plant::Servo;
 use servovalve::{Spool, Valve};
 
@@ -40,7 +41,7 @@ use servovalve::{Spool, Valve};
 pub fn model() -> Model {
     let description = description::describe();
     let n_outputs = description.outputs.len();
-    Model::of_plant(description, Servo { n_outputs })
+    Model::of_plant(description, Servo::new(n_outputs))
 }
 
 /// Which input set stands for the position loop of the paper's Fig. 2.
@@ -48,10 +49,6 @@ const REFERENCE: usize = 0;
 
 /// Chamber 2 starts at this share of the supply pressure.
 const INITIAL_PRESSURE_SHARE: f64 = 0.575;
-
-/// Dry friction at standstill only damps, and only there, so a step resolves it less finely than
-/// the modes that ring; the trajectories in `tests/known_answers` hold with it.
-const FRICTION_SHARE: f64 = 0.4;
 
 /// The equations, with the switchable effects and the lag that the constants have, or without
 /// effects and with the lag of second order.
@@ -136,9 +133,6 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
     type State<R: Real> = [R; 6];
     /// The valve command.
     type Held<R: Real> = [R; 1];
-    /// The ports opening and closing, the spool at its stops, and each pressure drop through zero
-    /// (where the flow is steepest).
-    type Switches<R: Real> = [R; 8];
     type Constants<R: Real> = Constants<R>;
 
     fn constants<R: Real>(&self, parameters: &[R]) -> Constants<R> {
@@ -217,11 +211,11 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
     fn hold<R: Real>(
         &self,
         constants: &Constants<R>,
-        inputs: &SampledInputs<'_>,
+        sample: &Sample<'_>,
         state: &[R; 6],
     ) -> [R; 1] {
-        let input = R::splat(inputs.values[0]);
-        let command = if inputs.input_set == REFERENCE {
+        let input = R::splat(sample.input(0));
+        let command = if sample.input_set == REFERENCE {
             (constants.position_gain * (input - state[2])).clamp(-1.0, 1.0)
         } else {
             input
@@ -260,29 +254,6 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
     }
 
     #[inline(always)]
-    fn switches<R: Real>(
-        &self,
-        constants: &Constants<R>,
-        &[command]: &[R; 1],
-        &[p1, p2, _, _, position, velocity]: &[R; 6],
-    ) -> [R; 8] {
-        let spool = Spool { position, velocity };
-        let [opens, opens_back, open, open_back] =
-            constants.valve.switches::<EFFECTS>(command, &spool);
-        let (supply, drain) = (constants.supply_pressure, constants.return_pressure);
-        [
-            opens,
-            opens_back,
-            open,
-            open_back,
-            supply - p1,
-            p1 - drain,
-            supply - p2,
-            p2 - drain,
-        ]
-    }
-
-    #[inline(always)]
     fn outputs<R: Real>(&self, _constants: &Constants<R>, state: &[R; 6], outputs: &mut [R]) {
         let &[p1, p2, x, v, _, _] = state;
         outputs.copy_from_slice(&[x, v, p1, p2]);
@@ -292,49 +263,21 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
         Some(constants.input_delay)
     }
 
-    fn resolved_rate(&self, constants: &Constants<f64>) -> f64 {
+    fn work_rate(&self, constants: &Constants<f64>) -> f64 {
         let middle = constants.load.stroke * 0.5;
         let mode = constants
             .cylinder
-            .hydraulic_mode_squared(middle, constants.mass)
-            .sqrt();
-        let friction = constants.load.friction.largest_slope() * constants.load.inverse_mass;
-        mode.max(constants.valve.rate())
-            .max(FRICTION_SHARE * friction)
-    }
-
-    #[inline(always)]
-    fn local_rate<R: Real>(
-        &self,
-        constants: &Constants<R>,
-        &[command]: &[R; 1],
-        &[p1, p2, x, v, spool_position, spool_velocity]: &[R; 6],
-    ) -> R {
-        let spool = Spool {
-            position: spool_position,
-            velocity: spool_velocity,
-        };
-        let opening = constants.valve.opening::<EFFECTS>(command, &spool);
-        let Ports { opening, drops } = constants.ports::<EFFECTS>(opening, (p1, p2));
-        let gain = (constants.flow_gain * opening).abs() * constants.cylinder.bulk_modulus;
-        let (volume_1, volume_2) = constants.cylinder.volumes(x);
-        let fill_1 = signed_root_slope(drops.0, constants.transition_squared) / volume_1;
-        let fill_2 = signed_root_slope(drops.1, constants.transition_squared) / volume_2;
-        let mode = constants
-            .cylinder
-            .hydraulic_mode_squared(x, constants.mass)
-            .sqrt();
-        (gain * fill_1.abs().max(fill_2.abs()))
-            .max(mode)
-            .max(constants.load.rate(x, v))
+            .hydraulic_mode_squared(middle, constants.mass);
+        mode.sqrt()
     }
 
     fn state_scale(&self) -> &'static [f64] {
-        &[1e6, 1e6, 1e-2, 1e-1, 1.0, 1e2]
+        &[1e8, 1e8, 1.0, 10.0, 100.0, 1e4]
     }
 
-    fn is_valid(&self, constants: &Constants<f64>, state: &[f64; 6]) -> bool {
+    #[inline(always)]
+    fn validity<R: Real>(&self, constants: &Constants<R>, state: &[R; 6]) -> R {
         let (volume_1, volume_2) = constants.cylinder.volumes(state[2]);
-        volume_1 > 0.0 && volume_2 > 0.0
+        Real::min(volume_1, volume_2)
     }
 }

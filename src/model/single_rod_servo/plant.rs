@@ -5,26 +5,42 @@
 //! there adds nothing, so the bits are the same; the processor is spared the questions.
 
 use super::SingleRodServo;
-use crate::simulation::batch::Plant;
-use crate::simulation::dynamics::Dynamics;
-use crate::simulation::{Accuracy, BlockSimulator, Candidate, Excitation, block};
+use crate::simulation::native::{Dynamics, Native};
+use crate::simulation::{
+    Accuracy, BlockSimulator, Candidate, Candidates, Excitation, Plant, block,
+};
 
-const WITH_EFFECTS: SingleRodServo<true> = SingleRodServo;
-const WITHOUT: SingleRodServo<false> = SingleRodServo;
 
-/// The servo, with the outputs of its description.
+/// The servo.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Servo {
-    pub n_outputs: usize,
+    with_effects: Native<SingleRodServo<true>>,
+    without: Native<SingleRodServo<false>>,
+}
+
+impl Servo {
+    /// With the outputs of its description.
+    pub fn new(n_outputs: usize) -> Servo {
+        Servo {
+            with_effects: Native {
+                dynamics: SingleRodServo,
+                n_outputs,
+            },
+            without: Native {
+                dynamics: SingleRodServo,
+                n_outputs,
+            },
+        }
+    }
 }
 
 impl Plant for Servo {
     fn n_outputs(&self) -> usize {
-        self.n_outputs
+        self.with_effects.n_outputs
     }
 
-    fn resolved_rate(&self, parameters: &[f64]) -> f64 {
-        WITH_EFFECTS.resolved_rate(&WITH_EFFECTS.constants(parameters))
+    fn work_rate(&self, parameters: &[f64]) -> f64 {
+        self.with_effects.work_rate(parameters)
     }
 
     fn block_sizes(&self, accuracy: Accuracy) -> &'static [usize] {
@@ -34,16 +50,16 @@ impl Plant for Servo {
     fn simulator<'a>(
         &'a self,
         excitation: Excitation<'a>,
-        candidates: &[Candidate<'_>],
+        candidates: Candidates<'_>,
     ) -> Box<dyn BlockSimulator + 'a> {
         let has_effects = |candidate: &Candidate<'_>| {
-            let constants = WITH_EFFECTS.constants(candidate.parameters);
+            let constants = self.with_effects.dynamics.constants(candidate.parameters);
             constants.has_effects()
         };
-        if candidates.iter().any(has_effects) {
-            block::simulator(&WITH_EFFECTS, excitation, candidates)
+        if candidates.members.iter().any(has_effects) {
+            block::simulator(&self.with_effects, excitation, candidates)
         } else {
-            block::simulator(&WITHOUT, excitation, candidates)
+            block::simulator(&self.without, excitation, candidates)
         }
     }
 }

@@ -4,21 +4,7 @@
 //! (`s' = (u − s)/τ`) or of second order (`s'' = ω²(u − s) − 2ζω·s'`); an overlapped spool opens
 //! only beyond its dead band (H. E. Merritt, *Hydraulic Control Systems*, 1967, ch. 7).
 
-use crate::simulation::lanes::Real;
-
-/// A spool that settles at the edge of a port crosses it again and again, at last with every
-/// rounding. In single precision crossings within this share of its stroke count as none.
-const SETTLED: f64 = 1e-4;
-
-/// How far the spool is beyond an edge, or nothing where it has settled there.
-#[inline(always)]
-fn crossed<R: Real>(distance: R) -> R {
-    if !R::IS_SINGLE {
-        return distance;
-    }
-    let zero = R::splat(0.0);
-    distance.abs().select_ge(R::splat(SETTLED), distance, zero)
-}
+use crate::numerics::lanes::Real;
 
 /// What follows from the valve's parameters.
 #[derive(Clone, Copy, Debug)]
@@ -80,23 +66,6 @@ impl<R: Real> Valve<R> {
         Real::min(beyond, R::splat(1.0)).copysign(spool)
     }
 
-    /// Where a port begins to open (both signs) and where it is fully open (both signs).
-    #[inline(always)]
-    pub fn switches<const EFFECTS: bool>(&self, command: R, spool: &Spool<R>) -> [R; 4] {
-        let spool = self.acting::<EFFECTS>(command, spool);
-        let (opens, open) = if EFFECTS {
-            (self.dead_band, self.dead_band + R::splat(1.0))
-        } else {
-            (R::splat(0.0), R::splat(1.0))
-        };
-        [
-            crossed(spool - opens),
-            crossed(spool + opens),
-            crossed(spool - open),
-            crossed(spool + open),
-        ]
-    }
-
     #[inline(always)]
     fn acting<const EFFECTS: bool>(&self, command: R, spool: &Spool<R>) -> R {
         if !EFFECTS {
@@ -121,11 +90,5 @@ impl<R: Real> Valve<R> {
     /// Whether the lag is of second order in every lane.
     pub fn is_of_second_order(&self) -> bool {
         !self.second_order.any(|share| share < 1.0)
-    }
-
-    /// The fastest rate of the lag [1/s].
-    #[inline(always)]
-    pub fn rate(&self) -> R {
-        self.stiffness.sqrt().max(self.first_order_rate)
     }
 }

@@ -42,6 +42,7 @@ pub fn read_and_run(document: &Value) {
     let initial_state = vec![None; description.states.len()];
     let excitation = Excitation {
         sample_time: 1e-3,
+        instants: None,
         samples: SAMPLES,
         input_set: 0,
         inputs: &inputs,
@@ -50,7 +51,6 @@ pub fn read_and_run(document: &Value) {
     let candidate = Candidate {
         parameters: &parameters,
         initial_state: &initial_state,
-        resolved_rate: None,
     };
     let mut block = model.plant().simulator(excitation, &[candidate]);
     let mut outputs = vec![

@@ -2,11 +2,12 @@
 
 use super::{Compiler, Place, Symbol, Value};
 use crate::document::reader::did_you_mean;
-use crate::model::document::arithmetic::Operation;
-use crate::model::document::graph::Leaf;
-use crate::model::document::syntax::{Expression, Operator, Span};
-use crate::model::document::unit::Unit;
-use crate::model::document::{function, lower};
+use crate::language::operation::Operation;
+use crate::language::graph::Leaf;
+use crate::language::syntax::{Expression, Operator, Span};
+use crate::language::unit::Unit;
+use super::super::expansion;
+use crate::language::function;
 
 impl Compiler<'_> {
     /// A sampled quantity in its own expression is its value at the sample before.
@@ -154,7 +155,7 @@ impl Compiler<'_> {
         let arguments: Vec<(&Expression, Value)> = arguments.iter().zip(values).collect();
         match (table, function) {
             (Some(index), _) => self.look_up(place, span, index, &arguments),
-            (_, Some((function, _))) => lower::call(self, place, span, function, &arguments),
+            (_, Some((function, _))) => expansion::call(self, place, span, function, &arguments),
             _ => None,
         }
     }

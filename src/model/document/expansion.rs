@@ -1,11 +1,11 @@
 //! What the functions of the language become: one or a few operations each.
 
-use super::arithmetic::Operation;
+use crate::language::operation::Operation;
 use super::compile::{Compiler, Place, Value};
-use super::function::Function;
-use super::graph::{Full, Graph, NodeId};
-use super::syntax::{Expression, Span};
-use super::unit::Unit;
+use crate::language::function::Function;
+use crate::language::graph::{Full, Graph, NodeId};
+use crate::language::syntax::{Expression, Span};
+use crate::language::unit::Unit;
 
 /// Whole exponents up to this become products.
 const LARGEST_PRODUCT: f64 = 8.0;
@@ -34,9 +34,6 @@ pub fn call(
     }
     let unit = unit_of(compiler, place, function, numbers)?;
     let nodes: Vec<NodeId> = numbers.iter().map(|(_, value)| value.node).collect();
-    if function == Function::SignedRoot {
-        compiler.kinks.push(nodes[0]);
-    }
     let node = match condition {
         Some(condition) => {
             let on = [condition, nodes[0], nodes[1]];
@@ -55,7 +52,7 @@ fn unit_of(
     arguments: &[Argument<'_>],
 ) -> Option<Unit> {
     let (first, value) = arguments[0];
-    let name = super::function::ALL
+    let name = crate::language::function::ALL
         .iter()
         .find(|(.., own)| *own == function)
         .map_or("", |(name, ..)| *name);

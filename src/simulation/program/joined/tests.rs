@@ -1,7 +1,7 @@
 //! A program leaves what its list leaves, to the last bit.
 
 use super::*;
-use crate::simulation::lanes::{LANES, Lanes};
+use crate::numerics::lanes::{LANES, Lanes};
 use proptest::prelude::*;
 
 const OPERATIONS: [Operation; 10] = [
@@ -46,7 +46,7 @@ fn list(choices: &[(usize, [u16; 3])]) -> Vec<Instruction> {
     list
 }
 
-fn run(program: &Program) -> Vec<Lanes> {
+fn run(program: &Joined) -> Vec<Lanes> {
     let mut registers = Box::new([Lanes::splat(f64::NAN); MAX_NODES]);
     for (place, register) in registers[..usize::from(GIVEN)].iter_mut().enumerate() {
         let number = |lane: usize| (place as f64 - 2.25) * (1.0 + 0.5 * lane as f64);
@@ -57,7 +57,7 @@ fn run(program: &Program) -> Vec<Lanes> {
 }
 
 fn one_by_one(list: &[Instruction]) -> Vec<Lanes> {
-    let mut program = Program::default();
+    let mut program = Joined::default();
     for instruction in list {
         program.runs.push(Run {
             kind: Kind::Single(instruction.operation),
@@ -84,7 +84,7 @@ proptest! {
     ) {
         let list = list(&choices);
         let expected = one_by_one(&list);
-        let all = run(&Program::new(&list));
+        let all = run(&Joined::all(&list));
         for instruction in &list {
             let place = usize::from(instruction.to);
             prop_assert_eq!(bits(&all[place]), bits(&expected[place]));
@@ -92,7 +92,7 @@ proptest! {
         let last = list.len() - 1;
         let wanted = wanted.iter().map(|at| list[at % list.len()].to).chain([list[last].to]);
         let wanted: Vec<u16> = wanted.collect();
-        let joined = run(&Program::joined(&list, wanted.iter().copied()));
+        let joined = run(&Joined::new(&list, wanted.iter().copied()));
         for place in wanted.into_iter().map(usize::from) {
             prop_assert_eq!(bits(&joined[place]), bits(&expected[place]));
         }
@@ -103,7 +103,7 @@ proptest! {
 fn what_belongs_together_is_one_instruction() {
     let list = list(&[]);
     let last = list.len() - 1;
-    let program = Program::joined(&list, [list[last].to]);
+    let program = Joined::new(&list, [list[last].to]);
     let kinds: Vec<Kind> = program.runs.iter().map(|run| run.kind).collect();
     assert_eq!(kinds, [Kind::SignedRoot, Kind::Clip]);
 }

@@ -3,7 +3,7 @@
 //! A lane has the bits that a single number has. Functions beyond those of
 //! [`Real`] come from one portable library, lane by lane.
 
-use crate::simulation::lanes::Real;
+use crate::numerics::lanes::Real;
 
 /// What one instruction does with up to three numbers a, b and c.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -54,8 +54,6 @@ pub enum Operation {
     Select,
     /// The table of that number, interpolated at a.
     Table(u8),
-    /// How far a is from the nearest point of the table, with a sign that changes at each point.
-    Breakpoint(u8),
 }
 
 impl Operation {
@@ -112,17 +110,6 @@ impl Table {
             None if x < self.x[0] => self.y[0],
             None => self.y[self.y.len() - 1],
         }
-    }
-
-    /// A zigzag that crosses 0 at each point.
-    fn breakpoint(&self, x: f64) -> f64 {
-        let after = self.x.partition_point(|point| *point <= x);
-        let to_next = self.x.get(after).map_or(f64::INFINITY, |next| next - x);
-        let distance = match after.checked_sub(1) {
-            Some(before) => f64::min(x - self.x[before], to_next),
-            None => to_next,
-        };
-        if after % 2 == 0 { -distance } else { distance }
     }
 
     fn slope(&self, x: f64) -> f64 {
@@ -204,64 +191,75 @@ pub fn execute<R: Real, const N: usize>(
         Operation::Table(number) => {
             r[to] = each(r[a], |x| tables[usize::from(number)].value(x));
         }
-        Operation::Breakpoint(number) => {
-            r[to] = each(r[a], |x| tables[usize::from(number)].breakpoint(x));
-        }
     }
 }
 
 /// The derivatives of an operation by a, b and c, at numbers whose result is `result`.
-#[must_use]
-pub fn slopes(
+#[inline(always)]
+pub fn partials<R: Real>(
     operation: Operation,
-    [a, b, _]: [f64; 3],
-    result: f64,
+    [a, b, _]: [R; 3],
+    result: R,
     tables: &[Table],
-) -> [f64; 3] {
-    let one = |slope: f64| [slope, 0.0, 0.0];
-    let chosen = |first: bool| [f64::from(first), f64::from(!first), 0.0];
+) -> [R; 3] {
+    let (zero, one) = (R::splat(0.0), R::splat(1.0));
+    let by_a = |slope: R| [slope, zero, zero];
     match operation {
-        Operation::Add => [1.0, 1.0, 0.0],
-        Operation::Subtract => [1.0, -1.0, 0.0],
-        Operation::Multiply => [b, a, 0.0],
-        Operation::Divide => [1.0 / b, -result / b, 0.0],
-        Operation::Negate => one(-1.0),
-        Operation::Minimum => chosen(a < b),
-        Operation::Maximum => chosen(a > b),
-        Operation::Absolute => one(sign(a)),
-        Operation::SquareRoot => one(0.5 / result),
-        Operation::Exponential => one(result),
-        Operation::Logarithm => one(1.0 / a),
-        Operation::Sine => one(libm::cos(a)),
-        Operation::Cosine => one(-libm::sin(a)),
-        Operation::Tangent => one(1.0 + result * result),
-        Operation::ArcTangent => one(1.0 / (1.0 + a * a)),
+        Operation::Add => [one, one, zero],
+        Operation::Subtract => [one, -one, zero],
+        Operation::Multiply => [b, a, zero],
+        Operation::Divide => {
+            let inverse = one / b;
+            [inverse, -(result * inverse), zero]
+        }
+        Operation::Negate => by_a(-one),
+        Operation::Minimum => [b.select_ge(a, one, zero), b.select_ge(a, zero, one), zero],
+        Operation::Maximum => [a.select_ge(b, one, zero), a.select_ge(b, zero, one), zero],
+        Operation::Absolute => by_a(each(a, sign)),
+        Operation::SquareRoot => by_a(R::splat(0.5) / result),
+        Operation::Exponential => by_a(result),
+        Operation::Logarithm => by_a(one / a),
+        Operation::Sine => by_a(each(a, libm::cos)),
+        Operation::Cosine => by_a(-each(a, libm::sin)),
+        Operation::Tangent => by_a(one + result * result),
+        Operation::ArcTangent => by_a(one / (one + a * a)),
         Operation::ArcTangent2 => {
             let squared = a * a + b * b;
-            [b / squared, -a / squared, 0.0]
+            [b / squared, -(a / squared), zero]
         }
-        Operation::HyperbolicTangent => one(1.0 - result * result),
+        Operation::HyperbolicTangent => by_a(one - result * result),
         Operation::Power => {
-            let by_base = if b == 0.0 {
-                0.0
-            } else {
-                b * libm::pow(a, b - 1.0)
-            };
-            let by_exponent = if a > 0.0 { result * libm::log(a) } else { 0.0 };
-            [by_base, by_exponent, 0.0]
+            let by_base = each_pair(a, b, |a, b| {
+                if b == 0.0 {
+                    0.0
+                } else {
+                    b * libm::pow(a, b - 1.0)
+                }
+            });
+            let by_exponent = each_pair(a, b, |a, b| {
+                if a > 0.0 {
+                    libm::pow(a, b) * libm::log(a)
+                } else {
+                    0.0
+                }
+            });
+            [by_base, by_exponent, zero]
         }
-        Operation::Select => [0.0, f64::from(a >= 0.5), f64::from(a < 0.5)],
-        Operation::Sign | Operation::AtLeast | Operation::Above | Operation::Breakpoint(_) => {
-            [0.0; 3]
+        Operation::Select => {
+            let half = R::splat(0.5);
+            [zero, a.select_ge(half, one, zero), a.select_ge(half, zero, one)]
         }
-        Operation::Table(number) => one(tables[usize::from(number)].slope(a)),
+        Operation::Sign | Operation::AtLeast | Operation::Above => [zero; 3],
+        Operation::Table(number) => {
+            by_a(each(a, |x| tables[usize::from(number)].slope(x)))
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulation::lanes::{LANES, Lanes};
+    use crate::numerics::lanes::{LANES, Lanes};
     use proptest::prelude::*;
 
     fn tables() -> Vec<Table> {
@@ -313,21 +311,6 @@ mod tests {
         assert!(table.value(f64::NAN).is_nan());
     }
 
-    #[test]
-    fn the_zigzag_of_a_table_changes_its_sign_at_each_point_and_nowhere_else() {
-        let table = &tables()[0];
-        for (x, height) in [
-            (-5.0, -4.0),
-            (-1.0, 0.0),
-            (-0.75, 0.25),
-            (0.5, -0.5),
-            (1.75, -0.25),
-            (9.0, 7.0),
-        ] {
-            assert_eq!(table.breakpoint(x), height, "at {x}");
-        }
-    }
-
     proptest! {
         #[test]
         fn a_lane_has_the_bits_of_a_single_number(a in -5.0..5.0f64, b in -5.0..5.0f64) {
@@ -353,7 +336,7 @@ mod tests {
             for operation in ALL {
                 let at = [a, b, 0.7];
                 let result = apply(operation, at, &tables());
-                let slopes = slopes(operation, at, result, &tables());
+                let slopes = partials(operation, at, result, &tables());
                 for (place, slope) in slopes.into_iter().enumerate() {
                     let moved = |by: f64| {
                         let mut at = at;

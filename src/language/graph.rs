@@ -3,7 +3,7 @@
 //! A node's arguments stand before it, so the order of the nodes is an order of computation.
 //! Nothing is rearranged that would change a bit of a result: `x + 0` stays, `2·3` becomes 6.
 
-use super::arithmetic::{self, Operation};
+use super::operation::{self, Operation};
 use std::collections::HashMap;
 
 /// The nodes of one model at the most.
@@ -94,7 +94,7 @@ impl Graph {
         if let [Some(a), Some(b), Some(c)] = values
             && !matches!(operation, Operation::Table(_))
         {
-            return self.constant(arithmetic::apply(operation, [a, b, c], &[]));
+            return self.constant(operation::apply(operation, [a, b, c], &[]));
         }
         if operation.is_symmetric() {
             places[..2].sort_unstable();

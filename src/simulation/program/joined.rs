@@ -5,10 +5,10 @@
 //! kind stands in one run, entered once. Every operation stays what it was, rounded as before, so
 //! a program gives the bits of the list.
 
-use super::arithmetic::{self, Operation, Table};
-use super::graph::MAX_NODES;
-use super::tape::{Instruction, Register};
-use crate::simulation::lanes::Real;
+use super::lists::{Instruction, Register};
+use crate::language::graph::MAX_NODES;
+use crate::language::operation::{self, Operation, Table};
+use crate::numerics::lanes::Real;
 use std::collections::HashMap;
 
 /// What the instructions of a run do.
@@ -66,7 +66,7 @@ struct Run {
 
 /// The runs, and the places of their instructions one after the other.
 #[derive(Debug, Default)]
-pub struct Program {
+pub struct Joined {
     runs: Vec<Run>,
     places: Vec<Places>,
 }
@@ -78,10 +78,10 @@ struct Step {
     places: Places,
 }
 
-impl Program {
+impl Joined {
     /// A program that leaves every register as the list does.
     #[must_use]
-    pub fn new(list: &[Instruction]) -> Program {
+    pub fn all(list: &[Instruction]) -> Joined {
         let single = |instruction: &Instruction| Step {
             kind: Kind::Single(instruction.operation),
             places: Places {
@@ -89,19 +89,19 @@ impl Program {
                 on: instruction.on,
             },
         };
-        Program::scheduled(list.iter().map(single).collect())
+        Joined::scheduled(list.iter().map(single).collect())
     }
 
     /// A program that leaves the registers `wanted` as the list does; others may stay untouched.
     #[must_use]
-    pub fn joined(list: &[Instruction], wanted: impl IntoIterator<Item = Register>) -> Program {
-        Program::scheduled(Joiner::new(list, wanted).steps())
+    pub fn new(list: &[Instruction], wanted: impl IntoIterator<Item = Register>) -> Joined {
+        Joined::scheduled(Joiner::new(list, wanted).steps())
     }
 
     /// Puts steps of one kind together as far as they do not need each other: again and again
     /// all that is ready of a kind that this exhausts, or else of the kind that is readiest.
-    fn scheduled(steps: Vec<Step>) -> Program {
-        let mut program = Program::default();
+    fn scheduled(steps: Vec<Step>) -> Joined {
+        let mut program = Joined::default();
         let mut kinds: Vec<Kind> = Vec::new();
         let mut known = HashMap::new();
         let mut unmade = vec![false; MAX_NODES];
@@ -194,7 +194,7 @@ fn singles<R: Real>(
         Operation::Select => each(r, places, |a, b, c| a.select_ge(R::splat(0.5), b, c)),
         _ => {
             for Places { to, on } in places {
-                arithmetic::execute(operation, r, (*on, *to), tables);
+                operation::execute(operation, r, (*on, *to), tables);
             }
         }
     }

@@ -63,10 +63,15 @@ pub trait Real:
     /// The exponential, accurate to 2 units in the last place for arguments in [-700, 700] ([-87,
     /// 87] in single precision); arguments outside are taken as the nearer end.
     fn exp(self) -> Self;
+    /// x^(−⅛) of a positive number, within a tenth of it: a step control needs no more. What is not
+    /// a number gives one below 1e-4.
+    fn inverse_eighth_root_estimate(self) -> Self;
     /// Whether a condition holds for the number in at least one lane.
     fn any(&self, condition: impl Fn(f64) -> bool) -> bool {
         (0..Self::WIDTH).any(|lane| condition(self.lane(lane)))
     }
+    /// Whether the number in at least one lane is above a threshold.
+    fn any_above(&self, threshold: f64) -> bool;
     /// `self` held in `[lower, upper]`.
     #[inline(always)]
     fn clamp(self, lower: f64, upper: f64) -> Self {
@@ -153,8 +158,21 @@ fn exp_f32(x: f32) -> f32 {
     sum * f32::from_bits(exponent)
 }
 
+/// The exponent of a floating-point number stands in its high bits, so that a shift to the right
+/// takes roots of its logarithm; the constant is 9/8 of the bits of 1.
+#[inline(always)]
+fn inverse_eighth_root_f64(x: f64) -> f64 {
+    f64::from_bits(0x47EE_0000_0000_0000 - (x.to_bits() >> 3))
+}
+
+/// The same in single precision.
+#[inline(always)]
+fn inverse_eighth_root_f32(x: f32) -> f32 {
+    f32::from_bits(0x4770_0000 - (x.to_bits() >> 3))
+}
+
 macro_rules! real {
-    ($number:ident, $is_single:literal, $exp:ident) => {
+    ($number:ident, $is_single:literal, $exp:ident, $inverse_eighth_root:ident) => {
         impl Real for $number {
             const WIDTH: usize = 1;
             const IS_SINGLE: bool = $is_single;
@@ -198,11 +216,19 @@ macro_rules! real {
             fn exp(self) -> Self {
                 $exp(self)
             }
+            #[inline(always)]
+            fn any_above(&self, threshold: f64) -> bool {
+                f64::from(*self) > threshold
+            }
+            #[inline(always)]
+            fn inverse_eighth_root_estimate(self) -> Self {
+                $inverse_eighth_root(self)
+            }
         }
     };
 }
-real!(f64, false, exp_f64);
-real!(f32, true, exp_f32);
+real!(f64, false, exp_f64, inverse_eighth_root_f64);
+real!(f32, true, exp_f32, inverse_eighth_root_f32);
 
 impl<T: Copy, const N: usize> Lanes<T, N> {
     /// `function` of each lane.
@@ -273,6 +299,17 @@ impl<T: Scalar, const N: usize> Real for Lanes<T, N> {
     #[inline(always)]
     fn exp(self) -> Self {
         self.map(T::exp)
+    }
+    #[inline(always)]
+    fn any_above(&self, threshold: f64) -> bool {
+        let threshold = T::splat(threshold);
+        // Without a way out in between, so that all lanes are compared at once.
+        let any = |any, number: &T| any | (*number > threshold);
+        self.0.iter().fold(false, any)
+    }
+    #[inline(always)]
+    fn inverse_eighth_root_estimate(self) -> Self {
+        self.map(T::inverse_eighth_root_estimate)
     }
 }
 
@@ -374,6 +411,18 @@ mod tests {
         #[test]
         fn tanh_agrees_with_an_independent_library(x in -30.0..30.0f64) {
             prop_assert!((Real::tanh(x) - libm::tanh(x)).abs() <= 3e-16);
+        }
+
+        #[test]
+        fn the_estimate_of_an_inverse_eighth_root_is_within_a_tenth(exponent in -30.0..30.0f64) {
+            let x = libm::exp2(exponent);
+            let expected = libm::pow(x, -0.125);
+            let (double, single) = (
+                x.inverse_eighth_root_estimate(),
+                f64::from((x as f32).inverse_eighth_root_estimate()),
+            );
+            prop_assert!((double / expected - 1.0).abs() < 0.1, "{double} for {expected}");
+            prop_assert!((single / expected - 1.0).abs() < 0.1, "{single} for {expected}");
         }
 
         #[test]

@@ -1,0 +1,11 @@
+//! The language of model documents: from the text of an expression to a graph of operations.
+//!
+//! [`token`] cuts a text into words, [`syntax`] makes a tree of them, [`unit`] says what units its
+//! parts have, and [`graph`] holds what is computed, each part once, as [`operation`]s.
+
+pub mod function;
+pub mod graph;
+pub mod operation;
+pub mod syntax;
+pub mod token;
+pub mod unit;

@@ -1,0 +1,147 @@
+//! Plants whose equations are a document's: checked equations as instructions over registers.
+//!
+//! [`lists`] lays the graph of the equations out as straight lists of instructions, [`joined`]
+//! makes few of many, [`tangents`] takes their derivatives, and [`row`] is what the integrator
+//! drives. No code is made at run time; every size is bounded.
+
+mod joined;
+mod lists;
+mod row;
+mod tangents;
+
+pub use lists::{Lists, Roots};
+
+use super::block::Block;
+use super::equations::{Equations, System};
+use super::{BlockSimulator, Candidates, Excitation, Plant};
+use crate::language::graph::Leaf;
+use crate::numerics::lanes::{LANES, Real};
+use crate::numerics::width::Width;
+use lists::Register;
+use row::ProgramRow;
+use tangents::Tangents;
+
+/// The size that errors of a state are measured against at least, as a share of where the state
+/// starts at the default parameters (of 1 where it starts at 0), where the document does not give
+/// a size. What is smaller counts as rounding.
+const LEAST_SHARE: f64 = 1e-9;
+
+/// The equations, ready to run.
+#[derive(Debug)]
+pub struct Program {
+    lists: Lists,
+    wiring: Wiring,
+    tangents: Tangents,
+    /// What an error of each state is measured against at least.
+    sizes: Vec<f64>,
+    /// Whether inputs move in straight lines from sample to sample.
+    moving_inputs: bool,
+}
+
+/// The registers of what comes from outside, where the equations use it.
+#[derive(Debug, Default)]
+struct Wiring {
+    parameters: Vec<Option<Register>>,
+    sample_time: Option<Register>,
+    recorded: Vec<Option<Register>>,
+    previous: Vec<Option<Register>>,
+    inputs: Vec<Option<Register>>,
+    sampled: Vec<Option<Register>>,
+    states: Vec<Option<Register>>,
+}
+
+impl Wiring {
+    fn new(lists: &Lists, n_parameters: usize) -> Wiring {
+        let mut wiring = Wiring {
+            parameters: vec![None; n_parameters],
+            previous: vec![None; lists.roots.sampled.len()],
+            sampled: vec![None; lists.roots.sampled.len()],
+            states: vec![None; lists.roots.rates.len()],
+            ..Wiring::default()
+        };
+        for (leaf, register) in lists.leaves() {
+            match leaf {
+                Leaf::SampleTime => wiring.sample_time = Some(*register),
+                Leaf::Parameter(index) => put(&mut wiring.parameters, *index, *register),
+                Leaf::Recorded(index) => put(&mut wiring.recorded, *index, *register),
+                Leaf::Previous(index) => put(&mut wiring.previous, *index, *register),
+                Leaf::Input(index) => put(&mut wiring.inputs, *index, *register),
+                Leaf::Sampled(index) => put(&mut wiring.sampled, *index, *register),
+                Leaf::State(index) => put(&mut wiring.states, *index, *register),
+            }
+        }
+        wiring
+    }
+}
+
+fn put(places: &mut Vec<Option<Register>>, index: u16, register: Register) {
+    let index = usize::from(index);
+    if places.len() <= index {
+        places.resize(index + 1, None);
+    }
+    places[index] = Some(register);
+}
+
+impl Program {
+    /// From the lists and, for each state, the size that its author gave. `defaults` are the
+    /// parameters where nothing else is said.
+    #[must_use]
+    pub fn new(
+        lists: Lists,
+        sizes: &[Option<f64>],
+        defaults: &[f64],
+        moving_inputs: bool,
+    ) -> Program {
+        let wiring = Wiring::new(&lists, defaults.len());
+        let tangents = Tangents::new(&lists, &wiring.states, &wiring.inputs);
+        let mut program = Program {
+            lists,
+            wiring,
+            tangents,
+            sizes: Vec::new(),
+            moving_inputs,
+        };
+        let starts = program.row(defaults, 1.0).initial_states();
+        let own = |start: &f64| {
+            let size = start.abs();
+            let is_size = size > 0.0 && size.is_finite();
+            LEAST_SHARE * if is_size { size } else { 1.0 }
+        };
+        let sizes = sizes.iter().zip(&starts);
+        program.sizes = sizes
+            .map(|(given, start)| given.unwrap_or_else(|| own(start)))
+            .collect();
+        program
+    }
+}
+
+impl System for Program {
+    type Row<'a, R: Real> = ProgramRow<'a, R>;
+
+    fn row<R: Real>(&self, parameters: &[R], sample_time: f64) -> ProgramRow<'_, R> {
+        ProgramRow::new(self, parameters, sample_time)
+    }
+}
+
+impl Plant for Program {
+    fn n_outputs(&self) -> usize {
+        self.lists.roots.outputs.len()
+    }
+
+    /// What the document hints at.
+    fn work_rate(&self, parameters: &[f64]) -> f64 {
+        let rate = self.row(parameters, 1.0).rate_hint();
+        if rate.is_finite() { rate } else { 0.0 }
+    }
+
+    fn simulator<'a>(
+        &'a self,
+        excitation: Excitation<'a>,
+        candidates: Candidates<'_>,
+    ) -> Box<dyn BlockSimulator + 'a> {
+        let width = Width::widest();
+        Box::new(Block::<_, f64, LANES>::new(
+            self, excitation, candidates, width,
+        ))
+    }
+}

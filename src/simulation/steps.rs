@@ -1,0 +1,573 @@
+//! A row of candidates from one instant to another, each with steps as long as its errors allow.
+//!
+//! All candidates of a row try a step at once, each of its own length. Where the estimated error
+//! is too large, or not a number, the candidate stays and tries a shorter one. A kink of the
+//! equations (a valve that opens, an end stop) needs no mention: the error of a step across it
+//! shows it. What a candidate does depends on its own numbers alone, so its steps do not depend on
+//! its neighbours. Neighbours that are compared to the last digits, for a derivative by
+//! differences, take the steps of the first of them instead (internal numerical differentiation:
+//! H. G. Bock, "Numerical treatment of inverse problems in chemical reaction kinetics", 1981).
+//!
+//! A candidate whose steps are limited by stability, and not by accuracy, goes on with the stiff
+//! method until its steps are short against its fastest rate again.
+
+use super::equations::{Equations, Held, System, lanes_from};
+use super::explicit::{self, Stages, Sum};
+use super::stiff::{self, Rosenbrock, WideStep};
+use super::{Accuracy, Failure};
+use crate::numerics::lanes::{LANES, Lanes, Real, SINGLE_LANES};
+use crate::numerics::width::Width;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Candidates in a row at the most.
+const MOST: usize = SINGLE_LANES;
+
+/// How much longer the next step may be, and how much shorter.
+const LARGEST_FACTOR: f64 = 4.0;
+const SMALLEST_FACTOR: f64 = 0.2;
+
+/// The step that the error allows is shortened by this, so that few are rejected.
+const SAFETY: f64 = 0.85;
+
+/// Sizes that errors are measured against shrink by this a step, where a state does.
+const SIZE_MEMORY: f64 = 0.9;
+
+/// After so many trials in one stretch candidates are looked at, and then at every eighth.
+const FIRST_LOOK: u32 = 48;
+const LOOK_EVERY: u32 = 8;
+
+/// Steps are limited by stability where their length times the fastest rate is beyond this: the
+/// explicit method ends to be stable at 2.78.
+const STIFF: f64 = 1.5;
+
+/// A candidate is stiff that shows it at so many looks in a row.
+const STIFF_LOOKS: u8 = 3;
+
+/// The stiff method is left where its steps times the fastest rate stay below this ...
+const NOT_STIFF: f64 = 0.5;
+
+/// ... so many steps in a row.
+const CALM_STEPS: u8 = 8;
+
+/// A step shorter than this share of its stretch does not get on.
+const SHORTEST: f64 = 1e-13;
+
+/// A state that would grow to so many times its size within a stretch runs away.
+const RUNAWAY: f64 = 1e9;
+
+/// Derivatives that one candidate may spend over a recording: a part for each sample, and a part
+/// for all. A count and not a time, so that the outcome does not depend on the machine's load.
+const BUDGET: f64 = 2e6;
+const BUDGET_OF_SAMPLE: f64 = 4e3;
+
+/// No quantity of a plant is larger than this in SI units.
+pub const LARGEST_NUMBER: f64 = 1e30;
+
+/// The candidates that a row is made of.
+pub struct Source<'a, P: System, R> {
+    /// Their plant.
+    pub plant: &'a P,
+    /// Their parameters, a row for each.
+    pub parameters: Vec<R>,
+    /// The time from one sample to the next `[s]`.
+    pub sample_time: f64,
+    /// How accurate their steps are.
+    pub accuracy: Accuracy,
+    /// The registers that rows stand in.
+    pub width: Width,
+    /// Whether all take the steps of the first.
+    pub follow: bool,
+}
+
+/// A row of candidates on its way.
+pub struct Integrator<'a, P: System + 'a, R: Real> {
+    source: Source<'a, P, R>,
+    /// Where the candidates are.
+    pub states: <P::Row<'a, R> as Equations<R>>::States,
+    excess: <P::Row<'a, R> as Equations<R>>::States,
+    /// What errors of the states are measured against.
+    sizes: <P::Row<'a, R> as Equations<R>>::States,
+    least_sizes: Vec<f64>,
+    /// 1 / (tolerance · size).
+    weights: <P::Row<'a, R> as Equations<R>>::States,
+    stages: Stages<<P::Row<'a, R> as Equations<R>>::States>,
+    /// The next step of each candidate `[s]`; 0 before the first.
+    length: R,
+    /// Whether there is one before its first step.
+    has_new: bool,
+    /// Derivatives that each candidate has taken.
+    derivatives: R,
+    budget: f64,
+    failures: [Option<Failure>; MOST],
+    /// Whether there is a candidate that has failed.
+    pub has_failed: bool,
+    stiff_looks: [u8; MOST],
+    is_stiff: [bool; MOST],
+    /// Whether there is a candidate for which the stiff method is used.
+    has_stiff: bool,
+    calm_steps: [u8; MOST],
+    exact: Vec<Exact<P::Row<'a, Lanes>>>,
+}
+
+/// Eight candidates of a row in double precision, for the stiff method.
+struct Exact<E: Equations<Lanes>> {
+    equations: E,
+    rosenbrock: Rosenbrock,
+    states: E::States,
+    weights: E::States,
+    next: E::States,
+}
+
+/// A stretch of time over which the held quantities do not jump.
+struct Stretch<'s, R> {
+    held: &'s Held<R>,
+    duration: R,
+    /// What is left of it.
+    remaining: R,
+    /// Whether the exact equations know what is held.
+    is_exact: bool,
+}
+
+/// What a trial came to.
+struct Trial<R> {
+    taken: R,
+    /// The square of the error over the tolerance; not at most 1 where the candidate stays.
+    squared_error: R,
+}
+
+impl<'a, P: System, R: Real> Integrator<'a, P, R> {
+    /// Candidates at the given states, for a recording of so many samples.
+    pub fn new(
+        source: Source<'a, P, R>,
+        equations: &P::Row<'a, R>,
+        states: <P::Row<'a, R> as Equations<R>>::States,
+        samples: usize,
+    ) -> Self {
+        let mut excess = states.clone();
+        excess.as_mut().fill(R::splat(0.0));
+        let least_sizes = equations.sizes().to_vec();
+        let mut sizes = states.clone();
+        for (size, least) in sizes.as_mut().iter_mut().zip(&least_sizes) {
+            *size = if <P::Row<'a, R>>::SIZES_ARE_FIXED {
+                R::splat(*least)
+            } else {
+                size.abs().max(R::splat(*least))
+            };
+        }
+        let per_tolerance = R::splat(1.0 / source.accuracy.tolerance());
+        let mut weights = sizes.clone();
+        for weight in weights.as_mut() {
+            *weight = per_tolerance / *weight;
+        }
+        Integrator {
+            source,
+            stages: Stages::like(&states),
+            states,
+            excess,
+            sizes,
+            least_sizes,
+            weights,
+            length: R::splat(0.0),
+            has_new: true,
+            derivatives: R::splat(0.0),
+            budget: BUDGET + BUDGET_OF_SAMPLE * samples as f64,
+            failures: [None; MOST],
+            has_failed: false,
+            stiff_looks: [0; MOST],
+            is_stiff: [false; MOST],
+            has_stiff: false,
+            calm_steps: [0; MOST],
+            exact: Vec::new(),
+        }
+    }
+
+    /// How each candidate has failed, if it has.
+    pub fn failures(&self) -> &[Option<Failure>] {
+        &self.failures[..R::WIDTH]
+    }
+
+    /// Derivatives taken by the first candidates.
+    pub fn derivatives(&self, candidates: usize) -> u64 {
+        let taken = (0..candidates).map(|lane| self.derivatives.lane(lane));
+        taken.sum::<f64>() as u64
+    }
+
+    /// Marks a candidate, which stays where it is.
+    pub fn fail(&mut self, lane: usize, failure: Failure) {
+        self.failures[lane].get_or_insert(failure);
+        self.has_failed = true;
+    }
+
+    /// Goes on for `duration` under what is held, which `equations` know. Answers nothing when
+    /// `stop` was raised.
+    #[inline(always)]
+    pub fn integrate(
+        &mut self,
+        equations: &mut P::Row<'a, R>,
+        (held, duration): (&Held<R>, R),
+        stop: &AtomicBool,
+    ) -> Option<()> {
+        let mut stretch = Stretch {
+            held,
+            duration,
+            remaining: duration,
+            is_exact: false,
+        };
+        if self.has_failed {
+            for lane in (0..R::WIDTH).filter(|lane| self.failures[*lane].is_some()) {
+                stretch.remaining.set_lane(lane, 0.0);
+            }
+        }
+        let zero = R::splat(0.0);
+        equations.rates(&self.states, zero, &mut self.stages.first);
+        if self.has_new {
+            self.choose_first_lengths(duration);
+        }
+        let mut trials = 0_u32;
+        while stretch.remaining.any_above(0.0) {
+            let mut trial = Trial {
+                taken: self.next_lengths(&stretch),
+                squared_error: zero,
+            };
+            let elapsed = stretch.duration - stretch.remaining;
+            if self.has_stiff {
+                if stop.load(Ordering::Relaxed) {
+                    return None;
+                }
+                self.try_stiff(equations, &mut stretch, (elapsed, &mut trial));
+            } else {
+                self.try_explicit(equations, (elapsed, &mut trial));
+            }
+            self.accept(&mut stretch, &mut trial);
+            trials += 1;
+            if trials >= FIRST_LOOK && trials.is_multiple_of(LOOK_EVERY) {
+                if stop.load(Ordering::Relaxed) {
+                    return None;
+                }
+                self.look(&mut stretch, &trial);
+            }
+        }
+        Some(())
+    }
+
+    /// The step that each candidate tries: what is left is cut in two equal parts rather than in
+    /// a long one and a short one.
+    #[inline(always)]
+    fn next_lengths(&self, stretch: &Stretch<'_, R>) -> R {
+        let (length, remaining) = (self.length, stretch.remaining);
+        let half = remaining * R::splat(0.5);
+        let part = (length + length).select_ge(remaining, half, length);
+        let mut taken = length.select_ge(remaining, remaining, part);
+        if self.source.follow {
+            self.follow_lengths(stretch, &mut taken);
+        }
+        taken
+    }
+
+    /// Those that follow take the same share of the stretch as the first.
+    #[inline(never)]
+    fn follow_lengths(&self, stretch: &Stretch<'_, R>, taken: &mut R) {
+        let (first, remaining) = (taken.lane(0), stretch.remaining.lane(0));
+        let share = first / stretch.duration.lane(0);
+        for lane in self.followers(stretch) {
+            let of_lane = if first == remaining {
+                stretch.remaining.lane(lane)
+            } else {
+                share * stretch.duration.lane(lane)
+            };
+            taken.set_lane(lane, of_lane);
+        }
+    }
+
+    /// Which candidates take the steps of the first over this stretch: not those that have it
+    /// alone, because their input is delayed by another number of samples.
+    fn followers(&self, stretch: &Stretch<'_, R>) -> impl Iterator<Item = usize> {
+        let leads = stretch.duration.lane(0) > 0.0;
+        let duration = stretch.duration;
+        (1..R::WIDTH).filter(move |lane| leads && duration.lane(*lane) > 0.0)
+    }
+
+    #[inline(always)]
+    fn try_explicit(&mut self, equations: &mut P::Row<'a, R>, (elapsed, trial): (R, &mut Trial<R>)) {
+        let from = Sum {
+            states: &self.states,
+            excess: &self.excess,
+        };
+        explicit::step(equations, from, &mut self.stages, (elapsed, trial.taken));
+        trial.squared_error = self.stages.squared_error(&self.weights, trial.taken);
+    }
+
+    /// Takes over the states of the candidates whose error is small enough, and chooses the
+    /// lengths of the next steps.
+    #[inline(always)]
+    fn accept(&mut self, stretch: &mut Stretch<'_, R>, trial: &mut Trial<R>) {
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        if self.source.follow {
+            for lane in self.followers(stretch) {
+                trial.squared_error.set_lane(lane, trial.squared_error.lane(0));
+            }
+        }
+        // Candidates at the end of the stretch take no more steps.
+        let least = R::splat(f64::from(f32::MIN_POSITIVE));
+        let error = stretch.remaining.select_ge(least, trial.squared_error, one + one);
+        let derivatives = R::splat(explicit::STAGES);
+        self.derivatives += stretch.remaining.select_ge(least, derivatives, zero);
+        replace(&mut self.states, &self.stages.next, error);
+        if R::IS_SINGLE {
+            replace(&mut self.excess, &self.stages.next_excess, error);
+        }
+        replace(&mut self.stages.first, &self.stages.end, error);
+        if !<P::Row<'a, R>>::SIZES_ARE_FIXED {
+            self.follow_sizes(error);
+        }
+        let factor = (trial.squared_error.inverse_eighth_root_estimate() * R::splat(SAFETY))
+            .clamp(SMALLEST_FACTOR, LARGEST_FACTOR);
+        let scaled = trial.taken * factor;
+        // A step that was cut short, and whose error is far below the tolerance, says nothing
+        // against the length before.
+        let grown = factor.select_ge(
+            R::splat(LARGEST_FACTOR),
+            Real::max(scaled, self.length),
+            scaled,
+        );
+        self.length = stretch.remaining.select_ge(least, grown, self.length);
+        let rest = stretch.remaining - trial.taken;
+        let rest = one.select_ge(error, rest, stretch.remaining);
+        stretch.remaining = rest.select_ge(zero, rest, zero);
+    }
+
+    /// Lets the sizes follow the states of those that moved.
+    #[inline(always)]
+    fn follow_sizes(&mut self, error: R) {
+        let one = R::splat(1.0);
+        let per_tolerance = R::splat(1.0 / self.source.accuracy.tolerance());
+        let states = self.states.as_ref().iter().zip(&self.least_sizes);
+        let sizes = self.sizes.as_mut().iter_mut().zip(self.weights.as_mut());
+        for ((state, least), (size, weight)) in states.zip(sizes) {
+            let shrunk = (*size * R::splat(SIZE_MEMORY)).max(R::splat(*least));
+            *size = one.select_ge(error, state.abs().max(shrunk), *size);
+            *weight = per_tolerance / *size;
+        }
+    }
+
+    /// Steps at whose start each state moves by a hundredth of its size; errors decide the rest.
+    #[inline(never)]
+    fn choose_first_lengths(&mut self, duration: R) {
+        let mut fastest = R::splat(0.0);
+        for (slope, size) in self.stages.first.as_ref().iter().zip(self.sizes.as_ref()) {
+            fastest = (slope.abs() / *size).max(fastest);
+        }
+        self.has_new = false;
+        for lane in 0..R::WIDTH {
+            let (whole, rate) = (duration.lane(lane), fastest.lane(lane));
+            self.has_new |= self.length.lane(lane) == 0.0 && whole == 0.0;
+            if self.length.lane(lane) == 0.0 && whole > 0.0 {
+                let length = if rate.is_finite() { 0.01 / rate } else { 0.0 };
+                // Far enough that the error says something about the length of the next.
+                let length = length.clamp(1e-6 * whole, 0.1 * whole);
+                self.length.set_lane(lane, length);
+            }
+        }
+    }
+
+    /// Looks at candidates that take many steps: those that do not get on fail, and those whose
+    /// steps are limited by stability go on with the stiff method.
+    #[inline(never)]
+    fn look(&mut self, stretch: &mut Stretch<'_, R>, trial: &Trial<R>) {
+        let rates = self.stages.squared_rate_times_length(&self.weights, trial.taken);
+        for lane in 0..R::WIDTH {
+            if stretch.remaining.lane(lane) <= 0.0 {
+                continue;
+            }
+            let failure = if self.length.lane(lane) < SHORTEST * stretch.duration.lane(lane) {
+                Some(self.why_too_short(lane, stretch.duration.lane(lane)))
+            } else if self.derivatives.lane(lane) > self.budget {
+                Some(Failure::StepBudget)
+            } else {
+                None
+            };
+            if let Some(failure) = failure {
+                self.fail(lane, failure);
+                stretch.remaining.set_lane(lane, 0.0);
+            } else if !self.is_stiff[lane] {
+                let shows_it = rates.lane(lane) > STIFF * STIFF;
+                let looks = self.stiff_looks[lane] + 1;
+                self.stiff_looks[lane] = if shows_it { looks } else { 0 };
+                self.is_stiff[lane] = self.stiff_looks[lane] >= STIFF_LOOKS;
+                self.calm_steps[lane] = 0;
+            }
+        }
+        self.follow_the_first(stretch);
+        self.has_stiff = self.is_stiff.contains(&true);
+    }
+
+    /// Those that follow the first use its method, and fail with it.
+    fn follow_the_first(&mut self, stretch: &mut Stretch<'_, R>) {
+        if !self.source.follow {
+            return;
+        }
+        for lane in 1..R::WIDTH {
+            self.is_stiff[lane] = self.is_stiff[0];
+            if let Some(failure) = self.failures[0] {
+                self.fail(lane, failure);
+                stretch.remaining.set_lane(lane, 0.0);
+            }
+        }
+    }
+
+    /// A state that runs away within the stretch has diverged.
+    fn why_too_short(&self, lane: usize, duration: f64) -> Failure {
+        let states = self.states.as_ref().iter().zip(self.sizes.as_ref());
+        let slopes = self.stages.first.as_ref().iter();
+        let stays = |((state, size), slope): ((&R, &R), &R)| {
+            let size = state.lane(lane).abs().max(size.lane(lane));
+            (slope.lane(lane) * duration).abs() <= RUNAWAY * size
+        };
+        if states.zip(slopes).all(stays) {
+            Failure::Tolerance
+        } else {
+            Failure::Diverged
+        }
+    }
+
+    /// A trial in which some candidates use the stiff method.
+    #[inline(never)]
+    fn try_stiff(
+        &mut self,
+        equations: &mut P::Row<'a, R>,
+        stretch: &mut Stretch<'_, R>,
+        (elapsed, trial): (R, &mut Trial<R>),
+    ) {
+        let remaining = stretch.remaining;
+        let moves = |lane: &usize| remaining.lane(*lane) > 0.0;
+        if (0..R::WIDTH).any(|lane| moves(&lane) && !self.is_stiff[lane]) {
+            self.try_explicit(equations, (elapsed, trial));
+        } else {
+            self.stages.next.clone_from(&self.states);
+            self.stages.next_excess.clone_from(&self.excess);
+        }
+        self.prepare_exact(stretch);
+        let mut exact = std::mem::take(&mut self.exact);
+        for (group, exact) in exact.iter_mut().enumerate() {
+            let first = group * LANES;
+            let lanes = first..R::WIDTH.min(first + LANES);
+            let members: Vec<usize> = lanes
+                .filter(|lane| self.is_stiff[*lane] && moves(lane))
+                .collect();
+            if members.is_empty() {
+                continue;
+            }
+            let taken = exact.take(self, (first, elapsed, trial.taken));
+            for lane in members {
+                let place = lane - first;
+                for (to, from) in self.stages.next.as_mut().iter_mut().zip(exact.next.as_ref()) {
+                    to.set_lane(lane, from.lane(place));
+                }
+                for excess in self.stages.next_excess.as_mut() {
+                    excess.set_lane(lane, 0.0);
+                }
+                let error = taken.squared_error.lane(place);
+                trial.squared_error.set_lane(lane, error);
+                self.note_stiff_step(lane, taken.rate_times_length.lane(place));
+            }
+        }
+        self.exact = exact;
+        self.has_stiff = self.is_stiff.contains(&true);
+        let at = elapsed + trial.taken;
+        equations.rates(&self.stages.next, at, &mut self.stages.end);
+    }
+
+    /// Leaves the stiff method after steps that another could have taken.
+    fn note_stiff_step(&mut self, lane: usize, rate_times_length: f64) {
+        let n = self.states.as_ref().len();
+        let derivatives = self.derivatives.lane(lane) + stiff::derivatives(n) - explicit::STAGES;
+        self.derivatives.set_lane(lane, derivatives);
+        if self.source.follow && lane > 0 {
+            self.is_stiff[lane] = self.is_stiff[0];
+            return;
+        }
+        let is_calm = rate_times_length < NOT_STIFF;
+        self.calm_steps[lane] = if is_calm { self.calm_steps[lane] + 1 } else { 0 };
+        if self.calm_steps[lane] >= CALM_STEPS {
+            self.is_stiff[lane] = false;
+            self.stiff_looks[lane] = 0;
+        }
+    }
+
+    /// Rows of eight candidates in double precision that know what is held.
+    fn prepare_exact(&mut self, stretch: &mut Stretch<'_, R>) {
+        let Source {
+            plant,
+            parameters,
+            sample_time,
+            ..
+        } = &self.source;
+        if self.exact.is_empty() {
+            for first in (0..R::WIDTH).step_by(LANES) {
+                let of_group: Vec<Lanes> =
+                    parameters.iter().map(|row| lanes_from(row, first)).collect();
+                let equations = plant.row(&of_group, *sample_time);
+                let states = equations.initial_states();
+                self.exact.push(Exact {
+                    rosenbrock: Rosenbrock::new(states.as_ref().len()),
+                    weights: states.clone(),
+                    next: states.clone(),
+                    states,
+                    equations,
+                });
+            }
+            stretch.is_exact = false;
+        }
+        if !stretch.is_exact {
+            for (group, exact) in self.exact.iter_mut().enumerate() {
+                exact.equations.act(&stretch.held.lanes_from(group * LANES));
+            }
+            stretch.is_exact = true;
+        }
+    }
+}
+
+impl<E: Equations<Lanes>> Exact<E> {
+    /// A step of the candidates from `first` on.
+    fn take<'a, P: System, R: Real>(
+        &mut self,
+        integrator: &Integrator<'a, P, R>,
+        (first, elapsed, taken): (usize, R, R),
+    ) -> stiff::Taken
+    where
+        P: 'a,
+    {
+        let sums = integrator.states.as_ref().iter();
+        let sums = sums.zip(integrator.excess.as_ref());
+        for (to, (state, excess)) in self.states.as_mut().iter_mut().zip(sums) {
+            *to = lanes_from::<R, Lanes>(state, first) - lanes_from(excess, first);
+        }
+        let weights = integrator.weights.as_ref().iter();
+        for (to, weight) in self.weights.as_mut().iter_mut().zip(weights) {
+            *to = lanes_from(weight, first);
+        }
+        // Candidates that stay get a step all the same, whose outcome nobody reads.
+        let length: Lanes = lanes_from(&taken, first);
+        let length = length.map(|length| if length > 0.0 { length } else { 1.0 });
+        integrator.source.width.does(WideStep {
+            rosenbrock: &mut self.rosenbrock,
+            equations: &mut self.equations,
+            step: stiff::Step {
+                states: &self.states,
+                weights: &self.weights,
+                elapsed: lanes_from(&elapsed, first),
+                length,
+            },
+            next: &mut self.next,
+        })
+    }
+}
+
+/// Takes over the numbers of the candidates whose error is at most 1.
+#[inline(always)]
+fn replace<R: Real, S: AsRef<[R]> + AsMut<[R]>>(to: &mut S, from: &S, error: R) {
+    let one = R::splat(1.0);
+    for (to, from) in to.as_mut().iter_mut().zip(from.as_ref()) {
+        *to = one.select_ge(error, *from, *to);
+    }
+}
