@@ -101,8 +101,8 @@ impl Dynamics for PositioningDrive {
         Some(constants.input_delay)
     }
 
-    fn state_scale(&self) -> &'static [f64] {
-        &[1.0, 1.0]
+    fn sizes<R: Real>(&self, _constants: &Constants<R>) -> [R; 2] {
+        [R::splat(1.0); 2]
     }
 }
 

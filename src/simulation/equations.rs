@@ -35,7 +35,7 @@ pub trait Equations<R: Real>: Send {
     /// The states at the first sample where the job does not say otherwise.
     fn initial_states(&self) -> Self::States;
     /// The smallest size of each state that an error is measured against.
-    fn sizes(&self) -> &[f64];
+    fn sizes(&self) -> Self::States;
     /// How long the held quantities take to act `[s]`.
     fn input_delay(&self) -> Option<R>;
     /// How many quantities are held.

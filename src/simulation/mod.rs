@@ -46,7 +46,7 @@ impl Accuracy {
     #[must_use]
     pub fn tolerance(self) -> f64 {
         match self {
-            Accuracy::Ranking | Accuracy::Screening => 3e-5,
+            Accuracy::Ranking | Accuracy::Screening => 1e-4,
             Accuracy::Full => 1e-7,
         }
     }

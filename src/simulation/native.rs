@@ -54,7 +54,7 @@ pub trait Dynamics: Send + Sync + 'static {
 
     /// The size that an error of each state is measured against: a step may err by
     /// [`Accuracy::tolerance`] times this.
-    fn state_scale(&self) -> &'static [f64];
+    fn sizes<R: Real>(&self, constants: &Self::Constants<R>) -> Self::State<R>;
 
     /// A rate that grows with the work that a candidate takes [1/s]. Candidates of like work go
     /// side by side; nothing else depends on it.
@@ -121,7 +121,7 @@ pub struct NativeRow<'a, D: Dynamics, R: Real> {
 }
 
 /// The change of a state that a derivative by differences is taken with, as a share of the larger
-/// of the state and its scale: half the digits.
+/// of the state and its size: half the digits.
 const SHARE: f64 = 1e-8;
 
 impl<D: Dynamics, R: Real> Equations<R> for NativeRow<'_, D, R> {
@@ -132,8 +132,8 @@ impl<D: Dynamics, R: Real> Equations<R> for NativeRow<'_, D, R> {
         self.dynamics.initial_state(&self.constants)
     }
 
-    fn sizes(&self) -> &[f64] {
-        self.dynamics.state_scale()
+    fn sizes(&self) -> D::State<R> {
+        self.dynamics.sizes(&self.constants)
     }
 
     fn input_delay(&self) -> Option<R> {
@@ -170,12 +170,12 @@ impl<D: Dynamics, R: Real> Equations<R> for NativeRow<'_, D, R> {
         rates: &D::State<R>,
         matrix: &mut [R],
     ) {
-        let scales = self.dynamics.state_scale();
-        let n = scales.len();
-        for (column, scale) in scales.iter().enumerate() {
+        let sizes = self.dynamics.sizes(&self.constants);
+        let n = sizes.as_ref().len();
+        for (column, size) in sizes.as_ref().iter().enumerate() {
             let mut shifted = *states;
             let state = states.as_ref()[column];
-            let size = state.abs().max(R::splat(*scale));
+            let size = state.abs().max(*size);
             let moved = state + size * R::splat(SHARE);
             shifted.as_mut()[column] = moved;
             let by = moved - state;

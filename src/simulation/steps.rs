@@ -87,7 +87,7 @@ pub struct Integrator<'a, P: System + 'a, R: Real> {
     excess: <P::Row<'a, R> as Equations<R>>::States,
     /// What errors of the states are measured against.
     sizes: <P::Row<'a, R> as Equations<R>>::States,
-    least_sizes: Vec<f64>,
+    least_sizes: <P::Row<'a, R> as Equations<R>>::States,
     /// 1 / (tolerance · size).
     weights: <P::Row<'a, R> as Equations<R>>::States,
     stages: Stages<<P::Row<'a, R> as Equations<R>>::States>,
@@ -145,14 +145,12 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     ) -> Self {
         let mut excess = states.clone();
         excess.as_mut().fill(R::splat(0.0));
-        let least_sizes = equations.sizes().to_vec();
-        let mut sizes = states.clone();
-        for (size, least) in sizes.as_mut().iter_mut().zip(&least_sizes) {
-            *size = if <P::Row<'a, R>>::SIZES_ARE_FIXED {
-                R::splat(*least)
-            } else {
-                size.abs().max(R::splat(*least))
-            };
+        let least_sizes = equations.sizes();
+        let mut sizes = least_sizes.clone();
+        if !<P::Row<'a, R>>::SIZES_ARE_FIXED {
+            for (size, state) in sizes.as_mut().iter_mut().zip(states.as_ref()) {
+                *size = state.abs().max(*size);
+            }
         }
         let per_tolerance = R::splat(1.0 / source.accuracy.tolerance());
         let mut weights = sizes.clone();
@@ -341,10 +339,10 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     fn follow_sizes(&mut self, error: R) {
         let one = R::splat(1.0);
         let per_tolerance = R::splat(1.0 / self.source.accuracy.tolerance());
-        let states = self.states.as_ref().iter().zip(&self.least_sizes);
+        let states = self.states.as_ref().iter().zip(self.least_sizes.as_ref());
         let sizes = self.sizes.as_mut().iter_mut().zip(self.weights.as_mut());
         for ((state, least), (size, weight)) in states.zip(sizes) {
-            let shrunk = (*size * R::splat(SIZE_MEMORY)).max(R::splat(*least));
+            let shrunk = (*size * R::splat(SIZE_MEMORY)).max(*least);
             *size = one.select_ge(error, state.abs().max(shrunk), *size);
             *weight = per_tolerance / *size;
         }

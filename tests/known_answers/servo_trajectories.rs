@@ -241,6 +241,7 @@ fn positions(accuracy: Accuracy, candidates: &[Vec<f64>], input: &[f64]) -> Vec<
             accuracy,
         },
         candidates: candidates.iter().map(|c| candidate(c.as_slice())).collect(),
+        in_step: 0,
     };
     let model = servo();
     let stop = AtomicBool::new(false);

@@ -35,8 +35,8 @@ impl Dynamics for Pendulum {
     fn input_delay<R: Real>(&self, c: &[R; 3]) -> Option<R> {
         Some(c[2])
     }
-    fn state_scale(&self) -> &'static [f64] {
-        &[1.0, 1.0]
+    fn sizes<R: Real>(&self, _: &[R; 3]) -> [R; 2] {
+        [R::splat(1.0); 2]
     }
     fn validity<R: Real>(&self, _: &[R; 3], x: &[R; 2]) -> R {
         R::splat(1e6) - x[0].abs()

@@ -91,8 +91,8 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
         initial.map(|register| self.get(*register)).collect()
     }
 
-    fn sizes(&self) -> &[f64] {
-        &self.program.sizes
+    fn sizes(&self) -> Vec<R> {
+        self.program.sizes.iter().map(|size| R::splat(*size)).collect()
     }
 
     fn input_delay(&self) -> Option<R> {
