@@ -3,8 +3,8 @@
 use super::{RUNS, SEED, shortest};
 use greybox::demo::{self, Demo};
 use greybox::model::{Catalogue, Model, document};
-use greybox::simulation::batch::{self, Piece, Run, Sink};
 use greybox::numerics::lanes::Lanes;
+use greybox::simulation::batch::{self, Piece, Run, Sink};
 use greybox::simulation::{Accuracy, Candidate, Excitation};
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;

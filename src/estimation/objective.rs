@@ -8,8 +8,8 @@
 
 use super::loss::Loss;
 use super::problem::{Experiment, Extent, Problem, Spelled};
-use crate::simulation::batch::{self, Sink};
 use crate::numerics::lanes::{LANES, Lanes};
+use crate::simulation::batch::{self, Sink};
 use crate::simulation::{Accuracy, Failure};
 use std::sync::atomic::AtomicBool;
 

@@ -257,10 +257,7 @@ impl Spelled {
                 .collect()
         };
         let filled = (0..problem.experiments.len()).map(of_experiment).collect();
-        Spelled {
-            filled,
-            in_step: 0,
-        }
+        Spelled { filled, in_step: 0 }
     }
 
     /// Lets the first `members` take the same steps: those that the first of them needs.

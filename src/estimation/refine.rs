@@ -10,8 +10,8 @@
 
 use super::problem::Problem;
 use super::sensitivity::{Neighbourhood, SensitivityError, Sides};
-use crate::numerics::least_squares::{Rows, Triangle};
 use crate::numerics::lanes::LANES;
+use crate::numerics::least_squares::{Rows, Triangle};
 use crate::simulation::{Accuracy, Failure};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;

@@ -7,8 +7,8 @@
 
 use super::loss::Loss;
 use super::problem::{Extent, Problem, Spelled};
-use crate::simulation::batch::{self, Sink};
 use crate::numerics::lanes::Lanes;
+use crate::simulation::batch::{self, Sink};
 use crate::simulation::{Accuracy, Failure};
 use std::sync::atomic::AtomicBool;
 

@@ -247,12 +247,14 @@ pub fn partials<R: Real>(
         }
         Operation::Select => {
             let half = R::splat(0.5);
-            [zero, a.select_ge(half, one, zero), a.select_ge(half, zero, one)]
+            [
+                zero,
+                a.select_ge(half, one, zero),
+                a.select_ge(half, zero, one),
+            ]
         }
         Operation::Sign | Operation::AtLeast | Operation::Above => [zero; 3],
-        Operation::Table(number) => {
-            by_a(each(a, |x| tables[usize::from(number)].slope(x)))
-        }
+        Operation::Table(number) => by_a(each(a, |x| tables[usize::from(number)].slope(x))),
     }
 }
 

@@ -169,8 +169,11 @@ impl Block<'_> {
         stop: &AtomicBool,
         new_sink: impl Fn(usize) -> S,
     ) -> Option<Vec<Piece<S>>> {
-        let members: Vec<Candidate<'_>> =
-            self.members.iter().map(|&index| candidates[index]).collect();
+        let members: Vec<Candidate<'_>> = self
+            .members
+            .iter()
+            .map(|&index| candidates[index])
+            .collect();
         let block = Candidates {
             members: &members,
             in_step: self.in_step,

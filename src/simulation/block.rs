@@ -8,7 +8,7 @@
 //! Candidates that are only ranked go through it in single precision where their plant offers it,
 //! twice as many side by side.
 
-use super::equations::{Equations, Held, System, Sample};
+use super::equations::{Equations, Held, Sample, System};
 use super::input_delay::{InputDelay, Stretch};
 use super::steps::{Integrator, LARGEST_NUMBER, Source};
 use super::{Accuracy, BlockSimulator, Candidates, Excitation, Failure};

@@ -31,6 +31,9 @@ pub trait Equations<R: Real>: Send {
     type States: States<R>;
     /// Whether errors are measured against [`Equations::sizes`] alone, however large a state is.
     const SIZES_ARE_FIXED: bool;
+    /// The share of the tolerance that a step of the explicit method may err. Oscillations that
+    /// nothing damps keep every error, so that equations of which nothing is known need care.
+    const EXPLICIT_SHARE: f64;
 
     /// The states at the first sample where the job does not say otherwise.
     fn initial_states(&self) -> Self::States;

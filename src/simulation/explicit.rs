@@ -76,7 +76,12 @@ pub fn step<R: Real, E: Equations<R>>(
     along::<R, _>(&mut stages.point, from.states, half, &stages.middle);
     equations.rates(&stages.point, elapsed + half, &mut stages.second);
     along::<R, _>(&mut stages.point, from.states, length, &stages.second);
-    for (sum, second) in stages.middle.as_mut().iter_mut().zip(stages.second.as_ref()) {
+    for (sum, second) in stages
+        .middle
+        .as_mut()
+        .iter_mut()
+        .zip(stages.second.as_ref())
+    {
         *sum += *second;
     }
     equations.rates(&stages.point, elapsed + length, &mut stages.last);

@@ -71,7 +71,11 @@ impl<R: Real> Factors<R> {
             return;
         }
         for place in 0..n {
-            exchange(&mut self.entries, [column * n + place, row * n + place], is_done);
+            exchange(
+                &mut self.entries,
+                [column * n + place, row * n + place],
+                is_done,
+            );
         }
         self.exchanges.push(Exchange {
             rows: [column, row],

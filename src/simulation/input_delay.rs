@@ -142,7 +142,11 @@ mod tests {
     fn each_candidate_sees_a_step_after_its_own_delay() {
         let mut delay = InputDelay::new(Lanes([0.25, 1.0]));
         let first = delay.stretches(&held(1.0), 0.0, 1.0);
-        assert_eq!(of_lane(&first, 1), [(1.0, 1.0)], "before the record: the first value");
+        assert_eq!(
+            of_lane(&first, 1),
+            [(1.0, 1.0)],
+            "before the record: the first value"
+        );
         let second = delay.stretches(&held(2.0), 1.0, 1.0);
         assert_eq!(of_lane(&second, 0), [(1.0, 0.25), (2.0, 0.75)]);
         assert_eq!(of_lane(&second, 1), [(1.0, 1.0)]);
@@ -160,13 +164,7 @@ mod tests {
         let late = delay.stretches(&held(9.0), 2.5, 5.0);
         assert_eq!(
             of_lane(&late, 0),
-            [
-                (0.0, 0.5),
-                (0.0, 1.0),
-                (1.0, 1.0),
-                (2.0, 0.5),
-                (9.0, 2.0)
-            ]
+            [(0.0, 0.5), (0.0, 1.0), (1.0, 1.0), (2.0, 0.5), (9.0, 2.0)]
         );
     }
 

@@ -46,8 +46,8 @@ impl Accuracy {
     #[must_use]
     pub fn tolerance(self) -> f64 {
         match self {
-            Accuracy::Ranking | Accuracy::Screening => 1e-4,
-            Accuracy::Full => 1e-7,
+            Accuracy::Ranking | Accuracy::Screening => 5e-6,
+            Accuracy::Full => 1e-8,
         }
     }
 }

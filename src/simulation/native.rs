@@ -127,6 +127,7 @@ const SHARE: f64 = 1e-8;
 impl<D: Dynamics, R: Real> Equations<R> for NativeRow<'_, D, R> {
     type States = D::State<R>;
     const SIZES_ARE_FIXED: bool = true;
+    const EXPLICIT_SHARE: f64 = 1.0;
 
     fn initial_states(&self) -> D::State<R> {
         self.dynamics.initial_state(&self.constants)

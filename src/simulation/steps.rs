@@ -49,10 +49,12 @@ const NOT_STIFF: f64 = 0.5;
 /// ... so many steps in a row.
 const CALM_STEPS: u8 = 8;
 
-/// A step shorter than this share of its stretch does not get on.
-const SHORTEST: f64 = 1e-13;
+/// A step does not get on that is shorter than rounding leaves of the time since its stretch began,
+/// or, where that has just begun, than this share of the stretch.
+const SHORTEST: f64 = 1e-30;
 
-/// A state that would grow to so many times its size within a stretch runs away.
+/// A state that would grow to so many times its size in the time since its stretch began has
+/// diverged.
 const RUNAWAY: f64 = 1e9;
 
 /// Derivatives that one candidate may spend over a recording: a part for each sample, and a part
@@ -286,13 +288,19 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     }
 
     #[inline(always)]
-    fn try_explicit(&mut self, equations: &mut P::Row<'a, R>, (elapsed, trial): (R, &mut Trial<R>)) {
+    fn try_explicit(
+        &mut self,
+        equations: &mut P::Row<'a, R>,
+        (elapsed, trial): (R, &mut Trial<R>),
+    ) {
         let from = Sum {
             states: &self.states,
             excess: &self.excess,
         };
         explicit::step(equations, from, &mut self.stages, (elapsed, trial.taken));
-        trial.squared_error = self.stages.squared_error(&self.weights, trial.taken);
+        let share = 1.0 / <P::Row<'a, R>>::EXPLICIT_SHARE;
+        let squared_error = self.stages.squared_error(&self.weights, trial.taken);
+        trial.squared_error = squared_error * R::splat(share * share);
     }
 
     /// Takes over the states of the candidates whose error is small enough, and chooses the
@@ -302,12 +310,16 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
         if self.source.follow {
             for lane in self.followers(stretch) {
-                trial.squared_error.set_lane(lane, trial.squared_error.lane(0));
+                trial
+                    .squared_error
+                    .set_lane(lane, trial.squared_error.lane(0));
             }
         }
         // Candidates at the end of the stretch take no more steps.
         let least = R::splat(f64::from(f32::MIN_POSITIVE));
-        let error = stretch.remaining.select_ge(least, trial.squared_error, one + one);
+        let error = stretch
+            .remaining
+            .select_ge(least, trial.squared_error, one + one);
         let derivatives = R::splat(explicit::STAGES);
         self.derivatives += stretch.remaining.select_ge(least, derivatives, zero);
         replace(&mut self.states, &self.stages.next, error);
@@ -372,13 +384,18 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     /// steps are limited by stability go on with the stiff method.
     #[inline(never)]
     fn look(&mut self, stretch: &mut Stretch<'_, R>, trial: &Trial<R>) {
-        let rates = self.stages.squared_rate_times_length(&self.weights, trial.taken);
+        let rates = self
+            .stages
+            .squared_rate_times_length(&self.weights, trial.taken);
         for lane in 0..R::WIDTH {
             if stretch.remaining.lane(lane) <= 0.0 {
                 continue;
             }
-            let failure = if self.length.lane(lane) < SHORTEST * stretch.duration.lane(lane) {
-                Some(self.why_too_short(lane, stretch.duration.lane(lane)))
+            let duration = stretch.duration.lane(lane);
+            let elapsed = duration - stretch.remaining.lane(lane);
+            let shortest = (f64::EPSILON * elapsed).max(SHORTEST * duration);
+            let failure = if self.length.lane(lane) < shortest {
+                Some(self.why_too_short(lane, elapsed))
             } else if self.derivatives.lane(lane) > self.budget {
                 Some(Failure::StepBudget)
             } else {
@@ -413,13 +430,13 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         }
     }
 
-    /// A state that runs away within the stretch has diverged.
-    fn why_too_short(&self, lane: usize, duration: f64) -> Failure {
+    /// A state has diverged that moves so fast that the time so far would take it away.
+    fn why_too_short(&self, lane: usize, elapsed: f64) -> Failure {
         let states = self.states.as_ref().iter().zip(self.sizes.as_ref());
         let slopes = self.stages.first.as_ref().iter();
         let stays = |((state, size), slope): ((&R, &R), &R)| {
             let size = state.lane(lane).abs().max(size.lane(lane));
-            (slope.lane(lane) * duration).abs() <= RUNAWAY * size
+            (slope.lane(lane) * elapsed).abs() <= RUNAWAY * size
         };
         if states.zip(slopes).all(stays) {
             Failure::Tolerance
@@ -458,7 +475,13 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             let taken = exact.take(self, (first, elapsed, trial.taken));
             for lane in members {
                 let place = lane - first;
-                for (to, from) in self.stages.next.as_mut().iter_mut().zip(exact.next.as_ref()) {
+                for (to, from) in self
+                    .stages
+                    .next
+                    .as_mut()
+                    .iter_mut()
+                    .zip(exact.next.as_ref())
+                {
                     to.set_lane(lane, from.lane(place));
                 }
                 for excess in self.stages.next_excess.as_mut() {
@@ -485,7 +508,11 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             return;
         }
         let is_calm = rate_times_length < NOT_STIFF;
-        self.calm_steps[lane] = if is_calm { self.calm_steps[lane] + 1 } else { 0 };
+        self.calm_steps[lane] = if is_calm {
+            self.calm_steps[lane] + 1
+        } else {
+            0
+        };
         if self.calm_steps[lane] >= CALM_STEPS {
             self.is_stiff[lane] = false;
             self.stiff_looks[lane] = 0;
@@ -502,8 +529,10 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         } = &self.source;
         if self.exact.is_empty() {
             for first in (0..R::WIDTH).step_by(LANES) {
-                let of_group: Vec<Lanes> =
-                    parameters.iter().map(|row| lanes_from(row, first)).collect();
+                let of_group: Vec<Lanes> = parameters
+                    .iter()
+                    .map(|row| lanes_from(row, first))
+                    .collect();
                 let equations = plant.row(&of_group, *sample_time);
                 let states = equations.initial_states();
                 self.exact.push(Exact {

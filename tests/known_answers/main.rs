@@ -6,3 +6,4 @@
 )]
 
 mod servo_trajectories;
+mod test_set;

@@ -5,8 +5,8 @@
 //! stalled at its stops, from `scripts/all_effects.py`.
 
 use greybox::model::{Catalogue, Model};
-use greybox::simulation::batch::{self, Run, Sink};
 use greybox::numerics::lanes::Lanes;
+use greybox::simulation::batch::{self, Run, Sink};
 use greybox::simulation::{Accuracy, Candidate, Excitation, single};
 use serde_json::Value;
 use std::collections::BTreeMap;

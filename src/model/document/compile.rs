@@ -3,13 +3,13 @@
 //! Every fault of every expression is found, each with its line and column. A name that was
 //! faulted once is not faulted again through the names that use it.
 
-use crate::language::operation::Operation;
 use super::definition::{Declared, Definition, Text};
-use crate::language::graph::{Full, Graph, Leaf, MAX_NODES, NodeId};
-use crate::language::syntax::{Expression, Kind, Span};
-use crate::language::unit::Unit;
 use crate::document::fault::Fault;
 use crate::document::reader::{Faults, did_you_mean};
+use crate::language::graph::{Full, Graph, Leaf, MAX_NODES, NodeId};
+use crate::language::operation::Operation;
+use crate::language::syntax::{Expression, Kind, Span};
+use crate::language::unit::Unit;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 mod operations;

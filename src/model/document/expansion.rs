@@ -1,9 +1,9 @@
 //! What the functions of the language become: one or a few operations each.
 
-use crate::language::operation::Operation;
 use super::compile::{Compiler, Place, Value};
 use crate::language::function::Function;
 use crate::language::graph::{Full, Graph, NodeId};
+use crate::language::operation::Operation;
 use crate::language::syntax::{Expression, Span};
 use crate::language::unit::Unit;
 

@@ -2,20 +2,20 @@
 //!
 //! Everything is bounded here, so that what follows works on a small thing.
 
-use crate::language::operation::Table;
 use super::definition::{
     Declared, Definition, Formula, Initial, Measured, NamedTable, Options, Parameter, Sampled,
     State, Text,
 };
-use crate::language::syntax;
-use crate::language::unit::Unit;
 use crate::document::fault::Fault;
 use crate::document::reader::{Faults, Field, Object};
+use crate::language::operation::Table;
+use crate::language::syntax;
+use crate::language::unit::Unit;
 use crate::model::Scale;
 
 /// The names of one kind (states, quantities …) in a model at the most.
-const MAX_STATES: usize = 16;
-const MAX_SIGNALS: usize = 16;
+const MAX_STATES: usize = 32;
+const MAX_SIGNALS: usize = 32;
 const MAX_PARAMETERS: usize = 128;
 const MAX_QUANTITIES: usize = 256;
 const MAX_TABLES: usize = 16;
@@ -58,7 +58,6 @@ pub fn read(document: &Field<'_>, faults: &Faults) -> Option<Definition> {
     for (section, is_empty) in [
         ("states", definition.states.is_empty()),
         ("outputs", definition.outputs.is_empty()),
-        ("inputs", definition.inputs.is_empty()),
         ("parameters", definition.parameters.is_empty()),
     ] {
         if is_empty && document.value.get(section).is_none_or(is_hollow) {

@@ -206,7 +206,11 @@ fn lanes_that_repeat_the_first_do_not_count() {
             in_step: false,
         };
         let mut block = steep.plant().simulator(excitation, candidates);
-        assert!(block.advance(3, &mut rows, &AtomicBool::new(false)).is_some());
+        assert!(
+            block
+                .advance(3, &mut rows, &AtomicBool::new(false))
+                .is_some()
+        );
         (
             block.derivative_evaluations(),
             block.failures()[..].to_vec(),

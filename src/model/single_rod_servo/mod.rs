@@ -274,10 +274,17 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
     /// In proportion to what the rig can reach, with factors by which each state adds about as
     /// much to the error of the position (tried on recording A).
     fn sizes<R: Real>(&self, constants: &Constants<R>) -> [R; 6] {
-        let pressure = R::splat(4.0) * constants.supply_pressure;
-        let position = R::splat(2.0) * constants.cylinder.stroke;
-        let [velocity, opening, spool_velocity] = [1.0, 30.0, 1e4].map(R::splat);
-        [pressure, pressure, position, velocity, opening, spool_velocity]
+        let pressure = R::splat(80.0) * constants.supply_pressure;
+        let position = R::splat(40.0) * constants.cylinder.stroke;
+        let [velocity, opening, spool_velocity] = [20.0, 600.0, 2e5].map(R::splat);
+        [
+            pressure,
+            pressure,
+            position,
+            velocity,
+            opening,
+            spool_velocity,
+        ]
     }
 
     #[inline(always)]

@@ -10,7 +10,6 @@ use crate::simulation::{
     Accuracy, BlockSimulator, Candidate, Candidates, Excitation, Plant, block,
 };
 
-
 /// The servo.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Servo {

@@ -85,6 +85,7 @@ impl<'a, R: Real> ProgramRow<'a, R> {
 impl<R: Real> Equations<R> for ProgramRow<'_, R> {
     type States = Vec<R>;
     const SIZES_ARE_FIXED: bool = false;
+    const EXPLICIT_SHARE: f64 = 0.05;
 
     fn initial_states(&self) -> Vec<R> {
         let initial = self.program.lists.roots.initial.iter();
@@ -92,7 +93,11 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
     }
 
     fn sizes(&self) -> Vec<R> {
-        self.program.sizes.iter().map(|size| R::splat(*size)).collect()
+        self.program
+            .sizes
+            .iter()
+            .map(|size| R::splat(*size))
+            .collect()
     }
 
     fn input_delay(&self) -> Option<R> {
@@ -125,7 +130,8 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
         let n_inputs = wiring.inputs.len();
         let inputs = (0..n_inputs).map(|input| R::splat(sample.input(input)));
         held.values.clear();
-        held.values.extend(inputs.chain(self.previous.iter().copied()));
+        held.values
+            .extend(inputs.chain(self.previous.iter().copied()));
         if self.program.moving_inputs {
             let slopes = (0..n_inputs).map(|input| R::splat(sample.slope(input)));
             held.slopes.clear();
@@ -188,8 +194,6 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
 
     fn validity(&mut self, _states: &Vec<R>) -> R {
         let holds = self.program.lists.roots.valid;
-        holds.map_or(R::splat(0.0), |register| {
-            self.get(register) - R::splat(0.5)
-        })
+        holds.map_or(R::splat(0.0), |register| self.get(register) - R::splat(0.5))
     }
 }

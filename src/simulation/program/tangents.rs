@@ -43,7 +43,10 @@ impl Reach {
         for (place, instruction) in lists.rates.instructions().iter().enumerate() {
             let Instruction { operation, to, on } = instruction;
             let read = &on[..operation.arguments()];
-            if read.iter().any(|register| is_reached[usize::from(*register)]) {
+            if read
+                .iter()
+                .any(|register| is_reached[usize::from(*register)])
+            {
                 is_reached[usize::from(*to)] = true;
                 instructions.push(place);
             }
@@ -65,9 +68,8 @@ impl Tangents {
         states: &[Option<Register>],
         inputs: &[Option<Register>],
     ) -> Tangents {
-        let of_state = |register: &Option<Register>| {
-            Reach::of(lists, register.iter().copied().collect())
-        };
+        let of_state =
+            |register: &Option<Register>| Reach::of(lists, register.iter().copied().collect());
         Tangents {
             states: states.iter().map(of_state).collect(),
             inputs: Reach::of(lists, inputs.iter().copied().flatten().collect()),
@@ -143,7 +145,9 @@ impl Reach {
         for place in &self.instructions {
             let Instruction { operation, to, on } = lists.rates.instructions()[*place];
             let mut sum = R::splat(0.0);
-            for (partial, register) in room.partials[*place].iter().zip(&on[..operation.arguments()])
+            for (partial, register) in room.partials[*place]
+                .iter()
+                .zip(&on[..operation.arguments()])
             {
                 let part = *partial * room.along[usize::from(*register)];
                 // A derivative of 0 hides what is infinite behind it, e.g. the branch not taken.

@@ -1,13 +1,13 @@
 //! Operators, calls and tables: what stands between names, with the units that fit.
 
+use super::super::expansion;
 use super::{Compiler, Place, Symbol, Value};
 use crate::document::reader::did_you_mean;
-use crate::language::operation::Operation;
+use crate::language::function;
 use crate::language::graph::Leaf;
+use crate::language::operation::Operation;
 use crate::language::syntax::{Expression, Operator, Span};
 use crate::language::unit::Unit;
-use super::super::expansion;
-use crate::language::function;
 
 impl Compiler<'_> {
     /// A sampled quantity in its own expression is its value at the sample before.
