@@ -47,11 +47,7 @@ impl<R: Real> Factors<R> {
             let (above, below) = self.entries.split_at_mut((column + 1) * n);
             let pivot_row = &above[column * n..];
             for entries in below.chunks_exact_mut(n) {
-                let factor = entries[column] * inverse;
-                entries[column] = factor;
-                for (entry, pivot) in entries.iter_mut().zip(pivot_row).skip(column + 1) {
-                    *entry -= factor * *pivot;
-                }
+                eliminate(entries, pivot_row, (column, inverse));
             }
         }
     }
@@ -105,6 +101,17 @@ impl<R: Real> Factors<R> {
             }
             right[row] = value / entries[row];
         }
+    }
+}
+
+/// Takes the pivot's row from another so that nothing is left below the pivot, and keeps the factor
+/// there.
+#[inline(always)]
+fn eliminate<R: Real>(entries: &mut [R], pivot_row: &[R], (column, inverse): (usize, R)) {
+    let factor = entries[column] * inverse;
+    entries[column] = factor;
+    for (entry, pivot) in entries.iter_mut().zip(pivot_row).skip(column + 1) {
+        *entry -= factor * *pivot;
     }
 }
 

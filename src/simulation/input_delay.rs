@@ -69,17 +69,15 @@ impl<R: Real> InputDelay<R> {
                 duration: R::splat(0.0),
             };
             let mut is_last = true;
-            for lane in 0..R::WIDTH {
+            for (lane, reached) in reached.iter_mut().enumerate() {
                 let change = self.next_change(lane, start);
                 let change = change.filter(|at| *at < interval - close);
                 let until = change.unwrap_or(interval);
-                stretch.duration.set_lane(lane, until - reached[lane]);
-                self.put_acting(lane, start + reached[lane], &mut stretch.held);
-                reached[lane] = until;
-                if change.is_some() {
-                    self.newer[lane] -= 1;
-                    is_last = false;
-                }
+                stretch.duration.set_lane(lane, until - *reached);
+                self.put_acting(lane, start + *reached, &mut stretch.held);
+                *reached = until;
+                self.newer[lane] -= usize::from(change.is_some());
+                is_last &= change.is_none();
             }
             stretches.push(stretch);
             if is_last {
