@@ -47,12 +47,14 @@ pub struct Prediction {
 }
 
 /// Looks ahead, where that takes no longer than a client waits; what it finds joins the findings.
+/// Answers nothing when `stop` was raised.
 #[must_use]
 pub fn forecast(
     assembly: &Assembly,
     settings: &Settings,
     findings: &mut Vec<Finding>,
-) -> Identifiability {
+    stop: &AtomicBool,
+) -> Option<Identifiability> {
     let problem = &assembly.problem;
     let columns = 1 + 2 * problem.coordinates.len();
     let cost = preflight::preflight(assembly, settings).derivatives_per_evaluation as f64;
@@ -67,24 +69,22 @@ pub fn forecast(
             "/experiments",
             &detail,
         ));
-        return Identifiability {
+        return Some(Identifiability {
             points: 0,
             predictions: Vec::new(),
             flat_directions: Vec::new(),
-        };
+        });
     }
-    let never = AtomicBool::new(false);
-    let forecast = identifiability::forecast(problem, Accuracy::Full, &never);
-    let forecast = forecast.expect("nobody interrupts");
+    let forecast = identifiability::forecast(problem, Accuracy::Full, stop)?;
     findings.extend(forecast.flat.iter().map(|flat| unseen(problem, flat)));
     let pairs = problem.coordinates.iter().zip(&forecast.coordinates);
-    Identifiability {
+    Some(Identifiability {
         points: forecast.points as u64,
         predictions: pairs
             .map(|(coordinate, forecast)| prediction(coordinate, forecast))
             .collect(),
         flat_directions: forecast.flat.into_iter().map(|flat| flat.words).collect(),
-    }
+    })
 }
 
 /// What the data of a job that begins do not see, at the price of about one generation. Answers
