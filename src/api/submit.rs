@@ -18,7 +18,6 @@ use super::http_headers::{idempotency_key, json, preferred_wait};
 use super::jobs::{self, Job};
 use super::query::{FromQuery, Params, QueryReader};
 use super::spec_cache::SpecKey;
-use super::work::stopped;
 use super::{ApiState, models};
 use crate::job::assemble::{self, Assembly, Finding, Identifiability, Preflight};
 use crate::job::spec::Context;
@@ -139,7 +138,7 @@ pub async fn submit(
         let look_ahead = move |assembly: &Assembly, stop: &AtomicBool| {
             let mut preflight = assemble::preflight(assembly, &method);
             let ahead = assemble::forecast(assembly, &method, &mut preflight.findings, stop);
-            Ok((preflight, ahead.ok_or_else(stopped)?))
+            Ok((preflight, ahead))
         };
         let forecast = assembled(&state, &spec, model, look_ahead).await?;
         return Ok(json(StatusCode::OK, &Validation::new(spec, forecast)));

@@ -19,6 +19,8 @@ use super::error::{Answer, Kind, Problem};
 const LONGEST_QUEUE: Duration = Duration::from_secs(10);
 /// How long a client may let the server compute.
 const LONGEST_COMPUTATION: Duration = Duration::from_secs(20);
+/// How long a computation whose time is up may take to say what it has.
+const LAST_ANSWER: Duration = Duration::from_secs(2);
 
 /// Places for something that there may be only so much of at once.
 #[derive(Clone)]
@@ -90,25 +92,35 @@ impl ApiState {
         let place = self.0.computations.take().await?;
         let stop = Arc::new(AtomicBool::new(false));
         let _stop_when_the_client_leaves = StopOnDrop(stop.clone());
-        let done = tokio::task::spawn_blocking(move || {
+        let flag = stop.clone();
+        let mut done = tokio::task::spawn_blocking(move || {
             let _place = place;
-            work(&stop)
+            work(&flag)
         });
         tokio::select! {
-            done = done => done.unwrap_or_else(|panic| {
+            done = &mut done => done.unwrap_or_else(|panic| {
                 tracing::error!(%panic, "a computation for a request panicked");
                 Err(Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR))
             }),
             () = tokio::time::sleep(LONGEST_COMPUTATION) => {
-                let detail = format!(
-                    "this takes longer than {} s; ask for a shorter part of the recording",
-                    LONGEST_COMPUTATION.as_secs()
-                );
-                Err(Problem::new(Kind::Invalid, detail))
+                stop.store(true, Ordering::Relaxed);
+                // What it has found out by now may be an answer.
+                match tokio::time::timeout(LAST_ANSWER, done).await {
+                    Ok(Ok(Ok(answer))) => Ok(answer),
+                    _ => Err(too_long()),
+                }
             }
             () = self.hub.closed() => Err(Problem::shutting_down()),
         }
     }
+}
+
+fn too_long() -> Problem {
+    let detail = format!(
+        "this takes longer than {} s; ask for a shorter part of the recording",
+        LONGEST_COMPUTATION.as_secs()
+    );
+    Problem::new(Kind::Invalid, detail)
 }
 
 /// A computation that was told to stop; whoever told it does not wait for the answer.

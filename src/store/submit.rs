@@ -76,14 +76,7 @@ impl Store {
             let submissions = self.inner.submissions.clone();
             place.take(
                 move |tx| Box::pin(write_all(queue, tx, turn, replies)),
-                move |outcome| {
-                    let mut all = std::mem::take(&mut *lock(&answered));
-                    if all.is_empty() {
-                        // The transaction failed before their turn came.
-                        all = submissions.leave();
-                    }
-                    answer_each(all, outcome);
-                },
+                move |outcome| answer_each(submissions.answered(&answered), outcome),
             );
         }
         answer.await.map_err(|_| StoreError::Closed)?
@@ -132,8 +125,13 @@ impl Submissions {
         (waiting.len() == 1).then(|| Turn(Some(self.clone())))
     }
 
-    /// All that wait leave without having been written.
-    fn leave(&self) -> Vec<Reply> {
+    /// Whom an outcome is for: those that had their turn; all that wait, where the transaction failed
+    /// before it came.
+    fn answered(&self, had_their_turn: &Mutex<Vec<Reply>>) -> Vec<Reply> {
+        let replies = std::mem::take(&mut *lock(had_their_turn));
+        if !replies.is_empty() {
+            return replies;
+        }
         let waiting = std::mem::take(&mut *lock(&self.waiting));
         waiting.into_iter().map(|one| one.reply).collect()
     }

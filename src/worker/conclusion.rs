@@ -17,7 +17,7 @@ use crate::job::{Failure, Status};
 use crate::store::{Checkpoint, Ending, Hold, Record, StopRequest, StoreError};
 
 /// How long the best estimate so far of a job that was stopped may be analysed.
-const ANALYSIS_TIME: Duration = Duration::from_secs(1);
+const ANALYSIS_TIME: Duration = Duration::from_millis(500);
 /// How often it is looked whether an analysis has to hurry.
 const HURRY_INTERVAL: Duration = Duration::from_millis(20);
 

@@ -37,10 +37,10 @@ async fn p3_a_disk_that_was_full_loses_nothing_and_is_written_again_within_five_
         eprintln!("skipped: there is no prlimit here");
         return;
     }
-    let dataset = server.store(&plant::recording(500)).await;
+    let dataset = server.store(&plant::recording(150)).await;
     let mut accepted = Vec::new();
     for round in 0..6 {
-        let job = plant::job(&dataset, 40, round);
+        let job = plant::job(&dataset, 5, round);
         let key = format!("before {round}");
         accepted.push(server.submit(&job, &key).await.expect("an answer"));
         assert!(server.limit_files("1"));
@@ -60,7 +60,7 @@ async fn p3_a_disk_that_was_full_loses_nothing_and_is_written_again_within_five_
         let room = Instant::now();
         until_ready_is(&server, StatusCode::OK).await;
         let key = format!("after {round}");
-        let job = plant::job(&dataset, 40, round);
+        let job = plant::job(&dataset, 5, round);
         accepted.push(server.submit(&job, &key).await.expect("an answer"));
         assert!(room.elapsed() < Duration::from_secs(5), "the promise");
     }

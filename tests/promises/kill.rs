@@ -188,7 +188,7 @@ async fn p1_to_p5_accepted_jobs_survive_fifty_kills_and_come_to_the_same_bits() 
 }
 
 /// Samples of which a generation takes so long that the kills below meet it at work.
-const MANY_SAMPLES: usize = 60_000;
+const MANY_SAMPLES: usize = 20_000;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn p3_five_kills_within_one_long_unit_of_work_do_not_fail_its_job() {

@@ -46,15 +46,15 @@ pub struct Prediction {
     pub share_of_range: Option<[f64; 2]>,
 }
 
-/// Looks ahead, where that takes no longer than a client waits; what it finds joins the findings.
-/// Answers nothing when `stop` was raised.
+/// Looks ahead, where that takes no longer than a client waits; what it finds joins the findings,
+/// and that it could not look when `stop` was raised before it had.
 #[must_use]
 pub fn forecast(
     assembly: &Assembly,
     settings: &Settings,
     findings: &mut Vec<Finding>,
     stop: &AtomicBool,
-) -> Option<Identifiability> {
+) -> Identifiability {
     let problem = &assembly.problem;
     let columns = 1 + 2 * problem.coordinates.len();
     let cost = preflight::preflight(assembly, settings).derivatives_per_evaluation as f64;
@@ -64,27 +64,36 @@ pub fn forecast(
             "the recording is too long to look ahead ({cost:.1e} derivatives): what the data fix \
              is seen in the result"
         );
-        findings.push(Finding::new(
-            "identifiability_not_checked",
-            "/experiments",
-            &detail,
-        ));
-        return Some(Identifiability {
-            points: 0,
-            predictions: Vec::new(),
-            flat_directions: Vec::new(),
-        });
+        return unchecked(findings, &detail);
     }
-    let forecast = identifiability::forecast(problem, Accuracy::Full, stop)?;
+    let Some(forecast) = identifiability::forecast(problem, Accuracy::Full, stop) else {
+        let detail = "to look ahead took longer than a client waits: what the data fix is seen in \
+                      the result";
+        return unchecked(findings, detail);
+    };
     findings.extend(forecast.flat.iter().map(|flat| unseen(problem, flat)));
     let pairs = problem.coordinates.iter().zip(&forecast.coordinates);
-    Some(Identifiability {
+    Identifiability {
         points: forecast.points as u64,
         predictions: pairs
             .map(|(coordinate, forecast)| prediction(coordinate, forecast))
             .collect(),
         flat_directions: forecast.flat.into_iter().map(|flat| flat.words).collect(),
-    })
+    }
+}
+
+/// Nobody looked ahead, and why.
+fn unchecked(findings: &mut Vec<Finding>, detail: &str) -> Identifiability {
+    findings.push(Finding::new(
+        "identifiability_not_checked",
+        "/experiments",
+        detail,
+    ));
+    Identifiability {
+        points: 0,
+        predictions: Vec::new(),
+        flat_directions: Vec::new(),
+    }
 }
 
 /// What the data of a job that begins do not see, at the price of about one generation. Answers
