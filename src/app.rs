@@ -12,7 +12,7 @@ use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
 use crate::api::{self, ApiState, Parts};
-use crate::config::{SHUTDOWN_LIMIT, Settings, SettingsError};
+use crate::config::{FILES_KEPT, MAX_CONNECTIONS, SHUTDOWN_LIMIT, Settings, SettingsError};
 use crate::dashboard;
 use crate::event::EventHub;
 use crate::model::Catalogue;
@@ -22,7 +22,13 @@ use crate::worker::identification::Identification;
 use crate::worker::run::Method;
 
 /// What is left of the shutdown's time for the connections after the slices were handed back.
-const LAST_WORDS: Duration = Duration::from_millis(500);
+const LAST_WORDS: Duration = Duration::from_millis(300);
+/// How often what was measured is put together.
+const UPKEEP_INTERVAL: Duration = Duration::from_secs(5);
+/// The ends of the buckets in which the durations of answers are counted `[s]`.
+const DURATION_BUCKETS: [f64; 12] = [
+    0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 60.0, 120.0,
+];
 
 /// Why a server did not start.
 #[derive(Debug, thiserror::Error)]
@@ -51,6 +57,7 @@ pub struct App {
     worker: Worker,
     closing: CancellationToken,
     server: JoinHandle<()>,
+    upkeep: JoinHandle<()>,
 }
 
 impl App {
@@ -86,8 +93,10 @@ impl App {
         });
         let closing = CancellationToken::new();
         let routes = api::resources(state).merge(dashboard::router());
-        let serve = connections::serve(listener, api::with_middleware(routes), closing.clone());
+        let routes = api::with_middleware(routes, Arc::new(settings.names()));
+        let serve = connections::serve(listener, routes, most_connections(), closing.clone());
         let server = tokio::spawn(serve);
+        let upkeep = tokio::spawn(keep_up(metrics(), closing.clone()));
         tracing::info!(%address, "listening");
         Ok(Self {
             address,
@@ -96,6 +105,7 @@ impl App {
             worker,
             closing,
             server,
+            upkeep,
         })
     }
 
@@ -118,6 +128,7 @@ impl App {
             worker,
             closing,
             mut server,
+            upkeep,
             ..
         } = self;
         closing.cancel();
@@ -134,7 +145,39 @@ impl App {
                 server.abort();
             }
         }
-        store.close().await;
+        if let Err(error) = upkeep.await {
+            tracing::error!(%error, "the upkeep of the metrics ended badly");
+        }
+        if tokio::time::timeout(LAST_WORDS, store.close())
+            .await
+            .is_err()
+        {
+            tracing::warn!("the database was not closed in time; what it acknowledged is on disk");
+        }
+    }
+}
+
+/// The connections that may be open at once: as many as the system allows files, which is asked to
+/// allow as many as it may.
+fn most_connections() -> usize {
+    let files = rlimit::increase_nofile_limit(MAX_CONNECTIONS + FILES_KEPT);
+    let files = files.unwrap_or_else(|error| {
+        tracing::warn!(%error, "it is not known how many files may be open");
+        MAX_CONNECTIONS
+    });
+    let connections = files.saturating_sub(FILES_KEPT).clamp(1, MAX_CONNECTIONS);
+    usize::try_from(connections).unwrap_or(usize::MAX)
+}
+
+/// Puts what was measured together now and then, so that it takes no more room for each request
+/// when nobody reads it.
+async fn keep_up(metrics: PrometheusHandle, closing: CancellationToken) {
+    let mut due = tokio::time::interval(UPKEEP_INTERVAL);
+    loop {
+        tokio::select! {
+            () = closing.cancelled() => return,
+            _ = due.tick() => metrics.run_upkeep(),
+        }
     }
 }
 
@@ -159,7 +202,8 @@ fn metrics() -> PrometheusHandle {
     static HANDLE: OnceLock<PrometheusHandle> = OnceLock::new();
     HANDLE
         .get_or_init(|| {
-            let recorder = PrometheusBuilder::new().build_recorder();
+            let builder = PrometheusBuilder::new().set_buckets(&DURATION_BUCKETS);
+            let recorder = builder.expect("there are buckets").build_recorder();
             let handle = recorder.handle();
             if let Err(error) = metrics::set_global_recorder(recorder) {
                 tracing::warn!(%error, "the metrics stay empty: something else records them");

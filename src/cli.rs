@@ -5,6 +5,7 @@
 
 mod client;
 mod compare;
+mod database;
 mod demo;
 mod error;
 mod estimate;
@@ -16,7 +17,7 @@ mod serve;
 mod simulate;
 mod table;
 
-use crate::config::Settings;
+use crate::config::{DatabaseArguments, Settings};
 use clap::{Parser, Subcommand};
 use error::CommandError;
 use std::process::ExitCode;
@@ -43,6 +44,12 @@ enum Command {
     Simulate(simulate::Arguments),
     /// Make one of the demonstration recordings, as CSV
     Record(record::Arguments),
+    /// Copy a database into a file, while a server works with it
+    Backup(database::BackupArguments),
+    /// Put a backup in the place of a database that no server works with
+    Restore(database::RestoreArguments),
+    /// Say whether a database or a backup is sound
+    Check(DatabaseArguments),
     /// Print the description of the HTTP API, OpenAPI 3.1
     Openapi,
     /// Ask a server whether it is ready
@@ -69,6 +76,9 @@ fn run(command: Command) -> Result<(), CommandError> {
         Command::Compare(arguments) => compare::compare(&arguments),
         Command::Simulate(arguments) => simulate::simulate(&arguments),
         Command::Record(arguments) => record::record(&arguments),
+        Command::Backup(arguments) => database::backup(&arguments),
+        Command::Restore(arguments) => database::restore(&arguments),
+        Command::Check(arguments) => database::check(&arguments),
         Command::Openapi => files::write(None, &openapi()),
         Command::Health(arguments) => serve::health(arguments),
     }

@@ -11,6 +11,7 @@ use clap::Args;
 use directories::ProjectDirs;
 
 use crate::api::Limits;
+use crate::api::origin::Names;
 use crate::store::DatabaseSettings;
 use crate::worker::WorkerSettings;
 
@@ -22,8 +23,27 @@ const READERS: u32 = 4;
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 /// Candidates that are kept of a job: with four unknowns 45 MB.
 const DEFAULT_MAX_CANDIDATES: u64 = 1_000_000;
+/// Connections that are open at the same time at the most, where the system allows so many files.
+pub const MAX_CONNECTIONS: u64 = 10_000;
+/// Files that are kept for what is not a connection: the database, bodies on disk.
+pub const FILES_KEPT: u64 = 128;
 /// How long an ordered shutdown may take.
-pub const SHUTDOWN_LIMIT: Duration = Duration::from_millis(4500);
+pub const SHUTDOWN_LIMIT: Duration = Duration::from_millis(4300);
+
+/// Which database, for a command that runs no server.
+#[derive(Clone, Debug, Args)]
+pub struct DatabaseArguments {
+    /// Database file, `sqlite://<path>` [default: greybox.db in the user's data folder]
+    #[arg(long, env = "GREYBOX_DATABASE", value_name = "URL")]
+    database: Option<String>,
+}
+
+impl DatabaseArguments {
+    /// The file.
+    pub fn path(&self) -> Result<PathBuf, SettingsError> {
+        database_path(self.database.as_deref())
+    }
+}
 
 /// How a server runs.
 #[derive(Clone, Debug, Args)]
@@ -73,6 +93,16 @@ pub struct Settings {
     )]
     pub max_candidates: u64,
 
+    /// A name by which the server is asked, beside its addresses and `localhost`; repeat it or
+    /// separate them by commas
+    #[arg(
+        long = "name",
+        env = "GREYBOX_NAMES",
+        value_name = "NAME",
+        value_delimiter = ','
+    )]
+    pub names: Vec<String>,
+
     /// What is logged, e.g. `info` or `greybox=debug`
     #[arg(
         long,
@@ -112,6 +142,7 @@ impl Default for Settings {
             slice_s: 10.0,
             max_body_mib: 64,
             max_candidates: DEFAULT_MAX_CANDIDATES,
+            names: Vec::new(),
             log: "info".to_owned(),
         }
     }
@@ -128,10 +159,7 @@ impl Settings {
     /// Where the database is and how it is used.
     pub fn database(&self) -> Result<DatabaseSettings, SettingsError> {
         Ok(DatabaseSettings {
-            path: match &self.database {
-                Some(url) => path_of(url)?,
-                None => default_database()?,
-            },
+            path: database_path(self.database.as_deref())?,
             readers: READERS,
             busy_timeout: BUSY_TIMEOUT,
         })
@@ -149,6 +177,11 @@ impl Settings {
         })
     }
 
+    /// The names by which the server may be asked.
+    pub fn names(&self) -> Names {
+        Names::new(self.names.iter().map(|name| name.trim()))
+    }
+
     /// What one client may ask for.
     pub fn limits(&self) -> Limits {
         Limits {
@@ -156,6 +189,10 @@ impl Settings {
             ..Limits::default()
         }
     }
+}
+
+fn database_path(url: Option<&str>) -> Result<PathBuf, SettingsError> {
+    url.map_or_else(default_database, path_of)
 }
 
 /// The file that a `sqlite://` address names. A database in memory would lose jobs.

@@ -13,8 +13,9 @@ use std::path::{Path, PathBuf};
 /// Each module in the order in which a job travels, and the modules that it may import.
 #[rustfmt::skip]
 const LAYERS: &[(&str, &[&str])] = &[
-    // The command line starts servers and also runs the method without one.
-    ("cli", &["app", "config", "api", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "dataset"]),
+    // The command line starts servers, runs the method without one, and looks after the database of
+    // one that does not run.
+    ("cli", &["app", "config", "api", "store", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "dataset"]),
     // The composition root; only the command line imports it.
     ("app", &["config", "api", "dashboard", "job", "store", "event", "worker", "model"]),
     // Settings are handed to the parts as the parts' own types.
@@ -64,6 +65,9 @@ const PLACES: &[(&str, &[&str])] = &[
     ("axum", &["api", "dashboard", "app"]),
     ("hyper", &["app"]),
     ("hyper_util", &["app"]),
+    ("tokio_io_timeout", &["app"]),
+    // Connections are files.
+    ("rlimit", &["app"]),
     ("tower", &["api", "dashboard", "app"]),
     ("tower_http", &["api", "dashboard", "app"]),
     ("utoipa_axum", &["api"]),

@@ -1,30 +1,38 @@
-//! Request bodies, streamed: bounded while they are read, hashed on the way, handed to a blocking
-//! parser piece by piece. A small document is read whole and parsed at once.
+//! Request bodies: received as they come, bounded in bytes and in time, hashed on the way, and parsed
+//! once they are there. A small one waits in memory, a larger one on disk; while a client is slow to
+//! send, it holds nothing that others need.
 
-use std::io::{self, Read};
+use std::io::{self, Read, Write};
+use std::pin::pin;
 use std::time::Duration;
 
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, Request};
-use axum::http::{HeaderMap, StatusCode, header};
-use futures_util::TryStreamExt;
+use axum::http::{HeaderMap, header};
+use futures_util::{Stream, StreamExt};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
-use tokio_stream::{Stream, StreamExt};
-use tokio_util::io::{StreamReader, SyncIoBridge};
+use tokio::time::Instant;
 
+use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::http_headers::hex;
-use super::{ApiState, blocking};
+use super::spool::Spool;
 use crate::dataset::ReadError;
 use crate::document::{json as document, yaml};
+use crate::store::Meaning;
 
-/// How long a client may be silent in the middle of a body.
-const LONGEST_SILENCE: Duration = Duration::from_secs(30);
+/// A client that sends a body brings so much of it …
+const LEAST_BYTES: usize = 16 << 10;
+/// … each time so long has passed, or what was left.
+const LEAST_BYTES_IN: Duration = Duration::from_secs(20);
 
-/// A document of so many bytes at the most is parsed where it is read: that takes less time than
-/// handing it to another thread.
-const SMALL_BYTES: u64 = 32 << 10;
+/// A body of so many bytes at the most waits in memory until all of it is there.
+const IN_MEMORY: usize = 256 << 10;
+
+/// A document of so many bytes at the most is parsed where it was received: that takes less time
+/// than handing it to another thread.
+const SMALL_BYTES: usize = 32 << 10;
 
 /// What came of a body: the parser's answer, and the digest of all the bytes.
 pub struct Parsed<T> {
@@ -34,104 +42,174 @@ pub struct Parsed<T> {
     pub digest: Sha256,
 }
 
-/// Runs a blocking parser on a body of at most `limit` bytes.
-///
-/// What the parser leaves is read too, so that the digest is of the whole and a client that is
-/// still sending can hear the answer.
-pub async fn parse<T, P>(body: Body, limit: u64, parser: P) -> Answer<Parsed<T>>
+/// A body that has come.
+pub struct Received {
+    content: Content,
+    /// SHA-256 of it, after any decompression.
+    pub digest: Sha256,
+}
+
+enum Content {
+    Memory(Vec<u8>),
+    Disk(Spool),
+}
+
+impl Received {
+    /// The bytes.
+    pub fn into_reader(self) -> Answer<Box<dyn Read + Send>> {
+        Ok(match self.content {
+            Content::Memory(bytes) => Box::new(io::Cursor::new(bytes)),
+            Content::Disk(spool) => {
+                let reader = spool.into_reader();
+                Box::new(reader.map_err(|error| scratch_failed(&error))?)
+            }
+        })
+    }
+}
+
+/// Receives a body of at most `limit` bytes.
+pub async fn receive(state: &ApiState, body: Body, limit: u64) -> Answer<Received> {
+    let chunks = body.into_data_stream();
+    let receiving = pin!(receive_chunks(state, chunks, limit));
+    tokio::select! {
+        received = receiving => received,
+        () = state.hub.closed() => Err(Problem::shutting_down()),
+    }
+}
+
+async fn receive_chunks<E: std::fmt::Display>(
+    state: &ApiState,
+    chunks: impl Stream<Item = Result<Bytes, E>>,
+    limit: u64,
+) -> Answer<Received> {
+    let mut chunks = pin!(chunks);
+    let mut pace = Pace::begin();
+    let mut digest = Sha256::new();
+    let (mut memory, mut disk) = (Vec::new(), None);
+    let mut left = limit;
+    while let Some(chunk) = pace.next(&mut chunks).await? {
+        digest.update(&chunk);
+        let Some(rest) = left.checked_sub(chunk.len() as u64) else {
+            // A client that is still sending could not hear the answer.
+            skip(&mut pace, &mut chunks, limit).await?;
+            return Err(Problem::too_large(limit));
+        };
+        left = rest;
+        memory.extend_from_slice(&chunk);
+        if memory.len() > IN_MEMORY {
+            disk = Some(put_aside(state, disk, std::mem::take(&mut memory)).await?);
+        }
+    }
+    let content = match disk {
+        None => Content::Memory(memory),
+        Some(disk) => Content::Disk(put_aside(state, Some(disk), memory).await?),
+    };
+    Ok(Received { content, digest })
+}
+
+/// Takes in what a client sends beyond the limit, as much again at the most.
+async fn skip<E: std::fmt::Display>(
+    pace: &mut Pace,
+    chunks: &mut (impl Stream<Item = Result<Bytes, E>> + Unpin),
+    limit: u64,
+) -> Answer<()> {
+    let mut left = limit;
+    while let Some(chunk) = pace.next(chunks).await? {
+        match left.checked_sub(chunk.len() as u64) {
+            Some(rest) => left = rest,
+            None => break,
+        }
+    }
+    Ok(())
+}
+
+async fn put_aside(state: &ApiState, spool: Option<Spool>, bytes: Vec<u8>) -> Answer<Spool> {
+    let (store, room) = (state.store.clone(), state.0.spool_room.clone());
+    let written = tokio::task::spawn_blocking(move || {
+        let mut spool = match spool {
+            Some(spool) => spool,
+            None => room.spool(store.nameless_file()?),
+        };
+        spool.write_all(&bytes)?;
+        Ok(spool)
+    });
+    let written = written.await.unwrap_or_else(|panic| Err(panic.into()));
+    written.map_err(|error| scratch_failed(&error))
+}
+
+/// How fast a body comes.
+struct Pace {
+    until: Instant,
+    /// What has come since the last look.
+    bytes: usize,
+}
+
+impl Pace {
+    fn begin() -> Self {
+        Self {
+            until: Instant::now() + LEAST_BYTES_IN,
+            bytes: 0,
+        }
+    }
+
+    /// The next piece; a problem where the body breaks off or comes too slowly.
+    async fn next<E: std::fmt::Display>(
+        &mut self,
+        chunks: &mut (impl Stream<Item = Result<Bytes, E>> + Unpin),
+    ) -> Answer<Option<Bytes>> {
+        loop {
+            match tokio::time::timeout_at(self.until, chunks.next()).await {
+                Ok(None) => return Ok(None),
+                Ok(Some(Ok(chunk))) => {
+                    self.bytes += chunk.len();
+                    return Ok(Some(chunk));
+                }
+                Ok(Some(Err(error))) => {
+                    let detail = format!("the body broke off: {error}");
+                    return Err(Problem::new(Kind::Malformed, detail));
+                }
+                Err(_time_is_up) if self.bytes >= LEAST_BYTES => *self = Self::begin(),
+                Err(_time_is_up) => return Err(self.too_slow()),
+            }
+        }
+    }
+
+    fn too_slow(&self) -> Problem {
+        let detail = format!(
+            "{} bytes came in {} s; at least {LEAST_BYTES} do of a body that goes on",
+            self.bytes,
+            LEAST_BYTES_IN.as_secs()
+        );
+        Problem::new(Kind::RequestTimeout, detail)
+    }
+}
+
+/// Receives a body of at most `limit` bytes and runs a blocking parser on it.
+pub async fn parse<T, P>(state: &ApiState, body: Body, limit: u64, parser: P) -> Answer<Parsed<T>>
 where
     T: Send + 'static,
     P: FnOnce(&mut dyn Read) -> Result<T, Problem> + Send + 'static,
 {
-    parse_chunks(chunks(body), limit, parser).await
+    let received = receive(state, body, limit).await?;
+    parse_received(state, received, parser).await
 }
 
-/// The pieces of a body, with an error where the client falls silent.
-fn chunks(body: Body) -> impl Stream<Item = io::Result<Bytes>> + Send + Unpin + 'static {
-    let chunks = body.into_data_stream().map_err(io::Error::other);
-    Box::pin(chunks.timeout(LONGEST_SILENCE)).map(|chunk| match chunk {
-        Ok(chunk) => chunk,
-        Err(_silence) => Err(io::ErrorKind::TimedOut.into()),
-    })
-}
-
-async fn parse_chunks<T, P>(
-    chunks: impl Stream<Item = io::Result<Bytes>> + Send + Unpin + 'static,
-    limit: u64,
+/// Runs a blocking parser on a body that has come.
+pub async fn parse_received<T, P>(
+    state: &ApiState,
+    received: Received,
     parser: P,
 ) -> Answer<Parsed<T>>
 where
     T: Send + 'static,
     P: FnOnce(&mut dyn Read) -> Result<T, Problem> + Send + 'static,
 {
-    let mut source = Metered {
-        source: SyncIoBridge::new(StreamReader::new(chunks)),
-        digest: Sha256::new(),
-        left: limit,
-        broken: None,
-    };
-    blocking(move || {
-        let parsed = parser(&mut source);
-        let rest = io::copy(&mut source, &mut io::sink());
-        match source.broken {
-            Some(Broken::TooLarge) => {
-                let _ = io::copy(&mut source.source.take(limit), &mut io::sink());
-                Err(Problem::too_large(limit))
-            }
-            Some(Broken::Silent) => Err(silent()),
-            Some(Broken::Off) => Err(broken_off(rest.err())),
-            None => Ok(Parsed {
-                value: parsed?,
-                digest: source.digest,
-            }),
-        }
+    let digest = received.digest.clone();
+    let value = state.convert(move || parser(&mut received.into_reader()?));
+    Ok(Parsed {
+        value: value.await?,
+        digest,
     })
-    .await
-}
-
-fn silent() -> Problem {
-    let detail = format!("no byte came for {} s", LONGEST_SILENCE.as_secs());
-    Problem::new(Kind::RequestTimeout, detail)
-}
-
-fn broken_off(error: Option<io::Error>) -> Problem {
-    let why = error.map_or_else(|| "it ended early".to_owned(), |error| error.to_string());
-    Problem::new(Kind::Malformed, format!("the body broke off: {why}"))
-}
-
-/// Why a body could not be read to its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Broken {
-    TooLarge,
-    Silent,
-    Off,
-}
-
-/// Counts and hashes what passes through, and remembers how it broke.
-struct Metered<R> {
-    source: R,
-    digest: Sha256,
-    left: u64,
-    broken: Option<Broken>,
-}
-
-impl<R: Read> Read for Metered<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        if self.broken.is_some() {
-            return Err(io::Error::other("the body broke off before"));
-        }
-        let read = self.source.read(buffer).inspect_err(|error| {
-            let silent = error.kind() == io::ErrorKind::TimedOut;
-            self.broken = Some(if silent { Broken::Silent } else { Broken::Off });
-        })?;
-        let Some(left) = self.left.checked_sub(read as u64) else {
-            self.broken = Some(Broken::TooLarge);
-            return Err(io::Error::other("the body is too large"));
-        };
-        self.left = left;
-        self.digest.update(&buffer[..read]);
-        Ok(read)
-    }
 }
 
 /// A JSON body, parsed strictly, and what identifies it.
@@ -150,14 +228,15 @@ impl FromRequest<ApiState> for JsonDocument {
             return Err(unsupported(request.headers(), "application/json"));
         }
         let limit = state.limits.document_bytes;
-        let parsed = match begin(request.into_body(), limit.min(SMALL_BYTES)).await {
-            Beginning::All(text) => Parsed {
-                value: parse_json(&text)?,
-                digest: Sha256::new_with_prefix(&text),
+        let received = receive(state, request.into_body(), limit).await?;
+        let parsed = match &received.content {
+            Content::Memory(text) if text.len() <= SMALL_BYTES => Parsed {
+                value: parse_json(text)?,
+                digest: received.digest,
             },
-            Beginning::More(chunks) => {
+            _ => {
                 let parser = |source: &mut dyn Read| parse_json(&whole(source)?);
-                parse_chunks(chunks, limit, parser).await?
+                parse_received(state, received, parser).await?
             }
         };
         Ok(Self {
@@ -192,7 +271,7 @@ impl FromRequest<ApiState> for ModelDocument {
             return Err(unsupported(request.headers(), expected));
         }
         let limit = state.limits.document_bytes;
-        let parsed = parse(request.into_body(), limit, |source| {
+        let parsed = parse(state, request.into_body(), limit, |source| {
             let text = String::from_utf8(whole(source)?)
                 .map_err(|error| Problem::new(Kind::Malformed, format!("not a text: {error}")))?;
             yaml::parse(&text).map_err(|error| not_yaml(&error))
@@ -223,34 +302,6 @@ fn whole(source: &mut dyn Read) -> Result<Vec<u8>, Problem> {
         .read_to_end(&mut bytes)
         .map_err(|error| Problem::new(Kind::Malformed, format!("the body broke off: {error}")))?;
     Ok(bytes)
-}
-
-/// What came of a body before it was known to be large.
-enum Beginning<Chunks> {
-    /// All of it.
-    All(Vec<u8>),
-    /// What has come and what will.
-    More(Chunks),
-}
-
-/// Reads a body of at most `small` bytes whole.
-async fn begin(
-    body: Body,
-    small: u64,
-) -> Beginning<impl Stream<Item = io::Result<Bytes>> + Send + Unpin + 'static> {
-    let mut rest = chunks(body);
-    let mut text = Vec::new();
-    while let Some(chunk) = rest.next().await {
-        let is_small = |chunk: &Bytes| (text.len() + chunk.len()) as u64 <= small;
-        match chunk {
-            Ok(chunk) if is_small(&chunk) => text.extend_from_slice(&chunk),
-            other => {
-                let begun = tokio_stream::iter([Ok(Bytes::from(text)), other]);
-                return Beginning::More(begun.chain(rest));
-            }
-        }
-    }
-    Beginning::All(text)
 }
 
 fn not_json(error: &serde_json::Error) -> Problem {
@@ -286,14 +337,17 @@ pub fn unsupported(headers: &HeaderMap, expected: &str) -> Problem {
     Problem::new(Kind::UnsupportedMediaType, detail)
 }
 
-/// Samples could not be put aside or read back: the server's fault.
+/// What was to be put aside on disk could not be written or read back.
 pub fn scratch_failed(error: &io::Error) -> Problem {
-    tracing::error!(%error, "the scratch of a recording failed");
-    Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
+    if error.kind() == io::ErrorKind::ResourceBusy {
+        return Problem::new(Kind::Busy, "too much is on its way at once").retry_after(2);
+    }
+    tracing::error!(%error, "a scratch file failed");
+    Problem::of_meaning(Meaning::of_file(error))
 }
 
 impl From<ReadError> for Problem {
-    /// A recording that is not one. A source that broke off is told by [`parse`].
+    /// A recording that is not one. A body that broke off is told by [`receive`].
     fn from(error: ReadError) -> Self {
         let kind = match &error {
             ReadError::Scratch(error) => return scratch_failed(error),
@@ -317,18 +371,26 @@ impl From<ReadError> for Problem {
 
 #[cfg(test)]
 mod tests {
+    use axum::http::StatusCode;
     use axum::response::IntoResponse;
 
     use super::*;
+    use crate::api::tests::state;
 
     async fn read(body: Body, limit: u64) -> Answer<Parsed<usize>> {
-        parse(body, limit, |text| {
+        let (state, _folder) = state().await;
+        parse(&state, body, limit, |text| {
             let mut start = [0; 2];
             text.read_exact(&mut start)
                 .map_err(|_| Problem::new(Kind::Malformed, "short"))?;
             Ok(2)
         })
         .await
+    }
+
+    fn status(answer: Answer<Parsed<usize>>) -> StatusCode {
+        let problem = answer.err().expect("a problem");
+        problem.into_response().status()
     }
 
     #[tokio::test]
@@ -338,22 +400,51 @@ mod tests {
     }
 
     #[tokio::test]
+    async fn a_body_that_is_too_large_for_memory_is_the_same_body() {
+        let text: Vec<u8> = (0..3 * IN_MEMORY).map(|k| (k % 251) as u8).collect();
+        let (state, _folder) = state().await;
+        let pieces: Vec<io::Result<Bytes>> = text
+            .chunks(1000)
+            .map(|piece| Ok(Bytes::copy_from_slice(piece)))
+            .collect();
+        let body = Body::from_stream(futures_util::stream::iter(pieces));
+        let parsed = parse(&state, body, 1 << 20, whole).await.unwrap();
+        assert!(parsed.value == text);
+        assert_eq!(parsed.digest.finalize(), Sha256::digest(&text));
+    }
+
+    #[tokio::test]
     async fn a_byte_too_many_is_refused_whatever_the_parser_said() {
-        let problem = read(Body::from("hello!"), 5)
-            .await
-            .err()
-            .expect("too large");
-        assert_eq!(
-            problem.into_response().status(),
-            StatusCode::PAYLOAD_TOO_LARGE
-        );
+        let refused = read(Body::from("hello!"), 5).await;
+        assert_eq!(status(refused), StatusCode::PAYLOAD_TOO_LARGE);
     }
 
     #[tokio::test]
     async fn a_body_that_breaks_off_is_the_clients_fault() {
         let chunks = [Ok("hel"), Err(io::Error::other("connection reset"))];
-        let body = Body::from_stream(tokio_stream::iter(chunks));
-        let problem = read(body, 50).await.err().expect("broken off");
-        assert_eq!(problem.into_response().status(), StatusCode::BAD_REQUEST);
+        let body = Body::from_stream(futures_util::stream::iter(chunks));
+        assert_eq!(status(read(body, 50).await), StatusCode::BAD_REQUEST);
+    }
+
+    #[tokio::test]
+    async fn a_body_that_comes_byte_by_byte_is_let_go_and_one_that_is_only_long_is_not() {
+        let (state, _folder) = state().await;
+        tokio::time::pause();
+        let trickle = |bytes: usize, pieces: usize| {
+            let piece = Bytes::from(vec![b' '; bytes]);
+            let pieces = futures_util::stream::iter(0..pieces);
+            Box::pin(pieces.then(move |_| {
+                let piece = piece.clone();
+                async move {
+                    tokio::time::sleep(Duration::from_secs(10)).await;
+                    Ok::<_, io::Error>(piece)
+                }
+            }))
+        };
+        let slow = receive_chunks(&state, trickle(1, 20), 100).await;
+        let refused = slow.err().expect("too slow").into_response();
+        assert_eq!(refused.status(), StatusCode::REQUEST_TIMEOUT);
+        let long = receive_chunks(&state, trickle(LEAST_BYTES, 12), 1 << 20).await;
+        assert!(long.is_ok(), "it comes as fast as it must");
     }
 }

@@ -7,13 +7,13 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 use utoipa::ToSchema;
 
+use super::ApiState;
 use super::error::Answer;
 use super::extract::Named;
 use super::http_headers::{json, prefers};
 use super::jobs::no_job;
 use super::query::Params;
 use super::results::{GenerationsQuery, csv};
-use super::{ApiState, blocking};
 use crate::job::{Candidate, CandidateColumn, JobId, candidate};
 use crate::store::CandidatePage;
 
@@ -87,7 +87,7 @@ pub async fn candidates(
     }
     let (cut, more_after) = (page.cut_in_generation, page.more_after);
     let as_csv = prefers(&headers, "text/csv");
-    let mut response = blocking(move || Ok(written(page, as_csv))).await?;
+    let mut response = state.convert(move || Ok(written(page, as_csv))).await?;
     let answered = response.headers_mut();
     if let Some(generation) = cut {
         answered.insert(CUT_IN_GENERATION, HeaderValue::from(generation));

@@ -1,40 +1,40 @@
 //! Comparisons: the same problem by several methods and seeds, each run a job of its own.
 //!
-//! A comparison is nothing but the jobs that carry its identifier in the label `comparison`: they
-//! are as durable as any other, can be followed and cancelled alone, and the table is made of
-//! their results whenever it is asked for.
+//! A comparison and its jobs come to be together or not at all. The jobs are as durable as any other
+//! and can be followed and cancelled alone; the table is made of their results whenever it is asked
+//! for. They carry the comparison's identifier in the label `comparison` so that lists of jobs show
+//! them together; the label alone makes no job one of them.
 
 use std::collections::BTreeMap;
 
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::response::Response;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
+use jiff::Timestamp;
 use serde::Serialize;
 use serde_json::{Value, json as object};
-use sha2::{Digest, Sha256};
 use utoipa::ToSchema;
 
 use super::ApiState;
 use super::body::JsonDocument;
 use super::error::{Answer, Problem};
-use super::extract::Named;
-use super::http_headers::{hex, idempotency_key, json};
-use super::query::{NoQuery, Params};
+use super::extract::{Client, Named};
+use super::http_headers::{idempotency_key, json};
+use super::page::{Cursor, Page, PageParams};
+use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use super::submit;
 use crate::document::reader::{Faults, Field};
 use crate::job::comparison::{self, Comparison, Trial};
 use crate::job::spec::MethodName;
 use crate::job::{ComparisonId, Fault, JobId, JobSpec, Outcome, Status};
-use crate::store::{Idempotency, JobFilter, JobRow};
+use crate::store::{
+    ComparisonRow, ComparisonSummary, Idempotency, JobRow, NewComparison, Submitted,
+};
 
 /// The label that the jobs of a comparison carry.
 const LABEL: &str = "comparison";
 
 /// Runs of each method at the most.
 const MOST_SEEDS: u64 = 50;
-
-/// Jobs of one comparison at the most.
-const MOST_JOBS: u32 = 4 * MOST_SEEDS as u32;
 
 /// What a comparison is asked to do.
 #[derive(ToSchema)]
@@ -61,6 +61,9 @@ pub struct ComparisonSpec {
 pub struct ComparisonState {
     /// Its identifier, which its jobs carry in the label `comparison`.
     id: ComparisonId,
+    /// When it was accepted.
+    #[schema(value_type = String, format = DateTime)]
+    created_at: Timestamp,
     /// Whether every run has come to its end.
     finished: bool,
     /// The methods side by side, as far as their runs have ended.
@@ -162,59 +165,77 @@ fn read_methods(field: &Field<'_>) -> Option<Vec<String>> {
 
 /// Compare methods.
 ///
-/// Makes a job for each method and seed. The same `Idempotency-Key` never makes two comparisons,
-/// and completes one whose submission broke off.
+/// Makes a job for each method and seed: all of them, or none. The same `Idempotency-Key` never makes
+/// two comparisons.
 #[utoipa::path(
     post, path = "/v1/comparisons", operation_id = "submit_comparison", tag = "jobs",
     params(
-        ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 200,
-         description = "Makes the submission safe to repeat")
+        ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
+         description = "Makes the submission safe to repeat: the same key and body give the same \
+                        answer again")
     ),
     request_body(content = ComparisonSpec, content_type = "application/json"),
     responses(
         (status = 202, description = "The jobs are stored", body = ComparisonState,
-         headers(("Location" = String, description = "Where the comparison is")))
+         headers(("Location" = String, description = "Where the comparison is"),
+                 ("Idempotent-Replayed" = String,
+                  description = "`true` when this answers an earlier submission again"))),
+        (status = 409, description = "The comparison that this key made has been deleted")
     )
 )]
 pub async fn submit_comparison(
     State(state): State<ApiState>,
     _: Params<NoQuery>,
     headers: HeaderMap,
+    client: Client,
     document: JsonDocument,
 ) -> Answer {
+    let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
+        key,
+        body_digest: document.digest.clone(),
+    });
+    if let Some(idempotency) = &idempotency
+        && let Some(earlier) = state.store.earlier_comparison(idempotency).await?
+    {
+        return accepted(&state, earlier).await;
+    }
     let asked = read(&document.value).map_err(Problem::of_document)?;
-    let id = match idempotency_key(&headers)? {
-        Some(key) => of_key(&key),
-        None => ComparisonId::new(),
+    let mut new = NewComparison {
+        id: ComparisonId::new(),
+        jobs: Vec::new(),
+        model: None,
+        idempotency,
     };
-    // All are read before the first is stored: all of them come to be, or none.
-    let mut runs = Vec::new();
     for method in &asked.methods {
         for run in 0..asked.seeds {
             let seed = asked.first_seed.saturating_add(run);
-            let job = run_of(&asked.job, &id, (method, seed));
-            let ready = submit::checked(&state, &job).await;
+            let job = run_of(&asked.job, &new.id, (method, seed));
+            let ready = submit::checked(&state, &job, &client).await;
             let ready = ready.map_err(|problem| problem.below("/job"))?;
-            runs.push((format!("{id}/{method}/{seed}"), ready));
+            new.jobs.push(ready.new_job(None));
+            new.model = ready.new;
         }
     }
-    for (key, ready) in runs {
-        let body_digest = document.digest.clone();
-        let idempotency = Some(Idempotency { key, body_digest });
-        submit::stored(submit::store(&state, ready, idempotency).await?)?;
+    let submitted = state.store.submit_comparison(new).await?;
+    accepted(&state, submitted).await
+}
+
+async fn accepted(state: &ApiState, submitted: Submitted<ComparisonRow>) -> Answer {
+    let (row, replayed) = submit::stored(submitted)?;
+    let mut response = json(StatusCode::ACCEPTED, &shown(state, &row).await?);
+    let headers = response.headers_mut();
+    let location = HeaderValue::from_str(&path_of(row.id));
+    let location = location.expect("an identifier is visible ASCII");
+    headers.insert(header::LOCATION, location);
+    if replayed {
+        let name = HeaderName::from_static("idempotent-replayed");
+        headers.insert(name, HeaderValue::from_static("true"));
     }
-    let mut response = shown(&state, id, StatusCode::ACCEPTED).await?;
-    let location = format!("/v1/comparisons/{id}");
-    let location = HeaderValue::from_str(&location).expect("an identifier is visible ASCII");
-    response.headers_mut().insert(header::LOCATION, location);
     Ok(response)
 }
 
-/// The identifier of the comparison that a key makes.
-fn of_key(key: &str) -> ComparisonId {
-    let digest = hex(&Sha256::digest(key));
-    let text = format!("{}{}", ComparisonId::PREFIX, &digest[..32]);
-    text.parse().expect("32 hexadecimal digits")
+fn path_of(id: ComparisonId) -> String {
+    format!("/v1/comparisons/{id}")
 }
 
 /// The job with one method and seed.
@@ -237,6 +258,60 @@ fn run_of(job: &Value, id: &ComparisonId, (method, seed): (&str, u64)) -> Value 
     job
 }
 
+/// A comparison in a list.
+#[derive(Serialize, ToSchema)]
+pub struct ListedComparison {
+    /// Its identifier.
+    id: ComparisonId,
+    /// When it was accepted.
+    #[schema(value_type = String, format = DateTime)]
+    created_at: Timestamp,
+    /// Its runs.
+    runs: u64,
+    /// Those that have ended.
+    ended: u64,
+    /// Whether every run has come to its end.
+    finished: bool,
+}
+
+impl From<&ComparisonSummary> for ListedComparison {
+    fn from(row: &ComparisonSummary) -> Self {
+        Self {
+            id: row.id,
+            created_at: row.created_at,
+            runs: row.runs,
+            ended: row.ended,
+            finished: row.ended == row.runs,
+        }
+    }
+}
+
+/// The page of a list.
+pub struct WhichComparisons(Cursor<ComparisonId>);
+
+impl FromQuery for WhichComparisons {
+    fn read(query: &mut QueryReader) -> Self {
+        Self(Cursor::read(query))
+    }
+}
+
+/// List comparisons, newest first.
+#[utoipa::path(
+    get, path = "/v1/comparisons", operation_id = "list_comparisons", tag = "jobs",
+    params(PageParams),
+    responses((status = 200, description = "A page of comparisons", body = Page<ListedComparison>,
+               headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
+)]
+pub async fn list(
+    State(state): State<ApiState>,
+    Params(WhichComparisons(cursor)): Params<WhichComparisons>,
+    uri: Uri,
+) -> Answer {
+    let page = state.store.comparisons(cursor.before, cursor.limit).await?;
+    let items = page.rows.iter().map(ListedComparison::from).collect();
+    Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
+}
+
 /// Read a comparison.
 #[utoipa::path(
     get, path = "/v1/comparisons/{id}", operation_id = "read_comparison", tag = "jobs",
@@ -248,24 +323,16 @@ pub async fn show(
     Named(id): Named<ComparisonId>,
     _: Params<NoQuery>,
 ) -> Answer {
-    shown(&state, id, StatusCode::OK).await
+    let row = state.store.comparison(id).await?;
+    let row = row.ok_or_else(|| Problem::not_found("comparison", &id.to_string()))?;
+    Ok(json(StatusCode::OK, &shown(&state, &row).await?))
 }
 
-async fn shown(state: &ApiState, id: ComparisonId, status: StatusCode) -> Answer<Response> {
-    let filter = JobFilter {
-        status: None,
-        label: Some((LABEL.to_owned(), Some(id.to_string()))),
-        before: None,
-        limit: MOST_JOBS,
-    };
-    let mut rows = state.store.jobs(&filter).await?.rows;
-    if rows.is_empty() {
-        return Err(Problem::not_found("comparison", &id.to_string()));
-    }
-    rows.reverse();
+async fn shown(state: &ApiState, row: &ComparisonRow) -> Answer<ComparisonState> {
+    let rows = &row.jobs;
     let mut methods: Vec<String> = Vec::new();
     let mut trials = Vec::new();
-    for row in &rows {
+    for row in rows {
         let method = method_of(row);
         if !methods.contains(&method) {
             methods.push(method);
@@ -276,8 +343,9 @@ async fn shown(state: &ApiState, id: ComparisonId, status: StatusCode) -> Answer
             trials.extend(trial(row, outcome));
         }
     }
-    let state = ComparisonState {
-        id,
+    Ok(ComparisonState {
+        id: row.id,
+        created_at: row.created_at,
         finished: rows.iter().all(|row| row.status.is_terminal()),
         comparison: comparison::compare(&methods, &trials),
         jobs: rows
@@ -289,8 +357,7 @@ async fn shown(state: &ApiState, id: ComparisonId, status: StatusCode) -> Answer
                 status: row.status,
             })
             .collect(),
-    };
-    Ok(json(status, &state))
+    })
 }
 
 fn method_of(row: &JobRow) -> String {

@@ -1,8 +1,7 @@
 //! Recordings: store, list, show, sample, remove.
 
-use std::io::Read;
+use std::io::{self, BufWriter, Read, Write};
 
-use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
@@ -10,11 +9,10 @@ use jiff::Timestamp;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use tokio::sync::OwnedSemaphorePermit;
-use tokio_util::io::{ReaderStream, SyncIoBridge};
 use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
-use super::body::{content_type, parse, scratch_failed, unsupported};
+use super::body::{content_type, parse_received, receive, scratch_failed, unsupported};
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::extract::Named;
 use super::http_headers::{hex, json, prefers, tagged_json};
@@ -29,7 +27,7 @@ use crate::store::{DatasetRemoval, DatasetRow, NewDataset};
 const DEFAULT_POINTS: u64 = 2000;
 /// Points of a plot at the most.
 const MAX_POINTS: u64 = 100_000;
-/// Bytes of CSV that wait for a slow reader.
+/// Bytes of CSV that are written at once.
 const CSV_BUFFER_BYTES: usize = 64 * 1024;
 
 /// A stored recording.
@@ -129,8 +127,9 @@ pub async fn create(
     request: Request,
 ) -> Answer {
     let format = format_of(request.headers(), &options)?;
-    let _permit = state.recording_permit().await?;
     let limit = state.limits.dataset_bytes;
+    let received = receive(&state, request.into_body(), limit).await?;
+    let _permit = state.recording_permit().await?;
     let reading = ReadingOptions {
         format,
         csv: dataset::csv::Options {
@@ -139,7 +138,7 @@ pub async fn create(
         },
         scratch: state.store.scratch(),
     };
-    let parsed = parse(request.into_body(), limit, move |text| {
+    let parsed = parse_received(&state, received, move |text| {
         let mut recording = reading.read(text)?;
         let summary = recording.summary();
         let summary = summary.map_err(|error| scratch_failed(&error))?;
@@ -344,13 +343,17 @@ pub async fn samples(
     let recording = recording.ok_or_else(|| no_dataset(id))?;
     check_names(&recording, query.signals.as_deref())?;
     if prefers(&headers, "text/csv") {
-        return csv(recording, query, permit);
+        return csv_answer(&state, csv(recording, query)?, permit).await;
     }
     let points = query.max_points.unwrap_or(DEFAULT_POINTS);
     let points = usize::try_from(points).expect("the limit is small");
-    let names = query.signals.as_deref();
-    let samples = recording.decimate(names, query.from, query.to, points);
-    Ok(json(StatusCode::OK, &samples))
+    let written = state.convert(move || {
+        let _permit = permit;
+        let names = query.signals.as_deref();
+        let samples = recording.decimate(names, query.from, query.to, points);
+        Ok(json(StatusCode::OK, &samples))
+    });
+    written.await
 }
 
 fn check_names(recording: &Recording, names: Option<&[String]>) -> Answer<()> {
@@ -371,8 +374,8 @@ fn check_names(recording: &Recording, names: Option<&[String]>) -> Answer<()> {
     }
 }
 
-/// Every sample as CSV.
-fn csv(mut recording: Recording, query: SamplesQuery, permit: OwnedSemaphorePermit) -> Answer {
+/// What of a recording is written as CSV: every sample.
+fn csv(mut recording: Recording, query: SamplesQuery) -> Answer<Recording> {
     for (parameter, given) in [
         ("from", query.from.is_some()),
         ("to", query.to.is_some()),
@@ -388,30 +391,35 @@ fn csv(mut recording: Recording, query: SamplesQuery, permit: OwnedSemaphorePerm
             .signals
             .retain(|signal| names.contains(&signal.name));
     }
-    Ok(streamed(recording, Some(permit)))
+    Ok(recording)
 }
 
-/// A recording as CSV.
-pub fn csv_answer(recording: Recording) -> Response {
-    streamed(recording, None)
-}
-
-/// Written only as fast as the client reads; the permit is kept as long.
-fn streamed(recording: Recording, permit: Option<OwnedSemaphorePermit>) -> Response {
-    let (reader, writer) = tokio::io::duplex(CSV_BUFFER_BYTES);
-    let writer = SyncIoBridge::new(writer);
-    tokio::task::spawn_blocking(move || {
-        let _permit = permit;
-        if let Err(error) = recording.write_csv(writer) {
-            tracing::debug!(%error, "a reader of CSV left");
-        }
+/// A recording as CSV: written to disk at once and from there as fast as its client reads, so that
+/// nothing in memory waits for a slow one. The permit is for the recording.
+pub(super) async fn csv_answer(
+    state: &ApiState,
+    recording: Recording,
+    permit: OwnedSemaphorePermit,
+) -> Answer {
+    let (store, room) = (state.store.clone(), state.0.spool_room.clone());
+    let written = state.convert(move || {
+        let (_permit, recording) = (permit, recording);
+        let write = || {
+            let mut spool = room.spool(store.nameless_file()?);
+            let mut buffered = BufWriter::with_capacity(CSV_BUFFER_BYTES, &mut spool);
+            recording.write_csv(&mut buffered)?;
+            buffered.flush()?;
+            drop(buffered);
+            spool.into_body()
+        };
+        write().map_err(|error: io::Error| scratch_failed(&error))
     });
-    let mut response = Response::new(Body::from_stream(ReaderStream::new(reader)));
+    let mut response = Response::new(written.await?);
     let csv_type = HeaderValue::from_static("text/csv; charset=utf-8");
     response
         .headers_mut()
         .insert(header::CONTENT_TYPE, csv_type);
-    response
+    Ok(response)
 }
 
 /// A recording as JSON: uniform with `sample_time_s`, or with the instants in `time`.

@@ -10,7 +10,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::job::{Fault, IllegalTransition};
-use crate::store::StoreError;
+use crate::store::{Meaning, StoreError};
 
 /// The faults that one answer tells at the most; the rest are counted.
 const MAX_FAULTS: usize = 100;
@@ -38,6 +38,14 @@ pub enum Kind {
     KeyReused,
     /// Too much at once.
     Busy,
+    /// There is no room to store it.
+    NoRoom,
+    /// The request is for a server of another name.
+    WrongHost,
+    /// The request comes from a page of another site.
+    WrongOrigin,
+    /// The path is longer than any that names something.
+    PathTooLong,
     /// The server failed.
     Internal,
     /// Another error status, made by the framework.
@@ -56,6 +64,10 @@ impl Kind {
             Kind::UnsupportedMediaType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
             Kind::Invalid | Kind::KeyReused => StatusCode::UNPROCESSABLE_ENTITY,
             Kind::Busy => StatusCode::SERVICE_UNAVAILABLE,
+            Kind::NoRoom => StatusCode::INSUFFICIENT_STORAGE,
+            Kind::WrongHost => StatusCode::MISDIRECTED_REQUEST,
+            Kind::WrongOrigin => StatusCode::FORBIDDEN,
+            Kind::PathTooLong => StatusCode::URI_TOO_LONG,
             Kind::Internal => StatusCode::INTERNAL_SERVER_ERROR,
             Kind::Other(status) => status,
         }
@@ -73,6 +85,10 @@ impl Kind {
             Kind::Invalid => "/problems/invalid",
             Kind::KeyReused => "/problems/idempotency-key-reused",
             Kind::Busy => "/problems/busy",
+            Kind::NoRoom => "/problems/no-room",
+            Kind::WrongHost => "/problems/wrong-host",
+            Kind::WrongOrigin => "/problems/wrong-origin",
+            Kind::PathTooLong => "/problems/path-too-long",
             Kind::Internal => "/problems/internal",
             Kind::Other(_) => "about:blank",
         }
@@ -90,6 +106,10 @@ impl Kind {
             Kind::Invalid => "The request is wrong",
             Kind::KeyReused => "The idempotency key was used before with another body",
             Kind::Busy => "The server is busy",
+            Kind::NoRoom => "The disk is full",
+            Kind::WrongHost => "This server has another name",
+            Kind::WrongOrigin => "Pages of other sites may not ask this server",
+            Kind::PathTooLong => "The path is too long",
             Kind::Internal => "The server failed",
             Kind::Other(status) => status.canonical_reason().unwrap_or("Error"),
         }
@@ -102,6 +122,7 @@ impl Kind {
             405 => Kind::MethodNotAllowed,
             408 => Kind::RequestTimeout,
             413 => Kind::TooLarge,
+            414 => Kind::PathTooLong,
             415 => Kind::UnsupportedMediaType,
             422 => Kind::Invalid,
             500 => Kind::Internal,
@@ -187,6 +208,29 @@ impl Problem {
         self
     }
 
+    /// The server is going down.
+    pub fn shutting_down() -> Self {
+        Self::new(Kind::Busy, "the server is shutting down").retry_after(2)
+    }
+
+    /// What the failure of the store means to a client. Nothing of it was stored, and the same
+    /// request may be sent again.
+    pub fn of_meaning(meaning: Meaning) -> Self {
+        match meaning {
+            Meaning::ShuttingDown => Self::shutting_down(),
+            Meaning::NoRoom => {
+                let detail = "the disk of the server is full: nothing can be stored until there \
+                              is room";
+                Self::new(Kind::NoRoom, detail).retry_after(5)
+            }
+            Meaning::Unavailable => {
+                let detail = "the server's database cannot be written just now";
+                Self::new(Kind::Busy, detail).retry_after(5)
+            }
+            Meaning::Fault => Self::of_status(StatusCode::INTERNAL_SERVER_ERROR),
+        }
+    }
+
     /// What a bare error status of the framework means.
     pub fn of_status(status: StatusCode) -> Self {
         let kind = Kind::of_status(status);
@@ -242,11 +286,11 @@ impl IntoResponse for Problem {
 
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
-        if matches!(error, StoreError::Closed) {
-            return Self::new(Kind::Busy, "the server is shutting down").retry_after(2);
+        let meaning = error.meaning();
+        if meaning != Meaning::ShuttingDown {
+            tracing::error!(%error, "the store failed while a request was served");
         }
-        tracing::error!(%error, "the store failed while a request was served");
-        Self::of_status(StatusCode::INTERNAL_SERVER_ERROR)
+        Self::of_meaning(meaning)
     }
 }
 

@@ -1,5 +1,7 @@
-//! What a path names, as a type. A name that is not one names nothing: 404.
+//! What a path names, as a type (a name that is not one names nothing: 404), and who asks.
 
+use std::convert::Infallible;
+use std::net::IpAddr;
 use std::str::FromStr;
 
 use axum::extract::{FromRequestParts, RawPathParams};
@@ -44,5 +46,24 @@ impl<T: PathName, S: Send + Sync> FromRequestParts<S> for Named<T> {
             .parse()
             .map_err(|_| Problem::not_found(T::WHAT, name))?;
         Ok(Named(named))
+    }
+}
+
+/// The address at the other end of a connection, which whoever takes it notes.
+#[derive(Clone, Copy, Debug)]
+pub struct PeerAddress(pub IpAddr);
+
+/// Who asks, as far as the server can tell clients apart: the address; nothing where there is none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Client(pub String);
+
+impl<S: Send + Sync> FromRequestParts<S> for Client {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Self, Infallible> {
+        let address = parts.extensions.get::<PeerAddress>();
+        Ok(Self(address.map_or_else(String::new, |PeerAddress(ip)| {
+            ip.to_canonical().to_string()
+        })))
     }
 }

@@ -1,6 +1,7 @@
 //! A finished job with all that its result was made from, for whoever shows it again.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use axum::http::{StatusCode, header};
 use serde::Deserialize;
@@ -10,6 +11,7 @@ use tokio::sync::OwnedSemaphorePermit;
 use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::jobs::{no_job, retry_after};
+use super::work::stopped;
 use crate::dataset::Recording;
 use crate::job::assemble::{self, ExperimentTrajectory};
 use crate::job::{Fault, JobId, JobSpec, Outcome, Status};
@@ -59,10 +61,11 @@ impl FinishedJob {
     ///
     /// # Errors
     ///
-    /// The simulation fails, or the recordings no longer fit the job.
-    pub fn trajectory(&self) -> Answer<Vec<ExperimentTrajectory>> {
-        assemble::trajectory(&self.spec, &self.model, &self.recordings, &self.outcome)
-            .map_err(Problem::of_document)
+    /// The simulation fails or was stopped, or the recordings no longer fit the job.
+    pub fn trajectory(&self, stop: &AtomicBool) -> Answer<Vec<ExperimentTrajectory>> {
+        let (spec, outcome) = (&self.spec, &self.outcome);
+        let shown = assemble::trajectory(spec, &self.model, &self.recordings, outcome, stop);
+        shown.map_err(Problem::of_document)?.ok_or_else(stopped)
     }
 }
 

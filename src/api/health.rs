@@ -1,5 +1,8 @@
 //! Whether the process lives, whether it can work, what it is, what it counted.
 
+use std::collections::HashMap;
+use std::time::Duration;
+
 use axum::extract::State;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -9,9 +12,13 @@ use utoipa::ToSchema;
 use super::ApiState;
 use super::error::{Answer, Kind, Problem};
 use super::http_headers::json;
+use crate::job::Status;
+use crate::store::Meaning;
 
 /// How long an unready client may wait before it asks again `[s]`.
 const RETRY_S: u32 = 2;
+/// How long a write may take.
+const LONGEST_PROBE: Duration = Duration::from_secs(5);
 
 /// A word about the state of the process.
 #[derive(Serialize, ToSchema)]
@@ -46,16 +53,28 @@ pub async fn livez() -> Response {
     json(StatusCode::OK, &Health { status: "alive" })
 }
 
-/// The database answers and the workers run.
+/// The database answers, takes writes, and the workers run.
 #[utoipa::path(
     get, path = "/readyz", operation_id = "readyz", tag = "health",
-    responses((status = 200, description = "Ready to work", body = Health))
+    responses((status = 200, description = "Ready to work", body = Health),
+              (status = 503, description = "Not ready; `detail` says why"))
 )]
 pub async fn readyz(State(state): State<ApiState>) -> Answer {
     let not_ready = |detail: &str| Problem::new(Kind::Busy, detail).retry_after(RETRY_S);
     if let Err(error) = state.store.ping().await {
         tracing::warn!(%error, "the database does not answer");
         return Err(not_ready("the database does not answer"));
+    }
+    match tokio::time::timeout(LONGEST_PROBE, state.store.probe()).await {
+        Ok(Ok(())) => {}
+        Ok(Err(error)) => {
+            tracing::warn!(%error, "the database takes no writes");
+            return Err(not_ready(match error.meaning() {
+                Meaning::NoRoom => "the disk is full: nothing can be stored",
+                _ => "the database cannot be written",
+            }));
+        }
+        Err(_) => return Err(not_ready("the database takes long to write")),
     }
     if !(state.workers_run)() {
         return Err(not_ready("the workers do not run"));
@@ -85,7 +104,10 @@ pub async fn version() -> Response {
                content_type = "text/plain; version=0.0.4", body = String))
 )]
 pub async fn metrics(State(state): State<ApiState>) -> Answer {
-    for (status, count) in state.store.job_counts().await? {
+    let counts: HashMap<_, _> = state.store.job_counts().await?.into_iter().collect();
+    for status in Status::ALL {
+        // A state that no job is in any more is told too.
+        let count = counts.get(&status).copied().unwrap_or(0);
         metrics::gauge!("greybox_jobs", "status" => status.as_str()).set(count as f64);
     }
     let text_type = HeaderValue::from_static("text/plain; version=0.0.4");

@@ -2,12 +2,13 @@
 //! is an error, gzip where the client takes it.
 
 use std::any::Any;
+use std::sync::Arc;
 use std::time::Instant;
 
 use axum::Router;
 use axum::extract::{MatchedPath, Request};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
-use axum::middleware::{Next, from_fn};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
+use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
@@ -16,15 +17,18 @@ use uuid::Uuid;
 
 use super::error::{PROBLEM_JSON, Problem};
 use super::http_headers::GZIP_TAG_END;
+use super::origin::{self, Names};
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// The characters of a client's request id at the most; a longer one is replaced.
 const MAX_ID_CHARS: usize = 128;
 
-/// Puts the shared manners around routes. Unknown paths and methods get them too.
-pub fn with_middleware(routes: Router) -> Router {
+/// Puts what every answer shares around routes. Unknown paths and methods get it too. `names` are
+/// those by which the server may be asked.
+pub fn with_middleware(routes: Router, names: Arc<Names>) -> Router {
     routes
         .fallback(|| async { StatusCode::NOT_FOUND })
+        .layer(from_fn_with_state(names, origin::check))
         .layer(RequestDecompressionLayer::new())
         .layer(CatchPanicLayer::custom(panicked))
         .layer(CompressionLayer::new())
@@ -60,13 +64,29 @@ async fn answer(request: Request, next: Next) -> Response {
     tracing::info!(%method, path, status, duration_ms, request_id = id, "answered");
     let route = route.map_or_else(|| "none".to_owned(), |route| route.as_str().to_owned());
     let labels = [
-        ("method", method.to_string()),
+        ("method", known(&method).to_owned()),
         ("route", route),
         ("status", status.to_string()),
     ];
     metrics::counter!("greybox_http_requests_total", &labels).increment(1);
     metrics::histogram!("greybox_http_request_duration_seconds", &labels).record(duration_s);
     response
+}
+
+/// A method as it is counted. Clients may invent others; those count as one.
+fn known(method: &Method) -> &'static str {
+    const KNOWN: [Method; 7] = [
+        Method::GET,
+        Method::HEAD,
+        Method::POST,
+        Method::PUT,
+        Method::PATCH,
+        Method::DELETE,
+        Method::OPTIONS,
+    ];
+    const NAMES: [&str; 7] = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"];
+    let place = KNOWN.iter().position(|known| known == method);
+    place.map_or("other", |place| NAMES[place])
 }
 
 /// The client's id when it is one line of visible text, else a new one.
@@ -126,7 +146,10 @@ mod tests {
             .route("/fine", get(|| async { "fine" }))
             .route("/broken", get(|| async { panic!("at the disco") as () }))
             .route("/none", get(|| async { Problem::not_found("job", "x") }));
-        let response = with_middleware(routes).oneshot(request).await.unwrap();
+        let response = with_middleware(routes, Arc::default())
+            .oneshot(request)
+            .await
+            .unwrap();
         let (parts, body) = response.into_parts();
         let body = to_bytes(body, 10_000).await.unwrap();
         let json = serde_json::from_slice(&body).unwrap_or(Value::Null);
@@ -134,7 +157,8 @@ mod tests {
     }
 
     fn get_request(path: &str) -> Request {
-        Request::get(path).body(Body::empty()).unwrap()
+        let request = Request::get(path).header("host", "localhost");
+        request.body(Body::empty()).unwrap()
     }
 
     #[tokio::test]
@@ -144,7 +168,10 @@ mod tests {
             (get_request("/none"), 404, "/problems/not-found"),
             (get_request("/broken"), 500, "/problems/internal"),
             (
-                Request::delete("/fine").body(Body::empty()).unwrap(),
+                Request::delete("/fine")
+                    .header("host", "localhost")
+                    .body(Body::empty())
+                    .unwrap(),
                 405,
                 "/problems/method-not-allowed",
             ),
@@ -163,14 +190,16 @@ mod tests {
 
     #[tokio::test]
     async fn a_wrong_method_is_answered_with_the_right_ones() {
-        let request = Request::put("/fine").body(Body::empty()).unwrap();
-        let (response, _) = ask(request).await;
+        let request = Request::put("/fine").header("host", "localhost");
+        let (response, _) = ask(request.body(Body::empty()).unwrap()).await;
         assert_eq!(response.headers()["allow"], "GET,HEAD");
     }
 
     #[tokio::test]
     async fn an_encoding_that_is_not_understood_is_refused_with_those_that_are() {
-        let request = Request::get("/fine").header("content-encoding", "br");
+        let request = Request::get("/fine")
+            .header("host", "localhost")
+            .header("content-encoding", "br");
         let (response, problem) = ask(request.body(Body::empty()).unwrap()).await;
         assert_eq!(response.status(), 415);
         assert_eq!(response.headers()["accept-encoding"], "gzip");
@@ -180,7 +209,9 @@ mod tests {
     #[tokio::test]
     async fn a_request_id_is_echoed_or_made() {
         let id = async |given: &str| {
-            let request = Request::get("/fine").header("x-request-id", given);
+            let request = Request::get("/fine")
+                .header("host", "localhost")
+                .header("x-request-id", given);
             let (response, _) = ask(request.body(Body::empty()).unwrap()).await;
             let id = response.headers()["x-request-id"].to_str().unwrap();
             id.to_owned()

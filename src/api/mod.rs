@@ -1,8 +1,8 @@
 //! HTTP to domain types and back: the route table.
 //!
-//! No SQL and no numerics here. [`resources`] is the API; [`finish()`] puts the manners that every
-//! answer shares (request id, problem documents, compression, logging) around it and around the
-//! pages that stand beside it.
+//! No SQL and no numerics here. [`resources`] is the API; [`with_middleware()`] puts what every answer
+//! shares (request id, problem documents, compression, logging) around it and around the pages that
+//! stand beside it.
 
 pub mod body;
 pub mod candidates;
@@ -18,22 +18,23 @@ pub mod jobs;
 pub mod middleware;
 pub mod models;
 pub mod openapi;
+pub mod origin;
 pub mod page;
 pub mod query;
 pub mod report;
 pub mod results;
 pub mod simulations;
 mod spec_cache;
+mod spool;
 pub mod submit;
 pub mod trajectory;
+mod work;
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use axum::Router;
-use axum::http::StatusCode;
 use metrics_exporter_prometheus::PrometheusHandle;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::OwnedSemaphorePermit;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -43,10 +44,12 @@ use crate::job::{Fault, JobSpec};
 use crate::model::{Catalogue, Model};
 use crate::store::Store;
 
-use error::{Answer, Kind, Problem};
+use error::{Answer, Problem};
 pub use middleware::with_middleware;
 pub use openapi::openapi;
 use spec_cache::SpecCache;
+use spool::SpoolRoom;
+use work::Places;
 
 /// What the service lets one client ask for.
 #[derive(Clone, Debug)]
@@ -57,8 +60,14 @@ pub struct Limits {
     pub document_bytes: u64,
     /// The longest computing time that a job may ask for `[s]`.
     pub max_duration_s: f64,
-    /// Recordings that are read or written at the same time at the most.
+    /// Recordings that are in memory at the same time at the most.
     pub recordings_at_once: usize,
+    /// Computations for clients that wait, at the same time at the most.
+    pub computations_at_once: usize,
+    /// Documents and recordings that are read or written at the same time at the most.
+    pub conversions_at_once: usize,
+    /// The bytes that bodies on their way take of the disk at the most, all together.
+    pub spool_bytes: u64,
     /// Event streams that are open at the same time at the most.
     pub streams_at_once: usize,
 }
@@ -70,13 +79,13 @@ impl Default for Limits {
             document_bytes: 1 << 20,
             max_duration_s: 86_400.0,
             recordings_at_once: 4,
+            computations_at_once: 2,
+            conversions_at_once: 4,
+            spool_bytes: 1 << 30,
             streams_at_once: 5000,
         }
     }
 }
-
-/// How long a request waits for its turn to read or write a recording.
-const LONGEST_QUEUE: Duration = Duration::from_secs(10);
 
 /// What the service works with.
 pub struct Parts {
@@ -101,29 +110,32 @@ pub struct ApiState(Arc<Shared>);
 /// The parts, and the permits for what is dear.
 pub struct Shared {
     parts: Parts,
-    recordings: Arc<Semaphore>,
+    recordings: Places,
+    computations: Places,
+    conversions: Places,
+    spool_room: SpoolRoom,
     checked: SpecCache,
-    streams: Arc<Semaphore>,
+    streams: Places,
 }
 
 impl ApiState {
     /// The state of a service made of `parts`.
     pub fn new(parts: Parts) -> Self {
+        let limits = &parts.limits;
         Self(Arc::new(Shared {
-            recordings: Arc::new(Semaphore::new(parts.limits.recordings_at_once)),
+            recordings: Places::new(limits.recordings_at_once, "too many recordings at once"),
+            computations: Places::new(limits.computations_at_once, "too many computations at once"),
+            conversions: Places::new(limits.conversions_at_once, "too many documents at once"),
+            spool_room: SpoolRoom::new(limits.spool_bytes),
             checked: SpecCache::default(),
-            streams: Arc::new(Semaphore::new(parts.limits.streams_at_once)),
+            streams: Places::new(limits.streams_at_once, "too many event streams are open"),
             parts,
         }))
     }
 
-    /// Reading and writing whole recordings takes memory: only so many at once, others wait.
+    /// A whole recording takes memory: only so many at once, others wait.
     async fn recording_permit(&self) -> Answer<OwnedSemaphorePermit> {
-        let waiting = self.0.recordings.clone().acquire_owned();
-        match tokio::time::timeout(LONGEST_QUEUE, waiting).await {
-            Ok(Ok(permit)) => Ok(permit),
-            _ => Err(Problem::new(Kind::Busy, "too many recordings at once").retry_after(2)),
-        }
+        self.0.recordings.take().await
     }
 
     /// The recordings of a job, one for each experiment; those that are gone are faults.
@@ -155,15 +167,13 @@ impl ApiState {
         }
         let row = self.store.model(name).await?;
         let row = row.ok_or_else(|| Problem::not_found("model", name))?;
-        let read = models::read(row.document).await?;
+        let read = models::read(self, row.document).await?;
         Ok(read.map_err(Problem::of_document)?.model)
     }
 
     /// An event stream takes a connection and a place: only so many at once.
     fn stream_permit(&self) -> Answer<OwnedSemaphorePermit> {
-        let permit = self.0.streams.clone().try_acquire_owned();
-        permit
-            .map_err(|_| Problem::new(Kind::Busy, "too many event streams are open").retry_after(2))
+        self.0.streams.try_take()
     }
 }
 
@@ -173,17 +183,6 @@ impl std::ops::Deref for ApiState {
     fn deref(&self) -> &Parts {
         &self.0.parts
     }
-}
-
-/// Runs what computes or blocks beside the threads that serve.
-async fn blocking<T: Send + 'static>(
-    work: impl FnOnce() -> Answer<T> + Send + 'static,
-) -> Answer<T> {
-    let done = tokio::task::spawn_blocking(work).await;
-    done.unwrap_or_else(|panic| {
-        tracing::error!(%panic, "work for a request panicked");
-        Err(Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR))
-    })
 }
 
 /// Every resource of the service, with its description.
@@ -200,7 +199,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(models::create, models::list))
         .routes(routes!(models::show, models::remove))
         .routes(routes!(simulations::simulate))
-        .routes(routes!(comparisons::submit_comparison))
+        .routes(routes!(comparisons::submit_comparison, comparisons::list))
         .routes(routes!(comparisons::show))
         .routes(routes!(submit::submit, jobs::list))
         .routes(routes!(jobs::show, jobs::remove))
@@ -215,8 +214,39 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(report::report))
 }
 
-/// The resources, without the manners of [`finish()`].
+/// The resources, without what [`with_middleware()`] puts around them.
 pub fn resources(state: ApiState) -> Router {
     let (router, _openapi) = described().split_for_parts();
     router.with_state(state)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use metrics_exporter_prometheus::PrometheusBuilder;
+
+    use super::*;
+    use crate::store::DatabaseSettings;
+
+    /// A service with an empty database and nobody who works its jobs.
+    pub(super) async fn state() -> (ApiState, tempfile::TempDir) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let hub = EventHub::new();
+        let settings = DatabaseSettings {
+            path: folder.path().join("jobs.db"),
+            readers: 1,
+            busy_timeout: Duration::from_secs(5),
+        };
+        let store = Store::open(&settings, hub.on_change()).await;
+        let state = ApiState::new(Parts {
+            store: store.expect("a database"),
+            hub,
+            catalogue: Catalogue::built_in(),
+            limits: Limits::default(),
+            workers_run: Arc::new(|| true),
+            metrics: PrometheusBuilder::new().build_recorder().handle(),
+        });
+        (state, folder)
+    }
 }

@@ -12,7 +12,7 @@ use utoipa::ToSchema;
 use super::ApiState;
 use super::body::ModelDocument;
 use super::error::{Answer, Kind, Problem};
-use super::extract::Named;
+use super::extract::{Client, Named};
 use super::http_headers::{json, tagged_json};
 use super::query::{NoQuery, Params};
 use crate::job::Fault;
@@ -74,7 +74,9 @@ impl StoredModel {
 /// With `Content-Type: application/yaml` the same document in YAML (1.2, core schema, without
 /// anchors and tags) is taken; it is stored and named as its JSON.
 ///
-/// A stored model never changes: its name is that of the document, `@` and part of its digest.
+/// A stored model never changes: its name is that of the document, `@` and part of its digest. The
+/// server keeps all that jobs were made with, and the 500 others that are newest; one more takes the
+/// place of the oldest of whoever brought the most.
 /// Everything that is wrong with a document is told at once, with line and column in the
 /// expression.
 #[utoipa::path(
@@ -106,17 +108,17 @@ impl StoredModel {
 pub async fn create(
     State(state): State<ApiState>,
     _query: Params<NoQuery>,
+    client: Client,
     ModelDocument(document): ModelDocument,
 ) -> Answer {
     // A document that is refused is also taken apart beside the threads that serve.
     let read =
-        super::blocking(move || Ok(document::referenced(&document).map(|read| (read, document))));
+        state.convert(move || Ok(document::referenced(&document).map(|read| (read, document))));
     let (read, document) = read.await?.map_err(Problem::of_document)?;
-    let new = new_model(&read, document);
+    let new = new_model(&read, document, client);
     let (status, row) = match state.store.insert_model(new).await? {
         ModelStored::Created(row) => (StatusCode::CREATED, row),
         ModelStored::There(row) => (StatusCode::OK, row),
-        ModelStored::Full => return Err(full()),
     };
     let location = format!("/v1/models/{}", row.reference);
     let mut response = json(status, &StoredModel::new(row, &read));
@@ -128,24 +130,24 @@ pub async fn create(
 }
 
 /// Reads a document beside the threads that serve.
-pub(super) async fn read(document: Value) -> Answer<Result<Referenced, Vec<Fault>>> {
-    super::blocking(move || Ok(document::referenced(&document))).await
+pub(super) async fn read(
+    state: &ApiState,
+    document: Value,
+) -> Answer<Result<Referenced, Vec<Fault>>> {
+    state
+        .convert(move || Ok(document::referenced(&document)))
+        .await
 }
 
 /// A document that was read, to be stored.
-pub(super) fn new_model(read: &Referenced, document: Value) -> NewModel {
+fn new_model(read: &Referenced, document: Value, Client(client): Client) -> NewModel {
     NewModel {
         reference: read.reference().to_owned(),
         name: read.name.clone(),
         digest: read.digest.clone(),
         document,
+        client,
     }
-}
-
-/// There is no room for one more model.
-pub(super) fn full() -> Problem {
-    let detail = "the server keeps as many models as it may; delete some that no job uses";
-    Problem::new(Kind::WrongState, detail)
 }
 
 /// List the models with their signals, parameters and equations.
@@ -160,7 +162,7 @@ pub async fn list(State(state): State<ApiState>, _query: Params<NoQuery>) -> Ans
         .map(|model| model.description().clone())
         .collect();
     let rows = state.store.models().await?;
-    let written = super::blocking(move || {
+    let written = state.convert(move || {
         let read = rows
             .iter()
             .filter_map(|row| document::referenced(&row.document).ok());
@@ -238,7 +240,7 @@ pub(super) struct Asked {
 }
 
 /// Finds the model that a document names by reference or brings along.
-pub(super) async fn asked(state: &ApiState, document: &Value) -> Answer<Asked> {
+pub(super) async fn asked(state: &ApiState, document: &Value, client: &Client) -> Answer<Asked> {
     let mut asked = Asked {
         model: None,
         new: None,
@@ -247,17 +249,17 @@ pub(super) async fn asked(state: &ApiState, document: &Value) -> Answer<Asked> {
     match document.get("model") {
         Some(Value::String(name)) if state.catalogue.get(name).is_none() && name.contains('@') => {
             if let Some(row) = state.store.model(name).await? {
-                let read = read(row.document).await?;
+                let read = read(state, row.document).await?;
                 asked.model = Some(read.map_err(Problem::of_document)?.model);
             }
         }
         Some(inline @ Value::Object(_)) => {
-            let read = read(inline.clone()).await?.map_err(|faults| {
+            let read = read(state, inline.clone()).await?.map_err(|faults| {
                 let faults = faults.into_iter().map(|fault| fault.below("/model"));
                 Problem::of_document(faults.collect())
             })?;
             asked.document["model"] = Value::from(read.reference());
-            asked.new = Some(new_model(&read, inline.clone()));
+            asked.new = Some(new_model(&read, inline.clone(), client.clone()));
             asked.model = Some(read.model);
         }
         _ => {}

@@ -131,6 +131,8 @@ fn never_null(operation: &mut Operation) {
 /// named the form of a problem.
 fn describe_problems(path: &str, operation: &mut Operation) {
     let mut common: Vec<(u16, &str)> = vec![
+        (403, "The request comes from a page of another site"),
+        (421, "The server has another name than the request asks"),
         (500, "The server failed"),
         (503, "The server is busy, starting or shutting down"),
     ];
@@ -149,6 +151,7 @@ fn describe_problems(path: &str, operation: &mut Operation) {
             (408, "The body came too slowly"),
             (413, "The body is larger than the limit, which is told"),
             (415, "The body's type or encoding is not understood"),
+            (507, "The server's disk is full; nothing was stored"),
         ]);
     }
     let responses = &mut operation.responses.responses;

@@ -4,11 +4,11 @@ use axum::extract::State;
 use axum::http::{HeaderValue, header};
 use axum::response::{Html, IntoResponse};
 
+use super::ApiState;
 use super::error::Answer;
 use super::extract::Named;
 use super::finished_job::FinishedJob;
 use super::query::{NoQuery, Params};
-use super::{ApiState, blocking};
 use crate::job::JobId;
 use crate::report::{self, Report};
 
@@ -37,8 +37,8 @@ pub async fn report(
 ) -> Answer {
     let job = FinishedJob::read(&state, id).await?;
     let generations = state.store.generations(id, 0, MAX_GENERATIONS).await?;
-    blocking(move || {
-        let experiments = job.trajectory()?;
+    let rendered = state.compute(move |stop| {
+        let experiments = job.trajectory(stop)?;
         let row = &job.row;
         let title = row.name.clone().unwrap_or_else(|| id.to_string());
         let finished_at = row.finished_at.map(|instant| instant.to_string());
@@ -52,6 +52,6 @@ pub async fn report(
         });
         let policy = [(header::CONTENT_SECURITY_POLICY, POLICY)];
         Ok((policy, Html(page)).into_response())
-    })
-    .await
+    });
+    rendered.await
 }

@@ -73,10 +73,14 @@ pub async fn generations(
     if items.is_empty() && state.store.job(id).await?.is_none() {
         return Err(no_job(id));
     }
-    if prefers(&headers, "text/csv") {
-        return Ok(csv(generations_csv(&items)));
-    }
-    Ok(json(StatusCode::OK, &Generations { items }))
+    let as_csv = prefers(&headers, "text/csv");
+    let written = state.convert(move || {
+        Ok(match as_csv {
+            true => csv(generations_csv(&items)),
+            false => json(StatusCode::OK, &Generations { items }),
+        })
+    });
+    written.await
 }
 
 fn generations_csv(items: &[GenerationEvent]) -> String {

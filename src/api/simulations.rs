@@ -2,9 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::sync::atomic::AtomicBool;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -14,10 +12,12 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::body::JsonDocument;
 use super::datasets::{RecordingDocument, csv_answer};
-use super::error::{Answer, Kind, Problem};
+use super::error::{Answer, Problem};
+use super::extract::Client;
 use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
-use super::{ApiState, blocking, models};
+use super::work::stopped;
+use super::{ApiState, models};
 use crate::dataset::{self, Recording, SampledSignal, Signal, TimeAxis, Window};
 use crate::job::fault::Fault;
 use crate::job::spec::simulation::{SimulationSpec, Source};
@@ -26,8 +26,6 @@ use crate::job::{DatasetId, spec::FixedValue};
 use crate::model::{InitialState, Model};
 use crate::simulation::{Accuracy, Candidate, Excitation, single};
 
-/// How long a client may let the server compute.
-const LONGEST: Duration = Duration::from_secs(20);
 /// Points of the answer at the most.
 const MAX_POINTS: u64 = 100_000;
 
@@ -105,11 +103,12 @@ pub async fn simulate(
     State(state): State<ApiState>,
     Params(query): Params<SimulationQuery>,
     headers: HeaderMap,
+    client: Client,
     document: JsonDocument,
 ) -> Answer {
     let permit = state.recording_permit().await?;
     let recording = recording(&state, &document.value).await?;
-    let asked = models::asked(&state, &document.value).await?;
+    let asked = models::asked(&state, &document.value, &client).await?;
     let models = asked.descriptions(&state);
     let summary = recording.as_ref().map(Recording::summary);
     let spec = SimulationSpec::read(&asked.document, &models, summary.as_ref());
@@ -120,43 +119,28 @@ pub async fn simulate(
         None => state.model(&spec.model).await?,
     };
 
-    let stop = Arc::new(AtomicBool::new(false));
-    let _stop_when_the_client_leaves = StopOnDrop(stop.clone());
     let name = spec.model.clone();
-    let work = blocking(move || {
-        let _permit = permit;
+    let simulated = state.compute(move |stop| {
         let run = SimulationRun::new(&spec, &model, &recording)?;
-        run.outputs(&stop)
+        Ok((run.outputs(stop)?, permit))
     });
-    let Ok(outputs) = tokio::time::timeout(LONGEST, work).await else {
-        let detail = format!(
-            "the simulation takes longer than {} s; simulate a shorter window",
-            LONGEST.as_secs()
-        );
-        return Err(Problem::new(Kind::Invalid, detail));
-    };
-    let outputs = outputs?;
+    let (outputs, permit) = simulated.await?;
     if prefers(&headers, "text/csv") {
-        return Ok(csv_answer(outputs));
+        return csv_answer(&state, outputs, permit).await;
     }
     let points = query.max_points.unwrap_or(MAX_POINTS);
     let points = usize::try_from(points).expect("the limit is small");
-    let samples = outputs.decimate(None, None, None, points);
-    let simulation = Simulation {
-        model: name,
-        time_s: samples.time_s,
-        outputs: samples.signals.into_iter().collect(),
-    };
-    Ok(json(StatusCode::OK, &simulation))
-}
-
-/// Raises a stop flag when it goes out of scope.
-struct StopOnDrop(Arc<AtomicBool>);
-
-impl Drop for StopOnDrop {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
+    let written = state.convert(move || {
+        let _permit = permit;
+        let samples = outputs.decimate(None, None, None, points);
+        let simulation = Simulation {
+            model: name,
+            time_s: samples.time_s,
+            outputs: samples.signals.into_iter().collect(),
+        };
+        Ok(json(StatusCode::OK, &simulation))
+    });
+    written.await
 }
 
 /// The recording that drives the simulation, if the document names one.
@@ -164,23 +148,28 @@ async fn recording(state: &ApiState, document: &Value) -> Answer<Option<Recordin
     match SimulationSpec::source(document) {
         Source::Dataset(id) => Ok(state.store.recording(id).await?),
         Source::Inline(inputs) => {
-            let text = inputs.to_string();
-            let recording = dataset::json::read(text.as_bytes());
-            let recording = recording.map_err(|error| {
-                let faults = error.faults().iter().map(|fault| {
-                    let pointer = fault.pointer.as_deref().unwrap_or_default();
-                    Fault::new(
-                        format!("/inputs{pointer}"),
-                        fault.code,
-                        fault.detail.clone(),
-                    )
-                });
-                Problem::of_document(faults.collect())
-            })?;
-            Ok(Some(recording))
+            let inputs = inputs.clone();
+            let read = state.convert(move || inline(&inputs));
+            Ok(Some(read.await?))
         }
         Source::Unclear => Ok(None),
     }
+}
+
+fn inline(inputs: &Value) -> Answer<Recording> {
+    let text = inputs.to_string();
+    let recording = dataset::json::read(text.as_bytes());
+    recording.map_err(|error| {
+        let faults = error.faults().iter().map(|fault| {
+            let pointer = fault.pointer.as_deref().unwrap_or_default();
+            Fault::new(
+                format!("/inputs{pointer}"),
+                fault.code,
+                fault.detail.clone(),
+            )
+        });
+        Problem::of_document(faults.collect())
+    })
 }
 
 /// All that one simulation needs.
@@ -267,10 +256,7 @@ impl<'m> SimulationRun<'m> {
             initial_state: &self.initial_state,
         };
         let simulated = single::outputs(self.model.plant(), &[(excitation, candidate)], stop);
-        let Some(simulated) = simulated else {
-            return Err(Problem::new(Kind::Busy, "the simulation was stopped").retry_after(2));
-        };
-        let outputs = simulated.map_err(|failure| {
+        let outputs = simulated.ok_or_else(stopped)?.map_err(|failure| {
             let detail = format!("the simulation fails: {}", failure.name());
             Problem::of_document(vec![Fault::new("/parameters", "simulation_fails", detail)])
         })?;

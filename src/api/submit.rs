@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
@@ -12,16 +13,17 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::body::JsonDocument;
 use super::error::{Answer, Kind, Problem};
+use super::extract::Client;
 use super::http_headers::{idempotency_key, json, preferred_wait};
 use super::jobs::{self, Job};
 use super::query::{FromQuery, Params, QueryReader};
 use super::spec_cache::SpecKey;
-use super::{ApiState, blocking, models};
+use super::{ApiState, models};
 use crate::job::assemble::{self, Assembly, Finding, Identifiability, Preflight};
 use crate::job::spec::Context;
 use crate::job::{Fault, JobSpec, Status};
 use crate::model::Model;
-use crate::store::{Idempotency, JobRow, ModelStored, NewJob, NewModel, Submitted};
+use crate::store::{Idempotency, JobRow, NewJob, NewModel, Submitted};
 
 /// How to treat the submitted job.
 #[derive(IntoParams)]
@@ -118,6 +120,7 @@ pub async fn submit(
     State(state): State<ApiState>,
     Params(query): Params<SubmitQuery>,
     headers: HeaderMap,
+    client: Client,
     document: JsonDocument,
 ) -> Answer {
     let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
@@ -129,20 +132,24 @@ pub async fn submit(
     {
         return answer(&state, earlier, &headers).await;
     }
-    let Ready { spec, model, new } = ready(&state, &document.value).await?;
+    let Ready { spec, model, new } = ready(&state, &document.value, &client).await?;
     if query.validate_only {
         let method = spec.method.clone();
-        let look_ahead = move |assembly: &Assembly| {
+        let look_ahead = move |assembly: &Assembly, stop: &AtomicBool| {
             let mut preflight = assemble::preflight(assembly, &method);
-            let ahead = assemble::forecast(assembly, &method, &mut preflight.findings);
-            (preflight, ahead)
+            let ahead = assemble::forecast(assembly, &method, &mut preflight.findings, stop);
+            Ok((preflight, ahead))
         };
         let forecast = assembled(&state, &spec, model, look_ahead).await?;
         return Ok(json(StatusCode::OK, &Validation::new(spec, forecast)));
     }
     check(&state, &spec, Arc::clone(&model)).await?;
-    let submitted = store(&state, Ready { spec, model, new }, idempotency).await?;
-    answer(&state, submitted, &headers).await
+    let ready = Ready { spec, model, new };
+    let job = ready.new_job(idempotency);
+    if let Some(new) = ready.new {
+        state.store.insert_model(new).await?;
+    }
+    answer(&state, state.store.submit(job).await?, &headers).await
 }
 
 /// A job that has been read.
@@ -150,12 +157,12 @@ pub(super) struct Ready {
     spec: JobSpec,
     model: Arc<Model>,
     /// Its model, where it brings a new one.
-    new: Option<NewModel>,
+    pub(super) new: Option<NewModel>,
 }
 
 /// Reads a job, or says everything that is wrong with it.
-async fn ready(state: &ApiState, document: &Value) -> Answer<Ready> {
-    let asked = models::asked(state, document).await?;
+async fn ready(state: &ApiState, document: &Value, client: &Client) -> Answer<Ready> {
+    let asked = models::asked(state, document, client).await?;
     let spec = read(state, &asked).await?;
     let model = match asked.model {
         Some(model) => model,
@@ -166,27 +173,28 @@ async fn ready(state: &ApiState, document: &Value) -> Answer<Ready> {
 }
 
 /// Reads a job and holds it against its recordings.
-pub(super) async fn checked(state: &ApiState, document: &Value) -> Answer<Ready> {
-    let ready = ready(state, document).await?;
+pub(super) async fn checked(state: &ApiState, document: &Value, client: &Client) -> Answer<Ready> {
+    let ready = ready(state, document, client).await?;
     check(state, &ready.spec, Arc::clone(&ready.model)).await?;
     Ok(ready)
 }
 
-/// Stores a job that has been checked.
-pub(super) async fn store(
-    state: &ApiState,
-    ready: Ready,
-    idempotency: Option<Idempotency>,
-) -> Answer<Submitted> {
-    if let Some(new) = ready.new
-        && state.store.insert_model(new).await? == ModelStored::Full
-    {
-        return Err(models::full());
+impl Ready {
+    /// The job as it is stored.
+    pub(super) fn new_job(&self, idempotency: Option<Idempotency>) -> NewJob {
+        let spec = &self.spec;
+        let mut datasets: Vec<_> = spec.experiments.iter().map(|e| e.dataset).collect();
+        datasets.sort();
+        datasets.dedup();
+        NewJob {
+            name: spec.name.clone(),
+            labels: spec.labels.clone(),
+            model: spec.model.clone(),
+            spec: serde_json::to_value(spec).expect("a specification has only text keys"),
+            datasets,
+            idempotency,
+        }
     }
-    Ok(state
-        .store
-        .submit(new_job(&ready.spec, idempotency))
-        .await?)
 }
 
 async fn answer(state: &ApiState, submitted: Submitted, headers: &HeaderMap) -> Answer {
@@ -194,17 +202,17 @@ async fn answer(state: &ApiState, submitted: Submitted, headers: &HeaderMap) -> 
     accepted(state, row, replayed, headers).await
 }
 
-/// The job, and whether it was stored before; or why it was not stored.
-pub(super) fn stored(submitted: Submitted) -> Answer<(JobRow, bool)> {
+/// What is stored, and whether it was before; or why it was not stored.
+pub(super) fn stored<T>(submitted: Submitted<T>) -> Answer<(T, bool)> {
     match submitted {
         Submitted::Created(row) => Ok((row, false)),
         Submitted::Replayed(row) => Ok((row, true)),
         Submitted::KeyReused => {
-            let detail = "the key came before with another body; use a new key for a new job";
+            let detail = "the key came before with another body; use a new key for something new";
             Err(Problem::new(Kind::KeyReused, detail))
         }
         Submitted::Forgotten(id) => {
-            let detail = format!("the job {id} that this key made has been deleted");
+            let detail = format!("what this key made, {id}, has been deleted");
             Err(Problem::new(Kind::WrongState, detail))
         }
         Submitted::NoModel(name) => {
@@ -240,7 +248,7 @@ async fn read(state: &ApiState, asked: &models::Asked) -> Answer<JobSpec> {
 async fn check(state: &ApiState, spec: &JobSpec, model: Arc<Model>) -> Answer<()> {
     let checked = SpecKey::of(spec);
     if !state.0.checked.contain(checked) {
-        assembled(state, spec, model, |_| ()).await?;
+        assembled(state, spec, model, |_, _| Ok(())).await?;
         state.0.checked.insert(checked);
     }
     Ok(())
@@ -252,33 +260,19 @@ async fn assembled<T: Send + 'static>(
     state: &ApiState,
     spec: &JobSpec,
     model: Arc<Model>,
-    look: impl FnOnce(&Assembly) -> T + Send + 'static,
+    look: impl FnOnce(&Assembly, &AtomicBool) -> Answer<T> + Send + 'static,
 ) -> Answer<T> {
     let permit = state.recording_permit().await?;
     let recordings = state.recordings(spec).await?;
     let recordings = recordings.map_err(Problem::of_document)?;
     let spec = spec.clone();
-    blocking(move || {
+    let looked = state.compute(move |stop| {
         let _permit = permit;
         let assembly = assemble::problem(&spec, &model, &recordings);
         let assembly = assembly.map_err(Problem::of_document)?;
-        Ok(look(&assembly))
-    })
-    .await
-}
-
-fn new_job(spec: &JobSpec, idempotency: Option<Idempotency>) -> NewJob {
-    let mut datasets: Vec<_> = spec.experiments.iter().map(|e| e.dataset).collect();
-    datasets.sort();
-    datasets.dedup();
-    NewJob {
-        name: spec.name.clone(),
-        labels: spec.labels.clone(),
-        model: spec.model.clone(),
-        spec: serde_json::to_value(spec).expect("a specification has only text keys"),
-        datasets,
-        idempotency,
-    }
+        look(&assembly, stop)
+    });
+    looked.await
 }
 
 /// 202, after the wait that the client prefers.

@@ -8,13 +8,13 @@ use axum::http::{HeaderMap, StatusCode};
 use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
+use super::ApiState;
 use super::error::Answer;
 use super::extract::Named;
 use super::finished_job::FinishedJob;
 use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
 use super::results;
-use super::{ApiState, blocking};
 use crate::dataset::kept_indices;
 use crate::job::assemble::{ExperimentTrajectory, OutputTrajectory};
 use crate::job::{DatasetId, JobId};
@@ -100,8 +100,8 @@ pub async fn trajectory(
     let as_csv = prefers(&headers, "text/csv");
     let points = query.max_points.unwrap_or(DEFAULT_POINTS);
     let points = usize::try_from(points).expect("the limit is small");
-    blocking(move || {
-        let experiments = job.trajectory()?;
+    let compared = state.compute(move |stop| {
+        let experiments = job.trajectory(stop)?;
         if as_csv {
             return Ok(results::csv(csv(&experiments)));
         }
@@ -111,8 +111,8 @@ pub async fn trajectory(
             experiments,
         };
         Ok(json(StatusCode::OK, &trajectory))
-    })
-    .await
+    });
+    compared.await
 }
 
 fn decimated(experiment: &ExperimentTrajectory, points: usize) -> Experiment {

@@ -1,36 +1,52 @@
 //! The connections of the server: each is taken, answered by the routes, and ended in order.
 //!
 //! They speak HTTP/1.1. A connection that waits holds its buffers and nothing else, so that
-//! thousands of streams may be open; a client that does not come to the end of a request's head in
-//! time is let go.
+//! thousands of streams may be open. A client that does not come to the end of a request's head in
+//! time, or takes nothing of its answer for as long, is let go.
 
+use std::net::SocketAddr;
 use std::pin::pin;
 use std::time::Duration;
 
 use axum::Router;
+use axum::http::Request;
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
+use tokio_io_timeout::TimeoutStream;
 use tokio_util::sync::CancellationToken;
+use tower::ServiceExt;
+
+use crate::api::extract::PeerAddress;
 
 /// How long a client may take for the head of a request, counted from the answer before it.
-const HEAD_TIME: Duration = Duration::from_secs(60);
+const HEAD_TIME: Duration = Duration::from_secs(30);
+/// How long a client may take nothing of an answer.
+const WRITE_TIME: Duration = Duration::from_secs(30);
 /// How long nobody is taken after that failed, which it does when files are used up.
 const BACK_OFF: Duration = Duration::from_secs(1);
 
 /// Answers until `closing` is cancelled, then returns when the last connection has ended.
 /// Dropping the future cuts the connections.
-pub(super) async fn serve(listener: TcpListener, routes: Router, closing: CancellationToken) {
+///
+/// At most `at_once` connections are open; others wait for one of them to end.
+pub(super) async fn serve(
+    listener: TcpListener,
+    routes: Router,
+    at_once: usize,
+    closing: CancellationToken,
+) {
     // Built once; each connection shares them.
     let routes: Router = routes.with_state(());
     let mut connections = JoinSet::new();
     loop {
         tokio::select! {
             () = closing.cancelled() => break,
-            taken = take(&listener) => {
-                let connection = answer(taken, routes.clone(), HEAD_TIME, closing.clone());
+            taken = take(&listener), if connections.len() < at_once => {
+                let connection = answer(taken, routes.clone(), TIMES, closing.clone());
                 connections.spawn(connection);
             }
             Some(ended) = connections.join_next() => {
@@ -44,11 +60,26 @@ pub(super) async fn serve(listener: TcpListener, routes: Router, closing: Cancel
     while connections.join_next().await.is_some() {}
 }
 
+/// How long a client is waited for.
+#[derive(Clone, Copy)]
+struct Times {
+    head: Duration,
+    write: Duration,
+}
+
+const TIMES: Times = Times {
+    head: HEAD_TIME,
+    write: WRITE_TIME,
+};
+
+/// A connection and who is at its other end.
+type Taken = (TcpStream, SocketAddr);
+
 /// The next connection.
-async fn take(listener: &TcpListener) -> TcpStream {
+async fn take(listener: &TcpListener) -> Taken {
     loop {
         match listener.accept().await {
-            Ok((stream, _)) => return stream,
+            Ok(taken) => return taken,
             Err(error) => {
                 tracing::error!(%error, "no connection could be taken");
                 tokio::time::sleep(BACK_OFF).await;
@@ -59,20 +90,24 @@ async fn take(listener: &TcpListener) -> TcpStream {
 
 /// Answers the requests of a connection until its client leaves, or the answer under way when the
 /// server goes down.
-async fn answer(
-    stream: TcpStream,
-    routes: Router,
-    head_time: Duration,
-    closing: CancellationToken,
-) {
+async fn answer((stream, peer): Taken, routes: Router, times: Times, closing: CancellationToken) {
     // An event is sent when it is written; waiting to fill a packet only delays it.
     if let Err(error) = stream.set_nodelay(true) {
         tracing::debug!(%error, "a connection delays small packets");
     }
+    let mut stream = TimeoutStream::new(stream);
+    stream.set_write_timeout(Some(times.write));
+    let routes = routes.map_request(move |mut request: Request<Incoming>| {
+        request.extensions_mut().insert(PeerAddress(peer.ip()));
+        request
+    });
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
-        .header_read_timeout(head_time)
-        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(routes));
+        .header_read_timeout(times.head)
+        .serve_connection(
+            TokioIo::new(Box::pin(stream)),
+            TowerToHyperService::new(routes),
+        );
     let mut connection = pin!(connection);
     let ended = tokio::select! {
         ended = connection.as_mut() => ended,
@@ -88,18 +123,19 @@ async fn answer(
 
 #[cfg(test)]
 mod tests {
+    use axum::body::Body;
     use axum::routing::get;
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
 
     use super::*;
 
-    async fn server() -> (std::net::SocketAddr, CancellationToken, JoinSet<()>) {
+    async fn server(at_once: usize) -> (SocketAddr, CancellationToken, JoinSet<()>) {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
         let address = listener.local_addr().expect("an address");
         let routes = Router::new().route("/", get(|| async { "here" }));
         let closing = CancellationToken::new();
         let mut server = JoinSet::new();
-        server.spawn(serve(listener, routes, closing.clone()));
+        server.spawn(serve(listener, routes, at_once, closing.clone()));
         (address, closing, server)
     }
 
@@ -110,10 +146,13 @@ mod tests {
         let mut client = TcpStream::connect(address).await.expect("a connection");
         let begun = b"GET / HTTP/1.1\r\nhost:";
         client.write_all(begun).await.expect("a write");
-        let head_time = Duration::from_millis(20);
+        let times = Times {
+            head: Duration::from_millis(20),
+            ..TIMES
+        };
         let closing = CancellationToken::new();
         let taken = take(&listener).await;
-        let answered = answer(taken, Router::new(), head_time, closing);
+        let answered = answer(taken, Router::new(), times, closing);
         let mut received = Vec::new();
         let (_, read) = tokio::join!(answered, client.read_to_end(&mut received));
         read.expect("an end");
@@ -121,8 +160,44 @@ mod tests {
     }
 
     #[tokio::test]
+    async fn a_client_that_never_reads_its_answer_is_let_go() {
+        // More than any two buffers of a connection hold.
+        const ANSWER_BYTES: usize = 64 << 20;
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+        let address = listener.local_addr().expect("an address");
+        let mut client = TcpStream::connect(address).await.expect("a connection");
+        let request = b"GET / HTTP/1.1\r\nhost: x\r\n\r\n";
+        client.write_all(request).await.expect("a write");
+        let times = Times {
+            write: Duration::from_millis(20),
+            ..TIMES
+        };
+        let large = || async { Body::from(vec![b' '; ANSWER_BYTES]) };
+        let routes = Router::new().route("/", get(large));
+        let taken = take(&listener).await;
+        answer(taken, routes, times, CancellationToken::new()).await;
+        let mut received = Vec::new();
+        // The connection was cut: what was on its way may end in an error.
+        let _ = client.read_to_end(&mut received).await;
+        assert!(received.len() < ANSWER_BYTES);
+    }
+
+    #[tokio::test]
+    async fn a_connection_beyond_the_limit_waits_for_one_that_ends() {
+        let (address, _closing, _server) = server(1).await;
+        let first = TcpStream::connect(address).await.expect("a connection");
+        let mut second = TcpStream::connect(address).await.expect("a place in line");
+        let request = b"GET / HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n";
+        second.write_all(request).await.expect("a write");
+        drop(first);
+        let mut received = Vec::new();
+        second.read_to_end(&mut received).await.expect("an answer");
+        assert!(received.ends_with(b"here"));
+    }
+
+    #[tokio::test]
     async fn connections_that_wait_end_with_the_server() {
-        let (address, closing, mut server) = server().await;
+        let (address, closing, mut server) = server(10).await;
         let mut client = TcpStream::connect(address).await.expect("a connection");
         client
             .write_all(b"GET / HTTP/1.1\r\nhost: x\r\n\r\n")

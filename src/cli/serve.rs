@@ -45,11 +45,14 @@ pub async fn start(settings: Settings) -> Result<App, CommandError> {
 
 /// Runs what waits for the network.
 pub fn block_on<T>(work: impl Future<Output = Result<T, CommandError>>) -> Result<T, CommandError> {
-    tokio::runtime::Builder::new_multi_thread()
+    let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()
-        .map_err(CommandError::failed)?
-        .block_on(work)
+        .map_err(CommandError::failed)?;
+    let done = runtime.block_on(work);
+    // What still computes has no one to compute for.
+    runtime.shutdown_background();
+    done
 }
 
 /// Logs to standard error, as text for people and as JSON for programs.
@@ -58,6 +61,8 @@ pub fn log(filter: &str) -> Result<(), CommandError> {
         .map_err(|error| CommandError::input(format!("--log {filter}: {error}")))?;
     let log = tracing_subscriber::fmt()
         .with_env_filter(filter)
+        // A log on a disk that is full is lost; to say so there too would end the thread that logs.
+        .log_internal_errors(false)
         .with_writer(std::io::stderr);
     if std::io::stderr().is_terminal() {
         log.init();

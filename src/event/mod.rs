@@ -113,6 +113,11 @@ impl EventHub {
         self.inner.closing.cancel();
     }
 
+    /// Returns when the server is going down.
+    pub async fn closed(&self) {
+        self.inner.closing.cancelled().await;
+    }
+
     /// Jobs that somebody waits for.
     pub fn n_jobs_waited_for(&self) -> usize {
         self.inner.waiting().len()

@@ -37,12 +37,15 @@ impl Failure {
     }
 
     /// The job took its server down, again and again.
-    pub fn crashed_too_often(attempts: u32) -> Self {
+    pub fn crashed_too_often(times: u32) -> Self {
         Self {
             kind: "/problems/crashed-too-often".into(),
             title: "The server went down with this job".into(),
             status: 500,
-            detail: format!("{attempts} slices in a row ended without a checkpoint"),
+            detail: format!(
+                "the server went down {times} times in a row while it worked this job, and not \
+                 once without it"
+            ),
             errors: Vec::new(),
         }
     }

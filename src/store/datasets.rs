@@ -82,8 +82,13 @@ impl Store {
     /// Makes scratches for recordings on their way here: files without a name beside the
     /// database, which are gone with the process.
     pub fn scratch(&self) -> NewScratch {
-        let folder = self.inner.folder.clone();
-        Box::new(move || Ok(Box::new(tempfile::tempfile_in(folder)?)))
+        let store = self.clone();
+        Box::new(move || Ok(Box::new(store.nameless_file()?)))
+    }
+
+    /// A file without a name beside the database, which is gone with the process.
+    pub fn nameless_file(&self) -> io::Result<std::fs::File> {
+        tempfile::tempfile_in(&self.inner.folder)
     }
 
     /// Stores a recording, or finds the one that has the same digest. Says whether it is new.

@@ -2,6 +2,7 @@
 //!
 //! "Not found", "in use" and the like are answers, not errors; they are values of the methods.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -13,7 +14,7 @@ pub enum StoreError {
     Database(#[from] sqlx::Error),
     /// A transaction of several writes could not be committed; none of them happened.
     #[error("the database could not commit: {0}")]
-    Commit(Arc<sqlx::Error>),
+    Commit(WriteFailure),
     /// Submissions that were to be written together were refused; none of them happened.
     #[error("{0}")]
     Together(Arc<StoreError>),
@@ -56,4 +57,114 @@ pub enum StoreError {
     /// The store is closed.
     #[error("the store is closed")]
     Closed,
+}
+
+/// Why a write did not come to disk.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{why}")]
+pub struct WriteFailure {
+    why: String,
+    /// There is no room left.
+    pub(super) is_full: bool,
+    /// The file or the disk under it refuses, whatever is written: it may not the next time.
+    pub(super) is_of_the_disk: bool,
+}
+
+/// SQLite's result codes, without their extensions: <https://www.sqlite.org/rescode.html>.
+mod code {
+    pub(super) const BUSY: i32 = 5;
+    pub(super) const LOCKED: i32 = 6;
+    pub(super) const READONLY: i32 = 8;
+    pub(super) const IOERR: i32 = 10;
+    pub(super) const FULL: i32 = 13;
+    pub(super) const CANTOPEN: i32 = 14;
+}
+
+impl WriteFailure {
+    pub(super) fn of(error: &StoreError) -> Self {
+        match error {
+            StoreError::Commit(failure) => failure.clone(),
+            StoreError::Together(error) => Self::of(error),
+            StoreError::Database(error) | StoreError::Queue(riverqueue::Error::Database(error)) => {
+                Self::of_database(error)
+            }
+            other => Self {
+                why: other.to_string(),
+                is_full: false,
+                is_of_the_disk: false,
+            },
+        }
+    }
+
+    pub(super) fn of_database(error: &sqlx::Error) -> Self {
+        let code = error.as_database_error().and_then(|error| error.code());
+        let code = code.map_or(0, primary);
+        let of_the_disk = [
+            code::BUSY,
+            code::LOCKED,
+            code::READONLY,
+            code::IOERR,
+            code::FULL,
+            code::CANTOPEN,
+        ];
+        Self {
+            why: error.to_string(),
+            is_full: code == code::FULL,
+            is_of_the_disk: of_the_disk.contains(&code)
+                // The connection went with what happened to it; the next one is another.
+                || matches!(error, sqlx::Error::PoolTimedOut | sqlx::Error::WorkerCrashed),
+        }
+    }
+}
+
+/// The code without its extension, which stands in the upper bits.
+fn primary(code: Cow<'_, str>) -> i32 {
+    code.parse::<i32>().map_or(0, |code| code & 0xff)
+}
+
+/// What a failure of the store means to whoever asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Meaning {
+    /// The server is going down.
+    ShuttingDown,
+    /// There is no room left on the disk.
+    NoRoom,
+    /// The database cannot be written or read just now.
+    Unavailable,
+    /// The program or its database is at fault.
+    Fault,
+}
+
+impl StoreError {
+    /// What it means to whoever asked.
+    #[must_use]
+    pub fn meaning(&self) -> Meaning {
+        match self {
+            Self::Closed | Self::Database(sqlx::Error::PoolClosed) => Meaning::ShuttingDown,
+            Self::Scratch(error) | Self::File { source: error, .. } => Meaning::of_file(error),
+            other => {
+                let failure = WriteFailure::of(other);
+                match (failure.is_full, failure.is_of_the_disk) {
+                    (true, _) => Meaning::NoRoom,
+                    (false, true) => Meaning::Unavailable,
+                    (false, false) => Meaning::Fault,
+                }
+            }
+        }
+    }
+}
+
+impl Meaning {
+    /// What a failure of a file beside the database means.
+    #[must_use]
+    pub fn of_file(error: &std::io::Error) -> Self {
+        use std::io::ErrorKind;
+        match error.kind() {
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
+                Self::NoRoom
+            }
+            ErrorKind::ReadOnlyFilesystem => Self::Unavailable,
+            _ => Self::Fault,
+        }
+    }
 }

@@ -6,6 +6,7 @@
 //!
 //! Writes of a worker carry a [`Lease`]: they change nothing once another slice of the job began.
 
+pub mod backup;
 mod candidates;
 mod control;
 mod datasets;
@@ -13,6 +14,7 @@ mod error;
 mod events;
 mod generations;
 mod jobs;
+mod life;
 mod lock;
 mod models;
 mod queue;
@@ -26,28 +28,34 @@ mod writer;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use sqlx::SqlitePool;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::{Connection, SqlitePool};
 
 use crate::job::{DatasetId, JobId};
 
 pub use candidates::{CandidatePage, NewCandidates};
 pub use control::{Control, StopRequest};
 pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
-pub use error::StoreError;
+pub use error::{Meaning, StoreError};
 pub use events::StoredEvent;
 pub use jobs::{JobFilter, JobRemoval, JobRow, Page};
-pub use models::{MAX_MODELS, ModelRemoval, ModelRow, ModelStored, NewModel};
+pub use models::{MAX_UNUSED_MODELS, ModelRemoval, ModelRow, ModelStored, NewModel};
 pub use queue::{QUEUE, SliceOfJob};
 pub use slices::{Begin, Checkpoint, Ending, Hold, Lease, Record, Reported, Slice};
+pub use submit::comparison::{ComparisonRow, ComparisonSummary, NewComparison};
 pub use submit::{Idempotency, NewJob, Submitted};
 
 use lock::FileLock;
 use recent::Recent;
 use submit::Submissions;
-use writer::Writer;
+use writer::{Tx, Writer};
+
+/// A database that was written to so lately takes writes.
+const PROBE_AFTER: Duration = Duration::from_secs(1);
+/// What is written to see whether it can be.
+const PROBE_BYTES: i64 = 4096;
 
 /// Where the database is and how it is used.
 #[derive(Clone, Debug)]
@@ -85,6 +93,10 @@ pub struct Store {
 struct Inner {
     /// The folder of the database.
     folder: PathBuf,
+    /// The number of this life of the server.
+    life: i64,
+    /// When it began.
+    opened: Instant,
     writer: Writer,
     writer_pool: SqlitePool,
     readers: SqlitePool,
@@ -108,13 +120,7 @@ impl Store {
             source,
         })?;
         let lock = FileLock::take(&settings.path)?;
-        let writer_pool = SqlitePoolOptions::new()
-            .max_connections(1)
-            .min_connections(1)
-            .idle_timeout(None)
-            .max_lifetime(None)
-            .connect_with(connection(settings))
-            .await?;
+        let writer_pool = writer_pool(settings).await?;
         riverqueue::migrate::SqliteMigrator::new(writer_pool.clone())
             .migrate_up()
             .await?;
@@ -127,10 +133,14 @@ impl Store {
             .connect_with(connection(settings).read_only(true))
             .await?;
         let recent = RecentRows::default();
+        let writer = Writer::start(writer_pool.clone(), forget_then(recent.clone(), on_change));
+        let life = life::begin(&writer).await?;
         let store = Self {
             inner: Arc::new(Inner {
                 folder,
-                writer: Writer::start(writer_pool.clone(), forget_then(recent.clone(), on_change)),
+                life,
+                opened: Instant::now(),
+                writer,
                 writer_pool,
                 readers,
                 queue,
@@ -154,8 +164,22 @@ impl Store {
         Ok(())
     }
 
+    /// Whether the database takes writes: one came to disk a moment ago, or does now.
+    pub async fn probe(&self) -> Result<(), StoreError> {
+        if self.inner.writer.has_written_within(PROBE_AFTER) {
+            return Ok(());
+        }
+        self.inner
+            .writer
+            .write(|tx| Box::pin(write_probe(tx)))
+            .await
+    }
+
     /// Finishes the writes that were accepted, and closes the database.
     pub async fn close(&self) {
+        if let Err(error) = self.end_life().await {
+            tracing::warn!(%error, "it could not be noted that the server ended in order");
+        }
         self.inner.writer.close().await;
         self.inner.readers.close().await;
         self.inner.writer_pool.close().await;
@@ -183,6 +207,34 @@ fn forget_then(recent: RecentRows, on_change: OnChange) -> OnChange {
         }
         on_change(change);
     })
+}
+
+/// The one connection that writes. A disk that is full can leave it inside a transaction that SQLite
+/// has ended and the connection has not; such a one is closed, and the next write opens another.
+async fn writer_pool(settings: &DatabaseSettings) -> Result<SqlitePool, StoreError> {
+    let pool = SqlitePoolOptions::new()
+        .max_connections(1)
+        .min_connections(1)
+        .idle_timeout(None)
+        .max_lifetime(None)
+        .after_release(|connection, _| {
+            Box::pin(async move {
+                // The answer comes after a rollback that was begun by dropping a transaction.
+                connection.ping().await?;
+                Ok(!connection.is_in_transaction())
+            })
+        })
+        .connect_with(connection(settings))
+        .await?;
+    Ok(pool)
+}
+
+async fn write_probe(tx: &mut Tx) -> Result<(), StoreError> {
+    sqlx::query("insert or replace into write_probes (id, filler) values (1, randomblob(?))")
+        .bind(PROBE_BYTES)
+        .execute(&mut **tx)
+        .await?;
+    Ok(())
 }
 
 fn connection(settings: &DatabaseSettings) -> SqliteConnectOptions {

@@ -2,15 +2,16 @@
 
 use jiff::Timestamp;
 use serde_json::Value;
-use sqlx::FromRow;
+use sqlx::{FromRow, QueryBuilder, Sqlite};
 
 use super::jobs::{from_json, time};
 use super::writer::Tx;
 use super::{Store, StoreError};
 use crate::job::JobId;
 
-/// The models that one server keeps at the most.
-pub const MAX_MODELS: i64 = 500;
+/// The models that no job was made with that one server keeps at the most. One more takes the place
+/// of the oldest of the client that has the most of them.
+pub const MAX_UNUSED_MODELS: i64 = 500;
 
 /// A model to be stored.
 #[derive(Clone, Debug)]
@@ -23,6 +24,8 @@ pub struct NewModel {
     pub digest: String,
     /// The document.
     pub document: Value,
+    /// Who brings it: the address that it comes from.
+    pub client: String,
 }
 
 /// A stored model.
@@ -45,8 +48,6 @@ pub enum ModelStored {
     Created(ModelRow),
     /// The same document came before.
     There(ModelRow),
-    /// There are [`MAX_MODELS`] already. Nothing was stored.
-    Full,
 }
 
 /// What became of a wish to remove a model.
@@ -123,7 +124,7 @@ impl Store {
     }
 }
 
-async fn insert(tx: &mut Tx, new: NewModel) -> Result<ModelStored, StoreError> {
+pub(super) async fn insert(tx: &mut Tx, new: NewModel) -> Result<ModelStored, StoreError> {
     let same: Option<Columns> = sqlx::query_as(
         "select reference, digest, document, created_at from models where digest = ?",
     )
@@ -133,30 +134,48 @@ async fn insert(tx: &mut Tx, new: NewModel) -> Result<ModelStored, StoreError> {
     if let Some(same) = same {
         return Ok(ModelStored::There(same.read()?));
     }
-    let count: i64 = sqlx::query_scalar("select count(*) from models")
-        .fetch_one(&mut **tx)
-        .await?;
-    if count >= MAX_MODELS {
-        return Ok(ModelStored::Full);
-    }
     let created_at = Timestamp::now();
     sqlx::query(
-        "insert into models (reference, name, digest, document, created_at) \
-         values (?, ?, ?, ?, ?)",
+        "insert into models (reference, name, digest, document, created_at, client) \
+         values (?, ?, ?, ?, ?, ?)",
     )
     .bind(&new.reference)
     .bind(&new.name)
     .bind(&new.digest)
     .bind(new.document.to_string())
     .bind(created_at.to_string())
+    .bind(&new.client)
     .execute(&mut **tx)
     .await?;
+    make_room(tx, &new.reference).await?;
     Ok(ModelStored::Created(ModelRow {
         reference: new.reference,
         digest: new.digest,
         document: new.document,
         created_at,
     }))
+}
+
+/// Forgets an unused model where there are too many, and not the one that just came.
+async fn make_room(tx: &mut Tx, but_not: &str) -> Result<(), StoreError> {
+    const UNUSED: &str = "not exists (select 1 from jobs where jobs.model = models.reference)";
+    let mut count = QueryBuilder::<Sqlite>::new("select count(*) from models where ");
+    count.push(UNUSED);
+    let count: i64 = count.build_query_scalar().fetch_one(&mut **tx).await?;
+    if count <= MAX_UNUSED_MODELS {
+        return Ok(());
+    }
+    let mut removal = QueryBuilder::<Sqlite>::new(
+        "with unused as (select reference, client, created_at from models where reference <> ",
+    );
+    removal.push_bind(but_not).push(" and ").push(UNUSED).push(
+        "), greediest as (select client from unused group by client \
+             order by count(*) desc, client limit 1) \
+             delete from models where reference = (select reference from unused \
+             where client = (select client from greediest) order by created_at, reference limit 1)",
+    );
+    removal.build().execute(&mut **tx).await?;
+    Ok(())
 }
 
 async fn delete(tx: &mut Tx, reference: String) -> Result<ModelRemoval, StoreError> {

@@ -73,6 +73,45 @@ fn options() -> InsertOpts {
 }
 
 impl Store {
+    /// Lets entries go on that wait for a time which the queue never asks anyone to wait for: the
+    /// clock has been set back since they were made.
+    pub async fn free_entries_of_the_future(&self) -> Result<(), StoreError> {
+        let waits: bool = sqlx::query_scalar(
+            "select exists (select 1 from river_job where queue = ? \
+             and state in ('available', 'scheduled', 'retryable') \
+             and scheduled_at > datetime('now', 'subsec', '+3 seconds'))",
+        )
+        .bind(QUEUE)
+        .fetch_one(self.readers())
+        .await?;
+        if waits {
+            self.inner
+                .writer
+                .write(|tx| Box::pin(free_entries(tx)))
+                .await?;
+        }
+        Ok(())
+    }
+
+    /// Lets all entries wait for a time, as they do when the clock is set back by as much.
+    #[cfg(test)]
+    pub(crate) async fn postpone_entries(&self, by: &'static str) -> Result<(), StoreError> {
+        let postpone = async move |tx: &mut Tx| {
+            sqlx::query(
+                "update river_job set scheduled_at = datetime(scheduled_at, 'subsec', ?) \
+                 where state <> 'running'",
+            )
+            .bind(by)
+            .execute(&mut **tx)
+            .await?;
+            Ok(())
+        };
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(async move { postpone(tx).await }))
+            .await
+    }
+
     /// Makes what a dead server left ready to go on: entries that it was working, its leadership,
     /// and any unfinished job that has no live entry.
     pub(super) async fn recover_queue(&self) -> Result<(), StoreError> {
@@ -84,10 +123,29 @@ impl Store {
     }
 }
 
+async fn free_entries(tx: &mut Tx) -> Result<(), StoreError> {
+    let freed = sqlx::query(
+        "update river_job set state = 'available', scheduled_at = datetime('now', 'subsec') \
+         where queue = ? and state in ('available', 'scheduled', 'retryable') \
+         and scheduled_at > datetime('now', 'subsec', '+3 seconds')",
+    )
+    .bind(QUEUE)
+    .execute(&mut **tx)
+    .await?
+    .rows_affected();
+    tracing::warn!(
+        slices = freed,
+        "the clock was set back; slices no longer wait for it"
+    );
+    tx.announce(Change::SliceWaits);
+    Ok(())
+}
+
 async fn recover(queue: Client, tx: &mut Tx) -> Result<(), StoreError> {
     let freed = sqlx::query(
         "update river_job set state = 'available', scheduled_at = datetime('now', 'subsec') \
-         where state in ('running', 'retryable') and queue = ?",
+         where queue = ? and (state in ('running', 'retryable') \
+          or (state in ('available', 'scheduled') and scheduled_at > datetime('now', 'subsec')))",
     )
     .bind(QUEUE)
     .execute(&mut **tx)

@@ -3,11 +3,14 @@
 //! `jobs.epoch` fences: the transaction that begins a slice raises it, and a write with an older
 //! one changes no row and says [`Hold::Lost`], which ends that worker's slice.
 
+use std::time::Duration;
+
 use jiff::Timestamp;
 use serde_json::Value;
 
 use super::control::StopRequest;
 use super::jobs::{self, JobRow};
+use super::life::{SUSPECT_FROM, wait_after};
 use super::writer::Tx;
 use super::{Change, NewCandidates, Store, StoreError, candidates, events, generations, results};
 use crate::job::{Event, Failure, GenerationEvent, JobId, Progress, Status};
@@ -37,7 +40,9 @@ pub enum Begin {
     Slice(Box<Slice>),
     /// The job ended, is paused, is gone, or the entry is stale: there is nothing to do.
     Nothing,
-    /// The job took its server down too often and has failed now.
+    /// Lives of the server ended with it: its next slice waits a little.
+    NotYet,
+    /// The server always went down with the job, so it has failed now.
     Poisoned,
 }
 
@@ -110,16 +115,21 @@ pub struct Ending {
 
 impl Store {
     /// Begins a slice for a queue entry, or, without one, for a job that was asked to stop.
-    /// A job whose last `attempt_limit` slices all ended without a checkpoint fails instead.
+    /// A job that `death_limit` lives of the server in a row ended with fails instead.
     pub async fn begin_slice(
         &self,
         job: JobId,
         entry: Option<i64>,
-        attempt_limit: u32,
+        death_limit: u32,
     ) -> Result<Begin, StoreError> {
+        let now = Now {
+            life: self.inner.life,
+            age: self.inner.opened.elapsed(),
+            death_limit,
+        };
         self.inner
             .writer
-            .write(move |tx| Box::pin(begin(tx, job, entry, attempt_limit)))
+            .write(move |tx| Box::pin(begin(tx, job, entry, now)))
             .await
     }
 
@@ -146,10 +156,20 @@ impl Store {
     }
 }
 
+/// When a slice is to begin.
+#[derive(Clone, Copy)]
+struct Now {
+    /// The life of the server.
+    life: i64,
+    /// How long it has lasted.
+    age: Duration,
+    death_limit: u32,
+}
+
 #[derive(sqlx::FromRow)]
 struct Control {
     epoch: i64,
-    attempt: u32,
+    deaths: u32,
     queue_entry: i64,
     running_ms: i64,
     told_generation: u32,
@@ -157,17 +177,12 @@ struct Control {
     told_at_ms: i64,
 }
 
-async fn begin(
-    tx: &mut Tx,
-    id: JobId,
-    entry: Option<i64>,
-    attempt_limit: u32,
-) -> Result<Begin, StoreError> {
+async fn begin(tx: &mut Tx, id: JobId, entry: Option<i64>, now: Now) -> Result<Begin, StoreError> {
     let Some(row) = jobs::fetch(&mut *tx, id).await? else {
         return Ok(Begin::Nothing);
     };
     let control: Control = sqlx::query_as(
-        "select epoch, attempt, queue_entry, running_ms, told_generation, told_refinements, \
+        "select epoch, deaths, queue_entry, running_ms, told_generation, told_refinements, \
          told_at_ms from jobs where id = ?",
     )
     .bind(id.to_string())
@@ -177,18 +192,22 @@ async fn begin(
     if stale || !matches!(row.status, Status::Queued | Status::Running) {
         return Ok(Begin::Nothing);
     }
-    if control.attempt >= attempt_limit {
-        fail_poisoned(tx, id, control.attempt).await?;
+    if control.deaths >= now.death_limit {
+        fail_poisoned(tx, id, control.deaths).await?;
         return Ok(Begin::Poisoned);
+    }
+    if entry.is_some() && is_to_wait(tx, control.deaths, now).await? {
+        return Ok(Begin::NotYet);
     }
     if row.status == Status::Queued {
         let status = Status::Running;
         change_status(tx, id, status, &[Event::State { status }]).await?;
     }
     sqlx::query(
-        "update jobs set epoch = epoch + 1, attempt = attempt + 1, revision = revision + 1 \
-         where id = ?",
+        "update jobs set epoch = epoch + 1, attempt = attempt + 1, revision = revision + 1, \
+         at_work_in = ? where id = ?",
     )
+    .bind(now.life)
     .bind(id.to_string())
     .execute(&mut **tx)
     .await?;
@@ -235,11 +254,30 @@ async fn newest_generation(
         .transpose()
 }
 
-async fn fail_poisoned(tx: &mut Tx, id: JobId, attempt: u32) -> Result<(), StoreError> {
+/// Whether a job that lives of the server ended with is still to wait: for the server to have been
+/// up for a while, and for no other such job to be at work.
+async fn is_to_wait(tx: &mut Tx, deaths: u32, now: Now) -> Result<bool, StoreError> {
+    if deaths < SUSPECT_FROM {
+        return Ok(false);
+    }
+    if now.age < wait_after(deaths) {
+        return Ok(true);
+    }
+    let another: bool = sqlx::query_scalar(
+        "select exists (select 1 from jobs where at_work_in = ? and deaths >= ?)",
+    )
+    .bind(now.life)
+    .bind(SUSPECT_FROM)
+    .fetch_one(&mut **tx)
+    .await?;
+    Ok(another)
+}
+
+async fn fail_poisoned(tx: &mut Tx, id: JobId, deaths: u32) -> Result<(), StoreError> {
     let ending = Ending {
         status: Status::Failed,
         outcome: None,
-        error: Some(Failure::crashed_too_often(attempt)),
+        error: Some(Failure::crashed_too_often(deaths)),
     };
     end(tx, id, &ending).await
 }
@@ -302,7 +340,7 @@ async fn put_checkpoint(
         .bind(checkpoint.refinements)
         .execute(&mut **tx)
         .await?;
-    sqlx::query("update jobs set attempt = 0 where id = ?")
+    sqlx::query("update jobs set attempt = 0, deaths = 0, at_work_in = null where id = ?")
         .bind(job.to_string())
         .execute(&mut **tx)
         .await?;
@@ -358,7 +396,7 @@ pub(super) async fn change_status(
     let now = Timestamp::now().to_string();
     let n_events = i64::try_from(reported.len()).expect("a change tells of little");
     let last_event: i64 = sqlx::query_scalar(
-        "update jobs set status = ?, request = null, revision = revision + 1, \
+        "update jobs set status = ?, request = null, revision = revision + 1, at_work_in = null, \
          last_event = last_event + ?, started_at = coalesce(started_at, ?), finished_at = ? \
          where id = ? returning last_event",
     )

@@ -5,6 +5,7 @@
 //! statements of many rows. Each is answered for itself, after the commit.
 
 mod batch;
+pub(super) mod comparison;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -47,18 +48,18 @@ pub struct Idempotency {
 
 /// What became of a submission.
 #[derive(Clone, Debug)]
-pub enum Submitted {
-    /// A new job.
-    Created(JobRow),
-    /// The job that the same key and body made before, as it was when it was made.
-    Replayed(JobRow),
+pub enum Submitted<T = JobRow> {
+    /// It is new.
+    Created(T),
+    /// What the same key and body made before, as it was when it was made.
+    Replayed(T),
     /// The key came before with another body. Nothing was stored.
     KeyReused,
-    /// The job that the same key and body made before has been deleted. Nothing was stored.
-    Forgotten(JobId),
-    /// The model that the job names is no longer there. Nothing was stored.
+    /// What the same key and body made before has been deleted; its identifier. Nothing was stored.
+    Forgotten(String),
+    /// The model that it names is no longer there. Nothing was stored.
     NoModel(String),
-    /// A recording that the job reads is no longer there. Nothing was stored.
+    /// A recording that it reads is no longer there. Nothing was stored.
     NoDataset(DatasetId),
 }
 
@@ -72,9 +73,10 @@ impl Store {
             // The replies go from the work to the answer, past the commit.
             let replies = Arc::new(Mutex::new(Vec::new()));
             let answered = replies.clone();
+            let submissions = self.inner.submissions.clone();
             place.take(
                 move |tx| Box::pin(write_all(queue, tx, turn, replies)),
-                move |outcome| answer_each(std::mem::take(&mut lock(&answered)), outcome),
+                move |outcome| answer_each(submissions.answered(&answered), outcome),
             );
         }
         answer.await.map_err(|_| StoreError::Closed)?
@@ -88,7 +90,7 @@ impl Store {
     ) -> Result<Option<Submitted>, StoreError> {
         let mut connection = self.readers().acquire().await?;
         let earlier: Option<(String, String)> =
-            sqlx::query_as("select body_digest, job from idempotency where key = ?")
+            sqlx::query_as("select body_digest, made from idempotency where key = ?")
                 .bind(&idempotency.key)
                 .fetch_optional(&mut *connection)
                 .await?;
@@ -121,6 +123,17 @@ impl Submissions {
         let mut waiting = lock(&self.waiting);
         waiting.push(submission);
         (waiting.len() == 1).then(|| Turn(Some(self.clone())))
+    }
+
+    /// Whom an outcome is for: those that had their turn; all that wait, where the transaction failed
+    /// before it came.
+    fn answered(&self, had_their_turn: &Mutex<Vec<Reply>>) -> Vec<Reply> {
+        let replies = std::mem::take(&mut *lock(had_their_turn));
+        if !replies.is_empty() {
+            return replies;
+        }
+        let waiting = std::mem::take(&mut *lock(&self.waiting));
+        waiting.into_iter().map(|one| one.reply).collect()
     }
 }
 
@@ -187,12 +200,13 @@ async fn answer_again(
     body_digest: &str,
     job: &str,
 ) -> Result<Submitted, StoreError> {
-    if body_digest != idempotency.body_digest {
+    // Another body, or one that made something else than a job.
+    if body_digest != idempotency.body_digest || !job.starts_with(JobId::PREFIX) {
         return Ok(Submitted::KeyReused);
     }
     let id = jobs::parse_id(job)?;
     Ok(match jobs::fetch(connection, id).await? {
         Some(row) => Submitted::Replayed(row.into_submitted()),
-        None => Submitted::Forgotten(id),
+        None => Submitted::Forgotten(id.to_string()),
     })
 }

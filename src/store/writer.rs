@@ -3,15 +3,20 @@
 //! Requests come through a bounded channel to one task. It runs all that are waiting in one
 //! transaction, each in a savepoint of its own so that a failing one harms no other, commits, and
 //! only then answers. What a write changed is announced after the commit and before the answer.
+//!
+//! A disk that is full fails the transaction and everyone in it; the next one begins afresh.
 
+use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use futures_util::future::BoxFuture;
 use sqlx::{Sqlite, SqliteConnection, SqlitePool, Transaction};
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
+use super::error::WriteFailure;
 use super::{Change, OnChange, StoreError};
 
 /// Writes in one transaction.
@@ -52,39 +57,88 @@ impl DerefMut for Tx {
 }
 
 type Acknowledge = Box<dyn FnOnce(Result<(), StoreError>) + Send>;
-type Work = Box<dyn for<'a> FnOnce(&'a mut Tx) -> BoxFuture<'a, Done> + Send>;
+
+/// A write on its way, and who waits for its outcome.
+trait Work: Send {
+    fn run<'a>(self: Box<Self>, tx: &'a mut Tx) -> BoxFuture<'a, Done>;
+    /// Answers without having run: the transaction failed before.
+    fn refuse(self: Box<Self>, error: StoreError);
+}
+
+struct Pending<T, W, R> {
+    work: W,
+    reply: R,
+    answers: PhantomData<fn() -> T>,
+}
+
+impl<T, W, R> Work for Pending<T, W, R>
+where
+    T: Send + 'static,
+    W: for<'a> FnOnce(&'a mut Tx) -> BoxFuture<'a, Result<T, StoreError>> + Send + 'static,
+    R: FnOnce(Result<T, StoreError>) + Send + 'static,
+{
+    fn run<'a>(self: Box<Self>, tx: &'a mut Tx) -> BoxFuture<'a, Done> {
+        let Self { work, reply, .. } = *self;
+        Box::pin(async move {
+            let outcome = work(tx).await;
+            Done {
+                failure: outcome.as_ref().err().map(WriteFailure::of),
+                acknowledge: Box::new(move |commit| {
+                    // What went wrong with this write says more than what then became of all.
+                    reply(outcome.and_then(|value| commit.map(|()| value)));
+                }),
+            }
+        })
+    }
+
+    fn refuse(self: Box<Self>, error: StoreError) {
+        (self.reply)(Err(error));
+    }
+}
 
 struct Done {
-    succeeded: bool,
+    failure: Option<WriteFailure>,
     acknowledge: Acknowledge,
 }
 
 /// The handle to the writer task.
 pub(super) struct Writer {
-    requests: Mutex<Option<mpsc::Sender<Work>>>,
+    requests: Mutex<Option<mpsc::Sender<Box<dyn Work>>>>,
     task: Mutex<Option<JoinHandle<()>>>,
+    last: Arc<Mutex<LastWrite>>,
+}
+
+/// What became of the last transaction.
+#[derive(Clone, Debug)]
+struct LastWrite {
+    at: Instant,
+    failure: Option<WriteFailure>,
+}
+
+impl LastWrite {
+    fn now(failure: Option<WriteFailure>) -> Self {
+        Self {
+            at: Instant::now(),
+            failure,
+        }
+    }
 }
 
 /// A place among the writes that wait.
-pub(super) struct Place(mpsc::OwnedPermit<Work>);
+pub(super) struct Place(mpsc::OwnedPermit<Box<dyn Work>>);
 
 impl Place {
-    /// Has `work` run; `reply` gets its outcome when what it wrote is on disk. Both are dropped
-    /// when the database fails before.
+    /// Has `work` run; `reply` gets its outcome when what it wrote is on disk.
     pub(super) fn take<T, W, R>(self, work: W, reply: R)
     where
         T: Send + 'static,
         W: for<'a> FnOnce(&'a mut Tx) -> BoxFuture<'a, Result<T, StoreError>> + Send + 'static,
         R: FnOnce(Result<T, StoreError>) + Send + 'static,
     {
-        self.0.send(Box::new(move |tx| {
-            Box::pin(async move {
-                let outcome = work(tx).await;
-                Done {
-                    succeeded: outcome.is_ok(),
-                    acknowledge: Box::new(move |commit| reply(commit.and(outcome))),
-                }
-            })
+        self.0.send(Box::new(Pending {
+            work,
+            reply,
+            answers: PhantomData,
         }));
     }
 }
@@ -93,11 +147,19 @@ impl Writer {
     /// Starts the writer on a pool of one connection.
     pub(super) fn start(pool: SqlitePool, on_change: OnChange) -> Self {
         let (requests, waiting) = mpsc::channel(WAITING_LIMIT);
-        let task = tokio::spawn(run(pool, waiting, on_change));
+        let last = Arc::new(Mutex::new(LastWrite::now(None)));
+        let task = tokio::spawn(run(pool, waiting, last.clone(), on_change));
         Self {
             requests: Mutex::new(Some(requests)),
             task: Mutex::new(Some(task)),
+            last,
         }
+    }
+
+    /// Whether a transaction was written within `age`.
+    pub(super) fn has_written_within(&self, age: Duration) -> bool {
+        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        last.failure.is_none() && last.at.elapsed() < age
     }
 
     /// Runs `work` and returns when what it wrote is on disk. Once begun it is not undone by
@@ -147,43 +209,63 @@ impl Writer {
     }
 }
 
-async fn run(pool: SqlitePool, mut waiting: mpsc::Receiver<Work>, on_change: OnChange) {
+async fn run(
+    pool: SqlitePool,
+    mut waiting: mpsc::Receiver<Box<dyn Work>>,
+    last: Arc<Mutex<LastWrite>>,
+    on_change: OnChange,
+) {
     let mut group = Vec::with_capacity(GROUP_LIMIT);
     while waiting.recv_many(&mut group, GROUP_LIMIT).await > 0 {
-        let mut done = Vec::with_capacity(group.len());
-        let committed = commit_group(&pool, group.drain(..), &mut done).await;
+        let mut works = group.drain(..);
+        let mut done = Vec::with_capacity(works.len());
+        let committed = commit_group(&pool, &mut works, &mut done).await;
+        let failed_alone = done.iter().find_map(|one| one.failure.clone());
         match committed {
             Ok(changes) => {
+                let failure = failed_alone.filter(|failure| failure.is_of_the_disk);
+                *last.lock().unwrap_or_else(PoisonError::into_inner) = LastWrite::now(failure);
                 changes.into_iter().for_each(|change| on_change(change));
-                done.into_iter().for_each(|ack| ack(Ok(())));
+                done.into_iter().for_each(|one| (one.acknowledge)(Ok(())));
             }
             Err(error) => {
-                tracing::error!(%error, writes = done.len(), "a transaction failed");
-                let error = Arc::new(error);
+                // A write that finds no room takes the whole transaction with it; what is told of
+                // the others is that, and not what they then met.
+                let failure = failed_alone.filter(|failure| failure.is_of_the_disk);
+                let failure = failure.unwrap_or_else(|| WriteFailure::of_database(&error));
+                tracing::error!(error = %failure, writes = done.len(), "a transaction failed");
+                *last.lock().unwrap_or_else(PoisonError::into_inner) =
+                    LastWrite::now(Some(failure.clone()));
+                let told = || StoreError::Commit(failure.clone());
                 done.into_iter()
-                    .for_each(|ack| ack(Err(StoreError::Commit(error.clone()))));
+                    .for_each(|one| (one.acknowledge)(Err(told())));
+                works.for_each(|work| work.refuse(told()));
             }
         }
     }
 }
 
-/// Runs a group in one transaction. Requests that the error leaves unrun are dropped, which
-/// answers them with [`StoreError::Closed`]; that happens only when the database itself fails.
+/// Runs a group in one transaction. Where that fails, `group` keeps the writes that were not run.
+/// The connection never goes on inside a transaction: the pool closes one that comes back so.
 async fn commit_group(
     pool: &SqlitePool,
-    group: impl Iterator<Item = Work>,
-    done: &mut Vec<Acknowledge>,
+    group: &mut (dyn Iterator<Item = Box<dyn Work>> + Send),
+    done: &mut Vec<Done>,
 ) -> Result<Vec<Change>, sqlx::Error> {
     let mut tx = Tx {
         inner: pool.begin_with("begin immediate").await?,
         changes: Vec::new(),
     };
     for work in group {
-        sqlx::query("savepoint one").execute(&mut *tx).await?;
+        if let Err(error) = sqlx::query("savepoint one").execute(&mut *tx).await {
+            work.refuse(StoreError::Commit(WriteFailure::of_database(&error)));
+            return Err(error);
+        }
         let changes_before = tx.changes.len();
-        let one = work(&mut tx).await;
-        done.push(one.acknowledge);
-        if !one.succeeded {
+        let one = work.run(&mut tx).await;
+        let failed = one.failure.is_some();
+        done.push(one);
+        if failed {
             tx.changes.truncate(changes_before);
             sqlx::query("rollback to one").execute(&mut *tx).await?;
         }

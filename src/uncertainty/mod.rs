@@ -148,8 +148,24 @@ pub fn analyse(
     Some(analysis)
 }
 
+/// An estimate of which nothing is known yet, for whoever cannot wait for its analysis.
+#[must_use]
+pub fn unanalysed(problem: &Problem, report: &Report) -> Conclusion {
+    let reason = "the job was stopped before the estimate was analysed".to_owned();
+    Conclusion {
+        problem: problem.clone(),
+        report: report.clone(),
+        analysis: unknown(problem, report, "not_analysed", reason),
+        selection: None,
+    }
+}
+
 fn without_simulation(problem: &Problem, report: &Report) -> Analysis {
     let reason = "the simulation at the estimate fails".to_owned();
+    unknown(problem, report, "simulation_fails", reason)
+}
+
+fn unknown(problem: &Problem, report: &Report, code: &'static str, reason: String) -> Analysis {
     Analysis {
         coordinates: coordinates(problem, report, None),
         correlation: None,
@@ -160,7 +176,7 @@ fn without_simulation(problem: &Problem, report: &Report) -> Analysis {
         validation_fit: Vec::new(),
         residuals: Vec::new(),
         criteria: None,
-        verdict: Verdict::low("simulation_fails", reason),
+        verdict: Verdict::low(code, reason),
     }
 }
 

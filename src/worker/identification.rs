@@ -133,9 +133,6 @@ struct IdentificationRun {
     conclusion: Option<Conclusion>,
 }
 
-/// Nobody raises it.
-static NEVER: AtomicBool = AtomicBool::new(false);
-
 impl Run for IdentificationRun {
     fn advance(&mut self, stop: &AtomicBool, rows: &mut dyn FnMut(Row)) -> Advance {
         if let Some(findings) = &self.findings {
@@ -193,7 +190,11 @@ impl Run for IdentificationRun {
         serde_json::to_vec(&self.estimation.checkpoint()).expect("a checkpoint has only text keys")
     }
 
-    fn outcome(&mut self, stopped: Option<StopReason>) -> Result<Option<Value>, Failure> {
+    fn outcome(
+        &mut self,
+        stopped: Option<StopReason>,
+        hurry: &AtomicBool,
+    ) -> Result<Option<Value>, Failure> {
         if let Some(refusal) = self.refusal.take() {
             return Err(refusal);
         }
@@ -210,8 +211,8 @@ impl Run for IdentificationRun {
                     Some(_) => &uncertainty::Request::default(),
                     None => &self.request,
                 };
-                uncertainty::conclude(&self.problem, &report, request, &NEVER)
-                    .expect("an analysis that nobody stops comes to its end")
+                uncertainty::conclude(&self.problem, &report, request, hurry)
+                    .unwrap_or_else(|| uncertainty::unanalysed(&self.problem, &report))
             }
         };
         let outcome = assemble::outcome(&self.origin, &conclusion);

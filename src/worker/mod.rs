@@ -8,6 +8,7 @@
 
 mod active;
 mod candidates;
+mod conclusion;
 pub mod identification;
 mod recorder;
 pub mod run;
@@ -43,6 +44,10 @@ const RESCUE_AFTER: Duration = Duration::from_hours(24);
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 /// How soon an entry whose job is at work is looked at again.
 const LOOK_AGAIN_AFTER: Duration = Duration::from_millis(100);
+/// How soon a job that lives of the server ended with is looked at again.
+const NOT_YET_AFTER: Duration = Duration::from_secs(1);
+/// How often it is looked whether the clock was set back.
+const CLOCK_INTERVAL: Duration = Duration::from_millis(500);
 /// The least time between two looks for jobs that were asked to stop.
 const STOP_COOLDOWN: Duration = Duration::from_millis(20);
 
@@ -98,6 +103,7 @@ impl Worker {
             alive_sender.send_replace(false);
         });
         tasks.spawn(wake.run(hub.clone(), closing.clone()));
+        tasks.spawn(watch_clock(slices.store.clone(), closing.clone()));
         tasks.spawn(watch_stop_requests(
             slices.clone(),
             hub,
@@ -157,6 +163,7 @@ impl riverqueue::Worker<SliceOfJob> for SliceWorker {
         match SliceWorker::work(self, job, entry.row.id).await {
             Ok(After::Again) => Ok(WorkOutcome::Snooze(Duration::ZERO)),
             Ok(After::Later) => Ok(WorkOutcome::Snooze(LOOK_AGAIN_AFTER)),
+            Ok(After::NotYet) => Ok(WorkOutcome::Snooze(NOT_YET_AFTER)),
             Ok(After::Done) => Ok(WorkOutcome::Complete),
             Err(error) => {
                 tracing::error!(%job, %error, "a slice could not be worked and is tried again");
@@ -207,6 +214,20 @@ async fn watch_stop_requests(
         }
     }
     while settling.join_next().await.is_some() {}
+}
+
+/// Lets no job wait for a clock that was set back: the queue goes by the time of day.
+async fn watch_clock(store: Store, closing: CancellationToken) {
+    let mut due = tokio::time::interval(CLOCK_INTERVAL);
+    loop {
+        tokio::select! {
+            () = closing.cancelled() => return,
+            _ = due.tick() => {}
+        }
+        if let Err(error) = store.free_entries_of_the_future().await {
+            tracing::error!(%error, "slices that wait for a clock could not be looked for");
+        }
+    }
 }
 
 async fn settle(slices: SliceWorker, job: JobId, permits: Arc<Semaphore>) {

@@ -44,8 +44,13 @@ pub trait Run: Send {
     fn checkpoint(&self) -> Vec<u8>;
 
     /// The result: final when the run has finished, else the best so far, which is nothing before
-    /// the first candidate was judged.
-    fn outcome(&mut self, stopped: Option<StopReason>) -> Result<Option<Value>, Failure>;
+    /// the first candidate was judged. When `hurry` is raised it answers soon, without what takes
+    /// long to be found out about the estimate.
+    fn outcome(
+        &mut self,
+        stopped: Option<StopReason>,
+        hurry: &AtomicBool,
+    ) -> Result<Option<Value>, Failure>;
 }
 
 /// What a unit of work came to.

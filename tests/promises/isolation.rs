@@ -18,7 +18,7 @@ async fn p9_jobs_and_clients_that_go_wrong_stop_no_other_job() {
     // A client that says half a request and nothing more.
     let address = server.url.trim_start_matches("http://");
     let mut mute = TcpStream::connect(address).expect("a connection");
-    mute.write_all(b"POST /v1/jobs HTTP/1.1\r\ncontent-length: 100\r\n\r\n{")
+    mute.write_all(b"POST /v1/jobs HTTP/1.1\r\nhost: localhost\r\ncontent-length: 100\r\n\r\n{")
         .expect("half a request");
     // A job without any candidate that explains the data: the true mass is far outside.
     let mut hopeless = plant::job(&dataset, 3, 1);

@@ -1,7 +1,7 @@
 //! P1 to P5 and P8: a server that is killed fifty times at random moments, and what it promised.
 
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use futures_util::future::join_all;
 use rand::{RngExt, SeedableRng};
@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::follower::Follower;
 use super::plant;
-use super::server::{Options, Server, text};
+use super::server::{Options, PATIENCE, Server, text};
 
 const KILLS: usize = 50;
 const JOBS: usize = 10;
@@ -185,4 +185,27 @@ async fn p1_to_p5_accepted_jobs_survive_fifty_kills_and_come_to_the_same_bits() 
     let mut ids: Vec<String> = listed.iter().map(|job| text(&job["id"])).collect();
     ids.dedup();
     assert_eq!(ids.len(), listed.len());
+}
+
+/// Samples of which a generation takes so long that the kills below meet it at work.
+const MANY_SAMPLES: usize = 20_000;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn p3_five_kills_within_one_long_unit_of_work_do_not_fail_its_job() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut server = Server::start(folder.path(), UNBROKEN);
+    let dataset = server.store(&plant::recording(MANY_SAMPLES)).await;
+    let job = plant::job(&dataset, 1, 1);
+    let job = server.submit(&job, "long").await.expect("an answer");
+    for kills in 0..5 {
+        // Its slice has begun once more; none before it left a checkpoint.
+        let begun = async || server.show(&format!("/v1/jobs/{job}")).await["attempt"].as_u64();
+        let asked = Instant::now();
+        while begun().await <= Some(kills) {
+            assert!(asked.elapsed() < PATIENCE, "no slice began");
+        }
+        server.kill();
+        server = Server::start(folder.path(), UNBROKEN);
+    }
+    assert_eq!(server.ended(&job).await["status"], "succeeded");
 }

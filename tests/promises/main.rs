@@ -5,15 +5,16 @@
 //! |---|---|
 //! | P1 an accepted job survives kill -9 | [`kill`] |
 //! | P2 one terminal state, one result | [`kill`] |
-//! | P3 a crash costs at most a slice | [`kill`] |
+//! | P3 a crash costs at most a slice | [`kill`], [`disk`] |
 //! | P4 the same bits whatever the threads, slices and crashes | [`kill`] |
 //! | P5 event ids without gap or repeat | [`kill`] |
 //! | P6 cancel and pause within 2 s | [`stop`] |
 //! | P7 an orderly end within 5 s | [`stop`] |
 //! | P8 one key, one job | [`kill`], and `tests/service/idempotency.rs` |
-//! | P9 one bad job stops no other | [`isolation`] |
+//! | P9 one bad job stops no other | [`isolation`], and `tests/service/slow.rs` |
 //! | P10 no request makes a 500 | `tests/service/faults.rs` |
 
+mod disk;
 mod follower;
 mod isolation;
 mod kill;

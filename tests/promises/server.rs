@@ -28,8 +28,36 @@ pub struct Server {
 impl Server {
     /// Starts the program on a database and waits until it listens.
     pub fn start(folder: &Path, options: Options) -> Self {
+        let program = Command::new(env!("CARGO_BIN_EXE_greybox"));
+        Self::start_by(program, folder, options)
+    }
+
+    /// Starts the program so that it outlives writes beyond a limit of the size of files, which the
+    /// system else ends a process for.
+    #[cfg(target_os = "linux")]
+    pub fn start_limitable(folder: &Path, options: Options) -> Self {
+        let mut program = Command::new("sh");
+        program.args(["-c", "trap '' XFSZ; exec \"$0\" \"$@\""]);
+        program.arg(env!("CARGO_BIN_EXE_greybox"));
+        // It may be a file, and then grows no more either.
+        program.stderr(Stdio::null());
+        Self::start_by(program, folder, options)
+    }
+
+    /// Sets how large files may grow, as a full disk does; says whether that could be done.
+    #[cfg(target_os = "linux")]
+    pub fn limit_files(&self, bytes: &str) -> bool {
+        let id = self.process.id().to_string();
+        let limit = format!("--fsize={bytes}:");
+        let set = Command::new("prlimit")
+            .args(["--pid", &id, &limit])
+            .status();
+        set.is_ok_and(|status| status.success())
+    }
+
+    fn start_by(mut program: Command, folder: &Path, options: Options) -> Self {
         let database = format!("sqlite://{}", folder.join("greybox.db").display());
-        let mut process = Command::new(env!("CARGO_BIN_EXE_greybox"))
+        let mut process = program
             .args(["serve", "--listen", "127.0.0.1:0", "--log", "warn"])
             .args(["--database", &database])
             .args(["--threads", &options.threads.to_string()])

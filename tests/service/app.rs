@@ -85,6 +85,11 @@ impl TestApp {
         }
     }
 
+    /// Where the server listens.
+    pub fn address(&self) -> std::net::SocketAddr {
+        self.app.local_addr()
+    }
+
     /// A request to the server.
     pub fn request(&self, method: Method, path: &str) -> RequestBuilder {
         let url = format!("http://{}{path}", self.app.local_addr());

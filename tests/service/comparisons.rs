@@ -72,6 +72,7 @@ async fn the_same_key_makes_one_comparison_only() {
     };
     let (first, second) = (submit().await, submit().await);
     assert_eq!(first["id"], second["id"]);
+    assert_eq!(first, second, "the same answer again");
     let ids = |answer: &Value| -> Vec<String> {
         let jobs = answer["jobs"].as_array().unwrap().iter();
         jobs.map(|job| job["id"].as_str().unwrap().to_owned())
@@ -106,4 +107,78 @@ async fn faults_name_their_places_and_nothing_is_stored() {
     assert_eq!(jobs["items"], json!([]));
     let nobody = "/v1/comparisons/cmp_0192d3a4b5c67d8e9f00112233445566";
     app.get(nobody).await.problem(404);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_same_key_with_other_methods_is_refused_and_makes_nothing() {
+    let app = TestApp::start().await;
+    let mut body = comparison(&app.store_drive().await);
+    let submit = async |body: &Value| {
+        let request = app.request(reqwest::Method::POST, "/v1/comparisons");
+        app.send(request.header("idempotency-key", "a").json(body))
+            .await
+    };
+    let first = submit(&body).await.expect(202);
+    assert_eq!(first.header("idempotent-replayed"), "");
+    let again = submit(&body).await.expect(202);
+    assert_eq!(again.header("idempotent-replayed"), "true");
+    assert_eq!(again.header("location"), first.header("location"));
+    body["methods"] = json!(["cma_es"]);
+    let problem = submit(&body).await.problem(422);
+    assert_eq!(problem["type"], "/problems/idempotency-key-reused");
+    let jobs = app.get("/v1/jobs").await.expect(200).json();
+    assert_eq!(jobs["items"].as_array().unwrap().len(), 4);
+    // Nor does the key make a job.
+    let request = app.request(reqwest::Method::POST, "/v1/jobs");
+    let request = request.header("idempotency-key", "a").json(&body["job"]);
+    app.send(request).await.problem(422);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_with_the_label_of_a_comparison_is_none_of_its_runs() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let made = app
+        .post_json("/v1/comparisons", &comparison(&dataset))
+        .await
+        .expect(202)
+        .json();
+    let mut stranger = drive_job(&dataset);
+    stranger["labels"] = json!({"comparison": made["id"]});
+    let stranger = app.submit(&stranger).await;
+    let path = format!("/v1/comparisons/{}", made["id"].as_str().unwrap());
+    let shown = app.get(&path).await.expect(200).json();
+    let ids = shown["jobs"].as_array().unwrap().iter();
+    let ids: Vec<&str> = ids.map(|job| job["id"].as_str().unwrap()).collect();
+    assert_eq!(ids.len(), 4);
+    assert!(!ids.contains(&&*stranger));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn comparisons_are_listed_newest_first() {
+    let app = TestApp::start().await;
+    let body = comparison(&app.store_drive().await);
+    let mut made = Vec::new();
+    for _ in 0..3 {
+        let one = app.post_json("/v1/comparisons", &body).await.expect(202);
+        made.push(one.json()["id"].clone());
+    }
+    let page = app.get("/v1/comparisons?limit=2").await.expect(200);
+    assert!(page.header("link").contains("rel=\"next\""));
+    let page = page.json();
+    let token = page["next_page_token"].as_str().unwrap();
+    let rest = app
+        .get(&format!("/v1/comparisons?limit=2&page_token={token}"))
+        .await
+        .expect(200)
+        .json();
+    let items = [&page, &rest].map(|page| page["items"].as_array().unwrap().clone());
+    let listed: Vec<Value> = items
+        .concat()
+        .iter()
+        .map(|item| item["id"].clone())
+        .collect();
+    made.reverse();
+    assert_eq!(listed, made);
+    assert_eq!(page["items"][0]["runs"], 4);
 }

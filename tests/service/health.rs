@@ -3,7 +3,7 @@
 use reqwest::Method;
 use serde_json::json;
 
-use crate::app::TestApp;
+use crate::app::{TestApp, endless_job};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_running_server_is_alive_and_ready_and_says_what_it_is() {
@@ -32,6 +32,37 @@ async fn requests_and_jobs_are_counted() {
         "{}",
         metrics.text
     );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_state_that_no_job_is_in_any_more_is_counted_as_none() {
+    let app = TestApp::start().await;
+    let id = app.submit(&endless_job(&app.store_drive().await)).await;
+    let unfinished = async || -> f64 {
+        let metrics = app.get("/metrics").await.expect(200).text;
+        let lines = metrics.lines().filter(|line| {
+            let of = |status| format!("greybox_jobs{{status=\"{status}\"}} ");
+            line.starts_with(&of("queued")) || line.starts_with(&of("running"))
+        });
+        let counts = lines.map(|line| line.rsplit(' ').next().unwrap());
+        counts.map(|count| count.parse::<f64>().unwrap()).sum()
+    };
+    assert_eq!(unfinished().await, 1.0);
+    app.post(&format!("/v1/jobs/{id}/cancel")).await.expect(200);
+    app.ended(&id).await;
+    assert_eq!(unfinished().await, 0.0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn methods_that_clients_invent_make_no_line_each() {
+    let app = TestApp::start().await;
+    for number in 0..50 {
+        let method = Method::from_bytes(format!("INVENTED{number}").as_bytes()).unwrap();
+        app.send(app.request(method, "/livez")).await.problem(405);
+    }
+    let metrics = app.get("/metrics").await.expect(200).text;
+    assert!(!metrics.contains("INVENTED"), "{metrics}");
+    assert!(metrics.contains("method=\"other\""), "{metrics}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -27,3 +27,7 @@ mod health;
 mod simulations;
 
 mod models;
+
+mod origin;
+
+mod slow;

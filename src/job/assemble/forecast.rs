@@ -46,12 +46,14 @@ pub struct Prediction {
     pub share_of_range: Option<[f64; 2]>,
 }
 
-/// Looks ahead, where that takes no longer than a client waits; what it finds joins the findings.
+/// Looks ahead, where that takes no longer than a client waits; what it finds joins the findings,
+/// and that it could not look when `stop` was raised before it had.
 #[must_use]
 pub fn forecast(
     assembly: &Assembly,
     settings: &Settings,
     findings: &mut Vec<Finding>,
+    stop: &AtomicBool,
 ) -> Identifiability {
     let problem = &assembly.problem;
     let columns = 1 + 2 * problem.coordinates.len();
@@ -62,20 +64,13 @@ pub fn forecast(
             "the recording is too long to look ahead ({cost:.1e} derivatives): what the data fix \
              is seen in the result"
         );
-        findings.push(Finding::new(
-            "identifiability_not_checked",
-            "/experiments",
-            &detail,
-        ));
-        return Identifiability {
-            points: 0,
-            predictions: Vec::new(),
-            flat_directions: Vec::new(),
-        };
+        return unchecked(findings, &detail);
     }
-    let never = AtomicBool::new(false);
-    let forecast = identifiability::forecast(problem, Accuracy::Full, &never);
-    let forecast = forecast.expect("nobody interrupts");
+    let Some(forecast) = identifiability::forecast(problem, Accuracy::Full, stop) else {
+        let detail = "to look ahead took longer than a client waits: what the data fix is seen in \
+                      the result";
+        return unchecked(findings, detail);
+    };
     findings.extend(forecast.flat.iter().map(|flat| unseen(problem, flat)));
     let pairs = problem.coordinates.iter().zip(&forecast.coordinates);
     Identifiability {
@@ -84,6 +79,20 @@ pub fn forecast(
             .map(|(coordinate, forecast)| prediction(coordinate, forecast))
             .collect(),
         flat_directions: forecast.flat.into_iter().map(|flat| flat.words).collect(),
+    }
+}
+
+/// Nobody looked ahead, and why.
+fn unchecked(findings: &mut Vec<Finding>, detail: &str) -> Identifiability {
+    findings.push(Finding::new(
+        "identifiability_not_checked",
+        "/experiments",
+        detail,
+    ));
+    Identifiability {
+        points: 0,
+        predictions: Vec::new(),
+        flat_directions: Vec::new(),
     }
 }
 

@@ -39,7 +39,8 @@ pub struct OutputTrajectory {
     pub residual: Vec<f64>,
 }
 
-/// Simulates a result over the recordings that it was made from.
+/// Simulates a result over the recordings that it was made from. Answers nothing when `stop` was
+/// raised.
 ///
 /// # Errors
 /// When the recordings do not fit the specification any more, or the simulation fails.
@@ -48,46 +49,46 @@ pub fn trajectory(
     model: &Arc<Model>,
     recordings: &[Recording],
     outcome: &Outcome,
-) -> Result<Vec<ExperimentTrajectory>, Vec<Fault>> {
+    stop: &AtomicBool,
+) -> Result<Option<Vec<ExperimentTrajectory>>, Vec<Fault>> {
     let mut problem = super::problem(spec, model, recordings)?.problem;
     problem
         .coordinates
         .retain(|coordinate| is_estimated(coordinate, outcome));
     let positions = positions(&problem, outcome);
-    let never = AtomicBool::new(false);
-    let simulated = trajectory::simulate(&problem, &positions, &never)
-        .expect("a stop flag that nobody raises stops nothing")
-        .map_err(|failure| {
-            let detail = format!("the simulation of the estimate fails: {}", failure.name());
-            vec![Fault::new("", "simulation_fails", detail)]
-        })?;
+    let Some(simulated) = trajectory::simulate(&problem, &positions, stop) else {
+        return Ok(None);
+    };
+    let simulated = simulated.map_err(|failure| {
+        let detail = format!("the simulation of the estimate fails: {}", failure.name());
+        vec![Fault::new("", "simulation_fails", detail)]
+    })?;
     let experiments = spec
         .experiments
         .iter()
         .zip(problem.experiments.iter())
         .zip(simulated);
-    Ok(experiments
-        .map(|((spec, data), simulated)| {
-            let from = spec.window.and_then(|window| window.from_s).unwrap_or(0.0);
-            let outputs = problem.outputs.iter().zip(&data.measured);
-            ExperimentTrajectory {
-                dataset: spec.dataset,
-                time: (0..data.samples)
-                    .map(|k| from + k as f64 * data.sample_time)
-                    .collect(),
-                estimation_samples: data.estimation_samples,
-                outputs: outputs
-                    .map(|(output, measured)| OutputTrajectory {
-                        name: output.name.clone(),
-                        unit: output.unit.clone(),
-                        residual: difference(measured, &simulated[output.index]),
-                        simulated: simulated[output.index].clone(),
-                        measured: measured.clone(),
-                    })
-                    .collect(),
-            }
-        })
-        .collect())
+    let shown = experiments.map(|((spec, data), simulated)| {
+        let from = spec.window.and_then(|window| window.from_s).unwrap_or(0.0);
+        let outputs = problem.outputs.iter().zip(&data.measured);
+        ExperimentTrajectory {
+            dataset: spec.dataset,
+            time: (0..data.samples)
+                .map(|k| from + k as f64 * data.sample_time)
+                .collect(),
+            estimation_samples: data.estimation_samples,
+            outputs: outputs
+                .map(|(output, measured)| OutputTrajectory {
+                    name: output.name.clone(),
+                    unit: output.unit.clone(),
+                    residual: difference(measured, &simulated[output.index]),
+                    simulated: simulated[output.index].clone(),
+                    measured: measured.clone(),
+                })
+                .collect(),
+        }
+    });
+    Ok(Some(shown.collect()))
 }
 
 /// Whether the result has an estimate of it: an effect that the data do not support has none.

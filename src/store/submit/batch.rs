@@ -46,18 +46,28 @@ pub(super) async fn write(
         }
         verdicts.push(verdict);
     }
-    let fresh = enter(queue, tx, accepted).await?;
-    insert(tx, &fresh).await?;
-    let rows: Vec<JobRow> = fresh.into_iter().map(Fresh::into_row).collect();
-    for row in &rows {
-        tx.announce(Change::Job(row.id));
-    }
+    let rows = store(queue, tx, accepted).await?;
     let answers = verdicts.into_iter().map(|verdict| match verdict {
         Verdict::Final(submitted) => *submitted,
         Verdict::Fresh(place) => Submitted::Created(rows[place].clone()),
         Verdict::Again(place) => Submitted::Replayed(rows[place].clone()),
     });
     Ok(answers.collect())
+}
+
+/// Stores jobs that nothing speaks against.
+pub(super) async fn store(
+    queue: &Client,
+    tx: &mut Tx,
+    jobs: Vec<NewJob>,
+) -> Result<Vec<JobRow>, StoreError> {
+    let fresh = enter(queue, tx, jobs).await?;
+    insert(tx, &fresh).await?;
+    let rows: Vec<JobRow> = fresh.into_iter().map(Fresh::into_row).collect();
+    for row in &rows {
+        tx.announce(Change::Job(row.id));
+    }
+    Ok(rows)
 }
 
 /// What becomes of a submission; a place is one among the new jobs.
@@ -85,7 +95,7 @@ fn same_key(keys: &mut HashMap<String, usize>, accepted: &[NewJob], job: &NewJob
 }
 
 /// What the database knows of the things that submissions refer to.
-struct Known {
+pub(super) struct Known {
     /// The digest and the job that came with a key.
     keys: HashMap<String, (String, String)>,
     datasets: HashSet<String>,
@@ -93,7 +103,7 @@ struct Known {
 }
 
 impl Known {
-    async fn look_up(tx: &mut Tx, jobs: &[NewJob]) -> Result<Self, StoreError> {
+    pub(super) async fn look_up(tx: &mut Tx, jobs: &[NewJob]) -> Result<Self, StoreError> {
         let keys = jobs.iter().filter_map(|job| job.idempotency.as_ref());
         let keys = distinct(keys.map(|idempotency| idempotency.key.clone()));
         let datasets = jobs.iter().flat_map(|job| &job.datasets);
@@ -108,7 +118,7 @@ impl Known {
         };
         if let Some(keys) = keys {
             let found: Vec<(String, String, String)> = sqlx::query_as(
-                "select key, body_digest, job from idempotency \
+                "select key, body_digest, made from idempotency \
                  where key in (select value from json_each(?))",
             )
             .bind(keys)
@@ -150,14 +160,19 @@ impl Known {
                 .await
                 .map(Some);
         }
+        Ok(self.missing(job))
+    }
+
+    /// What a submission refers to that is not there.
+    pub(super) fn missing<T>(&self, job: &NewJob) -> Option<Submitted<T>> {
         let gone = |dataset: &&_| !self.datasets.contains(&ToString::to_string(dataset));
         if let Some(dataset) = job.datasets.iter().find(gone) {
-            return Ok(Some(Submitted::NoDataset(*dataset)));
+            return Some(Submitted::NoDataset(*dataset));
         }
         if job.model.contains('@') && !self.models.contains(&job.model) {
-            return Ok(Some(Submitted::NoModel(job.model.clone())));
+            return Some(Submitted::NoModel(job.model.clone()));
         }
-        Ok(None)
+        None
     }
 }
 
@@ -199,7 +214,7 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder<Sqlite>>; 5] {
     const LABELS: &str = "insert into job_labels (job, label, value) ";
     const DATASETS: &str = "insert or ignore into job_datasets (job, dataset) ";
     const EVENTS: &str = "insert into events (job, id, name, data) ";
-    const KEYS: &str = "insert into idempotency (key, body_digest, job) ";
+    const KEYS: &str = "insert into idempotency (key, body_digest, made) ";
     let labels = jobs.iter().flat_map(|fresh| {
         let labels = fresh.job.labels.iter();
         labels.map(|label| (fresh.id, label))

@@ -113,7 +113,19 @@ async fn a_slice_that_lost_its_job_keeps_no_candidates_and_a_deleted_job_has_non
     assert_eq!(left, 0);
 }
 
-/// A job that was submitted before there was a record has an empty one, and goes on with one.
+/// Makes a database what it was before candidates were recorded and comparisons had a table.
+const AS_BEFORE: &str = "drop table candidates; drop table candidate_records; \
+     drop table comparison_jobs; drop table comparisons; drop table server_life; \
+     drop table write_probes; drop index jobs_at_work; drop index jobs_with_deaths; \
+     alter table jobs drop column deaths; alter table jobs drop column at_work_in; \
+     alter table models drop column client; \
+     alter table idempotency rename column made to job; \
+     delete from _sqlx_migrations where version >= 4; \
+     insert into job_labels (job, label, value) \
+         select id, 'comparison', 'cmp_0192d3a4b5c67d8e9f00112233445566' from jobs";
+
+/// A job that was submitted before there was a record has an empty one, and goes on with one; what
+/// was a comparison by its label is one.
 #[tokio::test]
 async fn a_database_of_the_version_before_migrates() {
     let fixture = Fixture::new().await;
@@ -122,17 +134,19 @@ async fn a_database_of_the_version_before_migrates() {
     let mut connection = sqlx::SqliteConnection::connect_with(&connection(&fixture.settings))
         .await
         .expect("the database");
-    sqlx::raw_sql(
-        "drop table candidates; drop table candidate_records; \
-         delete from _sqlx_migrations where version >= 4",
-    )
-    .execute(&mut connection)
-    .await
-    .expect("the schema before");
+    sqlx::raw_sql(AS_BEFORE)
+        .execute(&mut connection)
+        .await
+        .expect("the schema before");
     connection.close().await.expect("a close");
     let fixture = fixture.reopen().await;
     let before = fixture.store.candidates(id, 0, 10, 10).await;
     assert_eq!(before.expect("a read"), CandidatePage::default());
+    let comparison = "cmp_0192d3a4b5c67d8e9f00112233445566".parse();
+    let comparison = fixture.store.comparison(comparison.expect("an identifier"));
+    let comparison = comparison.await.expect("a read").expect("a comparison");
+    assert_eq!(comparison.jobs.len(), 1);
+    assert_eq!(comparison.jobs[0].id, id);
     let slice = fixture.begin(id).await;
     let hold = fixture
         .store

@@ -52,7 +52,7 @@ async fn the_same_key_never_makes_two_jobs() {
     let removed = fixture.store.delete_job(first.id).await;
     assert_eq!(removed.expect("a removal"), JobRemoval::Removed);
     let after = fixture.store.submit(job(key)).await;
-    assert!(matches!(after, Ok(Submitted::Forgotten(id)) if id == first.id));
+    assert!(matches!(after, Ok(Submitted::Forgotten(id)) if id == first.id.to_string()));
 }
 
 #[tokio::test]

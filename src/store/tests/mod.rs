@@ -1,7 +1,10 @@
 //! The store against a fresh database each: fencing, replay, idempotency, group commit, paging.
 
+mod backup;
 mod candidates;
+mod comparisons;
 mod datasets;
+mod full;
 mod jobs;
 mod life;
 mod slices;
@@ -57,6 +60,12 @@ impl Fixture {
             settings,
             _folder,
         }
+    }
+
+    /// Opens the database again after a server that did not end in order.
+    async fn cut_off(self) -> Self {
+        self.store.inner.writer.close().await;
+        self.reopen().await
     }
 
     async fn submit(&self) -> JobRow {

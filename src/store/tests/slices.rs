@@ -99,11 +99,12 @@ async fn a_slice_goes_on_where_the_last_one_stopped() {
 }
 
 #[tokio::test]
-async fn a_job_that_takes_its_server_down_five_times_fails() {
-    let fixture = Fixture::new().await;
+async fn a_job_that_five_lives_of_the_server_end_with_fails() {
+    let mut fixture = Fixture::new().await;
     let id = fixture.submit().await.id;
     for attempt in 1..=5 {
         assert_eq!(fixture.begin(id).await.job.attempt, attempt);
+        fixture = fixture.cut_off().await;
     }
     let sixth = fixture.store.begin_slice(id, None, 5).await;
     assert!(matches!(sixth, Ok(Begin::Poisoned)));
@@ -115,6 +116,55 @@ async fn a_job_that_takes_its_server_down_five_times_fails() {
         names(&fixture.events(id).await),
         ["state", "state", "state", "end"]
     );
+}
+
+#[tokio::test]
+async fn a_life_that_is_cut_off_without_a_job_clears_it() {
+    let mut fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    for life in 0..30 {
+        if life % 5 != 4 {
+            fixture.begin(id).await;
+        }
+        fixture = fixture.cut_off().await;
+    }
+    fixture.begin(id).await;
+}
+
+#[tokio::test]
+async fn slices_that_come_to_nothing_in_a_life_that_goes_on_are_not_held_against_their_job() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    for _ in 0..20 {
+        fixture.begin(id).await;
+    }
+    let fixture = fixture.reopen().await;
+    let row = fixture.begin(id).await.job;
+    assert_eq!((row.status, row.attempt), (Status::Running, 21));
+}
+
+#[tokio::test]
+async fn a_job_that_many_lives_ended_with_waits_for_the_server_to_have_been_up() {
+    let mut fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    for _ in 0..9 {
+        assert!(matches!(
+            fixture.store.begin_slice(id, None, 20).await,
+            Ok(Begin::Slice(_))
+        ));
+        fixture = fixture.cut_off().await;
+    }
+    let entry: i64 = sqlx::query_scalar("select queue_entry from jobs")
+        .fetch_one(fixture.store.readers())
+        .await
+        .expect("an entry");
+    // A minute, after nine.
+    let soon = fixture.store.begin_slice(id, Some(entry), 20).await;
+    assert!(matches!(soon, Ok(Begin::NotYet)), "{soon:?}");
+    // Whoever wants to stop it does not wait.
+    fixture.store.request_cancel(id).await.expect("a wish");
+    let stop = fixture.store.begin_slice(id, None, 20).await;
+    assert!(matches!(stop, Ok(Begin::Slice(_))), "{stop:?}");
 }
 
 #[tokio::test]

@@ -89,6 +89,9 @@ fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
     }
 }
 
+/// Nobody raises it.
+static NEVER: AtomicBool = AtomicBool::new(false);
+
 fn begin(job: &JobRow, checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {
     begin_on(recording(), job, checkpoint)
 }
@@ -111,7 +114,7 @@ fn work(run: &mut dyn Run) -> Vec<Row> {
 }
 
 fn outcome(run: &mut dyn Run, stopped: Option<StopReason>) -> Value {
-    let outcome = run.outcome(stopped).expect("no failure");
+    let outcome = run.outcome(stopped, &NEVER).expect("no failure");
     outcome.expect("an estimate")
 }
 
@@ -219,13 +222,13 @@ fn a_job_that_asks_for_it_ends_where_the_data_do_not_fix_a_single_unknown() {
     job.spec["uncertainty"]["flat_directions"] = json!("refuse");
     let mut run = begin_on(standing_still(), &job, None);
     assert_eq!(work(&mut *run), []);
-    let failure = run.outcome(None).expect_err("a refusal");
+    let failure = run.outcome(None, &NEVER).expect_err("a refusal");
     assert_eq!(failure.kind, "/problems/not-identifiable");
     assert_eq!(failure.errors.len(), 2);
     // With a moving carriage the same job goes on.
     let mut run = begin(&job, None);
     assert!(!work(&mut *run).is_empty());
-    assert!(run.outcome(None).is_ok());
+    assert!(run.outcome(None, &NEVER).is_ok());
 }
 
 #[test]
@@ -246,7 +249,7 @@ fn unknowns_that_change_together_unseen_end_a_job_unless_it_says_otherwise() {
     };
     let mut run = begin_on(only_ahead(), &job(None), None);
     assert!(work(&mut *run).is_empty(), "nothing is searched");
-    let failure = run.outcome(None).expect_err("a refusal");
+    let failure = run.outcome(None, &NEVER).expect_err("a refusal");
     assert_eq!(failure.kind, "/problems/not-identifiable");
     let [fault] = &failure.errors[..] else {
         panic!("{:?}", failure.errors);
@@ -262,14 +265,31 @@ fn unknowns_that_change_together_unseen_end_a_job_unless_it_says_otherwise() {
     // Back and forth they are reported apart.
     let mut run = begin(&job(Some("refuse")), None);
     work(&mut *run);
-    assert!(run.outcome(None).is_ok());
+    assert!(run.outcome(None, &NEVER).is_ok());
+}
+
+#[test]
+fn a_run_that_is_hurried_has_its_best_so_far_without_what_takes_long() {
+    let mut run = begin(&job(), None);
+    run.advance(&NEVER, &mut |_| ());
+    let slow = outcome(&mut *run, Some(StopReason::Cancelled));
+    let hurry = AtomicBool::new(true);
+    let soon = run.outcome(Some(StopReason::Cancelled), &hurry);
+    let soon = soon.expect("no failure").expect("an estimate");
+    let estimates = |outcome: &Value| -> Vec<Value> {
+        let parameters = outcome["parameters"].as_array().expect("parameters").iter();
+        parameters.map(|one| one["estimate"].clone()).collect()
+    };
+    assert_eq!(estimates(&soon), estimates(&slow));
+    assert_eq!(soon["verdict"]["trust"], "low");
+    assert_eq!(soon["verdict"]["reasons"][0]["code"], "not_analysed");
 }
 
 #[test]
 fn a_stopped_run_has_the_best_so_far_and_can_go_on() {
     let job = job();
     let mut run = begin(&job, None);
-    assert_eq!(run.outcome(Some(StopReason::Cancelled)), Ok(None));
+    assert_eq!(run.outcome(Some(StopReason::Cancelled), &NEVER), Ok(None));
     run.advance(&NEVER, &mut |_| ());
     let paused = outcome(&mut *run, Some(StopReason::Paused));
     assert_eq!(paused["stop_reason"], "paused");

@@ -32,10 +32,15 @@ impl Gate {
     }
 
     pub(crate) fn wait_for_arrival(&self) {
+        self.wait_for_arrivals(1);
+    }
+
+    /// Waits until runs have come here so often.
+    pub(crate) fn wait_for_arrivals(&self, arrivals: usize) {
         let waiting = self.n_waiting.lock().expect("unpoisoned");
         let (_guard, timeout) = self
             .arrived
-            .wait_timeout_while(waiting, PATIENCE, |n| *n == 0)
+            .wait_timeout_while(waiting, PATIENCE, |n| *n < arrivals)
             .expect("unpoisoned");
         assert!(!timeout.timed_out(), "no run came to the gate");
     }
@@ -49,6 +54,9 @@ struct Orders {
     wait_at: Option<u32>,
     #[serde(default)]
     panic_at: Option<u32>,
+    /// Whether what is said of the best so far takes until somebody hurries it.
+    #[serde(default)]
+    analyse_for_ever: bool,
 }
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -181,7 +189,14 @@ impl Run for DescentRun {
         serde_json::to_vec(&self.state).expect("plain numbers")
     }
 
-    fn outcome(&mut self, stopped: Option<StopReason>) -> Result<Option<Value>, Failure> {
+    fn outcome(
+        &mut self,
+        stopped: Option<StopReason>,
+        hurry: &AtomicBool,
+    ) -> Result<Option<Value>, Failure> {
+        if self.orders.analyse_for_ever && stopped.is_some() {
+            self.gate.hold_until(hurry);
+        }
         let reason = match stopped {
             None => "generation_limit",
             Some(StopReason::TimeLimit) => "time_limit",
@@ -206,6 +221,7 @@ pub(crate) fn unbroken(generations: u32, refinements: u32) -> u64 {
             refinements,
             wait_at: None,
             panic_at: None,
+            analyse_for_ever: false,
         },
         state: State {
             unit: 0,

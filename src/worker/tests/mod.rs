@@ -369,3 +369,54 @@ fn crashes_cost_a_slice_at_most_and_leave_no_trace_in_the_bits() {
         });
     }
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_that_is_cancelled_ends_soon_however_long_its_analysis_takes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let server = Server::start(folder.path(), 1, LONG).await;
+    let held = json!({"generations": 50, "refinements": 0, "wait_at": 21,
+                      "analyse_for_ever": true});
+    let id = server.submit(held, json!({})).await;
+    server.gate.wait_for_arrival();
+    server.store.request_cancel(id).await.expect("a wish");
+    server.wait_for_end(id).await;
+    assert_eq!(server.result(id).await["stop_reason"], "cancelled");
+    server.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_whose_time_is_up_while_the_server_goes_down_is_analysed_by_the_next() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let server = Server::start(folder.path(), 1, LONG).await;
+    let held = json!({"generations": 50, "refinements": 0, "wait_at": 11,
+                      "analyse_for_ever": true});
+    let id = server.submit(held, json!({"max_duration_s": 0.1})).await;
+    server.gate.wait_for_arrivals(2);
+    server.shutdown().await;
+    let server = Server::start(folder.path(), 1, LONG).await;
+    assert_eq!(server.job(id).await.status, Status::Running);
+    server.store.request_cancel(id).await.expect("a wish");
+    server.wait_for_end(id).await;
+    server.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn no_job_waits_for_a_clock_that_was_set_back() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let server = Server::start(folder.path(), 1, LONG).await;
+    let held = json!({"generations": 5, "refinements": 0, "wait_at": 1});
+    let at_work = server.submit(held, json!({})).await;
+    server.gate.wait_for_arrival();
+    let waiting = server.submit(orders(3, 0), json!({})).await;
+    let later = server.submit(orders(3, 0), json!({})).await;
+    server
+        .store
+        .postpone_entries("+1 day")
+        .await
+        .expect("a write");
+    server.store.request_cancel(at_work).await.expect("a wish");
+    for id in [waiting, later] {
+        server.wait_for_end(id).await;
+    }
+    server.shutdown().await;
+}

@@ -1,0 +1,181 @@
+//! Work for requests beside the threads that serve: few at a time, and none that nobody waits for.
+//!
+//! Nothing here is held while a client is waited for: a body has come before its work begins, and an
+//! answer is made before it is sent. Reading and writing documents takes moments and has places of
+//! its own; computing may take seconds, is bounded in time, and is told to stop when its client
+//! leaves, when its time is up and when the server goes down.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use axum::http::StatusCode;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
+use super::ApiState;
+use super::error::{Answer, Kind, Problem};
+
+/// How long a request waits for its turn.
+const LONGEST_QUEUE: Duration = Duration::from_secs(10);
+/// How long a client may let the server compute.
+const LONGEST_COMPUTATION: Duration = Duration::from_secs(20);
+/// How long a computation whose time is up may take to say what it has.
+const LAST_ANSWER: Duration = Duration::from_secs(2);
+
+/// Places for something that there may be only so much of at once.
+#[derive(Clone)]
+pub(super) struct Places {
+    places: Arc<Semaphore>,
+    /// What there was too much of, in a sentence.
+    too_many: &'static str,
+}
+
+impl Places {
+    pub(super) fn new(places: usize, too_many: &'static str) -> Self {
+        Self {
+            places: Arc::new(Semaphore::new(places)),
+            too_many,
+        }
+    }
+
+    /// A place, as soon as there is one.
+    pub(super) async fn take(&self) -> Answer<OwnedSemaphorePermit> {
+        let waiting = self.places.clone().acquire_owned();
+        match tokio::time::timeout(LONGEST_QUEUE, waiting).await {
+            Ok(Ok(place)) => Ok(place),
+            _ => Err(self.refusal()),
+        }
+    }
+
+    /// A place, if there is one now.
+    pub(super) fn try_take(&self) -> Answer<OwnedSemaphorePermit> {
+        let place = self.places.clone().try_acquire_owned();
+        place.map_err(|_| self.refusal())
+    }
+
+    fn refusal(&self) -> Problem {
+        Problem::new(Kind::Busy, self.too_many).retry_after(2)
+    }
+}
+
+/// Raises a stop flag when it goes out of scope.
+struct StopOnDrop(Arc<AtomicBool>);
+
+impl Drop for StopOnDrop {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+impl ApiState {
+    /// Runs what reads or writes a document: moments, whatever it holds.
+    pub(super) async fn convert<T: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> Answer<T> + Send + 'static,
+    ) -> Answer<T> {
+        let place = self.0.conversions.take().await?;
+        let done = tokio::task::spawn_blocking(move || {
+            let _place = place;
+            work()
+        });
+        done.await.unwrap_or_else(|panic| {
+            tracing::error!(%panic, "work for a request panicked");
+            Err(Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR))
+        })
+    }
+
+    /// Runs what computes. It looks at the flag, and comes to its end soon after that was raised.
+    pub(super) async fn compute<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&AtomicBool) -> Answer<T> + Send + 'static,
+    ) -> Answer<T> {
+        let place = self.0.computations.take().await?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let _stop_when_the_client_leaves = StopOnDrop(stop.clone());
+        let flag = stop.clone();
+        let mut done = tokio::task::spawn_blocking(move || {
+            let _place = place;
+            work(&flag)
+        });
+        tokio::select! {
+            done = &mut done => done.unwrap_or_else(|panic| {
+                tracing::error!(%panic, "a computation for a request panicked");
+                Err(Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR))
+            }),
+            () = tokio::time::sleep(LONGEST_COMPUTATION) => {
+                stop.store(true, Ordering::Relaxed);
+                // What it has found out by now may be an answer.
+                match tokio::time::timeout(LAST_ANSWER, done).await {
+                    Ok(Ok(Ok(answer))) => Ok(answer),
+                    _ => Err(too_long()),
+                }
+            }
+            () = self.hub.closed() => Err(Problem::shutting_down()),
+        }
+    }
+}
+
+fn too_long() -> Problem {
+    let detail = format!(
+        "this takes longer than {} s; ask for a shorter part of the recording",
+        LONGEST_COMPUTATION.as_secs()
+    );
+    Problem::new(Kind::Invalid, detail)
+}
+
+/// A computation that was told to stop; whoever told it does not wait for the answer.
+pub(super) fn stopped() -> Problem {
+    Problem::new(Kind::Busy, "the computation was stopped").retry_after(2)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+
+    use axum::response::IntoResponse;
+
+    use super::*;
+    use crate::api::tests::state;
+
+    /// Computes until it is told to stop, and says so.
+    fn endless(told: mpsc::Sender<()>) -> impl FnOnce(&AtomicBool) -> Answer<()> + Send + 'static {
+        move |stop| {
+            while !stop.load(Ordering::Relaxed) {
+                std::thread::yield_now();
+            }
+            told.send(()).expect("somebody waits");
+            Ok(())
+        }
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_computation_that_nobody_waits_for_is_told_to_stop() {
+        let (state, _folder) = state().await;
+        let (told, stopped) = mpsc::channel();
+        let client = tokio::spawn({
+            let state = state.clone();
+            async move { state.compute(endless(told)).await }
+        });
+        while state.0.computations.places.available_permits() == 2 {
+            tokio::task::yield_now().await;
+        }
+        client.abort();
+        stopped.recv().expect("it stops");
+        // Its place is free again for others.
+        for _ in 0..4 {
+            state.compute(|_| Ok(())).await.expect("a place");
+        }
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn computations_end_with_the_server() {
+        let (state, _folder) = state().await;
+        let (told, stopped) = mpsc::channel();
+        let computing = state.compute(endless(told));
+        let closing = async { state.hub.close() };
+        let (refused, ()) = tokio::join!(computing, closing);
+        let refused = refused.expect_err("the server goes down").into_response();
+        assert_eq!(refused.status(), StatusCode::SERVICE_UNAVAILABLE);
+        stopped.recv().expect("it stops");
+    }
+}

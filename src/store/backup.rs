@@ -1,0 +1,221 @@
+//! A copy of a database that a server works with, the way back, and whether a file is sound.
+//!
+//! The file of a database in use is not a copy of it: what was committed last stands in the log
+//! beside it. A backup is one consistent state in one file, made while the server works; every job
+//! that was acknowledged before it began is in it.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{Connection, SqliteConnection};
+
+use super::lock::FileLock;
+use super::{StoreError, schema_version};
+
+/// How long a statement waits for the server's lock.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// Copies the database, which a server may work with meanwhile, into a new file. The file is there
+/// once it is whole and on disk.
+pub async fn backup(database: &Path, into: &Path) -> Result<(), StoreError> {
+    if into.exists() {
+        return Err(file_error(into, io::ErrorKind::AlreadyExists.into()));
+    }
+    let partial = beside(into, ".partial");
+    remove(&partial)?;
+    let mut source = open(database).await?;
+    let copied = sqlx::query("vacuum into ?")
+        .bind(partial.to_string_lossy())
+        .execute(&mut source)
+        .await;
+    source.close().await?;
+    copied?;
+    let mut copy = open(&partial).await?;
+    // Nobody cut the copy off from its server.
+    sqlx::query("update server_life set ended_in_order = 1")
+        .execute(&mut copy)
+        .await?;
+    copy.close().await?;
+    put(&partial, into)
+}
+
+/// Puts a backup in the place of a database that no server works with. One that is there is
+/// replaced only where `replace` says so.
+///
+/// # Errors
+/// The backup is damaged or of a newer version, the database is in use or there already.
+pub async fn restore(backup: &Path, database: &Path, replace: bool) -> Result<(), StoreError> {
+    if let Some(finding) = check(backup).await?.into_iter().next() {
+        return Err(super::corrupt("backup", backup.display(), finding));
+    }
+    let there = fs::metadata(database).is_ok_and(|file| file.len() > 0);
+    if there && !replace {
+        return Err(file_error(database, io::ErrorKind::AlreadyExists.into()));
+    }
+    let _lock = FileLock::take(database)?;
+    let partial = beside(database, ".partial");
+    fs::copy(backup, &partial).map_err(|source| file_error(&partial, source))?;
+    // The log of the database that was here is none of this one's.
+    remove(&beside(database, "-wal"))?;
+    remove(&beside(database, "-shm"))?;
+    put(&partial, database)
+}
+
+/// All that is wrong with a database, in sentences; nothing where it is sound.
+pub async fn check(database: &Path) -> Result<Vec<String>, StoreError> {
+    let mut connection = open(database).await?;
+    let mut findings: Vec<String> = sqlx::query_scalar("pragma integrity_check")
+        .fetch_all(&mut connection)
+        .await?;
+    findings.retain(|line| line != "ok");
+    if findings.is_empty() {
+        let newest: Option<i64> = sqlx::query_scalar("select max(version) from _sqlx_migrations")
+            .fetch_one(&mut connection)
+            .await?;
+        let newest = newest.unwrap_or(0);
+        if newest > schema_version() {
+            findings.push(format!(
+                "its schema {newest} is newer than {}, which this program knows",
+                schema_version()
+            ));
+        } else if newest == schema_version() {
+            look_inside(&mut connection, &mut findings).await?;
+        }
+    }
+    connection.close().await?;
+    Ok(findings)
+}
+
+async fn look_inside(
+    connection: &mut SqliteConnection,
+    findings: &mut Vec<String>,
+) -> Result<(), StoreError> {
+    let strangers: Vec<(String, String)> =
+        sqlx::query_as("select \"table\", parent from pragma_foreign_key_check")
+            .fetch_all(&mut *connection)
+            .await?;
+    for (table, parent) in strangers {
+        findings.push(format!("a row of {table} belongs to none of {parent}"));
+    }
+    let unreadable: Vec<(String, String)> = sqlx::query_as(
+        "select 'job', id from jobs where not (json_valid(spec) and json_valid(labels)) \
+         union all select 'result', job from results where not json_valid(outcome) \
+         union all select 'dataset', id from datasets \
+         where not (json_valid(description) and json_valid(summary)) \
+         union all select 'model', reference from models where not json_valid(document)",
+    )
+    .fetch_all(&mut *connection)
+    .await?;
+    for (what, id) in unreadable {
+        findings.push(format!("the {what} {id} does not read back"));
+    }
+    let without: Vec<(String, String)> = sqlx::query_as(
+        "select job, dataset from job_datasets join jobs on jobs.id = job \
+         where status in ('queued', 'running', 'paused') \
+         and dataset not in (select id from datasets)",
+    )
+    .fetch_all(&mut *connection)
+    .await?;
+    for (job, dataset) in without {
+        findings.push(format!("{job} reads {dataset}, which is not there"));
+    }
+    look_at_models(connection, findings).await?;
+    look_at_recordings(connection, findings).await
+}
+
+/// A model's digest is that of its document.
+async fn look_at_models(
+    connection: &mut SqliteConnection,
+    findings: &mut Vec<String>,
+) -> Result<(), StoreError> {
+    let models: Vec<(String, String, String)> =
+        sqlx::query_as("select reference, digest, document from models")
+            .fetch_all(&mut *connection)
+            .await?;
+    for (reference, digest, document) in models {
+        let bytes = Sha256::digest(&document);
+        let found: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+        if digest != format!("sha256:{found}") {
+            findings.push(format!("the document of {reference} is not the one stored"));
+        }
+    }
+    Ok(())
+}
+
+/// A recording has as many samples as it says, of each signal. (Its digest is of the file that came,
+/// which is not kept.)
+async fn look_at_recordings(
+    connection: &mut SqliteConnection,
+    findings: &mut Vec<String>,
+) -> Result<(), StoreError> {
+    let recordings: Vec<(String, String)> = sqlx::query_as("select id, description from datasets")
+        .fetch_all(&mut *connection)
+        .await?;
+    for (id, description) in recordings {
+        let description: Value = serde_json::from_str(&description).unwrap_or_default();
+        let samples = description["samples"].as_i64().unwrap_or(-1);
+        let signals = description["signals"].as_array().map_or(0, Vec::len);
+        let axes = usize::from(description["sample_time"].is_null());
+        let lengths: Vec<i64> = sqlx::query_scalar(
+            "select sum(length(samples)) from dataset_chunks where dataset = ? group by position",
+        )
+        .bind(&id)
+        .fetch_all(&mut *connection)
+        .await?;
+        let whole = samples == 0 || lengths.len() == signals + axes;
+        if !whole || lengths.iter().any(|bytes| *bytes != 8 * samples) {
+            findings.push(format!("samples of {id} are missing"));
+        }
+    }
+    Ok(())
+}
+
+async fn open(path: &Path) -> Result<SqliteConnection, StoreError> {
+    if !path.is_file() {
+        return Err(file_error(path, io::ErrorKind::NotFound.into()));
+    }
+    let options = SqliteConnectOptions::new()
+        .filename(path)
+        .busy_timeout(BUSY_TIMEOUT);
+    Ok(SqliteConnection::connect_with(&options).await?)
+}
+
+/// Brings a file to disk, and then under its name.
+fn put(partial: &Path, name: &Path) -> Result<(), StoreError> {
+    let put = || {
+        File::open(partial)?.sync_all()?;
+        fs::rename(partial, name)?;
+        let folder = name.parent().filter(|path| !path.as_os_str().is_empty());
+        // A folder that cannot be opened is brought to disk by the system, later.
+        if let Ok(folder) = File::open(folder.unwrap_or(Path::new("."))) {
+            folder.sync_all()?;
+        }
+        Ok(())
+    };
+    put().map_err(|source| file_error(name, source))
+}
+
+fn remove(path: &Path) -> Result<(), StoreError> {
+    match fs::remove_file(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => Err(file_error(path, source)),
+        _ => Ok(()),
+    }
+}
+
+fn beside(path: &Path, end: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(end);
+    name.into()
+}
+
+fn file_error(path: &Path, source: io::Error) -> StoreError {
+    StoreError::File {
+        path: path.to_owned(),
+        source,
+    }
+}

@@ -1,0 +1,226 @@
+//! Comparisons: many jobs that come to be together, in one transaction, or not at all.
+
+use jiff::Timestamp;
+use riverqueue::Client;
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+
+use super::batch::{self, Known};
+use super::{Idempotency, NewJob, Submitted};
+use crate::job::{ComparisonId, JobId};
+use crate::store::jobs::{self, JobRow, Page, time};
+use crate::store::models::{self, ModelStored, NewModel};
+use crate::store::writer::Tx;
+use crate::store::{Store, StoreError, corrupt};
+
+/// A comparison to be stored.
+#[derive(Clone, Debug)]
+pub struct NewComparison {
+    /// Its identifier.
+    pub id: ComparisonId,
+    /// Its runs, in order. None has a key of its own.
+    pub jobs: Vec<NewJob>,
+    /// The model of all, where they bring a new one.
+    pub model: Option<NewModel>,
+    /// Makes the submission safe to repeat.
+    pub idempotency: Option<Idempotency>,
+}
+
+/// A comparison with its runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ComparisonRow {
+    /// Its identifier.
+    pub id: ComparisonId,
+    /// When it was accepted.
+    pub created_at: Timestamp,
+    /// Its runs, in the order in which they were asked for; those that were deleted are missing.
+    pub jobs: Vec<JobRow>,
+}
+
+/// A comparison as it is listed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ComparisonSummary {
+    /// Its identifier.
+    pub id: ComparisonId,
+    /// When it was accepted.
+    pub created_at: Timestamp,
+    /// Its runs.
+    pub runs: u64,
+    /// Those that have ended.
+    pub ended: u64,
+}
+
+impl Store {
+    /// Stores a comparison with its jobs: all of them or none. The answer means that they are on
+    /// disk.
+    pub async fn submit_comparison(
+        &self,
+        new: NewComparison,
+    ) -> Result<Submitted<ComparisonRow>, StoreError> {
+        let queue = self.inner.queue.clone();
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(write(queue, tx, new)))
+            .await
+    }
+
+    /// What became of the comparison that came with this key before, if one did.
+    pub async fn earlier_comparison(
+        &self,
+        idempotency: &Idempotency,
+    ) -> Result<Option<Submitted<ComparisonRow>>, StoreError> {
+        let mut connection = self.readers().acquire().await?;
+        earlier(&mut connection, idempotency).await
+    }
+
+    /// A comparison that has runs, if there is one.
+    pub async fn comparison(&self, id: ComparisonId) -> Result<Option<ComparisonRow>, StoreError> {
+        let mut connection = self.readers().acquire().await?;
+        fetch(&mut connection, id).await
+    }
+
+    /// Comparisons, newest first, older than `before`.
+    pub async fn comparisons(
+        &self,
+        before: Option<ComparisonId>,
+        limit: u32,
+    ) -> Result<Page<ComparisonSummary, ComparisonId>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new(
+            "select comparisons.id, comparisons.created_at, count(*), \
+             count(*) filter (where finished_at is not null) from comparisons \
+             join comparison_jobs on comparison = comparisons.id join jobs on jobs.id = job",
+        );
+        if let Some(before) = before {
+            query
+                .push(" where comparisons.id < ")
+                .push_bind(before.to_string());
+        }
+        query
+            .push(" group by comparisons.id order by comparisons.id desc limit ")
+            .push_bind(i64::from(limit) + 1);
+        let rows: Vec<(String, String, i64, i64)> =
+            query.build_query_as().fetch_all(self.readers()).await?;
+        let summary = |(id, created_at, runs, ended): (String, String, i64, i64)| {
+            Ok(ComparisonSummary {
+                created_at: time(&id, &created_at)?,
+                id: id.parse().map_err(|why| corrupt("identifier", &id, why))?,
+                runs: runs.unsigned_abs(),
+                ended: ended.unsigned_abs(),
+            })
+        };
+        let rows = rows
+            .into_iter()
+            .map(summary)
+            .collect::<Result<Vec<_>, StoreError>>()?;
+        Ok(Page::cut(rows, limit, |row| row.id))
+    }
+}
+
+async fn write(
+    queue: Client,
+    tx: &mut Tx,
+    new: NewComparison,
+) -> Result<Submitted<ComparisonRow>, StoreError> {
+    if let Some(idempotency) = &new.idempotency
+        && let Some(earlier) = earlier(tx, idempotency).await?
+    {
+        return Ok(earlier);
+    }
+    if let Some(model) = new.model {
+        let (ModelStored::Created(_) | ModelStored::There(_)) = models::insert(tx, model).await?;
+    }
+    let known = Known::look_up(tx, &new.jobs).await?;
+    if let Some(missing) = new.jobs.iter().find_map(|job| known.missing(job)) {
+        return Ok(missing);
+    }
+    let jobs = batch::store(&queue, tx, new.jobs).await?;
+    let created_at = Timestamp::now();
+    let id = new.id.to_string();
+    sqlx::query("insert into comparisons (id, created_at) values (?, ?)")
+        .bind(&id)
+        .bind(created_at.to_string())
+        .execute(&mut **tx)
+        .await?;
+    for (position, job) in (0_i64..).zip(&jobs) {
+        sqlx::query("insert into comparison_jobs (comparison, position, job) values (?, ?, ?)")
+            .bind(&id)
+            .bind(position)
+            .bind(job.id.to_string())
+            .execute(&mut **tx)
+            .await?;
+    }
+    if let Some(idempotency) = &new.idempotency {
+        sqlx::query("insert into idempotency (key, body_digest, made) values (?, ?, ?)")
+            .bind(&idempotency.key)
+            .bind(&idempotency.body_digest)
+            .bind(&id)
+            .execute(&mut **tx)
+            .await?;
+    }
+    Ok(Submitted::Created(ComparisonRow {
+        id: new.id,
+        created_at,
+        jobs,
+    }))
+}
+
+/// The answer to a comparison whose key came before.
+async fn earlier(
+    connection: &mut SqliteConnection,
+    idempotency: &Idempotency,
+) -> Result<Option<Submitted<ComparisonRow>>, StoreError> {
+    let earlier: Option<(String, String)> =
+        sqlx::query_as("select body_digest, made from idempotency where key = ?")
+            .bind(&idempotency.key)
+            .fetch_optional(&mut *connection)
+            .await?;
+    let Some((body_digest, made)) = earlier else {
+        return Ok(None);
+    };
+    // Another body, or one that made something else than a comparison.
+    if body_digest != idempotency.body_digest || !made.starts_with(ComparisonId::PREFIX) {
+        return Ok(Some(Submitted::KeyReused));
+    }
+    let id: ComparisonId = made
+        .parse()
+        .map_err(|why| corrupt("identifier", &made, why))?;
+    Ok(Some(match fetch(connection, id).await? {
+        Some(row) => Submitted::Replayed(ComparisonRow {
+            jobs: row.jobs.into_iter().map(JobRow::into_submitted).collect(),
+            ..row
+        }),
+        None => Submitted::Forgotten(made),
+    }))
+}
+
+async fn fetch(
+    connection: &mut SqliteConnection,
+    id: ComparisonId,
+) -> Result<Option<ComparisonRow>, StoreError> {
+    let key = id.to_string();
+    let created_at: Option<String> =
+        sqlx::query_scalar("select created_at from comparisons where id = ?")
+            .bind(&key)
+            .fetch_optional(&mut *connection)
+            .await?;
+    let Some(created_at) = created_at else {
+        return Ok(None);
+    };
+    let ids: Vec<String> = sqlx::query_scalar(
+        "select job from comparison_jobs where comparison = ? order by position",
+    )
+    .bind(&key)
+    .fetch_all(&mut *connection)
+    .await?;
+    let ids = ids.iter().map(|id| jobs::parse_id(id));
+    let ids = ids.collect::<Result<Vec<JobId>, StoreError>>()?;
+    let mut rows = Vec::with_capacity(ids.len());
+    for id in ids {
+        rows.extend(jobs::fetch(connection, id).await?);
+    }
+    let row = ComparisonRow {
+        id,
+        created_at: time(&key, &created_at)?,
+        jobs: rows,
+    };
+    Ok((!row.jobs.is_empty()).then_some(row))
+}

@@ -1,0 +1,139 @@
+//! Copies of a database at work, and files that are damaged.
+
+use std::fs;
+use std::path::PathBuf;
+
+use super::*;
+use crate::store::backup as file;
+
+impl Fixture {
+    fn beside(&self, name: &str) -> PathBuf {
+        self.settings.path.with_file_name(name)
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_backup_of_a_database_at_work_has_every_job_that_was_acknowledged_before() {
+    let fixture = Fixture::new().await;
+    let copy = fixture.beside("copy.db");
+    let mut before = Vec::new();
+    for _ in 0..50 {
+        before.push(fixture.submit().await);
+    }
+    let submitting = async {
+        for _ in 0..50 {
+            fixture.submit().await;
+        }
+    };
+    let (copied, ()) = tokio::join!(file::backup(&fixture.settings.path, &copy), submitting);
+    copied.expect("a copy");
+    let findings = file::check(&copy).await.expect("a readable file");
+    assert_eq!(findings, [""; 0]);
+    let again = file::backup(&fixture.settings.path, &copy).await;
+    assert!(matches!(again, Err(StoreError::File { .. })), "it is there");
+
+    let restored = fixture.beside("restored.db");
+    file::restore(&copy, &restored, false)
+        .await
+        .expect("a database");
+    let settings = DatabaseSettings {
+        path: restored,
+        ..fixture.settings.clone()
+    };
+    let store = open(&settings, &fixture.changes).await;
+    for row in before {
+        let found = store.job(row.id).await.expect("a read");
+        assert_eq!(found.as_deref(), Some(&row));
+    }
+    store.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_backup_takes_the_place_of_a_database_only_when_that_is_meant_and_nobody_has_it() {
+    let fixture = Fixture::new().await;
+    let first = fixture.submit().await.id;
+    let copy = fixture.beside("copy.db");
+    let database = fixture.settings.path.clone();
+    file::backup(&database, &copy).await.expect("a copy");
+    let later = fixture.submit().await.id;
+    let in_use = file::restore(&copy, &database, true).await;
+    assert!(
+        matches!(in_use, Err(StoreError::Locked { .. })),
+        "{in_use:?}"
+    );
+    let Fixture {
+        store,
+        changes,
+        settings,
+        _folder,
+    } = fixture;
+    store.close().await;
+    drop(store);
+    let there = file::restore(&copy, &database, false).await;
+    assert!(matches!(there, Err(StoreError::File { .. })), "{there:?}");
+    file::restore(&copy, &database, true)
+        .await
+        .expect("a database");
+    let store = open(&settings, &changes).await;
+    assert!(store.job(first).await.expect("a read").is_some());
+    assert!(store.job(later).await.expect("a read").is_none());
+    store.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_damaged_file_is_found_and_never_restored() {
+    let fixture = Fixture::new().await;
+    for _ in 0..200 {
+        fixture.submit().await;
+    }
+    let copy = fixture.beside("copy.db");
+    file::backup(&fixture.settings.path, &copy)
+        .await
+        .expect("a copy");
+    let sound = fs::read(&copy).expect("a file");
+    // SQLite's pages of the smallest database have 4096 bytes; each is hit once, in its header.
+    for page in 1..sound.len() / 4096 {
+        let mut damaged = sound.clone();
+        damaged[page * 4096..page * 4096 + 100].fill(0xa5);
+        fs::write(&copy, damaged).expect("a file");
+        let sound = file::check(&copy)
+            .await
+            .is_ok_and(|findings| findings.is_empty());
+        assert!(!sound, "page {page}");
+        let restored = file::restore(&copy, &fixture.beside("restored.db"), false).await;
+        assert!(restored.is_err(), "page {page}");
+    }
+    assert!(!fixture.beside("restored.db").exists());
+}
+
+#[tokio::test]
+async fn a_newer_database_is_refused() {
+    let fixture = Fixture::new().await;
+    fixture.submit().await;
+    let newer = "insert into _sqlx_migrations \
+                 select version + 1000, description, installed_on, success, checksum, execution_time \
+                 from _sqlx_migrations order by version desc limit 1";
+    let write = fixture.store.inner.writer.write(move |tx| {
+        Box::pin(async move {
+            sqlx::query(newer).execute(&mut **tx).await?;
+            Ok(())
+        })
+    });
+    write.await.expect("a newer schema");
+    let findings = file::check(&fixture.settings.path)
+        .await
+        .expect("a readable file");
+    assert!(findings[0].contains("is newer than"), "{findings:?}");
+    let Fixture {
+        store, settings, ..
+    } = &fixture;
+    store.close().await;
+    let settings = settings.clone();
+    let Fixture { store, _folder, .. } = fixture;
+    drop(store);
+    let opened = Store::open(&settings, Arc::new(|_| ())).await.err();
+    assert!(
+        matches!(opened, Some(StoreError::Migration(_))),
+        "{opened:?}"
+    );
+}

@@ -1,0 +1,204 @@
+//! The end of a slice: the job is handed on, or ended with what it came to.
+
+use std::any::Any;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use jiff::Timestamp;
+use serde_json::Value;
+use tokio::sync::SemaphorePermit;
+use tokio::task::JoinError;
+
+use super::recorder::Recorder;
+use super::run::{Run, StopReason};
+use super::slice::{After, Computed, Current, End, SliceWorker};
+use crate::job::{Failure, Status};
+use crate::store::{Checkpoint, Ending, Hold, Record, StopRequest, StoreError};
+
+/// How long the best estimate so far of a job that was stopped may be analysed.
+const ANALYSIS_TIME: Duration = Duration::from_millis(500);
+/// How often it is looked whether an analysis has to hurry.
+const HURRY_INTERVAL: Duration = Duration::from_millis(20);
+
+/// What remains to be done with a slice whose computation has returned.
+pub(super) struct Conclusion<'a> {
+    pub(super) worker: &'a SliceWorker,
+    /// Given up when nothing is left to be computed.
+    pub(super) place: Option<SemaphorePermit<'a>>,
+    pub(super) current: Current,
+    pub(super) recorder: Recorder,
+}
+
+impl Conclusion<'_> {
+    /// Hands the job on, or ends it.
+    pub(super) async fn draw(self, computed: Computed) -> Result<After, StoreError> {
+        let id = self.current.lease.job;
+        let request = match self.worker.store.job(id).await? {
+            Some(job) => job.stop_request,
+            None => return Ok(After::Done),
+        };
+        let (run, end) = match computed {
+            Ok(computed) => computed,
+            Err(failure) => return self.end_without_result(request, failure).await,
+        };
+        match (end, request) {
+            (End::Finished, _) => self.end_with(run, None, Status::Succeeded).await,
+            (_, Some(StopRequest::Cancel)) => {
+                self.end_with(run, Some(StopReason::Cancelled), Status::Cancelled)
+                    .await
+            }
+            (_, Some(StopRequest::Pause)) => {
+                self.end_with(run, Some(StopReason::Paused), Status::Paused)
+                    .await
+            }
+            (_, None) if self.current.is_out_of_time() => {
+                self.end_with(run, Some(StopReason::TimeLimit), Status::Succeeded)
+                    .await
+            }
+            (_, None) => self.hand_on(run).await,
+        }
+    }
+
+    /// Lets another slice go on.
+    async fn hand_on(mut self, run: Box<dyn Run>) -> Result<After, StoreError> {
+        let mut record = self.last_record();
+        record.checkpoint = Some(self.checkpoint(&*run));
+        drop(self.place.take());
+        match self.worker.store.record(self.current.lease, record).await? {
+            Hold::Kept => Ok(After::Again),
+            Hold::Lost => Ok(After::Done),
+        }
+    }
+
+    /// Ends or pauses the job with its result, or the best so far.
+    async fn end_with(
+        mut self,
+        run: Box<dyn Run>,
+        stopped: Option<StopReason>,
+        status: Status,
+    ) -> Result<After, StoreError> {
+        let (run, outcome) = match self.outcome(run, stopped).await {
+            Ok(computed) => computed,
+            Err(failure) => return self.end_without_result(None, failure).await,
+        };
+        if status == Status::Succeeded && self.worker.active.all_are_stopped() && stopped.is_some()
+        {
+            // The next server has the time that this one had not.
+            return self.hand_on(run).await;
+        }
+        drop(self.place.take());
+        if outcome.is_none() && status == Status::Succeeded {
+            return self.end_without_result(None, Failure::no_estimate()).await;
+        }
+        self.recorder.report(Timestamp::now());
+        let mut record = self.last_record();
+        if status == Status::Paused {
+            record.checkpoint = Some(self.checkpoint(&*run));
+        }
+        let ending = Ending {
+            status,
+            outcome,
+            error: None,
+        };
+        self.finish(record, ending).await
+    }
+
+    /// The result. What takes long about one that nobody waits for is left out: the job was asked to
+    /// stop, or the server goes down.
+    async fn outcome(
+        &self,
+        mut run: Box<dyn Run>,
+        stopped: Option<StopReason>,
+    ) -> Result<(Box<dyn Run>, Option<Value>), Failure> {
+        let hurry = Arc::new(AtomicBool::new(false));
+        let raised = hurry.clone();
+        let computing = tokio::task::spawn_blocking(move || {
+            let outcome = run.outcome(stopped, &raised)?;
+            Ok((run, outcome))
+        });
+        let asked_to_stop = !matches!(stopped, None | Some(StopReason::TimeLimit));
+        let begun = Instant::now();
+        let mut looks = tokio::time::interval(HURRY_INTERVAL);
+        let mut computing = std::pin::pin!(computing);
+        loop {
+            tokio::select! {
+                computed = computing.as_mut() => {
+                    return computed.unwrap_or_else(|error| Err(broke(error)));
+                }
+                _ = looks.tick() => {
+                    let is_late = asked_to_stop && begun.elapsed() >= ANALYSIS_TIME;
+                    if is_late || self.worker.active.all_are_stopped() {
+                        hurry.store(true, Ordering::Relaxed);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Ends a job whose computation broke. One that was to be cancelled is.
+    async fn end_without_result(
+        mut self,
+        request: Option<StopRequest>,
+        failure: Failure,
+    ) -> Result<After, StoreError> {
+        let (status, error) = match request {
+            Some(StopRequest::Cancel) => (Status::Cancelled, None),
+            _ => (Status::Failed, Some(failure)),
+        };
+        if let Some(failure) = &error {
+            tracing::warn!(job = %self.current.lease.job, detail = failure.detail, "a job failed");
+        }
+        self.recorder.report(Timestamp::now());
+        let record = self.last_record();
+        let ending = Ending {
+            status,
+            outcome: None,
+            error,
+        };
+        self.finish(record, ending).await
+    }
+
+    async fn finish(&self, record: Record, ending: Ending) -> Result<After, StoreError> {
+        let hold = self
+            .worker
+            .store
+            .finish(self.current.lease, record, ending)
+            .await?;
+        if hold == Hold::Lost {
+            tracing::info!(job = %self.current.lease.job, "another slice has begun; this one is void");
+        }
+        Ok(After::Done)
+    }
+
+    fn last_record(&mut self) -> Record {
+        let worked = self.current.started.elapsed();
+        Record {
+            worked_ms: u64::try_from(worked.as_millis()).unwrap_or(u64::MAX),
+            ..self.recorder.record()
+        }
+    }
+
+    fn checkpoint(&self, run: &dyn Run) -> Checkpoint {
+        Checkpoint {
+            state: run.checkpoint(),
+            refinements: self.recorder.refinements(),
+        }
+    }
+}
+
+/// A computation that did not return: its thread panicked.
+pub(super) fn broke(error: JoinError) -> Failure {
+    match error.try_into_panic() {
+        Ok(panic) => Failure::panicked(panic_message(&*panic)),
+        Err(error) => Failure::panicked(&error.to_string()),
+    }
+}
+
+fn panic_message(panic: &(dyn Any + Send)) -> &str {
+    panic
+        .downcast_ref::<&str>()
+        .copied()
+        .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("without a message")
+}
