@@ -7,7 +7,9 @@
 //! ```
 
 mod active;
+mod between_slices;
 mod candidates;
+mod conclusion;
 pub mod identification;
 mod recorder;
 pub mod run;
@@ -32,6 +34,7 @@ use crate::job::JobId;
 use crate::store::{QUEUE, SliceOfJob, Store, StoreError};
 
 use active::ActiveJobs;
+use between_slices::BetweenSlices;
 use run::Method;
 use slice::{After, SliceWorker};
 use wake::Wake;
@@ -77,6 +80,7 @@ impl Worker {
         let slices = SliceWorker {
             method,
             active: ActiveJobs::default(),
+            between_slices: BetweenSlices::new(settings.jobs_at_once),
             places: Arc::new(Semaphore::new(settings.jobs_at_once)),
             slice_length: settings.slice_length,
             max_candidates: settings.max_candidates,

@@ -5,7 +5,6 @@
 //! finished, when the stop flag is raised (cancel, pause, the job's time limit, shutdown), or when
 //! a write finds that another slice has begun.
 
-use std::any::Any;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -13,16 +12,16 @@ use std::time::{Duration, Instant};
 use jiff::Timestamp;
 use serde_json::Value;
 use tokio::sync::{Semaphore, SemaphorePermit, mpsc};
-use tokio::task::JoinError;
 
 use super::active::{ActiveJob, ActiveJobs};
+use super::between_slices::{BetweenSlices, Left};
+use super::candidates::Candidates;
+use super::conclusion::{Conclusion, broke};
 use super::recorder::Recorder;
-use super::run::{Advance, Assignment, Method, Row, Run, StopReason};
+use super::run::{Advance, Assignment, Method, Row, Run};
 use crate::dataset::Recording;
-use crate::job::{DatasetId, Failure, JobId, Progress, Status};
-use crate::store::{
-    Begin, Checkpoint, Ending, Hold, JobRow, Lease, Record, Slice, StopRequest, Store, StoreError,
-};
+use crate::job::{DatasetId, Failure, JobId, Progress};
+use crate::store::{Begin, Hold, JobRow, Lease, Slice, Store, StoreError};
 
 /// How often what a slice did is written.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(200);
@@ -53,6 +52,7 @@ pub(super) struct SliceWorker {
     pub(super) store: Store,
     pub(super) method: Arc<dyn Method>,
     pub(super) active: ActiveJobs,
+    pub(super) between_slices: BetweenSlices,
     /// Computations at the same time. More entries may have been taken from the queue: the next
     /// ones wait here, so that no place is empty while the queue is asked or an end is written.
     pub(super) places: Arc<Semaphore>,
@@ -62,23 +62,23 @@ pub(super) struct SliceWorker {
 
 /// Why the computation of a slice returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum End {
+pub(super) enum End {
     Finished,
     TimeIsUp,
     Stopped,
 }
 
 /// The slice at work.
-struct Current {
-    lease: Lease,
-    started: Instant,
+pub(super) struct Current {
+    pub(super) lease: Lease,
+    pub(super) started: Instant,
     /// The time that the job may still work, where it has a limit.
     time_left: Option<Duration>,
     stop: Arc<AtomicBool>,
 }
 
 impl Current {
-    fn is_out_of_time(&self) -> bool {
+    pub(super) fn is_out_of_time(&self) -> bool {
         self.time_left
             .is_some_and(|left| self.started.elapsed() >= left)
     }
@@ -91,13 +91,21 @@ struct Materials {
     datasets: Vec<(String, Recording)>,
 }
 
+/// What a slice works on.
+enum Begun {
+    /// The run that the slice before left.
+    Left(Box<dyn Run>),
+    /// A run that is begun, or resumed from its checkpoint, with what it is made of.
+    New(Materials),
+}
+
 /// What a unit of work left behind.
 struct Unit {
     rows: Vec<Row>,
     progress: Progress,
 }
 
-type Computed = Result<(Box<dyn Run>, End), Failure>;
+pub(super) type Computed = Result<(Box<dyn Run>, End), Failure>;
 
 impl SliceWorker {
     /// Works a slice for a queue entry.
@@ -145,12 +153,24 @@ impl SliceWorker {
             time_left: time_left(&slice),
             stop,
         };
-        let mut recorder = Recorder::new(&slice, self.max_candidates);
-        let computed = match self.materials(&slice.job).await? {
-            Ok(materials) => {
+        let (run, candidates) = match self.between_slices.take(slice.lease) {
+            Some(Left { run, candidates }) => (Some(run), Some(candidates)),
+            None => (None, None),
+        };
+        let is_new = run.is_none();
+        let candidates = candidates.unwrap_or_else(|| Candidates::new(self.max_candidates));
+        let mut recorder = Recorder::new(&slice, candidates);
+        let begun = match run {
+            Some(run) => Ok(Begun::Left(run)),
+            None => self.materials(&slice.job).await?.map(Begun::New),
+        };
+        let computed = match begun {
+            Ok(begun) => {
                 let (sender, units) = mpsc::channel(UNITS_WAITING);
-                let computation = self.compute(slice, materials, current.stop.clone(), sender);
-                let written = self.write_units(&current, &mut recorder, units).await;
+                let computation = self.compute(slice, begun, current.stop.clone(), sender);
+                let written = self
+                    .write_units(&current, (&mut recorder, is_new), units)
+                    .await;
                 let computed = computation.await;
                 if written? == Hold::Lost {
                     return Ok(After::Done);
@@ -200,7 +220,7 @@ impl SliceWorker {
     fn compute(
         &self,
         slice: Slice,
-        Materials { model, datasets }: Materials,
+        begun: Begun,
         stop: Arc<AtomicBool>,
         units: mpsc::Sender<Unit>,
     ) -> impl Future<Output = Computed> {
@@ -211,14 +231,16 @@ impl SliceWorker {
             0 | 1 => self.slice_length,
             _ => Duration::ZERO,
         };
-        let assignment = Assignment {
-            job: slice.job,
-            model,
-            datasets,
-            checkpoint: slice.checkpoint.map(|checkpoint| checkpoint.state),
-        };
         let computation = tokio::task::spawn_blocking(move || {
-            let mut run = method.begin(assignment)?;
+            let mut run = match begun {
+                Begun::Left(run) => run,
+                Begun::New(Materials { model, datasets }) => method.begin(Assignment {
+                    job: slice.job,
+                    model,
+                    datasets,
+                    checkpoint: slice.checkpoint.map(|checkpoint| checkpoint.state),
+                })?,
+            };
             let end = advance(&mut *run, slice_length, &stop, &units);
             Ok((run, end))
         });
@@ -229,10 +251,10 @@ impl SliceWorker {
     async fn write_units(
         &self,
         current: &Current,
-        recorder: &mut Recorder,
+        (recorder, is_new): (&mut Recorder, bool),
         mut units: mpsc::Receiver<Unit>,
     ) -> Result<Hold, StoreError> {
-        if let Err(error) = self.recall(current.lease, recorder).await {
+        if is_new && let Err(error) = self.recall(current.lease, recorder).await {
             current.stop.store(true, Ordering::Relaxed);
             return Err(error);
         }
@@ -260,7 +282,7 @@ impl SliceWorker {
         }
     }
 
-    /// Reads back which candidates are kept, beside the computation, which has forgotten them.
+    /// Reads back which candidates are kept, beside a computation that has forgotten them.
     async fn recall(&self, lease: Lease, recorder: &mut Recorder) -> Result<(), StoreError> {
         let mut after = Some(0);
         while let Some(generation) = after {
@@ -322,138 +344,6 @@ fn advance(
     }
 }
 
-/// What remains to be done with a slice whose computation has returned.
-struct Conclusion<'a> {
-    worker: &'a SliceWorker,
-    /// Given up when nothing is left to be computed.
-    place: Option<SemaphorePermit<'a>>,
-    current: Current,
-    recorder: Recorder,
-}
-
-impl Conclusion<'_> {
-    /// Hands the job on, or ends it.
-    async fn draw(mut self, computed: Computed) -> Result<After, StoreError> {
-        let id = self.current.lease.job;
-        let request = match self.worker.store.job(id).await? {
-            Some(job) => job.stop_request,
-            None => return Ok(After::Done),
-        };
-        let (run, end) = match computed {
-            Ok(computed) => computed,
-            Err(failure) => return self.end_without_result(request, failure).await,
-        };
-        match (end, request) {
-            (End::Finished, _) => self.end_with(run, None, Status::Succeeded).await,
-            (_, Some(StopRequest::Cancel)) => {
-                self.end_with(run, Some(StopReason::Cancelled), Status::Cancelled)
-                    .await
-            }
-            (_, Some(StopRequest::Pause)) => {
-                self.end_with(run, Some(StopReason::Paused), Status::Paused)
-                    .await
-            }
-            (_, None) if self.current.is_out_of_time() => {
-                self.end_with(run, Some(StopReason::TimeLimit), Status::Succeeded)
-                    .await
-            }
-            (_, None) => {
-                let mut record = self.last_record();
-                record.checkpoint = Some(self.checkpoint(&*run));
-                drop(self.place.take());
-                match self.worker.store.record(self.current.lease, record).await? {
-                    Hold::Kept => Ok(After::Again),
-                    Hold::Lost => Ok(After::Done),
-                }
-            }
-        }
-    }
-
-    /// Ends or pauses the job with its result, or the best so far.
-    async fn end_with(
-        mut self,
-        mut run: Box<dyn Run>,
-        stopped: Option<StopReason>,
-        status: Status,
-    ) -> Result<After, StoreError> {
-        let computed = tokio::task::spawn_blocking(move || {
-            let outcome = run.outcome(stopped)?;
-            Ok((run, outcome))
-        })
-        .await
-        .unwrap_or_else(|error| Err(broke(error)));
-        drop(self.place.take());
-        let (run, outcome) = match computed {
-            Ok(computed) => computed,
-            Err(failure) => return self.end_without_result(None, failure).await,
-        };
-        if outcome.is_none() && status == Status::Succeeded {
-            return self.end_without_result(None, Failure::no_estimate()).await;
-        }
-        self.recorder.report(Timestamp::now());
-        let mut record = self.last_record();
-        if status == Status::Paused {
-            record.checkpoint = Some(self.checkpoint(&*run));
-        }
-        let ending = Ending {
-            status,
-            outcome,
-            error: None,
-        };
-        self.finish(record, ending).await
-    }
-
-    /// Ends a job whose computation broke. One that was to be cancelled is.
-    async fn end_without_result(
-        mut self,
-        request: Option<StopRequest>,
-        failure: Failure,
-    ) -> Result<After, StoreError> {
-        let (status, error) = match request {
-            Some(StopRequest::Cancel) => (Status::Cancelled, None),
-            _ => (Status::Failed, Some(failure)),
-        };
-        if let Some(failure) = &error {
-            tracing::warn!(job = %self.current.lease.job, detail = failure.detail, "a job failed");
-        }
-        self.recorder.report(Timestamp::now());
-        let record = self.last_record();
-        let ending = Ending {
-            status,
-            outcome: None,
-            error,
-        };
-        self.finish(record, ending).await
-    }
-
-    async fn finish(&self, record: Record, ending: Ending) -> Result<After, StoreError> {
-        let hold = self
-            .worker
-            .store
-            .finish(self.current.lease, record, ending)
-            .await?;
-        if hold == Hold::Lost {
-            tracing::info!(job = %self.current.lease.job, "another slice has begun; this one is void");
-        }
-        Ok(After::Done)
-    }
-
-    fn last_record(&mut self) -> Record {
-        let worked = self.current.started.elapsed();
-        Record {
-            worked_ms: u64::try_from(worked.as_millis()).unwrap_or(u64::MAX),
-            ..self.recorder.record()
-        }
-    }
-
-    fn checkpoint(&self, run: &dyn Run) -> Checkpoint {
-        Checkpoint {
-            state: run.checkpoint(),
-            refinements: self.recorder.refinements(),
-        }
-    }
-}
-
 /// The time that a job may still work, where it has a limit.
 fn time_left(slice: &Slice) -> Option<Duration> {
     let limit = slice.job.spec.pointer("/limits/max_duration_s")?.as_f64()?;
@@ -469,20 +359,4 @@ fn datasets_of(spec: &Value) -> Vec<DatasetId> {
         .flatten()
         .filter_map(|experiment| experiment.get("dataset")?.as_str()?.parse().ok())
         .collect()
-}
-
-/// A computation that did not return: its thread panicked.
-fn broke(error: JoinError) -> Failure {
-    match error.try_into_panic() {
-        Ok(panic) => Failure::panicked(panic_message(&*panic)),
-        Err(error) => Failure::panicked(&error.to_string()),
-    }
-}
-
-fn panic_message(panic: &(dyn Any + Send)) -> &str {
-    panic
-        .downcast_ref::<&str>()
-        .copied()
-        .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("without a message")
 }

@@ -182,12 +182,7 @@ impl Run for DescentRun {
     }
 
     fn outcome(&mut self, stopped: Option<StopReason>) -> Result<Option<Value>, Failure> {
-        let reason = match stopped {
-            None => "generation_limit",
-            Some(StopReason::TimeLimit) => "time_limit",
-            Some(StopReason::Cancelled) => "cancelled",
-            Some(StopReason::Paused) => "paused",
-        };
+        let reason = stopped.unwrap_or(StopReason::GenerationLimit).name();
         Ok(Some(json!({
             "job": self.id,
             "stop_reason": reason,
