@@ -20,7 +20,7 @@ pub trait Observer {
 
 impl Observer for () {}
 
-/// One thing that should be known of a job before it runs.
+/// One thing that the user of a job should know before it runs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Finding {
     /// What kind of finding, for programs: stable snake_case.

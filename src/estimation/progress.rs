@@ -5,7 +5,7 @@ use super::refine::Descent;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// The part of the method that a run is in.
+/// The part of the method that a job is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
@@ -28,7 +28,7 @@ pub enum Advance {
     Finished,
 }
 
-/// How far a run came.
+/// How far a job came.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Progress {
     /// The part of the method that it is in.
@@ -45,8 +45,7 @@ pub struct Progress {
     pub best_credit: Option<f64>,
     /// How much of the most work there can be is done, 0 to 1.
     pub fraction: f64,
-    /// Working time until the end if all generations are needed `[s]`; the method has no clock and
-    /// leaves it to whoever works the run.
+    /// Working time until the end if all generations are needed `[s]`.
     pub eta_s: Option<f64>,
 }
 
@@ -86,6 +85,7 @@ impl Estimation {
                 Phase::Refine => after(round + refined),
                 Phase::Analyse => 1.0,
             },
+            // The method has no clock; whoever works the run fills it in.
             eta_s: None,
         }
     }
