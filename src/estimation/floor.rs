@@ -13,9 +13,9 @@ use super::refine::{Descent, DescentEnd, Linearisation};
 use crate::numerics::statistics;
 use std::collections::BTreeSet;
 
-/// Two costs are the same where χ² differs by less: the 95 % quantile for one unknown,
+/// Two costs are the same where χ² differs by less than the 95 % quantile for one unknown.
 const SAME_CHI_SQUARE: f64 = 3.84;
-/// or by this share, as far as costs that are coarsely simulated can be told apart.
+/// Costs that differ by less than this share are the same too: they are coarsely simulated.
 const SAME_COST: f64 = 1e-3;
 /// Minima so many standard errors apart, by the linear model at one of them, are two: within one
 /// minimum that distance squared would be the difference of their χ².

@@ -1,4 +1,4 @@
-//! What is told while a job lives: the events of its stream, in the shapes that clients see.
+//! The events of a job's stream, in the shapes that clients see.
 //!
 //! An event is a name and one line of JSON. The first event of a job is `state`, the last `end`.
 

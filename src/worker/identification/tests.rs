@@ -201,7 +201,7 @@ fn what_the_data_do_not_see_is_told_before_the_search_begins() {
     ] {
         assert!(reported.contains(&expected), "{reported:?}");
     }
-    // A run that is taken up has reported it before.
+    // A run that is resumed has reported it before.
     let mut resumed = begin_on(standing_still(), &job(), Some(run.checkpoint()));
     let is_finding = |row: &Row| matches!(row, Row::Finding(_));
     assert!(!work(&mut *resumed).iter().any(is_finding));
