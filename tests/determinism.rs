@@ -41,7 +41,8 @@ fn problem(method: &str) -> (Problem, Settings) {
     // One refinement is like another: the rivals of the method go without.
     job["method"] = serde_json::json!({
         "name": method, "generations": 12, "population": 12, "refine_candidates": 2,
-        "refine": method == SEARCHES[0]
+        "refine": method == SEARCHES[0],
+        "further_searches": 1
     });
     job["experiments"] = serde_json::json!([{}]);
     let recording = demo::recording_of(Demo::D, 3, 400);

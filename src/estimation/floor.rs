@@ -22,6 +22,8 @@ const SAME_COST: f64 = 1e-3;
 const TWIN_DISTANCE: f64 = 5.0;
 /// A minimum above this share of what a constant leaves is a plateau.
 const PLATEAU_SHARE: f64 = 0.98;
+/// Recordings are no more exact than this share of a signal's variance.
+const EXACT: f64 = 1e-8;
 /// χ²/n up to which the residuals are as small as the declared noise.
 const NOISE: f64 = 1.05;
 /// Where no noise is declared, the share of a signal's variance that may be left without doubt.
@@ -49,11 +51,8 @@ pub fn plateau(problem: &Problem) -> f64 {
 }
 
 fn used(experiment: &Experiment) -> impl Iterator<Item = &[f64]> {
-    let part = |values: &'_ Vec<f64>| values.len().min(experiment.estimation_samples);
-    experiment
-        .measured
-        .iter()
-        .map(move |values| &values[..part(values)])
+    let end = experiment.estimation_samples;
+    experiment.measured.iter().map(move |values| &values[..end])
 }
 
 /// What is known of a problem's cost before anything is simulated.
@@ -82,10 +81,12 @@ impl Landmarks {
         cost > PLATEAU_SHARE * self.plateau
     }
 
-    /// Whether two costs, the lower one first, are the same.
+    /// Whether two costs, the lower one first, are the same: as large as the residuals' noise is
+    /// by declaration, or else by what is left.
     fn is_same(&self, lowest: f64, cost: f64) -> bool {
-        let excess = cost - lowest;
-        excess * self.residuals as f64 <= SAME_CHI_SQUARE * lowest || excess <= SAME_COST * lowest
+        let noise = lowest.max(if self.declares_noise { 1.0 } else { EXACT });
+        let excess = (cost - lowest) / noise;
+        excess * self.residuals as f64 <= SAME_CHI_SQUARE || excess <= SAME_COST
     }
 
     /// Whether what is left is no more than noise.

@@ -292,7 +292,7 @@ impl Identification {
         stop: &AtomicBool,
         observer: &mut dyn Observer,
     ) -> Result<Outcome, IdentificationError> {
-        self.begin()?.to_the_end(stop, observer)
+        self.begin()?.finish(stop, observer)
     }
 }
 

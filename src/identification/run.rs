@@ -246,7 +246,7 @@ impl Run {
     ///
     /// # Errors
     /// When the data do not fix the unknowns, and when no candidate could be simulated.
-    pub fn to_the_end(
+    pub fn finish(
         mut self,
         stop: &AtomicBool,
         observer: &mut dyn Observer,

@@ -55,6 +55,14 @@ fn what_only_noise_is_left_of_is_believed_at_once() {
 }
 
 #[test]
+fn costs_of_data_without_noise_are_the_same_when_both_are_next_to_nothing() {
+    let found = ended(&[(0, 1e-14), (0, 3e-12), (0, 2e-3)]);
+    let floor = Floor::of(&landmarks(false), &found).expect("costs");
+    assert_eq!((floor.starts, floor.at_floor), (3, 2));
+    assert!(!is_doubtful(&landmarks(false), &found));
+}
+
+#[test]
 fn a_plateau_is_never_believed_however_often_it_is_found() {
     let found = ended(&[(0, 999.0), (1, 999.0), (2, 999.0)]);
     assert!(is_doubtful(&landmarks(true), &found));
