@@ -9,9 +9,11 @@
 //! elimination, two time constants in a row) are looked for where they would be ([`exchanged`]).
 
 use super::problem::{Experiment, Problem, Target};
-use super::refine::{Descent, DescentEnd, Linearisation};
+use super::refine::{self, Descent, DescentEnd, Linearisation};
 use crate::numerics::statistics;
+use crate::simulation::Accuracy;
 use std::collections::BTreeSet;
+use std::sync::atomic::AtomicBool;
 
 /// Two costs are the same where χ² differs by less than the 95 % quantile for one unknown.
 const SAME_CHI_SQUARE: f64 = 3.84;
@@ -158,9 +160,18 @@ fn lowest(descents: &[Descent]) -> Option<f64> {
     costs.min_by(f64::total_cmp)
 }
 
-/// Candidates in which two parameters of one unit have each other's values.
+/// Two parameters with each other's values.
+#[derive(Clone, Debug)]
+pub struct Exchange {
+    /// The places of the two.
+    pair: [usize; 2],
+    /// The candidate.
+    pub positions: Vec<f64>,
+}
+
+/// The exchanges of two parameters of one unit that the search ranges allow.
 #[must_use]
-pub fn exchanged(problem: &Problem, positions: &[f64]) -> Vec<Vec<f64>> {
+pub fn exchanged(problem: &Problem, positions: &[f64]) -> Vec<Exchange> {
     let coordinates = &problem.coordinates;
     let is_shared = |index: usize| matches!(coordinates[index].target, Target::Parameter(_));
     let moved = |from: usize, to: usize| {
@@ -178,7 +189,10 @@ pub fn exchanged(problem: &Problem, positions: &[f64]) -> Vec<Vec<f64>> {
             if let Some((at_b, at_a)) = both.filter(|_| alike && is_shared(a) && is_shared(b)) {
                 let mut candidate = positions.to_vec();
                 (candidate[a], candidate[b]) = (at_a, at_b);
-                found.push(candidate);
+                found.push(Exchange {
+                    pair: [a, b],
+                    positions: candidate,
+                });
             }
         }
     }
@@ -187,16 +201,48 @@ pub fn exchanged(problem: &Problem, positions: &[f64]) -> Vec<Vec<f64>> {
 
 /// The exchanges that are worth following: of those with a cost the lowest.
 #[must_use]
-pub fn promising(candidates: Vec<Vec<f64>>, costs: &[f64]) -> Vec<Vec<f64>> {
-    let mut order: Vec<(f64, Vec<f64>)> = costs
+pub fn promising(exchanges: Vec<Exchange>, costs: &[f64]) -> Vec<Exchange> {
+    let mut order: Vec<(f64, Exchange)> = costs
         .iter()
         .copied()
-        .zip(candidates)
+        .zip(exchanges)
         .filter(|(cost, _)| cost.is_finite())
         .collect();
     order.sort_by(|(a, _), (b, _)| a.total_cmp(b));
     let best = order.into_iter().take(MOST_EXCHANGES);
-    best.map(|(_, candidate)| candidate).collect()
+    best.map(|(_, exchange)| exchange).collect()
+}
+
+impl Exchange {
+    /// Where to descend from: the other unknowns make the best of the exchange first, else the
+    /// two would go back to where they were. Nothing when `stop` was raised.
+    #[must_use]
+    pub fn adapted(self, problem: &Problem, stop: &AtomicBool) -> Option<Vec<f64>> {
+        let mut rest = problem.clone();
+        for index in self.pair {
+            let coordinate = &problem.coordinates[index];
+            if let Target::Parameter(place) = coordinate.target {
+                rest.parameters[place] = coordinate.value(self.positions[index]);
+            }
+        }
+        let others: Vec<usize> = (0..self.positions.len())
+            .filter(|index| !self.pair.contains(index))
+            .collect();
+        if others.is_empty() {
+            return Some(self.positions);
+        }
+        let coordinates = others
+            .iter()
+            .map(|&index| problem.coordinates[index].clone());
+        rest.coordinates = coordinates.collect();
+        let start = others.iter().map(|&index| self.positions[index]).collect();
+        let descent = refine::descend(&rest, start, Accuracy::Screening, stop)?;
+        let mut adapted = self.positions;
+        for (&index, position) in others.iter().zip(&descent.positions) {
+            adapted[index] = *position;
+        }
+        Some(adapted)
+    }
 }
 
 /// Descents of the same cost as the best one; it alone where nothing is left to compare.

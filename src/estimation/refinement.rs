@@ -114,14 +114,19 @@ impl Estimation {
         let Some(best) = self.best_descent() else {
             return Some(Vec::new());
         };
-        let candidates = floor::exchanged(problem, &best.positions);
-        if candidates.is_empty() {
-            return Some(candidates);
+        let exchanges = floor::exchanged(problem, &best.positions);
+        if exchanges.is_empty() {
+            return Some(Vec::new());
         }
         let objective = Objective::new(problem, self.settings.block_samples as usize);
+        let candidates = exchanges.iter().map(|exchange| exchange.positions.clone());
+        let candidates: Vec<Vec<f64>> = candidates.collect();
         let judged = objective.evaluate(problem, &candidates, Accuracy::Ranking, stop)?;
         let costs: Vec<f64> = judged.iter().map(|judged| judged.cost).collect();
-        Some(floor::promising(candidates, &costs))
+        floor::promising(exchanges, &costs)
+            .into_par_iter()
+            .map(|exchange| exchange.adapted(problem, stop))
+            .collect()
     }
 
     /// Other minima as low as the lowest.
