@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[(&str, &[&str])] = &[
     // The command line starts servers, runs the method without one, and looks after the database of
     // one that does not run.
-    ("cli", &["app", "config", "api", "store", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "dataset"]),
+    ("cli", &["app", "config", "api", "store", "identification", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "dataset"]),
     // The composition root; only the command line imports it.
     ("app", &["config", "api", "dashboard", "job", "store", "event", "worker", "model"]),
     // Settings are handed to the parts as the parts' own types.
@@ -29,7 +29,10 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("job", &["estimation", "uncertainty", "model", "simulation", "dataset", "document", "numerics"]),
     ("store", &["job", "dataset"]),
     ("event", &["store", "job"]),
-    ("worker", &["event", "store", "job", "uncertainty", "estimation", "model", "dataset"]),
+    ("worker", &["event", "store", "identification", "job", "estimation", "model", "dataset"]),
+    // What a program asks for is what a client asks for: a specification, and the problem that is
+    // assembled from it.
+    ("identification", &["job", "uncertainty", "estimation", "model", "dataset", "document"]),
     ("estimation", &["credit", "genetic", "model", "simulation", "dataset", "numerics"]),
     ("credit", &["numerics"]),
     ("genetic", &["numerics"]),
@@ -50,7 +53,7 @@ const SERVICE: &[&str] = &["cli", "app", "api", "dashboard", "store", "event", "
 /// The half that is synchronous and seeded.
 #[rustfmt::skip]
 const METHOD: &[&str] = &[
-    "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "dataset", "document", "numerics",
+    "identification", "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "dataset", "document", "numerics",
 ];
 
 /// What the method half does without.
@@ -99,7 +102,7 @@ const PLACES: &[(&str, &[&str])] = &[
     // The pool is the process's: whoever starts the process sizes it.
     (
         "rayon",
-        &["simulation/batch.rs", "estimation/mod.rs", "estimation/search.rs", "uncertainty", "app", "cli"],
+        &["simulation/batch.rs", "estimation/refinement.rs", "estimation/search.rs", "uncertainty", "app", "cli"],
     ),
 ];
 

@@ -1,19 +1,16 @@
 //! The same problem, settings and seed give the same bits: for any number of threads, and however
-//! often the run is laid down and taken up again.
+//! often the run is saved and resumed.
 
 #![expect(
     clippy::unwrap_used,
     reason = "a test that cannot set itself up has failed"
 )]
 
+use greybox::Identification;
 use greybox::demo::{self, Demo};
 use greybox::estimation::{
     Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Settings,
 };
-use greybox::job::spec::{Context, JobSpec};
-use greybox::job::{DatasetId, assemble};
-use greybox::model::Catalogue;
-use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 
 const SEED: u64 = 5;
@@ -21,7 +18,7 @@ const SEED: u64 = 5;
 /// The methods that search, a generation at a time.
 const SEARCHES: [&str; 3] = ["icra_genetic", "differential_evolution", "cma_es"];
 
-/// Writes down the bits of everything that it is told.
+/// Writes down the bits of everything that is reported.
 #[derive(Default, PartialEq, Debug)]
 struct Diary(Vec<u64>);
 
@@ -40,38 +37,29 @@ impl Observer for Diary {
 
 /// Four seconds of recording D: friction, dead band, and nine unknowns.
 fn problem(method: &str) -> (Problem, Settings) {
-    let recording = demo::recording_of(Demo::D, 3, 400);
-    let dataset = DatasetId::new();
-    let mut document = demo::job(Demo::D);
-    document["experiments"] = serde_json::json!([{ "dataset": dataset.to_string() }]);
+    let mut job = demo::job(Demo::D);
     // One refinement is like another: the rivals of the method go without.
-    document["method"] = serde_json::json!({
+    job["method"] = serde_json::json!({
         "name": method, "generations": 12, "population": 12, "refine_candidates": 2,
-        "refine": method == SEARCHES[0]
+        "refine": method == SEARCHES[0],
+        "further_searches": 1
     });
-    let catalogue = Catalogue::built_in();
-    let datasets = HashMap::from([(dataset, recording.summary())]);
-    let context = Context {
-        models: catalogue.iter().map(|model| model.description()).collect(),
-        datasets: &datasets,
-        max_duration_s: 60.0,
-    };
-    let spec = JobSpec::read(&document, &context).unwrap();
-    let model = catalogue.get(&spec.model).unwrap();
-    let assembly = assemble::problem(&spec, model, &[recording]).unwrap();
+    job["experiments"] = serde_json::json!([{}]);
+    let recording = demo::recording_of(Demo::D, 3, 400);
+    let (assembly, spec) = Identification::of_job(job, recording).assembly().unwrap();
     (assembly.problem, spec.method)
 }
 
-/// Runs to the end; after every unit of work for which `lay_down` says so, the run is written
-/// down as JSON, dropped, and taken up from that text.
-fn run(method: &str, lay_down: impl Fn(usize) -> bool) -> (Diary, Vec<u64>) {
+/// Runs to the end; after every unit of work for which `save` says so, the run is written down as
+/// JSON, dropped, and resumed from that text.
+fn run(method: &str, save: impl Fn(usize) -> bool) -> (Diary, Vec<u64>) {
     let (problem, settings) = problem(method);
     let go_on = AtomicBool::new(false);
     let mut diary = Diary::default();
     let mut run = Estimation::start(&problem, &settings, SEED);
     let mut unit = 0;
     while run.advance(&problem, &go_on, &mut diary) == Advance::Working {
-        if lay_down(unit) {
+        if save(unit) {
             let text = serde_json::to_string(&run.checkpoint()).unwrap();
             let checkpoint = serde_json::from_str(&text).unwrap();
             run = Estimation::resume(&problem, &settings, SEED, checkpoint).unwrap();
@@ -86,7 +74,7 @@ fn run(method: &str, lay_down: impl Fn(usize) -> bool) -> (Diary, Vec<u64>) {
 }
 
 #[test]
-fn laying_a_run_down_after_any_unit_changes_no_bit() {
+fn saving_a_run_after_any_unit_changes_no_bit() {
     for method in SEARCHES {
         let unbroken = run(method, |_| false);
         assert!(

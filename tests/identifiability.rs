@@ -1,40 +1,27 @@
-//! What the data could fix is foreseen, and what they could not is named.
+//! What the data could fix is forecast, and what they could not is named.
 
+use greybox::Identification;
 use greybox::demo::{self, Demo};
 use greybox::job::assemble::{self, Finding, Identifiability};
-use greybox::job::spec::Context;
-use greybox::job::{DatasetId, JobSpec};
-use greybox::model::Catalogue;
 use serde_json::{Value, json};
-use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 
-/// Looks ahead at a job on recording A with these parameters.
-fn foresee(parameters: Value) -> (Identifiability, Vec<Finding>) {
-    foresee_from(parameters, json!({}))
+/// The forecast for a job on recording A with these parameters.
+fn forecast(parameters: Value) -> (Identifiability, Vec<Finding>) {
+    forecast_from(parameters, json!({}))
 }
 
 /// The same, from this initial state.
-fn foresee_from(parameters: Value, initial_state: Value) -> (Identifiability, Vec<Finding>) {
-    let recording = demo::recording(Demo::A, 1);
-    let dataset = DatasetId::new();
+fn forecast_from(parameters: Value, initial_state: Value) -> (Identifiability, Vec<Finding>) {
     let mut job = demo::job(Demo::A);
-    job["experiments"][0]["dataset"] = json!(dataset);
     job["experiments"][0]["initial_state"] = initial_state;
     job["parameters"] = parameters;
-    job["validation"] = json!({ "fraction": 0 });
-    let models = Catalogue::built_in();
-    let context = Context {
-        models: models.iter().map(|model| model.description()).collect(),
-        datasets: &HashMap::from([(dataset, recording.summary())]),
-        max_duration_s: f64::INFINITY,
-    };
-    let spec = JobSpec::read(&job, &context).unwrap_or_else(|faults| panic!("{faults:?}"));
-    let model = models.get(&spec.model).expect("the servo");
-    let assembly =
-        assemble::problem(&spec, model, &[recording]).unwrap_or_else(|faults| panic!("{faults:?}"));
+    let identification = Identification::of_job(job, demo::recording(Demo::A, 1)).hold_back(0.0);
+    let (assembly, spec) = identification
+        .assembly()
+        .unwrap_or_else(|error| panic!("{error}"));
     let mut findings = Vec::new();
-    let ahead = assemble::foresee(&assembly, &spec.method, &mut findings);
+    let ahead = assemble::forecast(&assembly, &spec.method, &mut findings);
     let never = AtomicBool::new(false);
     let at_start = assemble::flat_directions(&assembly.problem, &never).expect("not interrupted");
     // The look of a job that begins is coarser, and sees as many.
@@ -58,7 +45,7 @@ fn four_unknowns() -> Value {
 
 #[test]
 fn the_predicted_errors_are_the_cramer_rao_bounds_of_an_independent_program() {
-    let (ahead, findings) = foresee(four_unknowns());
+    let (ahead, findings) = forecast(four_unknowns());
     assert_eq!(findings, []);
     assert_eq!(ahead.points, 5);
     // Per cent, by another program's sensitivities at the nominal rig, two digits each.
@@ -88,7 +75,7 @@ fn position_alone_does_not_tell_the_pressures_and_the_mass_apart() {
     parameters["supply_pressure"] = about(7e6, 2.0);
     parameters["return_pressure"] = about(1e5, 2.0);
     parameters["transition_pressure"] = about(2e4, 2.0);
-    let (ahead, findings) = foresee(parameters);
+    let (ahead, findings) = forecast(parameters);
     let whole = ahead
         .flat_directions
         .iter()
@@ -109,7 +96,7 @@ fn a_parameter_without_any_effect_is_named() {
     // No friction, so the velocity over which its sign is smoothed does nothing.
     let mut parameters = four_unknowns();
     parameters["friction_velocity"] = about(1e-3, 5.0);
-    let (ahead, findings) = foresee(parameters);
+    let (ahead, findings) = forecast(parameters);
     assert_eq!(
         ahead.flat_directions.len(),
         1,
@@ -135,7 +122,7 @@ fn two_that_act_only_together_are_named_with_what_they_share() {
     parameters["spring_neutral_position"] = json!({ "estimate": { "lower": 0.06, "upper": 0.08 } });
     parameters["load_force"] = json!({ "estimate": { "lower": -200.0, "upper": 200.0 } });
     parameters["valve_offset"] = json!({ "value": 0.0 });
-    let (ahead, _) = foresee_from(parameters, json!({ "position": 0.07 }));
+    let (ahead, _) = forecast_from(parameters, json!({ "position": 0.07 }));
     let shared = ahead
         .flat_directions
         .iter()

@@ -21,17 +21,12 @@
 
 mod theory;
 
+use greybox::Identification;
 use greybox::dataset::Recording;
 use greybox::demo::{self, Demo};
-use greybox::estimation::{
-    Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Settings,
-};
-use greybox::job::spec::Context;
-use greybox::job::{DatasetId, JobSpec, assemble};
-use greybox::model::Catalogue;
+use greybox::estimation::{Estimation, Problem, Settings};
 use greybox::numerics::rng::{self, Purpose};
 use greybox::uncertainty;
-use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -41,13 +36,6 @@ static NEVER: AtomicBool = AtomicBool::new(false);
 
 /// Half the width of a 95 % interval, in standard errors.
 const TWO_SIDED_95: f64 = 1.96;
-
-struct Unwatched;
-
-impl Observer for Unwatched {
-    fn generation(&mut self, _row: &GenerationRow) {}
-    fn refinement(&mut self, _row: &RefinementRow) {}
-}
 
 /// What is run.
 struct Plan {
@@ -192,25 +180,9 @@ fn print(plan: &Plan, tallies: &[(String, Tally, Tally)], misses: usize, farthes
 
 /// The default job on the recording of a seed.
 fn problem(plan: &Plan, seed: u64) -> (Problem, Settings) {
-    let recording = plan.recording(seed);
-    let dataset = DatasetId::new();
-    let mut job = demo::job(plan.demo);
-    job["experiments"][0]["dataset"] = json!(dataset);
-    job["seed"] = json!(seed);
-    let catalogue = Catalogue::built_in();
-    let context = Context {
-        models: catalogue.iter().map(|model| model.description()).collect(),
-        datasets: &HashMap::from([(dataset, recording.summary())]),
-        max_duration_s: f64::INFINITY,
-    };
-    let spec = read(&job, &context);
-    let model = catalogue.get(&spec.model).expect("the servo");
-    let assembly = assemble::problem(&spec, model, &[recording]).expect("a sound job");
+    let job = Identification::of_job(demo::job(plan.demo), plan.recording(seed)).seed(seed);
+    let (assembly, spec) = job.assembly().expect("a sound job");
     (assembly.problem, spec.method)
-}
-
-fn read(job: &Value, context: &Context<'_>) -> JobSpec {
-    JobSpec::read(job, context).unwrap_or_else(|faults| panic!("{faults:?}"))
 }
 
 /// The positions of the true values.
@@ -243,8 +215,7 @@ fn run(
     (truth, theory): (&[f64], &FirstOrder),
 ) -> Outcome {
     let mut run = Estimation::start(problem, settings, seed);
-    while run.advance(problem, &NEVER, &mut Unwatched) != Advance::Finished {}
-    let report = run.report(problem, None).expect("an estimate");
+    let report = run.run(problem, &NEVER, &mut ()).expect("an estimate");
     let analysis = uncertainty::analyse(problem, &report, &uncertainty::Request::default(), &NEVER)
         .expect("nobody stops it");
     let of_coordinates = (0..truth.len())

@@ -9,16 +9,9 @@
 mod chart;
 
 use chart::{Chart, Line, Scale};
+use greybox::Identification;
 use greybox::demo::{self, Demo, sensors};
-use greybox::estimation::{
-    Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Settings,
-};
-use greybox::job::DatasetId;
-use greybox::job::assemble;
-use greybox::job::spec::{Context, JobSpec};
-use greybox::model::Catalogue;
-use serde_json::json;
-use std::collections::HashMap;
+use greybox::estimation::{Estimation, GenerationRow, Observer, Problem, Settings};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -56,24 +49,10 @@ fn main() -> std::io::Result<()> {
 
 /// The job of the demonstration, over all of its data.
 fn problem() -> Problem {
-    let recording = demo::recording(Demo::A, SEED);
-    let dataset = DatasetId::new();
-    let mut job = demo::job(Demo::A);
-    job["experiments"][0]["dataset"] = json!(dataset);
-    job["validation"] = json!({ "fraction": 0 });
-    let models = Catalogue::built_in();
-    let context = Context {
-        models: models.iter().map(|model| model.description()).collect(),
-        datasets: &HashMap::from([(dataset, recording.summary())]),
-        max_duration_s: f64::INFINITY,
-    };
-    let spec = JobSpec::read(&job, &context).expect("the demonstration's job is sound");
-    let model = models
-        .get(&spec.model)
-        .expect("the demonstration's model exists");
-    assemble::problem(&spec, model, &[recording])
+    let job = Identification::of_job(demo::job(Demo::A), demo::recording(Demo::A, SEED));
+    job.hold_back(0.0)
+        .problem()
         .expect("the demonstration's recording belongs to its job")
-        .problem
 }
 
 /// The settings of the paper; what it leaves open has the program's defaults.
@@ -99,15 +78,12 @@ impl Observer for Rows {
     fn generation(&mut self, row: &GenerationRow) {
         self.0.push(row.clone());
     }
-
-    fn refinement(&mut self, _row: &RefinementRow) {}
 }
 
 fn search(problem: &Problem, elitism: bool) -> Vec<GenerationRow> {
     let mut rows = Rows(Vec::new());
     let never = AtomicBool::new(false);
-    let mut run = Estimation::start(problem, &settings(elitism), SEED);
-    while run.advance(problem, &never, &mut rows) != Advance::Finished {}
+    Estimation::start(problem, &settings(elitism), SEED).run(problem, &never, &mut rows);
     rows.0
 }
 

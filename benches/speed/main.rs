@@ -7,18 +7,13 @@
 mod limits;
 mod population;
 
+use greybox::Identification;
 use greybox::dataset::csv;
 use greybox::demo::{self, Demo};
-use greybox::estimation::{
-    Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Report,
-};
-use greybox::job::assemble;
-use greybox::job::spec::{Context, JobSpec};
-use greybox::job::{DatasetId, spec};
-use greybox::model::Catalogue;
+use greybox::estimation::{Estimation, Problem, Report};
+use greybox::job::JobSpec;
 use greybox::uncertainty;
 use serde_json::{Value, json};
-use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
@@ -92,39 +87,18 @@ fn estimate(demo: Demo) -> Value {
 fn search(problem: &Problem, spec: &JobSpec) -> Report {
     let never = AtomicBool::new(false);
     let mut run = Estimation::start(problem, &spec.method, spec.seed);
-    while run.advance(problem, &never, &mut Silent) != Advance::Finished {}
     let report = run
-        .report(problem, None)
+        .run(problem, &never, &mut ())
         .expect("the demonstration ends with an estimate");
     uncertainty::analyse(problem, &report, &uncertainty::Request::default(), &never)
         .expect("nothing interrupts the analysis");
     report
 }
 
-/// Nobody looks on.
-struct Silent;
-
-impl Observer for Silent {
-    fn generation(&mut self, _row: &GenerationRow) {}
-    fn refinement(&mut self, _row: &RefinementRow) {}
-}
-
-fn problem(demo: Demo) -> (Problem, spec::JobSpec) {
-    let recording = demo::recording(demo, SEED);
-    let dataset = DatasetId::new();
-    let mut job = demo::job(demo);
-    job["experiments"][0]["dataset"] = json!(dataset);
-    let models = Catalogue::built_in();
-    let context = Context {
-        models: models.iter().map(|model| model.description()).collect(),
-        datasets: &HashMap::from([(dataset, recording.summary())]),
-        max_duration_s: f64::INFINITY,
-    };
-    let spec = JobSpec::read(&job, &context).expect("the demonstration's job is sound");
-    let model = models
-        .get(&spec.model)
-        .expect("the demonstration's model exists");
-    let assembly = assemble::problem(&spec, model, &[recording])
+fn problem(demo: Demo) -> (Problem, JobSpec) {
+    let job = Identification::of_job(demo::job(demo), demo::recording(demo, SEED));
+    let (assembly, spec) = job
+        .assembly()
         .expect("the demonstration's recording belongs to its job");
     (assembly.problem, spec)
 }

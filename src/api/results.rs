@@ -76,38 +76,11 @@ pub async fn generations(
     let as_csv = prefers(&headers, "text/csv");
     let written = state.convert(move || {
         Ok(match as_csv {
-            true => csv(generations_csv(&items)),
+            true => csv(GenerationEvent::csv(&items)),
             false => json(StatusCode::OK, &Generations { items }),
         })
     });
     written.await
-}
-
-fn generations_csv(items: &[GenerationEvent]) -> String {
-    let mut text = String::from(
-        "generation,evaluations,best_cost,generation_best_cost,mean_cost,best_credit,entropy,\
-         credit_updates",
-    );
-    let names: Vec<&String> = items
-        .iter()
-        .take(1)
-        .flat_map(|row| row.best.keys())
-        .collect();
-    text.extend(names.iter().map(|name| format!(",{name}")));
-    text.push('\n');
-    let field = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
-    for row in items {
-        let costs = [row.best_cost, row.generation_best_cost, row.mean_cost];
-        let credits = [row.best_credit, row.entropy];
-        let mut fields = vec![row.generation.to_string(), row.evaluations.to_string()];
-        fields.extend(costs.into_iter().chain(credits).map(field));
-        fields.push(row.credit_updates.to_string());
-        let values = names.iter().map(|name| row.best.get(*name)?.as_f64());
-        fields.extend(values.map(field));
-        text.push_str(&fields.join(","));
-        text.push('\n');
-    }
-    text
 }
 
 /// An answer in CSV.

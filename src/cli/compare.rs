@@ -2,12 +2,9 @@
 //! them finds what the others miss.
 
 use super::error::CommandError;
-use super::estimate::Prepared;
-use super::files;
+use super::{estimate, files};
 use crate::estimation::settings::MethodName;
-use crate::estimation::{
-    Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Report, Settings,
-};
+use crate::estimation::{Estimation, Problem, Report, Settings};
 use crate::job::comparison::{self, Comparison, Spread, Trial};
 use clap::Args;
 use comfy_table::{Table, presets};
@@ -55,19 +52,23 @@ pub struct Arguments {
 pub fn compare(arguments: &Arguments) -> Result<(), CommandError> {
     let methods = methods(&arguments.methods)?;
     let recording = files::recording(&arguments.recording, arguments.time.as_deref())?;
-    let prepared = Prepared::read(recording, &arguments.job, arguments.model.as_deref())?;
-    let problem = &prepared.assembly.problem;
-    let own = &prepared.spec.method;
+    let job = &arguments.job;
+    let identification = estimate::identification(recording, job, arguments.model.as_deref())?;
+    let assembly = identification.assembly();
+    let (assembly, spec) = assembly.map_err(|error| estimate::wrong(job, error))?;
+    let (problem, own) = (&assembly.problem, &spec.method);
     let settings = methods
         .iter()
         .map(|(name, method)| settings(own, name, *method));
     let settings = settings.collect::<Result<Vec<Settings>, CommandError>>()?;
+    let never = AtomicBool::new(false);
     let mut trials = Vec::new();
     for ((name, _), settings) in methods.iter().zip(&settings) {
         for seed in 1..=arguments.seeds {
             eprint!("\r{name}, seed {seed} of {}    ", arguments.seeds);
             let started = Instant::now();
-            let report = run(problem, settings, seed);
+            let mut run = Estimation::start(problem, settings, seed);
+            let report = run.run(problem, &never, &mut ());
             let seconds = started.elapsed().as_secs_f64();
             trials.extend(report.map(|report| trial(problem, (name, seed), &report, seconds)));
         }
@@ -106,21 +107,6 @@ fn settings(own: &Settings, name: &str, method: MethodName) -> Result<Settings, 
         Some(detail) => Err(CommandError::input(format!("--methods: {name}: {detail}"))),
         None => Ok(settings),
     }
-}
-
-struct Unwatched;
-
-impl Observer for Unwatched {
-    fn generation(&mut self, _row: &GenerationRow) {}
-    fn refinement(&mut self, _row: &RefinementRow) {}
-}
-
-/// Nothing where no candidate could be simulated.
-fn run(problem: &Problem, settings: &Settings, seed: u64) -> Option<Report> {
-    let never = AtomicBool::new(false);
-    let mut run = Estimation::start(problem, settings, seed);
-    while run.advance(problem, &never, &mut Unwatched) != Advance::Finished {}
-    run.report(problem, None)
 }
 
 fn trial(problem: &Problem, (name, seed): (&str, u64), report: &Report, seconds: f64) -> Trial {

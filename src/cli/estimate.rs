@@ -4,18 +4,12 @@ use super::error::CommandError;
 use super::progress::{self, Progress};
 use super::{files, table};
 use crate::dataset::Recording;
-use crate::estimation::{Advance, Estimation, GenerationRow, Observer, RefinementRow};
-use crate::estimation::{Problem, StopReason};
-use crate::job::assemble::{self, Assembly, Origin};
+use crate::estimation::{Advance, Finding, GenerationRow, Observer, RefinementRow, StopReason};
+use crate::identification::{Identification, IdentificationError, Run};
 use crate::job::candidate::{self, Selection};
-use crate::job::spec::Context;
-use crate::job::{Candidate, CandidateColumn, DatasetId, Fault, JobSpec, Outcome};
-use crate::model::{Catalogue, document};
-use crate::uncertainty;
+use crate::job::{Candidate, CandidateColumn, GenerationEvent, JobSpec, Outcome};
 use clap::Args;
-use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
-use std::collections::HashMap;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -61,24 +55,25 @@ pub struct Arguments {
 pub fn estimate(arguments: &Arguments) -> Result<(), CommandError> {
     let recording = files::recording(&arguments.recording, arguments.time.as_deref())?;
     let model = arguments.model.as_deref();
-    let Prepared { spec, assembly } = Prepared::read(recording, &arguments.job, model)?;
-    for finding in &assembly.findings {
-        eprintln!("note: {}: {}", finding.pointer, finding.detail);
-    }
+    let identification = identification(recording, &arguments.job, model)?;
+    let (spec, _) = identification
+        .specification()
+        .map_err(|error| wrong(&arguments.job, error))?;
     share_threads(arguments.threads)?;
-    let mut watcher = Watcher::new(arguments.candidates.is_some());
-    let outcome = run(
-        &spec,
-        &assembly.problem,
-        origin(&spec, arguments)?,
-        &mut watcher,
-    )?;
+    let digests = vec![digest(&arguments.recording)?; spec.experiments.len()];
+    let run = identification
+        .begin()
+        .map_err(|error| wrong(&arguments.job, error))?
+        .named(spec.name.clone().unwrap_or_default(), digests);
+    let columns = CandidateColumn::of(run.problem());
+    let mut watcher = Watcher::new(&spec, arguments.candidates.is_some());
+    let outcome =
+        to_the_end(run, &spec, &mut watcher).map_err(|error| wrong(&arguments.job, error))?;
     println!("{}", table::of(&outcome, None));
     if let Some(path) = &arguments.history {
-        files::write(Some(path), &history(&watcher.rows))?;
+        files::write(Some(path), GenerationEvent::csv(&watcher.rows).as_bytes())?;
     }
     if let (Some(path), Some(watched)) = (&arguments.candidates, &watcher.candidates) {
-        let columns = CandidateColumn::of(&assembly.problem);
         let table = candidate::csv(&columns, &watched.kept);
         files::write(Some(path), table.as_bytes())?;
     }
@@ -89,90 +84,43 @@ pub fn estimate(arguments: &Arguments) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// A job with its recording, ready to run.
-pub(super) struct Prepared {
-    /// The completed specification.
-    pub spec: JobSpec,
-    /// The problem that it poses.
-    pub assembly: Assembly,
+/// The job of a file on a recording, with `model` in the place of its own.
+pub(super) fn identification(
+    recording: Recording,
+    job: &Path,
+    model: Option<&str>,
+) -> Result<Identification, CommandError> {
+    let identification = Identification::of_job(files::document(job)?, recording);
+    match model {
+        Some(said) => Ok(identification.model(&files::model(said)?)),
+        None => Ok(identification),
+    }
 }
 
-impl Prepared {
-    /// Reads the job, with `model` in the place of its own, and puts both together.
-    pub fn read(
-        recording: Recording,
-        job: &Path,
-        model: Option<&str>,
-    ) -> Result<Self, CommandError> {
-        let wrong = |faults: Vec<Fault>| CommandError::faults(job.display(), &faults);
-        let mut models = Catalogue::built_in();
-        let mut document = files::document(job)?;
-        if let (Some(said), Some(job)) = (model, document.as_object_mut()) {
-            let model = files::model(said, &mut models)?;
-            job.insert("model".to_owned(), json!(model.description().name));
+/// What keeps a job of a file from its result.
+pub(super) fn wrong(job: &Path, error: IdentificationError) -> CommandError {
+    match error {
+        IdentificationError::Invalid(faults) => CommandError::faults(job.display(), &faults),
+        IdentificationError::NotIdentifiable(findings) => {
+            let line = |finding: &Finding| {
+                let (
+                    job,
+                    Finding {
+                        pointer, detail, ..
+                    },
+                ) = (job.display(), finding);
+                format!("{job}: {pointer}: {detail}")
+            };
+            CommandError::inputs(findings.iter().map(line))
         }
-        let spec = read_job(document, &recording, &mut models).map_err(wrong)?;
-        let model = models
-            .get(&spec.model)
-            .expect("a specification names a model that there is");
-        let recordings = vec![recording; spec.experiments.len()];
-        let assembly = assemble::problem(&spec, model, &recordings).map_err(wrong)?;
-        Ok(Prepared { spec, assembly })
+        error => CommandError::failed(error),
     }
 }
 
-/// The name under which a specification knows the one recording that there is.
-fn the_recording() -> DatasetId {
-    let name = format!("{}{:032}", DatasetId::PREFIX, 0);
-    name.parse().expect("32 zeros are hexadecimal digits")
-}
-
-/// Reads the job as the service does, with the recording in the place of its datasets; a model
-/// that it brings along joins the others.
-fn read_job(
-    mut job: Value,
-    recording: &Recording,
-    models: &mut Catalogue,
-) -> Result<JobSpec, Vec<Fault>> {
-    if let Some(job) = job.as_object_mut() {
-        let experiments = job.entry("experiments").or_insert_with(|| json!([{}]));
-        for experiment in experiments.as_array_mut().into_iter().flatten() {
-            if let Some(experiment) = experiment.as_object_mut() {
-                experiment.insert("dataset".to_owned(), json!(the_recording()));
-            }
-        }
-    }
-    if let Some(document) = job.get("model").filter(|model| model.is_object()) {
-        let read = document::referenced(document).map_err(|faults| {
-            let faults = faults.into_iter().map(|fault| fault.below("/model"));
-            faults.collect::<Vec<_>>()
-        })?;
-        job["model"] = json!(read.reference());
-        models.add(read.model);
-    }
-    let context = Context {
-        models: models.iter().map(|model| model.description()).collect(),
-        datasets: &HashMap::from([(the_recording(), recording.summary())]),
-        max_duration_s: f64::INFINITY,
-    };
-    JobSpec::read(&job, &context)
-}
-
-fn origin(spec: &JobSpec, arguments: &Arguments) -> Result<Origin, CommandError> {
-    let recording = std::fs::read(&arguments.recording).map_err(CommandError::failed)?;
-    let spec_text = serde_json::to_vec(spec).expect("a specification has only text keys");
-    Ok(Origin {
-        job: spec.name.clone().unwrap_or_default(),
-        seed: spec.seed,
-        spec_digest: digest(&spec_text),
-        dataset_digests: vec![digest(&recording); spec.experiments.len()],
-    })
-}
-
-fn digest(bytes: &[u8]) -> String {
-    let digest = Sha256::digest(bytes);
+fn digest(recording: &Path) -> Result<String, CommandError> {
+    let digest = Sha256::digest(std::fs::read(recording).map_err(CommandError::failed)?);
     let digits: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
-    format!("sha256:{digits}")
+    Ok(format!("sha256:{digits}"))
 }
 
 fn share_threads(threads: Option<NonZeroUsize>) -> Result<(), CommandError> {
@@ -185,51 +133,36 @@ fn share_threads(threads: Option<NonZeroUsize>) -> Result<(), CommandError> {
         .map_err(CommandError::failed)
 }
 
-/// Runs to the end, the job's time limit or ctrl-c; then the best so far is analysed.
-fn run(
+/// Runs to the end, the job's time limit or ctrl-c; then the outcome is the best so far.
+fn to_the_end(
+    mut run: Run,
     spec: &JobSpec,
-    problem: &Problem,
-    origin: Origin,
     watcher: &mut Watcher,
-) -> Result<Outcome, CommandError> {
-    let stop = raised_by_ctrl_c()?;
+) -> Result<Outcome, IdentificationError> {
+    let stop = raised_by_ctrl_c();
     let limit = Duration::try_from_secs_f64(spec.limits.max_duration_s).unwrap_or(Duration::MAX);
     let started = Instant::now();
     let mut line = Progress::new();
-    let mut estimation = Estimation::start(problem, &spec.method, spec.seed);
-    watcher.generations = u64::from(spec.method.generations);
     let stopped = loop {
-        match estimation.advance(problem, &stop, watcher) {
+        match run.advance(&stop, watcher) {
             Advance::Finished => break None,
             Advance::Interrupted => break Some(StopReason::Cancelled),
             Advance::Working if started.elapsed() > limit => break Some(StopReason::TimeLimit),
-            Advance::Working => {
-                line.update(estimation.progress().fraction, watcher.message.clone());
-            }
+            Advance::Working => line.update(run.progress().fraction, watcher.message.clone()),
         }
     };
     line.finish();
-    let report = estimation.report(problem, stopped);
-    let report = report.ok_or_else(|| CommandError::failed("no candidate could be simulated"))?;
-    // Whoever stops a run is not kept waiting for the more thorough answers.
-    let request = match stopped {
-        Some(_) => uncertainty::Request::default(),
-        None => spec.request(),
-    };
-    let never = AtomicBool::new(false);
-    let conclusion = uncertainty::conclude(problem, &report, &request, &never);
-    let conclusion = conclusion.expect("an analysis that nobody stops comes to its end");
-    Ok(assemble::outcome(&origin, &conclusion))
+    run.outcome(stopped)?.ok_or(IdentificationError::NoEstimate)
 }
 
 /// A flag that goes up when the user presses ctrl-c; a second time ends the process.
-fn raised_by_ctrl_c() -> Result<Arc<AtomicBool>, CommandError> {
+fn raised_by_ctrl_c() -> Arc<AtomicBool> {
     let flag = Arc::new(AtomicBool::new(false));
     let raised = Arc::clone(&flag);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(CommandError::failed)?;
+        .expect("the system lends a handle for signals");
     // The thread waits for as long as the process lives and ends with it.
     std::thread::spawn(move || {
         runtime.block_on(async {
@@ -241,13 +174,13 @@ fn raised_by_ctrl_c() -> Result<Arc<AtomicBool>, CommandError> {
             }
         });
     });
-    Ok(flag)
+    flag
 }
 
 /// Remembers the rows of the search, and what to show of the last one.
 struct Watcher {
     generations: u64,
-    rows: Vec<GenerationRow>,
+    rows: Vec<GenerationEvent>,
     candidates: Option<WatchedCandidates>,
     message: String,
 }
@@ -259,9 +192,9 @@ struct WatchedCandidates {
 }
 
 impl Watcher {
-    fn new(with_candidates: bool) -> Self {
+    fn new(spec: &JobSpec, with_candidates: bool) -> Self {
         Watcher {
-            generations: 0,
+            generations: u64::from(spec.method.generations),
             rows: Vec::new(),
             candidates: with_candidates.then(|| WatchedCandidates {
                 selection: Selection::new(u64::MAX),
@@ -273,6 +206,10 @@ impl Watcher {
 }
 
 impl Observer for Watcher {
+    fn finding(&mut self, finding: &Finding) {
+        eprintln!("note: {}: {}", finding.pointer, finding.detail);
+    }
+
     fn generation(&mut self, row: &GenerationRow) {
         let best = row.best.iter().map(|(name, value)| (name.as_str(), *value));
         let numbers = [Some(row.best_cost), Some(row.best_credit)];
@@ -282,40 +219,10 @@ impl Observer for Watcher {
             let simulated = candidates.selection.admit(Candidate::of(row));
             candidates.kept.extend(simulated);
         }
-        self.rows.push(GenerationRow {
-            simulated: Vec::new(),
-            ..row.clone()
-        });
+        self.rows.push(GenerationEvent::from(row));
     }
 
     fn refinement(&mut self, row: &RefinementRow) {
         self.message = progress::refinement(u64::from(row.iteration), row.cost);
     }
-}
-
-/// A row for each generation; the best candidate's unknowns stand in the last columns.
-fn history(rows: &[GenerationRow]) -> Vec<u8> {
-    let mut text = "generation,evaluations,best_cost,generation_best_cost,mean_cost,best_credit,\
-                    entropy,credit_updates"
-        .to_owned();
-    let names = rows.first().map(|row| &row.best).into_iter().flatten();
-    text.extend(names.map(|(name, _)| format!(",{name}")));
-    text.push('\n');
-    for row in rows {
-        let mean = row.mean_cost.map(|mean| mean.to_string());
-        text += &format!(
-            "{},{},{},{},{},{},{},{}",
-            row.generation,
-            row.evaluations,
-            row.best_cost,
-            row.generation_best_cost,
-            mean.unwrap_or_default(),
-            row.best_credit,
-            row.entropy,
-            row.credit_updates
-        );
-        text.extend(row.best.iter().map(|(_, value)| format!(",{value}")));
-        text.push('\n');
-    }
-    text.into_bytes()
 }

@@ -51,9 +51,9 @@ fn ends_with(path: &Path, extensions: &[&str]) -> bool {
     extension.is_some_and(|own| extensions.contains(&own))
 }
 
-/// The model that `--model` says: a name of the catalogue, or the file of a document, which joins
-/// the catalogue. What its author should know is said on the way.
-pub fn model(said: &str, models: &mut Catalogue) -> Result<Arc<Model>, CommandError> {
+/// The model that `--model` says: a name of the catalogue, or the file of a document. What its
+/// author should know is said on the way.
+pub fn model(said: &str) -> Result<Arc<Model>, CommandError> {
     let path = Path::new(said);
     if ends_with(path, &["json", "yaml", "yml"]) {
         let document = document(path)?;
@@ -62,10 +62,10 @@ pub fn model(said: &str, models: &mut Catalogue) -> Result<Arc<Model>, CommandEr
         for warning in &read.warnings {
             eprintln!("note: {said}: {warning}");
         }
-        models.add(Arc::clone(&read.model));
         return Ok(read.model);
     }
-    models.get(said).cloned().ok_or_else(|| {
+    Model::named(said).ok_or_else(|| {
+        let models = Catalogue::built_in();
         let known: Vec<&str> = models
             .iter()
             .map(|model| &*model.description().name)

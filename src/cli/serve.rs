@@ -7,7 +7,10 @@ use crate::config::Settings;
 use clap::Args;
 use std::future::Future;
 use std::io::IsTerminal;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::fmt;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// What `health` is given.
 #[derive(Debug, Args)]
@@ -57,17 +60,18 @@ pub fn block_on<T>(work: impl Future<Output = Result<T, CommandError>>) -> Resul
 
 /// Logs to standard error, as text for people and as JSON for programs.
 pub fn log(filter: &str) -> Result<(), CommandError> {
-    let filter = EnvFilter::try_new(filter)
+    let targets: Targets = filter
+        .parse()
         .map_err(|error| CommandError::input(format!("--log {filter}: {error}")))?;
-    let log = tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        // A log on a disk that is full is lost; to say so there too would end the thread that logs.
+    let log = tracing_subscriber::registry().with(targets);
+    // A log on a disk that is full is lost; to say so there too would end the thread that logs.
+    let lines = fmt::layer()
         .log_internal_errors(false)
         .with_writer(std::io::stderr);
     if std::io::stderr().is_terminal() {
-        log.init();
+        log.with(lines).init();
     } else {
-        log.json().init();
+        log.with(lines.json()).init();
     }
     Ok(())
 }

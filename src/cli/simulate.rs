@@ -4,7 +4,7 @@ use super::error::CommandError;
 use super::files;
 use crate::dataset::{Experiment, Recording, Signal, TimeAxis};
 use crate::job::Fault;
-use crate::model::{Catalogue, Model, ModelDescription};
+use crate::model::{Model, ModelDescription};
 use crate::simulation::{Accuracy, Candidate, Excitation, single};
 use clap::Args;
 use serde_json::Value;
@@ -35,7 +35,7 @@ pub struct Arguments {
 
 /// Writes the outputs.
 pub fn simulate(arguments: &Arguments) -> Result<(), CommandError> {
-    let model = files::model(&arguments.model, &mut Catalogue::built_in())?;
+    let model = files::model(&arguments.model)?;
     let recording = files::recording(&arguments.recording, arguments.time.as_deref())?;
     let parameters = match &arguments.parameters {
         Some(path) => {

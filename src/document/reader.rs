@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 
 use super::fault::{Fault, pointer_to};
 
-/// The faults that one document is told at the most; what comes after them is not looked for.
+/// The faults of one document that are reported at the most; what comes after them is not looked for.
 pub const MAX_FAULTS: usize = 100;
 
 /// The faults found so far in one document, the first [`MAX_FAULTS`] of them.
@@ -36,7 +36,7 @@ impl Faults {
         }
     }
 
-    /// Whether nobody will be told of one more.
+    /// Whether one more would not be reported.
     pub fn are_full(&self) -> bool {
         self.count() >= MAX_FAULTS
     }
@@ -238,8 +238,8 @@ impl<'v> Object<'v> {
     /// Every entry, for objects whose keys are data; none any more once the faults are full.
     pub fn entries(&self) -> impl Iterator<Item = (&'v str, Field<'v>)> + use<'v> {
         let (pointer, faults) = (self.pointer.clone(), self.faults);
-        let told = self.map.iter().take_while(|_| !faults.are_full());
-        told.map(move |(name, value)| {
+        let reported = self.map.iter().take_while(|_| !faults.are_full());
+        reported.map(move |(name, value)| {
             let pointer = pointer_to(&pointer, name);
             let field = Field {
                 pointer,

@@ -13,15 +13,18 @@
 mod rates;
 
 use super::objective::Evaluation;
+use super::proposer::{Judgement, Proposer};
+use super::search::Search;
+use super::settings::Settings;
 use crate::genetic::{Chromosome, Encoding};
-use crate::numerics::rng::{self, Rng};
+use crate::numerics::rng::{self, Purpose, Rng};
 use crate::numerics::symmetric::{self, Axis};
 use rates::Rates;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Bits for each parameter: at 16 the steps of a narrow valley would be felt.
-pub const BITS: u32 = 32;
+const BITS: u32 = 32;
 
 /// Fewer candidates than this in a generation tell too little: now and then the distribution
 /// shrinks where there is no minimum.
@@ -33,29 +36,41 @@ const FIRST_STEP: f64 = 0.3;
 const SHORTEST: f64 = 1e-9;
 const LONGEST: f64 = 1.0;
 
-/// A first generation, about a mean drawn from the box, and what it was drawn from.
-pub fn beginning(
-    encoding: Encoding,
-    candidates: usize,
-    rng: &mut impl Rng,
-) -> (Vec<Chromosome>, Strategy) {
-    let mut strategy = Strategy::about((0..encoding.genes).map(|_| rng::unit(rng)).collect());
-    let drawn = strategy.draw(candidates, rng);
-    (encoded(&drawn, encoding), strategy)
+/// Covariance matrix adaptation.
+#[derive(Debug)]
+pub(super) struct CmaEs;
+
+impl Proposer for CmaEs {
+    /// About a mean drawn from the box.
+    fn begin(&self, search: &mut Search) -> Vec<Chromosome> {
+        let mut rng = search.stream(Purpose::Population);
+        let mean = (0..search.encoding.genes).map(|_| rng::unit(&mut rng));
+        let mut strategy = Strategy::about(mean.collect());
+        let drawn = strategy.draw(search.settings.population as usize, &mut rng);
+        search.state.strategy = Some(strategy);
+        encoded(&drawn, search.encoding)
+    }
+
+    fn next(&self, search: &mut Search, judged: &Judgement<'_>) -> Vec<Chromosome> {
+        let mut rng = search.stream(Purpose::Mutation);
+        let strategy = search.state.strategy.as_mut();
+        let strategy = strategy.expect("the first generation was drawn from one");
+        strategy.learn(&best_first(judged.evaluations));
+        let drawn = strategy.draw(judged.evaluations.len(), &mut rng);
+        encoded(&drawn, search.encoding)
+    }
+
+    fn bits(&self, _settings: &Settings) -> u32 {
+        BITS
+    }
 }
 
-/// The generation after the one that was drawn last, now that it is judged.
-pub fn next(
-    strategy: &mut Strategy,
-    evaluations: &[Arc<Evaluation>],
-    encoding: Encoding,
-    rng: &mut impl Rng,
-) -> Vec<Chromosome> {
+/// The places of the candidates that did not fail, the lowest cost first.
+fn best_first(evaluations: &[Arc<Evaluation>]) -> Vec<usize> {
     let sound = |place: &usize| evaluations[*place].failure.is_none();
-    let mut best_first: Vec<usize> = (0..evaluations.len()).filter(sound).collect();
-    best_first.sort_by(|&a, &b| evaluations[a].cost.total_cmp(&evaluations[b].cost));
-    strategy.learn(&best_first);
-    encoded(&strategy.draw(evaluations.len(), rng), encoding)
+    let mut places: Vec<usize> = (0..evaluations.len()).filter(sound).collect();
+    places.sort_by(|&a, &b| evaluations[a].cost.total_cmp(&evaluations[b].cost));
+    places
 }
 
 fn encoded(candidates: &[Vec<f64>], encoding: Encoding) -> Vec<Chromosome> {

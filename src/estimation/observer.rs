@@ -1,17 +1,48 @@
-//! What a run tells while it goes on.
+//! What a run reports while it goes on.
 
 use super::objective::Evaluation;
 use super::problem::Problem;
 use crate::simulation::Failure;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use utoipa::ToSchema;
 
-/// Watches a run.
+/// Watches a run. Every method has a default that does nothing, and `()` is an observer that
+/// ignores everything.
 pub trait Observer {
+    /// Something should be known before the search begins.
+    fn finding(&mut self, _finding: &Finding) {}
     /// A generation has been judged.
-    fn generation(&mut self, row: &GenerationRow);
+    fn generation(&mut self, _row: &GenerationRow) {}
     /// The refinement has finished an iteration.
-    fn refinement(&mut self, row: &RefinementRow);
+    fn refinement(&mut self, _row: &RefinementRow) {}
+}
+
+impl Observer for () {}
+
+/// One thing that the user of a job should know before it runs.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Finding {
+    /// What kind of finding, for programs: stable snake_case.
+    #[schema(example = "input_constant")]
+    pub code: String,
+    /// Where: a JSON pointer into the specification.
+    #[schema(example = "/experiments/0/signals/reference")]
+    pub pointer: String,
+    /// What it is, for people, with the numbers in it.
+    pub detail: String,
+}
+
+impl Finding {
+    /// A finding at a place of the specification.
+    #[must_use]
+    pub fn new(code: &str, pointer: &str, detail: &str) -> Finding {
+        Finding {
+            code: code.to_owned(),
+            pointer: pointer.to_owned(),
+            detail: detail.to_owned(),
+        }
+    }
 }
 
 /// One generation of the search.

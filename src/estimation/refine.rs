@@ -2,11 +2,10 @@
 //!
 //! In positions (0 to 1 along each coordinate's scale) the scaled residuals are linearised
 //! ([`super::sensitivity`]); the damped least-squares steps for several dampings are simulated
-//! together and the best of them is taken (K. Levenberg 1944, D. W. Marquardt 1963; the form
-//! with a triangle instead of normal equations after J. J. Moré, "The Levenberg–Marquardt
-//! algorithm", Lecture Notes in Mathematics 630, 1978). A coordinate at a bound that is drawn beyond
-//! it is held there for the step. A descent goes down coarsely simulated first; the one that came
-//! lowest is then polished, simulated finely.
+//! together and the best of them is taken (K. Levenberg 1944, D. W. Marquardt 1963; with a triangle
+//! instead of normal equations: J. J. Moré, "The Levenberg–Marquardt algorithm", Lecture Notes in
+//! Mathematics 630, 1978). A coordinate at a bound that is drawn beyond it is held there. A descent
+//! is coarsely simulated first; the one that came lowest is then polished, simulated finely.
 
 use super::problem::Problem;
 use super::sensitivity::{Neighbourhood, SensitivityError, Sides};
@@ -16,8 +15,7 @@ use crate::simulation::{Accuracy, Failure};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 
-/// Iterations at the most from one start, until the coarse descent and the fine one end; a short
-/// record may have more of them.
+/// Iterations of a descent at the most; a short record may have more of them.
 fn most_iterations(accuracy: Accuracy, rows: usize) -> u32 {
     match accuracy {
         Accuracy::Ranking | Accuracy::Screening => 60,
@@ -35,21 +33,20 @@ fn sides(problem: &Problem, accuracy: Accuracy) -> Sides {
         _ => Sides::One,
     }
 }
-/// A descent ends when an iteration gains less than this share of the cost, or moves no
-/// coordinate by more than this share of its range. A coarse descent need not come closer to its
-/// minimum than its simulation is to the truth.
+/// A descent ends when an iteration gains less than this share of the cost, or moves no coordinate
+/// by more than this share of its range; a coarse one where its simulation is no closer to the truth.
 fn smallest_progress(accuracy: Accuracy) -> (f64, f64) {
     match accuracy {
         Accuracy::Ranking | Accuracy::Screening => (1e-5, 1e-6),
         Accuracy::Full => (1e-16, 1e-14),
     }
 }
-/// A fine descent ends within so many standard errors of its minimum, the less the shorter the
-/// record: polishing a short one costs nothing, and its standard errors are large,
+/// A fine descent ends within so many standard errors of its minimum: polishing a short record
+/// costs nothing, and its standard errors are large.
 fn polished(rows: usize) -> f64 {
     if rows <= SHORT { 1e-8 } else { 1e-4 }
 }
-/// by a last step that is not longer than this and not simulated any more.
+/// The last step is at most so many standard errors long, and not simulated any more.
 const NEAR: f64 = 1e-2;
 /// Where the cost cannot tell any more, steps are taken as long as they shrink by this.
 const STILL_SHRINKING: f64 = 0.7;
@@ -58,16 +55,16 @@ const SAME_MINIMUM: f64 = 1.0;
 /// The dampings that are tried, relative to the last good one: the first always, of the others as
 /// many as fill the lanes.
 const DAMPING_FACTORS: [f64; 8] = [1e-4, 1.0, 1e2, 1e-2, 10.0, 1e-1, 1e4, 1e-3];
-/// On a long record the boldest step is taken where it gains this share of what the best of the
-/// others does: there the residuals are linearised already.
+/// On a long record the boldest step is taken, where the residuals are linearised already, if it
+/// gains this share of what the best of the others does.
 const ENOUGH: f64 = 0.999;
 /// At least so many others.
 const FEWEST_OTHERS: usize = 3;
 const FIRST_DAMPING: f64 = 1e-3;
 const SMALLEST_DAMPING: f64 = 1e-14;
-/// Where none of them gains anything, so many times larger ones are tried,
+/// Where none of them gains anything, so many times larger ones are tried.
 const DAMPING_RISE: f64 = 1e5;
-/// up to this one.
+/// The largest damping that is raised.
 const LARGEST_DAMPING: f64 = 1e6;
 
 /// The residuals linearised at a candidate.
@@ -135,7 +132,7 @@ impl Linearisation {
     }
 
     /// How far two candidates are apart, in standard errors.
-    fn distance(&self, one: &[f64], other: &[f64]) -> f64 {
+    pub fn distance(&self, one: &[f64], other: &[f64]) -> f64 {
         let step: Vec<f64> = one.iter().zip(other).map(|(a, b)| a - b).collect();
         (self.triangle.movement(&step) / self.cost).sqrt()
     }
@@ -250,6 +247,9 @@ pub struct Minimum {
 /// One descent from one start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Descent {
+    /// The search that it started from, counted from 0.
+    #[serde(default)]
+    pub search: Option<u32>,
     /// Where it started.
     pub start: Vec<f64>,
     /// The cost there; none where the start cannot be simulated, or before the first iteration.
@@ -272,8 +272,7 @@ pub struct Descent {
     distance: Option<f64>,
     /// How much of the distance before that was left.
     shrinkage: f64,
-    /// The residuals linearised where it is, if they are. Not laid down: it comes out the same
-    /// when it is computed again.
+    /// The residuals linearised where it is, if they are. Not saved: they come out the same again.
     #[serde(skip)]
     linearisation: Option<Linearisation>,
     /// Whether its candidates are among the evaluations.
@@ -285,6 +284,7 @@ impl Descent {
     #[must_use]
     pub fn from(start: Vec<f64>) -> Descent {
         Descent {
+            search: None,
             positions: start.clone(),
             start,
             start_cost: None,

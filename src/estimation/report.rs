@@ -1,5 +1,6 @@
 //! What a run came to.
 
+use super::floor::Floor;
 use super::observer::Counters;
 use super::problem::Problem;
 use super::refine::DescentEnd;
@@ -28,6 +29,10 @@ pub struct Report {
     pub searches: Vec<SearchEnd>,
     /// Each start of the refinement.
     pub refinements: Vec<Refinement>,
+    /// How many of them came to the lowest cost; none before any has ended.
+    pub floor: Option<Floor>,
+    /// Other minima as low as the estimate: each coordinate with its value, SI.
+    pub twins: Vec<Vec<(String, f64)>>,
 }
 
 /// How one of the searches ended.
@@ -98,6 +103,12 @@ impl Report {
                     iterations: descent.iterations,
                     end: descent.end,
                 })
+                .collect(),
+            floor: Floor::of(&run.landmarks, &run.descents),
+            twins: run
+                .twins
+                .iter()
+                .map(|positions| problem.named_values(positions))
                 .collect(),
         }
     }

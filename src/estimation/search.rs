@@ -1,22 +1,23 @@
-//! The hybrid neural-genetic search: the paper's section 3, a generation at a time.
+//! The search, a generation at a time: simulated, judged, and bred into the next one.
 //!
-//! A generation is simulated, judged by the ICRA network and bred into the next one. Everything
-//! that the next generation depends on stands in [`State`], and every random number comes from a
-//! stream named by seed, generation and purpose: a search that is laid down after any generation
-//! goes on with the same bits.
+//! How a generation is judged and what follows it is the method's ([`super::proposer`]).
+//! Everything that the next generation depends on stands in [`State`], and every random number
+//! comes from a stream named by seed, generation and purpose: a search that is saved after any
+//! generation goes on with the same bits.
 
-use super::cma_es::{self, Strategy};
-use super::differential;
+use super::cma_es::Strategy;
 use super::evaluation_cache::EvaluationCache;
+use super::floor::Landmarks;
 use super::hill_climb::HillClimb;
 use super::leaders::{self, Judged};
 use super::objective::{Evaluation, Objective};
 use super::observer::{Counters, GenerationRow, Simulated};
 use super::problem::Problem;
-use super::settings::{BlockOrder, CreditForm, ErrorSpread, MethodName, Settings};
+use super::proposer::{self, Judgement, Proposer};
+use super::settings::Settings;
 use super::stop_reason::{Stagnation, StopReason};
-use crate::credit::{self, Credits, icra::Network, spread};
-use crate::genetic::{Chromosome, Encoding, operators};
+use crate::credit::Credits;
+use crate::genetic::{Chromosome, Encoding};
 use crate::numerics::rng::{self, Purpose, stream};
 use crate::numerics::statistics;
 use crate::simulation::Accuracy;
@@ -68,17 +69,23 @@ pub struct State {
     pub stagnation: Stagnation,
 }
 
+/// On a plateau nothing may be gained for so many times as many generations.
+const PLATEAU_PATIENCE: u32 = 5;
+
 /// The search of one run.
 #[derive(Debug)]
 pub struct Search {
-    settings: Settings,
+    pub(super) settings: Settings,
     seed: u64,
-    encoding: Encoding,
-    objective: Objective,
-    memory: EvaluationCache,
-    /// What no row has told of yet.
+    proposer: &'static dyn Proposer,
+    pub(super) encoding: Encoding,
+    pub(super) objective: Objective,
+    cache: EvaluationCache,
+    /// What is known of the cost beforehand, where the search judges the free run.
+    pub(super) landmarks: Option<Landmarks>,
+    /// Simulated candidates that are in no row yet.
     simulated: Vec<Simulated>,
-    /// What is laid down at a checkpoint.
+    /// What a checkpoint saves.
     pub state: State,
 }
 
@@ -95,12 +102,11 @@ impl Search {
     /// Begins a search.
     #[must_use]
     pub fn start(problem: &Problem, settings: &Settings, seed: u64) -> Search {
-        let (population, strategy) = beginning(encoding(problem, settings), settings, seed, 0);
         let state = State {
             generation: 0,
-            population,
+            population: Vec::new(),
             parents: Vec::new(),
-            strategy,
+            strategy: None,
             began: 0,
             earlier: None,
             leaders: Vec::new(),
@@ -110,18 +116,28 @@ impl Search {
             climbed: None,
             stagnation: Stagnation::default(),
         };
-        Search::resume(problem, settings, seed, state)
+        let mut search = Search::resume(problem, settings, seed, state);
+        search.begin();
+        search
     }
 
-    /// Takes a search up where it was laid down.
+    /// Draws the first generation of a search.
+    fn begin(&mut self) {
+        self.state.population = self.proposer.begin(self);
+    }
+
+    /// Resumes a search where it was saved.
     #[must_use]
     pub fn resume(problem: &Problem, settings: &Settings, seed: u64, state: State) -> Search {
+        let proposer = proposer::of(settings.name);
         Search {
             settings: settings.clone(),
             seed,
-            encoding: encoding(problem, settings),
+            proposer,
+            encoding: encoding(problem, settings, proposer),
             objective: Objective::new(problem, settings.block_samples as usize),
-            memory: EvaluationCache::default(),
+            cache: EvaluationCache::default(),
+            landmarks: None,
             simulated: Vec::new(),
             state,
         }
@@ -130,9 +146,8 @@ impl Search {
     /// Begins another search after the last one, with another first population. What has been
     /// done goes on counting.
     pub fn restart(&mut self) {
+        self.begin();
         let state = &mut self.state;
-        (state.population, state.strategy) =
-            beginning(self.encoding, &self.settings, self.seed, state.generation);
         state.parents.clear();
         state.began = state.generation;
         let last = state.leaders.drain(..).next();
@@ -159,60 +174,39 @@ impl Search {
     /// `stop` was raised.
     pub fn generation(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<Generation> {
         let population = self.state.population.clone();
-        if self.settings.name != MethodName::IcraGenetic {
-            let evaluations = self.evaluate(problem, &population, stop)?;
-            return Some(self.without_credits(problem, &population, &evaluations));
-        }
-        let elite = self.climber();
-        let encoding = self.encoding;
+        let (proposer, encoding) = (self.proposer, self.encoding);
+        let climber = proposer.climber(self);
         let (evaluations, climb) = rayon::join(
             || self.evaluate(problem, &population, stop),
-            || match &elite {
-                Some(elite) => HillClimb::from(problem, &encoding.decode(elite), stop),
+            || match &climber {
+                Some(from) => HillClimb::from(problem, &encoding.decode(from), stop),
                 None => Some(HillClimb::default()),
             },
         );
         let (evaluations, climb) = (evaluations?, climb?);
 
-        let credits = self.judge(&evaluations);
+        let credits = proposer.credits(self, &evaluations);
         let state = &mut self.state;
         state.generation += 1;
         state.counters.evaluations += population.len() as u64 + climb.evaluations;
         state.counters.distinct_evaluations += climb.evaluations;
-        state.climbed = elite.or(state.climbed.take());
+        state.climbed = climber.or(state.climbed.take());
         self.remember_leaders(&population, &evaluations);
-        self.remember_credit(&credits);
-        let row = self.row(problem, &evaluations, Some(&credits));
+        if let Some(credits) = &credits {
+            self.remember_credit(credits);
+        }
+        let row = self.row(problem, &evaluations, credits.as_ref());
         let stop = self.stop_reason();
         let at_floor = self.settings.noise_floor && climb.at_floor;
         let stop = at_floor.then_some(StopReason::NoiseFloor).or(stop);
-        self.state.population = self.breed(&population, &evaluations, &credits, &climb.to);
-        Some(Generation { row, stop })
-    }
-
-    /// A generation of one of the methods to compare with.
-    fn without_credits(
-        &mut self,
-        problem: &Problem,
-        population: &[Chromosome],
-        evaluations: &[Arc<Evaluation>],
-    ) -> Generation {
-        self.state.generation += 1;
-        self.state.counters.evaluations += population.len() as u64;
-        self.remember_leaders(population, evaluations);
-        let row = self.row(problem, evaluations, None);
-        let stop = self.stop_reason();
-        let mut rng = self.stream(Purpose::Mutation);
-        let (state, encoding) = (&mut self.state, self.encoding);
-        state.population = match &mut state.strategy {
-            Some(strategy) => cma_es::next(strategy, evaluations, encoding, &mut rng),
-            None => {
-                let parents = &mut state.parents;
-                *parents = differential::survivors(parents, population, evaluations);
-                differential::challengers(parents, encoding, &mut rng)
-            }
+        let judged = Judgement {
+            population: &population,
+            evaluations: &evaluations,
+            credits: credits.as_ref(),
+            climbed: &climb.to,
         };
-        Generation { row, stop }
+        self.state.population = proposer.next(self, &judged);
+        Some(Generation { row, stop })
     }
 
     /// Simulates the candidates that have not been simulated before, as finely as ranking needs.
@@ -226,7 +220,7 @@ impl Search {
         let (places, fresh): (Vec<usize>, Vec<&Chromosome>) = population
             .iter()
             .enumerate()
-            .filter(|(_, one)| self.memory.recall(one).is_none() && known.insert(one))
+            .filter(|(_, one)| self.cache.recall(one).is_none() && known.insert(one))
             .unzip();
         let positions: Vec<Vec<f64>> = fresh.iter().map(|c| self.encoding.decode(c)).collect();
         let evaluations = self
@@ -253,113 +247,14 @@ impl Search {
                 let just_now = fresh.iter().find(|(chromosome, _)| chromosome == candidate);
                 just_now
                     .map(|(_, evaluation)| evaluation.clone())
-                    .or_else(|| self.memory.recall(candidate))
+                    .or_else(|| self.cache.recall(candidate))
                     .expect("every candidate was either remembered or just simulated")
             })
             .collect();
         for (chromosome, evaluation) in fresh {
-            self.memory.remember(chromosome, evaluation);
+            self.cache.remember(chromosome, evaluation);
         }
         Some(all)
-    }
-
-    /// Section 3.1: the ICRA network distributes credit over the generation, block after block,
-    /// until the entropy criterion stops it.
-    fn judge(&self, evaluations: &[Arc<Evaluation>]) -> Credits {
-        let mut order: Vec<usize> = (0..self.objective.n_blocks()).collect();
-        if self.settings.block_order == BlockOrder::Shuffled {
-            rng::shuffle(&mut self.stream(Purpose::BlockOrder), &mut order);
-        }
-        let errors: Vec<Vec<f64>> = order
-            .iter()
-            .map(|&block| evaluations.iter().map(|e| e.block_errors[block]).collect())
-            .collect();
-        let updates = self
-            .settings
-            .credit_updates
-            .map_or(order.len(), |limit| limit as usize);
-        let updates = updates.min(order.len());
-        let mean_errors: Vec<f64> = evaluations
-            .iter()
-            .map(|e| e.block_errors.iter().sum::<f64>() / e.block_errors.len() as f64)
-            .collect();
-        let growth = self.settings.credit_gain * updates as f64;
-        let network = Network {
-            form: match self.settings.credit_form {
-                CreditForm::Paper => credit::Form::Paper,
-                CreditForm::Hedge => credit::Form::Hedge,
-            },
-            gain: self.settings.credit_gain,
-            spread: spread::error_spread(self.spread_rule(), &mean_errors, growth),
-            updates,
-        };
-        credit::assign(&network, evaluations.len(), |block| &errors[block])
-    }
-
-    fn spread_rule(&self) -> spread::Rule {
-        match self.settings.error_spread {
-            ErrorSpread::Concentration => spread::Rule::Concentration(self.settings.entropy_target),
-            ErrorSpread::MeanError => spread::Rule::MeanError,
-            ErrorSpread::BestError => spread::Rule::BestError,
-        }
-    }
-
-    /// Section 3.2: roulette by credit, crossover, mutation; then elitism.
-    fn breed(
-        &self,
-        population: &[Chromosome],
-        evaluations: &[Arc<Evaluation>],
-        credits: &Credits,
-        climbed: &[Vec<f64>],
-    ) -> Vec<Chromosome> {
-        let settings = &self.settings;
-        let mut selection = self.stream(Purpose::Selection);
-        let mut crossover = self.stream(Purpose::Crossover);
-        let mut mutation = self.stream(Purpose::Mutation);
-        let mut parent = || &population[operators::roulette(&credits.credit, &mut selection)];
-        let mut next = Vec::with_capacity(population.len() + 1);
-        while next.len() < population.len() {
-            let parents = (parent(), parent());
-            let cross = rng::unit(&mut crossover) < settings.crossover_probability;
-            let parts = settings.crossover_parts as usize;
-            let children = if cross {
-                operators::cross(self.encoding, parents, parts, &mut crossover)
-            } else {
-                (parents.0.clone(), parents.1.clone())
-            };
-            for mut child in [children.0, children.1] {
-                let probability = settings.mutation_probability;
-                operators::mutate(self.encoding, &mut child, probability, &mut mutation);
-                next.push(child);
-            }
-        }
-        next.truncate(population.len());
-        if settings.elitism {
-            next[0] = self.elite(population, evaluations);
-        }
-        let places = next.iter_mut().skip(usize::from(settings.elitism));
-        for (place, positions) in places.take(population.len() / 4).zip(climbed) {
-            *place = self.encoding.encode(positions);
-        }
-        next
-    }
-
-    /// The candidate with the lowest cost over all the data, of this generation or before.
-    fn elite(&self, population: &[Chromosome], evaluations: &[Arc<Evaluation>]) -> Chromosome {
-        match self.state.leaders.first() {
-            Some(champion) => champion.chromosome.clone(),
-            None => population[index_of_best(evaluations)].clone(),
-        }
-    }
-
-    /// Hill-climbing: now and then the champion takes least-squares steps, if it has not before.
-    /// Where they lead, candidates of the next generation stand.
-    fn climber(&self) -> Option<Chromosome> {
-        let interval = self.settings.hill_climbing_interval;
-        let due = interval > 0 && (self.state.generation + 1).is_multiple_of(interval);
-        let champion = &self.state.leaders.first()?.chromosome;
-        let is_new = self.state.climbed.as_ref() != Some(champion);
-        (due && is_new).then(|| champion.clone())
     }
 
     fn remember_leaders(&mut self, population: &[Chromosome], evaluations: &[Arc<Evaluation>]) {
@@ -432,7 +327,14 @@ impl Search {
             .leaders
             .first()
             .map_or(f64::INFINITY, |champion| champion.cost);
-        let patience = self.settings.stagnation_generations;
+        // A plateau is crossed by chance, which takes longer than to lose a valley.
+        let on_plateau = self
+            .landmarks
+            .is_some_and(|landmarks| landmarks.is_plateau(cost));
+        let patience = match self.settings.stagnation_generations {
+            patience if on_plateau => patience.saturating_mul(PLATEAU_PATIENCE),
+            patience => patience,
+        };
         let stagnated = self.state.stagnation.observe(cost, patience);
         if self
             .settings
@@ -447,46 +349,17 @@ impl Search {
         }
     }
 
-    fn stream(&self, purpose: Purpose) -> impl rng::Rng + use<> {
+    /// The random numbers of this generation for a purpose.
+    pub(super) fn stream(&self, purpose: Purpose) -> impl rng::Rng + use<> {
         stream(self.seed, u64::from(self.state.generation), purpose)
     }
 }
 
-fn encoding(problem: &Problem, settings: &Settings) -> Encoding {
+fn encoding(problem: &Problem, settings: &Settings, proposer: &dyn Proposer) -> Encoding {
     Encoding {
-        bits: match settings.name {
-            MethodName::CmaEs => cma_es::BITS,
-            _ => settings.bits_per_parameter,
-        },
+        bits: proposer.bits(settings),
         genes: problem.coordinates.len(),
     }
-}
-
-/// The first population of a search that begins after a generation, and what it was drawn from.
-fn beginning(
-    encoding: Encoding,
-    settings: &Settings,
-    seed: u64,
-    generation: u32,
-) -> (Vec<Chromosome>, Option<Strategy>) {
-    let mut rng = stream(seed, u64::from(generation), Purpose::Population);
-    let candidates = settings.population as usize;
-    if settings.name == MethodName::CmaEs {
-        let (population, strategy) = cma_es::beginning(encoding, candidates, &mut rng);
-        return (population, Some(strategy));
-    }
-    let drawn = operators::random_population(encoding, candidates, &mut rng);
-    (drawn, None)
-}
-
-fn index_of_best(evaluations: &[Arc<Evaluation>]) -> usize {
-    let costs = evaluations
-        .iter()
-        .map(|evaluation| evaluation.cost)
-        .enumerate();
-    costs
-        .min_by(|(_, a), (_, b)| a.total_cmp(b))
-        .map_or(0, |(index, _)| index)
 }
 
 fn largest(credits: &[f64]) -> f64 {

@@ -108,6 +108,11 @@ pub struct Settings {
     /// Independent searches, 1 to 32. With more than one the best candidate of each is refined,
     /// and the result shows how far they agree. `multistart_lm` begins so many times as often.
     pub restarts: u32,
+    /// Further searches at the most, 0 to 31, that begin by themselves where it is in doubt whether
+    /// the lowest minimum is the floor: where only one start came to it, where what is left is
+    /// larger than the noise, or where a constant explains as much. They end when two searches
+    /// have come to the same lowest cost.
+    pub further_searches: u32,
     /// Whether Levenberg–Marquardt refines the best candidates at the end.
     pub refine: bool,
     /// How many distinct candidates are refined, 1 to 32.
@@ -138,6 +143,7 @@ impl Default for Settings {
             cost_target: None,
             huber_threshold: None,
             restarts: 1,
+            further_searches: 4,
             refine: true,
             refine_candidates: 3,
         }

@@ -7,9 +7,10 @@ mod outcome;
 mod preflight;
 mod trajectory;
 
+pub use crate::estimation::Finding;
 pub use forecast::{Identifiability, Prediction, flat_directions, forecast, unseen};
 pub use outcome::{Origin, outcome};
-pub use preflight::{Finding, Preflight, preflight};
+pub use preflight::{Preflight, preflight};
 pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};
 
 use super::spec::{FreeParameter, JobSpec, ParameterSpec};

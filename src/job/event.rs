@@ -1,4 +1,4 @@
-//! What is told while a job lives: the events of its stream, in the shapes that clients see.
+//! The events of a job's stream, in the shapes that clients see.
 //!
 //! An event is a name and one line of JSON. The first event of a job is `state`, the last `end`.
 
@@ -7,7 +7,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::Status;
-use super::assemble::Finding;
+use crate::estimation::{Finding, GenerationRow};
 
 /// One event of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
@@ -68,6 +68,60 @@ pub struct GenerationEvent {
     /// The champion: each free parameter's value, SI.
     #[schema(value_type = Object)]
     pub best: serde_json::Map<String, Value>,
+}
+
+impl From<&GenerationRow> for GenerationEvent {
+    /// What is not finite is absent: JSON has no number for it.
+    fn from(row: &GenerationRow) -> Self {
+        let finite = |value: f64| Some(value).filter(|value| value.is_finite());
+        let best = row.best.iter().map(|(name, value)| {
+            let value = serde_json::Number::from_f64(*value);
+            (name.clone(), value.map_or(Value::Null, Value::Number))
+        });
+        Self {
+            generation: row.generation,
+            evaluations: row.evaluations,
+            best_cost: finite(row.best_cost),
+            generation_best_cost: finite(row.generation_best_cost),
+            mean_cost: row.mean_cost.and_then(finite),
+            best_credit: finite(row.best_credit),
+            entropy: finite(row.entropy),
+            credit_updates: row.credit_updates,
+            best: best.collect(),
+        }
+    }
+}
+
+impl GenerationEvent {
+    /// A table in CSV with a row for each generation; the champion's unknowns stand in the last
+    /// columns. What is absent is an empty field.
+    #[must_use]
+    pub fn csv(rows: &[Self]) -> String {
+        let mut text = String::from(
+            "generation,evaluations,best_cost,generation_best_cost,mean_cost,best_credit,entropy,\
+             credit_updates",
+        );
+        let names: Vec<&String> = rows
+            .iter()
+            .take(1)
+            .flat_map(|row| row.best.keys())
+            .collect();
+        text.extend(names.iter().map(|name| format!(",{name}")));
+        text.push('\n');
+        let field = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+        for row in rows {
+            let costs = [row.best_cost, row.generation_best_cost, row.mean_cost];
+            let credits = [row.best_credit, row.entropy];
+            let mut fields = vec![row.generation.to_string(), row.evaluations.to_string()];
+            fields.extend(costs.into_iter().chain(credits).map(field));
+            fields.push(row.credit_updates.to_string());
+            let values = names.iter().map(|name| row.best.get(*name)?.as_f64());
+            fields.extend(values.map(field));
+            text.push_str(&fields.join(","));
+            text.push('\n');
+        }
+        text
+    }
 }
 
 impl Event {

@@ -8,16 +8,15 @@ pub mod failure;
 
 pub mod id;
 pub mod outcome;
-pub mod progress;
 pub mod spec;
 pub mod state;
 
 pub use crate::document::fault::{self, Fault};
+pub use crate::estimation::{Phase, Progress};
 pub use candidate::{Candidate, CandidateColumn};
 pub use event::{Event, GenerationEvent};
 pub use failure::Failure;
 pub use id::{ComparisonId, DatasetId, InvalidId, JobId};
 pub use outcome::Outcome;
-pub use progress::{Phase, Progress};
 pub use spec::JobSpec;
 pub use state::{IllegalTransition, Status};

@@ -45,11 +45,38 @@ pub struct Outcome {
     pub searches: Vec<SearchEnd>,
     /// Each start of the refinement and where it ended.
     pub starts: Vec<StartReport>,
+    /// How sure it is that the lowest cost is the floor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub floor: Option<FloorReport>,
     /// Which effects the data support, where `model_search` asks for it; `parameters` holds those.
     #[serde(default)]
     pub model_search: Option<ModelSearchReport>,
     /// What made this result; equal engines make equal bits.
     pub engine: Engine,
+}
+
+/// How often the lowest cost was found. The starts that look for a twin do not count.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct FloorReport {
+    /// Starts of the refinement that came to a cost.
+    pub starts: u64,
+    /// Of them, those that came to the lowest.
+    pub starts_at_floor: u64,
+    /// Searches whose starts came to the lowest.
+    pub searches_at_floor: u64,
+    /// Whether a constant explains the data as well.
+    pub plateau: bool,
+    /// Minima of other parameters that cost as little: each unknown with its value, SI.
+    pub twins: Vec<BTreeMap<String, f64>>,
+}
+
+impl Outcome {
+    /// The estimate of a parameter that experiments share, or that only one of them has.
+    #[must_use]
+    pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
+        self.parameters.iter().find(|known| known.name == name)
+    }
 }
 
 /// How far a result can be trusted.

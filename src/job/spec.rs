@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
@@ -316,6 +317,15 @@ impl JobSpec {
             Some(spec) if found.is_empty() => Ok(spec),
             _ => Err(found),
         }
+    }
+
+    /// `sha256:…` of the completed specification.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        let text = serde_json::to_vec(self).expect("a specification has only text keys");
+        let digest = Sha256::digest(text);
+        let digits: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        format!("sha256:{digits}")
     }
 
     /// Whether an experiment that is estimated from takes the job's value of a parameter, and not

@@ -115,6 +115,19 @@ fn along<R: Real, S: AsRef<[R]> + AsMut<[R]>>(to: &mut S, from: &S, length: R, s
 }
 
 impl<S> Stages<S> {
+    /// Lets a candidate's step lead to where another method has taken it.
+    pub fn set_next<R: Real, X: Real>(&mut self, lane: usize, next: &impl AsRef<[X]>, place: usize)
+    where
+        S: AsMut<[R]>,
+    {
+        let rows = self.next.as_mut().iter_mut();
+        for (to, from) in rows.zip(next.as_ref()) {
+            to.set_lane(lane, from.lane(place));
+        }
+        let excess = self.next_excess.as_mut().iter_mut();
+        excess.for_each(|excess| excess.set_lane(lane, 0.0));
+    }
+
     /// The square of the step's estimated error, each state's times its weight: the mean over the
     /// states.
     #[inline(always)]

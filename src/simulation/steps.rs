@@ -231,19 +231,17 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             };
             let elapsed = stretch.duration - stretch.remaining;
             if self.has_stiff {
-                if stop.load(Ordering::Relaxed) {
-                    return None;
-                }
                 self.try_stiff(equations, &mut stretch, (elapsed, &mut trial));
             } else {
                 self.try_explicit(equations, (elapsed, &mut trial));
             }
             self.accept(&mut stretch, &mut trial);
             trials += 1;
-            if trials >= FIRST_LOOK && trials.is_multiple_of(LOOK_EVERY) {
-                if stop.load(Ordering::Relaxed) {
-                    return None;
-                }
+            let is_looked_at = trials >= FIRST_LOOK && trials.is_multiple_of(LOOK_EVERY);
+            if (is_looked_at || self.has_stiff) && stop.load(Ordering::Relaxed) {
+                return None;
+            }
+            if is_looked_at {
                 self.look(&mut stretch, &trial);
             }
         }
@@ -372,9 +370,9 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             let (whole, rate) = (duration.lane(lane), fastest.lane(lane));
             self.has_new |= self.length.lane(lane) == 0.0 && whole == 0.0;
             if self.length.lane(lane) == 0.0 && whole > 0.0 {
-                let length = if rate.is_finite() { 0.01 / rate } else { 0.0 };
                 // Far enough that the error says something about the length of the next.
-                let length = length.clamp(1e-6 * whole, 0.1 * whole);
+                let (shortest, longest) = (1e-6 * whole, 0.1 * whole);
+                let length = f64::max(0.01 / rate, shortest).min(longest);
                 self.length.set_lane(lane, length);
             }
         }
@@ -405,9 +403,8 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
                 self.fail(lane, failure);
                 stretch.remaining.set_lane(lane, 0.0);
             } else if !self.is_stiff[lane] {
-                let shows_it = rates.lane(lane) > STIFF * STIFF;
-                let looks = self.stiff_looks[lane] + 1;
-                self.stiff_looks[lane] = if shows_it { looks } else { 0 };
+                let shows_it = u8::from(rates.lane(lane) > STIFF * STIFF);
+                self.stiff_looks[lane] = shows_it * (self.stiff_looks[lane] + 1);
                 self.is_stiff[lane] = self.stiff_looks[lane] >= STIFF_LOOKS;
                 self.calm_steps[lane] = 0;
             }
@@ -475,18 +472,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             let taken = exact.take(self, (first, elapsed, trial.taken));
             for lane in members {
                 let place = lane - first;
-                for (to, from) in self
-                    .stages
-                    .next
-                    .as_mut()
-                    .iter_mut()
-                    .zip(exact.next.as_ref())
-                {
-                    to.set_lane(lane, from.lane(place));
-                }
-                for excess in self.stages.next_excess.as_mut() {
-                    excess.set_lane(lane, 0.0);
-                }
+                self.stages.set_next(lane, &exact.next, place);
                 let error = taken.squared_error.lane(place);
                 trial.squared_error.set_lane(lane, error);
                 self.note_stiff_step(lane, taken.rate_times_length.lane(place));
@@ -556,14 +542,11 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
 
 impl<E: Equations<Lanes>> Exact<E> {
     /// A step of the candidates from `first` on.
-    fn take<'a, P: System, R: Real>(
+    fn take<'a, P: System + 'a, R: Real>(
         &mut self,
         integrator: &Integrator<'a, P, R>,
         (first, elapsed, taken): (usize, R, R),
-    ) -> stiff::Taken
-    where
-        P: 'a,
-    {
+    ) -> stiff::Taken {
         let sums = integrator.states.as_ref().iter();
         let sums = sums.zip(integrator.excess.as_ref());
         for (to, (state, excess)) in self.states.as_mut().iter_mut().zip(sums) {

@@ -179,9 +179,8 @@ impl Rosenbrock {
             let right = &mut now[0];
             if stage > 0 {
                 next.as_mut().copy_from_slice(states.as_ref());
-                for (a, stage) in A[stage].iter().zip(&*before) {
-                    add(next.as_mut(), Lanes::splat(*a), stage);
-                }
+                let shares = A[stage].iter().zip(&*before);
+                shares.for_each(|(a, stage)| add(next.as_mut(), Lanes::splat(*a), stage));
                 let at = elapsed + length * Lanes::splat(TIMES[stage]);
                 equations.rates(next, at, &mut rates);
             }

@@ -23,6 +23,14 @@ pub struct Lease {
     epoch: i64,
 }
 
+impl Lease {
+    /// Whether another lease is that of the next slice of the same job.
+    #[must_use]
+    pub fn is_followed_by(self, other: Self) -> bool {
+        (other.job, other.epoch) == (self.job, self.epoch + 1)
+    }
+}
+
 /// Whether a write with a lease took place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use]

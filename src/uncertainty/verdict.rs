@@ -15,7 +15,9 @@
 //! | `correlated` | moderate | two unknowns with a correlation beyond 0.95 |
 //! | `worse_on_validation` | moderate | RMSE on the data held back 1.3 times that estimated from |
 //! | `noise_unknown` | moderate | no noise level is declared and the fit is below 90 % |
-//! | `starts_disagree` | moderate | no second start of the refinement came near the lowest cost |
+//! | `twin_minima` | low | other parameters cost as little |
+//! | `plateau` | low | a constant explains as much |
+//! | `starts_disagree` | moderate | no second start of the refinement came to the lowest cost |
 
 use super::Analysis;
 use crate::estimation::problem::{Problem, Target};
@@ -62,8 +64,6 @@ const LARGEST_CORRELATION: f64 = 0.95;
 const LARGEST_VALIDATION_RATIO: f64 = 1.3;
 /// A fit below which a noise level would have to be declared to tell noise from misfit [%].
 const PLAIN_FIT: f64 = 90.0;
-/// Starts whose costs agree to this share have found the same minimum.
-const SAME_COST: f64 = 0.01;
 
 impl Verdict {
     /// Low trust for one reason.
@@ -255,21 +255,33 @@ fn check_validation(verdict: &mut Verdict, problem: &Problem, analysis: &Analysi
 }
 
 fn check_starts(verdict: &mut Verdict, report: &Report) {
-    let starts: Vec<f64> = report
-        .refinements
-        .iter()
-        .filter_map(|start| start.coarse_cost)
-        .collect();
-    let lowest = starts.iter().copied().fold(f64::INFINITY, f64::min);
-    let agreeing = starts
-        .iter()
-        .filter(|cost| **cost <= lowest * (1.0 + SAME_COST))
-        .count();
-    if starts.len() > 1 && agreeing == 1 {
+    for twin in &report.twins {
+        let values: Vec<String> = twin
+            .iter()
+            .map(|(name, value)| format!("{name} {value:.4e}"))
+            .collect();
         let detail = format!(
-            "only one of {} starts of the refinement reached the lowest cost: there may be \
-             better minima; repeat with other seeds",
-            starts.len()
+            "another minimum explains the data as well: {}; the data do not say which of the two \
+             is true: narrow the search range of a parameter in which they differ to the side \
+             that is possible, or fix it",
+            values.join(", ")
+        );
+        verdict.lower(Trust::Low, "twin_minima", detail);
+    }
+    let Some(floor) = &report.floor else {
+        return;
+    };
+    if floor.is_plateau {
+        let detail = "a constant explains the data as well as the estimate does: nothing was \
+                      found that follows them; look at the search ranges and the initial states, \
+                      or search longer with a larger `population`";
+        verdict.lower(Trust::Low, "plateau", detail.to_owned());
+    } else if floor.starts > 1 && floor.at_floor == 1 {
+        let detail = format!(
+            "only one of {} starts of the refinement, in {} searches, reached the lowest cost: \
+             there may be better minima; ask for more `further_searches`, or a larger `population`",
+            floor.starts,
+            report.searches.len().max(1)
         );
         verdict.lower(Trust::Moderate, "starts_disagree", detail);
     }

@@ -1,4 +1,4 @@
-//! Which of the candidates that a run tells of are new to the record of its job.
+//! Which of the candidates that a run reports are new to the record of its job.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ pub(super) struct Candidates {
     columns: Option<Arc<[CandidateColumn]>>,
     waiting: Vec<Candidate>,
     /// The cut that the record tells of.
-    told_cut: Option<u32>,
+    reported_cut: Option<u32>,
 }
 
 impl Candidates {
@@ -24,14 +24,14 @@ impl Candidates {
             selection: Selection::new(limit),
             columns: None,
             waiting: Vec::new(),
-            told_cut: None,
+            reported_cut: None,
         }
     }
 
     /// Takes in what was kept before.
     pub(super) fn recall(&mut self, kept: &CandidatePage) {
-        self.told_cut = kept.cut_in_generation;
-        self.selection.recall(&kept.candidates, self.told_cut);
+        self.reported_cut = kept.cut_in_generation;
+        self.selection.recall(&kept.candidates, self.reported_cut);
     }
 
     /// Takes in what a generation simulated.
@@ -43,10 +43,10 @@ impl Candidates {
     /// What is new since the last call.
     pub(super) fn news(&mut self) -> Option<NewCandidates> {
         let cut_in_generation = self.selection.cut_in_generation();
-        if self.waiting.is_empty() && self.told_cut == cut_in_generation {
+        if self.waiting.is_empty() && self.reported_cut == cut_in_generation {
             return None;
         }
-        self.told_cut = cut_in_generation;
+        self.reported_cut = cut_in_generation;
         Some(NewCandidates {
             columns: self.columns.clone()?,
             candidates: std::mem::take(&mut self.waiting),

@@ -9,7 +9,7 @@ use jiff::Timestamp;
 use serde_json::Value;
 use tokio::sync::SemaphorePermit;
 use tokio::task::JoinError;
-
+use super::between_slices::Left;
 use super::recorder::Recorder;
 use super::run::{Run, StopReason};
 use super::slice::{After, Computed, Current, End, SliceWorker};
@@ -65,10 +65,14 @@ impl Conclusion<'_> {
         let mut record = self.last_record();
         record.checkpoint = Some(self.checkpoint(&*run));
         drop(self.place.take());
-        match self.worker.store.record(self.current.lease, record).await? {
-            Hold::Kept => Ok(After::Again),
-            Hold::Lost => Ok(After::Done),
+        let lease = self.current.lease;
+        if self.worker.store.record(lease, record).await? == Hold::Lost {
+            return Ok(After::Done);
         }
+        let candidates = self.recorder.into_candidates();
+        let left = Left { run, candidates };
+        self.worker.between_slices.put(lease, left);
+        Ok(After::Again)
     }
 
     /// Ends or pauses the job with its result, or the best so far.

@@ -7,6 +7,7 @@
 //! ```
 
 mod active;
+mod between_slices;
 mod candidates;
 mod conclusion;
 pub mod identification;
@@ -33,6 +34,7 @@ use crate::job::JobId;
 use crate::store::{QUEUE, SliceOfJob, Store, StoreError};
 
 use active::ActiveJobs;
+use between_slices::BetweenSlices;
 use run::Method;
 use slice::{After, SliceWorker};
 use wake::Wake;
@@ -82,6 +84,7 @@ impl Worker {
         let slices = SliceWorker {
             method,
             active: ActiveJobs::default(),
+            between_slices: BetweenSlices::new(settings.jobs_at_once),
             places: Arc::new(Semaphore::new(settings.jobs_at_once)),
             slice_length: settings.slice_length,
             max_candidates: settings.max_candidates,

@@ -10,7 +10,7 @@ use jiff::Timestamp;
 
 use super::candidates::Candidates;
 use super::run::Row;
-use crate::job::assemble::Finding;
+use crate::estimation::Finding;
 use crate::job::{Event, GenerationEvent, Progress};
 use crate::store::{CandidatePage, Record, Reported, Slice};
 
@@ -36,19 +36,24 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Goes on where the last slice stopped; keeps `max_candidates` of the job at the most.
-    pub(super) fn new(slice: &Slice, max_candidates: u64) -> Self {
+    /// Goes on where the last slice stopped, with the candidates that are known to be stored.
+    pub(super) fn new(slice: &Slice, candidates: Candidates) -> Self {
         Self {
             reported: slice.reported,
             unreported: slice.unreported.clone(),
             refinements: slice.checkpoint.as_ref().map_or(0, |c| c.refinements),
             findings: Vec::new(),
             generations: Vec::new(),
-            candidates: Candidates::new(max_candidates),
+            candidates,
             events: Vec::new(),
             progress: None,
             worked_before: Duration::from_millis(slice.running_ms).as_secs_f64(),
         }
+    }
+
+    /// Which candidates are stored, for the next slice.
+    pub(super) fn into_candidates(self) -> Candidates {
+        self.candidates
     }
 
     /// Iterations of the refinement so far.
@@ -64,7 +69,7 @@ impl Recorder {
     /// Takes in a row at a time [of the wall clock].
     pub(super) fn take(&mut self, row: Row, now: Timestamp) {
         match row {
-            Row::Findings(findings) => self.findings = findings,
+            Row::Finding(finding) => self.findings.push(finding),
             Row::Generation(generation) => {
                 self.generations.push(generation.clone());
                 if generation.generation > self.reported.generation {

@@ -1,7 +1,7 @@
 //! The seam between the service and the method: what a slice needs of the run of a job.
 //!
-//! A run is synchronous and seeded. It owns all that it needs, goes on in units, and can be laid
-//! down after any unit and taken up again with the same bits.
+//! A run is synchronous and seeded. It owns all that it needs, goes on in units, and can be saved
+//! after any unit and resumed with the same bits.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -9,13 +9,14 @@ use std::sync::atomic::AtomicBool;
 use serde_json::Value;
 
 use crate::dataset::Recording;
-use crate::job::assemble::Finding;
+use crate::estimation::Finding;
+pub use crate::estimation::{Advance, StopReason};
 use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, Progress};
 use crate::store::JobRow;
 
 /// Begins the runs of jobs.
 pub trait Method: Send + Sync + 'static {
-    /// Begins the run of a job, or takes it up where it was laid down.
+    /// Begins the run of a job, or resumes it where it was saved.
     fn begin(&self, assignment: Assignment) -> Result<Box<dyn Run>, Failure>;
 }
 
@@ -28,7 +29,7 @@ pub struct Assignment {
     pub model: Option<Value>,
     /// The recordings that the job reads, each with its digest, one for each experiment.
     pub datasets: Vec<(String, Recording)>,
-    /// Where the run was laid down; nothing when it begins.
+    /// Where the run was saved; nothing when it begins.
     pub checkpoint: Option<Vec<u8>>,
 }
 
@@ -40,12 +41,13 @@ pub trait Run: Send {
     /// How far it came.
     fn progress(&self) -> Progress;
 
-    /// All that is needed to take it up again.
+    /// All that is needed to resume it.
     fn checkpoint(&self) -> Vec<u8>;
 
     /// The result: final when the run has finished, else the best so far, which is nothing before
-    /// the first candidate was judged. When `hurry` is raised it answers soon, without what takes
-    /// long to be found out about the estimate.
+    /// the first candidate was judged. `stopped` is `TimeLimit`, `Cancelled` or `Paused`. When
+    /// `hurry` is raised it answers soon, without what takes long to be found out about the
+    /// estimate.
     fn outcome(
         &mut self,
         stopped: Option<StopReason>,
@@ -53,22 +55,11 @@ pub trait Run: Send {
     ) -> Result<Option<Value>, Failure>;
 }
 
-/// What a unit of work came to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Advance {
-    /// There is more to do.
-    Working,
-    /// The stop flag was raised; nothing has changed.
-    Interrupted,
-    /// There is no more to do.
-    Finished,
-}
-
 /// A line of the job's history.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Row {
     /// What should be known before the search begins; reported with its first generation.
-    Findings(Vec<Finding>),
+    Finding(Finding),
     /// The search finished a generation.
     Generation(GenerationEvent),
     /// The candidates that it simulated for it.
@@ -85,15 +76,4 @@ pub enum Row {
         /// The cost that it reached.
         cost: f64,
     },
-}
-
-/// Why a run is ended before it has finished.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StopReason {
-    /// The job's time is used up.
-    TimeLimit,
-    /// By request.
-    Cancelled,
-    /// By request, to be taken up again.
-    Paused,
 }

@@ -14,6 +14,8 @@ use serde_json::Value;
 use tokio::sync::{Semaphore, SemaphorePermit, mpsc};
 
 use super::active::{ActiveJob, ActiveJobs};
+use super::between_slices::{BetweenSlices, Left};
+use super::candidates::Candidates;
 use super::conclusion::{Conclusion, broke};
 use super::recorder::Recorder;
 use super::run::{Advance, Assignment, Method, Row, Run};
@@ -52,6 +54,7 @@ pub(super) struct SliceWorker {
     pub(super) store: Store,
     pub(super) method: Arc<dyn Method>,
     pub(super) active: ActiveJobs,
+    pub(super) between_slices: BetweenSlices,
     /// Computations at the same time. More entries may have been taken from the queue: the next
     /// ones wait here, so that no place is empty while the queue is asked or an end is written.
     pub(super) places: Arc<Semaphore>,
@@ -88,6 +91,14 @@ impl Current {
 struct Materials {
     model: Option<Value>,
     datasets: Vec<(String, Recording)>,
+}
+
+/// What a slice works on.
+enum Begun {
+    /// The run that the slice before left.
+    Left(Box<dyn Run>),
+    /// A run that is begun, or resumed from its checkpoint, with what it is made of.
+    New(Materials),
 }
 
 /// What a unit of work left behind.
@@ -145,12 +156,24 @@ impl SliceWorker {
             time_left: time_left(&slice),
             stop,
         };
-        let mut recorder = Recorder::new(&slice, self.max_candidates);
-        let computed = match self.materials(&slice.job).await? {
-            Ok(materials) => {
+        let (run, candidates) = match self.between_slices.take(slice.lease) {
+            Some(Left { run, candidates }) => (Some(run), Some(candidates)),
+            None => (None, None),
+        };
+        let is_new = run.is_none();
+        let candidates = candidates.unwrap_or_else(|| Candidates::new(self.max_candidates));
+        let mut recorder = Recorder::new(&slice, candidates);
+        let begun = match run {
+            Some(run) => Ok(Begun::Left(run)),
+            None => self.materials(&slice.job).await?.map(Begun::New),
+        };
+        let computed = match begun {
+            Ok(begun) => {
                 let (sender, units) = mpsc::channel(UNITS_WAITING);
-                let computation = self.compute(slice, materials, current.stop.clone(), sender);
-                let written = self.write_units(&current, &mut recorder, units).await;
+                let computation = self.compute(slice, begun, current.stop.clone(), sender);
+                let written = self
+                    .write_units(&current, (&mut recorder, is_new), units)
+                    .await;
                 let computed = computation.await;
                 if written? == Hold::Lost {
                     return Ok(After::Done);
@@ -200,7 +223,7 @@ impl SliceWorker {
     fn compute(
         &self,
         slice: Slice,
-        Materials { model, datasets }: Materials,
+        begun: Begun,
         stop: Arc<AtomicBool>,
         units: mpsc::Sender<Unit>,
     ) -> impl Future<Output = Computed> {
@@ -211,14 +234,16 @@ impl SliceWorker {
             0 | 1 => self.slice_length,
             _ => Duration::ZERO,
         };
-        let assignment = Assignment {
-            job: slice.job,
-            model,
-            datasets,
-            checkpoint: slice.checkpoint.map(|checkpoint| checkpoint.state),
-        };
         let computation = tokio::task::spawn_blocking(move || {
-            let mut run = method.begin(assignment)?;
+            let mut run = match begun {
+                Begun::Left(run) => run,
+                Begun::New(Materials { model, datasets }) => method.begin(Assignment {
+                    job: slice.job,
+                    model,
+                    datasets,
+                    checkpoint: slice.checkpoint.map(|checkpoint| checkpoint.state),
+                })?,
+            };
             let end = advance(&mut *run, slice_length, &stop, &units);
             Ok((run, end))
         });
@@ -229,10 +254,10 @@ impl SliceWorker {
     async fn write_units(
         &self,
         current: &Current,
-        recorder: &mut Recorder,
+        (recorder, is_new): (&mut Recorder, bool),
         mut units: mpsc::Receiver<Unit>,
     ) -> Result<Hold, StoreError> {
-        if let Err(error) = self.recall(current.lease, recorder).await {
+        if is_new && let Err(error) = self.recall(current.lease, recorder).await {
             current.stop.store(true, Ordering::Relaxed);
             return Err(error);
         }
@@ -260,7 +285,7 @@ impl SliceWorker {
         }
     }
 
-    /// Reads back which candidates are kept, beside the computation, which has forgotten them.
+    /// Reads back which candidates are kept, beside a computation that has forgotten them.
     async fn recall(&self, lease: Lease, recorder: &mut Recorder) -> Result<(), StoreError> {
         let mut after = Some(0);
         while let Some(generation) = after {

@@ -5,19 +5,14 @@
 //! The predictor is the input, a sample for each observation; the only state is the time, which
 //! acts on nothing.
 
+use greybox::Identification;
 use greybox::dataset::{Recording, Signal, TimeAxis};
 use greybox::estimation::sensitivity;
-use greybox::estimation::{
-    Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Settings,
-};
-use greybox::job::spec::Context;
-use greybox::job::{DatasetId, JobSpec, assemble};
-use greybox::model::{Catalogue, document};
+use greybox::estimation::{Estimation, Problem, Settings};
 use greybox::numerics::least_squares::Rows;
 use greybox::simulation::Accuracy;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
-use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 
 #[derive(Deserialize)]
@@ -52,13 +47,6 @@ impl Parameter {
 }
 
 static NEVER: AtomicBool = AtomicBool::new(false);
-
-struct Unwatched;
-
-impl Observer for Unwatched {
-    fn generation(&mut self, _row: &GenerationRow) {}
-    fn refinement(&mut self, _row: &RefinementRow) {}
-}
 
 fn sets() -> Vec<Set> {
     serde_json::from_str(include_str!("sets.json")).expect("the sets")
@@ -112,9 +100,6 @@ impl Set {
     }
 
     fn problem(&self, start: usize) -> (Problem, Settings) {
-        let read = document::referenced(&self.document());
-        let read = read.unwrap_or_else(|faults| panic!("{}: {faults:#?}", self.name));
-        let dataset = DatasetId::new();
         let ranges = self
             .parameters
             .iter()
@@ -124,27 +109,16 @@ impl Set {
                 (format!("b{}", index + 1), range)
             });
         let job = json!({
-            "model": read.reference(),
-            "experiments": [{"dataset": dataset}],
+            "model": self.document(),
+            "experiments": [{}],
             "parameters": ranges.collect::<Map<String, Value>>(),
             // Least squares from the middle of the ranges alone.
             "method": {"generations": 0},
             "validation": {"fraction": 0},
             "seed": 1
         });
-        let mut models = Catalogue::built_in();
-        let reference = read.reference().to_owned();
-        models.add(read.model);
-        let recording = self.recording();
-        let context = Context {
-            models: models.iter().map(|model| model.description()).collect(),
-            datasets: &HashMap::from([(dataset, recording.summary())]),
-            max_duration_s: f64::INFINITY,
-        };
-        let spec = JobSpec::read(&job, &context);
-        let spec = spec.unwrap_or_else(|faults| panic!("{}: {faults:?}", self.name));
-        let model = models.get(&reference).expect("just added");
-        let assembly = assemble::problem(&spec, model, &[recording]).expect("a sound job");
+        let assembly = Identification::of_job(job, self.recording()).assembly();
+        let (assembly, spec) = assembly.unwrap_or_else(|error| panic!("{}: {error}", self.name));
         (assembly.problem, spec.method)
     }
 }
@@ -163,8 +137,7 @@ fn digits(found: f64, certified: f64) -> f64 {
 fn agreement(set: &Set, start: usize) -> (f64, f64) {
     let (problem, settings) = set.problem(start);
     let mut run = Estimation::start(&problem, &settings, 1);
-    while run.advance(&problem, &NEVER, &mut Unwatched) != Advance::Finished {}
-    let Some(report) = run.report(&problem, None) else {
+    let Some(report) = run.run(&problem, &NEVER, &mut ()) else {
         return (0.0, 0.0);
     };
     let pairs = report.values.iter().zip(&set.parameters);

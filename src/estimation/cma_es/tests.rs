@@ -135,12 +135,9 @@ fn evaluation(cost: f64) -> Arc<Evaluation> {
 
 #[test]
 fn a_candidate_that_failed_counts_as_not_drawn() {
-    let encoding = Encoding {
-        bits: BITS,
-        genes: 3,
-    };
     let mut rng = stream(4, 0, Purpose::Population);
-    let (_, begun) = beginning(encoding, 8, &mut rng);
+    let mut begun = Strategy::about(vec![0.3, 0.5, 0.7]);
+    begun.draw(8, &mut rng);
     // After a generation of these of the eight, without the candidates drawn then.
     let after = |judged: &[(usize, f64)]| {
         let mut strategy = begun.clone();
@@ -148,7 +145,8 @@ fn a_candidate_that_failed_counts_as_not_drawn() {
         strategy.drawn = drawn.collect();
         let evaluations: Vec<_> = judged.iter().map(|(_, cost)| evaluation(*cost)).collect();
         let mut rng = stream(4, 1, Purpose::Mutation);
-        let drawn = next(&mut strategy, &evaluations, encoding, &mut rng);
+        strategy.learn(&best_first(&evaluations));
+        let drawn = strategy.draw(evaluations.len(), &mut rng);
         assert_eq!(drawn.len(), judged.len());
         strategy.drawn.clear();
         strategy

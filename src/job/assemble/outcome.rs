@@ -3,9 +3,10 @@
 use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::estimation::report::{self, Refinement, Report};
 use crate::job::outcome::{
-    ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, InitialStateEstimate,
-    InputCorrelation, ModelSearchReport, Outcome, OutputFit, ParameterEstimate, Reason,
-    ResidualReport, SearchEnd, SearchReport, StartReport, TriedModel, Trust, Verdict,
+    ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, FloorReport,
+    InitialStateEstimate, InputCorrelation, ModelSearchReport, Outcome, OutputFit,
+    ParameterEstimate, Reason, ResidualReport, SearchEnd, SearchReport, StartReport, TriedModel,
+    Trust, Verdict,
 };
 use crate::uncertainty::selection::{Selection, Tried};
 use crate::uncertainty::{Analysis, Conclusion, CoordinateUncertainty, fit, residuals, verdict};
@@ -67,6 +68,17 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
         search: search(report),
         searches: report.searches.iter().map(search_end).collect(),
         starts: report.refinements.iter().map(start_of).collect(),
+        floor: report.floor.as_ref().map(|floor| FloorReport {
+            starts: floor.starts as u64,
+            starts_at_floor: floor.at_floor as u64,
+            searches_at_floor: floor.searches as u64,
+            plateau: floor.is_plateau,
+            twins: report
+                .twins
+                .iter()
+                .map(|twin| twin.iter().cloned().collect())
+                .collect(),
+        }),
         model_search: selection
             .as_ref()
             .map(|selection| model_search(problem, selection)),

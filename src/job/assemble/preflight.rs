@@ -1,35 +1,10 @@
 //! What can be said of a job before it runs.
 
-use super::Assembly;
+use super::{Assembly, Finding};
 use crate::estimation::{Settings, trajectory};
 use crate::numerics::statistics;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
-
-/// One thing that the user of a job should know before it runs.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-pub struct Finding {
-    /// What kind of finding, for programs: stable snake_case.
-    #[schema(example = "input_constant")]
-    pub code: String,
-    /// Where: a JSON pointer into the specification.
-    #[schema(example = "/experiments/0/signals/reference")]
-    pub pointer: String,
-    /// What it is, for people, with the numbers in it.
-    pub detail: String,
-}
-
-impl Finding {
-    /// A finding at a place of the specification.
-    #[must_use]
-    pub fn new(code: &str, pointer: &str, detail: &str) -> Finding {
-        Finding {
-            code: code.to_owned(),
-            pointer: pointer.to_owned(),
-            detail: detail.to_owned(),
-        }
-    }
-}
 
 /// What a job will come to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]

@@ -68,6 +68,7 @@ pub(super) fn read(field: &Field<'_>) -> Settings {
         settings.huber_threshold = Some(huber_threshold);
     }
     section.count("restarts", 1..=32, &mut settings.restarts);
+    section.count("further_searches", 0..=31, &mut settings.further_searches);
     section.flag("refine", &mut settings.refine);
     section.count("refine_candidates", 1..=32, &mut settings.refine_candidates);
     object.finish();

@@ -1,14 +1,15 @@
 //! A run of the method, from its job to its result.
 
-use std::collections::HashMap;
 use std::sync::atomic::Ordering;
 
 use serde_json::json;
 
 use super::*;
 use crate::dataset::{Signal, TimeAxis};
-use crate::job::spec::Context;
-use crate::job::{DatasetId, JobId, Status};
+use crate::job::{JobId, Phase, Status};
+
+/// Nobody raises it.
+static NEVER: AtomicBool = AtomicBool::new(false);
 
 /// A carriage of 2 kg with 3 N·s/m of viscous friction under a square wave, integrated at a
 /// tenth of the sample time.
@@ -47,10 +48,9 @@ fn job() -> JobRow {
 
 /// The job with its document changed.
 fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
-    let dataset = DatasetId::new();
     let mut document = json!({
         "model": "positioning_drive",
-        "experiments": [{"dataset": dataset}],
+        "experiments": [{}],
         "parameters": {
             "mass": {"estimate": {"lower": 0.5, "upper": 10}},
             "viscous_friction": {"estimate": {"lower": 0.1, "upper": 20}},
@@ -62,14 +62,10 @@ fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
         "seed": 7
     });
     change(&mut document);
-    let catalogue = Catalogue::built_in();
-    let datasets = HashMap::from([(dataset, recording().summary())]);
-    let context = Context {
-        models: catalogue.iter().map(|model| model.description()).collect(),
-        datasets: &datasets,
-        max_duration_s: 60.0,
-    };
-    let spec = JobSpec::read(&document, &context).expect("a sound specification");
+    let identification = crate::Identification::of_job(document, recording());
+    let (spec, _) = identification
+        .specification()
+        .expect("a sound specification");
     JobRow {
         id: JobId::new(),
         name: None,
@@ -196,13 +192,11 @@ fn standing_still() -> Recording {
 fn what_the_data_do_not_see_is_told_before_the_search_begins() {
     let mut run = begin_on(standing_still(), &job(), None);
     let rows = work(&mut *run);
-    let Some(Row::Findings(findings)) = rows.first() else {
-        panic!("{:?}", rows.first());
-    };
-    let reported: Vec<(&str, &str)> = findings
-        .iter()
-        .map(|finding| (&*finding.code, &*finding.pointer))
-        .collect();
+    let reported = rows.iter().map_while(|row| match row {
+        Row::Finding(finding) => Some((&*finding.code, &*finding.pointer)),
+        _ => None,
+    });
+    let reported: Vec<(&str, &str)> = reported.collect();
     for expected in [
         ("input_constant", "/experiments/0/signals/force"),
         ("not_identifiable", "/parameters/mass"),
@@ -210,9 +204,9 @@ fn what_the_data_do_not_see_is_told_before_the_search_begins() {
     ] {
         assert!(reported.contains(&expected), "{reported:?}");
     }
-    // A run that is taken up has reported it before.
+    // A run that is resumed has reported it before.
     let mut resumed = begin_on(standing_still(), &job(), Some(run.checkpoint()));
-    let is_finding = |row: &Row| matches!(row, Row::Findings(_));
+    let is_finding = |row: &Row| matches!(row, Row::Finding(_));
     assert!(!work(&mut *resumed).iter().any(is_finding));
 }
 

@@ -197,12 +197,7 @@ impl Run for DescentRun {
         if self.orders.analyse_for_ever && stopped.is_some() {
             self.gate.hold_until(hurry);
         }
-        let reason = match stopped {
-            None => "generation_limit",
-            Some(StopReason::TimeLimit) => "time_limit",
-            Some(StopReason::Cancelled) => "cancelled",
-            Some(StopReason::Paused) => "paused",
-        };
+        let reason = stopped.unwrap_or(StopReason::GenerationLimit).name();
         Ok(Some(json!({
             "job": self.id,
             "stop_reason": reason,

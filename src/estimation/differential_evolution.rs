@@ -2,13 +2,33 @@
 //! can be compared.
 
 use super::objective::Evaluation;
-use super::search::Parent;
-use crate::genetic::{Chromosome, Encoding, differential};
-use crate::numerics::rng::Rng;
+use super::proposer::{Judgement, Proposer};
+use super::search::{Parent, Search};
+use crate::genetic::{Chromosome, Encoding, differential, operators};
+use crate::numerics::rng::{Purpose, Rng};
 use std::sync::Arc;
 
+/// Differential evolution.
+#[derive(Debug)]
+pub(super) struct DifferentialEvolution;
+
+impl Proposer for DifferentialEvolution {
+    fn begin(&self, search: &mut Search) -> Vec<Chromosome> {
+        let candidates = search.settings.population as usize;
+        let mut rng = search.stream(Purpose::Population);
+        operators::random_population(search.encoding, candidates, &mut rng)
+    }
+
+    fn next(&self, search: &mut Search, judged: &Judgement<'_>) -> Vec<Chromosome> {
+        let mut rng = search.stream(Purpose::Mutation);
+        let parents = &mut search.state.parents;
+        *parents = survivors(parents, judged.population, judged.evaluations);
+        challengers(parents, search.encoding, &mut rng)
+    }
+}
+
 /// Lets the candidates challenge their parents: who costs less stays.
-pub fn survivors(
+fn survivors(
     parents: &[Parent],
     population: &[Chromosome],
     evaluations: &[Arc<Evaluation>],
@@ -36,7 +56,7 @@ pub fn survivors(
 }
 
 /// The next challengers.
-pub fn challengers(parents: &[Parent], encoding: Encoding, rng: &mut impl Rng) -> Vec<Chromosome> {
+fn challengers(parents: &[Parent], encoding: Encoding, rng: &mut impl Rng) -> Vec<Chromosome> {
     let positions: Vec<Vec<f64>> = parents
         .iter()
         .map(|parent| encoding.decode(&parent.chromosome))

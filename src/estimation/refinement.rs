@@ -1,0 +1,180 @@
+//! The refinement of a run: descents side by side, and what follows when they have ended.
+
+use super::floor;
+use super::objective::Objective;
+use super::refine::{self, Descent, Minimum};
+use super::sensitivity::SensitivityError;
+use super::{Advance, Estimation, Observer, Phase, Problem, RefinementRow, StopReason};
+use crate::simulation::Accuracy;
+use rayon::prelude::*;
+use std::sync::atomic::AtomicBool;
+
+impl Estimation {
+    /// Goes over to the refinement.
+    pub(super) fn refine(&mut self, reason: StopReason) {
+        self.stop_reason = Some(reason);
+        self.phase = Phase::Refine;
+    }
+
+    /// Begins a descent, with the search that found where.
+    pub(super) fn descend(&mut self, search: Option<u32>, start: Vec<f64>) {
+        let mut descent = Descent::from(start);
+        descent.search = search;
+        self.descents.push(descent);
+    }
+
+    pub(super) fn advance_refinement(
+        &mut self,
+        problem: &Problem,
+        stop: &AtomicBool,
+        observer: &mut dyn Observer,
+    ) -> Advance {
+        if !self.settings.refine {
+            self.phase = Phase::Analyse;
+            return Advance::Finished;
+        }
+        if self.descents.iter().all(|descent| descent.end.is_some()) {
+            match self.after_descents(problem, stop) {
+                None => return Advance::Interrupted,
+                Some(Phase::Search) => return Advance::Working,
+                Some(Phase::Analyse) => return Advance::Finished,
+                Some(Phase::Refine) => {}
+            }
+        }
+        // Side by side, because one alone does not fill the cores. All or none, so that a unit
+        // that was interrupted leaves no trace.
+        let found = self.descents.iter().filter_map(Descent::minimum);
+        let found: Vec<Minimum> = found.collect();
+        let iterate = |descent: &Descent| {
+            let mut next = descent.clone();
+            let done = next.end.is_some() || next.iterate(problem, &found, stop);
+            done.then_some(next)
+        };
+        let Some(next) = self
+            .descents
+            .par_iter()
+            .map(iterate)
+            .collect::<Option<Vec<_>>>()
+        else {
+            return Advance::Interrupted;
+        };
+        let totals = |descents: &[Descent]| {
+            let iterations: u32 = descents.iter().map(|descent| descent.iterations).sum();
+            let evaluations: u64 = descents.iter().map(|descent| descent.evaluations).sum();
+            (iterations, evaluations)
+        };
+        let (before, after) = (totals(&self.descents), totals(&next));
+        self.descents = next;
+        self.search.state.counters.evaluations += after.1 - before.1;
+        self.search.state.counters.distinct_evaluations += after.1 - before.1;
+        if let (true, Some(cost)) = (after.0 > before.0, self.best_cost()) {
+            let iteration = after.0;
+            observer.refinement(&RefinementRow { iteration, cost });
+        }
+        Advance::Working
+    }
+
+    /// What follows when all descents have ended: another search where the floor is in doubt, then
+    /// descents from where a twin would be, then the lowest descent again, simulated finely; then
+    /// it is compared with those that came as low. Nothing when `stop` was raised.
+    fn after_descents(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<Phase> {
+        if !self.descents.iter().any(Descent::is_polished) {
+            if self.searches_further() && floor::is_doubtful(&self.landmarks, &self.descents) {
+                self.search.restart();
+                self.phase = Phase::Search;
+                return Some(Phase::Search);
+            }
+            if !self.exchanged {
+                let starts = self.exchanges(problem, stop)?;
+                self.exchanged = true;
+                for positions in starts {
+                    self.descend(None, positions);
+                }
+                if self.descents.iter().any(|descent| descent.end.is_none()) {
+                    return Some(Phase::Refine);
+                }
+            }
+        }
+        if self.polish_best() {
+            return Some(Phase::Refine);
+        }
+        self.twins = self.find_twins(problem, stop)?;
+        self.phase = Phase::Analyse;
+        Some(Phase::Analyse)
+    }
+
+    /// Whether another search may begin by itself.
+    fn searches_further(&self) -> bool {
+        let most = self.settings.restarts + self.settings.further_searches;
+        !self.searches.is_empty() && self.searches.len() < most as usize
+    }
+
+    /// Where to descend from to find what the exchange of two parameters leads to.
+    fn exchanges(&self, problem: &Problem, stop: &AtomicBool) -> Option<Vec<Vec<f64>>> {
+        let Some(best) = self.best_descent() else {
+            return Some(Vec::new());
+        };
+        let exchanges = floor::exchanged(problem, &best.positions);
+        if exchanges.is_empty() {
+            return Some(Vec::new());
+        }
+        let objective = Objective::new(problem, self.settings.block_samples as usize);
+        let candidates = exchanges.iter().map(|exchange| exchange.positions.clone());
+        let candidates: Vec<Vec<f64>> = candidates.collect();
+        let judged = objective.evaluate(problem, &candidates, Accuracy::Ranking, stop)?;
+        let costs: Vec<f64> = judged.iter().map(|judged| judged.cost).collect();
+        floor::promising(exchanges, &costs)
+            .into_par_iter()
+            .map(|exchange| exchange.adapted(problem, stop))
+            .collect()
+    }
+
+    /// Other minima as low as the lowest.
+    fn find_twins(&self, problem: &Problem, stop: &AtomicBool) -> Option<Vec<Vec<f64>>> {
+        let Some(best) = self.best_descent() else {
+            return Some(Vec::new());
+        };
+        let rivals = floor::rivals(&self.landmarks, best, &self.descents);
+        if rivals.is_empty() {
+            return Some(Vec::new());
+        }
+        match refine::linearise(problem, &best.positions, Accuracy::Screening, stop) {
+            Ok(here) => Some(floor::twins(&best.positions, &here, &rivals)),
+            Err(SensitivityError::Interrupted) => None,
+            Err(SensitivityError::Failed(_)) => Some(Vec::new()),
+        }
+    }
+
+    /// Takes the lowest descent up again, simulated finely; false where that is done, or none is
+    /// left that could be.
+    fn polish_best(&mut self) -> bool {
+        let is_done = |descent: &Descent| descent.is_polished() && descent.cost.is_some();
+        if self.descents.iter().any(is_done) {
+            return false;
+        }
+        let coarse = self
+            .descents
+            .iter_mut()
+            .filter(|descent| !descent.is_polished());
+        let lowest = coarse
+            .filter(|descent| descent.cost.is_some())
+            .min_by(|a, b| lowest_first(a, b));
+        lowest.map(Descent::polish).is_some()
+    }
+
+    /// The descent that stands for the estimate.
+    pub(super) fn best_descent(&self) -> Option<&Descent> {
+        let refined = self
+            .descents
+            .iter()
+            .filter(|descent| descent.cost.is_some());
+        refined.min_by(|a, b| lowest_first(a, b))
+    }
+}
+
+/// A descent that is polished stands before those that are not, whose costs are less accurate.
+fn lowest_first(a: &Descent, b: &Descent) -> std::cmp::Ordering {
+    let cost = |descent: &Descent| descent.cost.unwrap_or(f64::INFINITY);
+    let polished = b.is_polished().cmp(&a.is_polished());
+    polished.then(cost(a).total_cmp(&cost(b)))
+}

@@ -1,0 +1,274 @@
+//! An identification as a run: look ahead, search and refine, analyse.
+//!
+//! A run goes on in units ([`Run::advance`]) and can be saved after any of them and resumed with
+//! the same bits. The look ahead belongs to the first unit. The analysis is a unit like the
+//! others, so that a stop reaches it too; it is not part of the checkpoint: a run that is resumed
+//! when its estimate stands analyses again, with the same bits.
+
+use super::IdentificationError;
+use crate::dataset::Recording;
+use crate::estimation::{
+    Advance, Checkpoint, Estimation, Finding, Observer, Phase, Problem, Progress, StopReason,
+};
+use crate::job::assemble::{self, Assembly, Origin};
+use crate::job::{JobSpec, Outcome};
+use crate::model::Model;
+use crate::uncertainty::identifiability::FlatDirection;
+use crate::uncertainty::{self, Conclusion};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// A run of an identification.
+///
+/// ```
+/// use greybox::estimation::{Advance, GenerationRow, Observer};
+/// use greybox::{Identification, Model, Recording, Run};
+/// use std::sync::atomic::AtomicBool;
+///
+/// struct Costs(Vec<f64>);
+///
+/// impl Observer for Costs {
+///     fn generation(&mut self, row: &GenerationRow) {
+///         self.0.push(row.best_cost);
+///     }
+/// }
+///
+/// # let force: Vec<f64> = (0..200).map(|k| if k / 17 % 2 == 0 { 20.0 } else { -20.0 }).collect();
+/// # let (mut x, mut v) = (0.0, 0.0);
+/// # let positions = force.iter().map(|force| {
+/// #     let now = x;
+/// #     for _ in 0..20 {
+/// #         v += 1e-3 * (force - 3.0 * v) / 2.0;
+/// #         x += 1e-3 * v;
+/// #     }
+/// #     now
+/// # }).collect();
+/// # let recording =
+/// #     Recording::from_samples(0.02, [("force", "N", force.clone()), ("position", "m", positions)]);
+/// let drive = Model::named("positioning_drive").expect("it is in the catalogue");
+/// let mut run = Identification::new(&drive, recording)
+///     .fix("coulomb_friction", 0.0)
+///     .fix("offset", 0.0)
+///     .noise("position", 1e-3)
+///     .seed(1)
+///     .begin()?;
+/// let stop = AtomicBool::new(false);
+/// let mut costs = Costs(Vec::new());
+/// while run.advance(&stop, &mut costs) == Advance::Working {
+///     let checkpoint = run.checkpoint(); // serialises; `Run::resume` goes on from it
+/// }
+/// assert!(costs.0.len() > 1);
+/// assert!(run.outcome(None)?.is_some());
+/// # Ok::<(), greybox::IdentificationError>(())
+/// ```
+#[derive(Debug)]
+pub struct Run {
+    origin: Origin,
+    /// What is asked about the estimate's uncertainty.
+    request: uncertainty::Request,
+    problem: Problem,
+    /// What is known before anything is simulated; taken by the look ahead with which a new run
+    /// begins.
+    findings: Option<Vec<Finding>>,
+    /// Why the run goes no further than its look ahead.
+    refusal: Option<Vec<Finding>>,
+    estimation: Estimation,
+    /// Of the estimate that stands; nothing while the run goes on.
+    conclusion: Option<Conclusion>,
+}
+
+/// Nobody raises it.
+static NEVER: AtomicBool = AtomicBool::new(false);
+
+impl Run {
+    /// Begins a run of a specification, with one recording for each of its experiments.
+    ///
+    /// # Errors
+    /// When the experiments cannot be cut out of the recordings.
+    pub fn begin(
+        spec: &JobSpec,
+        model: &Arc<Model>,
+        recordings: &[Recording],
+    ) -> Result<Run, IdentificationError> {
+        let assembly = assembled(spec, model, recordings)?;
+        let findings = assemble::preflight(&assembly, &spec.method).findings;
+        let estimation = Estimation::start(&assembly.problem, &spec.method, spec.seed);
+        let run = Run::of(spec, assembly.problem, estimation);
+        Ok(Run {
+            findings: Some(findings),
+            ..run
+        })
+    }
+
+    /// Resumes a run where it was saved.
+    ///
+    /// # Errors
+    /// When the experiments cannot be cut out of the recordings, or the checkpoint is that of
+    /// another problem.
+    pub fn resume(
+        spec: &JobSpec,
+        model: &Arc<Model>,
+        recordings: &[Recording],
+        checkpoint: Checkpoint,
+    ) -> Result<Run, IdentificationError> {
+        let problem = assembled(spec, model, recordings)?.problem;
+        let estimation = Estimation::resume(&problem, &spec.method, spec.seed, checkpoint)?;
+        Ok(Run::of(spec, problem, estimation))
+    }
+
+    fn of(spec: &JobSpec, problem: Problem, estimation: Estimation) -> Run {
+        Run {
+            origin: Origin {
+                job: spec.name.clone().unwrap_or_default(),
+                seed: spec.seed,
+                spec_digest: spec.digest(),
+                dataset_digests: Vec::new(),
+            },
+            request: spec.request(),
+            problem,
+            findings: None,
+            refusal: None,
+            estimation,
+            conclusion: None,
+        }
+    }
+
+    /// The same run, whose outcome says which job it was and which recordings it read.
+    #[must_use]
+    pub fn named(mut self, job: String, dataset_digests: Vec<String>) -> Run {
+        self.origin.job = job;
+        self.origin.dataset_digests = dataset_digests;
+        self
+    }
+
+    /// The problem that is solved.
+    #[must_use]
+    pub fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    /// How far the run came.
+    #[must_use]
+    pub fn progress(&self) -> Progress {
+        self.estimation.progress()
+    }
+
+    /// All that is needed to resume the run.
+    #[must_use]
+    pub fn checkpoint(&self) -> Checkpoint {
+        self.estimation.checkpoint()
+    }
+
+    /// One unit of work: a generation of the search, an iteration of the refinement or the
+    /// analysis. When `stop` is raised it may return early, with nothing changed; the unit is then
+    /// done again later, with the same bits.
+    pub fn advance(&mut self, stop: &AtomicBool, observer: &mut dyn Observer) -> Advance {
+        if let Some(ended) = self.look_ahead(stop, observer) {
+            return ended;
+        }
+        if self.estimation.phase() == Phase::Analyse {
+            return self.analyse(stop);
+        }
+        match self.estimation.advance(&self.problem, stop, observer) {
+            Advance::Interrupted => Advance::Interrupted,
+            Advance::Working | Advance::Finished => Advance::Working,
+        }
+    }
+
+    /// What the data do not see, before a new run searches for it. Answers what the unit comes to
+    /// where it ends with that.
+    fn look_ahead(&mut self, stop: &AtomicBool, observer: &mut dyn Observer) -> Option<Advance> {
+        let findings = self.findings.as_ref()?;
+        let Some(flat) = assemble::flat_directions(&self.problem, stop) else {
+            return Some(Advance::Interrupted);
+        };
+        let reported = |flat: &FlatDirection| assemble::unseen(&self.problem, flat);
+        let flat_directions = self.request.settings.flat_directions;
+        let refuses = |flat: &&FlatDirection| flat_directions.refuses(flat);
+        let grounds: Vec<Finding> = flat.iter().filter(refuses).map(reported).collect();
+        if grounds.is_empty() {
+            let unseen = flat.iter().map(reported);
+            for finding in findings.iter().cloned().chain(unseen) {
+                observer.finding(&finding);
+            }
+        } else {
+            self.refusal = Some(grounds);
+        }
+        self.findings = None;
+        self.refusal.is_some().then_some(Advance::Finished)
+    }
+
+    fn analyse(&mut self, stop: &AtomicBool) -> Advance {
+        let Some(report) = self.estimation.report(&self.problem, None) else {
+            return Advance::Finished;
+        };
+        match uncertainty::conclude(&self.problem, &report, &self.request, stop) {
+            Some(conclusion) => {
+                self.conclusion = Some(conclusion);
+                Advance::Finished
+            }
+            None => Advance::Interrupted,
+        }
+    }
+
+    /// The outcome: final when the run has finished, else, with why it was `stopped`, the best so
+    /// far, which is nothing before the first candidate was judged. When `hurry` is raised it
+    /// answers soon, without what takes long to be found out about the estimate.
+    ///
+    /// # Errors
+    /// When the data do not fix the unknowns.
+    pub fn outcome(
+        &mut self,
+        stopped: Option<StopReason>,
+        hurry: &AtomicBool,
+    ) -> Result<Option<Outcome>, IdentificationError> {
+        if let Some(grounds) = self.refusal.take() {
+            return Err(IdentificationError::NotIdentifiable(grounds));
+        }
+        let finished = self.conclusion.take().filter(|_| stopped.is_none());
+        let conclusion = match finished {
+            Some(finished) => finished,
+            None => {
+                let Some(report) = self.estimation.report(&self.problem, stopped) else {
+                    return Ok(None);
+                };
+                // A run that was stopped is not kept waiting for the more thorough answers.
+                let request = match stopped {
+                    Some(_) => &uncertainty::Request::default(),
+                    None => &self.request,
+                };
+                uncertainty::conclude(&self.problem, &report, request, hurry)
+                    .unwrap_or_else(|| uncertainty::unanalysed(&self.problem, &report))
+            }
+        };
+        Ok(Some(assemble::outcome(&self.origin, &conclusion)))
+    }
+
+    /// Goes on to the end, or until `stop` is raised; then the outcome is the best so far.
+    ///
+    /// # Errors
+    /// When the data do not fix the unknowns, and when no candidate could be simulated.
+    pub fn finish(
+        mut self,
+        stop: &AtomicBool,
+        observer: &mut dyn Observer,
+    ) -> Result<Outcome, IdentificationError> {
+        let stopped = loop {
+            match self.advance(stop, observer) {
+                Advance::Working => {}
+                Advance::Finished => break None,
+                Advance::Interrupted => break Some(StopReason::Cancelled),
+            }
+        };
+        self.outcome(stopped)?
+            .ok_or(IdentificationError::NoEstimate)
+    }
+}
+
+fn assembled(
+    spec: &JobSpec,
+    model: &Arc<Model>,
+    recordings: &[Recording],
+) -> Result<Assembly, IdentificationError> {
+    assemble::problem(spec, model, recordings).map_err(IdentificationError::Invalid)
+}

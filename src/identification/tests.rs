@@ -1,0 +1,135 @@
+//! What a program asks for is done as a client's job is, and refused in the same words.
+
+use super::*;
+use crate::dataset::Recording;
+use crate::estimation::{GenerationRow, Observer, StopReason};
+use crate::job::outcome::Trust;
+use crate::model::Model;
+use serde_json::json;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A carriage with 3 N·s/m of viscous friction under a square wave, integrated at a tenth of the
+/// sample time, with an error of a tenth of a millimetre that has no pattern.
+fn carriage(mass: f64) -> Recording {
+    let (mut position, mut velocity) = (0.0, 0.0);
+    let forces = (0..200).map(|k| if (k / 17) % 2 == 0 { 20.0 } else { -20.0 });
+    let forces: Vec<f64> = forces.collect();
+    let positions = forces.iter().enumerate().map(|(k, force)| {
+        let now = position + 1e-4 * ((k * k * 7919 % 101) as f64 / 50.0 - 1.0);
+        for _ in 0..10 {
+            velocity += 2e-3 * (force - 3.0 * velocity) / mass;
+            position += 2e-3 * velocity;
+        }
+        now
+    });
+    let positions = positions.collect();
+    Recording::from_samples(0.02, [("force", "N", forces), ("position", "m", positions)])
+}
+
+fn drive() -> Arc<Model> {
+    Model::named("positioning_drive").expect("it is in the catalogue")
+}
+
+fn identification(experiment: impl Into<Experiment>) -> Identification {
+    Identification::new(&drive(), experiment)
+        .free("mass", 0.5..=10.0)
+        .free("viscous_friction", 0.1..=20.0)
+        .fix("coulomb_friction", 0.0)
+        .fix("offset", 0.0)
+        .noise("position", 1e-3)
+        .seed(7)
+}
+
+#[test]
+fn a_program_and_a_document_that_say_the_same_have_the_same_bits() {
+    let job = json!({
+        "model": "positioning_drive",
+        "experiments": [{}],
+        "parameters": {
+            "mass": {"estimate": {"lower": 0.5, "upper": 10.0}},
+            "viscous_friction": {"estimate": {"lower": 0.1, "upper": 20.0}},
+            "coulomb_friction": {"value": 0.0},
+            "offset": {"value": 0.0}
+        },
+        "outputs": {"position": {"noise_std": 1e-3}},
+        "seed": 7
+    });
+    let said = identification(carriage(2.0)).run().expect("an outcome");
+    let written = Identification::of_job(job, carriage(2.0)).run();
+    assert_eq!(said, written.expect("an outcome"));
+    let mass = said
+        .parameter("mass")
+        .expect("it is free")
+        .estimate
+        .estimate;
+    assert!((mass - 2.0).abs() < 0.02, "{mass}");
+}
+
+#[test]
+fn experiments_share_what_they_do_not_have_for_themselves() {
+    let first = Experiment::new(carriage(2.0)).free("mass", 0.5..=10.0);
+    let second = Experiment::new(carriage(4.0)).fix("mass", 4.0);
+    let found = identification(first).experiment(second).run();
+    let found = found.expect("an outcome");
+    let mass = found.parameter("mass").expect("one is free");
+    assert_eq!(mass.experiment, Some(0));
+    // Euler's steps of a tenth of a sample leave errors of some tenths of a per cent.
+    assert!((mass.estimate.estimate - 2.0).abs() < 0.02, "{mass:?}");
+    let friction = found.parameter("viscous_friction").expect("it is free");
+    assert_eq!(friction.experiment, None);
+}
+
+#[test]
+fn everything_that_is_wrong_is_said_at_once_with_its_place() {
+    let wrong = identification(carriage(2.0))
+        .free("mass", 10.0..=0.5)
+        .fix("colour", 1.0)
+        .noise("position", -1.0);
+    let Err(IdentificationError::Invalid(faults)) = wrong.run() else {
+        panic!("it cannot be run");
+    };
+    let places: Vec<&str> = faults.iter().map(|fault| &*fault.pointer).collect();
+    for place in [
+        "/parameters/mass/estimate/lower",
+        "/parameters/colour",
+        "/outputs/position/noise_std",
+    ] {
+        assert!(places.contains(&place), "{faults:?}");
+    }
+}
+
+/// Raises the flag at the second generation.
+struct Impatient<'a>(&'a AtomicBool);
+
+impl Observer for Impatient<'_> {
+    fn generation(&mut self, row: &GenerationRow) {
+        self.0.store(row.generation == 2, Ordering::Relaxed);
+    }
+}
+
+#[test]
+fn a_run_that_is_stopped_has_the_best_so_far_and_says_so() {
+    let stop = AtomicBool::new(false);
+    let found = identification(carriage(2.0)).run_observed(&stop, &mut Impatient(&stop));
+    let found = found.expect("an outcome");
+    assert_eq!(found.stop_reason, StopReason::Cancelled.name());
+    assert_eq!(found.verdict.trust, Trust::Low);
+}
+
+#[test]
+fn what_the_data_cannot_fix_is_refused_by_name() {
+    // A carriage that stands still does not tell its mass from its friction.
+    let still = |name, unit| (name, unit, vec![0.0; 200]);
+    let recording = Recording::from_samples(0.02, [still("force", "N"), still("position", "m")]);
+    let settings = crate::uncertainty::Settings {
+        flat_directions: crate::uncertainty::settings::FlatDirections::Refuse,
+        ..Default::default()
+    };
+    let found = identification(recording).uncertainty(&settings).run();
+    let Err(IdentificationError::NotIdentifiable(findings)) = found else {
+        panic!("{found:?}");
+    };
+    let places: Vec<&str> = findings.iter().map(|finding| &*finding.pointer).collect();
+    assert!(places.contains(&"/parameters/mass"), "{findings:?}");
+}
