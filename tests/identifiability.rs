@@ -34,7 +34,7 @@ fn foresee_from(parameters: Value, initial_state: Value) -> (Identifiability, Ve
     let assembly =
         assemble::problem(&spec, model, &[recording]).unwrap_or_else(|faults| panic!("{faults:?}"));
     let mut findings = Vec::new();
-    let ahead = assemble::foresee(&assembly, &spec.method, &mut findings);
+    let ahead = assemble::forecast(&assembly, &spec.method, &mut findings);
     let never = AtomicBool::new(false);
     let at_start = assemble::flat_directions(&assembly.problem, &never).expect("not interrupted");
     // The look of a job that begins is coarser, and sees as many.

@@ -24,6 +24,8 @@ fn most_iterations(accuracy: Accuracy, rows: usize) -> u32 {
         Accuracy::Full => 120,
     }
 }
+/// No descent has more, whatever keeps it from its end.
+const HARD_LIMIT: u32 = 2000;
 /// Residuals of a record that costs next to nothing to go on with.
 const SHORT: usize = 1000;
 /// Where a descent differentiates. Differences to one side brought 200 descents to the floor of
@@ -106,6 +108,9 @@ impl Linearisation {
         })?;
         let triangle = rows.finish();
         let cost = sum / triangle.rows() as f64;
+        if !cost.is_finite() || !triangle.is_usable() {
+            return Err(Failure::Diverged);
+        }
         Ok(Linearisation { triangle, cost })
     }
 
@@ -348,6 +353,11 @@ impl Descent {
         };
         self.iterations += 1;
         let gains = step.cost < self.cost.unwrap_or(linearisation.cost);
+        if !gains && self.iterations >= HARD_LIMIT {
+            self.cost.get_or_insert(linearisation.cost);
+            self.end = Some(DescentEnd::IterationLimit);
+            return true;
+        }
         if !gains && self.is_near() {
             // The cost has no digits left for so short a step; its derivatives have.
             match linearisation.outlook(&self.positions) {

@@ -4,5 +4,6 @@ pub mod dimension;
 pub mod interpolation;
 pub mod least_squares;
 pub mod rng;
+pub mod singular_values;
 pub mod statistics;
 pub mod symmetric;

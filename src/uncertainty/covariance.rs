@@ -14,6 +14,7 @@ use super::residuals::ResidualReport;
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{self, Neighbourhood};
 use crate::numerics::least_squares::{Rows, Triangle};
+use crate::numerics::singular_values::singular_values;
 use crate::simulation::Failure;
 use nalgebra::{DMatrix, DVector};
 
@@ -119,6 +120,9 @@ pub fn linearise(
         slopes.add(&row);
     })?;
     let (triangle, sums) = gathered.finish();
+    if !triangle.is_usable() {
+        return Err(Failure::Diverged);
+    }
     let factor = triangle.factor();
     let condition = condition(&factor);
     let enough = triangle.rows() >= unknowns && condition <= LARGEST_CONDITION;
@@ -156,8 +160,9 @@ fn condition(factor: &DMatrix<f64>) -> f64 {
     let scaled = DMatrix::from_fn(factor.nrows(), factor.ncols(), |row, column| {
         factor[(row, column)] / norms[column]
     });
-    let singular = scaled.singular_values();
-    singular.max() / singular.min()
+    singular_values(&scaled)
+        .and_then(|found| Some(found.sizes.first()? / found.sizes.last()?))
+        .unwrap_or(f64::INFINITY)
 }
 
 fn inverse(factor: &DMatrix<f64>) -> Option<DMatrix<f64>> {

@@ -76,6 +76,7 @@ pub fn forecast(
     let never = AtomicBool::new(false);
     let forecast = identifiability::forecast(problem, Accuracy::Full, &never);
     let forecast = forecast.expect("nobody interrupts");
+    findings.extend(unusable(forecast.points));
     findings.extend(forecast.flat.iter().map(|flat| unseen(problem, flat)));
     let pairs = problem.coordinates.iter().zip(&forecast.coordinates);
     Identifiability {
@@ -85,6 +86,20 @@ pub fn forecast(
             .collect(),
         flat_directions: forecast.flat.into_iter().map(|flat| flat.words).collect(),
     }
+}
+
+/// What is said of points of the search box that failed.
+fn unusable(points: usize) -> Option<Finding> {
+    let failed = identifiability::POINTS - points;
+    (failed > 0).then(|| {
+        let detail = format!(
+            "{failed} of {} points of the search box cannot be simulated, or with values too \
+             large to be of use: what is foretold rests on the others; narrow the ranges to where \
+             the plant is stable",
+            identifiability::POINTS
+        );
+        Finding::new("points_failed", "/parameters", &detail)
+    })
 }
 
 /// What the data of a job that begins do not see, at the price of about one generation. Answers
