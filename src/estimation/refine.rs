@@ -76,7 +76,7 @@ const LARGEST_DAMPING: f64 = 1e6;
 pub struct Linearisation {
     /// The triangle of `[J | r]`.
     pub triangle: Triangle,
-    /// The mean square of the residuals.
+    /// The mean square of the residuals, those of the priors among them.
     pub cost: f64,
 }
 
@@ -106,6 +106,12 @@ impl Linearisation {
             rows.add(row.derivatives.iter().map(|d| d * slope), residual);
             sum += residual * residual;
         })?;
+        for (index, residual, slope) in around.prior_rows() {
+            let row =
+                (0..around.n_columns()).map(|column| if column == index { slope } else { 0.0 });
+            rows.add(row, residual);
+            sum += residual * residual;
+        }
         let triangle = rows.finish();
         let cost = sum / triangle.rows() as f64;
         if !cost.is_finite() || !triangle.is_usable() {

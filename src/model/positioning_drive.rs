@@ -8,7 +8,7 @@
 
 use super::{
     InitialState, Model, ModelDescription, ParameterDescription, SignalDescription,
-    StateDescription,
+    StateDescription, Tolerance,
 };
 use crate::simulation::dynamics::{Dynamics, SampledInputs};
 use crate::simulation::lanes::Real;
@@ -183,6 +183,8 @@ fn parameters() -> Vec<ParameterDescription> {
     const OFFSET: [&str; 3] = ["F0", "N", "constant offset of the force"];
     const VELOCITY: [&str; 3] = ["vs", "m/s", "velocity over which friction changes its sign"];
     const DELAY: [&str; 3] = ["td", "s", "time until the recorded force acts"];
+    const ROUGH: &str = "a constant of the model that no data sheet gives";
+    const CURRENT_LOOP: &str = "bandwidth of a drive's current loop";
     let positive = Some(f64::MIN_POSITIVE);
     vec![
         P::known("mass", MASS, 100.0, [10.0, 1000.0])
@@ -200,7 +202,9 @@ fn parameters() -> Vec<ParameterDescription> {
             .within(None, None),
         P::known("friction_velocity", VELOCITY, 2e-3, [1e-4, 2e-2])
             .log_scale()
-            .within(positive, None),
-        P::known("input_delay", DELAY, 0.0, [0.0, 0.05]),
+            .within(positive, None)
+            .within_tolerance(Tolerance::Percent(50.0), ROUGH),
+        P::known("input_delay", DELAY, 0.0, [0.0, 0.05])
+            .within_tolerance(Tolerance::Absolute(5e-4), CURRENT_LOOP),
     ]
 }

@@ -267,7 +267,11 @@ mod tests {
             let mut triangle = Triangle::new(2);
             triangle.push(&line());
             assert!(triangle.is_usable());
-            triangle.push(&DMatrix::from_row_slice(2, 3, &[1.0, wild, 0.0, 1.0, 1.0, 1.0]));
+            triangle.push(&DMatrix::from_row_slice(
+                2,
+                3,
+                &[1.0, wild, 0.0, 1.0, 1.0, 1.0],
+            ));
             assert!(!triangle.is_usable(), "{wild}");
         }
     }

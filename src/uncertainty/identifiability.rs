@@ -9,6 +9,7 @@
 //! Where large effects of single unknowns cancel, J·v is all rounding: so the directions that J
 //! proposes are tried at each point by going along them.
 
+use super::budget::{Budget, Extended};
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{self, SensitivityError, Sides};
 use crate::model::Scale;
@@ -164,6 +165,24 @@ pub fn flat_at(
         .collect())
 }
 
+/// What is to be expected of all that is taken as known, in the middle of the box; empty where
+/// that cannot be simulated. Answers nothing when `stop` was raised.
+#[must_use]
+pub fn budget(problem: &Problem, forecast: &Forecast, stop: &AtomicBool) -> Option<Budget> {
+    let middle = vec![0.5; problem.coordinates.len()];
+    let extended = Extended::new(problem, &middle, true);
+    let around = extended.around(Accuracy::Full, stop)?;
+    let pairs = problem.coordinates.iter().zip(&forecast.coordinates);
+    let deviations: Vec<f64> = pairs
+        .map(|(coordinate, forecast)| {
+            let error = forecast.standard_error.unwrap_or(f64::INFINITY);
+            error / coordinate.slope(0.5).abs()
+        })
+        .collect();
+    let budget = Budget::foretold(&extended, &around, &weights(problem), &deviations);
+    Some(budget.unwrap_or_default())
+}
+
 /// The middle of the box, then points that fill its inner part evenly (steps of the n-dimensional
 /// golden ratio; M. Roberts, 2018).
 fn position(point: usize, n: usize) -> Vec<f64> {
@@ -204,6 +223,10 @@ fn information(view: &View<'_>, positions: &[f64]) -> Result<SingularValues, Sen
             0.0,
         );
     })?;
+    for (index, _, slope) in view.problem.prior_rows(positions) {
+        let part = |column: usize| if column == index { slope } else { 0.0 };
+        rows.add((0..positions.len()).map(part), 0.0);
+    }
     singular_values(&rows.finish().factor()).ok_or(SensitivityError::Failed(Failure::Diverged))
 }
 
@@ -273,6 +296,11 @@ fn flat_directions(
             sides: Sides::Both,
         };
         sensitivity::visit_directions(view.problem, along, view.accuracy, view.stop, gather)?;
+        for (index, _, slope) in view.problem.prior_rows(positions) {
+            for (square, direction) in squares.iter_mut().zip(&directions) {
+                *square += (direction[index] * slope).powi(2);
+            }
+        }
         let mut sizes = squares.iter().map(|square| square.sqrt());
         directions.retain(|_| sizes.next().is_some_and(|size| size * FLAT < 1.0));
     }

@@ -4,6 +4,7 @@ use super::{Assembly, Finding, preflight};
 use crate::document::fault::pointer_to;
 use crate::estimation::Settings;
 use crate::estimation::problem::{Coordinate, Problem, Target};
+use crate::job::budget::BudgetLine;
 use crate::simulation::Accuracy;
 use crate::uncertainty::identifiability::{self, CoordinateForecast, FlatDirection};
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,10 @@ pub struct Identifiability {
     pub predictions: Vec<Prediction>,
     /// What the data do not see, in words.
     pub flat_directions: Vec<String>,
+    /// What is taken as known and what it will do, in the middle of the search box; shown beside.
+    #[serde(skip)]
+    #[schema(ignore)]
+    pub budget: Vec<BudgetLine>,
 }
 
 /// How well one unknown could be known.
@@ -55,8 +60,8 @@ pub fn forecast(
 ) -> Identifiability {
     let problem = &assembly.problem;
     let columns = 1 + 2 * problem.coordinates.len();
-    let cost = preflight::preflight(assembly, settings).derivatives_per_evaluation as f64;
-    let cost = cost * (columns * identifiability::POINTS) as f64;
+    let each = preflight::preflight(assembly, settings).derivatives_per_evaluation as f64;
+    let cost = each * (columns * identifiability::POINTS) as f64;
     if cost > BUDGET {
         let detail = format!(
             "the recording is too long to look ahead ({cost:.1e} derivatives): what the data fix \
@@ -71,6 +76,7 @@ pub fn forecast(
             points: 0,
             predictions: Vec::new(),
             flat_directions: Vec::new(),
+            budget: Vec::new(),
         };
     }
     let never = AtomicBool::new(false);
@@ -78,8 +84,17 @@ pub fn forecast(
     let forecast = forecast.expect("nobody interrupts");
     findings.extend(unusable(forecast.points));
     findings.extend(forecast.flat.iter().map(|flat| unseen(problem, flat)));
+    let assumed = (columns + 2 * problem.assumptions.len()) as f64;
+    let budget = if each * assumed > BUDGET {
+        Vec::new()
+    } else {
+        let budget = identifiability::budget(problem, &forecast, &never);
+        let middle = vec![0.5; problem.coordinates.len()];
+        super::budget::lines(problem, &middle, &budget.expect("nobody interrupts"))
+    };
     let pairs = problem.coordinates.iter().zip(&forecast.coordinates);
     Identifiability {
+        budget,
         points: forecast.points as u64,
         predictions: pairs
             .map(|(coordinate, forecast)| prediction(coordinate, forecast))

@@ -35,6 +35,8 @@ fn parameter(name: &'static str, unknown_by_default: bool) -> ParameterDescripti
         unknown_by_default,
         minimum: Some(0.0),
         maximum: Some(1e4),
+        tolerance: None,
+        tolerance_source: None,
     }
 }
 
@@ -107,9 +109,15 @@ fn model_and_recording_alone_estimate_what_the_model_calls_unknown() {
         upper: 120.0,
         scale: Scale::Log,
     };
-    let free = ParameterSpec::Free(FreeParameter { estimate: range });
+    let free = ParameterSpec::Free(FreeParameter {
+        estimate: range,
+        prior: None,
+    });
     assert_eq!(spec.parameters["mass"], free);
-    let fixed = ParameterSpec::Fixed(FixedValue { value: 58.0 });
+    let fixed = ParameterSpec::Fixed(FixedValue {
+        value: 58.0,
+        tolerance: None,
+    });
     assert_eq!(spec.parameters["load"], fixed);
     let signals: Vec<_> = spec.experiments[0].signals.keys().collect();
     assert_eq!(signals, ["position", "reference"]);

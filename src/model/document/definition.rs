@@ -4,7 +4,7 @@
 use super::arithmetic::Table;
 use super::syntax::Expression;
 use super::unit::Unit;
-use crate::model::Scale;
+use crate::model::{Scale, Tolerance};
 
 /// A document, read.
 #[derive(Debug)]
@@ -43,6 +43,7 @@ pub struct Parameter {
     pub scale: Scale,
     pub unknown: bool,
     pub limits: [Option<f64>; 2],
+    pub tolerance: Option<Tolerance>,
 }
 
 #[derive(Debug)]

@@ -1,0 +1,514 @@
+//! The rules of the verdict; what each of them is for stands in [`super::verdict`].
+
+use super::budget::{BETTER, Line};
+use super::verdict::{Trust, Verdict};
+use super::{Analysis, NORMAL_95};
+use crate::estimation::problem::{Coordinate, Problem, Target};
+use crate::estimation::report::{Refinement, Report};
+use crate::estimation::stop_reason::StopReason;
+
+/// chi²/n above which the model is wrong.
+const MISFIT: f64 = 1.5;
+/// chi²/n above which something is left over.
+const SLIGHT_MISFIT: f64 = 1.15;
+/// A correlation of residuals with the next beyond which, where no noise is declared, they are
+/// what the model misses rather than noise.
+const MISFIT_CORRELATION: f64 = 0.3;
+/// A correlation of simulated and measured below which they go opposite ways.
+const OPPOSITE: f64 = -0.5;
+/// Correlation beyond which two unknowns are hardly told apart,
+const LARGEST_CORRELATION: f64 = 0.95;
+/// which does no harm where both are known to this share of their values all the same.
+const KNOWN_WELL: f64 = 0.02;
+/// RMSE on the data held back against that on the data estimated from, and where that is grave.
+const VALIDATION_RATIOS: [f64; 2] = [1.3, 2.0];
+/// A fit below which a noise level would have to be declared to tell noise from misfit [%].
+const PLAIN_FIT: f64 = 90.0;
+/// Starts whose costs agree to this share have found the same minimum.
+const SAME_COST: f64 = 0.01;
+/// chi² by which a second answer may be worse: the 99 % point of two degrees of freedom.
+const SECOND_MINIMUM: f64 = 9.2;
+/// Another answer is one that lies so many standard errors off, and this share of the range.
+const ELSEWHERE: (f64, f64) = (10.0, 0.02);
+/// Standard deviations of a prior beyond which the data contradict it.
+const LARGEST_PRIOR_SHIFT: f64 = 3.0;
+/// A total standard error beyond this share of the value is worth a word.
+const LARGE_TOTAL: f64 = 0.1;
+/// A contradicted assumption that moves a parameter by so many standard errors of noise makes its
+/// trust moderate, or low.
+const HARMFUL_MOVES: [f64; 2] = [1.0, 3.0];
+
+/// Applies every rule.
+pub(super) fn check(
+    verdict: &mut Verdict,
+    problem: &Problem,
+    report: &Report,
+    analysis: &Analysis,
+) {
+    completion(verdict, report);
+    bounds(verdict, problem, analysis);
+    identifiability(verdict, problem, analysis);
+    noise(verdict, problem, analysis);
+    colour(verdict, problem, analysis);
+    inputs(verdict, problem, analysis);
+    contradictions(verdict, problem, report, analysis);
+    dominance(verdict, problem, report, analysis);
+    priors(verdict, problem, analysis);
+    correlation(verdict, problem, report, analysis);
+    validation(verdict, problem, analysis);
+    starts(verdict, report);
+    minima(verdict, problem, report, analysis);
+}
+
+fn completion(verdict: &mut Verdict, report: &Report) {
+    let reason = match report.stop_reason {
+        StopReason::Cancelled => "cancelled",
+        StopReason::Paused => "paused",
+        StopReason::TimeLimit => "ended by its time limit",
+        _ => return,
+    };
+    let detail = format!(
+        "the run was {reason} after {} generations, before its refinement had finished; let it \
+         run to its end",
+        report.generations
+    );
+    verdict.lower(Trust::Low, "not_finished", detail);
+}
+
+fn bounds(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
+    let pairs = problem.coordinates.iter().zip(&analysis.coordinates);
+    for (coordinate, _) in pairs.filter(|(_, known)| known.at_bound) {
+        let trust = match coordinate.target {
+            Target::Parameter(_) | Target::ExperimentParameter { .. } => Trust::Low,
+            Target::InitialState { .. } => Trust::Moderate,
+        };
+        let detail = format!(
+            "`{}` stands at an end of its search range {} to {} {}; widen the range, or look \
+             for an effect that the model leaves out",
+            coordinate.name, coordinate.lower, coordinate.upper, coordinate.unit
+        );
+        verdict.lower(trust, "at_bound", detail);
+    }
+}
+
+/// One flat direction is one reason.
+fn identifiability(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
+    for flat in &analysis.flat {
+        let reason = ("not_identifiable", flat.words.clone());
+        if analysis.missing.is_some() {
+            // Without a covariance nothing is promised of the others either.
+            verdict.lower(Trust::Low, reason.0, reason.1);
+        } else {
+            let concerned = flat.parts.iter().map(|(index, _)| *index).collect();
+            verdict.lower_some(Trust::Low, (concerned, 1.0), reason);
+        }
+    }
+    let described = problem.coordinates.iter().zip(&analysis.coordinates);
+    for (index, (coordinate, known)) in described.enumerate() {
+        let is_wide = known.standard_error.is_some() && !known.identifiable;
+        if is_wide && !is_flat(analysis, index) {
+            let detail = format!(
+                "the 95 % interval of `{}` is wider than its search range: the data do not fix \
+                 it; give its value, or record an experiment that excites it",
+                coordinate.name
+            );
+            verdict.lower_some(Trust::Low, (vec![index], 1.0), ("not_identifiable", detail));
+        }
+    }
+    if let (Some(missing), true) = (&analysis.missing, analysis.flat.is_empty()) {
+        let detail = format!("there are no standard errors: {missing}; fix an unknown");
+        verdict.lower(Trust::Low, "not_identifiable", detail);
+    }
+}
+
+fn is_flat(analysis: &Analysis, index: usize) -> bool {
+    let mut parts = analysis.flat.iter().flat_map(|flat| &flat.parts);
+    parts.any(|(own, _)| *own == index)
+}
+
+fn noise(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
+    let residuals = analysis.residuals.iter().zip(&analysis.estimation_fit);
+    for (output, (residual, fit)) in problem.outputs.iter().zip(residuals) {
+        let name = &output.name;
+        if let Some(rho) = fit.correlation.filter(|rho| *rho < OPPOSITE) {
+            let detail = format!(
+                "`{name}` is simulated against what was measured (correlation {rho:.2}): a sign \
+                 is wrong, of the signal in the recording or of a gain in the model"
+            );
+            verdict.lower(Trust::Low, "opposite_sign", detail);
+        }
+        let next = residual.lag_1_autocorrelation.unwrap_or_default();
+        match residual.chi_square_per_sample {
+            Some(chi_square) if chi_square > MISFIT => {
+                let detail = format!(
+                    "the residuals of `{name}` are {:.2} times the declared noise (chi²/n \
+                     {chi_square:.2}): the model misses an effect, and the parameters pay for it; \
+                     free an effect such as friction, dead band, offset or gain",
+                    chi_square.sqrt()
+                );
+                verdict.lower(Trust::Low, "misfit", detail);
+            }
+            Some(chi_square) if chi_square > SLIGHT_MISFIT => {
+                let detail = format!(
+                    "the residuals of `{name}` are somewhat larger than the declared noise \
+                     (chi²/n {chi_square:.2}); check the noise level and try a richer model"
+                );
+                verdict.lower(Trust::Moderate, "slight_misfit", detail);
+            }
+            Some(_) => {}
+            None if residual.white == Some(false) && next.abs() > MISFIT_CORRELATION => {
+                let detail = format!(
+                    "no noise level of `{name}` is declared and what is left is no white noise \
+                     (correlation {next:.2} with the next sample): it is taken for what the model \
+                     misses; free an effect, or give outputs.{name}.noise_std"
+                );
+                verdict.lower(Trust::Low, "misfit", detail);
+            }
+            None if fit.fit_percent.is_some_and(|percent| percent < PLAIN_FIT) => {
+                let detail = format!(
+                    "`{name}` is explained to {:.1} % and no noise level is declared, so noise \
+                     cannot be told from misfit; give outputs.{name}.noise_std",
+                    fit.fit_percent.unwrap_or_default()
+                );
+                verdict.lower(Trust::Moderate, "noise_unknown", detail);
+            }
+            None => {}
+        }
+    }
+}
+
+fn colour(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
+    for (output, residual) in problem.outputs.iter().zip(&analysis.residuals) {
+        if residual.white == Some(false) {
+            let detail = format!(
+                "the residuals of `{}` are not white (correlation {:.2} with the next sample): \
+                 the model misses dynamics; the intervals are widened for it",
+                output.name,
+                residual.lag_1_autocorrelation.unwrap_or_default()
+            );
+            verdict.lower(Trust::Moderate, "residuals_not_white", detail);
+        }
+    }
+}
+
+fn inputs(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
+    for (output, residual) in problem.outputs.iter().zip(&analysis.residuals) {
+        for found in residual.inputs.iter().filter(|found| found.significant) {
+            let detail = format!(
+                "the residuals of `{}` follow the input `{}` (correlation {:.2} with what it was \
+                 {} samples before): the model misses a part of its effect, such as a gain, an \
+                 offset or a delay",
+                output.name, found.input, found.correlation, found.lag
+            );
+            verdict.lower(Trust::Moderate, "residuals_follow_input", detail);
+        }
+    }
+}
+
+/// The residuals ask for one of the assumptions to be another; all that would explain as much are
+/// one reason, because each of them hides the others.
+fn contradictions(verdict: &mut Verdict, problem: &Problem, report: &Report, analysis: &Analysis) {
+    let pull = |line: &Line| line.score.unwrap_or_default().abs();
+    let mut lines: Vec<&Line> = analysis.budget.lines.iter().collect();
+    lines.retain(|line| line.is_contradicted());
+    lines.sort_by(|a, b| pull(b).total_cmp(&pull(a)));
+    let Some((strongest, others)) = lines.split_first() else {
+        return;
+    };
+    let Some((value, error)) = strongest.suggested else {
+        return;
+    };
+    let own = &strongest.assumption;
+    let others: Vec<String> = others
+        .iter()
+        .map(|line| format!("`{}`", line.assumption.name))
+        .collect();
+    let or = match others[..] {
+        [] => String::new(),
+        _ => format!("; or it is {}", others.join(" or ")),
+    };
+    let words = if own.is_absent_effect {
+        format!("`{}` of", own.name)
+    } else {
+        format!("`{}` not of {} but of", own.name, short(own.value))
+    };
+    let detail = format!(
+        "{words} {} ± {} {} would explain what is left ({:.0} standard deviations of noise{or}): \
+         free it with {{\"estimate\": {{}}}}, or measure it",
+        short(value),
+        short(error),
+        own.unit,
+        pull(strongest),
+    );
+    // How far any of the explanations would move each coordinate, in standard errors of noise.
+    let moves = |index: usize| {
+        let deviation = analysis.deviations.get(index).copied().flatten()?;
+        let moves = lines.iter().filter_map(|line| line.suggested_move(index));
+        Some(
+            moves
+                .map(|moved| moved.abs() / deviation)
+                .fold(0.0, f64::max),
+        )
+    };
+    let n = problem.coordinates.len();
+    let of_level = |low: f64, high: f64| -> Vec<usize> {
+        let within = |index: &usize| moves(*index).is_none_or(|m| m > low && m <= high);
+        (0..n).filter(within).collect()
+    };
+    let [moderate, low] = HARMFUL_MOVES;
+    let concerned = |from, to, trust: Trust, verdict: &mut Verdict| {
+        let indices = of_level(from, to);
+        if indices.is_empty() {
+            return false;
+        }
+        let shares = indices.iter().filter_map(|index| {
+            let moved = strongest.suggested_move(*index)?.abs();
+            Some(moved / report_share(problem, report, *index))
+        });
+        let at_stake = shares.fold(0.0, f64::max);
+        let reason = ("assumption_contradicted", detail.clone());
+        verdict.lower_some(trust, (indices, at_stake), reason);
+        true
+    };
+    let grave = concerned(low, f64::INFINITY, Trust::Low, verdict);
+    let slight = concerned(moderate, low, Trust::Moderate, verdict);
+    if !grave && !slight {
+        // It moves nothing that is asked for, and is worth a word all the same.
+        verdict.lower_some(
+            Trust::High,
+            (Vec::new(), 0.0),
+            ("assumption_contradicted", detail),
+        );
+    }
+}
+
+/// The coordinate's own value as a share of its range: what a move is measured by.
+fn report_share(problem: &Problem, report: &Report, index: usize) -> f64 {
+    let coordinate = &problem.coordinates[index];
+    let slope = coordinate.slope(report.positions[index]).abs();
+    (report.values[index].abs() / slope).max(f64::MIN_POSITIVE)
+}
+
+/// Where what is assumed leaves more open than the data.
+fn dominance(verdict: &mut Verdict, problem: &Problem, report: &Report, analysis: &Analysis) {
+    let described = problem.coordinates.iter().zip(&analysis.budget.totals);
+    for (index, (coordinate, total)) in described.enumerate() {
+        let noise = analysis.deviations.get(index).copied().flatten();
+        let (Some(total), Some(noise)) = (*total, noise) else {
+            continue;
+        };
+        let share = total / report_share(problem, report, index);
+        let is_wide = 2.0 * NORMAL_95 * total >= 1.0;
+        let is_assumed = total > std::f64::consts::SQRT_2 * noise;
+        if !is_assumed || !(is_wide || share > LARGE_TOTAL) {
+            continue;
+        }
+        let trust = if is_wide { Trust::Low } else { Trust::Moderate };
+        let reason = dominance_in_words((index, coordinate), (share, total), analysis);
+        verdict.lower_some(
+            trust,
+            (vec![index], share),
+            ("assumptions_dominate", reason),
+        );
+    }
+}
+
+fn dominance_in_words(
+    (index, coordinate): (usize, &Coordinate),
+    (share, total): (f64, f64),
+    analysis: &Analysis,
+) -> String {
+    let better = |line: &&Line| line.contributions[index].map(|own| own.total_if_better);
+    let lines = analysis.budget.lines.iter();
+    let best = lines.filter(|line| better(line).is_some()).min_by(|a, b| {
+        better(a)
+            .unwrap_or(total)
+            .total_cmp(&better(b).unwrap_or(total))
+    });
+    let known = format!(
+        "with all that is assumed `{}` is known to ± {:.2} % (one standard error)",
+        coordinate.name,
+        100.0 * share
+    );
+    let Some((line, then)) = best.and_then(|line| Some((line, better(&line)?))) else {
+        return known;
+    };
+    let own = &line.assumption;
+    format!(
+        "{known}: know `{}` to {} {} instead of {}, and it falls to ± {:.2} %",
+        own.name,
+        short(own.tolerance / BETTER),
+        own.unit,
+        short(own.tolerance),
+        100.0 * share * then / total
+    )
+}
+
+fn priors(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
+    let pairs = problem.coordinates.iter().zip(&analysis.coordinates);
+    for (index, (coordinate, known)) in pairs.enumerate() {
+        let shift = known
+            .prior_shift
+            .filter(|shift| shift.abs() > LARGEST_PRIOR_SHIFT);
+        if let Some(shift) = shift {
+            let detail = format!(
+                "the data move `{}` by {:.1} standard deviations of what was known of it before: \
+                 one of the two is wrong; check the prior, or look for an effect that the model \
+                 leaves out",
+                coordinate.name,
+                shift.abs()
+            );
+            let reason = ("prior_contradicted", detail);
+            verdict.lower_some(Trust::Moderate, (vec![index], 0.0), reason);
+        }
+    }
+}
+
+fn correlation(verdict: &mut Verdict, problem: &Problem, report: &Report, analysis: &Analysis) {
+    let Some(correlation) = &analysis.correlation else {
+        return;
+    };
+    let is_known_well = |index: usize| {
+        let deviation = analysis.deviations.get(index).copied().flatten();
+        deviation.is_some_and(|own| own / report_share(problem, report, index) < KNOWN_WELL)
+    };
+    for (row, entries) in correlation.iter().enumerate() {
+        for (column, value) in entries.iter().enumerate().take(row) {
+            let pair = [column, row];
+            let is_said = pair.iter().all(|index| is_flat(analysis, *index));
+            let is_harmless = pair.iter().all(|index| is_known_well(*index));
+            if value.abs() <= LARGEST_CORRELATION || is_said || is_harmless {
+                continue;
+            }
+            let [a, b] = pair.map(|index| &problem.coordinates[index].name);
+            let detail = format!(
+                "`{a}` and `{b}` move together (correlation {value:.3}): the data fix a \
+                 combination better than either; fix one of them from a data sheet"
+            );
+            let reason = ("correlated", detail);
+            verdict.lower_some(Trust::Moderate, (pair.to_vec(), 0.0), reason);
+        }
+    }
+}
+
+fn validation(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
+    let parts = analysis.estimation_fit.iter().zip(&analysis.validation_fit);
+    let [slight, grave] = VALIDATION_RATIOS;
+    for (output, (estimation, validation)) in problem.outputs.iter().zip(parts) {
+        let (Some(inside), Some(outside)) = (estimation.rmse, validation.rmse) else {
+            continue;
+        };
+        let ratio = outside / inside;
+        let percent = validation.fit_percent.filter(|percent| *percent < 0.0);
+        if ratio <= slight {
+            continue;
+        }
+        let (trust, than_a_mean) = match percent {
+            Some(_) => (Trust::Low, ", and a constant would explain them better"),
+            None if ratio > grave => (Trust::Low, ""),
+            None => (Trust::Moderate, ""),
+        };
+        let detail = format!(
+            "the RMSE of `{}` is {ratio:.2} times as large on the data held back{than_a_mean}: the \
+             estimate does not carry over; use a longer or richer recording",
+            output.name,
+        );
+        verdict.lower(trust, "worse_on_validation", detail);
+    }
+}
+
+fn starts(verdict: &mut Verdict, report: &Report) {
+    let starts = report.refinements.iter();
+    let costs: Vec<f64> = starts.filter_map(|start| start.coarse_cost).collect();
+    let lowest = costs.iter().copied().fold(f64::INFINITY, f64::min);
+    let agreeing = costs
+        .iter()
+        .filter(|cost| **cost <= lowest * (1.0 + SAME_COST))
+        .count();
+    if costs.len() > 1 && agreeing == 1 {
+        let detail = format!(
+            "only one of {} starts of the refinement reached the lowest cost: there may be \
+             better minima; repeat with other seeds",
+            costs.len()
+        );
+        verdict.lower(Trust::Moderate, "starts_disagree", detail);
+    }
+}
+
+/// A start that ended as low, by what noise allows, but elsewhere.
+fn minima(verdict: &mut Verdict, problem: &Problem, report: &Report, analysis: &Analysis) {
+    let starts = report.refinements.iter();
+    let lowest = starts.clone().filter_map(|start| start.coarse_cost);
+    let lowest = lowest.fold(f64::INFINITY, f64::min);
+    let unit = if problem.declares_noise() {
+        lowest.max(1.0)
+    } else {
+        lowest
+    };
+    let is_as_low = |start: &&Refinement| {
+        let more = start.coarse_cost.unwrap_or(f64::INFINITY) - lowest;
+        more * problem.n_residuals() as f64 <= SECOND_MINIMUM * unit
+    };
+    let (deviations, share) = ELSEWHERE;
+    for start in starts.filter(is_as_low) {
+        let is_elsewhere = |index: &usize| {
+            let coordinate = &problem.coordinates[*index];
+            let Some((_, value)) = start
+                .values
+                .iter()
+                .find(|(name, _)| *name == coordinate.name)
+            else {
+                return false;
+            };
+            let scale = coordinate.scale;
+            let position = scale.position(*value, coordinate.lower, coordinate.upper);
+            let off = (position - report.positions[*index]).abs();
+            let own = analysis.deviations.get(*index).copied().flatten();
+            off > share && own.is_some_and(|own| off > deviations * own)
+        };
+        let others: Vec<usize> = (0..problem.coordinates.len())
+            .filter(is_elsewhere)
+            .collect();
+        if others.is_empty() {
+            continue;
+        }
+        let values: Vec<String> = start
+            .values
+            .iter()
+            .map(|(name, value)| format!("{name} {}", short(*value)))
+            .collect();
+        let detail = format!(
+            "another start explains the data as well with other values ({}): two answers; say in \
+             the search ranges or with a prior which one is meant",
+            values.join(", ")
+        );
+        verdict.lower_some(Trust::Low, (others, 1.0), ("second_minimum", detail));
+        return;
+    }
+}
+
+/// A number with three significant digits.
+fn short(value: f64) -> String {
+    let magnitude = value.abs();
+    if value == 0.0 || (1e-3..1e5).contains(&magnitude) {
+        let digits = (2.0 - magnitude.max(f64::MIN_POSITIVE).log10().floor()).clamp(0.0, 6.0);
+        let text = format!("{value:.*}", digits as usize);
+        if text.contains('.') {
+            return text.trim_end_matches('0').trim_end_matches('.').to_owned();
+        }
+        return text;
+    }
+    format!("{value:.2e}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_in_reasons_have_three_digits() {
+        let shown = [0.0, 31.04, 0.00123, 7e6, 8.91e-8, 123.4, -0.5];
+        let expected = ["0", "31", "0.00123", "7.00e6", "8.91e-8", "123", "-0.5"];
+        assert_eq!(shown.map(short), expected);
+    }
+}
