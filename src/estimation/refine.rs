@@ -8,6 +8,10 @@
 //! it is held there for the step. A descent goes down coarsely simulated first; the one that came
 //! lowest is then polished, simulated finely.
 
+mod end;
+
+pub use end::DescentEnd;
+
 use super::problem::Problem;
 use super::sensitivity::{Neighbourhood, SensitivityError, Sides};
 use crate::numerics::least_squares::{Rows, Triangle};
@@ -177,34 +181,6 @@ pub fn trial_steps(
         Some((damping, moved.collect()))
     };
     dampings.into_iter().filter_map(trial).collect()
-}
-
-/// Why a descent ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum DescentEnd {
-    /// No step gains anything more.
-    Converged,
-    /// Its step leads within a standard error of a minimum that another descent has found, and it
-    /// is taken to end there.
-    Merged,
-    /// The iterations are used up.
-    IterationLimit,
-    /// The candidate or its neighbours cannot be simulated.
-    Failed,
-}
-
-impl DescentEnd {
-    /// The name in results.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            DescentEnd::Converged => "converged",
-            DescentEnd::Merged => "merged",
-            DescentEnd::IterationLimit => "iteration_limit",
-            DescentEnd::Failed => "failed",
-        }
-    }
 }
 
 /// Descends from a start to the end. Nothing when `stop` was raised.

@@ -60,6 +60,22 @@ impl Triangle {
             .into_owned()
     }
 
+    /// The triangle of some of the unknowns alone, in the order in which they are named.
+    #[must_use]
+    pub fn of_columns(&self, columns: &[usize]) -> Triangle {
+        let padded = self.padded();
+        let right = std::iter::once(&self.columns);
+        let chosen: Vec<_> = columns
+            .iter()
+            .chain(right)
+            .map(|column| padded.column(*column))
+            .collect();
+        let mut triangle = Triangle::new(columns.len());
+        triangle.push(&DMatrix::from_columns(&chosen));
+        triangle.rows = self.rows;
+        triangle
+    }
+
     /// Qᵀ times the right-hand side, as long as there are unknowns.
     #[must_use]
     pub fn projected(&self) -> DVector<f64> {
@@ -259,6 +275,20 @@ mod tests {
             // 2 + 3·t, which a damping of 1e-14 moves by no more than rounding does.
             assert!((step[0] - 2.0).abs() < 1e-12 && (step[2] - 3.0).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn the_triangle_of_some_columns_is_that_of_their_rows() {
+        let mut triangle = Triangle::new(2);
+        triangle.push(&line());
+        let alone = triangle.of_columns(&[0]);
+        let step = alone.damped_step(0.0, &[true]).unwrap();
+        // The mean of 2.1, 4.9, 7.9, 11.1.
+        assert!((step[0] - 6.5).abs() < 1e-12);
+        assert_eq!(alone.rows(), 4);
+        let swapped = triangle.of_columns(&[1, 0]);
+        let step = swapped.damped_step(0.0, &[true, true]).unwrap();
+        assert!((step[0] - 3.0).abs() < 1e-12 && (step[1] - 2.0).abs() < 1e-12);
     }
 
     #[test]

@@ -37,6 +37,9 @@ pub struct Budget {
     pub totals: Vec<Option<f64>>,
     /// One for each assumption.
     pub lines: Vec<Line>,
+    /// Whether there are assumptions that nothing is said of: the record is too long to hold the
+    /// simulations of all, or the run was stopped.
+    pub is_left_out: bool,
 }
 
 /// What one assumption does.
@@ -96,6 +99,8 @@ pub struct Extended {
     problem: Problem,
     positions: Vec<f64>,
     unknowns: usize,
+    /// Whether assumptions are left out.
+    is_cut: bool,
 }
 
 impl Extended {
@@ -114,8 +119,10 @@ impl Extended {
             problem: problem.clone(),
             positions: positions.to_vec(),
             unknowns: positions.len(),
+            is_cut: false,
         };
         if !with_assumptions || values > MOST_VALUES {
+            extended.is_cut = !problem.assumptions.is_empty();
             extended.problem.assumptions = Arc::default();
             return extended;
         }
@@ -265,7 +272,7 @@ impl Budget {
         has_residuals: bool,
     ) -> Budget {
         let total = |index: usize| {
-            let noise = noise[index]?;
+            let noise = noise[index].filter(|_| !extended.is_cut)?;
             let Some(joint) = joint else {
                 return Some(noise.sqrt());
             };
@@ -311,6 +318,7 @@ impl Budget {
         let lines = extended.assumptions().iter().enumerate();
         Budget {
             lines: lines.map(line).collect(),
+            is_left_out: extended.is_cut,
             totals,
         }
     }

@@ -29,6 +29,9 @@ const BLOCK_COUNTS: [usize; 3] = [24, 48, 96];
 /// not fixed by the data.
 const LARGEST_CONDITION: f64 = 1e8;
 
+/// An unknown that changes no more than this over its whole range, in units of the noise of all
+/// residuals together, has no effect that others could be mistaken for.
+const NO_EFFECT: f64 = 1e-3;
 /// Levels that differ by less than this share are one.
 const SAME_LEVEL: f64 = 1e-3;
 
@@ -85,7 +88,8 @@ impl Covariance {
 /// What the linearised residuals say.
 #[derive(Clone, Debug)]
 pub struct Linear {
-    /// The covariance of the positions; none where the data do not fix all coordinates.
+    /// The covariance of the positions; none where the data do not fix all coordinates that have
+    /// any effect.
     pub covariance: Option<Covariance>,
     /// The triangle of the derivatives, each divided by its output's noise.
     pub factor: DMatrix<f64>,
@@ -191,29 +195,52 @@ pub fn linearise(
         return Err(Failure::Diverged);
     }
     let factor = triangle.factor();
-    let condition = condition(&factor);
+    let fixed = effective(&factor);
+    let reduced = triangle.of_columns(&fixed).factor();
+    let condition = condition(&reduced);
     let enough = triangle.rows() >= unknowns && condition <= LARGEST_CONDITION;
     let coloured = residuals.iter().any(|report| report.white == Some(false));
     let middle = levels.are_others(has_priors).then_some(middle);
     Ok(Linear {
-        covariance: inverse(&factor).filter(|_| enough).map(|inverse| {
-            let curvature = &inverse * inverse.transpose();
+        covariance: inverse(&reduced).filter(|_| enough).map(|inverse| {
+            let curvature = among(&(&inverse * inverse.transpose()), &fixed, unknowns);
             let fisher = match &middle {
                 Some(middle) => &curvature * middle * &curvature,
                 None => curvature.clone(),
             };
             let sums = if coloured { &sums[..] } else { &[] };
             let sandwiches = sums.iter().map(|sums| sandwich(&curvature, sums));
-            Covariance {
-                matrix: sandwiches.fold(fisher, widest),
-                coloured,
+            let mut matrix = sandwiches.fold(fisher, widest);
+            for index in (0..unknowns).filter(|index| !fixed.contains(index)) {
+                matrix[(index, index)] = f64::INFINITY;
             }
+            Covariance { matrix, coloured }
         }),
         factor,
         condition,
         slopes: slopes.finish(problem),
         mean_square_noise: levels.mean_square(),
     })
+}
+
+/// The columns of a triangle that have an effect.
+pub(super) fn effective(factor: &DMatrix<f64>) -> Vec<usize> {
+    let columns = factor.column_iter().enumerate();
+    columns
+        .filter(|(_, column)| column.norm() > NO_EFFECT)
+        .map(|(index, _)| index)
+        .collect()
+}
+
+/// A matrix of some of the coordinates as one of all, zero for the others.
+fn among(matrix: &DMatrix<f64>, fixed: &[usize], n: usize) -> DMatrix<f64> {
+    let mut all = DMatrix::zeros(n, n);
+    for (row, own) in fixed.iter().enumerate() {
+        for (column, other) in fixed.iter().enumerate() {
+            all[(*own, *other)] = matrix[(row, column)];
+        }
+    }
+    all
 }
 
 /// The condition number of the columns, each scaled to the same length; infinite where one is

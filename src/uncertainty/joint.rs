@@ -14,6 +14,7 @@
 //! `C + K·Kᵀ`; where they say all, it is that of an estimate with all of them free. All of it is
 //! read off the triangle of `[S | P | r]`.
 
+use super::covariance::effective;
 use crate::numerics::least_squares::Triangle;
 use nalgebra::{DMatrix, DVector};
 
@@ -24,6 +25,8 @@ const APART: f64 = 1e-6;
 /// The unknowns and the assumptions.
 #[derive(Clone, Debug)]
 pub struct Joint {
+    /// For each unknown its row in K; none for one without effect.
+    rows: Vec<Option<usize>>,
     /// K: how far each unknown moves by a standard deviation of each assumption; none where the
     /// data do not fix the unknowns.
     sensitivity: Option<DMatrix<f64>>,
@@ -56,8 +59,14 @@ impl Joint {
         if !plain.is_usable() || !white.is_usable() {
             return None;
         }
+        let columns = plain.factor().ncols();
+        let fixed = effective(&plain.factor().columns(0, unknowns).into_owned());
+        let rows = (0..unknowns).map(|own| fixed.iter().position(|index| *index == own));
+        let rows: Vec<Option<usize>> = rows.collect();
+        let kept: Vec<usize> = fixed.iter().copied().chain(unknowns..columns).collect();
+        let (plain, white) = (plain.of_columns(&kept), white.of_columns(&kept));
         let (factor, whitened) = (plain.factor(), white.factor());
-        let assumed = factor.ncols() - unknowns;
+        let (unknowns, assumed) = (fixed.len(), columns - unknowns);
         let corner = |factor: &DMatrix<f64>| {
             let apart = factor.view((unknowns, unknowns), (assumed, assumed));
             apart.into_owned()
@@ -78,6 +87,7 @@ impl Joint {
         let above = factor.view((0, 0), (unknowns, unknowns)).into_owned();
         let beside = factor.view((0, unknowns), (unknowns, assumed));
         Some(Joint {
+            rows,
             sensitivity: above
                 .solve_upper_triangular(&beside.into_owned())
                 .map(|moved| -moved)
@@ -93,8 +103,7 @@ impl Joint {
     /// How far an unknown moves by a standard deviation of an assumption.
     #[must_use]
     pub fn move_by(&self, unknown: usize, assumption: usize) -> Option<f64> {
-        let sensitivity = self.sensitivity.as_ref()?;
-        Some(sensitivity[(unknown, assumption)])
+        Some(self.moves(unknown)?[assumption])
     }
 
     /// What the residuals say of an assumption with all others as given; none where they cannot
@@ -151,7 +160,8 @@ impl Joint {
     }
 
     fn moves(&self, unknown: usize) -> Option<DVector<f64>> {
-        Some(self.sensitivity.as_ref()?.row(unknown).transpose())
+        let row = self.rows[unknown]?;
+        Some(self.sensitivity.as_ref()?.row(row).transpose())
     }
 }
 
@@ -288,6 +298,23 @@ mod tests {
         assert!((joint.move_by(1, 1).unwrap() + 2.0).abs() < 1e-12);
         let (deviation, variance) = joint.contribution(1, 1).unwrap();
         assert!((deviation - 2.0).abs() < 1e-12 && variance > 0.0);
+    }
+
+    #[test]
+    fn an_unknown_without_effect_has_no_total_and_takes_none_from_the_others() {
+        let mut triangle = Triangle::new(4);
+        let (s, p) = (matrix(&S), matrix(&P));
+        triangle.push(&DMatrix::from_fn(6, 5, |row, column| match column {
+            0 => s[(row, 0)],
+            1 => 0.0,
+            2 | 3 => p[(row, column - 2)],
+            _ => R[row],
+        }));
+        let joint = Joint::new(&triangle, &triangle, 2).unwrap();
+        assert_eq!(joint.total(1, 1.0), None);
+        let moved = joint.move_by(0, 1).unwrap();
+        // A level beside 0, 2, 4, 6, 8, 10: their mean.
+        assert!((moved + 5.0).abs() < 1e-12, "{moved}");
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! The rules of the verdict; what each of them is for stands in [`super::verdict`].
 
-use super::budget::{BETTER, Line};
+mod assumptions;
+
+use super::Analysis;
 use super::verdict::{Trust, Verdict};
-use super::{Analysis, NORMAL_95};
-use crate::estimation::problem::{Coordinate, Problem, Target};
+use crate::estimation::problem::{Problem, Target};
 use crate::estimation::report::{Refinement, Report};
 use crate::estimation::stop_reason::StopReason;
 
@@ -30,13 +31,6 @@ const SAME_COST: f64 = 0.01;
 const SECOND_MINIMUM: f64 = 9.2;
 /// Another answer is one that lies so many standard errors off, and this share of the range.
 const ELSEWHERE: (f64, f64) = (10.0, 0.02);
-/// Standard deviations of a prior beyond which the data contradict it.
-const LARGEST_PRIOR_SHIFT: f64 = 3.0;
-/// A total standard error beyond this share of the value is worth a word.
-const LARGE_TOTAL: f64 = 0.1;
-/// A contradicted assumption that moves a parameter by so many standard errors of noise makes its
-/// trust moderate, or low.
-const HARMFUL_MOVES: [f64; 2] = [1.0, 3.0];
 
 /// Applies every rule.
 pub(super) fn check(
@@ -51,9 +45,10 @@ pub(super) fn check(
     noise(verdict, problem, analysis);
     colour(verdict, problem, analysis);
     inputs(verdict, problem, analysis);
-    contradictions(verdict, problem, report, analysis);
-    dominance(verdict, problem, report, analysis);
-    priors(verdict, problem, analysis);
+    assumptions::contradictions(verdict, problem, report, analysis);
+    assumptions::left_out(verdict, analysis);
+    assumptions::dominance(verdict, problem, report, analysis);
+    assumptions::priors(verdict, problem, analysis);
     correlation(verdict, problem, report, analysis);
     validation(verdict, problem, analysis);
     starts(verdict, report);
@@ -205,163 +200,11 @@ fn inputs(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
     }
 }
 
-/// The residuals ask for one of the assumptions to be another; all that would explain as much are
-/// one reason, because each of them hides the others.
-fn contradictions(verdict: &mut Verdict, problem: &Problem, report: &Report, analysis: &Analysis) {
-    let pull = |line: &Line| line.score.unwrap_or_default().abs();
-    let mut lines: Vec<&Line> = analysis.budget.lines.iter().collect();
-    lines.retain(|line| line.is_contradicted());
-    lines.sort_by(|a, b| pull(b).total_cmp(&pull(a)));
-    let Some((strongest, others)) = lines.split_first() else {
-        return;
-    };
-    let Some((value, error)) = strongest.suggested else {
-        return;
-    };
-    let own = &strongest.assumption;
-    let others: Vec<String> = others
-        .iter()
-        .map(|line| format!("`{}`", line.assumption.name))
-        .collect();
-    let or = match others[..] {
-        [] => String::new(),
-        _ => format!("; or it is {}", others.join(" or ")),
-    };
-    let words = if own.is_absent_effect {
-        format!("`{}` of", own.name)
-    } else {
-        format!("`{}` not of {} but of", own.name, short(own.value))
-    };
-    let detail = format!(
-        "{words} {} ± {} {} would explain what is left ({:.0} standard deviations of noise{or}): \
-         free it with {{\"estimate\": {{}}}}, or measure it",
-        short(value),
-        short(error),
-        own.unit,
-        pull(strongest),
-    );
-    // How far any of the explanations would move each coordinate, in standard errors of noise.
-    let moves = |index: usize| {
-        let deviation = analysis.deviations.get(index).copied().flatten()?;
-        let moves = lines.iter().filter_map(|line| line.suggested_move(index));
-        Some(
-            moves
-                .map(|moved| moved.abs() / deviation)
-                .fold(0.0, f64::max),
-        )
-    };
-    let n = problem.coordinates.len();
-    let of_level = |low: f64, high: f64| -> Vec<usize> {
-        let within = |index: &usize| moves(*index).is_none_or(|m| m > low && m <= high);
-        (0..n).filter(within).collect()
-    };
-    let [moderate, low] = HARMFUL_MOVES;
-    let concerned = |from, to, trust: Trust, verdict: &mut Verdict| {
-        let indices = of_level(from, to);
-        if indices.is_empty() {
-            return false;
-        }
-        let shares = indices.iter().filter_map(|index| {
-            let moved = strongest.suggested_move(*index)?.abs();
-            Some(moved / report_share(problem, report, *index))
-        });
-        let at_stake = shares.fold(0.0, f64::max);
-        let reason = ("assumption_contradicted", detail.clone());
-        verdict.lower_some(trust, (indices, at_stake), reason);
-        true
-    };
-    let grave = concerned(low, f64::INFINITY, Trust::Low, verdict);
-    let slight = concerned(moderate, low, Trust::Moderate, verdict);
-    if !grave && !slight {
-        // It moves nothing that is asked for, and is worth a word all the same.
-        verdict.lower_some(
-            Trust::High,
-            (Vec::new(), 0.0),
-            ("assumption_contradicted", detail),
-        );
-    }
-}
-
 /// The coordinate's own value as a share of its range: what a move is measured by.
-fn report_share(problem: &Problem, report: &Report, index: usize) -> f64 {
+fn own_share(problem: &Problem, report: &Report, index: usize) -> f64 {
     let coordinate = &problem.coordinates[index];
     let slope = coordinate.slope(report.positions[index]).abs();
     (report.values[index].abs() / slope).max(f64::MIN_POSITIVE)
-}
-
-/// Where what is assumed leaves more open than the data.
-fn dominance(verdict: &mut Verdict, problem: &Problem, report: &Report, analysis: &Analysis) {
-    let described = problem.coordinates.iter().zip(&analysis.budget.totals);
-    for (index, (coordinate, total)) in described.enumerate() {
-        let noise = analysis.deviations.get(index).copied().flatten();
-        let (Some(total), Some(noise)) = (*total, noise) else {
-            continue;
-        };
-        let share = total / report_share(problem, report, index);
-        let is_wide = 2.0 * NORMAL_95 * total >= 1.0;
-        let is_assumed = total > std::f64::consts::SQRT_2 * noise;
-        if !is_assumed || !(is_wide || share > LARGE_TOTAL) {
-            continue;
-        }
-        let trust = if is_wide { Trust::Low } else { Trust::Moderate };
-        let reason = dominance_in_words((index, coordinate), (share, total), analysis);
-        verdict.lower_some(
-            trust,
-            (vec![index], share),
-            ("assumptions_dominate", reason),
-        );
-    }
-}
-
-fn dominance_in_words(
-    (index, coordinate): (usize, &Coordinate),
-    (share, total): (f64, f64),
-    analysis: &Analysis,
-) -> String {
-    let better = |line: &&Line| line.contributions[index].map(|own| own.total_if_better);
-    let lines = analysis.budget.lines.iter();
-    let best = lines.filter(|line| better(line).is_some()).min_by(|a, b| {
-        better(a)
-            .unwrap_or(total)
-            .total_cmp(&better(b).unwrap_or(total))
-    });
-    let known = format!(
-        "with all that is assumed `{}` is known to ± {:.2} % (one standard error)",
-        coordinate.name,
-        100.0 * share
-    );
-    let Some((line, then)) = best.and_then(|line| Some((line, better(&line)?))) else {
-        return known;
-    };
-    let own = &line.assumption;
-    format!(
-        "{known}: know `{}` to {} {} instead of {}, and it falls to ± {:.2} %",
-        own.name,
-        short(own.tolerance / BETTER),
-        own.unit,
-        short(own.tolerance),
-        100.0 * share * then / total
-    )
-}
-
-fn priors(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
-    let pairs = problem.coordinates.iter().zip(&analysis.coordinates);
-    for (index, (coordinate, known)) in pairs.enumerate() {
-        let shift = known
-            .prior_shift
-            .filter(|shift| shift.abs() > LARGEST_PRIOR_SHIFT);
-        if let Some(shift) = shift {
-            let detail = format!(
-                "the data move `{}` by {:.1} standard deviations of what was known of it before: \
-                 one of the two is wrong; check the prior, or look for an effect that the model \
-                 leaves out",
-                coordinate.name,
-                shift.abs()
-            );
-            let reason = ("prior_contradicted", detail);
-            verdict.lower_some(Trust::Moderate, (vec![index], 0.0), reason);
-        }
-    }
 }
 
 fn correlation(verdict: &mut Verdict, problem: &Problem, report: &Report, analysis: &Analysis) {
@@ -370,7 +213,7 @@ fn correlation(verdict: &mut Verdict, problem: &Problem, report: &Report, analys
     };
     let is_known_well = |index: usize| {
         let deviation = analysis.deviations.get(index).copied().flatten();
-        deviation.is_some_and(|own| own / report_share(problem, report, index) < KNOWN_WELL)
+        deviation.is_some_and(|own| own / own_share(problem, report, index) < KNOWN_WELL)
     };
     for (row, entries) in correlation.iter().enumerate() {
         for (column, value) in entries.iter().enumerate().take(row) {

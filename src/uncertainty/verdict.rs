@@ -15,6 +15,7 @@
 //! | `opposite_sign` | low | an output is simulated against what was measured |
 //! | `assumption_contradicted` | by how far it moves a parameter | the residuals pull at what is taken as known, beyond four standard deviations |
 //! | `assumptions_dominate` | low or moderate | the total interval is wider than the search range; its standard error beyond 10 % of the value |
+//! | `no_budget` | moderate | what is taken as known was not looked at |
 //! | `prior_contradicted` | moderate | the data moved it by more than three standard deviations of its prior |
 //! | `slight_misfit` | moderate | chi²/n between 1.15 and 1.5 |
 //! | `residuals_not_white` | moderate | residuals with a memory: the model misses dynamics |

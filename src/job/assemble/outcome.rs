@@ -160,13 +160,8 @@ fn estimate(
         upper: upper.and_then(finite),
         method: known.method.to_owned(),
     });
-    let reason = |absent: bool| {
-        absent.then(|| {
-            missing
-                .unwrap_or("the number is beyond all bounds")
-                .to_owned()
-        })
-    };
+    let reason =
+        |absent: bool| absent.then(|| missing.unwrap_or("the data do not fix it").to_owned());
     Estimate {
         estimate: value,
         standard_error_reason: reason(standard_error.is_none()),
