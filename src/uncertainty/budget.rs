@@ -80,6 +80,16 @@ impl Line {
         Some(self.contributions[coordinate]?.per_tolerance * tolerances)
     }
 
+    /// Twice the logarithm of how much likelier the data and the tolerance together make the
+    /// suggested value than the one that was taken.
+    #[must_use]
+    pub fn likelihood(&self) -> f64 {
+        let tolerances = self.suggested.map_or(0.0, |(value, _)| {
+            (value - self.assumption.value) / self.assumption.tolerance
+        });
+        self.score.map_or(0.0, |score| score * score) - tolerances * tolerances
+    }
+
     /// Whether the residuals contradict it: they pull beyond chance, and to where it can be.
     #[must_use]
     pub fn is_contradicted(&self) -> bool {

@@ -14,7 +14,7 @@
 //! | `misfit` | low | chi²/n above 1.5; or residuals far from white and no noise declared |
 //! | `opposite_sign` | low | an output is simulated against what was measured |
 //! | `assumption_contradicted` | by how far it moves a parameter | the residuals pull at what is taken as known, beyond four standard deviations |
-//! | `assumptions_dominate` | low or moderate | the total interval is wider than the search range; its standard error beyond 10 % of the value |
+//! | `assumptions_dominate` | low, or a remark | the total interval is wider than the search range; its standard error beyond 10 % of the value |
 //! | `no_budget` | moderate | what is taken as known was not looked at |
 //! | `prior_contradicted` | moderate | the data moved it by more than three standard deviations of its prior |
 //! | `slight_misfit` | moderate | chi²/n between 1.15 and 1.5 |
@@ -51,8 +51,8 @@ pub struct Reason {
     pub detail: String,
     /// How far it lets those that it concerns be trusted.
     pub trust: Trust,
-    /// The coordinates that it concerns; none: all.
-    pub concerns: Option<Vec<usize>>,
+    /// The coordinates that it concerns, each with how far it lets it be trusted; none: all.
+    pub concerns: Option<Vec<(usize, Trust)>>,
     /// How much of a parameter's value is at stake, where that is known: what reasons of equal
     /// trust are ranked by.
     pub at_stake: f64,
@@ -93,13 +93,26 @@ impl Verdict {
         (concerned, at_stake): (Vec<usize>, f64),
         (code, detail): (&'static str, String),
     ) {
-        self.push(trust, (Some(concerned), at_stake), (code, detail));
+        let each = concerned.into_iter().map(|index| (index, trust)).collect();
+        self.push(trust, (Some(each), at_stake), (code, detail));
+    }
+
+    /// Lowers the trust in each of some coordinates to its own level.
+    pub(super) fn lower_each(
+        &mut self,
+        concerned: Vec<(usize, Trust)>,
+        at_stake: f64,
+        reason: (&'static str, String),
+    ) {
+        let gravest = concerned.iter().map(|(_, trust)| *trust).min();
+        let gravest = gravest.unwrap_or_default();
+        self.push(gravest, (Some(concerned), at_stake), reason);
     }
 
     fn push(
         &mut self,
         trust: Trust,
-        (concerns, at_stake): (Option<Vec<usize>>, f64),
+        (concerns, at_stake): (Option<Vec<(usize, Trust)>>, f64),
         (code, detail): (&'static str, String),
     ) {
         self.reasons.push(Reason {
@@ -118,12 +131,15 @@ impl Verdict {
             a.trust.cmp(&b.trust).then(stakes)
         });
         let of_coordinate = |index: usize| {
-            let concerns = |reason: &&Reason| {
-                let some = reason.concerns.as_ref();
-                some.is_none_or(|some| some.contains(&index))
+            let own = |reason: &Reason| match &reason.concerns {
+                None => Some(reason.trust),
+                Some(some) => some.iter().find(|own| own.0 == index).map(|own| own.1),
             };
-            let against = self.reasons.iter().filter(concerns);
-            against.map(|reason| reason.trust).min().unwrap_or_default()
+            self.reasons
+                .iter()
+                .filter_map(own)
+                .min()
+                .unwrap_or_default()
         };
         self.coordinates = (0..problem.coordinates.len()).map(of_coordinate).collect();
         let pairs = || problem.coordinates.iter().zip(&self.coordinates);

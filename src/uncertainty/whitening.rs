@@ -43,6 +43,19 @@ impl Whitening {
     }
 }
 
+impl Whitening {
+    /// A row without what the rows before, the last one first, say of it.
+    fn filtered<'a>(&self, row: &[f64], past: impl IntoIterator<Item = &'a Vec<f64>>) -> Vec<f64> {
+        let mut filtered = row.to_vec();
+        for (coefficient, before) in self.coefficients.iter().zip(past) {
+            let pairs = filtered.iter_mut().zip(before);
+            pairs.for_each(|(value, before)| *value -= coefficient * before);
+        }
+        filtered.iter_mut().for_each(|value| *value *= self.gain);
+        filtered
+    }
+}
+
 /// The coefficients that predict a series from its past, and the share of its power that is left.
 fn levinson(correlations: &[f64]) -> (Vec<f64>, f64) {
     let mut coefficients: Vec<f64> = Vec::new();
@@ -108,18 +121,8 @@ impl Filter {
         }
         self.last = Some((experiment, sample));
         let order = self.whitening.coefficients.len();
-        let filtered = (self.past.len() >= order).then(|| {
-            let mut filtered = row.clone();
-            for (coefficient, before) in self.whitening.coefficients.iter().zip(&self.past) {
-                for (value, before) in filtered.iter_mut().zip(before) {
-                    *value -= coefficient * before;
-                }
-            }
-            for value in &mut filtered {
-                *value *= self.whitening.gain;
-            }
-            filtered
-        });
+        let filtered =
+            (self.past.len() >= order).then(|| self.whitening.filtered(&row, &self.past));
         self.past.push_front(row);
         self.past.truncate(order);
         filtered

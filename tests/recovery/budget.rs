@@ -405,3 +405,58 @@ fn friction_that_was_left_out_is_what_the_residuals_ask_for() {
     assert!(off < 6.0 + 3.0 * suggested.standard_error, "{suggested:?}");
     assert!(line.unnoticed_up_to.expect("a size") < 30.0);
 }
+
+/// Absorption and elimination can change places, with another volume (J. G. Wagner, *Pharmacokinetics
+/// for the Pharmaceutical Scientist*, 1993: flip-flop).
+#[test]
+fn twin_minima_are_never_trusted_and_the_twin_is_named() {
+    let (absorption, elimination, volume) = (1.2_f64, 0.25_f64, 4.0_f64);
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let level = |k: usize| {
+        let t = 0.25 * k as f64;
+        let rates = absorption / (volume * (absorption - elimination));
+        100.0 * rates * ((-elimination * t).exp() - (-absorption * t).exp())
+    };
+    let measured: Vec<f64> = (0..80)
+        .map(|k| level(k) + 0.1 * normal(&mut random))
+        .collect();
+    let signals = vec![
+        Signal::new("clock", "1", vec![0.0; 80]),
+        Signal::new("level", "1", measured),
+    ];
+    let range = |lower: f64, upper: f64| json!({"default": 1, "lower": lower, "upper": upper, "scale": "log", "unknown": true});
+    let outcome = run(
+        json!({
+            "model": {
+                "name": "one_compartment",
+                "inputs": {"clock": {}},
+                "parameters":
+                    {"ka": range(0.05, 5.0), "ke": range(0.05, 5.0), "V": range(0.1, 50.0)},
+                "states": {
+                    "gut": {"derivative": "-ka*gut", "initial": 100},
+                    "blood": {"derivative": "ka*gut/V - ke*blood + 0*clock", "initial": 0}
+                },
+                "outputs": {"level": {"expression": "blood"}}
+            },
+            "experiments": [{}],
+            "outputs": {"level": {"noise_std": 0.1}},
+            "method": {"name": "multistart_lm", "refine_candidates": 12},
+            "validation": {"fraction": 0},
+            "seed": 1
+        }),
+        recording(signals, 0.25, 80),
+    );
+    for start in &outcome.starts {
+        println!("{:?} {:?} {:?}", start.cost, start.parameters, start.end);
+    }
+    let reasons = &outcome.verdict.reasons;
+    let twin = reasons
+        .iter()
+        .find(|reason| reason.code == "second_minimum");
+    let concerned = twin.and_then(|twin| twin.concerns.clone());
+    let concerned = concerned.unwrap_or_else(|| panic!("{reasons:?}"));
+    for name in ["ka", "ke", "V"] {
+        assert!(concerned.iter().any(|own| own == name), "{concerned:?}");
+    }
+    assert_eq!(outcome.verdict.trust, Trust::Low);
+}

@@ -101,7 +101,7 @@ fn verdict_of(problem: &Problem, verdict: &verdict::Verdict) -> Verdict {
         concerns: reason
             .concerns
             .as_ref()
-            .map(|concerned| concerned.iter().map(name).collect()),
+            .map(|concerned| concerned.iter().map(|(index, _)| name(index)).collect()),
     };
     Verdict {
         trust: trust_of(verdict.trust),

@@ -305,6 +305,6 @@ fn effects() -> Vec<P> {
         P::known("load_force", LOAD, 0.0, [-2000.0, 2000.0])
             .within(None, None)
             .within_tolerance(about(20.0), WEIGHT),
-        P::known("supply_droop", DROOP, 0.0, [0.0, 5e9]).within_tolerance(about(2e8), PUMP),
+        P::known("supply_droop", DROOP, 0.0, [0.0, 5e9]).within_tolerance(about(1e8), PUMP),
     ]
 }

@@ -11,9 +11,13 @@ use crate::uncertainty::{Analysis, NORMAL_95};
 const LARGEST_PRIOR_SHIFT: f64 = 3.0;
 /// A total standard error beyond this share of the value is worth a word.
 const LARGE_TOTAL: f64 = 0.1;
-/// A contradicted assumption that moves a parameter by so many standard errors of noise makes its
-/// trust moderate, or low.
-const HARMFUL_MOVES: [f64; 2] = [1.0, 3.0];
+/// A contradicted assumption that would move a parameter by more than so many standard errors of
+/// noise and this share of its value makes its trust low,
+const GRAVE_MOVE: (f64, f64) = (3.0, 0.02);
+/// or moderate.
+const SLIGHT_MOVE: (f64, f64) = (1.0, 0.002);
+/// Other explanations that are named.
+const MOST_NAMED: usize = 4;
 
 /// The residuals ask for one of the assumptions to be another; all that would explain as much are
 /// one reason, because each of them hides the others.
@@ -23,71 +27,74 @@ pub(super) fn contradictions(
     report: &Report,
     analysis: &Analysis,
 ) {
-    let pull = |line: &Line| line.score.unwrap_or_default().abs();
     let mut lines: Vec<&Line> = analysis.budget.lines.iter().collect();
     lines.retain(|line| line.is_contradicted());
-    lines.sort_by(|a, b| pull(b).total_cmp(&pull(a)));
+    lines.sort_by(|a, b| b.likelihood().total_cmp(&a.likelihood()));
     let Some(detail) = contradiction_in_words(&lines) else {
         return;
     };
-    // How far any of the explanations would move each coordinate, in standard errors of noise and
-    // as a share of its value.
+    // How far any of the explanations would move a coordinate, in standard errors of noise and as
+    // a share of its value.
     let moves = |index: usize| -> Option<(f64, f64)> {
         let deviation = analysis.deviations.get(index).copied().flatten()?;
         let moves = lines.iter().filter_map(|line| line.suggested_move(index));
         let moved = moves.map(f64::abs).fold(0.0, f64::max);
         Some((moved / deviation, moved / own_share(problem, report, index)))
     };
-    let mut is_harmless = true;
-    for (trust, least, most) in [
-        (Trust::Low, HARMFUL_MOVES[1], f64::INFINITY),
-        (Trust::Moderate, HARMFUL_MOVES[0], HARMFUL_MOVES[1]),
-    ] {
-        let is_within = |index: &usize| match moves(*index) {
-            Some((moved, _)) => moved > least && moved <= most,
-            None => trust == Trust::Low,
-        };
-        let concerned: Vec<usize> = (0..problem.coordinates.len()).filter(is_within).collect();
-        if !concerned.is_empty() {
-            let shares = concerned.iter().filter_map(|index| Some(moves(*index)?.1));
-            let at_stake = shares.fold(0.0, f64::max);
-            let reason = ("assumption_contradicted", detail.clone());
-            verdict.lower_some(trust, (concerned, at_stake), reason);
-            is_harmless = false;
-        }
-    }
-    if is_harmless {
-        // It moves nothing that is asked for, and is worth a word all the same.
-        let reason = ("assumption_contradicted", detail);
-        verdict.lower_some(Trust::High, (Vec::new(), 0.0), reason);
-    }
+    let trust = |index: usize| match moves(index) {
+        Some((errors, share)) if errors > GRAVE_MOVE.0 && share > GRAVE_MOVE.1 => Trust::Low,
+        Some((errors, share)) if errors > SLIGHT_MOVE.0 && share > SLIGHT_MOVE.1 => Trust::Moderate,
+        Some(_) => Trust::High,
+        None => Trust::Low,
+    };
+    let n = problem.coordinates.len();
+    let concerned: Vec<(usize, Trust)> = (0..n)
+        .map(|index| (index, trust(index)))
+        .filter(|(_, trust)| *trust < Trust::High)
+        .collect();
+    let shares = concerned
+        .iter()
+        .filter_map(|(index, _)| Some(moves(*index)?.1));
+    let at_stake = shares.fold(0.0, f64::max);
+    verdict.lower_each(concerned, at_stake, ("assumption_contradicted", detail));
 }
 
-/// What the residuals ask for, the strongest explanation first; none where there is none.
+/// What the residuals ask for, the likeliest explanation first; none where there is none.
 fn contradiction_in_words(lines: &[&Line]) -> Option<String> {
-    let (strongest, others) = lines.split_first()?;
-    let (value, error) = strongest.suggested?;
-    let own = &strongest.assumption;
-    let others: Vec<String> = others
-        .iter()
+    let (likeliest, others) = lines.split_first()?;
+    let (value, error) = likeliest.suggested?;
+    let own = &likeliest.assumption;
+    let names = others.iter().take(MOST_NAMED);
+    let named: Vec<String> = names
         .map(|line| format!("`{}`", line.assumption.name))
         .collect();
-    let or = match others[..] {
-        [] => String::new(),
-        _ => format!("; or it is {}", others.join(" or ")),
+    let or = match (named.join(", "), others.len().saturating_sub(MOST_NAMED)) {
+        (_, _) if named.is_empty() => String::new(),
+        (named, 0) => format!("; or it is {named}"),
+        (named, more) => format!("; or it is {named} or one of {more} others in the budget"),
     };
-    let words = if own.is_absent_effect {
-        format!("`{}` of", own.name)
+    let words = if own.value == 0.0 {
+        format!(
+            "`{}` of {} ± {} {}",
+            own.name,
+            short(value),
+            short(error),
+            own.unit
+        )
     } else {
-        format!("`{}` not of {} but of", own.name, short(own.value))
+        let word = if value.abs() < own.value.abs() {
+            "smaller"
+        } else {
+            "larger"
+        };
+        let per_cent = |part: f64| short(100.0 * (part / own.value).abs());
+        let by = (per_cent(value - own.value), per_cent(error));
+        format!("`{}` {word} by {} ± {} %", own.name, by.0, by.1)
     };
     Some(format!(
-        "{words} {} ± {} {} would explain what is left ({:.0} standard deviations of noise{or}): \
-         free it with {{\"estimate\": {{}}}}, or measure it",
-        short(value),
-        short(error),
-        own.unit,
-        strongest.score?.abs(),
+        "{words} would explain what is left ({:.0} standard deviations of noise{or}): free it with \
+         {{\"estimate\": {{}}}}, or measure it",
+        likeliest.score?.abs(),
     ))
 }
 
@@ -118,7 +125,8 @@ pub(super) fn dominance(
         if !is_assumed || !(is_wide || share > LARGE_TOTAL) {
             continue;
         }
-        let trust = if is_wide { Trust::Low } else { Trust::Moderate };
+        // A wide interval that holds is to be trusted, if it says anything.
+        let trust = if is_wide { Trust::Low } else { Trust::High };
         let reason = dominance_in_words((index, coordinate), (share, total), analysis);
         verdict.lower_some(
             trust,
