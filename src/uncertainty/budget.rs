@@ -22,8 +22,9 @@ use std::sync::atomic::AtomicBool;
 const STEP: f64 = 0.1;
 /// within this many tolerances of its value.
 const ROOM: f64 = 5.0;
-/// Simulated values that are held at once at the most; a record that takes more has no budget.
-const MOST_VALUES: usize = 60_000_000;
+/// Simulated values that are held and gone through at once at the most, so that a stop is heard in
+/// time; a record that takes more has no budget.
+const MOST_VALUES: usize = 20_000_000;
 /// A score beyond this is no chance, among some twenty of them.
 pub const LARGEST_SCORE: f64 = 4.0;
 /// What knowing an assumption so many times better would bring is told.
