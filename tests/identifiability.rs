@@ -163,11 +163,11 @@ fn a_box_that_is_mostly_unstable_is_looked_at_to_the_end_and_its_failures_are_to
         "outputs": {"oil": {"expression": "p"}}
     });
     let model = document::referenced(&document).unwrap_or_else(|faults| panic!("{faults:#?}"));
-    let samples = 300;
+    let samples = 300_u16;
     let sine = |rate: f64| (0..samples).map(|k| (rate * f64::from(k)).sin()).collect();
     let time = TimeAxis::Uniform {
         sample_time: 1.0,
-        samples: samples as usize,
+        samples: usize::from(samples),
     };
     let signals = vec![
         Signal::new("u", "1", sine(0.3)),
