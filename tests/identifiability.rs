@@ -1,8 +1,12 @@
 //! What the data could fix is forecast, and what they could not is named.
 
 use greybox::Identification;
+use greybox::dataset::{Recording, Signal, TimeAxis};
 use greybox::demo::{self, Demo};
 use greybox::job::assemble::{self, Finding, Identifiability};
+use greybox::job::spec::Context;
+use greybox::job::{DatasetId, JobSpec};
+use greybox::model::{Catalogue, document};
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
 
@@ -21,8 +25,8 @@ fn forecast_from(parameters: Value, initial_state: Value) -> (Identifiability, V
         .assembly()
         .unwrap_or_else(|error| panic!("{error}"));
     let mut findings = Vec::new();
-    let ahead = assemble::forecast(&assembly, &spec.method, &mut findings);
     let never = AtomicBool::new(false);
+    let ahead = assemble::forecast(&assembly, &spec.method, &mut findings, &never);
     let at_start = assemble::flat_directions(&assembly.problem, &never).expect("not interrupted");
     // The look of a job that begins is coarser, and sees as many.
     assert_eq!(at_start.len(), ahead.flat_directions.len(), "{at_start:?}");
@@ -128,4 +132,60 @@ fn two_that_act_only_together_are_named_with_what_they_share() {
         .iter()
         .find(|words| words.contains("spring_neutral_position") && words.contains("load_force"));
     assert!(shared.is_some(), "{:?}", ahead.flat_directions);
+}
+
+/// A resonant actuator whose leakage may be negative: in most of its box it explodes over a record
+/// of 2000 s, to beyond what can be squared, without a state that is not a finite number.
+#[test]
+fn a_box_that_is_mostly_unstable_is_looked_at_to_the_end_and_its_failures_are_told() {
+    let free = |lower: f64, upper: f64| json!({"default": 0.1, "lower": lower, "upper": upper, "unknown": true});
+    let document = json!({
+        "name": "resonant_actuator",
+        "inputs": {"u": {}},
+        "parameters": {
+            "flow_gain": free(-20.0, 20.0), "leakage": free(-5.0, 5.0), "area": free(0.01, 10.0),
+            "friction": free(0.0, 5.0), "start": free(-5.0, 5.0)
+        },
+        "states": {
+            "p": {"derivative": "flow_gain*u - leakage*p - area*v", "initial": "start", "scale": 1},
+            "v": {"derivative": "area*p - friction*v", "initial": 0, "scale": 1}
+        },
+        "outputs": {"oil": {"expression": "p"}}
+    });
+    let model = document::referenced(&document).unwrap_or_else(|faults| panic!("{faults:#?}"));
+    let samples = 2000_u16;
+    let sine = |rate: f64| (0..samples).map(|k| (rate * f64::from(k)).sin()).collect();
+    let time = TimeAxis::Uniform {
+        sample_time: 1.0,
+        samples: usize::from(samples),
+    };
+    let signals = vec![
+        Signal::new("u", "1", sine(0.3)),
+        Signal::new("oil", "1", sine(0.7)),
+    ];
+    let recording = Recording::new(time, signals);
+    let dataset = DatasetId::new();
+    let job = json!({
+        "model": model.reference(), "experiments": [{"dataset": dataset}],
+        "outputs": {"oil": {"noise_std": 0.05}}, "validation": {"fraction": 0}, "seed": 1
+    });
+    let context = Context {
+        models: vec![model.model.description()],
+        datasets: &HashMap::from([(dataset, recording.summary())]),
+        max_duration_s: f64::INFINITY,
+    };
+    let spec = JobSpec::read(&job, &context).unwrap_or_else(|faults| panic!("{faults:?}"));
+    let assembly = assemble::problem(&spec, &model.model, &[recording]);
+    let assembly = assembly.unwrap_or_else(|faults| panic!("{faults:?}"));
+    let mut findings = Vec::new();
+    let ahead = assemble::forecast(&assembly, &spec.method, &mut findings);
+    assert!(ahead.points < 5);
+    assert!(
+        findings
+            .iter()
+            .any(|finding| finding.code == "points_failed"),
+        "{findings:?}"
+    );
+    let raised = AtomicBool::new(true);
+    assert!(assemble::flat_directions(&assembly.problem, &raised).is_none());
 }

@@ -218,7 +218,7 @@ impl<'m> SimulationRun<'m> {
                 .states
                 .iter()
                 .map(|state| match spec.initial_state.get(&*state.name) {
-                    Some(InitialStateSpec::Fixed(FixedValue { value })) => Some(*value),
+                    Some(InitialStateSpec::Fixed(FixedValue { value, .. })) => Some(*value),
                     Some(InitialStateSpec::Number(value)) => Some(*value),
                     Some(InitialStateSpec::Measured(_)) => first(&state.name),
                     Some(InitialStateSpec::Free(_)) => None,

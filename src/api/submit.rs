@@ -20,6 +20,7 @@ use super::query::{FromQuery, Params, QueryReader};
 use super::spec_cache::SpecKey;
 use super::{ApiState, models};
 use crate::job::assemble::{self, Assembly, Finding, Identifiability, Preflight};
+use crate::job::budget::BudgetLine;
 use crate::job::spec::Context;
 use crate::job::{Fault, JobSpec, Status};
 use crate::model::Model;
@@ -51,6 +52,9 @@ pub struct Validation {
     predicted_cost: PredictedCost,
     /// What its data could fix.
     identifiability: Identifiability,
+    /// What is taken as known, and what that will do to the parameters, in the middle of the search
+    /// ranges.
+    budget: Vec<BudgetLine>,
     /// What its user should know before it runs.
     findings: Vec<Finding>,
 }
@@ -72,7 +76,7 @@ pub struct PredictedCost {
 type Outlook = (Preflight, Identifiability);
 
 impl Validation {
-    fn new(spec: JobSpec, (preflight, identifiability): Outlook) -> Self {
+    fn new(spec: JobSpec, (preflight, mut identifiability): Outlook) -> Self {
         let predicted_cost = PredictedCost {
             unknowns: preflight.unknowns,
             residuals: preflight.residuals,
@@ -82,6 +86,7 @@ impl Validation {
         Self {
             spec,
             predicted_cost,
+            budget: std::mem::take(&mut identifiability.budget),
             identifiability,
             findings: preflight.findings,
         }

@@ -2,7 +2,7 @@
 //!
 //! A residual is measured − simulated, divided by its output's residual scale. The error of a
 //! block is the root mean square of its residuals (the paper's `|E_s^k|`, Eq. 10); the cost is
-//! their mean square over all the data that are estimated from. Where the job asks for another
+//! their mean square over all the data that are estimated from, and the priors. Where the job asks for another
 //! loss than the square ([`loss`](super::loss)), that loss stands in the place of the square. Missing samples count nowhere.
 //! Errors are summed while the simulation runs; no trajectory is stored.
 
@@ -93,6 +93,11 @@ impl Objective {
                 let sums = piece.sink.sums.iter().map(|sum| sum.0[lane]);
                 totals[member].add(sums, &self.counts[piece.run], piece.failures[lane]);
             }
+        }
+        for (total, positions) in totals.iter_mut().zip(candidates) {
+            let (sum, count) = problem.prior_sum(positions);
+            total.sum += sum;
+            total.count += count;
         }
         Some(totals.into_iter().map(Total::into_evaluation).collect())
     }

@@ -105,6 +105,59 @@ pub struct Coordinate {
     pub upper: f64,
     /// How the range is laid out.
     pub scale: Scale,
+    /// What is known of it beside the data.
+    pub prior: Option<Prior>,
+}
+
+/// A normal distribution of a value, or of its logarithm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prior {
+    /// Its mean.
+    pub middle: f64,
+    /// Its standard deviation.
+    pub deviation: f64,
+    /// Whether it is that of the value or of the logarithm.
+    pub scale: Scale,
+}
+
+impl Prior {
+    /// How many standard deviations a value is off: one more residual of unit noise.
+    #[must_use]
+    pub fn residual(self, value: f64) -> f64 {
+        let value = match self.scale {
+            Scale::Linear => value,
+            Scale::Log => libm::log(value),
+        };
+        (value - self.middle) / self.deviation
+    }
+
+    /// The derivative of that by the value.
+    #[must_use]
+    pub fn slope(self, value: f64) -> f64 {
+        match self.scale {
+            Scale::Linear => 1.0 / self.deviation,
+            Scale::Log => 1.0 / (self.deviation * value),
+        }
+    }
+}
+
+/// A number that is taken as known, and how well it is.
+#[derive(Clone, Debug)]
+pub struct Assumption {
+    /// Its name, which no other assumption has.
+    pub name: String,
+    /// Its SI unit.
+    pub unit: String,
+    /// What it stands for.
+    pub target: Target,
+    /// The value that is taken, SI.
+    pub value: f64,
+    /// One standard deviation of what is not known of it, above zero, SI.
+    pub tolerance: f64,
+    /// Whether it is an effect that is left out.
+    pub is_absent_effect: bool,
+    /// The least and the largest possible value, where there are such.
+    pub limits: [Option<f64>; 2],
 }
 
 impl Coordinate {
@@ -139,6 +192,8 @@ pub struct Problem {
     pub experiments: Arc<Vec<Experiment>>,
     /// How much a residual counts.
     pub loss: Loss,
+    /// What is taken as known, but not exactly.
+    pub assumptions: Arc<Vec<Assumption>>,
 }
 
 /// A candidate spelled out for one experiment.
@@ -157,6 +212,27 @@ impl Problem {
     pub fn declares_noise(&self) -> bool {
         let declares = |output: &MeasuredOutput| output.noise_std == Some(output.residual_scale);
         self.outputs.iter().all(declares)
+    }
+
+    /// The residuals of the priors at a candidate's positions, each with its coordinate and the
+    /// derivative by its position.
+    pub fn prior_rows(&self, positions: &[f64]) -> impl Iterator<Item = (usize, f64, f64)> {
+        let pairs = self.coordinates.iter().zip(positions).enumerate();
+        pairs.filter_map(|(index, (coordinate, position))| {
+            let prior = coordinate.prior?;
+            let value = coordinate.value(*position);
+            let slope = prior.slope(value) * coordinate.slope(*position);
+            Some((index, prior.residual(value), slope))
+        })
+    }
+
+    /// The sum of squares of the priors' residuals, and how many they are.
+    #[must_use]
+    pub fn prior_sum(&self, positions: &[f64]) -> (f64, usize) {
+        let rows = self.prior_rows(positions);
+        rows.fold((0.0, 0), |(sum, count), (_, residual, _)| {
+            (sum + residual * residual, count + 1)
+        })
     }
 
     /// The value of each coordinate at a candidate's positions, SI.

@@ -7,6 +7,10 @@
 //! Mathematics 630, 1978). A coordinate at a bound that is drawn beyond it is held there. A descent
 //! is coarsely simulated first; the one that came lowest is then polished, simulated finely.
 
+mod end;
+
+pub use end::DescentEnd;
+
 use super::problem::Problem;
 use super::sensitivity::{Neighbourhood, SensitivityError, Sides};
 use crate::numerics::lanes::LANES;
@@ -23,6 +27,8 @@ fn most_iterations(accuracy: Accuracy, rows: usize) -> u32 {
         Accuracy::Full => 120,
     }
 }
+/// No descent has more, whatever keeps it from its end.
+const HARD_LIMIT: u32 = 2000;
 /// Residuals of a record that costs next to nothing to go on with.
 const SHORT: usize = 1000;
 /// Where a descent differentiates. Differences to one side brought 200 descents to the floor of
@@ -72,7 +78,7 @@ const LARGEST_DAMPING: f64 = 1e6;
 pub struct Linearisation {
     /// The triangle of `[J | r]`.
     pub triangle: Triangle,
-    /// The mean square of the residuals.
+    /// The mean square of the residuals, those of the priors among them.
     pub cost: f64,
 }
 
@@ -102,8 +108,17 @@ impl Linearisation {
             rows.add(row.derivatives.iter().map(|d| d * slope), residual);
             sum += residual * residual;
         })?;
+        for (index, residual, slope) in around.prior_rows() {
+            let row =
+                (0..around.n_columns()).map(|column| if column == index { slope } else { 0.0 });
+            rows.add(row, residual);
+            sum += residual * residual;
+        }
         let triangle = rows.finish();
         let cost = sum / triangle.rows() as f64;
+        if !cost.is_finite() || !triangle.is_usable() {
+            return Err(Failure::Diverged);
+        }
         Ok(Linearisation { triangle, cost })
     }
 
@@ -164,34 +179,6 @@ pub fn trial_steps(
         Some((damping, moved.collect()))
     };
     dampings.into_iter().filter_map(trial).collect()
-}
-
-/// Why a descent ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum DescentEnd {
-    /// No step gains anything more.
-    Converged,
-    /// Its step leads within a standard error of a minimum that another descent has found, and it
-    /// is taken to end there.
-    Merged,
-    /// The iterations are used up.
-    IterationLimit,
-    /// The candidate or its neighbours cannot be simulated.
-    Failed,
-}
-
-impl DescentEnd {
-    /// The name in results.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            DescentEnd::Converged => "converged",
-            DescentEnd::Merged => "merged",
-            DescentEnd::IterationLimit => "iteration_limit",
-            DescentEnd::Failed => "failed",
-        }
-    }
 }
 
 /// Descends from a start to the end. Nothing when `stop` was raised.
@@ -349,6 +336,11 @@ impl Descent {
         };
         self.iterations += 1;
         let gains = step.cost < self.cost.unwrap_or(linearisation.cost);
+        if !gains && self.iterations >= HARD_LIMIT {
+            self.cost.get_or_insert(linearisation.cost);
+            self.end = Some(DescentEnd::IterationLimit);
+            return true;
+        }
         if !gains && self.is_near() {
             // The cost has no digits left for so short a step; its derivatives have.
             match linearisation.outlook(&self.positions) {

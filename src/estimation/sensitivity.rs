@@ -15,7 +15,7 @@ use std::sync::atomic::AtomicBool;
 /// How far a difference goes to a side, as a share of the search range. All lanes take the same
 /// steps, so that only rounding counts against a short one; a long one sees where commands
 /// saturate and ports open, and errs with the root of its length.
-const SHIFT: f64 = 1e-6;
+pub const SHIFT: f64 = 1e-6;
 
 /// One residual and its derivatives.
 #[derive(Clone, Copy, Debug)]
@@ -144,6 +144,8 @@ pub struct Neighbourhood<'a> {
     /// The neighbours that each difference is between.
     ends: Vec<(usize, usize)>,
     first_other: usize,
+    /// The candidate first, then its neighbours, then the others.
+    candidates: Vec<Vec<f64>>,
     recorded: Vec<Columns>,
 }
 
@@ -195,6 +197,7 @@ impl<'a> Neighbourhood<'a> {
             differences,
             ends,
             first_other,
+            candidates,
             recorded,
         })
     }
@@ -211,13 +214,41 @@ impl<'a> Neighbourhood<'a> {
         self.differences.len()
     }
 
+    /// The residuals of the priors at the candidate ([`Problem::prior_rows`]).
+    pub fn prior_rows(&self) -> impl Iterator<Item = (usize, f64, f64)> {
+        self.problem.prior_rows(&self.candidates[0])
+    }
+
+    /// Whether a neighbour along a direction cannot be simulated.
+    #[must_use]
+    pub fn fails_along(&self, direction: usize) -> bool {
+        let (low, high) = self.ends[direction];
+        self.failure(low).or(self.failure(high)).is_some()
+    }
+
     /// Visits every residual of the candidate, sample by sample, with its derivatives.
     ///
     /// # Errors
     /// How the candidate or a neighbour failed.
-    pub fn visit(&self, mut visit: impl FnMut(Row<'_>)) -> Result<(), Failure> {
-        let members = 0..self.first_other;
-        if let Some(failure) = members.clone().find_map(|member| self.failure(member)) {
+    pub fn visit(&self, visit: impl FnMut(Row<'_>)) -> Result<(), Failure> {
+        self.visit_along(self.n_columns(), visit)
+    }
+
+    /// The same where only the neighbours along the first directions are needed: the derivatives
+    /// along others that fail are no numbers.
+    ///
+    /// # Errors
+    /// How the candidate or one of those neighbours failed.
+    pub fn visit_along(
+        &self,
+        needed: usize,
+        mut visit: impl FnMut(Row<'_>),
+    ) -> Result<(), Failure> {
+        let neighbours = self.ends[..needed]
+            .iter()
+            .flat_map(|(low, high)| [*low, *high]);
+        let mut members = std::iter::once(0).chain(neighbours);
+        if let Some(failure) = members.find_map(|member| self.failure(member)) {
             return Err(failure);
         }
         let mut derivatives = vec![0.0; self.differences.len()];
@@ -253,7 +284,8 @@ impl<'a> Neighbourhood<'a> {
         }
         let residuals = places(self.problem).filter_map(|place| self.residual(member, place));
         let residuals = residuals.map(|residual| self.problem.loss.bent(residual));
-        let (sum, count) = residuals.fold((0.0, 0_usize), |(sum, count), residual| {
+        let priors = self.problem.prior_sum(&self.candidates[member]);
+        let (sum, count) = residuals.fold(priors, |(sum, count), residual| {
             (sum + residual * residual, count + 1)
         });
         let cost = sum / count as f64;

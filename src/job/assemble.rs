@@ -1,6 +1,8 @@
 //! Where the service and the method meet: a specification and its recordings become a problem,
 //! and what was found becomes the result document.
 
+mod assumption;
+mod budget;
 mod experiment;
 mod forecast;
 mod outcome;
@@ -87,6 +89,7 @@ pub fn problem(
             .method
             .huber_threshold
             .map_or(Loss::Squared, Loss::Huber),
+        assumptions: Arc::new(assumption::assumptions(spec, description)),
     };
     if problem.n_residuals() <= problem.coordinates.len() {
         let detail = format!(
@@ -174,10 +177,7 @@ fn coordinate(
     target: Target,
 ) -> Coordinate {
     Coordinate {
-        name: match target.experiment() {
-            None => parameter.name.to_string(),
-            Some(experiment) => format!("{}[{experiment}]", parameter.name),
-        },
+        name: name_of(parameter, target),
         quantity: parameter.name.to_string(),
         symbol: parameter.symbol.to_string(),
         unit: parameter.unit.to_string(),
@@ -185,6 +185,15 @@ fn coordinate(
         lower: free.estimate.lower,
         upper: free.estimate.upper,
         scale: free.estimate.scale,
+        prior: free.prior.map(|prior| prior.distribution()),
+    }
+}
+
+/// What a parameter is called, where it is an experiment's own too.
+fn name_of(parameter: &ParameterDescription, target: Target) -> String {
+    match target.experiment() {
+        None => parameter.name.to_string(),
+        Some(experiment) => format!("{}[{experiment}]", parameter.name),
     }
 }
 

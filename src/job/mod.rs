@@ -1,6 +1,7 @@
 //! What a job is: its specification, its life, its events and its outcome. Pure types.
 
 pub mod assemble;
+pub mod budget;
 pub mod candidate;
 pub mod comparison;
 pub mod event;

@@ -8,6 +8,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::budget::BudgetLine;
+
 /// The result of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Outcome {
@@ -32,6 +34,9 @@ pub struct Outcome {
     /// Combinations of unknowns that the data do not see, in words; each also lowers the verdict.
     #[serde(default)]
     pub flat_directions: Vec<String>,
+    /// What was taken as known, how well it is, and what that does to the parameters.
+    #[serde(default)]
+    pub budget: Vec<BudgetLine>,
     /// How well the simulated outputs follow the measured ones.
     pub fit: Fit,
     /// What the residuals look like, by output.
@@ -84,7 +89,10 @@ impl Outcome {
 pub struct Verdict {
     /// The grade.
     pub trust: Trust,
-    /// What speaks against the result; empty when nothing does.
+    /// What it comes to, in one sentence: who can be trusted how far.
+    #[serde(default)]
+    pub summary: String,
+    /// What speaks against the result, the gravest first; empty when nothing does.
     pub reasons: Vec<Reason>,
 }
 
@@ -106,8 +114,12 @@ pub struct Reason {
     /// What kind of doubt, for programs.
     #[schema(example = "residuals_not_white")]
     pub code: String,
-    /// What the doubt is, for people, with the numbers in it.
+    /// What the doubt is and what to do next, for people, with the numbers in it.
     pub detail: String,
+    /// The parameters and initial states that it concerns; absent where it concerns all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub concerns: Option<Vec<String>>,
 }
 
 /// One estimated parameter.
@@ -187,6 +199,23 @@ pub struct Estimate {
     /// Why there is no confidence interval.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence_interval_reason: Option<String>,
+    /// One standard deviation of the estimate's error with all that was taken as known, and not
+    /// of noise alone.
+    #[serde(default)]
+    #[schema(example = 0.82)]
+    pub total_standard_error: Option<f64>,
+    /// The range that holds the true value with the stated probability, whatever the truth of
+    /// what was taken as known within its tolerances.
+    #[serde(default)]
+    pub total_interval: Option<TotalInterval>,
+    /// How far the total interval can be relied on.
+    #[serde(default)]
+    pub trust: Option<Trust>,
+    /// How many standard deviations of its prior the estimate is off its middle; absent without
+    /// a prior.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub prior_shift: Option<f64>,
     /// The lower bound of the search.
     #[schema(example = 20.0)]
     pub lower: f64,
@@ -218,6 +247,18 @@ pub struct ConfidenceInterval {
     /// residuals with a memory), `profile` (likelihood profile) or `bootstrap`.
     #[schema(example = "fisher")]
     pub method: String,
+}
+
+/// An interval with all that was taken as known; an end that is left open is `null`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct TotalInterval {
+    /// The probability that the interval holds the true value.
+    #[schema(example = 0.95)]
+    pub level: f64,
+    /// The lower end.
+    pub lower: Option<f64>,
+    /// The upper end.
+    pub upper: Option<f64>,
 }
 
 /// The correlation of the estimates' errors.
@@ -431,6 +472,14 @@ mod tests {
                     method: "fisher".into(),
                 }),
                 confidence_interval_reason: None,
+                total_standard_error: Some(0.82),
+                total_interval: Some(TotalInterval {
+                    level: 0.95,
+                    lower: Some(56.4),
+                    upper: None,
+                }),
+                trust: Some(Trust::High),
+                prior_shift: None,
                 lower: 20.0,
                 upper: 120.0,
                 at_bound: false,
@@ -446,6 +495,9 @@ mod tests {
                 "standard_error": null, "standard_error_reason": "the job was cancelled",
                 "confidence_interval":
                     {"level": 0.95, "lower": 57.4, "upper": null, "method": "fisher"},
+                "total_standard_error": 0.82,
+                "total_interval": {"level": 0.95, "lower": 56.4, "upper": null},
+                "trust": "high",
                 "lower": 20.0, "upper": 120.0, "at_bound": false, "identifiable": true,
                 "output_change": {"position": 4.8e-5}
             })

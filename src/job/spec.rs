@@ -17,7 +17,7 @@ use crate::dataset::Summary;
 use crate::document::Fault;
 use crate::estimation::Settings;
 pub use crate::estimation::settings::MethodName;
-use crate::model::{ModelDescription, Scale};
+use crate::model::{ModelDescription, Scale, Tolerance, ToleranceText};
 use crate::uncertainty;
 
 mod experiment;
@@ -28,6 +28,7 @@ mod model_search;
 mod outputs;
 mod own_parameters;
 mod parameter;
+mod prior;
 
 pub mod simulation;
 #[cfg(test)]
@@ -36,6 +37,7 @@ mod tests;
 pub use model::ModelOfJob;
 use model::read_model;
 pub use model_search::ModelSearch;
+pub use prior::PriorSpec;
 
 use crate::document::reader::{Faults, Field};
 
@@ -200,6 +202,10 @@ pub enum FirstSample {
 pub struct FreeState {
     /// The bounds of the search.
     pub estimate: StateRange,
+    /// What is known of it before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub prior: Option<PriorSpec>,
 }
 
 /// The search range of an initial state, SI.
@@ -230,6 +236,11 @@ pub struct FixedValue {
     /// The value, SI.
     #[schema(example = 7e6)]
     pub value: f64,
+    /// How well it is known: one standard deviation, a number in its unit or a share such as
+    /// `"1 %"`; left out, what the model says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<ToleranceText>, nullable = false, example = "1 %")]
+    pub tolerance: Option<Tolerance>,
 }
 
 /// An unknown parameter.
@@ -238,6 +249,10 @@ pub struct FixedValue {
 pub struct FreeParameter {
     /// The range of the search; what is left out is the model's.
     pub estimate: SearchRange,
+    /// What is known of it before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub prior: Option<PriorSpec>,
 }
 
 /// The search range of a parameter, SI.
@@ -345,6 +360,7 @@ impl JobSpec {
                 .model_search
                 .as_ref()
                 .map_or_else(Vec::new, |search| search.effects.clone()),
+            thorough: true,
         }
     }
 

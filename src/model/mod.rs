@@ -5,6 +5,7 @@
 
 mod catalogue;
 mod parameter;
+mod tolerance;
 
 pub mod document;
 pub mod positioning_drive;
@@ -14,6 +15,7 @@ pub use catalogue::Catalogue;
 pub use parameter::{
     InitialState, ParameterDescription, Scale, SignalDescription, StateDescription,
 };
+pub use tolerance::{Tolerance, ToleranceText};
 
 use crate::simulation::Plant;
 use crate::simulation::native::{Dynamics, Native};

@@ -1,5 +1,6 @@
 //! Parameters and signals as a model describes them.
 
+use super::tolerance::{Tolerance, ToleranceText};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use utoipa::ToSchema;
@@ -76,6 +77,15 @@ pub struct ParameterDescription {
     pub minimum: Option<f64>,
     /// Larger values are physically impossible and refused; none: no limit.
     pub maximum: Option<f64>,
+    /// How well a job knows its value that does not say: one standard deviation. Of an effect
+    /// that is off, its plausible size; none: exactly.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<ToleranceText>, nullable = false)]
+    pub tolerance: Option<Tolerance>,
+    /// Where that is from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<String>, nullable = false)]
+    pub tolerance_source: Option<Cow<'static, str>>,
 }
 
 impl ParameterDescription {
@@ -99,6 +109,8 @@ impl ParameterDescription {
             unknown_by_default: false,
             minimum: Some(0.0),
             maximum: None,
+            tolerance: None,
+            tolerance_source: None,
         }
     }
 
@@ -116,6 +128,16 @@ impl ParameterDescription {
     pub fn log_scale(self) -> Self {
         ParameterDescription {
             scale: Scale::Log,
+            ..self
+        }
+    }
+
+    /// The same, known no better than this where a job does not say.
+    #[must_use]
+    pub fn within_tolerance(self, tolerance: Tolerance, source: &'static str) -> Self {
+        ParameterDescription {
+            tolerance: Some(tolerance),
+            tolerance_source: Some(Cow::Borrowed(source)),
             ..self
         }
     }

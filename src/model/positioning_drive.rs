@@ -8,7 +8,7 @@
 
 use super::{
     InitialState, Model, ModelDescription, ParameterDescription, SignalDescription,
-    StateDescription,
+    StateDescription, Tolerance,
 };
 use crate::numerics::lanes::Real;
 use crate::simulation::equations::Sample;
@@ -156,6 +156,8 @@ fn parameters() -> Vec<ParameterDescription> {
     const OFFSET: [&str; 3] = ["F0", "N", "constant offset of the force"];
     const VELOCITY: [&str; 3] = ["vs", "m/s", "velocity over which friction changes its sign"];
     const DELAY: [&str; 3] = ["td", "s", "time until the recorded force acts"];
+    const ROUGH: &str = "a constant of the model that no data sheet gives";
+    const CURRENT_LOOP: &str = "bandwidth of a drive's current loop";
     let positive = Some(f64::MIN_POSITIVE);
     vec![
         P::known("mass", MASS, 100.0, [10.0, 1000.0])
@@ -173,7 +175,9 @@ fn parameters() -> Vec<ParameterDescription> {
             .within(None, None),
         P::known("friction_velocity", VELOCITY, 2e-3, [1e-4, 2e-2])
             .log_scale()
-            .within(positive, None),
-        P::known("input_delay", DELAY, 0.0, [0.0, 0.05]),
+            .within(positive, None)
+            .within_tolerance(Tolerance::Percent(50.0), ROUGH),
+        P::known("input_delay", DELAY, 0.0, [0.0, 0.05])
+            .within_tolerance(Tolerance::Absolute(5e-4), CURRENT_LOOP),
     ]
 }

@@ -4,7 +4,11 @@
 //! neither the condition of J is squared (as normal equations would) nor the memory grows with
 //! the number of rows (G. H. Golub, C. F. Van Loan, *Matrix Computations*, 2013, ch. 5 and 6.3).
 
+use super::singular_values::has_finite_squares;
 use nalgebra::{DMatrix, DVector};
+
+/// A column whose norm is smaller has no effect: its square is zero, or has lost its digits.
+const NO_EFFECT: f64 = 1e-140;
 
 /// R of the rows seen so far; the last column belongs to the right-hand side.
 #[derive(Clone, Debug)]
@@ -23,6 +27,13 @@ impl Triangle {
             matrix: DMatrix::zeros(0, columns + 1),
             rows: 0,
         }
+    }
+
+    /// Whether its numbers can be used: no entry of a row was so large that its square is not
+    /// finite.
+    #[must_use]
+    pub fn is_usable(&self) -> bool {
+        has_finite_squares(&self.matrix)
     }
 
     /// How many rows have been seen.
@@ -47,6 +58,22 @@ impl Triangle {
         self.padded()
             .view((0, 0), (self.columns, self.columns))
             .into_owned()
+    }
+
+    /// The triangle of some of the unknowns alone, in the order in which they are named.
+    #[must_use]
+    pub fn of_columns(&self, columns: &[usize]) -> Triangle {
+        let padded = self.padded();
+        let right = std::iter::once(&self.columns);
+        let chosen: Vec<_> = columns
+            .iter()
+            .chain(right)
+            .map(|column| padded.column(*column))
+            .collect();
+        let mut triangle = Triangle::new(columns.len());
+        triangle.push(&DMatrix::from_columns(&chosen));
+        triangle.rows = self.rows;
+        triangle
     }
 
     /// Qᵀ times the right-hand side, as long as there are unknowns.
@@ -101,19 +128,24 @@ impl Triangle {
     }
 
     /// Minimises `|J·d + r|² + damping·|D·d|²` over the unknowns that are `free`, the others kept
-    /// at zero; D holds the norms of J's columns. None where the system is singular.
+    /// at zero; D holds the norms of J's columns. An unknown on which nothing depends has a step
+    /// of zero and does not keep the others from theirs. None where the system of the others is
+    /// singular.
     #[must_use]
     pub fn damped_step(&self, damping: f64, free: &[bool]) -> Option<DVector<f64>> {
         let factor = self.factor();
         let projected = self.projected();
-        let chosen: Vec<usize> = (0..self.columns).filter(|&column| free[column]).collect();
+        let norms: Vec<f64> = factor.column_iter().map(|column| column.norm()).collect();
+        let chosen: Vec<usize> = (0..self.columns)
+            .filter(|&column| free[column] && norms[column] > NO_EFFECT)
+            .collect();
         let n = chosen.len();
         let mut stacked = DMatrix::zeros(self.columns + n, n + 1);
         for (place, &column) in chosen.iter().enumerate() {
             stacked
                 .view_mut((0, place), (self.columns, 1))
                 .copy_from(&factor.column(column));
-            stacked[(self.columns + place, place)] = damping.sqrt() * factor.column(column).norm();
+            stacked[(self.columns + place, place)] = damping.sqrt() * norms[column];
         }
         for row in 0..self.columns {
             stacked[(row, n)] = -projected[row];
@@ -224,6 +256,54 @@ mod tests {
         assert!((triangle.reduction(&step) - (before - 0.04)).abs() < 1e-9);
         // J·d is 2, 5, 8, 11.
         assert!((triangle.movement(step.as_slice()) - 214.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_unknown_without_effect_does_not_stop_the_others() {
+        // The line again with a third unknown between the two, on which nothing depends.
+        let rows = line();
+        let widened = DMatrix::from_fn(4, 4, |row, column| match column {
+            0 => rows[(row, 0)],
+            1 => 0.0,
+            _ => rows[(row, column - 1)],
+        });
+        let mut triangle = Triangle::new(3);
+        triangle.push(&widened);
+        for damping in [0.0, 1e-14] {
+            let step = triangle.damped_step(damping, &[true; 3]).unwrap();
+            assert_eq!(step[1], 0.0);
+            // 2 + 3·t, which a damping of 1e-14 moves by no more than rounding does.
+            assert!((step[0] - 2.0).abs() < 1e-12 && (step[2] - 3.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn the_triangle_of_some_columns_is_that_of_their_rows() {
+        let mut triangle = Triangle::new(2);
+        triangle.push(&line());
+        let alone = triangle.of_columns(&[0]);
+        let step = alone.damped_step(0.0, &[true]).unwrap();
+        // The mean of 2.1, 4.9, 7.9, 11.1.
+        assert!((step[0] - 6.5).abs() < 1e-12);
+        assert_eq!(alone.rows(), 4);
+        let swapped = triangle.of_columns(&[1, 0]);
+        let step = swapped.damped_step(0.0, &[true, true]).unwrap();
+        assert!((step[0] - 3.0).abs() < 1e-12 && (step[1] - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn rows_that_overflow_are_not_usable() {
+        for wild in [1e214, f64::INFINITY, f64::NAN] {
+            let mut triangle = Triangle::new(2);
+            triangle.push(&line());
+            assert!(triangle.is_usable());
+            triangle.push(&DMatrix::from_row_slice(
+                2,
+                3,
+                &[1.0, wild, 0.0, 1.0, 1.0, 1.0],
+            ));
+            assert!(!triangle.is_usable(), "{wild}");
+        }
     }
 
     #[test]

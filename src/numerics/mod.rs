@@ -5,6 +5,7 @@ pub mod interpolation;
 pub mod lanes;
 pub mod least_squares;
 pub mod rng;
+pub mod singular_values;
 pub mod statistics;
 pub mod symmetric;
 pub mod width;

@@ -1,5 +1,6 @@
 //! The principal axes of a symmetric matrix.
 
+use super::singular_values::has_finite_squares;
 use nalgebra::{DMatrix, SymmetricEigen};
 
 /// An eigenvector of length one and its eigenvalue.
@@ -11,12 +12,23 @@ pub struct Axis {
     pub direction: Vec<f64>,
 }
 
+/// Iterations for each row at the most; a few are usual.
+const ITERATIONS_EACH: usize = 100;
+
 /// The axes of a symmetric matrix of finite numbers, given row by row. Small eigenvalues are
-/// exact to a rounding error of the largest.
+/// exact to a rounding error of the largest. Where a square is not finite there are none to be
+/// had: then the axes are those of the diagonal alone.
 #[must_use]
 pub fn axes(rows: &[Vec<f64>]) -> Vec<Axis> {
-    let matrix = DMatrix::from_fn(rows.len(), rows.len(), |row, column| rows[row][column]);
-    let found = SymmetricEigen::new(matrix);
+    let n = rows.len();
+    let matrix = DMatrix::from_fn(n, n, |row, column| rows[row][column]);
+    let found = has_finite_squares(&matrix)
+        .then(|| SymmetricEigen::try_new(matrix.clone(), f64::EPSILON, ITERATIONS_EACH * n))
+        .flatten()
+        .unwrap_or_else(|| SymmetricEigen {
+            eigenvalues: matrix.diagonal(),
+            eigenvectors: DMatrix::identity(n, n),
+        });
     let columns = found.eigenvectors.column_iter();
     let pairs = found.eigenvalues.iter().zip(columns);
     pairs
@@ -52,6 +64,15 @@ mod tests {
                 let sum: f64 = parts.map(|(axis, product)| axis.value * product).sum();
                 prop_assert!((sum - rows[row][column]).abs() < 1e-11);
             }
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_overflows_comes_to_an_end_with_the_axes_of_its_diagonal() {
+        for wild in [1e200, f64::INFINITY, f64::NAN] {
+            let axes = axes(&[vec![1.0, wild], vec![wild, 2.0]]);
+            assert_eq!([axes[0].value, axes[1].value], [1.0, 2.0]);
+            assert_eq!(axes[1].direction, [0.0, 1.0]);
         }
     }
 

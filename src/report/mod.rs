@@ -49,6 +49,7 @@ pub fn render(report: &Report<'_>) -> String {
     );
     verdict(&mut page, report.outcome);
     tables::estimates(&mut page, report.outcome);
+    tables::budget(&mut page, report.outcome);
     tables::fit(&mut page, report.outcome);
     tables::model_search(&mut page, report.outcome);
     plots::experiments(&mut page, report);

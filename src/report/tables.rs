@@ -2,13 +2,17 @@
 
 use super::html::{escape, number, optional, significant, with_code};
 use super::push;
-use crate::job::outcome::{Estimate, Outcome, OutputFit};
+use crate::job::outcome::{Estimate, Outcome, OutputFit, Trust};
+
+/// Shares of a variance below this are not shown.
+const SMALLEST_SHARE: f64 = 0.01;
 
 /// The estimates and how well each is known.
 pub fn estimates(page: &mut String, outcome: &Outcome) {
     page.push_str(
         "<section>\n<h2>Estimates</h2>\n<div class=\"scroll\"><table>\n<tr><th>parameter</th>\
-         <th>estimate</th><th>standard error</th><th>95 % interval</th><th>unit</th>\
+         <th>estimate</th><th>standard error</th><th>95 % interval</th>\
+         <th>total standard error</th><th>total interval</th><th>trust</th><th>unit</th>\
          <th>searched</th><th>change of outputs at +100 %</th></tr>\n",
     );
     for parameter in &outcome.parameters {
@@ -37,11 +41,21 @@ fn row(page: &mut String, name: &str, unit: &str, known: &Estimate) {
     let interval = match &known.confidence_interval {
         Some(interval) => format!(
             "{} … {}<br><span class=\"muted\">{}</span>",
-            interval.lower.map_or_else(|| "open".to_owned(), number),
-            interval.upper.map_or_else(|| "open".to_owned(), number),
+            end(interval.lower),
+            end(interval.upper),
             escape(&interval.method)
         ),
         None => escape(known.confidence_interval_reason.as_deref().unwrap_or("–")),
+    };
+    let total = match &known.total_interval {
+        Some(interval) => format!("{} … {}", end(interval.lower), end(interval.upper)),
+        None => "–".to_owned(),
+    };
+    let trust = match known.trust {
+        Some(Trust::High) => "high",
+        Some(Trust::Moderate) => "moderate",
+        Some(Trust::Low) => "low",
+        None => "–",
     };
     let mut flags = String::new();
     if known.at_bound {
@@ -60,16 +74,68 @@ fn row(page: &mut String, name: &str, unit: &str, known: &Estimate) {
         page,
         format_args!(
             "<tr><td>{}{flags}</td><td>{}</td><td>{}</td><td>{interval}</td><td>{}</td>\
+             <td>{total}</td><td>{trust}</td><td>{}</td>\
              <td>{} … {}</td><td>{}</td></tr>\n",
             escape(name),
             number(known.estimate),
             error.map_or_else(|| "–".to_owned(), |error| significant(error, 2)),
+            known
+                .total_standard_error
+                .map_or_else(|| "–".to_owned(), |error| significant(error, 2)),
             escape(unit),
             significant(known.lower, 4),
             significant(known.upper, 4),
             changes.join("<br>")
         ),
     );
+}
+
+fn end(value: Option<f64>) -> String {
+    value.map_or_else(|| "open".to_owned(), number)
+}
+
+/// What was taken as known, and what it does.
+pub fn budget(page: &mut String, outcome: &Outcome) {
+    if outcome.budget.is_empty() {
+        return;
+    }
+    page.push_str(
+        "<section>\n<h2>What was taken as known</h2>\n<div class=\"scroll\"><table>\n\
+         <tr><th>assumption</th><th>value</th><th>tolerance</th><th>unit</th><th>score</th>\
+         <th>suggested</th><th>unnoticed up to</th><th>share of the total variance</th></tr>\n",
+    );
+    let three =
+        |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 3));
+    for line in &outcome.budget {
+        let suggested = line.suggested.map_or_else(
+            || "–".to_owned(),
+            |own| {
+                let (value, error) = (own.value, own.standard_error);
+                format!("{} ± {}", significant(value, 4), significant(error, 2))
+            },
+        );
+        let shares: Vec<String> = line
+            .contributions
+            .iter()
+            .filter(|(_, own)| own.share.abs() >= SMALLEST_SHARE)
+            .map(|(name, own)| format!("{} {:.0} %", escape(name), 100.0 * own.share))
+            .collect();
+        push(
+            page,
+            format_args!(
+                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{suggested}</td>\
+                 <td>{}</td><td>{}</td></tr>\n",
+                escape(&line.assumption),
+                number(line.value),
+                significant(line.tolerance, 3),
+                escape(&line.unit),
+                three(line.score),
+                three(line.unnoticed_up_to),
+                shares.join("<br>")
+            ),
+        );
+    }
+    page.push_str("</table></div>\n</section>\n");
 }
 
 /// How well the outputs are followed, and what the residuals look like.

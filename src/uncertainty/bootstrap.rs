@@ -69,6 +69,14 @@ impl Bootstrap<'_> {
     fn resampled(&self, sample: u32) -> Problem {
         let mut problem = self.problem.clone();
         let mut rng = rng::stream(self.seed, u64::from(sample), Purpose::Bootstrap);
+        // A prior is one more measurement, and might have come out otherwise.
+        let own = problem.coordinates.iter_mut().zip(self.positions);
+        for (coordinate, position) in own {
+            let value = coordinate.value(*position);
+            if let Some(prior) = &mut coordinate.prior {
+                prior.middle += prior.deviation * (prior.residual(value) + rng::normal(&mut rng));
+            }
+        }
         let experiments = Arc::make_mut(&mut problem.experiments);
         let outputs = self.problem.outputs.iter().zip(self.residuals).enumerate();
         for (output, (measured, report)) in outputs {

@@ -7,13 +7,18 @@
 //! record (the sandwich form; P. J. Huber 1967, with batch means for its middle). Several block
 //! lengths are tried and the widest result is taken, never narrower than the Fisher one.
 //!
-//! The noise of an output is the declared one, or larger where the residuals are larger. Under
+//! The noise of an output is the declared one, or larger where the residuals are larger. Where that
+//! makes the weights of the outputs others than those that the estimate was made with, or with
+//! priors that count against a larger noise, the middle of the sandwich is the variance that the
+//! estimate's own weights leave: `B = Σ_k ρ_k²·J_kᵀJ_k`, ρ_k the noise of output k in units of its
+//! residuals. A prior is a residual of unit noise. Under
 //! Huber's loss the score of a residual stands in the place of the residual (see `residuals`).
 
 use super::residuals::ResidualReport;
 use crate::estimation::problem::Problem;
-use crate::estimation::sensitivity::{self, Neighbourhood};
-use crate::numerics::least_squares::{Rows, Triangle};
+use crate::estimation::sensitivity::Neighbourhood;
+use crate::numerics::least_squares::Rows;
+use crate::numerics::singular_values::singular_values;
 use crate::simulation::Failure;
 use nalgebra::{DMatrix, DVector};
 
@@ -23,6 +28,12 @@ const BLOCK_COUNTS: [usize; 3] = [24, 48, 96];
 /// Beyond this condition number of the column-scaled sensitivities a combination of unknowns is
 /// not fixed by the data.
 const LARGEST_CONDITION: f64 = 1e8;
+
+/// An unknown that changes no more than this over its whole range, in units of the noise of all
+/// residuals together, has no effect that others could be mistaken for.
+const NO_EFFECT: f64 = 1e-3;
+/// Levels that differ by less than this share are one.
+const SAME_LEVEL: f64 = 1e-3;
 
 /// The covariance of the positions.
 #[derive(Clone, Debug)]
@@ -56,6 +67,12 @@ impl Covariance {
             .collect()
     }
 
+    /// The covariances.
+    #[must_use]
+    pub fn matrix(&self) -> &DMatrix<f64> {
+        &self.matrix
+    }
+
     /// How it was made: `fisher`, or `fisher_coloured` where it was widened for the colour of the
     /// residuals.
     #[must_use]
@@ -71,7 +88,8 @@ impl Covariance {
 /// What the linearised residuals say.
 #[derive(Clone, Debug)]
 pub struct Linear {
-    /// The covariance of the positions; none where the data do not fix all coordinates.
+    /// The covariance of the positions; none where the data do not fix all coordinates that have
+    /// any effect.
     pub covariance: Option<Covariance>,
     /// The triangle of the derivatives, each divided by its output's noise.
     pub factor: DMatrix<f64>,
@@ -91,13 +109,54 @@ impl Linear {
     }
 }
 
-/// What makes a residual one of unit noise, for each output.
-#[must_use]
-pub fn weights(problem: &Problem, residuals: &[ResidualReport]) -> Vec<f64> {
-    let pairs = problem.outputs.iter().zip(residuals);
-    pairs
-        .map(|(output, report)| output.residual_scale / report.noise_std)
-        .collect()
+/// The noise of each output in units of its residuals.
+#[derive(Clone, Debug)]
+pub struct NoiseLevels {
+    levels: Vec<f64>,
+    /// What all residuals are multiplied with, those of the priors too: one over the level where
+    /// there is one, else over the root of their mean square.
+    pub weight: f64,
+}
+
+impl NoiseLevels {
+    /// Those of residuals.
+    #[must_use]
+    pub fn of(problem: &Problem, residuals: &[ResidualReport]) -> NoiseLevels {
+        let pairs = problem.outputs.iter().zip(residuals);
+        let levels: Vec<f64> = pairs
+            .map(|(output, report)| report.noise_std / output.residual_scale)
+            .collect();
+        let squares = levels.iter().map(|level| level * level).sum::<f64>();
+        let weight = match levels[..] {
+            [only] => 1.0 / only,
+            _ => 1.0 / (squares / levels.len() as f64).sqrt(),
+        };
+        NoiseLevels { levels, weight }
+    }
+
+    /// What makes a residual one of unit noise, for each output.
+    #[must_use]
+    pub fn weights(&self) -> Vec<f64> {
+        self.levels.iter().map(|level| 1.0 / level).collect()
+    }
+
+    /// The mean square of the noise in the units of the residuals.
+    #[must_use]
+    pub fn mean_square(&self) -> f64 {
+        self.levels.iter().map(|level| level * level).sum::<f64>() / self.levels.len() as f64
+    }
+
+    /// The variance of an output's weighted residuals.
+    fn variance(&self, output: usize) -> f64 {
+        (self.levels[output] * self.weight).powi(2)
+    }
+
+    /// Whether the weights are not those of the noise: outputs differ, or there are priors and
+    /// the noise is not the one that they stand against.
+    fn are_others(&self, has_priors: bool) -> bool {
+        let differ = |level: &f64| (level * self.weight - 1.0).abs() > SAME_LEVEL;
+        self.levels.iter().any(differ) || (has_priors && (self.weight - 1.0).abs() > SAME_LEVEL)
+    }
 }
 
 /// Linearises the residuals at a candidate that was simulated with its neighbours.
@@ -109,41 +168,79 @@ pub fn linearise(
     around: &Neighbourhood<'_>,
     residuals: &[ResidualReport],
 ) -> Result<Linear, Failure> {
-    let weights = weights(problem, residuals);
-    let unknowns = around.n_columns();
+    let levels = NoiseLevels::of(problem, residuals);
+    let unknowns = problem.coordinates.len();
     let mut gathered = Gathered::new(unknowns, problem.n_residuals());
     let mut slopes = Slopes::new(unknowns, problem.outputs.len());
-    around.visit(|row| {
+    around.visit_along(unknowns, |row| {
         let score = problem.loss.score(row.residual) / residuals[row.output].inlier_share;
-        gathered.add(row.derivatives, score, weights[row.output]);
-        slopes.add(&row);
+        let derivatives = &row.derivatives[..unknowns];
+        gathered.add(
+            derivatives,
+            (score, levels.variance(row.output)),
+            levels.weight,
+        );
+        slopes.add(row.output, derivatives);
     })?;
-    let (triangle, sums) = gathered.finish();
+    let mut has_priors = false;
+    for (index, residual, slope) in around.prior_rows() {
+        gathered.add_prior((index, slope), residual, levels.weight);
+        has_priors = true;
+    }
+    let Gathered {
+        rows, sums, middle, ..
+    } = gathered;
+    let triangle = rows.finish();
+    if !triangle.is_usable() {
+        return Err(Failure::Diverged);
+    }
     let factor = triangle.factor();
-    let condition = condition(&factor);
+    let fixed = effective(&factor);
+    let reduced = triangle.of_columns(&fixed).factor();
+    let condition = condition(&reduced);
     let enough = triangle.rows() >= unknowns && condition <= LARGEST_CONDITION;
     let coloured = residuals.iter().any(|report| report.white == Some(false));
-    let squares = weights.iter().map(|weight| weight.powi(-2)).sum::<f64>();
+    let middle = levels.are_others(has_priors).then_some(middle);
     Ok(Linear {
-        covariance: inverse(&factor)
-            .filter(|_| enough)
-            .map(|inverse| covariance(&inverse, coloured, &sums)),
+        covariance: inverse(&reduced).filter(|_| enough).map(|inverse| {
+            let curvature = among(&(&inverse * inverse.transpose()), &fixed, unknowns);
+            let fisher = match &middle {
+                Some(middle) => &curvature * middle * &curvature,
+                None => curvature.clone(),
+            };
+            let sums = if coloured { &sums[..] } else { &[] };
+            let sandwiches = sums.iter().map(|sums| sandwich(&curvature, sums));
+            let mut matrix = sandwiches.fold(fisher, widest);
+            for index in (0..unknowns).filter(|index| !fixed.contains(index)) {
+                matrix[(index, index)] = f64::INFINITY;
+            }
+            Covariance { matrix, coloured }
+        }),
         factor,
         condition,
         slopes: slopes.finish(problem),
-        mean_square_noise: squares / weights.len() as f64,
+        mean_square_noise: levels.mean_square(),
     })
 }
 
-fn covariance(inverse: &DMatrix<f64>, coloured: bool, sums: &[Vec<DVector<f64>>]) -> Covariance {
-    let fisher = inverse * inverse.transpose();
-    let matrix = if coloured {
-        let sandwiches = sums.iter().map(|sums| sandwich(&fisher, sums));
-        sandwiches.fold(fisher.clone(), widest)
-    } else {
-        fisher
-    };
-    Covariance { matrix, coloured }
+/// The columns of a triangle that have an effect.
+pub(super) fn effective(factor: &DMatrix<f64>) -> Vec<usize> {
+    let columns = factor.column_iter().enumerate();
+    columns
+        .filter(|(_, column)| column.norm() > NO_EFFECT)
+        .map(|(index, _)| index)
+        .collect()
+}
+
+/// A matrix of some of the coordinates as one of all, zero for the others.
+fn among(matrix: &DMatrix<f64>, fixed: &[usize], n: usize) -> DMatrix<f64> {
+    let mut all = DMatrix::zeros(n, n);
+    for (row, own) in fixed.iter().enumerate() {
+        for (column, other) in fixed.iter().enumerate() {
+            all[(*own, *other)] = matrix[(row, column)];
+        }
+    }
+    all
 }
 
 /// The condition number of the columns, each scaled to the same length; infinite where one is
@@ -156,8 +253,9 @@ fn condition(factor: &DMatrix<f64>) -> f64 {
     let scaled = DMatrix::from_fn(factor.nrows(), factor.ncols(), |row, column| {
         factor[(row, column)] / norms[column]
     });
-    let singular = scaled.singular_values();
-    singular.max() / singular.min()
+    singular_values(&scaled)
+        .and_then(|found| Some(found.sizes.first()? / found.sizes.last()?))
+        .unwrap_or(f64::INFINITY)
 }
 
 fn inverse(factor: &DMatrix<f64>) -> Option<DMatrix<f64>> {
@@ -179,10 +277,10 @@ impl Slopes {
         }
     }
 
-    fn add(&mut self, row: &sensitivity::Row<'_>) {
-        self.counts[row.output] += 1;
-        for (squares, derivative) in self.squares.iter_mut().zip(row.derivatives) {
-            squares[row.output] += derivative * derivative;
+    fn add(&mut self, output: usize, derivatives: &[f64]) {
+        self.counts[output] += 1;
+        for (squares, derivative) in self.squares.iter_mut().zip(derivatives) {
+            squares[output] += derivative * derivative;
         }
     }
 
@@ -198,13 +296,13 @@ impl Slopes {
     }
 }
 
-fn sandwich(fisher: &DMatrix<f64>, sums: &[DVector<f64>]) -> DMatrix<f64> {
-    let n = fisher.nrows();
+fn sandwich(curvature: &DMatrix<f64>, sums: &[DVector<f64>]) -> DMatrix<f64> {
+    let n = curvature.nrows();
     let mut middle = DMatrix::zeros(n, n);
     for sum in sums {
         middle += sum * sum.transpose();
     }
-    fisher * middle * fisher
+    curvature * middle * curvature
 }
 
 /// The covariance with the larger variances: the second scaled up where the first is wider.
@@ -234,6 +332,8 @@ struct Gathered {
     seen: usize,
     total: usize,
     sums: Vec<Vec<DVector<f64>>>,
+    /// The sum of the squares of the derivatives, each with the variance of its residual.
+    middle: DMatrix<f64>,
 }
 
 impl Gathered {
@@ -244,12 +344,18 @@ impl Gathered {
             seen: 0,
             total: total.max(1),
             sums: BLOCK_COUNTS.iter().map(zeros).collect(),
+            middle: DMatrix::zeros(columns, columns),
         }
     }
 
-    fn add(&mut self, derivatives: &[f64], residual: f64, weight: f64) {
-        let weighted = derivatives.iter().map(|derivative| derivative * weight);
-        self.rows.add(weighted, residual * weight);
+    fn add(&mut self, derivatives: &[f64], (residual, variance): (f64, f64), weight: f64) {
+        let weighted = || derivatives.iter().map(|derivative| derivative * weight);
+        self.rows.add(weighted(), residual * weight);
+        for (row, first) in weighted().enumerate() {
+            for (column, second) in weighted().enumerate() {
+                self.middle[(row, column)] += first * second * variance;
+            }
+        }
         for sums in &mut self.sums {
             let block = (self.seen * sums.len() / self.total).min(sums.len() - 1);
             for (sum, derivative) in sums[block].iter_mut().zip(derivatives) {
@@ -259,7 +365,16 @@ impl Gathered {
         self.seen += 1;
     }
 
-    fn finish(self) -> (Triangle, Vec<Vec<DVector<f64>>>) {
-        (self.rows.finish(), self.sums)
+    /// A prior has unit noise before it is weighted, and is a block of its own.
+    fn add_prior(&mut self, (index, slope): (usize, f64), residual: f64, weight: f64) {
+        let columns = self.middle.ncols();
+        let part = |column: usize| if column == index { slope * weight } else { 0.0 };
+        self.rows.add((0..columns).map(part), residual * weight);
+        self.middle[(index, index)] += (slope * weight * weight).powi(2);
+        for sums in &mut self.sums {
+            let mut sum = DVector::zeros(columns);
+            sum[index] = slope * weight * weight;
+            sums.push(sum);
+        }
     }
 }

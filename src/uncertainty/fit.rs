@@ -27,6 +27,9 @@ pub struct OutputFit {
     pub rmse: Option<f64>,
     /// The largest residual `[SI]`.
     pub max_abs_error: Option<f64>,
+    /// The correlation of what was simulated with what was measured; none where one of them does
+    /// not vary.
+    pub correlation: Option<f64>,
     /// Residuals.
     pub samples: usize,
 }
@@ -71,6 +74,7 @@ fn describe(pairs: &[(f64, f64)]) -> OutputFit {
             fit_percent: None,
             rmse: None,
             max_abs_error: None,
+            correlation: None,
             samples,
         };
     }
@@ -85,7 +89,14 @@ fn describe(pairs: &[(f64, f64)]) -> OutputFit {
         .iter()
         .map(|(y, simulated)| (y - simulated).abs())
         .fold(0.0, f64::max);
+    let centre = pairs.iter().map(|(_, own)| own).sum::<f64>() / samples as f64;
+    let (mut products, mut power) = (0.0, 0.0);
+    for (y, simulated) in pairs {
+        products += (y - mean) * (simulated - centre);
+        power += square(simulated - centre);
+    }
     OutputFit {
+        correlation: Some(products / (spread * power).sqrt()).filter(|rho| rho.is_finite()),
         fit_percent: (spread > 0.0).then(|| 100.0 * (1.0 - (error / spread).sqrt())),
         rmse: Some((error / samples as f64).sqrt()),
         max_abs_error: Some(largest),
@@ -134,6 +145,8 @@ mod tests {
         assert_eq!(against(measured).fit_percent, Some(100.0));
         let off = against([1.0, 2.0, 3.0, 4.0]);
         assert_eq!((off.rmse, off.max_abs_error), (Some(1.0), Some(2.0)));
+        let mirrored = against([-1.0, -2.0, -3.0, -6.0]).correlation.unwrap();
+        assert!((mirrored + 1.0).abs() < 1e-12);
     }
 
     #[test]
@@ -148,6 +161,7 @@ mod tests {
             fit_percent: None,
             rmse: Some(0.5),
             max_abs_error: None,
+            correlation: None,
             samples: 100,
         };
         let criteria = criteria(&[fit], 2).unwrap();

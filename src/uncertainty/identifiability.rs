@@ -9,11 +9,13 @@
 //! Where large effects of single unknowns cancel, J·v is all rounding: so the directions that J
 //! proposes are tried at each point by going along them.
 
+use super::budget::{Budget, Extended};
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{self, SensitivityError, Sides};
 use crate::model::Scale;
 use crate::numerics::least_squares::Rows;
-use crate::simulation::Accuracy;
+use crate::numerics::singular_values::{SingularValues, singular_values};
+use crate::simulation::{Accuracy, Failure};
 use nalgebra::DMatrix;
 use std::sync::atomic::AtomicBool;
 
@@ -92,28 +94,25 @@ pub fn forecast(problem: &Problem, accuracy: Accuracy, stop: &AtomicBool) -> Opt
         accuracy,
         stop,
     };
-    let mut factors = Vec::with_capacity(POINTS);
+    let mut seen = Vec::with_capacity(POINTS);
     for point in 0..POINTS {
-        match information_factor(&view, &position(point, n)) {
-            Ok(factor) => factors.push((point, factor)),
+        match information(&view, &position(point, n)) {
+            Ok(information) => seen.push((point, information)),
             Err(SensitivityError::Interrupted) => return None,
             Err(SensitivityError::Failed(_)) => {}
         }
     }
-    let points: Vec<Vec<f64>> = factors
-        .iter()
-        .map(|(point, _)| position(*point, n))
-        .collect();
-    let flat = match flat_directions(&view, &points, proposed(&factors)) {
+    let points: Vec<Vec<f64>> = seen.iter().map(|(point, _)| position(*point, n)).collect();
+    let flat = match flat_directions(&view, &points, proposed(&seen)) {
         Ok(directions) => directions,
         Err(SensitivityError::Interrupted) => return None,
         Err(SensitivityError::Failed(_)) => Vec::new(),
     };
-    let deviations: Vec<Vec<f64>> = factors
+    let deviations: Vec<Vec<f64>> = seen
         .iter()
-        .map(|(_, factor)| deviations(factor))
+        .map(|(_, information)| deviations(information))
         .collect();
-    let middle_is_there = factors.first().is_some_and(|(point, _)| *point == 0);
+    let middle_is_there = seen.first().is_some_and(|(point, _)| *point == 0);
     let coordinates = (0..n)
         .map(|index| {
             let of_points = deviations.iter().map(|deviations| deviations[index]);
@@ -130,7 +129,7 @@ pub fn forecast(problem: &Problem, accuracy: Accuracy, stop: &AtomicBool) -> Opt
         })
         .collect();
     Some(Forecast {
-        points: factors.len(),
+        points: seen.len(),
         coordinates,
         flat: flat
             .iter()
@@ -158,11 +157,30 @@ pub fn flat_at(
         accuracy: Accuracy::Full,
         stop,
     };
-    let directions = flat_directions(&view, &points, flat_in(factor))?;
+    let proposed = singular_values(factor).map_or_else(Vec::new, |found| flat_in(&found));
+    let directions = flat_directions(&view, &points, proposed)?;
     Ok(directions
         .iter()
         .map(|direction| named(problem, direction))
         .collect())
+}
+
+/// What is to be expected of all that is taken as known, in the middle of the box; empty where
+/// that cannot be simulated. Answers nothing when `stop` was raised.
+#[must_use]
+pub fn budget(problem: &Problem, forecast: &Forecast, stop: &AtomicBool) -> Option<Budget> {
+    let middle = vec![0.5; problem.coordinates.len()];
+    let extended = Extended::new(problem, &middle, true);
+    let around = extended.around(Accuracy::Full, stop)?;
+    let pairs = problem.coordinates.iter().zip(&forecast.coordinates);
+    let deviations: Vec<f64> = pairs
+        .map(|(coordinate, forecast)| {
+            let error = forecast.standard_error.unwrap_or(f64::INFINITY);
+            error / coordinate.slope(0.5).abs()
+        })
+        .collect();
+    let budget = Budget::foretold(&extended, &around, &weights(problem), &deviations);
+    Some(budget.unwrap_or_default())
 }
 
 /// The middle of the box, then points that fill its inner part evenly (steps of the n-dimensional
@@ -194,11 +212,9 @@ fn weights(problem: &Problem) -> Vec<f64> {
         .collect()
 }
 
-/// The triangle of the weighted derivatives.
-fn information_factor(
-    view: &View<'_>,
-    positions: &[f64],
-) -> Result<DMatrix<f64>, SensitivityError> {
+/// The singular values of the weighted derivatives. A point at which they are not finite, or too
+/// large to be squared, has failed like one that cannot be simulated.
+fn information(view: &View<'_>, positions: &[f64]) -> Result<SingularValues, SensitivityError> {
     let mut rows = Rows::new(positions.len());
     sensitivity::visit_rows(view.problem, positions, view.accuracy, view.stop, |row| {
         let weight = view.weights[row.output];
@@ -207,22 +223,21 @@ fn information_factor(
             0.0,
         );
     })?;
-    Ok(rows.finish().factor())
+    for (index, _, slope) in view.problem.prior_rows(positions) {
+        let part = |column: usize| if column == index { slope } else { 0.0 };
+        rows.add((0..positions.len()).map(part), 0.0);
+    }
+    singular_values(&rows.finish().factor()).ok_or(SensitivityError::Failed(Failure::Diverged))
 }
 
 /// The predicted standard deviation of each coordinate as a share of its range; infinite where
 /// the data do not fix it.
-fn deviations(factor: &DMatrix<f64>) -> Vec<f64> {
-    let n = factor.ncols();
-    let svd = factor.clone().svd(false, true);
-    let Some(directions) = svd.v_t else {
-        return vec![f64::INFINITY; n];
-    };
+fn deviations(information: &SingularValues) -> Vec<f64> {
     let variance = |coordinate: usize| -> f64 {
-        let parts = svd.singular_values.iter().enumerate();
+        let parts = information.sizes.iter().zip(&information.directions);
         parts
-            .map(|(index, size)| {
-                let part = directions[(index, coordinate)];
+            .map(|(size, direction)| {
+                let part = direction[coordinate];
                 if part.abs() < 1e-6 {
                     0.0
                 } else {
@@ -231,16 +246,17 @@ fn deviations(factor: &DMatrix<f64>) -> Vec<f64> {
             })
             .sum()
     };
+    let n = information.directions.first().map_or(0, Vec::len);
     (0..n)
         .map(|coordinate| variance(coordinate).sqrt())
         .collect()
 }
 
 /// The directions that are flat at the point that has most of them.
-fn proposed(factors: &[(usize, DMatrix<f64>)]) -> Vec<Vec<f64>> {
+fn proposed(seen: &[(usize, SingularValues)]) -> Vec<Vec<f64>> {
     let mut most = Vec::new();
-    for (_, factor) in factors {
-        let flat = flat_in(factor);
+    for (_, information) in seen {
+        let flat = flat_in(information);
         if flat.len() > most.len() {
             most = flat;
         }
@@ -248,16 +264,12 @@ fn proposed(factors: &[(usize, DMatrix<f64>)]) -> Vec<Vec<f64>> {
     most
 }
 
-/// The directions that are flat by a triangle of derivatives.
-fn flat_in(factor: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    let svd = factor.clone().svd(false, true);
-    let Some(directions) = svd.v_t else {
-        return Vec::new();
-    };
-    let sizes = svd.singular_values.iter().enumerate();
-    sizes
-        .filter(|(_, size)| **size * FLAT < 1.0)
-        .map(|(index, _)| directions.row(index).iter().copied().collect())
+/// The directions that are flat by the singular values of the derivatives.
+fn flat_in(information: &SingularValues) -> Vec<Vec<f64>> {
+    let pairs = information.sizes.iter().zip(&information.directions);
+    pairs
+        .filter(|(size, _)| **size * FLAT < 1.0)
+        .map(|(_, direction)| direction.clone())
         .collect()
 }
 
@@ -284,6 +296,11 @@ fn flat_directions(
             sides: Sides::Both,
         };
         sensitivity::visit_directions(view.problem, along, view.accuracy, view.stop, gather)?;
+        for (index, _, slope) in view.problem.prior_rows(positions) {
+            for (square, direction) in squares.iter_mut().zip(&directions) {
+                *square += (direction[index] * slope).powi(2);
+            }
+        }
         let mut sizes = squares.iter().map(|square| square.sqrt());
         directions.retain(|_| sizes.next().is_some_and(|size| size * FLAT < 1.0));
     }

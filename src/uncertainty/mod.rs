@@ -1,39 +1,49 @@
 //! How far an estimate can be trusted, and why.
 //!
-//! [`conclude`] leaves out what the data do not support, where that is asked for ([`selection`]);
-//! [`analyse`] linearises the residuals at the estimate and derives standard errors and
-//! intervals ([`covariance`]; on request better ones, [`profile`] and [`bootstrap`]), looks at what the model leaves unexplained ([`residuals`],
-//! [`fit`]), and says in words what follows ([`verdict`]). A fit per cent alone certifies
+//! [`conclude`] weighs outputs of unknown noise by what is left of each ([`reweighting`]) and leaves
+//! out what the data do not support, where that is asked for ([`selection`]); [`analyse`]
+//! linearises the residuals at the estimate and derives standard errors and intervals
+//! ([`covariance`]; on request better ones, [`profile`] and [`bootstrap`]), says what the numbers
+//! that are taken as known add to them and whether the residuals contradict one ([`budget`]),
+//! looks at what the model leaves unexplained ([`residuals`], [`fit`]), and says in words what
+//! follows ([`verdict`]). A fit per cent alone certifies
 //! nothing: a wrong structure can fit 99 % with parameters wrong by factors. What the data could
 //! fix at all is forecast by [`identifiability`].
 
 pub mod bootstrap;
+pub mod budget;
 pub mod covariance;
 pub mod fit;
 pub mod identifiability;
+pub mod joint;
 pub mod profile;
 pub mod residuals;
+pub mod reweighting;
+mod rules;
 pub mod selection;
 pub mod settings;
 pub mod verdict;
+pub mod whitening;
 
 pub use selection::{Conclusion, conclude};
 pub use settings::{Intervals, Settings};
 
 use crate::estimation::loss::Loss;
-use crate::estimation::problem::Problem;
+use crate::estimation::problem::{Coordinate, Problem};
 use crate::estimation::report::Report;
-use crate::estimation::sensitivity::{self, Neighbourhood, SensitivityError};
+use crate::estimation::sensitivity::{Neighbourhood, SensitivityError};
 use crate::estimation::trajectory;
 use crate::simulation::Accuracy;
 use crate::simulation::single::Outputs;
 use bootstrap::Bootstrap;
-use covariance::{Covariance, Linear};
+use budget::{Budget, Extended, Seen};
+use covariance::{Covariance, Linear, NoiseLevels};
 use fit::{Criteria, OutputFit};
 use identifiability::FlatDirection;
+use profile::Ends;
 use residuals::ResidualReport;
 use std::sync::atomic::AtomicBool;
-use verdict::Verdict;
+use verdict::{Trust, Verdict};
 
 /// What is known of one coordinate beside its value.
 #[derive(Clone, Debug)]
@@ -45,6 +55,16 @@ pub struct CoordinateUncertainty {
     pub interval: Option<(Option<f64>, Option<f64>)>,
     /// How the interval was made.
     pub method: &'static str,
+    /// Its ends as positions, before they are made values.
+    ends: Option<Ends>,
+    /// The standard error with all that is taken as known, SI.
+    pub total_error: Option<f64>,
+    /// The 95 % interval with all that is taken as known, SI.
+    pub total_interval: Option<(Option<f64>, Option<f64>)>,
+    /// How many standard deviations of its prior the estimate is off its middle.
+    pub prior_shift: Option<f64>,
+    /// How far its total interval can be relied on.
+    pub trust: Trust,
     /// Whether the estimate stands at an end of its search range.
     pub at_bound: bool,
     /// Whether the data fix it more closely than the search range does.
@@ -75,6 +95,11 @@ pub struct Analysis {
     pub residuals: Vec<ResidualReport>,
     /// Criteria for the comparison of models.
     pub criteria: Option<Criteria>,
+    /// For each coordinate the standard deviation that noise alone leaves, as a share of its
+    /// search range.
+    pub deviations: Vec<Option<f64>>,
+    /// What is taken as known, and what it does.
+    pub budget: Budget,
     /// Whether the numbers can be trusted.
     pub verdict: Verdict,
 }
@@ -94,6 +119,9 @@ pub struct Request {
     pub seed: u64,
     /// Parameters that may be left out of the model ([`selection`]).
     pub effects: Vec<String>,
+    /// Whether outputs of unknown noise are weighed anew and the budget of what is taken as known
+    /// is drawn up, which takes many simulations.
+    pub thorough: bool,
 }
 
 /// Analyses an estimate. Answers nothing when `stop` was raised.
@@ -105,9 +133,10 @@ pub fn analyse(
     stop: &AtomicBool,
 ) -> Option<Analysis> {
     let positions = &report.positions;
+    let extended = Extended::new(problem, positions, request.thorough);
     let (trajectories, around) = rayon::join(
         || trajectory::simulate(problem, positions, stop),
-        || sensitivity::around(problem, positions, Accuracy::Full, stop),
+        || extended.around(Accuracy::Full, stop),
     );
     let (trajectories, around) = (trajectories?, around?);
     let Ok(trajectories) = trajectories else {
@@ -120,7 +149,7 @@ pub fn analyse(
         trajectories: &trajectories,
         residuals: &residuals,
     };
-    let linearised = match estimate.linearised(&around, request, stop) {
+    let linearised = match estimate.linearised((&extended, &around), request, stop) {
         Ok(linearised) => linearised,
         Err(SensitivityError::Interrupted) => return None,
         Err(failure) => Linearised::without(problem, report, failure.to_string()),
@@ -142,10 +171,21 @@ pub fn analyse(
         validation_fit,
         residuals,
         criteria,
+        deviations: linearised.deviations,
+        budget: linearised.budget,
         verdict: Verdict::default(),
     };
-    analysis.verdict = verdict::of(problem, report, &analysis);
+    analysis.judge(verdict::of(problem, report, &analysis));
     Some(analysis)
+}
+
+impl Analysis {
+    fn judge(&mut self, verdict: Verdict) {
+        for (known, trust) in self.coordinates.iter_mut().zip(&verdict.coordinates) {
+            known.trust = *trust;
+        }
+        self.verdict = verdict;
+    }
 }
 
 /// An estimate of which nothing is known yet, for whoever cannot wait for its analysis.
@@ -166,7 +206,7 @@ fn without_simulation(problem: &Problem, report: &Report) -> Analysis {
 }
 
 fn unknown(problem: &Problem, report: &Report, code: &'static str, reason: String) -> Analysis {
-    Analysis {
+    let mut analysis = Analysis {
         coordinates: coordinates(problem, report, None),
         correlation: None,
         condition: None,
@@ -176,8 +216,12 @@ fn unknown(problem: &Problem, report: &Report, code: &'static str, reason: Strin
         validation_fit: Vec::new(),
         residuals: Vec::new(),
         criteria: None,
-        verdict: Verdict::low(code, reason),
-    }
+        deviations: vec![None; problem.coordinates.len()],
+        budget: Budget::default(),
+        verdict: Verdict::default(),
+    };
+    analysis.judge(Verdict::low(problem, code, reason));
+    analysis
 }
 
 /// What follows from the derivatives at the estimate.
@@ -187,6 +231,8 @@ struct Linearised {
     condition: Option<f64>,
     flat: Vec<FlatDirection>,
     missing: Option<String>,
+    deviations: Vec<Option<f64>>,
+    budget: Budget,
 }
 
 impl Linearised {
@@ -197,6 +243,8 @@ impl Linearised {
             condition: None,
             flat: Vec::new(),
             missing: Some(reason),
+            deviations: vec![None; problem.coordinates.len()],
+            budget: Budget::default(),
         }
     }
 }
@@ -212,17 +260,30 @@ struct Estimate<'a> {
 impl Estimate<'_> {
     fn linearised(
         &self,
-        around: &Neighbourhood<'_>,
+        (extended, around): (&Extended, &Neighbourhood<'_>),
         request: &Request,
         stop: &AtomicBool,
     ) -> Result<Linearised, SensitivityError> {
         let (problem, positions) = (self.problem, &self.report.positions[..]);
         let linear = covariance::linearise(problem, around, self.residuals)
             .map_err(SensitivityError::Failed)?;
-        let weights = covariance::weights(problem, self.residuals);
+        let seen = Seen {
+            trajectories: self.trajectories,
+            residuals: self.residuals,
+            linear: &linear,
+        };
+        let budget = Budget::of(extended, around, seen).map_err(SensitivityError::Failed)?;
+        let weights = NoiseLevels::of(problem, self.residuals).weights();
         let flat = identifiability::flat_at(problem, positions, &linear.factor, &weights, stop)?;
         let mut coordinates = coordinates(problem, self.report, Some(&linear));
         self.better_intervals(&mut coordinates, &linear, request, stop)?;
+        let deviations: Vec<Option<f64>> = (0..positions.len())
+            .map(|index| linear.deviation(index))
+            .collect();
+        for (index, known) in coordinates.iter_mut().enumerate() {
+            let total = budget.totals[index].zip(deviations[index]);
+            known.widen(&problem.coordinates[index], positions[index], total);
+        }
         let unfixed = || "the data do not fix all of the unknowns".to_owned();
         Ok(Linearised {
             coordinates,
@@ -230,6 +291,8 @@ impl Estimate<'_> {
             condition: Some(linear.condition),
             flat,
             missing: linear.covariance.is_none().then(unfixed),
+            deviations,
+            budget,
         })
     }
 
@@ -274,10 +337,38 @@ impl Estimate<'_> {
         for (known, (coordinate, (lower, upper))) in coordinates.iter_mut().zip(described) {
             let value = |position: f64| coordinate.value(position);
             known.interval = Some((lower.map(value), upper.map(value)));
+            known.ends = Some((lower, upper));
             known.method = method;
         }
         Ok(())
     }
+}
+
+impl CoordinateUncertainty {
+    /// Adds what is assumed: the total and the noise alone, as standard deviations of the
+    /// position. Each end of the interval goes out by what the total's square has more.
+    fn widen(&mut self, coordinate: &Coordinate, position: f64, deviations: Option<(f64, f64)>) {
+        let (Some((total, noise)), Some((lower, upper))) = (deviations, self.ends) else {
+            return;
+        };
+        self.total_error = Some(total * coordinate.slope(position).abs());
+        let more = NORMAL_95 * NORMAL_95 * (total * total - noise * noise).max(0.0);
+        let end = |end: f64| {
+            let half = end - position;
+            let end = position + (half * half + more).sqrt().copysign(half);
+            value_near(coordinate, end)
+        };
+        self.total_interval = Some((lower.and_then(end), upper.and_then(end)));
+    }
+}
+
+/// The value at an end of an interval; none where it lies a whole search range beyond it: there
+/// the data leave it open.
+fn value_near(coordinate: &Coordinate, position: f64) -> Option<f64> {
+    let (lower, upper) = (coordinate.lower, coordinate.upper);
+    (-1.0..=2.0)
+        .contains(&position)
+        .then(|| coordinate.scale.value_beyond(position, lower, upper))
 }
 
 fn coordinates(
@@ -295,19 +386,22 @@ fn coordinates(
             let deviation = linear.and_then(|linear| linear.deviation(index));
             let covariance = linear.and_then(|linear| linear.covariance.as_ref());
             let slope = coordinate.slope(position).abs();
-            let value = |position: f64| {
-                coordinate
-                    .scale
-                    .value_beyond(position, coordinate.lower, coordinate.upper)
-            };
+            let value = |position: f64| value_near(coordinate, position);
+            let ends = deviation.map(|deviation| {
+                let half = NORMAL_95 * deviation;
+                (Some(position - half), Some(position + half))
+            });
+            let prior = coordinate.prior;
             let relative = coordinate.value(position).abs() / slope;
             let slopes = linear.map(|linear| linear.slopes[index].iter());
             CoordinateUncertainty {
                 standard_error: deviation.map(|deviation| deviation * slope),
-                interval: deviation.map(|deviation| {
-                    let half = NORMAL_95 * deviation;
-                    (Some(value(position - half)), Some(value(position + half)))
-                }),
+                interval: ends.map(|(low, high)| (low.and_then(value), high.and_then(value))),
+                ends,
+                total_error: None,
+                total_interval: None,
+                prior_shift: prior.map(|prior| prior.residual(coordinate.value(position))),
+                trust: Trust::default(),
                 method: covariance.map_or("fisher", |covariance| covariance.method()),
                 at_bound: !(BOUND_DISTANCE..=1.0 - BOUND_DISTANCE).contains(&position),
                 identifiable: deviation.is_some_and(|deviation| 2.0 * NORMAL_95 * deviation < 1.0),

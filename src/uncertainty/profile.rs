@@ -113,7 +113,9 @@ impl Profile<'_> {
         for _ in 0..MOST_FITS {
             let position = next.clamp(0.0, 1.0);
             hold(&mut reduced, self.problem, self.coordinate, position);
-            let (root, fitted) = match self.fit(&reduced, self.guess(position, &others))? {
+            let own = self.prior_square(position);
+            let fit = self.fit(&reduced, self.guess(position, &others))?;
+            let (root, fitted) = match fit.map(|(sum, fitted)| (sum + own, fitted)) {
                 Some((sum, fitted)) => (((sum - self.sum).max(0.0) / level).sqrt(), Some(fitted)),
                 None => (f64::INFINITY, None),
             };
@@ -149,6 +151,13 @@ impl Profile<'_> {
         NORMAL_95 * NORMAL_95 * ratio
     }
 
+    /// What the held coordinate's own prior adds to the sum of squares.
+    fn prior_square(&self, position: f64) -> f64 {
+        let held = &self.problem.coordinates[self.coordinate];
+        let prior = held.prior;
+        prior.map_or(0.0, |prior| prior.residual(held.value(position)).powi(2))
+    }
+
     fn others(&self) -> Others {
         let mut positions = self.positions.to_vec();
         positions.remove(self.coordinate);
@@ -180,7 +189,7 @@ impl Profile<'_> {
         reduced: &Problem,
         start: Vec<f64>,
     ) -> Result<Option<(f64, Vec<f64>)>, SensitivityError> {
-        let samples = self.problem.n_residuals() as f64;
+        let samples = (reduced.n_residuals() + reduced.prior_sum(&start).1) as f64;
         if start.is_empty() {
             let objective = Objective::new(reduced, usize::MAX);
             let only = objective

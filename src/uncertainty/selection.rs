@@ -8,7 +8,7 @@
 //! [`Problem::parameters`].
 
 use super::fit::{self, OutputFit, Part};
-use super::{Analysis, Request, analyse};
+use super::{Analysis, Request, analyse, reweighting};
 use crate::estimation::problem::Problem;
 use crate::estimation::refine;
 use crate::estimation::report::Report;
@@ -56,7 +56,8 @@ pub struct Conclusion {
     pub selection: Option<Selection>,
 }
 
-/// Chooses the effects where that is asked for, and analyses the estimate. Answers nothing when
+/// Weighs the outputs anew and chooses the effects where that is asked for, and analyses the
+/// estimate. Answers nothing when
 /// `stop` was raised.
 #[must_use]
 pub fn conclude(
@@ -65,15 +66,20 @@ pub fn conclude(
     request: &Request,
     stop: &AtomicBool,
 ) -> Option<Conclusion> {
-    let (problem, report, selection) = if request.effects.is_empty() {
-        (problem.clone(), report.clone(), None)
+    let (problem, report) = if request.thorough {
+        reweighting::reweighted(problem, report, stop)?
     } else {
-        let (best, selection) = select(problem, report, &request.effects, stop)?;
+        (problem.clone(), report.clone())
+    };
+    let (problem, report, selection) = if request.effects.is_empty() {
+        (problem, report, None)
+    } else {
+        let (best, selection) = select(&problem, &report, &request.effects, stop)?;
         let report = Report {
             values: best.problem.values(&best.positions),
             positions: best.positions,
             cost: best.tried.cost,
-            ..report.clone()
+            ..report
         };
         (best.problem, report, Some(selection))
     };

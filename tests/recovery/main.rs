@@ -5,6 +5,7 @@
 //! are more than eight times the Cramér–Rao bounds (mass 0.12, damping 0.23, stiffness 0.02, bulk
 //! modulus 0.13 %); on D about three times the standard errors that come with the estimate.
 
+mod budget;
 mod dead_time;
 mod effects;
 mod intervals;

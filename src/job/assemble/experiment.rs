@@ -2,7 +2,7 @@
 
 use super::{Finding, signal_pointer};
 use crate::dataset::{Recording, Split, Window};
-use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Target};
+use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Prior, Target};
 use crate::job::fault::Fault;
 use crate::job::spec::{ExperimentRole, ExperimentSpec, InitialStateSpec, ParameterSpec};
 use crate::model::{InitialState, ModelDescription, Scale};
@@ -39,6 +39,15 @@ pub(super) struct FreeState {
     state: usize,
     lower: f64,
     upper: f64,
+    prior: Option<Prior>,
+}
+
+/// What the start of a state is called.
+pub(super) fn name_of_start(state: &str, experiment: usize) -> String {
+    match experiment {
+        0 => format!("initial_{state}"),
+        later => format!("initial_{state}_{later}"),
+    }
 }
 
 impl FreeState {
@@ -48,12 +57,8 @@ impl FreeState {
         experiment: usize,
     ) -> Coordinate {
         let state = &description.states[self.state];
-        let name = match experiment {
-            0 => format!("initial_{}", state.name),
-            later => format!("initial_{}_{later}", state.name),
-        };
         Coordinate {
-            name,
+            name: name_of_start(&state.name, experiment),
             quantity: state.name.to_string(),
             symbol: format!("{}(0)", state.name),
             unit: state.unit.to_string(),
@@ -64,6 +69,7 @@ impl FreeState {
             lower: self.lower,
             upper: self.upper,
             scale: Scale::Linear,
+            prior: self.prior,
         }
     }
 }
@@ -235,6 +241,7 @@ impl Cutter<'_> {
                         state,
                         lower,
                         upper,
+                        prior: range.prior.map(|prior| prior.distribution()),
                     });
                 }
                 None => {
@@ -251,6 +258,7 @@ impl Cutter<'_> {
                                 state,
                                 lower,
                                 upper,
+                                prior: None,
                             }),
                     );
                 }

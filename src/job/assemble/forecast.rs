@@ -4,6 +4,7 @@ use super::{Assembly, Finding, preflight};
 use crate::document::fault::pointer_to;
 use crate::estimation::Settings;
 use crate::estimation::problem::{Coordinate, Problem, Target};
+use crate::job::budget::BudgetLine;
 use crate::simulation::Accuracy;
 use crate::uncertainty::identifiability::{self, CoordinateForecast, FlatDirection};
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,10 @@ pub struct Identifiability {
     pub predictions: Vec<Prediction>,
     /// What the data do not see, in words.
     pub flat_directions: Vec<String>,
+    /// What is taken as known and what it will do, in the middle of the search box; shown beside.
+    #[serde(skip)]
+    #[schema(ignore)]
+    pub budget: Vec<BudgetLine>,
 }
 
 /// How well one unknown could be known.
@@ -57,8 +62,8 @@ pub fn forecast(
 ) -> Identifiability {
     let problem = &assembly.problem;
     let columns = 1 + 2 * problem.coordinates.len();
-    let cost = preflight::preflight(assembly, settings).derivatives_per_evaluation as f64;
-    let cost = cost * (columns * identifiability::POINTS) as f64;
+    let each = preflight::preflight(assembly, settings).derivatives_per_evaluation as f64;
+    let cost = each * (columns * identifiability::POINTS) as f64;
     if cost > BUDGET {
         let detail = format!(
             "the recording is too long to look ahead ({cost:.1e} derivatives): what the data fix \
@@ -71,9 +76,21 @@ pub fn forecast(
                       the result";
         return unchecked(findings, detail);
     };
+    findings.extend(unusable(forecast.points));
     findings.extend(forecast.flat.iter().map(|flat| unseen(problem, flat)));
+    let assumed = (columns + 2 * problem.assumptions.len()) as f64;
+    let budget = if each * assumed > BUDGET {
+        Vec::new()
+    } else {
+        let budget = identifiability::budget(problem, &forecast, stop);
+        let middle = vec![0.5; problem.coordinates.len()];
+        budget.map_or_else(Vec::new, |budget| {
+            super::budget::lines(problem, &middle, &budget)
+        })
+    };
     let pairs = problem.coordinates.iter().zip(&forecast.coordinates);
     Identifiability {
+        budget,
         points: forecast.points as u64,
         predictions: pairs
             .map(|(coordinate, forecast)| prediction(coordinate, forecast))
@@ -93,7 +110,22 @@ fn unchecked(findings: &mut Vec<Finding>, detail: &str) -> Identifiability {
         points: 0,
         predictions: Vec::new(),
         flat_directions: Vec::new(),
+        budget: Vec::new(),
     }
+}
+
+/// What is said of points of the search box that failed.
+fn unusable(points: usize) -> Option<Finding> {
+    let failed = identifiability::POINTS - points;
+    (failed > 0).then(|| {
+        let detail = format!(
+            "{failed} of {} points of the search box cannot be simulated, or with values too \
+             large to be of use: what is foretold rests on the others; narrow the ranges to where \
+             the plant is stable",
+            identifiability::POINTS
+        );
+        Finding::new("points_failed", "/parameters", &detail)
+    })
 }
 
 /// What the data of a job that begins do not see, at the price of about one generation. Answers

@@ -5,8 +5,8 @@ use crate::estimation::report::{self, Refinement, Report};
 use crate::job::outcome::{
     ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, FloorReport,
     InitialStateEstimate, InputCorrelation, ModelSearchReport, Outcome, OutputFit,
-    ParameterEstimate, Reason, ResidualReport, SearchEnd, SearchReport, StartReport, TriedModel,
-    Trust, Verdict,
+    ParameterEstimate, Reason, ResidualReport, SearchEnd, SearchReport, StartReport, TotalInterval,
+    TriedModel, Trust, Verdict,
 };
 use crate::uncertainty::selection::{Selection, Tried};
 use crate::uncertainty::{Analysis, Conclusion, CoordinateUncertainty, fit, residuals, verdict};
@@ -39,7 +39,7 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
         job: origin.job.clone(),
         model: problem.model.description().name.to_string(),
         stop_reason: report.stop_reason.name().to_owned(),
-        verdict: verdict_of(&analysis.verdict),
+        verdict: verdict_of(problem, &analysis.verdict),
         parameters,
         initial_states,
         correlation: analysis.correlation.as_ref().map(|matrix| Correlation {
@@ -59,6 +59,7 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
             .iter()
             .map(|flat| flat.words.clone())
             .collect(),
+        budget: super::budget::lines(problem, &report.positions, &analysis.budget),
         fit: Fit {
             estimation: fits(problem, &analysis.estimation_fit),
             validation: fits(problem, &analysis.validation_fit),
@@ -95,17 +96,27 @@ fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-fn verdict_of(verdict: &verdict::Verdict) -> Verdict {
+fn trust_of(trust: verdict::Trust) -> Trust {
+    match trust {
+        verdict::Trust::Low => Trust::Low,
+        verdict::Trust::Moderate => Trust::Moderate,
+        verdict::Trust::High => Trust::High,
+    }
+}
+
+fn verdict_of(problem: &Problem, verdict: &verdict::Verdict) -> Verdict {
+    let name = |index: &usize| problem.coordinates[*index].name.clone();
     let reason = |reason: &verdict::Reason| Reason {
         code: reason.code.to_owned(),
         detail: reason.detail.clone(),
+        concerns: reason
+            .concerns
+            .as_ref()
+            .map(|concerned| concerned.iter().map(|(index, _)| name(index)).collect()),
     };
     Verdict {
-        trust: match verdict.trust {
-            verdict::Trust::Low => Trust::Low,
-            verdict::Trust::Moderate => Trust::Moderate,
-            verdict::Trust::High => Trust::High,
-        },
+        trust: trust_of(verdict.trust),
+        summary: verdict.summary.clone(),
         reasons: verdict.reasons.iter().map(reason).collect(),
     }
 }
@@ -160,19 +171,22 @@ fn estimate(
         upper: upper.and_then(finite),
         method: known.method.to_owned(),
     });
-    let reason = |absent: bool| {
-        absent.then(|| {
-            missing
-                .unwrap_or("the number is beyond all bounds")
-                .to_owned()
-        })
-    };
+    let reason =
+        |absent: bool| absent.then(|| missing.unwrap_or("the data do not fix it").to_owned());
     Estimate {
         estimate: value,
         standard_error_reason: reason(standard_error.is_none()),
         standard_error,
         confidence_interval_reason: reason(interval.is_none()),
         confidence_interval: interval,
+        total_standard_error: known.total_error.and_then(finite),
+        total_interval: known.total_interval.map(|(lower, upper)| TotalInterval {
+            level: 0.95,
+            lower: lower.and_then(finite),
+            upper: upper.and_then(finite),
+        }),
+        trust: Some(trust_of(known.trust)),
+        prior_shift: known.prior_shift.and_then(finite),
         lower: coordinate.lower,
         upper: coordinate.upper,
         at_bound: known.at_bound,

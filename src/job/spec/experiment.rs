@@ -4,12 +4,12 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::{
     ExperimentRole, ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec,
-    MAX_EXPERIMENTS, ParameterSpec, StateRange, WindowSpec, parameter,
+    MAX_EXPERIMENTS, ParameterSpec, StateRange, WindowSpec, parameter, prior,
 };
 use crate::dataset::Summary;
 use crate::document::reader::{Field, Object, did_you_mean, listed};
 use crate::job::id::DatasetId;
-use crate::model::{ModelDescription, SignalDescription};
+use crate::model::{ModelDescription, SignalDescription, Tolerance};
 use crate::numerics::dimension::Dimension;
 
 /// Values that the experiments of one job read at the most: recorded samples times signals.
@@ -356,7 +356,10 @@ pub(super) fn read_initial_state(
 fn read_state(field: &Field<'_>, name: &str, measured: bool) -> Option<InitialStateSpec> {
     if field.value.is_number() {
         let value = field.number()?;
-        return Some(InitialStateSpec::Fixed(FixedValue { value }));
+        return Some(InitialStateSpec::Fixed(FixedValue {
+            value,
+            tolerance: None,
+        }));
     }
     if field.value.is_string() {
         let first = field.choice(&[("first_sample", FirstSample::FirstSample)])?;
@@ -370,11 +373,17 @@ fn read_state(field: &Field<'_>, name: &str, measured: bool) -> Option<InitialSt
     let value = object.optional("value");
     let estimate = object.optional("estimate");
     let read = match (value, estimate) {
-        (Some(value), None) => value
-            .number()
-            .map(|value| InitialStateSpec::Fixed(FixedValue { value })),
+        (Some(value), None) => {
+            let tolerance = object.optional("tolerance");
+            let tolerance = tolerance.and_then(|field| Tolerance::read(&field));
+            let value = value.number();
+            value.map(|value| InitialStateSpec::Fixed(FixedValue { value, tolerance }))
+        }
         (None, Some(estimate)) => {
-            read_range(&estimate).map(|estimate| InitialStateSpec::Free(FreeState { estimate }))
+            let prior = object.optional("prior");
+            let prior = prior.and_then(|field| prior::read(&field));
+            let range = read_range(&estimate);
+            range.map(|estimate| InitialStateSpec::Free(FreeState { estimate, prior }))
         }
         _ => {
             let detail = "a number, \"first_sample\", {\"value\": …} or {\"estimate\": \

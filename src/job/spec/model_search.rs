@@ -101,7 +101,10 @@ pub(super) fn freed(
                 upper: own.upper,
                 scale: own.scale,
             };
-            let free = ParameterSpec::Free(FreeParameter { estimate });
+            let free = ParameterSpec::Free(FreeParameter {
+                estimate,
+                prior: None,
+            });
             parameters.insert(effect.clone(), free);
         }
     }

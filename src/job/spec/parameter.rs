@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::{FixedValue, FreeParameter, ParameterSpec, SearchRange};
+use super::{FixedValue, FreeParameter, ParameterSpec, SearchRange, prior};
 use crate::document::reader::{Field, did_you_mean};
-use crate::model::{ModelDescription, ParameterDescription, Scale};
+use crate::model::{ModelDescription, ParameterDescription, Scale, Tolerance};
 
 /// One entry for each parameter of the model; what the section leaves out is the model's.
 pub(super) fn read_all(
@@ -62,6 +62,10 @@ fn read_value(field: &Field<'_>, parameter: &ParameterDescription) -> Option<f64
     let mut object = field.object()?;
     let value = object.required("value");
     let value = value.and_then(|value| possible(&value, parameter));
+    // What a job says of a parameter may stand here too.
+    if let Some(tolerance) = object.optional("tolerance") {
+        let _ = Tolerance::read(&tolerance);
+    }
     object.finish();
     value
 }
@@ -85,10 +89,12 @@ fn by_default(parameter: &ParameterDescription) -> ParameterSpec {
                 upper: parameter.upper,
                 scale: parameter.scale,
             },
+            prior: None,
         })
     } else {
         ParameterSpec::Fixed(FixedValue {
             value: parameter.default,
+            tolerance: parameter.tolerance,
         })
     }
 }
@@ -100,11 +106,17 @@ fn read(field: &Field<'_>, parameter: &ParameterDescription) -> Option<Parameter
     let read = match (value, estimate) {
         (Some(value), None) => {
             let value = possible(&value, parameter);
-            value.map(|value| ParameterSpec::Fixed(FixedValue { value }))
+            let tolerance = match object.optional("tolerance") {
+                Some(field) => Tolerance::read(&field),
+                None => parameter.tolerance,
+            };
+            value.map(|value| ParameterSpec::Fixed(FixedValue { value, tolerance }))
         }
         (None, Some(estimate)) => {
             let range = read_range(&estimate, parameter);
-            range.map(|estimate| ParameterSpec::Free(FreeParameter { estimate }))
+            let prior = object.optional("prior");
+            let prior = prior.and_then(|field| prior::read(&field));
+            range.map(|estimate| ParameterSpec::Free(FreeParameter { estimate, prior }))
         }
         (Some(_), Some(_)) => {
             let detail = "`value` and `estimate` exclude each other";

@@ -35,6 +35,8 @@ fn parameter(name: &'static str, unknown_by_default: bool) -> ParameterDescripti
         unknown_by_default,
         minimum: Some(0.0),
         maximum: Some(1e4),
+        tolerance: None,
+        tolerance_source: None,
     }
 }
 
@@ -102,15 +104,10 @@ fn pair(pointer: &str, code: &str) -> (String, String) {
 fn model_and_recording_alone_estimate_what_the_model_calls_unknown() {
     let document = json!({"model": "cart", "experiments": [{"dataset": DATASET}]});
     let spec = read(&document).unwrap();
-    let range = SearchRange {
-        lower: 20.0,
-        upper: 120.0,
-        scale: Scale::Log,
-    };
-    let free = ParameterSpec::Free(FreeParameter { estimate: range });
-    assert_eq!(spec.parameters["mass"], free);
-    let fixed = ParameterSpec::Fixed(FixedValue { value: 58.0 });
-    assert_eq!(spec.parameters["load"], fixed);
+    let completed = json!(spec.parameters);
+    let range = json!({"lower": 20.0, "upper": 120.0, "scale": "log"});
+    assert_eq!(completed["mass"], json!({"estimate": range}));
+    assert_eq!(completed["load"], json!({"value": 58.0}));
     let signals: Vec<_> = spec.experiments[0].signals.keys().collect();
     assert_eq!(signals, ["position", "reference"]);
     assert_eq!(spec.method, Settings::default());
@@ -126,10 +123,12 @@ fn a_completed_specification_reads_back_to_itself() {
             "signals": {"command": "u", "position": "x"},
             "window": {"from_s": 1, "to_s": 9.5},
             "initial_state": {"position": "first_sample",
-                              "velocity": {"estimate": {"lower": -1, "upper": 1}}}
+                              "velocity": {"estimate": {"lower": -1, "upper": 1},
+                                           "prior": {"range_95": [-0.1, 0.2]}}}
         }, {"dataset": DATASET, "initial_state": {"velocity": 0.5}}],
-        "parameters": {"mass": {"estimate": {"lower": 1, "scale": "linear"}},
-                       "load": {"value": 3}},
+        "parameters": {"mass": {"estimate": {"lower": 1, "scale": "linear"},
+                                "prior": {"mean": 58, "std": 2, "scale": "log"}},
+                       "load": {"value": 3, "tolerance": "2 %"}},
         "outputs": {"position": {"noise_std": 1e-5}},
         "method": {"population": 12, "credit_form": "paper", "cost_target": 1e-3},
         "validation": {"fraction": 0}, "limits": {"max_duration_s": 5}, "seed": 7
@@ -157,7 +156,7 @@ fn all_faults_are_told_at_once() {
         document["parameters"] = json!({
             "mass": {"estimate": {"lower": 120, "upper": 20}},
             "laod": {"value": 1},
-            "load": {"value": -1}
+            "load": {"value": -1, "tolerance": "much"}
         });
         document["validation"] = json!({"fraction": 0.95});
         document["seed"] = json!(-1);
@@ -167,6 +166,7 @@ fn all_faults_are_told_at_once() {
         pair("/parameters/mass/estimate/lower", "bounds_reversed"),
         pair("/parameters/laod", "unknown_parameter"),
         pair("/parameters/load/value", "impossible_value"),
+        pair("/parameters/load/tolerance", "tolerance_not_understood"),
         pair("/validation/fraction", "out_of_range"),
         pair("/seed", "out_of_range"),
         pair("/sede", "unknown_field"),

@@ -4,7 +4,7 @@
 use crate::language::operation::Table;
 use crate::language::syntax::Expression;
 use crate::language::unit::Unit;
-use crate::model::Scale;
+use crate::model::{Scale, Tolerance};
 
 /// A document, read.
 #[derive(Debug)]
@@ -43,6 +43,7 @@ pub struct Parameter {
     pub scale: Scale,
     pub unknown: bool,
     pub limits: [Option<f64>; 2],
+    pub tolerance: Option<Tolerance>,
 }
 
 #[derive(Debug)]

@@ -75,6 +75,8 @@ fn parameter(parameter: &super::definition::Parameter) -> ParameterDescription {
         unknown_by_default: parameter.unknown,
         minimum,
         maximum,
+        tolerance: parameter.tolerance,
+        tolerance_source: None,
     }
 }
 

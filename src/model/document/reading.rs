@@ -11,7 +11,7 @@ use crate::document::reader::{Faults, Field, Object};
 use crate::language::operation::Table;
 use crate::language::syntax;
 use crate::language::unit::Unit;
-use crate::model::Scale;
+use crate::model::{Scale, Tolerance};
 
 /// The names of one kind (states, quantities …) in a model at the most.
 const MAX_STATES: usize = 32;
@@ -170,6 +170,8 @@ impl Reader<'_> {
             .optional("scale")
             .and_then(|field| field.choice(&[("linear", Scale::Linear), ("log", Scale::Log)]));
         let unknown = object.optional("unknown").and_then(|field| field.boolean());
+        let tolerance = object.optional("tolerance");
+        let tolerance = tolerance.and_then(|field| Tolerance::read(&field));
         object.finish();
         let default = default?;
         let scale = scale.unwrap_or_default();
@@ -198,6 +200,7 @@ impl Reader<'_> {
             scale,
             unknown: unknown.unwrap_or(false),
             limits,
+            tolerance,
         })
     }
 

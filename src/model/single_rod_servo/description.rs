@@ -5,9 +5,38 @@
 
 use crate::model::{
     InitialState, ModelDescription, ParameterDescription, SignalDescription, StateDescription,
+    Tolerance,
 };
 
 type P = ParameterDescription;
+
+/// A part of the value, in per cent.
+const fn per_cent(share: f64) -> Tolerance {
+    Tolerance::Percent(share)
+}
+
+/// A number in the unit of the value.
+const fn about(deviation: f64) -> Tolerance {
+    Tolerance::Absolute(deviation)
+}
+
+const GAUGE: &str = "pressure gauge of class 1 (EN 837-1)";
+const BORE: &str = "bore within H8, rod within f7 (ISO 286)";
+const ESTIMATED: &str = "hoses and manifold, taken from a drawing";
+const MEASURED_LENGTH: &str = "length measured with a rule";
+const RATED_FLOW: &str = "rated flow within 10 % (data sheets of servovalves), as 95 %";
+const VALVE_CURVES: &str = "typical curves of a data sheet";
+const NULL: &str =
+    "null bias within 2 % of the rated command (data sheets of servovalves), as 95 %";
+const OVERLAP: &str = "a critically lapped spool (Merritt, ch. 5)";
+const SEALS: &str = "seals: up to 1 % of the largest force, as 95 %";
+const LEAKAGE: &str = "seals and spool clearance of a servovalve (Merritt, ch. 5)";
+const FREE_AIR: &str = "oil left standing holds up to 1 % of free air (Merritt, ch. 2)";
+const ROUGH: &str = "a constant of the model that no data sheet gives";
+const CONTROLLER: &str = "gain of an analogue loop";
+const SAMPLING: &str = "conversion and transport of a sampled loop";
+const WEIGHT: &str = "weight and friction of hoses and cables";
+const PUMP: &str = "supply line and regulator at the largest flow";
 
 /// The catalogue's entry.
 pub(super) fn describe() -> ModelDescription {
@@ -151,22 +180,37 @@ fn hydraulics() -> Vec<P> {
     const NEUTRAL: [&str; 3] = ["xs0", "m", "position at which the spring is unloaded"];
     let positive = Some(f64::MIN_POSITIVE);
     vec![
-        P::known("flow_gain", FLOW, 8.91e-8, [4e-8, 2e-7]).log_scale(),
-        P::known("supply_pressure", SUPPLY, 7e6, [3e6, 2.1e7]).log_scale(),
-        P::known("return_pressure", RETURN, 1e5, [0.0, 1e6]),
+        P::known("flow_gain", FLOW, 8.91e-8, [4e-8, 2e-7])
+            .log_scale()
+            .within_tolerance(per_cent(5.0), RATED_FLOW),
+        P::known("supply_pressure", SUPPLY, 7e6, [3e6, 2.1e7])
+            .log_scale()
+            .within_tolerance(per_cent(1.0), GAUGE),
+        P::known("return_pressure", RETURN, 1e5, [0.0, 1e6]).within_tolerance(about(2e4), GAUGE),
         P::known("transition_pressure", TRANSITION, 2e4, [1e3, 5e5])
             .log_scale()
-            .within(positive, None),
-        P::known("piston_area", AREA_1, 1.2566e-3, [6e-4, 2.5e-3]).within(positive, None),
-        P::known("annulus_area", AREA_2, 8.765e-4, [4e-4, 1.8e-3]).within(positive, None),
-        P::known("stroke", STROKE, 0.14, [0.07, 0.28]).within(positive, None),
+            .within(positive, None)
+            .within_tolerance(per_cent(50.0), ROUGH),
+        P::known("piston_area", AREA_1, 1.2566e-3, [6e-4, 2.5e-3])
+            .within(positive, None)
+            .within_tolerance(per_cent(0.1), BORE),
+        P::known("annulus_area", AREA_2, 8.765e-4, [4e-4, 1.8e-3])
+            .within(positive, None)
+            .within_tolerance(per_cent(0.1), BORE),
+        P::known("stroke", STROKE, 0.14, [0.07, 0.28])
+            .within(positive, None)
+            .within_tolerance(about(5e-4), MEASURED_LENGTH),
         P::known("dead_volume_1", DEAD_1, 3e-5, [1e-5, 2e-4])
             .log_scale()
-            .within(positive, None),
+            .within(positive, None)
+            .within_tolerance(per_cent(30.0), ESTIMATED),
         P::known("dead_volume_2", DEAD_2, 3e-5, [1e-5, 2e-4])
             .log_scale()
-            .within(positive, None),
-        P::known("spring_neutral_position", NEUTRAL, 0.07, [0.0, 0.14]).within(None, None),
+            .within(positive, None)
+            .within_tolerance(per_cent(30.0), ESTIMATED),
+        P::known("spring_neutral_position", NEUTRAL, 0.07, [0.0, 0.14])
+            .within(None, None)
+            .within_tolerance(about(5e-4), MEASURED_LENGTH),
     ]
 }
 
@@ -190,18 +234,26 @@ fn control_and_valve() -> Vec<P> {
     const BAND: [&str; 3] = ["db", "1", "half width of the spool's dead band"];
     const OFFSET: [&str; 3] = ["u0", "1", "offset added to the valve command"];
     vec![
-        P::known("position_gain", GAIN, 100.0, [20.0, 500.0]).log_scale(),
+        P::known("position_gain", GAIN, 100.0, [20.0, 500.0])
+            .log_scale()
+            .within_tolerance(per_cent(0.5), CONTROLLER),
         P::known(
             "spool_natural_frequency",
             FREQUENCY,
             200.0 * std::f64::consts::PI,
             [60.0, 2000.0],
         )
-        .log_scale(),
-        P::known("spool_damping_ratio", RATIO, 0.7, [0.3, 1.5]),
+        .log_scale()
+        .within_tolerance(per_cent(10.0), VALVE_CURVES),
+        P::known("spool_damping_ratio", RATIO, 0.7, [0.3, 1.5])
+            .within_tolerance(per_cent(20.0), VALVE_CURVES),
         P::known("spool_time_constant", TIME, 0.0, [2e-4, 2e-2]).log_scale(),
-        P::known("dead_band", BAND, 0.0, [0.0, 0.1]).within(Some(0.0), Some(1.0)),
-        P::known("valve_offset", OFFSET, 0.0, [-0.1, 0.1]).within(Some(-1.0), Some(1.0)),
+        P::known("dead_band", BAND, 0.0, [0.0, 0.1])
+            .within(Some(0.0), Some(1.0))
+            .within_tolerance(about(5e-3), OVERLAP),
+        P::known("valve_offset", OFFSET, 0.0, [-0.1, 0.1])
+            .within(Some(-1.0), Some(1.0))
+            .within_tolerance(about(1e-2), NULL),
     ]
 }
 
@@ -228,21 +280,31 @@ fn effects() -> Vec<P> {
     ];
     let positive = Some(f64::MIN_POSITIVE);
     vec![
-        P::known("coulomb_friction", COULOMB, 0.0, [0.0, 500.0]),
+        P::known("coulomb_friction", COULOMB, 0.0, [0.0, 500.0])
+            .within_tolerance(about(50.0), SEALS),
         P::known("friction_velocity", VELOCITY, 2e-3, [5e-4, 2e-2])
             .log_scale()
-            .within(positive, None),
-        P::known("stribeck_friction", STRIBECK, 0.0, [0.0, 500.0]),
+            .within(positive, None)
+            .within_tolerance(per_cent(50.0), ROUGH),
+        P::known("stribeck_friction", STRIBECK, 0.0, [0.0, 500.0])
+            .within_tolerance(about(25.0), SEALS),
         P::known("stribeck_velocity", STRIBECK_V, 1e-2, [2e-3, 0.1])
             .log_scale()
-            .within(positive, None),
-        P::known("internal_leakage", INTERNAL, 0.0, [0.0, 1e-11]),
-        P::known("external_leakage", EXTERNAL, 0.0, [0.0, 1e-11]),
-        P::known("air_fraction", AIR, 0.0, [0.0, 0.05]).within(Some(0.0), Some(1.0)),
+            .within(positive, None)
+            .within_tolerance(per_cent(50.0), ROUGH),
+        P::known("internal_leakage", INTERNAL, 0.0, [0.0, 1e-11])
+            .within_tolerance(about(5e-13), LEAKAGE),
+        P::known("external_leakage", EXTERNAL, 0.0, [0.0, 1e-11])
+            .within_tolerance(about(1e-13), LEAKAGE),
+        P::known("air_fraction", AIR, 0.0, [0.0, 0.05])
+            .within(Some(0.0), Some(1.0))
+            .within_tolerance(about(5e-3), FREE_AIR),
         P::known("end_stop_stiffness", STOP_K, 0.0, [1e6, 1e9]).log_scale(),
         P::known("end_stop_damping", STOP_C, 1.0, [0.0, 10.0]),
-        P::known("input_delay", DELAY, 0.0, [0.0, 0.05]),
-        P::known("load_force", LOAD, 0.0, [-2000.0, 2000.0]).within(None, None),
-        P::known("supply_droop", DROOP, 0.0, [0.0, 5e9]),
+        P::known("input_delay", DELAY, 0.0, [0.0, 0.05]).within_tolerance(about(2e-4), SAMPLING),
+        P::known("load_force", LOAD, 0.0, [-2000.0, 2000.0])
+            .within(None, None)
+            .within_tolerance(about(20.0), WEIGHT),
+        P::known("supply_droop", DROOP, 0.0, [0.0, 5e9]).within_tolerance(about(1e8), PUMP),
     ]
 }

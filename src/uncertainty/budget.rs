@@ -1,0 +1,441 @@
+//! The uncertainty budget: what is taken as known, how well, and what that does to the estimate.
+//!
+//! Every assumption ([`Assumption`]) is moved like an unknown, by a tenth of its tolerance, in the
+//! same batch of simulations; an effect that is off can only be moved to the side on which it is
+//! possible. What follows is linear algebra ([`super::joint`]); where residuals have a memory, the
+//! rows from which assumptions are judged are filtered first ([`super::whitening`]).
+
+use super::covariance::{Linear, NoiseLevels};
+use super::joint::{Joint, Score};
+use super::residuals::{self, ResidualReport};
+use super::whitening::{Filter, Whitening};
+use crate::estimation::problem::{Assumption, Coordinate, Problem, Target};
+use crate::estimation::sensitivity::{Directions, Neighbourhood, Row, SHIFT, Sides};
+use crate::model::Scale;
+use crate::numerics::least_squares::Rows;
+use crate::simulation::single::Outputs;
+use crate::simulation::{Accuracy, Failure};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// An assumption is moved by this share of its tolerance,
+const STEP: f64 = 0.1;
+/// within this many tolerances of its value.
+const ROOM: f64 = 5.0;
+/// Simulated values that are held and gone through at once at the most, so that a stop is heard in
+/// time; a record that takes more has no budget.
+const MOST_VALUES: usize = 20_000_000;
+/// A score beyond this is no chance, among some twenty of them.
+pub const LARGEST_SCORE: f64 = 4.0;
+/// What knowing an assumption so many times better would bring is told.
+pub const BETTER: f64 = 5.0;
+
+/// The budget of an estimate.
+#[derive(Clone, Debug, Default)]
+pub struct Budget {
+    /// For each coordinate the standard deviation of its error with all that is assumed, as a
+    /// share of its search range; none where there is none of noise alone.
+    pub totals: Vec<Option<f64>>,
+    /// One for each assumption.
+    pub lines: Vec<Line>,
+    /// Whether there are assumptions that nothing is said of: the record is too long to hold the
+    /// simulations of all, or the run was stopped.
+    pub is_left_out: bool,
+}
+
+/// What one assumption does.
+#[derive(Clone, Debug)]
+pub struct Line {
+    /// The assumption.
+    pub assumption: Assumption,
+    /// How many standard deviations the residuals pull at it; none where they cannot see it apart
+    /// from the unknowns, or there are no residuals yet.
+    pub score: Option<f64>,
+    /// The value that would explain what is left, with its standard error, SI.
+    pub suggested: Option<(f64, f64)>,
+    /// What could be off without being noticed, SI; none where anything could.
+    pub unnoticed: Option<f64>,
+    /// For each coordinate what it contributes; none where the data do not fix the coordinates.
+    pub contributions: Vec<Option<Contribution>>,
+}
+
+/// What an assumption contributes to a coordinate, positions.
+#[derive(Clone, Copy, Debug)]
+pub struct Contribution {
+    /// The standard deviation.
+    pub deviation: f64,
+    /// The share of the total's square: below zero where it makes up for another assumption.
+    pub share: f64,
+    /// How far the coordinate moves where the assumption is off by its tolerance.
+    pub per_tolerance: f64,
+    /// What the total would be, were the tolerance [`BETTER`] times smaller.
+    pub total_if_better: f64,
+}
+
+impl Line {
+    /// How far a coordinate would move, were the suggested value taken.
+    #[must_use]
+    pub fn suggested_move(&self, coordinate: usize) -> Option<f64> {
+        let (value, _) = self.suggested?;
+        let tolerances = (value - self.assumption.value) / self.assumption.tolerance;
+        Some(self.contributions[coordinate]?.per_tolerance * tolerances)
+    }
+
+    /// Twice the logarithm of how much likelier the data and the tolerance together make the
+    /// suggested value than the one that was taken.
+    #[must_use]
+    pub fn likelihood(&self) -> f64 {
+        let tolerances = self.suggested.map_or(0.0, |(value, _)| {
+            (value - self.assumption.value) / self.assumption.tolerance
+        });
+        self.score.map_or(0.0, |score| score * score) - tolerances * tolerances
+    }
+
+    /// Whether the residuals contradict it: they pull beyond chance, and to where it can be.
+    #[must_use]
+    pub fn is_contradicted(&self) -> bool {
+        let [lower, upper] = self.assumption.limits;
+        let possible = |(value, error): (f64, f64)| {
+            lower.is_none_or(|lower| value + error >= lower)
+                && upper.is_none_or(|upper| value - error <= upper)
+        };
+        self.score.is_some_and(|score| score.abs() > LARGEST_SCORE)
+            && self.suggested.is_some_and(possible)
+    }
+}
+
+/// A problem whose assumptions are unknowns too, behind its own.
+#[derive(Debug)]
+pub struct Extended {
+    problem: Problem,
+    positions: Vec<f64>,
+    unknowns: usize,
+    /// Whether assumptions are left out.
+    is_cut: bool,
+}
+
+impl Extended {
+    /// The problem with its assumptions; without them where the record is too long to hold the
+    /// simulations of all.
+    #[must_use]
+    pub fn new(problem: &Problem, positions: &[f64], with_assumptions: bool) -> Extended {
+        let samples: usize = problem
+            .experiments
+            .iter()
+            .map(|data| data.estimation_samples)
+            .sum();
+        let candidates = 1 + 2 * (problem.coordinates.len() + problem.assumptions.len());
+        let values = samples * problem.outputs.len() * candidates;
+        let mut extended = Extended {
+            problem: problem.clone(),
+            positions: positions.to_vec(),
+            unknowns: positions.len(),
+            is_cut: false,
+        };
+        if !with_assumptions || values > MOST_VALUES {
+            extended.is_cut = !problem.assumptions.is_empty();
+            extended.problem.assumptions = Arc::default();
+            return extended;
+        }
+        for assumption in problem.assumptions.iter() {
+            let coordinate = coordinate(assumption);
+            let (lower, upper) = (coordinate.lower, coordinate.upper);
+            let position = coordinate.scale.position(assumption.value, lower, upper);
+            extended.positions.push(position);
+            extended.problem.coordinates.push(coordinate);
+            if let Target::InitialState { experiment, state } = assumption.target {
+                // A start that is given stands before a coordinate.
+                let experiments = Arc::make_mut(&mut extended.problem.experiments);
+                experiments[experiment].initial_state[state] = None;
+            }
+        }
+        extended
+    }
+
+    /// Simulates the candidate with all neighbours. Answers nothing when `stop` was raised.
+    #[must_use]
+    pub fn around(&self, accuracy: Accuracy, stop: &AtomicBool) -> Option<Neighbourhood<'_>> {
+        let n = self.positions.len();
+        let length = |index: usize| match index.checked_sub(self.unknowns) {
+            None => 1.0,
+            Some(assumption) => {
+                let coordinate = &self.problem.coordinates[index];
+                let tolerance = self.assumptions()[assumption].tolerance;
+                STEP * tolerance / (coordinate.upper - coordinate.lower) / SHIFT
+            }
+        };
+        let vectors: Vec<Vec<f64>> = (0..n)
+            .map(|index| {
+                let mut vector = vec![0.0; n];
+                vector[index] = length(index);
+                vector
+            })
+            .collect();
+        let directions = Directions {
+            from: &self.positions,
+            vectors: &vectors,
+            shift: SHIFT,
+            sides: match accuracy {
+                Accuracy::Ranking | Accuracy::Screening => Sides::One,
+                Accuracy::Full => Sides::Both,
+            },
+        };
+        Neighbourhood::simulate(&self.problem, directions, &[], (accuracy, stop))
+    }
+
+    fn assumptions(&self) -> &[Assumption] {
+        &self.problem.assumptions
+    }
+}
+
+fn coordinate(assumption: &Assumption) -> Coordinate {
+    let [least, most] = assumption.limits;
+    let (value, room) = (assumption.value, ROOM * assumption.tolerance);
+    Coordinate {
+        name: assumption.name.clone(),
+        quantity: assumption.name.clone(),
+        symbol: String::new(),
+        unit: assumption.unit.clone(),
+        target: assumption.target,
+        lower: least.map_or(value - room, |least| least.max(value - room)),
+        upper: most.map_or(value + room, |most| most.min(value + room)),
+        scale: Scale::Linear,
+        prior: None,
+    }
+}
+
+/// What the residuals look like, where there are some.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a> {
+    /// The simulation at the estimate.
+    pub trajectories: &'a [Outputs],
+    /// Its residuals.
+    pub residuals: &'a [ResidualReport],
+    /// What follows for noise alone.
+    pub linear: &'a Linear,
+}
+
+impl Budget {
+    /// The budget of an estimate.
+    ///
+    /// # Errors
+    /// How the estimate or a neighbour along an unknown failed.
+    pub fn of(
+        extended: &Extended,
+        around: &Neighbourhood<'_>,
+        seen: Seen<'_>,
+    ) -> Result<Budget, Failure> {
+        let unknowns = extended.unknowns;
+        let noise: Vec<Option<f64>> = (0..unknowns)
+            .map(|index| seen.linear.deviation(index).map(|own| own * own))
+            .collect();
+        let levels = NoiseLevels::of(&extended.problem, seen.residuals);
+        let white = levels.weights();
+        let weighing = Weighing {
+            plain: vec![levels.weight; white.len()],
+            prior: levels.weight,
+            filters: filters(extended, seen, &white),
+            white,
+        };
+        let joint = gather(extended, around, weighing)?;
+        Ok(Budget::from(
+            extended,
+            around,
+            (joint.as_ref(), &noise),
+            true,
+        ))
+    }
+
+    /// The budget that is to be expected at a point of the search box, before anything is
+    /// estimated: residuals of noise alone.
+    ///
+    /// # Errors
+    /// As for [`Budget::of`].
+    pub fn foretold(
+        extended: &Extended,
+        around: &Neighbourhood<'_>,
+        weights: &[f64],
+        deviations: &[f64],
+    ) -> Result<Budget, Failure> {
+        let weighing = Weighing {
+            plain: weights.to_vec(),
+            white: weights.to_vec(),
+            prior: 1.0,
+            filters: vec![None; weights.len()],
+        };
+        let joint = gather(extended, around, weighing)?;
+        let noise: Vec<Option<f64>> = deviations
+            .iter()
+            .map(|own| Some(own * own).filter(|square| square.is_finite()))
+            .collect();
+        Ok(Budget::from(
+            extended,
+            around,
+            (joint.as_ref(), &noise),
+            false,
+        ))
+    }
+
+    fn from(
+        extended: &Extended,
+        around: &Neighbourhood<'_>,
+        (joint, noise): (Option<&Joint>, &[Option<f64>]),
+        has_residuals: bool,
+    ) -> Budget {
+        let total = |index: usize| {
+            let noise = noise[index].filter(|_| !extended.is_cut)?;
+            let Some(joint) = joint else {
+                return Some(noise.sqrt());
+            };
+            let total = if has_residuals {
+                joint.total(index, noise)?
+            } else {
+                joint.total_if((index, noise), (0, 1.0))?
+            };
+            Some(total.sqrt())
+        };
+        let totals: Vec<Option<f64>> = (0..extended.unknowns).map(total).collect();
+        let line = |(place, assumption): (usize, &Assumption)| {
+            let joint = joint.filter(|_| !around.fails_along(extended.unknowns + place));
+            let score = joint.and_then(|joint| joint.score(place));
+            let score = score.filter(|_| has_residuals);
+            let size = assumption.tolerance;
+            let value = |Score { suggested, .. }: Score| {
+                (assumption.value + suggested.0 * size, suggested.1 * size)
+            };
+            Line {
+                score: score.map(|score| score.t),
+                suggested: score.map(value),
+                unnoticed: joint
+                    .and_then(|joint| joint.unnoticed(place, LARGEST_SCORE))
+                    .map(|tolerances| tolerances * size),
+                contributions: (0..extended.unknowns)
+                    .map(|unknown| {
+                        let (noise, total) = (noise[unknown]?, totals[unknown]?);
+                        let joint = joint?;
+                        let (deviation, variance) = joint.contribution(unknown, place)?;
+                        let better = joint.total_if((unknown, noise), (place, 1.0 / BETTER))?;
+                        Some(Contribution {
+                            deviation,
+                            share: variance / (total * total),
+                            per_tolerance: joint.move_by(unknown, place)?,
+                            total_if_better: better.sqrt(),
+                        })
+                    })
+                    .collect(),
+                assumption: assumption.clone(),
+            }
+        };
+        let lines = extended.assumptions().iter().enumerate();
+        Budget {
+            lines: lines.map(line).collect(),
+            is_left_out: extended.is_cut,
+            totals,
+        }
+    }
+}
+
+/// For each output the filter that its residuals need.
+fn filters(extended: &Extended, seen: Seen<'_>, weights: &[f64]) -> Vec<Option<Filter>> {
+    let problem = &extended.problem;
+    let reports = seen.residuals.iter().zip(&problem.outputs).enumerate();
+    reports
+        .map(|(output, (report, measured))| {
+            if report.white != Some(false) {
+                return None;
+            }
+            let weighted = |experiment: usize| -> Vec<f64> {
+                let own = &seen.trajectories[experiment];
+                let series = residuals::series(problem, own, experiment, output);
+                let scale = weights[output] / measured.residual_scale;
+                series.iter().map(|residual| residual * scale).collect()
+            };
+            let series: Vec<Vec<f64>> = (0..problem.experiments.len()).map(weighted).collect();
+            Whitening::of(&series).map(Filter::new)
+        })
+        .collect()
+}
+
+/// How residuals are weighed.
+struct Weighing {
+    /// As in the estimate, for each output.
+    plain: Vec<f64>,
+    /// And those of priors there.
+    prior: f64,
+    /// By the noise, for each output.
+    white: Vec<f64>,
+    /// What makes an output's residuals white, where they are not.
+    filters: Vec<Option<Filter>>,
+}
+
+impl Weighing {
+    /// Whether the estimate's own rows are white ones.
+    fn is_white(&self, has_priors: bool) -> bool {
+        self.filters.iter().all(Option::is_none)
+            && self.plain == self.white
+            && (!has_priors || self.prior == 1.0)
+    }
+}
+
+/// The triangles of the rows of all columns; none without assumptions.
+fn gather(
+    extended: &Extended,
+    around: &Neighbourhood<'_>,
+    mut weighing: Weighing,
+) -> Result<Option<Joint>, Failure> {
+    let (unknowns, n) = (extended.unknowns, extended.positions.len());
+    if n == unknowns {
+        return Ok(None);
+    }
+    let loss = around.loss();
+    let is_white = weighing.is_white(around.prior_rows().next().is_some());
+    let (mut plain, mut white) = (Rows::new(n), Rows::new(n));
+    // The derivatives by assumptions are made those by standard deviations of their tolerances.
+    let per_tolerance = SHIFT / STEP;
+    around.visit_along(unknowns, |row: Row<'_>| {
+        let columns = row.derivatives.iter().enumerate();
+        let columns = columns.map(|(index, derivative)| match index < unknowns {
+            true => *derivative,
+            // A neighbour that cannot be simulated says nothing.
+            false if derivative.is_nan() => 0.0,
+            false => derivative * per_tolerance,
+        });
+        let mut values: Vec<f64> = columns.collect();
+        values.push(loss.score(row.residual));
+        let weight = weighing.plain[row.output];
+        let (columns, residual) = (&values[..n], values[n]);
+        plain.add(
+            columns.iter().map(|value| value * weight),
+            residual * weight,
+        );
+        if is_white {
+            return;
+        }
+        let weight = weighing.white[row.output];
+        values.iter_mut().for_each(|value| *value *= weight);
+        let filtered = match &mut weighing.filters[row.output] {
+            Some(filter) => filter.take((row.experiment, row.sample), values),
+            None => Some(values),
+        };
+        if let Some(mut filtered) = filtered {
+            let residual = filtered.pop().unwrap_or_default();
+            white.add(filtered, residual);
+        }
+    })?;
+    for (index, residual, slope) in around.prior_rows() {
+        let part = |column: usize| if column == index { slope } else { 0.0 };
+        let weight = weighing.prior;
+        plain.add(
+            (0..n).map(|column| part(column) * weight),
+            residual * weight,
+        );
+        white.add((0..n).map(part), residual);
+    }
+    let plain = plain.finish();
+    let white = if is_white {
+        plain.clone()
+    } else {
+        white.finish()
+    };
+    Ok(Joint::new(&plain, &white, unknowns))
+}
