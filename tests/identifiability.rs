@@ -8,6 +8,7 @@ use greybox::job::spec::Context;
 use greybox::job::{DatasetId, JobSpec};
 use greybox::model::{Catalogue, document};
 use serde_json::{Value, json};
+use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 
 /// The forecast for a job on recording A with these parameters.
@@ -178,7 +179,8 @@ fn a_box_that_is_mostly_unstable_is_looked_at_to_the_end_and_its_failures_are_to
     let assembly = assemble::problem(&spec, &model.model, &[recording]);
     let assembly = assembly.unwrap_or_else(|faults| panic!("{faults:?}"));
     let mut findings = Vec::new();
-    let ahead = assemble::forecast(&assembly, &spec.method, &mut findings);
+    let never = AtomicBool::new(false);
+    let ahead = assemble::forecast(&assembly, &spec.method, &mut findings, &never);
     assert!(ahead.points < 5);
     assert!(
         findings

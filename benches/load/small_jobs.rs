@@ -124,7 +124,7 @@ fn work_one(method: &Identification, spec: Value) {
     let mut run = method.begin(assignment).expect("a run");
     let stop = AtomicBool::new(false);
     while run.advance(&stop, &mut |_row| ()) == Advance::Working {}
-    run.outcome(None).expect("an outcome");
+    run.outcome(None, &stop).expect("an outcome");
 }
 
 /// A job as the store hands it to a worker.

@@ -152,7 +152,9 @@ fn to_the_end(
         }
     };
     line.finish();
-    run.outcome(stopped)?.ok_or(IdentificationError::NoEstimate)
+    let unhurried = AtomicBool::new(false);
+    run.outcome(stopped, &unhurried)?
+        .ok_or(IdentificationError::NoEstimate)
 }
 
 /// A flag that goes up when the user presses ctrl-c; a second time ends the process.

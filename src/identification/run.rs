@@ -58,7 +58,7 @@ use std::sync::atomic::AtomicBool;
 ///     let checkpoint = run.checkpoint(); // serialises; `Run::resume` goes on from it
 /// }
 /// assert!(costs.0.len() > 1);
-/// assert!(run.outcome(None)?.is_some());
+/// assert!(run.outcome(None, &stop)?.is_some());
 /// # Ok::<(), greybox::IdentificationError>(())
 /// ```
 #[derive(Debug)]
@@ -260,7 +260,7 @@ impl Run {
                 Advance::Interrupted => break Some(StopReason::Cancelled),
             }
         };
-        self.outcome(stopped)?
+        self.outcome(stopped, &NEVER)?
             .ok_or(IdentificationError::NoEstimate)
     }
 }

@@ -85,9 +85,6 @@ fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
     }
 }
 
-/// Nobody raises it.
-static NEVER: AtomicBool = AtomicBool::new(false);
-
 fn begin(job: &JobRow, checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {
     begin_on(recording(), job, checkpoint)
 }
