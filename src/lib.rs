@@ -47,7 +47,9 @@ pub mod model;
 
 pub mod simulation;
 
-pub mod dataset;
+pub mod intake;
+
+pub mod recording;
 
 pub mod document;
 

@@ -14,31 +14,32 @@ use std::path::{Path, PathBuf};
 #[rustfmt::skip]
 const LAYERS: &[(&str, &[&str])] = &[
     // The command line starts servers and also runs the method without one.
-    ("cli", &["app", "config", "api", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "dataset"]),
+    ("cli", &["app", "config", "api", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "intake", "recording"]),
     // The composition root; only the command line imports it.
     ("app", &["config", "api", "dashboard", "job", "store", "event", "worker", "model"]),
     // Settings are handed to the parts as the parts' own types.
     ("config", &["api", "store", "worker"]),
     // Simulation stands behind `/v1/simulations` only.
-    ("api", &["dashboard", "report", "event", "store", "job", "dataset", "model", "simulation", "document"]),
+    ("api", &["dashboard", "report", "event", "store", "job", "intake", "recording", "model", "simulation", "document"]),
     ("dashboard", &[]),
-    ("report", &["job", "dataset"]),
+    ("report", &["job", "recording"]),
     // The settings of the method and the forms of its results are part of a job; a problem is
     // assembled, and looked over beforehand, from the statistics of its recordings.
-    ("job", &["estimation", "uncertainty", "model", "simulation", "dataset", "document", "numerics"]),
-    ("store", &["job", "dataset"]),
+    ("job", &["estimation", "uncertainty", "model", "simulation", "recording", "document", "numerics"]),
+    ("store", &["job", "recording"]),
     ("event", &["store", "job"]),
-    ("worker", &["event", "store", "job", "uncertainty", "estimation", "model", "dataset"]),
-    ("estimation", &["credit", "genetic", "model", "simulation", "dataset", "numerics"]),
+    ("worker", &["event", "store", "job", "uncertainty", "estimation", "model", "recording"]),
+    ("estimation", &["credit", "genetic", "model", "simulation", "recording", "numerics"]),
     ("credit", &["numerics"]),
     ("genetic", &["numerics"]),
-    ("uncertainty", &["estimation", "model", "simulation", "dataset", "numerics"]),
+    ("uncertainty", &["estimation", "model", "simulation", "recording", "numerics"]),
     // Recordings that the program makes are simulated ones.
-    ("demo", &["model", "simulation", "dataset", "numerics"]),
+    ("demo", &["model", "simulation", "recording", "numerics"]),
     // A model may be a document that a user wrote.
     ("model", &["simulation", "document", "numerics"]),
     ("simulation", &["numerics"]),
-    ("dataset", &["numerics"]),
+    ("intake", &["recording", "numerics"]),
+    ("recording", &["numerics"]),
     ("document", &[]),
     ("numerics", &[]),
 ];
@@ -49,7 +50,8 @@ const SERVICE: &[&str] = &["cli", "app", "api", "dashboard", "store", "event", "
 /// The half that is synchronous and seeded.
 #[rustfmt::skip]
 const METHOD: &[&str] = &[
-    "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "dataset", "document", "numerics",
+    "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "intake", "recording",
+    "document", "numerics",
 ];
 
 /// What the method half does without.

@@ -2,7 +2,8 @@
 //! `GREYBOX_SHARED_DATA` names, or else in `../shared/data` beside the repository. They are not part
 //! of the repository, so the tests are skipped, aloud, where the folder is missing.
 
-use greybox::dataset::{Recording, csv};
+use greybox::intake::csv;
+use greybox::recording::Recording;
 use std::fs::File;
 use std::path::PathBuf;
 

@@ -21,7 +21,6 @@
 
 mod theory;
 
-use greybox::dataset::Recording;
 use greybox::demo::{self, Demo};
 use greybox::estimation::{
     Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Settings,
@@ -30,6 +29,7 @@ use greybox::job::spec::Context;
 use greybox::job::{DatasetId, JobSpec, assemble};
 use greybox::model::Catalogue;
 use greybox::numerics::rng::{self, Purpose};
+use greybox::recording::Recording;
 use greybox::uncertainty;
 use serde_json::{Value, json};
 use std::collections::HashMap;

@@ -17,10 +17,11 @@
 )]
 
 use greybox::credit::{self, Credits, Form, icra::Network};
-use greybox::dataset::{Recording, csv};
 use greybox::demo::{self, Demo};
+use greybox::intake::csv;
 use greybox::model::{Catalogue, Model, document};
 use greybox::numerics::least_squares::{Rows, Triangle};
+use greybox::recording::Recording;
 use greybox::simulation::lanes::{LANES, Lanes};
 use greybox::simulation::{Accuracy, Candidate, Excitation};
 use gungraun::{library_benchmark, library_benchmark_group, main};

@@ -7,11 +7,11 @@
 mod limits;
 mod population;
 
-use greybox::dataset::csv;
 use greybox::demo::{self, Demo};
 use greybox::estimation::{
     Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Report,
 };
+use greybox::intake::csv;
 use greybox::job::assemble;
 use greybox::job::spec::{Context, JobSpec};
 use greybox::job::{DatasetId, spec};

@@ -16,8 +16,8 @@ use tokio_util::io::{StreamReader, SyncIoBridge};
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::http_headers::hex;
 use super::{ApiState, blocking};
-use crate::dataset::ReadError;
 use crate::document::{json as document, yaml};
+use crate::intake::ReadError;
 
 /// How long a client may be silent in the middle of a body.
 const LONGEST_SILENCE: Duration = Duration::from_secs(30);

@@ -20,9 +20,10 @@ use super::extract::Named;
 use super::http_headers::{hex, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use crate::dataset::{self, Intake, NewScratch, Recording, Samples, Summary};
+use crate::intake;
 use crate::job::DatasetId;
 use crate::job::spec::MAX_NAME_CHARS;
+use crate::recording::{NewScratch, Received, Recording, Samples, Summary};
 use crate::store::{DatasetRemoval, DatasetRow, NewDataset};
 
 /// Points of a plot when the client does not say.
@@ -133,7 +134,7 @@ pub async fn create(
     let limit = state.limits.dataset_bytes;
     let reading = ReadingOptions {
         format,
-        csv: dataset::csv::Options {
+        csv: intake::csv::Options {
             time: options.time.clone(),
             name: options.name.clone(),
         },
@@ -171,15 +172,15 @@ pub async fn create(
 
 struct ReadingOptions {
     format: Format,
-    csv: dataset::csv::Options,
+    csv: intake::csv::Options,
     scratch: NewScratch,
 }
 
 impl ReadingOptions {
-    fn read(self, text: &mut dyn Read) -> Result<Intake, dataset::ReadError> {
+    fn read(self, text: &mut dyn Read) -> Result<Received, intake::ReadError> {
         match self.format {
-            Format::Csv => dataset::csv::receive(text, &self.csv, self.scratch),
-            Format::Json => dataset::json::read(text).map(Intake::from),
+            Format::Csv => intake::csv::receive(text, &self.csv, self.scratch),
+            Format::Json => intake::json::read(text).map(Received::from),
         }
     }
 }

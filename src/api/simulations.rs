@@ -18,12 +18,13 @@ use super::error::{Answer, Kind, Problem};
 use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
 use super::{ApiState, blocking, models};
-use crate::dataset::{self, Recording, SampledSignal, Signal, TimeAxis, Window};
+use crate::intake;
 use crate::job::fault::Fault;
 use crate::job::spec::simulation::{SimulationSpec, Source};
 use crate::job::spec::{InitialStateSpec, ModelOfJob, WindowSpec};
 use crate::job::{DatasetId, spec::FixedValue};
 use crate::model::{InitialState, Model};
+use crate::recording::{Recording, SampledSignal, Signal, TimeAxis, Window};
 use crate::simulation::{Accuracy, Candidate, Excitation, single};
 
 /// How long a client may let the server compute.
@@ -165,7 +166,7 @@ async fn recording(state: &ApiState, document: &Value) -> Answer<Option<Recordin
         Source::Dataset(id) => Ok(state.store.recording(id).await?),
         Source::Inline(inputs) => {
             let text = inputs.to_string();
-            let recording = dataset::json::read(text.as_bytes());
+            let recording = intake::json::read(text.as_bytes());
             let recording = recording.map_err(|error| {
                 let faults = error.faults().iter().map(|fault| {
                     let pointer = fault.pointer.as_deref().unwrap_or_default();

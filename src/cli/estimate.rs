@@ -3,7 +3,6 @@
 use super::error::CommandError;
 use super::progress::{self, Progress};
 use super::{files, table};
-use crate::dataset::Recording;
 use crate::estimation::{Advance, Estimation, GenerationRow, Observer, RefinementRow};
 use crate::estimation::{Problem, StopReason};
 use crate::job::assemble::{self, Assembly, Origin};
@@ -11,6 +10,7 @@ use crate::job::candidate::{self, Selection};
 use crate::job::spec::Context;
 use crate::job::{Candidate, CandidateColumn, DatasetId, Fault, JobSpec, Outcome};
 use crate::model::{Catalogue, document};
+use crate::recording::Recording;
 use crate::uncertainty;
 use clap::Args;
 use serde_json::{Value, json};

@@ -1,10 +1,11 @@
 //! Reading and writing the files that commands are given.
 
 use super::error::CommandError;
-use crate::dataset::{self, Recording};
 use crate::document::{json as document, yaml};
+use crate::intake;
 use crate::model::document as model_document;
 use crate::model::{Catalogue, Model};
+use crate::recording::Recording;
 use serde_json::Value;
 use std::fs::File;
 use std::io::Write;
@@ -18,13 +19,13 @@ pub fn recording(path: &Path, time: Option<&str>) -> Result<Recording, CommandEr
         .extension()
         .is_some_and(|extension| extension == "json");
     let read = if is_json {
-        dataset::json::read(file)
+        intake::json::read(file)
     } else {
-        let options = dataset::csv::Options {
+        let options = intake::csv::Options {
             time: time.map(str::to_owned),
             name: None,
         };
-        dataset::csv::read(file, &options)
+        intake::csv::read(file, &options)
     };
     read.map_err(|error| match error.faults() {
         [] => unreadable(path, &error),

@@ -2,9 +2,9 @@
 
 use super::error::CommandError;
 use super::files;
-use crate::dataset::{Experiment, Recording, Signal, TimeAxis};
 use crate::job::Fault;
 use crate::model::{Catalogue, Model, ModelDescription};
+use crate::recording::{Experiment, Recording, Signal, TimeAxis};
 use crate::simulation::{Accuracy, Candidate, Excitation, single};
 use clap::Args;
 use serde_json::Value;

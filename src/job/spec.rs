@@ -12,11 +12,11 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use super::id::DatasetId;
-use crate::dataset::Summary;
 use crate::document::Fault;
 use crate::estimation::Settings;
 pub use crate::estimation::settings::MethodName;
 use crate::model::{ModelDescription, Scale};
+use crate::recording::Summary;
 use crate::uncertainty;
 
 mod experiment;

@@ -14,8 +14,8 @@ use tokio::sync::mpsc;
 use super::jobs::{Page, from_json, json, time};
 use super::writer::Tx;
 use super::{Change, Store, StoreError, corrupt};
-use crate::dataset::{Intake, NewScratch, Recording, Signal, Summary, TimeAxis, Warning};
 use crate::job::{DatasetId, JobId};
+use crate::recording::{NewScratch, Received, Recording, Signal, Summary, TimeAxis, Warning};
 
 /// The most bytes in one chunk.
 const CHUNK_BYTES: usize = 1 << 20;
@@ -31,7 +31,7 @@ pub struct NewDataset {
     /// What it holds, in a few numbers.
     pub summary: Summary,
     /// What was read.
-    pub recording: Intake,
+    pub recording: Received,
 }
 
 /// A recording as it is shown: all but its samples.
@@ -237,7 +237,7 @@ async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), Stor
     Ok((row, true))
 }
 
-async fn insert_samples(tx: &mut Tx, dataset: &str, recording: Intake) -> Result<(), StoreError> {
+async fn insert_samples(tx: &mut Tx, dataset: &str, recording: Received) -> Result<(), StoreError> {
     let (send, mut chunks) = mpsc::channel(CHUNKS_WAITING);
     let cutting = tokio::task::spawn_blocking(move || {
         let gone = |_| io::Error::from(io::ErrorKind::BrokenPipe);
@@ -273,7 +273,7 @@ struct Chunk {
 
 /// Cuts the series of a recording, one after the other.
 fn cut(
-    mut recording: Intake,
+    mut recording: Received,
     mut hand_over: impl FnMut(Chunk) -> io::Result<()>,
 ) -> io::Result<()> {
     if let TimeAxis::Instants(instants) = &recording.time {
@@ -365,7 +365,7 @@ async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval, StoreError
     })
 }
 
-fn describe(recording: &Intake) -> Description {
+fn describe(recording: &Received) -> Description {
     Description {
         start: recording.start,
         sample_time: match recording.time {

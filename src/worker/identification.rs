@@ -11,13 +11,13 @@ use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 
 use super::run::{Advance, Assignment, Method, Row, Run, StopReason};
-use crate::dataset::Recording;
 use crate::estimation::{self, Checkpoint, Estimation, GenerationRow, Problem, RefinementRow};
 use crate::job::assemble::{self, Finding, Origin};
 use crate::job::{
     Candidate, CandidateColumn, Failure, Fault, GenerationEvent, JobSpec, Phase, Progress,
 };
 use crate::model::{Catalogue, Model, document};
+use crate::recording::Recording;
 use crate::store::JobRow;
 use crate::uncertainty::identifiability::FlatDirection;
 use crate::uncertainty::{self, Conclusion};

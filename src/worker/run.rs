@@ -8,9 +8,9 @@ use std::sync::atomic::AtomicBool;
 
 use serde_json::Value;
 
-use crate::dataset::Recording;
 use crate::job::assemble::Finding;
 use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, Progress};
+use crate::recording::Recording;
 use crate::store::JobRow;
 
 /// Begins the runs of jobs.

@@ -18,8 +18,8 @@ use tokio::task::JoinError;
 use super::active::{ActiveJob, ActiveJobs};
 use super::recorder::Recorder;
 use super::run::{Advance, Assignment, Method, Row, Run, StopReason};
-use crate::dataset::Recording;
 use crate::job::{DatasetId, Failure, JobId, Progress, Status};
+use crate::recording::Recording;
 use crate::store::{
     Begin, Checkpoint, Ending, Hold, JobRow, Lease, Record, Slice, StopRequest, Store, StoreError,
 };

@@ -5,7 +5,6 @@
 //! The predictor is the input, a sample for each observation; the only state is the time, which
 //! acts on nothing.
 
-use greybox::dataset::{Recording, Signal, TimeAxis};
 use greybox::estimation::sensitivity;
 use greybox::estimation::{
     Advance, Estimation, GenerationRow, Observer, Problem, RefinementRow, Settings,
@@ -14,6 +13,7 @@ use greybox::job::spec::Context;
 use greybox::job::{DatasetId, JobSpec, assemble};
 use greybox::model::{Catalogue, document};
 use greybox::numerics::least_squares::Rows;
+use greybox::recording::{Recording, Signal, TimeAxis};
 use greybox::simulation::Accuracy;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};

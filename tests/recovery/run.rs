@@ -1,11 +1,11 @@
 //! Runs a job on a recording in this process, as a worker does.
 
-use greybox::dataset::Recording;
 use greybox::estimation::{Advance, Estimation, GenerationRow, Observer, RefinementRow};
 use greybox::job::assemble::{self, Origin};
 use greybox::job::spec::Context;
 use greybox::job::{DatasetId, JobSpec, Outcome};
 use greybox::model::{Catalogue, document};
+use greybox::recording::Recording;
 use greybox::uncertainty;
 use serde_json::{Value, json};
 use std::collections::HashMap;

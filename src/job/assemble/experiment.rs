@@ -1,12 +1,12 @@
 //! One experiment: cut out of its recording, its inputs without holes, its start settled.
 
 use super::{Finding, signal_pointer};
-use crate::dataset::{Recording, Split, Window};
 use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Target};
 use crate::job::fault::Fault;
 use crate::job::spec::{ExperimentRole, ExperimentSpec, InitialStateSpec, ParameterSpec};
 use crate::model::{InitialState, ModelDescription, Scale};
 use crate::numerics::statistics;
+use crate::recording::{Recording, Split, Window};
 use std::borrow::Cow;
 
 /// An estimated initial position may differ from the first samples by this share of the range of
@@ -162,7 +162,7 @@ impl Cutter<'_> {
     /// The samples of each input, their holes bridged.
     fn inputs(
         &self,
-        data: &crate::dataset::Experiment,
+        data: &crate::recording::Experiment,
         names: &[Cow<'static, str>],
         findings: &mut Vec<Finding>,
         faults: &mut Vec<Fault>,
@@ -198,7 +198,7 @@ impl Cutter<'_> {
 
     /// The samples of each measured output; missing throughout where this experiment does not
     /// measure it.
-    fn measured(&self, data: &crate::dataset::Experiment) -> Vec<Vec<f64>> {
+    fn measured(&self, data: &crate::recording::Experiment) -> Vec<Vec<f64>> {
         let samples = |output: &MeasuredOutput| {
             data.signal(&output.name)
                 .map_or_else(|| vec![f64::NAN; data.samples], <[f64]>::to_vec)

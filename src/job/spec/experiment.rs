@@ -6,11 +6,11 @@ use super::{
     ExperimentRole, ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec,
     MAX_EXPERIMENTS, ParameterSpec, StateRange, WindowSpec, parameter,
 };
-use crate::dataset::Summary;
 use crate::document::reader::{Field, Object, did_you_mean, listed};
 use crate::job::id::DatasetId;
 use crate::model::{ModelDescription, SignalDescription};
 use crate::numerics::dimension::Dimension;
+use crate::recording::Summary;
 
 /// Values that the experiments of one job read at the most: recorded samples times signals.
 const MAX_VALUES: usize = 20_000_000;

@@ -3,8 +3,9 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::dataset::{Recording, Signal, TimeAxis, Warning, csv};
+use crate::intake::csv;
 use crate::job::DatasetId;
+use crate::recording::{Recording, Signal, TimeAxis, Warning};
 
 fn recording(time: TimeAxis, values: Vec<f64>) -> Recording {
     Recording {

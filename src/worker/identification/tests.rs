@@ -6,9 +6,9 @@ use std::sync::atomic::Ordering;
 use serde_json::json;
 
 use super::*;
-use crate::dataset::{Signal, TimeAxis};
 use crate::job::spec::Context;
 use crate::job::{DatasetId, JobId, Status};
+use crate::recording::{Signal, TimeAxis};
 
 /// A carriage of 2 kg with 3 N·s/m of viscous friction under a square wave, integrated at a
 /// tenth of the sample time.

@@ -41,7 +41,7 @@ impl TimeAxis {
     }
 
     /// The same of so many instants up to the `last` one that need not be in memory.
-    pub(super) fn of_series(
+    pub(crate) fn of_series(
         instants: &mut dyn Series,
         (samples, last): (usize, f64),
         scale: f64,

@@ -14,7 +14,8 @@ mod header;
 mod table;
 
 use super::error::Faults;
-use super::{Fault, Intake, NewScratch, ReadError, Recording};
+use super::{Fault, ReadError};
+use crate::recording::{NewScratch, Received, Recording};
 use ::csv::{ByteRecord, ErrorKind, ReaderBuilder};
 use header::Header;
 use std::io::{self, BufRead, BufReader, Cursor, Read};
@@ -38,8 +39,8 @@ pub struct Options {
 /// When the source fails, when the text is not CSV, or with everything that is wrong with the
 /// columns and values.
 pub fn read(reader: impl Read, options: &Options) -> Result<Recording, ReadError> {
-    let intake = take_in(reader, options, None)?;
-    intake.into_recording().map_err(ReadError::Scratch)
+    let received = take_in(reader, options, None)?;
+    received.into_recording().map_err(ReadError::Scratch)
 }
 
 /// Reads a recording of which memory holds a few MiB; what is more goes to the scratch.
@@ -50,7 +51,7 @@ pub fn receive(
     reader: impl Read,
     options: &Options,
     scratch: NewScratch,
-) -> Result<Intake, ReadError> {
+) -> Result<Received, ReadError> {
     take_in(reader, options, Some(scratch))
 }
 
@@ -58,7 +59,7 @@ fn take_in(
     reader: impl Read,
     options: &Options,
     scratch: Option<NewScratch>,
-) -> Result<Intake, ReadError> {
+) -> Result<Received, ReadError> {
     let mut reader = BufReader::with_capacity(HEAD_BYTES as usize, reader);
     let head = read_head(&mut reader)?;
     let delimiter = header::delimiter(&head);
@@ -72,7 +73,7 @@ fn take_in(
     while !table.is_full() && rows.read_byte_record(&mut record).map_err(from_csv)? {
         table.push(&record).map_err(ReadError::Scratch)?;
     }
-    table.into_intake(options.name.clone())
+    table.into_received(options.name.clone())
 }
 
 /// The text up to the end of the first line that is not blank, without a byte order mark.

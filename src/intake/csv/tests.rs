@@ -1,8 +1,8 @@
 //! Whole texts, as plants and spreadsheets write them.
 
 use super::*;
-use crate::dataset::TimeAxis;
-use crate::dataset::error::MAX_FAULTS;
+use crate::intake::MAX_FAULTS;
+use crate::recording::TimeAxis;
 use proptest::prelude::*;
 
 fn parse(text: &str) -> Result<Recording, ReadError> {

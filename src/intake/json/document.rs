@@ -2,10 +2,11 @@
 
 use super::super::error::Faults;
 use super::super::units::{self, Unit};
-use super::super::{
-    Fault, MAX_SIGNALS, MIN_SAMPLES, ReadError, Recording, Signal, TimeAxis, Warning, name_fault,
-};
+use super::super::{Fault, ReadError};
 use super::node::Scalar;
+use crate::recording::{
+    MAX_SIGNALS, MIN_SAMPLES, Recording, Signal, TimeAxis, Warning, name_fault,
+};
 use jiff::Timestamp;
 use std::collections::HashSet;
 

@@ -13,7 +13,8 @@
 mod document;
 mod node;
 
-use super::{Fault, ReadError, Recording};
+use super::{Fault, ReadError};
+use crate::recording::Recording;
 use document::Document;
 use node::Node;
 use serde::de::DeserializeSeed;

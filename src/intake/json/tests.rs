@@ -1,7 +1,7 @@
 //! Whole documents, right and wrong.
 
 use super::*;
-use crate::dataset::TimeAxis;
+use crate::recording::TimeAxis;
 use proptest::prelude::*;
 
 fn parse(text: &str) -> Result<Recording, ReadError> {

@@ -1,8 +1,8 @@
 //! What a recording holds, in a few numbers.
 
-use super::intake::{Intake, Named};
 use super::profile::Profile;
 use super::quality::{self, QualityReport};
+use super::received::{Named, Received};
 use super::{Recording, Signal, TimeAxis, Warning};
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -61,7 +61,7 @@ impl Recording {
     }
 }
 
-impl Intake {
+impl Received {
     /// The recording in a few numbers, with its quality report.
     ///
     /// # Errors
@@ -105,7 +105,7 @@ fn of_signal((signal, profile): &(&Named, Profile)) -> SignalSummary {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::TimeAxis;
+    use crate::recording::TimeAxis;
 
     fn recording(values: Vec<f64>) -> Recording {
         let time = TimeAxis::Uniform {

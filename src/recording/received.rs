@@ -9,7 +9,7 @@ use std::io;
 ///
 /// Instants that are not uniform are held in memory; else it takes the same memory however long
 /// the recording is, where there is a scratch.
-pub struct Intake {
+pub struct Received {
     /// A name for people.
     pub name: Option<String>,
     /// The instant of the first sample, where the source gave one.
@@ -20,7 +20,7 @@ pub struct Intake {
     pub signals: Vec<Named>,
     /// What reading changed or assumed, e.g. rows that were dropped.
     pub notes: Vec<Warning>,
-    pub(super) columns: Columns,
+    pub(crate) columns: Columns,
 }
 
 /// What a signal is called and measured in.
@@ -33,10 +33,10 @@ pub struct Named {
     /// The unit as the source wrote it; empty where it gave none.
     pub recorded_unit: String,
     /// The column that holds the samples.
-    pub(super) column: usize,
+    pub(crate) column: usize,
 }
 
-impl Intake {
+impl Received {
     /// Hands over the samples of one of the `signals` in their order, piece by piece.
     ///
     /// # Errors
@@ -73,7 +73,7 @@ impl Intake {
     }
 }
 
-impl From<Recording> for Intake {
+impl From<Recording> for Received {
     fn from(recording: Recording) -> Self {
         let signals = recording.signals.into_iter().enumerate();
         let (signals, columns) = signals

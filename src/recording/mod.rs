@@ -1,35 +1,30 @@
-//! Recordings and the experiments cut from them.
+//! What a plant delivered, and the experiments cut from it.
 //!
-//! A [`Recording`] is what a plant delivered: named signals over one time axis, read from CSV
-//! ([`csv::read`]) or JSON ([`json::read`]), already in SI units; an [`Intake`] is the same on its
-//! way to where it is kept, and need not be in memory. An [`Experiment`] is the part of it
-//! that one estimation uses: uniform in time, cut to a window, under the model's signal names.
-//! A missing sample is NaN in both and is never invented; outside this module it is `null` or an
-//! empty field.
+//! A [`Recording`] is named signals over one time axis, in SI units; [`Received`] is the same on its
+//! way to where it is kept, and need not be in memory. An [`Experiment`] is the part of it that one
+//! estimation uses: uniform in time, cut to a window, under the model's signal names. A missing
+//! sample is NaN in both and is never invented; outside this module it is `null` or an empty field.
 
 mod axis;
-mod columns;
-pub mod csv;
+pub(crate) mod columns;
 mod decimate;
 mod error;
 mod experiment;
 mod export;
-mod intake;
-pub mod json;
 mod profile;
 mod quality;
+mod received;
 mod resample;
 mod split;
 mod summary;
-pub mod units;
 
 pub use axis::TimeAxis;
 pub use columns::{NewScratch, Scratch};
 pub use decimate::{SampledSignal, Samples, kept_indices};
-pub use error::{ExperimentError, Fault, ReadError};
+pub use error::ExperimentError;
 pub use experiment::Experiment;
-pub use intake::{Intake, Named};
 pub use quality::{QualityReport, Warning};
+pub use received::{Named, Received};
 pub use split::{Split, Window};
 pub use summary::{SignalSummary, Summary};
 
@@ -111,7 +106,7 @@ impl Signal {
 }
 
 /// Why `name` cannot name a signal or a recording: a code and a sentence.
-fn name_fault(name: &str) -> Option<(&'static str, String)> {
+pub(crate) fn name_fault(name: &str) -> Option<(&'static str, String)> {
     if name.is_empty() {
         Some(("empty_name", "the name is empty".to_owned()))
     } else if name.chars().count() > MAX_NAME_CHARACTERS {
@@ -125,52 +120,5 @@ fn name_fault(name: &str) -> Option<(&'static str, String)> {
         Some(("control_character", detail))
     } else {
         None
-    }
-}
-
-#[cfg(test)]
-mod round_trip {
-    //! What one part writes the other reads back.
-
-    use super::*;
-    use proptest::prelude::*;
-
-    fn value() -> impl Strategy<Value = f64> {
-        prop_oneof![9 => -1e12..1e12, 1 => Just(f64::NAN), 1 => prop::num::f64::NORMAL]
-    }
-
-    fn bits(values: &[f64]) -> Vec<u64> {
-        let canonical = |v: &f64| {
-            if v.is_nan() {
-                f64::NAN.to_bits()
-            } else {
-                v.to_bits()
-            }
-        };
-        values.iter().map(canonical).collect()
-    }
-
-    proptest! {
-        #[test]
-        fn a_recording_written_as_csv_reads_back_to_the_same_bits(
-            rows in prop::collection::vec((value(), value()), 2..60),
-            milliseconds in 1_u32..10_000,
-        ) {
-            let (a, b): (Vec<f64>, Vec<f64>) = rows.into_iter().unzip();
-            let time =
-                TimeAxis::Uniform { sample_time: f64::from(milliseconds) / 1e3, samples: a.len() };
-            let signals =
-                vec![Signal::new("spool, \"left\" [raw]", "", a), Signal::new("position", "m", b)];
-            let written = Recording::new(time, signals);
-            let mut text = Vec::new();
-            written.write_csv(&mut text).unwrap();
-            let read = csv::read(text.as_slice(), &csv::Options::default()).unwrap();
-            prop_assert_eq!(&read.time, &written.time);
-            for (read, written) in read.signals.iter().zip(&written.signals) {
-                prop_assert_eq!(&read.name, &written.name);
-                prop_assert_eq!(&read.unit, &written.unit);
-                prop_assert_eq!(bits(&read.values), bits(&written.values));
-            }
-        }
     }
 }

@@ -4,8 +4,8 @@
 //! (which hold their levels on purpose) stay quiet; each stands with its constant.
 
 use super::TimeAxis;
-use super::intake::Named;
 use super::profile::{Extreme, Profile};
+use super::received::Named;
 use super::resample::LONGEST_BRIDGE;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -58,7 +58,7 @@ impl Warning {
         }
     }
 
-    pub(super) fn duplicate_time(dropped: usize) -> Self {
+    pub(crate) fn duplicate_time(dropped: usize) -> Self {
         let detail = format!("{dropped} samples dropped that had the time of the one before");
         Self::of_recording("duplicate_time", detail)
     }
@@ -202,7 +202,7 @@ fn shown(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::{Recording, Signal};
+    use crate::recording::{Recording, Signal};
 
     fn codes(values: Vec<f64>) -> Vec<String> {
         let time = TimeAxis::Uniform {

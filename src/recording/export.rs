@@ -63,7 +63,7 @@ fn write_field(out: &mut impl Write, value: f64) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::TimeAxis;
+    use crate::recording::TimeAxis;
 
     #[test]
     fn missing_samples_are_empty_fields() {

@@ -1,12 +1,13 @@
 //! The rows: fields to SI values, and everything that can be wrong with them.
 
-use super::super::columns::{Columns, NewScratch};
+use super::super::ReadError;
 use super::super::error::Faults;
 use super::super::units::Unit;
-use super::super::{Intake, MIN_SAMPLES, Named, ReadError, TimeAxis, Warning};
 use super::clock::Clock;
 use super::fault;
 use super::header::{Column, Header};
+use crate::recording::columns::Columns;
+use crate::recording::{MIN_SAMPLES, Named, NewScratch, Received, TimeAxis, Warning};
 use ::csv::ByteRecord;
 use std::io;
 
@@ -144,7 +145,7 @@ impl Table {
     }
 
     /// The recording, or all faults.
-    pub(super) fn into_intake(mut self, name: Option<String>) -> Result<Intake, ReadError> {
+    pub(super) fn into_received(mut self, name: Option<String>) -> Result<Received, ReadError> {
         let samples = self.samples.rows();
         if self.faults.is_empty() && samples < MIN_SAMPLES {
             let detail =
@@ -166,7 +167,7 @@ impl Table {
         let end = (samples, self.last.unwrap_or(0.0));
         let mut instants = self.samples.column(self.time);
         let time = TimeAxis::of_series(&mut instants, end, self.clock.scale());
-        Ok(Intake {
+        Ok(Received {
             name,
             start: self.clock.start(),
             time: time.map_err(ReadError::Scratch)?,

@@ -18,7 +18,7 @@ impl<T: Read + Write + Seek + Send> Scratch for T {}
 pub type NewScratch = Box<dyn FnOnce() -> io::Result<Box<dyn Scratch>> + Send>;
 
 /// Samples that can be gone through again and again.
-pub(super) trait Series {
+pub(crate) trait Series {
     /// Hands over all samples in their order, piece by piece.
     ///
     /// # Errors
@@ -46,7 +46,7 @@ impl Series for &[f64] {
 }
 
 /// Columns of equal length.
-pub(super) struct Columns {
+pub(crate) struct Columns {
     /// The newest rows of each column; all of them where there is no scratch.
     held: Vec<Vec<f64>>,
     /// Rows that go to the scratch together.
@@ -68,7 +68,7 @@ enum Place {
 
 impl Columns {
     /// Empty columns.
-    pub(super) fn new(columns: usize, scratch: Option<NewScratch>) -> Self {
+    pub(crate) fn new(columns: usize, scratch: Option<NewScratch>) -> Self {
         Self {
             held: vec![Vec::new(); columns],
             block_rows: (HELD_BYTES / SAMPLE_BYTES / columns.max(1)).max(1),
@@ -78,7 +78,7 @@ impl Columns {
     }
 
     /// Columns that memory holds already.
-    pub(super) fn of(columns: Vec<Vec<f64>>) -> Self {
+    pub(crate) fn of(columns: Vec<Vec<f64>>) -> Self {
         Self {
             held: columns,
             ..Self::new(0, None)
@@ -89,7 +89,7 @@ impl Columns {
     ///
     /// # Errors
     /// When the scratch cannot be made or does not take more.
-    pub(super) fn push(&mut self, row: &[f64]) -> io::Result<()> {
+    pub(crate) fn push(&mut self, row: &[f64]) -> io::Result<()> {
         debug_assert_eq!(row.len(), self.held.len(), "a sample for each column");
         for (column, sample) in self.held.iter_mut().zip(row) {
             column.push(*sample);
@@ -102,12 +102,12 @@ impl Columns {
     }
 
     /// How many rows there are.
-    pub(super) fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         self.blocks as usize * self.block_rows + self.held_rows()
     }
 
     /// One of the columns.
-    pub(super) fn column(&mut self, index: usize) -> Column<'_> {
+    pub(crate) fn column(&mut self, index: usize) -> Column<'_> {
         Column {
             columns: self,
             index,
@@ -118,7 +118,7 @@ impl Columns {
     ///
     /// # Errors
     /// When the scratch cannot be read.
-    pub(super) fn take(&mut self, index: usize) -> io::Result<Vec<f64>> {
+    pub(crate) fn take(&mut self, index: usize) -> io::Result<Vec<f64>> {
         if self.blocks == 0 {
             let mut samples = std::mem::take(&mut self.held[index]);
             samples.shrink_to_fit();
@@ -163,7 +163,7 @@ impl Place {
 }
 
 /// One of several columns.
-pub(super) struct Column<'a> {
+pub(crate) struct Column<'a> {
     columns: &'a mut Columns,
     index: usize,
 }

@@ -1,9 +1,10 @@
 //! The header row: column names, their units, and which column is the time.
 
+use super::super::ReadError;
 use super::super::error::Faults;
 use super::super::units::{self, Unit};
-use super::super::{MAX_SIGNALS, ReadError, name_fault};
 use super::{Options, fault, malformed};
+use crate::recording::{MAX_SIGNALS, name_fault};
 use ::csv::ByteRecord;
 use std::collections::HashSet;
 
