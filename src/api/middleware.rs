@@ -126,7 +126,7 @@ mod tests {
             .route("/fine", get(|| async { "fine" }))
             .route("/broken", get(|| async { panic!("at the disco") as () }))
             .route("/none", get(|| async { Problem::not_found("job", "x") }));
-        let response = finish(routes).oneshot(request).await.unwrap();
+        let response = with_middleware(routes).oneshot(request).await.unwrap();
         let (parts, body) = response.into_parts();
         let body = to_bytes(body, 10_000).await.unwrap();
         let json = serde_json::from_slice(&body).unwrap_or(Value::Null);
