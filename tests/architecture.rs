@@ -38,7 +38,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     // A model may be a document that a user wrote.
     ("model", &["simulation", "document", "numerics"]),
     ("simulation", &["numerics"]),
-    ("intake", &["recording", "numerics"]),
+    ("intake", &["recording", "document", "numerics"]),
     ("recording", &["numerics"]),
     ("document", &[]),
     ("numerics", &[]),
@@ -89,6 +89,8 @@ const PLACES: &[(&str, &[&str])] = &[
     ("indicatif", &["cli"]),
     ("comfy_table", &["cli"]),
     // "Did you mean" belongs to the reading of documents and of queries.
+    // Texts of plants come in the encodings of their country.
+    ("encoding_rs", &["intake"]),
     ("strsim", &["document", "api"]),
     ("saphyr_parser", &["document"]),
     ("nalgebra", &["numerics", "uncertainty", "simulation/stiff.rs"]),

@@ -297,6 +297,7 @@ impl From<ReadError> for Problem {
     fn from(error: ReadError) -> Self {
         let kind = match &error {
             ReadError::Scratch(error) => return scratch_failed(error),
+            ReadError::Unsupported(_) => Kind::UnsupportedMediaType,
             ReadError::Invalid(_) => Kind::Invalid,
             ReadError::Malformed(_) | ReadError::Io(_) => Kind::Malformed,
         };
@@ -307,6 +308,7 @@ impl From<ReadError> for Problem {
             pointer: fault.pointer.clone(),
             line: fault.line,
             column: fault.column.clone(),
+            parameter: fault.parameter.clone(),
             code: fault.code.to_owned(),
             detail: fault.detail.clone(),
             ..ProblemFault::default()

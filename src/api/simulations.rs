@@ -24,7 +24,7 @@ use crate::job::spec::simulation::{SimulationSpec, Source};
 use crate::job::spec::{InitialStateSpec, ModelOfJob, WindowSpec};
 use crate::job::{DatasetId, spec::FixedValue};
 use crate::model::{InitialState, Model};
-use crate::recording::{Recording, SampledSignal, Signal, TimeAxis, Window};
+use crate::recording::{Exclude, Mapped, Recording, SampledSignal, Signal, TimeAxis, Window};
 use crate::simulation::{Accuracy, Candidate, Excitation, single};
 
 /// How long a client may let the server compute.
@@ -204,8 +204,10 @@ impl<'m> SimulationRun<'m> {
             from_s: window.from_s,
             to_s: window.to_s,
         });
-        let pairs: Vec<_> = spec.signals.clone().into_iter().collect();
-        let data = recording.experiment(&pairs, window);
+        let mapped = spec.signals.iter();
+        let mapped = mapped.map(|(model, recorded)| Mapped::held(model, recorded));
+        let mapped: Vec<Mapped> = mapped.collect();
+        let data = recording.experiment(&mapped, window, &Exclude::default());
         let data = data.map_err(|error| {
             let fault = Fault::new("", "experiment_not_possible", error.to_string());
             Problem::of_document(vec![fault])

@@ -1,7 +1,9 @@
 //! The part of a recording that one estimation uses.
 
-use super::resample::Grid;
-use super::{ExperimentError, Recording, Signal, TimeAxis, Warning, Window};
+use super::resample::{Grid, Rule};
+use super::{
+    Exclude, ExperimentError, Interpolation, Recording, Signal, TimeAxis, Warning, Window,
+};
 
 /// Uniform, in SI units and under the model's signal names; ready for an estimation.
 #[derive(Clone, Debug)]
@@ -16,40 +18,84 @@ pub struct Experiment {
     pub notes: Vec<Warning>,
 }
 
+/// A recorded signal under the name that a model has for it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mapped {
+    /// The model's name.
+    pub model: String,
+    /// The recording's name.
+    pub recorded: String,
+    /// How it goes on between samples where the recording does not say.
+    pub otherwise: Interpolation,
+}
+
+impl Mapped {
+    /// A signal that is held where the recording does not say otherwise: an input.
+    #[must_use]
+    pub fn held(model: &str, recorded: &str) -> Self {
+        Self {
+            otherwise: Interpolation::Hold,
+            ..Self::on_line(model, recorded)
+        }
+    }
+
+    /// A signal that is interpolated where the recording does not say otherwise: an output.
+    #[must_use]
+    pub fn on_line(model: &str, recorded: &str) -> Self {
+        Self {
+            model: model.to_owned(),
+            recorded: recorded.to_owned(),
+            otherwise: Interpolation::Linear,
+        }
+    }
+}
+
 impl Recording {
-    /// The experiment of the given signals (model name, dataset name) in a window.
+    /// The experiment of the given signals in a window, without what is left out.
     ///
-    /// Irregular samples are put on the grid of the recording's median sample time by linear
-    /// interpolation; samples in gaps longer than two sample times are missing; a note says so.
+    /// Irregular samples are put on the grid of the recording's median sample time, each signal in
+    /// its own way: a held one keeps its last value, another is interpolated linearly and missing
+    /// in gaps longer than two sample times; a note says so.
     ///
     /// # Errors
     /// When a signal does not exist, the window holds fewer than two samples, or gaps make up nearly
     /// all of it.
     pub fn experiment(
         &self,
-        signals: &[(String, String)],
+        signals: &[Mapped],
         window: Option<Window>,
+        exclude: &Exclude,
     ) -> Result<Experiment, ExperimentError> {
         let recorded: Vec<&Signal> = signals
             .iter()
-            .map(|(model, name)| self.mapped(model, name))
+            .map(|signal| self.mapped(&signal.model, &signal.recorded))
             .collect::<Result<_, _>>()?;
         let range = window.unwrap_or_default().samples(&self.time)?;
         let sample_time = self.time.sample_time();
-        let cut = recorded.iter().map(|signal| &signal.values[range.clone()]);
         let mut notes = Vec::new();
+        let mut cut = Vec::with_capacity(recorded.len());
+        for (signal, mapped) in recorded.iter().zip(signals) {
+            let mut values = signal.values[range.clone()].to_vec();
+            let left_out = exclude.apply(signal, &self.time, (range.start, &mut values));
+            notes.extend(excluded(&mapped.model, left_out));
+            let rule = Rule::of(signal.interpolation, mapped.otherwise);
+            cut.push((values, rule));
+        }
         let (samples, values): (usize, Vec<Vec<f64>>) = match &self.time {
-            TimeAxis::Uniform { .. } => (range.len(), cut.map(<[f64]>::to_vec).collect()),
+            TimeAxis::Uniform { .. } => (
+                range.len(),
+                cut.into_iter().map(|(values, _)| values).collect(),
+            ),
             TimeAxis::Instants(instants) => {
                 let grid = Grid::over(&instants[range.clone()], sample_time)?;
                 notes.push(resampled(range.len(), grid.samples(), sample_time));
-                (
-                    grid.samples(),
-                    cut.map(|values| grid.resample(values)).collect(),
-                )
+                let on_grid = cut
+                    .iter()
+                    .map(|(values, rule)| grid.resample(values, *rule));
+                (grid.samples(), on_grid.collect())
             }
         };
-        let names = signals.iter().map(|(model, _)| model.clone());
+        let names = signals.iter().map(|signal| signal.model.clone());
         let signals: Vec<(String, Vec<f64>)> = names.zip(values).collect();
         notes.extend(
             signals
@@ -91,10 +137,16 @@ impl Experiment {
 
 fn resampled(from: usize, to: usize, sample_time: f64) -> Warning {
     let detail = format!(
-        "{from} samples at irregular times put on {to} samples at {sample_time} s by linear \
-         interpolation; gaps longer than two sample times are left empty"
+        "{from} samples at irregular times put on {to} samples at {sample_time} s; held signals keep \
+         their last value, others are interpolated linearly and missing in gaps longer than two \
+         sample times"
     );
     Warning::of_recording("resampled", detail)
+}
+
+fn excluded(name: &str, samples: usize) -> Option<Warning> {
+    let detail = || format!("{samples} samples are left out, as the job asks");
+    (samples > 0).then(|| Warning::of_signal("excluded_samples", name, detail()))
 }
 
 fn missing(name: &str, values: &[f64]) -> Option<Warning> {
@@ -107,10 +159,10 @@ fn missing(name: &str, values: &[f64]) -> Option<Warning> {
 mod tests {
     use super::*;
 
-    fn map(names: &[(&str, &str)]) -> Vec<(String, String)> {
-        names
-            .iter()
-            .map(|(a, b)| ((*a).to_owned(), (*b).to_owned()))
+    fn map(names: &[(&str, &str)]) -> Vec<Mapped> {
+        let mapped = names.iter();
+        mapped
+            .map(|(model, recorded)| Mapped::on_line(model, recorded))
             .collect()
     }
 
@@ -130,7 +182,11 @@ mod tests {
             to_s: Some(2.5),
         };
         let experiment = recording
-            .experiment(&map(&[("position", "pos")]), Some(window))
+            .experiment(
+                &map(&[("position", "pos")]),
+                Some(window),
+                &Exclude::default(),
+            )
             .unwrap();
         assert_eq!((experiment.sample_time, experiment.samples), (0.5, 4));
         assert_eq!(
@@ -144,7 +200,7 @@ mod tests {
     fn irregular_samples_are_resampled_and_it_is_said() {
         let recording = recording(TimeAxis::Instants(vec![0.0, 1.0, 2.0, 6.0, 7.0]));
         let experiment = recording
-            .experiment(&map(&[("position", "pos")]), None)
+            .experiment(&map(&[("position", "pos")]), None, &Exclude::default())
             .unwrap();
         assert_eq!((experiment.sample_time, experiment.samples), (1.0, 8));
         let codes: Vec<&str> = experiment
@@ -166,7 +222,11 @@ mod tests {
             to_s: Some(6.5),
         };
         let experiment = recording
-            .experiment(&map(&[("position", "pos")]), Some(window))
+            .experiment(
+                &map(&[("position", "pos")]),
+                Some(window),
+                &Exclude::default(),
+            )
             .unwrap();
         assert_eq!(experiment.sample_time, 1.0);
         assert_eq!(experiment.samples, 4);
@@ -179,7 +239,7 @@ mod tests {
             samples: 10,
         });
         let error = recording
-            .experiment(&map(&[("position", "x")]), None)
+            .experiment(&map(&[("position", "x")]), None, &Exclude::default())
             .unwrap_err();
         let expected = "`position` is mapped to `x`, which the recording does not have; it has pos";
         assert_eq!(error.to_string(), expected);

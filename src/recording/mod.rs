@@ -9,12 +9,14 @@ mod axis;
 pub(crate) mod columns;
 mod decimate;
 mod error;
+mod exclude;
 mod experiment;
 mod export;
 mod profile;
 mod quality;
 mod received;
 mod resample;
+mod signal;
 mod split;
 mod summary;
 
@@ -22,9 +24,13 @@ pub use axis::TimeAxis;
 pub use columns::{NewScratch, Scratch};
 pub use decimate::{SampledSignal, Samples, kept_indices};
 pub use error::ExperimentError;
-pub use experiment::Experiment;
-pub use quality::{QualityReport, Warning};
-pub use received::{Named, Received};
+pub use exclude::{Exclude, ExcludedClass, ExcludedSpan};
+pub use experiment::{Experiment, Mapped};
+pub(crate) use quality::shown;
+pub use quality::{QualityReport, TimeSpan, Warning};
+pub use received::{Named, Received, Source};
+pub(crate) use resample::{Rule, resample};
+pub use signal::{Class, ClassCounts, ClassSpan, Interpolation, Signal};
 pub use split::{Split, Window};
 pub use summary::{SignalSummary, Summary};
 
@@ -44,25 +50,16 @@ pub struct Recording {
     pub name: Option<String>,
     /// The instant of the first sample, where the source gave one.
     pub start: Option<jiff::Timestamp>,
+    /// The time zone that the source counted in, where it is known: an IANA name or an offset.
+    pub zone: Option<String>,
+    /// What it was read from.
+    pub source: Source,
     /// When the samples were taken.
     pub time: TimeAxis,
     /// The signals in the order of the source; each as long as `time`.
     pub signals: Vec<Signal>,
     /// What reading changed or assumed, e.g. rows that were dropped.
     pub notes: Vec<Warning>,
-}
-
-/// One recorded quantity.
-#[derive(Clone, Debug)]
-pub struct Signal {
-    /// The name, unique in its recording.
-    pub name: String,
-    /// The SI unit of `values`; empty where the source gave no unit.
-    pub unit: String,
-    /// The unit as the source wrote it; empty where it gave none.
-    pub recorded_unit: String,
-    /// The samples in `unit`; NaN is a missing sample.
-    pub values: Vec<f64>,
 }
 
 impl Recording {
@@ -72,6 +69,8 @@ impl Recording {
         Self {
             name: None,
             start: None,
+            zone: None,
+            source: Source::default(),
             time,
             signals,
             notes: Vec::new(),
@@ -82,26 +81,6 @@ impl Recording {
     #[must_use]
     pub fn signal(&self, name: &str) -> Option<&Signal> {
         self.signals.iter().find(|signal| signal.name == name)
-    }
-}
-
-impl Signal {
-    /// A signal that is in SI already.
-    #[must_use]
-    pub fn new(name: impl Into<String>, unit: impl Into<String>, values: Vec<f64>) -> Self {
-        let unit = unit.into();
-        Self {
-            name: name.into(),
-            recorded_unit: unit.clone(),
-            unit,
-            values,
-        }
-    }
-
-    /// How many samples are missing.
-    #[must_use]
-    pub fn missing(&self) -> usize {
-        self.values.iter().filter(|value| value.is_nan()).count()
     }
 }
 

@@ -3,31 +3,39 @@
 //! The report warns; it changes nothing. Thresholds are ours, chosen so that excitation signals
 //! (which hold their levels on purpose) stay quiet; each stands with its constant.
 
-use super::TimeAxis;
-use super::profile::{Extreme, Profile};
+use super::profile::{Extreme, LONG_RUN, Profile, Run};
 use super::received::Named;
 use super::resample::LONGEST_BRIDGE;
+use super::{Class, ClassCounts, TimeAxis};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 /// A signal is saturated when at least this part of its samples is at its exact extreme…
 const SATURATED_FRACTION: f64 = 0.01;
-/// …and at least so many are.
+/// …at least so many are…
 const SATURATED_SAMPLES: usize = 10;
-/// A signal is frozen where it holds one value for at least so many samples…
-const FROZEN_SAMPLES: usize = 50;
-/// …and for so many times as long as it holds a value elsewhere on average.
+/// …and so many times as many as at the value next to it: a rounded signal has its samples at
+/// every level, a clipped one has them at the last.
+const SATURATED_RATIO: usize = 8;
+/// A signal is frozen where it holds one value for at least [`LONG_RUN`] samples and for so many
+/// times as long as it holds a value elsewhere on average.
 const FROZEN_RATIO: f64 = 20.0;
+/// A signal is padded when at least this share of its values stand for equally many samples…
+const PADDED_SHARE: f64 = 0.8;
+/// …and there are at least so many values.
+const PADDED_RUNS: usize = 20;
+/// Spans that a warning names.
+const MOST_SPANS: usize = 100;
 
 /// The quality report of a recording.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct QualityReport {
     /// What is odd, in the order: the recording as a whole, then signal by signal.
     pub warnings: Vec<Warning>,
 }
 
 /// One oddity.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Warning {
     /// Its kind, e.g. `gap` or `saturated_signal`.
     pub code: String,
@@ -35,6 +43,19 @@ pub struct Warning {
     pub signal: Option<String>,
     /// A sentence with the numbers.
     pub detail: String,
+    /// Where it is, as far as it is somewhere: the first hundred spans.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schema(required = false)]
+    pub spans: Vec<TimeSpan>,
+}
+
+/// A span of time, from its first to its last sample.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct TimeSpan {
+    /// Where it begins `[s]`, from the first sample of the recording.
+    pub from_s: f64,
+    /// Where it ends `[s]`.
+    pub to_s: f64,
 }
 
 impl Warning {
@@ -45,6 +66,7 @@ impl Warning {
             code: code.to_owned(),
             signal: None,
             detail,
+            spans: Vec::new(),
         }
     }
 
@@ -52,10 +74,19 @@ impl Warning {
     #[must_use]
     pub fn of_signal(code: &str, signal: &str, detail: String) -> Self {
         Self {
-            code: code.to_owned(),
             signal: Some(signal.to_owned()),
-            detail,
+            ..Self::of_recording(code, detail)
         }
+    }
+
+    /// With where it is: samples by the index of the first and their number.
+    fn at(mut self, time: &TimeAxis, samples: impl Iterator<Item = (usize, usize)>) -> Self {
+        let span = |(first, samples): (usize, usize)| TimeSpan {
+            from_s: time.instant(first),
+            to_s: time.instant(first + samples.max(1) - 1),
+        };
+        self.spans = samples.take(MOST_SPANS).map(span).collect();
+        self
     }
 
     pub(crate) fn duplicate_time(dropped: usize) -> Self {
@@ -77,12 +108,11 @@ pub(super) fn report(
         warnings.extend(gaps(instants, sample_time));
     }
     for (signal, profile) in signals {
-        let found = of_signal(signal, profile, time);
-        warnings.extend(
-            found
-                .into_iter()
-                .map(|(code, detail)| Warning::of_signal(code, &signal.name, detail)),
-        );
+        warnings.extend(Look {
+            signal,
+            profile,
+            time,
+        });
     }
     QualityReport { warnings }
 }
@@ -101,11 +131,19 @@ fn non_uniform(instants: &[f64], sample_time: f64) -> Warning {
 }
 
 fn gaps(instants: &[f64], sample_time: f64) -> Option<Warning> {
+    let mut spans = Vec::new();
     let mut count = 0;
     let (mut longest, mut place) = (LONGEST_BRIDGE * sample_time, 0.0);
     for pair in instants.windows(2) {
         let interval = pair[1] - pair[0];
-        count += usize::from(interval > LONGEST_BRIDGE * sample_time);
+        if interval <= LONGEST_BRIDGE * sample_time {
+            continue;
+        }
+        count += 1;
+        if spans.len() < MOST_SPANS {
+            let (from_s, to_s) = (pair[0], pair[1]);
+            spans.push(TimeSpan { from_s, to_s });
+        }
         if interval > longest {
             (longest, place) = (interval, pair[0]);
         }
@@ -117,79 +155,181 @@ fn gaps(instants: &[f64], sample_time: f64) -> Option<Warning> {
              begins at {place} s"
         )
     };
-    (count > 0).then(|| Warning::of_recording("gap", detail()))
-}
-
-/// A code and a sentence for each oddity of a signal.
-fn of_signal(signal: &Named, profile: &Profile, time: &TimeAxis) -> Vec<(&'static str, String)> {
-    let Some(values) = &profile.values else {
-        return vec![("no_values", "every sample is missing".to_owned())];
-    };
-    let Profile {
-        samples, missing, ..
-    } = profile;
-    let mut found = Vec::new();
-    if *missing > 0 {
-        found.push((
-            "missing_samples",
-            format!("{missing} of {samples} samples are missing"),
-        ));
-    }
-    if signal.unit.is_empty() {
-        let detail = "no unit given; the values are taken as SI".to_owned();
-        found.push(("no_unit", detail));
-    }
-    if values.is_constant() {
-        let detail = format!("every sample is {}", shown(values.min.value));
-        found.push(("constant_signal", detail));
-        return found;
-    }
-    if !values.is_stepped {
-        let present = samples - missing;
-        found.extend(saturated(values.min, present, "minimum"));
-        found.extend(saturated(values.max, present, "maximum"));
-    }
-    found.extend(frozen(profile, time));
-    found
-}
-
-fn saturated(extreme: Extreme, present: usize, which: &str) -> Option<(&'static str, String)> {
-    let count = extreme.samples;
-    let fraction = count as f64 / present as f64;
-    (count >= SATURATED_SAMPLES && fraction >= SATURATED_FRACTION).then(|| {
-        let percent = 100.0 * fraction;
-        let extreme = shown(extreme.value);
-        let detail =
-            format!("{count} samples ({percent:.1} %) are at the {which} {extreme} exactly");
-        ("saturated_signal", detail)
+    (count > 0).then(|| Warning {
+        spans,
+        ..Warning::of_recording("gap", detail())
     })
 }
 
-/// The longest stretch of one value, where it is far longer than the others.
-fn frozen(profile: &Profile, time: &TimeAxis) -> Option<(&'static str, String)> {
-    let Profile {
-        samples,
-        runs,
-        longest,
-        ..
-    } = profile;
-    let elsewhere = (samples - longest.samples) as f64 / runs.saturating_sub(1).max(1) as f64;
-    let frozen =
-        longest.samples >= FROZEN_SAMPLES && longest.samples as f64 >= FROZEN_RATIO * elsewhere;
-    frozen.then(|| {
+/// A signal that is looked over.
+#[derive(Clone, Copy)]
+struct Look<'a> {
+    signal: &'a Named,
+    profile: &'a Profile,
+    time: &'a TimeAxis,
+}
+
+impl IntoIterator for Look<'_> {
+    type Item = Warning;
+    type IntoIter = std::vec::IntoIter<Warning>;
+
+    /// A warning for each oddity.
+    fn into_iter(self) -> Self::IntoIter {
+        let Self {
+            signal, profile, ..
+        } = self;
+        let Some(values) = &profile.values else {
+            let none = self.warning("no_values", "every sample is missing".to_owned());
+            return vec![none].into_iter();
+        };
+        let (samples, missing) = (profile.samples, profile.missing);
+        let mut found = self.classes();
+        if missing > 0 {
+            let detail = format!("{missing} of {samples} samples are missing");
+            found.push(self.warning("missing_samples", detail));
+        }
+        if signal.unit.is_empty() {
+            let detail = "no unit given; the values are taken as SI".to_owned();
+            found.push(self.warning("no_unit", detail));
+        }
+        if values.is_constant() {
+            let detail = format!("every sample is {}", shown(values.min.value));
+            found.push(self.warning("constant_signal", detail));
+            return found.into_iter();
+        }
+        if !values.is_stepped {
+            found.extend(self.saturated(values.min, "minimum"));
+            found.extend(self.saturated(values.max, "maximum"));
+            found.extend(self.padded());
+        }
+        found.extend(self.frozen());
+        found.extend(self.spikes());
+        found.into_iter()
+    }
+}
+
+impl Look<'_> {
+    fn warning(&self, code: &str, detail: String) -> Warning {
+        Warning::of_signal(code, &self.signal.name, detail)
+    }
+
+    /// What the source said of its samples.
+    fn classes(&self) -> Vec<Warning> {
+        let spans = &self.signal.classes;
+        let counts = ClassCounts::of(self.profile.samples, spans);
+        let said = [
+            (
+                Class::Bad,
+                "bad_samples",
+                counts.bad,
+                "bad: they are missing",
+            ),
+            (
+                Class::Uncertain,
+                "uncertain_samples",
+                counts.uncertain,
+                "uncertain: they are used unless a job excludes them",
+            ),
+            (
+                Class::Substituted,
+                "substituted_samples",
+                counts.substituted,
+                "substituted, not measured: they are used unless a job excludes them",
+            ),
+        ];
+        let found = said.into_iter().filter(|(_, _, count, _)| *count > 0);
+        found
+            .map(|(class, code, count, what)| {
+                let detail = format!("{count} samples are {what}");
+                let of_class = spans.iter().filter(|span| span.class == class);
+                let places = of_class.map(|span| (span.first, span.samples));
+                self.warning(code, detail).at(self.time, places)
+            })
+            .collect()
+    }
+
+    fn saturated(&self, extreme: Extreme, which: &str) -> Option<Warning> {
+        let present = self.profile.samples - self.profile.missing;
+        let count = extreme.samples;
+        let fraction = count as f64 / present as f64;
+        let is_saturated = count >= SATURATED_SAMPLES
+            && fraction >= SATURATED_FRACTION
+            && count >= SATURATED_RATIO * extreme.next_samples;
+        is_saturated.then(|| {
+            let percent = 100.0 * fraction;
+            let extreme = shown(extreme.value);
+            let detail =
+                format!("{count} samples ({percent:.1} %) are at the {which} {extreme} exactly");
+            self.warning("saturated_signal", detail)
+        })
+    }
+
+    /// Values that stand for equally many samples each: recorded at a slower rate.
+    fn padded(&self) -> Option<Warning> {
+        let Profile { missing, runs, .. } = self.profile;
+        let (length, count) = self.profile.commonest_length;
+        let values = runs - missing;
+        let is_padded =
+            length > 1 && values >= PADDED_RUNS && count as f64 >= PADDED_SHARE * values as f64;
+        is_padded.then(|| {
+            let percent = 100.0 * count as f64 / values as f64;
+            let detail = format!(
+                "changes only every {length} samples ({percent:.0} % of its values): it was \
+                 measured at {} s and repeated",
+                shown(length as f64 * self.time.sample_time())
+            );
+            self.warning("step_padded", detail)
+        })
+    }
+
+    fn frozen(&self) -> Option<Warning> {
+        let runs: Vec<&Run> = frozen_runs(self.profile).collect();
+        let longest = runs.iter().max_by_key(|run| run.samples)?;
+        let others = match runs.len() {
+            1 => String::new(),
+            n => format!("; {} more stretches like it", n - 1),
+        };
         let detail = format!(
-            "holds {} for {} samples from {} s on, and changes every {elsewhere:.1} samples \
-             elsewhere",
+            "holds {} for {} samples from {} s on, and changes every {:.1} samples elsewhere\
+             {others}",
             shown(longest.value),
             longest.samples,
-            shown(time.instant(longest.start)),
+            shown(self.time.instant(longest.start)),
+            elsewhere(self.profile),
         );
-        ("frozen_signal", detail)
-    })
+        let places = runs.iter().map(|run| (run.start, run.samples));
+        Some(self.warning("frozen_signal", detail).at(self.time, places))
+    }
+
+    fn spikes(&self) -> Option<Warning> {
+        let spikes = &self.profile.spikes;
+        let first = *spikes.first()?;
+        let detail = format!(
+            "{} single samples are far from both their neighbours, the first at {} s",
+            spikes.len(),
+            shown(self.time.instant(first))
+        );
+        let places = spikes.iter().map(|k| (*k, 1));
+        Some(self.warning("spikes", detail).at(self.time, places))
+    }
+}
+
+/// For how many samples a signal holds a value on average, but for the longest stretch.
+fn elsewhere(profile: &Profile) -> f64 {
+    let others = profile.runs.saturating_sub(1).max(1);
+    (profile.samples - profile.longest.samples) as f64 / others as f64
+}
+
+/// Stretches of one value that are far longer than the others.
+pub(super) fn frozen_runs(profile: &Profile) -> impl Iterator<Item = &Run> {
+    let constant = profile.values.as_ref().is_some_and(|v| v.is_constant());
+    let long = FROZEN_RATIO * elsewhere(profile);
+    let runs = profile.long_runs.iter();
+    runs.filter(move |run| !constant && run.samples >= LONG_RUN && run.samples as f64 >= long)
 }
 
 /// A number to at most six significant digits.
-fn shown(value: f64) -> String {
+pub(crate) fn shown(value: f64) -> String {
     let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
     let plain = rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs());
     if plain {
@@ -254,6 +394,42 @@ mod tests {
         let mut values: Vec<f64> = sine(2000).collect();
         values[700..800].fill(0.5);
         assert_eq!(codes(values), ["frozen_signal"]);
+    }
+
+    #[test]
+    fn a_rounded_signal_is_not_saturated_and_a_rounded_clipped_one_is() {
+        // A slow sine rounded to 200 levels stays at its extremes for many samples.
+        let slow = (0..20_000).map(|k| (1e-3 * f64::from(k)).sin());
+        let rounded = |value: f64| (100.0 * value).round() / 100.0;
+        assert!(codes(slow.clone().map(rounded).collect()).is_empty());
+        let clipped = slow.map(|value| rounded(value).clamp(-2.0, 0.5));
+        let codes = codes(clipped.collect());
+        assert!(codes.contains(&"saturated_signal".to_owned()), "{codes:?}");
+    }
+
+    #[test]
+    fn a_single_sample_far_from_its_neighbours_is_a_spike_with_its_place() {
+        let mut values: Vec<f64> = sine(2000).collect();
+        values[700] += 50.0;
+        let time = TimeAxis::Uniform {
+            sample_time: 0.01,
+            samples: values.len(),
+        };
+        let recording = Recording::new(time, vec![Signal::new("a", "m", values)]);
+        let warnings = recording.summary().report.warnings;
+        assert_eq!(warnings.len(), 1, "{warnings:?}");
+        assert_eq!(warnings[0].code, "spikes");
+        let place = TimeSpan {
+            from_s: 7.0,
+            to_s: 7.0,
+        };
+        assert_eq!(warnings[0].spans, [place]);
+    }
+
+    #[test]
+    fn a_signal_that_was_measured_more_slowly_is_padded() {
+        let values = (0..2000_u32).map(|k| (0.1 * f64::from(k / 10)).sin());
+        assert_eq!(codes(values.collect()), ["step_padded"]);
     }
 
     #[test]

@@ -2,8 +2,11 @@
 //! memory.
 
 use super::columns::{Columns, Series};
-use super::{Recording, Signal, TimeAxis, Warning};
+use super::{ClassSpan, Interpolation, Recording, Signal, TimeAxis, Warning};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::io;
+use utoipa::ToSchema;
 
 /// A recording whose samples are in memory or in a scratch.
 ///
@@ -14,6 +17,10 @@ pub struct Received {
     pub name: Option<String>,
     /// The instant of the first sample, where the source gave one.
     pub start: Option<jiff::Timestamp>,
+    /// The time zone that the source counted in, where it is known: an IANA name or an offset.
+    pub zone: Option<String>,
+    /// What it was read from.
+    pub source: Source,
     /// When the samples were taken.
     pub time: TimeAxis,
     /// The signals in the order of the source.
@@ -23,8 +30,17 @@ pub struct Received {
     pub(crate) columns: Columns,
 }
 
-/// What a signal is called and measured in.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// What a recording was read from, so that the reading can be repeated.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Source {
+    /// The format, e.g. `wide_csv` or `pi_web_api`; empty for recordings that no reader made.
+    pub format: String,
+    /// The options that came with it, as they were given.
+    pub options: BTreeMap<String, String>,
+}
+
+/// What a signal is called and measured in: all but its samples.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Named {
     /// The name, unique in its recording.
     pub name: String,
@@ -32,7 +48,14 @@ pub struct Named {
     pub unit: String,
     /// The unit as the source wrote it; empty where it gave none.
     pub recorded_unit: String,
+    /// How it goes on between samples, where the source or its options said so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interpolation: Option<Interpolation>,
+    /// Samples that are not good, in their order; the others are.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub classes: Vec<ClassSpan>,
     /// The column that holds the samples.
+    #[serde(skip)]
     pub(crate) column: usize,
 }
 
@@ -56,17 +79,15 @@ impl Received {
     /// When the samples cannot be read back.
     pub fn into_recording(mut self) -> io::Result<Recording> {
         let signals = self.signals.into_iter().map(|signal| {
-            Ok(Signal {
-                values: self.columns.take(signal.column)?,
-                name: signal.name,
-                unit: signal.unit,
-                recorded_unit: signal.recorded_unit,
-            })
+            let values = self.columns.take(signal.column)?;
+            Ok(signal.with_values(values))
         });
         Ok(Recording {
             signals: signals.collect::<io::Result<_>>()?,
             name: self.name,
             start: self.start,
+            zone: self.zone,
+            source: self.source,
             time: self.time,
             notes: self.notes,
         })
@@ -82,6 +103,8 @@ impl From<Recording> for Received {
         Self {
             name: recording.name,
             start: recording.start,
+            zone: recording.zone,
+            source: recording.source,
             time: recording.time,
             signals,
             notes: recording.notes,
@@ -91,12 +114,27 @@ impl From<Recording> for Received {
 }
 
 impl Named {
-    pub(super) fn new(signal: &Signal, column: usize) -> Self {
+    pub(crate) fn new(signal: &Signal, column: usize) -> Self {
         Self {
             name: signal.name.clone(),
             unit: signal.unit.clone(),
             recorded_unit: signal.recorded_unit.clone(),
+            interpolation: signal.interpolation,
+            classes: signal.classes.clone(),
             column,
+        }
+    }
+
+    /// The signal that has these samples.
+    #[must_use]
+    pub fn with_values(self, values: Vec<f64>) -> Signal {
+        Signal {
+            name: self.name,
+            unit: self.unit,
+            recorded_unit: self.recorded_unit,
+            interpolation: self.interpolation,
+            classes: self.classes,
+            values,
         }
     }
 }

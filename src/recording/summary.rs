@@ -3,7 +3,8 @@
 use super::profile::Profile;
 use super::quality::{self, QualityReport};
 use super::received::{Named, Received};
-use super::{Recording, Signal, TimeAxis, Warning};
+use super::{ClassCounts, Interpolation, Recording, Signal, Source, TimeAxis, Warning};
+use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::io;
 use utoipa::ToSchema;
@@ -11,6 +12,19 @@ use utoipa::ToSchema;
 /// A recording as lists and pages show it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Summary {
+    /// When the first sample was taken; `null` where the source did not say.
+    #[serde(default)]
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub start: Option<Timestamp>,
+    /// The time zone that the source counted in: an IANA name or an offset; `null` where it said
+    /// none, or UTC.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub zone: Option<String>,
+    /// What it was read from, with the options that came with it.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub source: Source,
     /// The number of samples of every signal.
     pub samples: usize,
     /// The time from the first to the last sample `[s]`.
@@ -34,6 +48,15 @@ pub struct SignalSummary {
     pub unit: String,
     /// The unit as it was recorded.
     pub recorded_unit: String,
+    /// How it goes on between samples; `null` where nothing said so.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub interpolation: Option<Interpolation>,
+    /// How many samples are good, uncertain, substituted and bad, by the source; `null` where it
+    /// said that of none.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub quality: Option<ClassCounts>,
     /// How many samples are missing.
     pub missing: usize,
     /// The smallest value; `null` when every sample is missing.
@@ -57,7 +80,14 @@ impl Recording {
         };
         let profiles = self.signals.iter().map(profile);
         let profiled: Vec<_> = signals.iter().zip(profiles).collect();
-        of(&self.time, &self.notes, &profiled)
+        let about = About {
+            start: self.start,
+            zone: &self.zone,
+            source: &self.source,
+            time: &self.time,
+            notes: &self.notes,
+        };
+        about.summary(&profiled)
     }
 }
 
@@ -73,28 +103,56 @@ impl Received {
             Ok((signal, profile))
         });
         let profiled: Vec<_> = profiled.collect::<io::Result<_>>()?;
-        Ok(of(&self.time, &self.notes, &profiled))
+        let about = About {
+            start: self.start,
+            zone: &self.zone,
+            source: &self.source,
+            time: &self.time,
+            notes: &self.notes,
+        };
+        Ok(about.summary(&profiled))
     }
 }
 
-/// The summary of signals that have been gone through.
-fn of(time: &TimeAxis, notes: &[Warning], profiled: &[(&Named, Profile)]) -> Summary {
-    Summary {
-        samples: time.samples(),
-        duration_s: time.duration(),
-        sample_time_s: time.sample_time(),
-        uniform: time.is_uniform(),
-        signals: profiled.iter().map(of_signal).collect(),
-        report: quality::report(time, notes, profiled),
+/// What is known of a recording but for its signals.
+struct About<'a> {
+    start: Option<Timestamp>,
+    zone: &'a Option<String>,
+    source: &'a Source,
+    time: &'a TimeAxis,
+    notes: &'a [Warning],
+}
+
+impl About<'_> {
+    /// The summary of signals that have been gone through.
+    fn summary(&self, profiled: &[(&Named, Profile)]) -> Summary {
+        let time = self.time;
+        Summary {
+            start: self.start,
+            zone: self.zone.clone(),
+            source: self.source.clone(),
+            samples: time.samples(),
+            duration_s: time.duration(),
+            sample_time_s: time.sample_time(),
+            uniform: time.is_uniform(),
+            signals: profiled
+                .iter()
+                .map(|profiled| of_signal(profiled, time.samples()))
+                .collect(),
+            report: quality::report(time, self.notes, profiled),
+        }
     }
 }
 
-fn of_signal((signal, profile): &(&Named, Profile)) -> SignalSummary {
+fn of_signal((signal, profile): &(&Named, Profile), samples: usize) -> SignalSummary {
     let values = profile.values.as_ref();
+    let counts = ClassCounts::of(samples, &signal.classes);
     SignalSummary {
         name: signal.name.clone(),
         unit: signal.unit.clone(),
         recorded_unit: signal.recorded_unit.clone(),
+        interpolation: signal.interpolation,
+        quality: (!counts.all_good()).then_some(counts),
         missing: profile.missing,
         min: values.map(|values| values.min.value),
         max: values.map(|values| values.max.value),

@@ -15,7 +15,9 @@ use super::jobs::{Page, from_json, json, time};
 use super::writer::Tx;
 use super::{Change, Store, StoreError, corrupt};
 use crate::job::{DatasetId, JobId};
-use crate::recording::{NewScratch, Received, Recording, Signal, Summary, TimeAxis, Warning};
+use crate::recording::{
+    Named, NewScratch, Received, Recording, Source, Summary, TimeAxis, Warning,
+};
 
 /// The most bytes in one chunk.
 const CHUNK_BYTES: usize = 1 << 20;
@@ -64,18 +66,15 @@ pub enum DatasetRemoval {
 #[derive(Serialize, Deserialize)]
 struct Description {
     start: Option<Timestamp>,
+    #[serde(default)]
+    zone: Option<String>,
+    #[serde(default)]
+    source: Source,
     /// [s]; nothing where the time axis is stored as samples.
     sample_time: Option<f64>,
     samples: usize,
-    signals: Vec<SignalDescription>,
+    signals: Vec<Named>,
     notes: Vec<Warning>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct SignalDescription {
-    name: String,
-    unit: String,
-    recorded_unit: String,
 }
 
 impl Store {
@@ -368,20 +367,14 @@ async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval, StoreError
 fn describe(recording: &Received) -> Description {
     Description {
         start: recording.start,
+        zone: recording.zone.clone(),
+        source: recording.source.clone(),
         sample_time: match recording.time {
             TimeAxis::Uniform { sample_time, .. } => Some(sample_time),
             TimeAxis::Instants(_) => None,
         },
         samples: recording.time.samples(),
-        signals: recording
-            .signals
-            .iter()
-            .map(|signal| SignalDescription {
-                name: signal.name.clone(),
-                unit: signal.unit.clone(),
-                recorded_unit: signal.recorded_unit.clone(),
-            })
-            .collect(),
+        signals: recording.signals.clone(),
         notes: recording.notes.clone(),
     }
 }
@@ -410,16 +403,13 @@ fn assemble(
         .signals
         .into_iter()
         .zip(series.into_iter().skip(1))
-        .map(|(signal, values)| Signal {
-            name: signal.name,
-            unit: signal.unit,
-            recorded_unit: signal.recorded_unit,
-            values,
-        })
+        .map(|(signal, values)| signal.with_values(values))
         .collect();
     Ok(Recording {
         name,
         start: description.start,
+        zone: description.zone,
+        source: description.source,
         time,
         signals,
         notes: description.notes,

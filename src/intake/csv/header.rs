@@ -1,9 +1,10 @@
 //! The header row: column names, their units, and which column is the time.
 
-use super::super::ReadError;
-use super::super::error::Faults;
-use super::super::units::{self, Unit};
-use super::{Options, fault, malformed};
+use super::super::column::Column;
+use super::super::error::{Fault, Faults, invalid};
+use super::super::options::Options;
+use super::super::{ReadError, stamp, units};
+use super::{line_of, texts};
 use crate::recording::{MAX_SIGNALS, name_fault};
 use ::csv::ByteRecord;
 use std::collections::HashSet;
@@ -11,36 +12,28 @@ use std::collections::HashSet;
 /// What the columns are.
 #[derive(Debug)]
 pub(super) struct Header {
-    /// The columns in their order, without empty ones at the end of the line.
+    /// The columns in their order, without empty ones at the end of the line; the time's is not
+    /// used.
     pub(super) columns: Vec<Column>,
+    /// The names as the header has them.
+    pub(super) names: Vec<String>,
     /// The index of the time column.
     pub(super) time: usize,
+    /// The unit of the time column, as its title has it.
+    pub(super) time_unit: String,
     /// The faults of the header, to be reported with those of the rows.
     pub(super) faults: Faults,
-}
-
-/// A column of the table.
-#[derive(Debug)]
-pub(super) struct Column {
-    pub(super) name: String,
-    pub(super) recorded_unit: String,
-    pub(super) unit: Unit,
 }
 
 impl Header {
     /// Reads the header row.
     ///
     /// # Errors
-    /// When the rows cannot be understood without it: it is not UTF-8, has no signals or too many,
-    /// or lacks the time column.
+    /// When the rows cannot be understood without it: it is not UTF-8, has no names, no signals or
+    /// too many, or lacks the time column.
     pub(super) fn parse(record: &ByteRecord, options: &Options) -> Result<Self, ReadError> {
-        let line = record.position().map_or(1, ::csv::Position::line);
-        let mut titles = Vec::with_capacity(record.len());
-        for field in record {
-            let title = std::str::from_utf8(field)
-                .map_err(|_| malformed("not_utf8", line, "the header row is not UTF-8"))?;
-            titles.push(title.trim());
-        }
+        let line = line_of(record);
+        let mut titles = texts(record)?;
         while titles.last().is_some_and(|title| title.is_empty()) {
             titles.pop();
         }
@@ -49,119 +42,103 @@ impl Header {
         if titles.len() < 2 {
             let detail = "a time column and at least one signal column are needed, separated by \
                           comma, semicolon or tab";
-            faults.malformed(fault("no_signals", line, None, detail.to_owned()));
+            faults.malformed(Fault::at_line("no_signals", line, None, detail));
         } else if titles.len() > MAX_SIGNALS + 1 {
             let detail = format!("{} columns; at most {MAX_SIGNALS} are read", titles.len());
-            faults.invalid(fault("too_many_signals", line, None, detail));
+            faults.invalid(Fault::at_line("too_many_signals", line, None, detail));
+        } else if let Some(first) = titles.iter().find(|_| titles.iter().all(|t| is_data(t))) {
+            let detail = format!(
+                "the first row has `{first}` where a name is expected; put a row of names before it"
+            );
+            faults.invalid(Fault::at_line("no_header", line, None, detail));
         } else if time.is_none() {
             let wanted = options.time.as_deref().unwrap_or_default();
             let detail = format!("there is no time column `{wanted}`");
-            faults.invalid(fault("no_time_column", line, None, detail));
+            faults.invalid(Fault::at_line("no_time_column", line, None, detail));
         }
         let Some(time) = time.filter(|_| faults.is_empty()) else {
-            return Err(faults.result().expect_err("only a fault leads here"));
+            faults.result()?;
+            let fault = Fault::at_line("no_time_column", line, None, "there is no time column");
+            return Err(invalid(fault));
         };
-        let columns = columns(&titles, time, line, &mut faults);
+        let (_, time_unit) = time_name_and_unit(titles[time]);
+        let (columns, names) = columns(&titles, (time, line), options, &mut faults);
         Ok(Self {
             columns,
+            names,
             time,
+            time_unit: time_unit.to_owned(),
             faults,
         })
     }
 }
 
+/// Whether a title is what stands in rows: a number or a time.
+fn is_data(title: &str) -> bool {
+    title.is_empty()
+        || title.parse::<f64>().is_ok()
+        || stamp::looks_like_one(title) && { stamp::parse(title, Some(true)).is_ok() }
+}
+
 fn time_column(titles: &[&str], wanted: Option<&str>) -> Option<usize> {
-    match wanted {
-        None => Some(0),
-        Some(wanted) => titles
-            .iter()
-            .position(|title| *title == wanted || name_and_unit(title).0 == wanted),
+    let Some(wanted) = wanted else {
+        return Some(0);
+    };
+    titles
+        .iter()
+        .position(|title| *title == wanted || time_name_and_unit(title).0 == wanted)
+}
+
+/// Of the time column, behind the name any unit of time is meant as one: `t_s`, `elapsed_min`.
+pub(in crate::intake) fn time_name_and_unit(title: &str) -> (&str, &str) {
+    let (name, unit) = units::name_and_unit(title);
+    if !unit.is_empty() {
+        return (name, unit);
+    }
+    match title.rsplit_once('_') {
+        Some((name, unit))
+            if !name.is_empty() && !unit.is_empty() && units::parse_time(unit).is_some() =>
+        {
+            (title, unit)
+        }
+        _ => (title, ""),
     }
 }
 
-fn columns(titles: &[&str], time: usize, line: u64, faults: &mut Faults) -> Vec<Column> {
+fn columns(
+    titles: &[&str],
+    (time, line): (usize, u64),
+    options: &Options,
+    faults: &mut Faults,
+) -> (Vec<Column>, Vec<String>) {
     let mut seen = HashSet::new();
     let mut columns = Vec::with_capacity(titles.len());
+    let mut names = Vec::with_capacity(titles.len());
     for (k, title) in titles.iter().enumerate() {
-        let (name, recorded_unit) = name_and_unit(title);
-        if let Some((code, detail)) = name_fault(name) {
-            faults.invalid(fault(
-                code,
-                line,
-                None,
-                format!("column {}: {detail}", k + 1),
-            ));
-        } else if !seen.insert(name) {
+        let (name, _) = units::name_and_unit(title);
+        if k == time {
+            columns.push(Column::named(name, &Options::default()));
+            names.push(name.to_owned());
+            seen.insert(name.to_owned());
+            continue;
+        }
+        let column = Column::titled(title, options).unwrap_or_else(|wrong| {
+            let (column, detail) = *wrong;
+            faults.invalid(Fault::at_line("unknown_unit", line, Some(name), detail));
+            column
+        });
+        if let Some((code, detail)) = name_fault(&column.name) {
+            let detail = format!("column {}: {detail}", k + 1);
+            faults.invalid(Fault::at_line(code, line, None, detail));
+        } else if !seen.insert(column.name.clone()) {
             let detail = format!(
                 "column {} has a name that stands further left already",
                 k + 1
             );
-            faults.invalid(fault("duplicate_name", line, Some(name), detail));
+            faults.invalid(Fault::at_line("duplicate_name", line, Some(name), detail));
         }
-        let unit = if k == time {
-            Some(Unit::NONE)
-        } else {
-            units::parse(recorded_unit)
-        };
-        if unit.is_none() {
-            let detail = format!(
-                "unit `{recorded_unit}` is not known; known: {}",
-                units::known()
-            );
-            faults.invalid(fault("unknown_unit", line, Some(name), detail));
-        }
-        columns.push(Column {
-            name: name.to_owned(),
-            recorded_unit: recorded_unit.to_owned(),
-            unit: unit.unwrap_or(Unit::NONE),
-        });
+        columns.push(column);
+        names.push(name.to_owned());
     }
-    columns
-}
-
-/// Parts `position [mm]` into `position` and `mm`.
-fn name_and_unit(title: &str) -> (&str, &str) {
-    title
-        .strip_suffix(']')
-        .and_then(|open| open.rsplit_once('['))
-        .map_or((title, ""), |(name, unit)| (name.trim(), unit.trim()))
-}
-
-/// The delimiter that stands most often in the header row, outside quotes.
-pub(super) fn delimiter(head: &[u8]) -> u8 {
-    let mut counts = [(b',', 0_usize), (b';', 0), (b'\t', 0)];
-    let mut quoted = false;
-    for byte in head.trim_ascii() {
-        quoted ^= *byte == b'"';
-        for (delimiter, count) in &mut counts {
-            *count += usize::from(!quoted && byte == delimiter);
-        }
-    }
-    counts
-        .into_iter()
-        .rev()
-        .max_by_key(|(_, count)| *count)
-        .map_or(b',', |(delimiter, _)| delimiter)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_unit_stands_in_the_last_brackets() {
-        assert_eq!(name_and_unit("position [mm]"), ("position", "mm"));
-        assert_eq!(name_and_unit("spool [left] [ V ]"), ("spool [left]", "V"));
-        assert_eq!(name_and_unit("spool [left] []"), ("spool [left]", ""));
-        assert_eq!(name_and_unit("position"), ("position", ""));
-        assert_eq!(name_and_unit("position]"), ("position]", ""));
-    }
-
-    #[test]
-    fn the_delimiter_is_told_from_the_header() {
-        assert_eq!(delimiter(b"time [s],a,b\r\n"), b',');
-        assert_eq!(delimiter(b"time [s];\"a, b, c, d\";b\n"), b';');
-        assert_eq!(delimiter(b"time [s]\ta\tb\n"), b'\t');
-        assert_eq!(delimiter(b"time"), b',');
-    }
+    (columns, names)
 }

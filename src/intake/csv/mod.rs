@@ -1,37 +1,33 @@
 //! Recordings from CSV, in one pass over the text.
 //!
-//! A header row names the columns and their units in brackets: `time [s],reference [m],position
-//! [mm]`. One column, the first unless [`Options::time`] names another, is the time: numbers in a
-//! unit of time, or RFC 3339 timestamps with an explicit offset. An empty field and `NaN` are
-//! missing samples. Comma, semicolon or tab is told from the header; a byte order mark, CRLF, empty
+//! A header row names the columns and their units: `time [s],reference [m],position [mm]`. One
+//! column, the first unless [`Options::time`] names another, is the time ([`super::clock`]). An
+//! empty field and `NaN` are missing samples. Comma, semicolon or tab is told from the header; empty
 //! rows and empty fields at the ends of lines are understood.
 //!
-//! Memory holds the values (eight bytes each) or, where there is a scratch, a few MiB of them;
-//! never the text.
+//! Of a text with a column for each signal ([`table`]) memory holds the values (eight bytes each)
+//! or, where there is a scratch, a few MiB of them; never the text. Those with a row for each sample
+//! ([`long`]), of Simulink ([`simulink`]) and of InfluxDB ([`influx`]) are held as tags.
 
-mod clock;
 mod header;
+mod influx;
+mod long;
+mod simulink;
+mod sniff;
 mod table;
 
-use super::error::Faults;
-use super::{Fault, ReadError};
-use crate::recording::{NewScratch, Received, Recording};
-use ::csv::{ByteRecord, ErrorKind, ReaderBuilder};
+pub use super::options::Options;
+
+use super::error::malformed;
+use super::options::Decimal;
+use super::{Fault, Format, Kind, ReadError};
+use crate::recording::{NewScratch, Received, Recording, Warning};
+use ::csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
 use header::Header;
-use std::io::{self, BufRead, BufReader, Cursor, Read};
+pub(super) use header::time_name_and_unit;
+use sniff::Sniff;
+use std::io::{self, Read};
 use table::Table;
-
-/// How much of the text is looked at to tell the delimiter `[bytes]`.
-const HEAD_BYTES: u64 = 64 * 1024;
-
-/// What the text itself does not say.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Options {
-    /// The name of the time column; the first column when absent.
-    pub time: Option<String>,
-    /// The name for the recording.
-    pub name: Option<String>,
-}
 
 /// Reads a recording into memory.
 ///
@@ -39,8 +35,7 @@ pub struct Options {
 /// When the source fails, when the text is not CSV, or with everything that is wrong with the
 /// columns and values.
 pub fn read(reader: impl Read, options: &Options) -> Result<Recording, ReadError> {
-    let received = take_in(reader, options, None)?;
-    received.into_recording().map_err(ReadError::Scratch)
+    super::read(reader, Kind::Csv, options)
 }
 
 /// Reads a recording of which memory holds a few MiB; what is more goes to the scratch.
@@ -52,59 +47,82 @@ pub fn receive(
     options: &Options,
     scratch: NewScratch,
 ) -> Result<Received, ReadError> {
-    take_in(reader, options, Some(scratch))
+    super::receive(reader, Kind::Csv, options, Some(scratch))
 }
 
-fn take_in(
-    reader: impl Read,
+/// What kind of CSV begins so.
+pub(super) fn recognised(head: &[u8]) -> Format {
+    Sniff::new(head).format()
+}
+
+/// Reads the text, which begins with the head, as one of the formats that are CSV.
+pub(super) fn receive_as(
+    format: Format,
+    (head, text): (&[u8], impl Read),
     options: &Options,
     scratch: Option<NewScratch>,
 ) -> Result<Received, ReadError> {
-    let mut reader = BufReader::with_capacity(HEAD_BYTES as usize, reader);
-    let head = read_head(&mut reader)?;
-    let delimiter = header::delimiter(&head);
-    let mut rows = ReaderBuilder::new()
-        .delimiter(delimiter)
+    let sniff = Sniff::new(head);
+    let mut notes = Vec::new();
+    let mut options = options.clone();
+    if options.decimal.is_none() && sniff.has_decimal_commas() {
+        options.decimal = Some(Decimal::Comma);
+        let detail = "numbers have a decimal comma; `decimal` says otherwise".to_owned();
+        notes.push(Warning::of_recording("decimal_comma", detail));
+    }
+    let rows = ReaderBuilder::new()
+        .delimiter(sniff.delimiter)
         .flexible(true)
-        .from_reader(Cursor::new(head).chain(reader));
-    let header = Header::parse(rows.byte_headers().map_err(from_csv)?, options)?;
-    let mut table = Table::new(header, delimiter, scratch);
+        .has_headers(false)
+        .from_reader(text);
+    let mut received = match format {
+        Format::LongCsv => long::read(rows, &options),
+        Format::SimulinkCsv => simulink::read(rows, &options),
+        Format::InfluxCsv => influx::read(rows, &options),
+        _ => wide(rows, &sniff, &options, scratch),
+    }?;
+    received.notes.splice(0..0, notes);
+    Ok(received)
+}
+
+fn wide(
+    mut rows: Reader<impl Read>,
+    sniff: &Sniff,
+    options: &Options,
+    scratch: Option<NewScratch>,
+) -> Result<Received, ReadError> {
     let mut record = ByteRecord::new();
-    while !table.is_full() && rows.read_byte_record(&mut record).map_err(from_csv)? {
+    read_row(&mut rows, &mut record)?;
+    let header = Header::parse(&record, options)?;
+    let times = sniff.column(header.time);
+    let mut table = Table::new(header, options, scratch);
+    table.look_ahead(times.iter().map(String::as_str));
+    while !table.is_full() && read_row(&mut rows, &mut record)? {
         table.push(&record).map_err(ReadError::Scratch)?;
     }
-    table.into_received(options.name.clone())
+    table.into_received()
 }
 
-/// The text up to the end of the first line that is not blank, without a byte order mark.
-fn read_head(reader: &mut impl BufRead) -> Result<Vec<u8>, ReadError> {
-    let mut head = Vec::new();
-    let mut limited = reader.take(HEAD_BYTES);
-    while limited.read_until(b'\n', &mut head)? > 0 && head.trim_ascii().is_empty() {}
-    if let Some(rest) = head.strip_prefix(b"\xEF\xBB\xBF") {
-        head = rest.to_vec();
-    }
-    if head.starts_with(b"\xFF\xFE") || head.starts_with(b"\xFE\xFF") {
-        return Err(malformed(
-            "not_utf8",
-            1,
-            "the text is UTF-16; send it as UTF-8",
-        ));
-    }
-    if head.trim_ascii().is_empty() {
-        return Err(malformed(
-            "empty",
-            1,
-            "there is no header row: the text is empty",
-        ));
-    }
-    Ok(head)
+/// The next row, whose fields have no blanks around them; false at the end.
+fn read_row(rows: &mut Reader<impl Read>, record: &mut ByteRecord) -> Result<bool, ReadError> {
+    rows.read_byte_record(record).map_err(from_csv)
 }
 
-fn malformed(code: &'static str, line: u64, detail: &str) -> ReadError {
-    let mut faults = Faults::default();
-    faults.malformed(fault(code, line, None, detail.to_owned()));
-    faults.result().expect_err("a fault was just kept")
+/// The line at which a row begins.
+fn line_of(record: &ByteRecord) -> u64 {
+    record.position().map_or(1, ::csv::Position::line)
+}
+
+/// The fields of a row as text; a fault where it is none.
+fn texts(record: &ByteRecord) -> Result<Vec<&str>, ReadError> {
+    let text = |field| std::str::from_utf8(field).map(str::trim);
+    let fields: Result<Vec<&str>, _> = record.iter().map(text).collect();
+    fields.map_err(|_| malformed(not_utf8(line_of(record))))
+}
+
+fn not_utf8(line: u64) -> Fault {
+    let detail = "the text is not UTF-8; say its encoding, such as encoding=windows-1252";
+    Fault::at_line("not_utf8", line, None, detail)
 }
 
 fn from_csv(error: ::csv::Error) -> ReadError {
@@ -115,19 +133,9 @@ fn from_csv(error: ::csv::Error) -> ReadError {
     }
 }
 
-/// A fault at a line and, in the end, a column.
-fn fault(code: &'static str, line: u64, column: Option<&str>, detail: String) -> Fault {
-    let place = match column {
-        Some(column) => format!("line {line}, column `{column}`"),
-        None => format!("line {line}"),
-    };
-    Fault {
-        pointer: None,
-        line: Some(line),
-        column: column.map(str::to_owned),
-        code,
-        detail: format!("{place}: {detail}"),
-    }
+/// Whether a row has nothing in it.
+fn is_empty(record: &ByteRecord) -> bool {
+    record.iter().all(|field| field.trim_ascii().is_empty())
 }
 
 #[cfg(test)]

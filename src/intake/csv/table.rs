@@ -1,22 +1,25 @@
-//! The rows: fields to SI values, and everything that can be wrong with them.
+//! A column for each signal: fields to SI values, row by row, and everything that can be wrong with
+//! them.
 
-use super::super::ReadError;
-use super::super::error::Faults;
-use super::super::units::Unit;
-use super::clock::Clock;
-use super::fault;
-use super::header::{Column, Header};
+use super::super::cell::Cell;
+use super::super::clock::Clock;
+use super::super::column::Column;
+use super::super::error::{Fault, Faults, ReadError};
+use super::super::options::Options;
+use super::super::tags::check_options;
+use super::header::Header;
+use super::{is_empty, line_of, not_utf8};
 use crate::recording::columns::Columns;
 use crate::recording::{MIN_SAMPLES, Named, NewScratch, Received, TimeAxis, Warning};
 use ::csv::ByteRecord;
 use std::io;
 
-/// The longest piece of a field that a fault repeats, in characters.
-const QUOTED_CHARACTERS: usize = 40;
-
 /// The values read so far.
-pub(super) struct Table {
+pub(super) struct Table<'o> {
+    options: &'o Options,
     columns: Vec<Column>,
+    /// The names as the header has them.
+    names: Vec<String>,
     /// The samples of each column; the time's are seconds from the first row.
     samples: Columns,
     row: Vec<f64>,
@@ -24,34 +27,40 @@ pub(super) struct Table {
     clock: Clock,
     /// The time of the last row [s].
     last: Option<f64>,
-    /// Fields may be decimal numbers with a comma, which deserves its own advice.
-    comma_is_free: bool,
     ran_backwards: bool,
     duplicates: usize,
     empty_rows: usize,
     faults: Faults,
 }
 
-impl Table {
-    pub(super) fn new(header: Header, delimiter: u8, scratch: Option<NewScratch>) -> Self {
+impl<'o> Table<'o> {
+    pub(super) fn new(header: Header, options: &'o Options, scratch: Option<NewScratch>) -> Self {
         let Header {
             columns,
+            names,
             time,
+            time_unit,
             faults,
         } = header;
         Self {
+            options,
             samples: Columns::new(columns.len(), scratch),
             row: Vec::with_capacity(columns.len()),
+            clock: Clock::new(&names[time], &time_unit, options),
             time,
-            clock: Clock::new(&columns[time].recorded_unit),
             columns,
+            names,
             last: None,
-            comma_is_free: delimiter != b',',
             ran_backwards: false,
             duplicates: 0,
             empty_rows: 0,
             faults,
         }
+    }
+
+    /// Learns from the times of the first rows how they are written.
+    pub(super) fn look_ahead<'t>(&mut self, times: impl Iterator<Item = &'t str>) {
+        self.clock.look_ahead(times);
     }
 
     /// Whether so much is wrong that no more rows need to be read.
@@ -64,11 +73,11 @@ impl Table {
     /// # Errors
     /// When the scratch fails.
     pub(super) fn push(&mut self, record: &ByteRecord) -> io::Result<()> {
-        if record.iter().all(|field| field.trim_ascii().is_empty()) {
+        if is_empty(record) {
             self.empty_rows += 1;
             return Ok(());
         }
-        let line = record.position().map_or(0, ::csv::Position::line);
+        let line = line_of(record);
         let wanted = self.columns.len();
         let surplus = record
             .iter()
@@ -77,13 +86,18 @@ impl Table {
         if record.len() < wanted || surplus {
             let detail = format!("{} fields where the header has {wanted}", record.len());
             self.faults
-                .malformed(fault("ragged_row", line, None, detail));
+                .malformed(Fault::at_line("ragged_row", line, None, detail));
             return Ok(());
         }
-        match self.clock.read(&record[self.time]) {
+        let Ok(time) = std::str::from_utf8(&record[self.time]) else {
+            self.faults.malformed(not_utf8(line));
+            return Ok(());
+        };
+        match self.clock.read(&Cell::Text(time)) {
             Err((code, detail)) => {
-                let column = Some(self.columns[self.time].name.as_str());
-                self.faults.invalid(fault(code, line, column, detail));
+                let column = Some(self.names[self.time].as_str());
+                self.faults
+                    .invalid(Fault::at_line(code, line, column, detail));
             }
             Ok(instant) if self.is_next(instant, line) => {
                 self.last = Some(instant);
@@ -105,9 +119,9 @@ impl Table {
             self.ran_backwards = true;
             let detail =
                 format!("time runs backwards: {instant} s after {last} s from the first row");
-            let column = Some(self.columns[self.time].name.as_str());
+            let column = Some(self.names[self.time].as_str());
             self.faults
-                .invalid(fault("time_backwards", line, column, detail));
+                .invalid(Fault::at_line("time_backwards", line, column, detail));
         }
         instant > last
     }
@@ -119,14 +133,14 @@ impl Table {
                 self.row.push(instant);
                 continue;
             }
-            match value(field, self.columns[k].unit) {
-                Ok(value) => self.row.push(value),
-                Err((code, mut detail)) => {
-                    detail.push_str(self.advice(field));
-                    let column = Some(self.columns[k].name.as_str());
-                    self.faults.invalid(fault(code, line, column, detail));
-                }
-            }
+            let Ok(text) = std::str::from_utf8(field) else {
+                self.faults.malformed(not_utf8(line));
+                return Ok(());
+            };
+            let name = &self.names[k];
+            let place = |code, detail| Fault::at_line(code, line, Some(name), detail);
+            let value = self.columns[k].take(&Cell::Text(text), self.options, place);
+            self.row.push(value);
         }
         // With a fault there will be no recording.
         if self.faults.is_empty() {
@@ -135,46 +149,67 @@ impl Table {
         Ok(())
     }
 
-    /// What to do about a number with a decimal comma.
-    fn advice(&self, field: &[u8]) -> &'static str {
-        if self.comma_is_free && field.contains(&b',') {
-            "; write a decimal point, not a comma"
-        } else {
-            ""
-        }
-    }
-
     /// The recording, or all faults.
-    pub(super) fn into_received(mut self, name: Option<String>) -> Result<Received, ReadError> {
+    pub(super) fn into_received(mut self) -> Result<Received, ReadError> {
         let samples = self.samples.rows();
-        if self.faults.is_empty() && samples < MIN_SAMPLES {
-            let detail =
-                format!("{samples} rows with distinct times; at least {MIN_SAMPLES} are needed");
-            self.faults
-                .invalid(fault("too_few_samples", 1, None, detail));
-        }
+        self.check(samples);
         self.faults.result()?;
-        let signals = self.columns.into_iter().enumerate();
-        let signals = signals
-            .filter(|(k, _)| *k != self.time)
-            .map(|(k, column)| Named {
-                name: column.name,
-                unit: column.unit.si.to_owned(),
-                recorded_unit: column.recorded_unit,
-                column: k,
-            })
-            .collect();
+        let mut notes = notes(self.duplicates, self.empty_rows);
+        notes.extend(self.clock.notes());
+        let columns = self.columns.into_iter().enumerate();
+        let mut signals = Vec::with_capacity(columns.len());
+        for (k, column) in columns.filter(|(k, _)| *k != self.time) {
+            notes.extend(column.notes());
+            if column.is_signal() {
+                signals.push(Named {
+                    name: column.name,
+                    unit: column.unit.si.into_owned(),
+                    recorded_unit: column.recorded_unit,
+                    interpolation: column.interpolation,
+                    classes: Vec::new(),
+                    column: k,
+                });
+            }
+        }
         let end = (samples, self.last.unwrap_or(0.0));
         let mut instants = self.samples.column(self.time);
         let time = TimeAxis::of_series(&mut instants, end, self.clock.scale());
         Ok(Received {
-            name,
-            start: self.clock.start(),
+            name: self.options.name.clone(),
+            start: self.clock.start(0.0),
+            zone: self.clock.zone(),
+            source: self.options.source("wide_csv"),
             time: time.map_err(ReadError::Scratch)?,
             signals,
-            notes: notes(self.duplicates, self.empty_rows),
+            notes,
             columns: self.samples,
         })
+    }
+
+    /// What can be told at the end only.
+    fn check(&mut self, samples: usize) {
+        let others = self
+            .names
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| *k != self.time);
+        let names: Vec<&str> = others.map(|(_, name)| name.as_str()).collect();
+        check_options(self.options, &names, &mut self.faults);
+        let signals = self.columns.iter_mut().enumerate();
+        let mut n_signals = 0;
+        for (_, column) in signals.filter(|(k, _)| *k != self.time) {
+            n_signals += usize::from(column.is_signal());
+            self.faults.extend(column.faults());
+        }
+        if n_signals == 0 && self.faults.is_empty() {
+            let detail = "no column but the time has a number in it".to_owned();
+            self.faults.invalid(Fault::anywhere("no_signals", detail));
+        } else if self.faults.is_empty() && samples < MIN_SAMPLES {
+            let detail =
+                format!("{samples} rows with distinct times; at least {MIN_SAMPLES} are needed");
+            self.faults
+                .invalid(Fault::at_line("too_few_samples", 1, None, detail));
+        }
     }
 }
 
@@ -190,40 +225,4 @@ fn notes(duplicates: usize, empty_rows: usize) -> Vec<Warning> {
         ));
     }
     notes
-}
-
-/// The SI value of a field; NaN for a missing sample.
-fn value(field: &[u8], unit: Unit) -> Result<f64, (&'static str, String)> {
-    let field = field.trim_ascii();
-    if field.is_empty() {
-        return Ok(f64::NAN);
-    }
-    let parsed = std::str::from_utf8(field)
-        .ok()
-        .and_then(|text| text.parse::<f64>().ok());
-    let Some(parsed) = parsed else {
-        return Err((
-            "not_a_number",
-            format!("`{}` is not a number", excerpt(field)),
-        ));
-    };
-    let value = unit.to_si(parsed);
-    if value.is_finite() || parsed.is_nan() {
-        Ok(value)
-    } else {
-        Err((
-            "not_finite",
-            format!("`{}` is not a finite number", excerpt(field)),
-        ))
-    }
-}
-
-fn excerpt(field: &[u8]) -> String {
-    let text = String::from_utf8_lossy(field);
-    let start: String = text.chars().take(QUOTED_CHARACTERS).collect();
-    if start.len() < text.len() {
-        format!("{start}…")
-    } else {
-        start
-    }
 }

@@ -20,6 +20,7 @@ pub(super) struct Document {
     pub(super) has_signals: bool,
     pub(super) signals: Vec<(String, Column)>,
     pub(super) faults: Faults,
+    notes: Vec<Warning>,
     fields: HashSet<String>,
     signal_names: HashSet<String>,
 }
@@ -38,14 +39,7 @@ const FIELDS: [&str; 5] = ["name", "sample_time_s", "start", "time", "signals"];
 
 /// A fault at a pointer.
 pub(super) fn fault(code: &'static str, pointer: String, detail: &str) -> Fault {
-    let detail = format!("`{pointer}`: {detail}");
-    Fault {
-        pointer: Some(pointer),
-        line: None,
-        column: None,
-        code,
-        detail,
-    }
+    Fault::at_pointer(code, pointer, detail)
 }
 
 /// A key as a part of a JSON pointer (RFC 6901).
@@ -177,6 +171,7 @@ impl Document {
                 )
             }
         };
+        recording.notes.extend(self.notes);
         recording.name = self.name;
         recording.start = self.start;
         Ok(recording)
@@ -243,8 +238,7 @@ impl Document {
             let recorded_unit = column.unit.unwrap_or_default();
             let unit = units::parse(&recorded_unit);
             if unit.is_none() {
-                let known = units::known();
-                let detail = format!("unit `{recorded_unit}` is not known; known: {known}");
+                let detail = units::unknown(&recorded_unit);
                 self.faults
                     .invalid(fault("unknown_unit", format!("{pointer}/unit"), &detail));
             }
@@ -270,11 +264,13 @@ impl Document {
                     .invalid(fault("not_finite", format!("{place}/{k}"), &detail));
             }
             values.shrink_to_fit();
+            if !unit.remark.is_empty() {
+                let remark = Warning::of_signal("unit_remark", &name, unit.remark.to_owned());
+                self.notes.push(remark);
+            }
             signals.push(Signal {
-                name,
-                unit: unit.si.to_owned(),
                 recorded_unit,
-                values,
+                ..Signal::new(name, unit.si, values)
             });
         }
         signals

@@ -36,16 +36,14 @@ pub fn read(reader: impl Read) -> Result<Recording, ReadError> {
     document.into_recording()
 }
 
-fn from_json(error: serde_json::Error) -> ReadError {
+pub(super) fn from_json(error: serde_json::Error) -> ReadError {
     if error.classify() == Category::Io {
         return ReadError::Io(error.into());
     }
     ReadError::Malformed(vec![Fault {
-        pointer: None,
         line: Some(error.line() as u64),
         column: Some(error.column().to_string()),
-        code: "not_json",
-        detail: format!("not JSON: {error}"),
+        ..Fault::anywhere("not_json", format!("not JSON: {error}"))
     }])
 }
 
