@@ -135,19 +135,6 @@ impl Column {
         column
     }
 
-    /// Takes over what was met under another name.
-    pub(super) fn take_over(&mut self, other: &mut Column) {
-        self.numbers = other.numbers;
-        self.bools = other.bools;
-        self.words = std::mem::take(&mut other.words);
-        self.said = other.said;
-        self.texts = other.texts;
-        self.faults = std::mem::take(&mut other.faults);
-        self.sentinels = std::mem::take(&mut other.sentinels);
-        self.range = other.range;
-        self.interpolation = self.interpolation.or(other.interpolation);
-    }
-
     /// Whether an option says to leave it out.
     pub(super) fn is_ignored(&self) -> bool {
         self.ignored

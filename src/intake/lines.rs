@@ -28,7 +28,6 @@ pub(super) fn looks_like(head: &[u8]) -> bool {
 pub(super) fn read(source: impl Read, options: &Options) -> Result<Received, ReadError> {
     let mut source = BufReader::new(source);
     let mut tags = Tags::new(Clock::new("timestamp", "", options), options, None);
-    let mut series = Vec::new();
     let (mut text, mut number) = (String::new(), 0);
     loop {
         text.clear();
@@ -48,14 +47,13 @@ pub(super) fn read(source: impl Read, options: &Options) -> Result<Received, Rea
         }
         let line = text.trim();
         if !line.is_empty() && !line.starts_with('#') {
-            push(&mut tags, &mut series, line, number);
+            push(&mut tags, line, number);
         }
     }
-    tags.shorten(&series);
     tags.into_received("influx_line_protocol")
 }
 
-fn push(tags: &mut Tags<'_>, series: &mut Vec<String>, text: &str, number: u64) {
+fn push(tags: &mut Tags<'_>, text: &str, number: u64) {
     let place = |code, detail: String| Fault::at_line(code, number, None, detail);
     let Some(line) = Line::parse(text) else {
         let detail = format!("`{}` is no line of the protocol", excerpt(text));
@@ -69,13 +67,9 @@ fn push(tags: &mut Tags<'_>, series: &mut Vec<String>, text: &str, number: u64) 
     }
     for (name, value) in line.fields() {
         let key = format!("{} {name}", line.series);
-        let known = series.len();
-        let Some(tag) = tags.tag(&key, &place) else {
+        let Some(tag) = tags.series(&key, &name, &place) else {
             continue;
         };
-        if tag == known {
-            series.push(name);
-        }
         let sample = Sample {
             tag,
             time: Cell::Text(line.time),

@@ -11,10 +11,13 @@ use super::options::{Grid, Options};
 use super::quality::Scheme;
 use crate::recording::columns::Columns;
 use crate::recording::{
-    Class, ClassSpan, Interpolation, MAX_SIGNALS, MIN_SAMPLES, Named, Received, Rule, TimeAxis,
-    Warning, name_fault, resample, shown,
+    Class, ClassSpan, Interpolation, MAX_SIGNALS, MIN_SAMPLES, Named, Received, TimeAxis, Warning,
+    name_fault, shown,
 };
 use std::collections::HashMap;
+use tag::{Common, Tag};
+
+mod tag;
 
 /// The most samples of a source that is held in memory until its end, all tags together.
 pub const MAX_HELD_SAMPLES: usize = 16_000_000;
@@ -31,16 +34,8 @@ pub(super) struct Tags<'o> {
     /// What codes of quality mean, where the format or an option says so.
     scheme: Option<Scheme>,
     tags: Vec<Tag>,
-    by_name: HashMap<String, usize>,
+    by_key: HashMap<String, usize>,
     samples: usize,
-}
-
-struct Tag {
-    column: Column,
-    /// Seconds from the first instant that the source named.
-    instants: Vec<f64>,
-    values: Vec<f64>,
-    classes: Vec<Class>,
 }
 
 /// A sample as the source has it.
@@ -74,7 +69,7 @@ impl<'o> Tags<'o> {
             notes: Vec::new(),
             scheme: options.quality_scheme.or(scheme),
             tags: Vec::new(),
-            by_name: HashMap::new(),
+            by_key: HashMap::new(),
             samples: 0,
         }
     }
@@ -86,52 +81,32 @@ impl<'o> Tags<'o> {
 
     /// The tag of that name, which may be new.
     pub(super) fn tag(&mut self, name: &str, place: Place<'_>) -> Option<usize> {
-        if let Some(tag) = self.by_name.get(name) {
+        self.series(name, name, place)
+    }
+
+    /// The tag of that key, which may be new. It is called by its short name where no other has
+    /// the same.
+    pub(super) fn series(&mut self, key: &str, short: &str, place: Place<'_>) -> Option<usize> {
+        if let Some(tag) = self.by_key.get(key) {
             return Some(*tag);
         }
         if self.tags.len() > MAX_SIGNALS {
             return None;
         }
-        if let Some((code, detail)) = name_fault(name) {
+        if let Some((code, detail)) = name_fault(short) {
             self.faults.invalid(place(code, detail));
             return None;
         }
         if self.tags.len() == MAX_SIGNALS {
-            let detail = format!("more than {MAX_SIGNALS} signals; name those to `ignore`");
+            let detail = format!("more than {MAX_SIGNALS} signals");
             self.faults.invalid(place("too_many_signals", detail));
         }
-        let column = Column::titled(name, self.options).unwrap_or_else(|wrong| wrong.0);
-        self.tags.push(Tag {
-            column,
-            instants: Vec::new(),
-            values: Vec::new(),
-            classes: Vec::new(),
-        });
-        self.by_name.insert(name.to_owned(), self.tags.len() - 1);
+        // In a tag's name brackets need not hold a unit: `PLC1.data[3]`.
+        let column = Column::titled(short, self.options);
+        let column = column.unwrap_or_else(|_| Column::named(short, self.options));
+        self.tags.push(Tag::new(key, short, column));
+        self.by_key.insert(key.to_owned(), self.tags.len() - 1);
         Some(self.tags.len() - 1)
-    }
-
-    /// Calls each tag by its short name where no other has the same; `shorts` are in the order in
-    /// which the tags were met.
-    pub(super) fn shorten(&mut self, shorts: &[String]) {
-        let mut count: HashMap<&String, usize> = HashMap::new();
-        shorts
-            .iter()
-            .for_each(|short| *count.entry(short).or_default() += 1);
-        for (tag, short) in self.tags.iter_mut().zip(shorts) {
-            if count[short] > 1 {
-                continue;
-            }
-            let mut column = Column::titled(short, self.options).unwrap_or_else(|wrong| wrong.0);
-            let unit = column.unit.clone();
-            tag.values
-                .iter_mut()
-                .for_each(|value| *value = unit.to_si(*value));
-            self.by_name.remove(&tag.column.name);
-            self.by_name.insert(short.clone(), 0);
-            column.take_over(&mut tag.column);
-            tag.column = column;
-        }
     }
 
     /// What the source says of a tag; options win.
@@ -142,10 +117,10 @@ impl<'o> Tags<'o> {
         interpolation: Option<Interpolation>,
         place: Place<'_>,
     ) {
+        let is_said = self.options.units.contains_key(&self.tags[tag].short);
         let column = &mut self.tags[tag].column;
         column.interpolation = column.interpolation.or(interpolation);
         let unit = unit.map(str::trim).unwrap_or_default();
-        let is_said = self.options.units.contains_key(&column.name);
         if unit.is_empty() || is_said || column.recorded_unit == unit {
             return;
         }
@@ -233,6 +208,7 @@ impl<'o> Tags<'o> {
     /// The recording, or all faults.
     pub(super) fn into_received(mut self, format: &str) -> Result<Received, ReadError> {
         self.check_options();
+        self.settle_names();
         for tag in &mut self.tags {
             let faults = tag.column.faults();
             self.faults.extend(faults);
@@ -278,8 +254,19 @@ impl<'o> Tags<'o> {
 
     /// Names that options speak of are names of tags.
     fn check_options(&mut self) {
-        let names: Vec<&str> = self.by_name.keys().map(String::as_str).collect();
+        let names: Vec<&str> = self.tags.iter().map(|tag| tag.short.as_str()).collect();
         check_options(self.options, &names, &mut self.faults);
+    }
+
+    /// Two tags of one short name are called by their keys.
+    fn settle_names(&mut self) {
+        let mut count: HashMap<String, usize> = HashMap::new();
+        for tag in &self.tags {
+            *count.entry(tag.short.clone()).or_default() += 1;
+        }
+        for tag in self.tags.iter_mut().filter(|tag| count[&tag.short] > 1) {
+            tag.column.name.clone_from(&tag.key);
+        }
     }
 
     /// Renaming may have made two names one.
@@ -400,12 +387,6 @@ fn is_good_everywhere(code: &Cell<'_>) -> bool {
     }
 }
 
-/// The instants of a recording, and the sample time where they are a grid.
-struct Common {
-    instants: Vec<f64>,
-    sample_time: Option<f64>,
-}
-
 fn enough(instants: Vec<f64>) -> Result<Vec<f64>, ReadError> {
     if instants.len() >= MIN_SAMPLES {
         return Ok(instants);
@@ -430,75 +411,4 @@ pub(super) fn check_options(options: &Options, names: &[&str], faults: &mut Faul
             faults.invalid(Fault::of_option("unknown_signal", option, detail));
         }
     }
-}
-
-impl Tag {
-    /// Sorts by instant and drops the later of two samples at one. Answers how many samples stood
-    /// behind a later one, and how many were dropped.
-    fn order(&mut self) -> (usize, usize) {
-        let is_later = |pair: &&[f64]| pair[1] < pair[0];
-        let mut disordered = self.instants.windows(2).filter(is_later).count();
-        if disordered > 0 {
-            if disordered + 1 == self.instants.len() {
-                // Newest first is an order too.
-                disordered = 0;
-            }
-            let mut order: Vec<usize> = (0..self.instants.len()).collect();
-            order.sort_by(|a, b| self.instants[*a].total_cmp(&self.instants[*b]));
-            self.instants = order.iter().map(|k| self.instants[*k]).collect();
-            self.values = order.iter().map(|k| self.values[*k]).collect();
-            self.classes = order.iter().map(|k| self.classes[*k]).collect();
-        }
-        let instants = &self.instants;
-        let keep: Vec<bool> = (0..instants.len())
-            .map(|k| k == 0 || instants[k] > instants[k - 1])
-            .collect();
-        let dropped = keep.iter().filter(|keep| !**keep).count();
-        if dropped > 0 {
-            retain(&mut self.instants, &keep);
-            retain(&mut self.values, &keep);
-            retain(&mut self.classes, &keep);
-        }
-        (disordered, dropped)
-    }
-
-    /// The values and classes at the instants that all signals have.
-    fn on(&self, common: &Common) -> (Vec<f64>, Vec<Class>) {
-        let at = &common.instants;
-        if self.instants == *at {
-            return (self.values.clone(), self.classes.clone());
-        }
-        let Some(sample_time) = common.sample_time else {
-            let place =
-                |instant: &f64| self.instants.binary_search_by(|own| own.total_cmp(instant));
-            let own = |instant| place(instant).ok();
-            let value = |instant| own(instant).map_or(f64::NAN, |k| self.values[k]);
-            let class = |instant| own(instant).map_or(Class::Good, |k| self.classes[k]);
-            return (
-                at.iter().map(value).collect(),
-                at.iter().map(class).collect(),
-            );
-        };
-        let rule = Rule::of(self.column.interpolation, Interpolation::Linear);
-        let own_time = TimeAxis::from_instants(self.instants.clone(), 0.0).sample_time();
-        let rule = rule.scaled(own_time / sample_time);
-        let samples = (self.instants.as_slice(), self.values.as_slice());
-        let values = resample(samples, at.iter().copied(), sample_time, rule);
-        // A value is as good as the worse of the samples that it stands between.
-        let class = |instant: &f64| {
-            let right = self.instants.partition_point(|own| own < instant);
-            if self.instants.get(right) == Some(instant) {
-                return self.classes[right];
-            }
-            let left = self.classes.get(right.saturating_sub(1));
-            let right = self.classes.get(right);
-            left.max(right).copied().unwrap_or(Class::Good)
-        };
-        (values, at.iter().map(class).collect())
-    }
-}
-
-fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
-    let mut keep = keep.iter();
-    values.retain(|_| *keep.next().expect("as long as the values"));
 }

@@ -27,7 +27,6 @@ pub(super) fn read(mut rows: Reader<impl Read>, options: &Options) -> Result<Rec
     let mut record = ByteRecord::new();
     let mut tags = Tags::new(Clock::new("_time", "", options), options, None);
     let mut table = Table::default();
-    let mut fields_of_series = Vec::new();
     while !tags.is_full() && read_row(&mut rows, &mut record)? {
         let fields = texts(&record)?;
         let owned = || fields.iter().map(|field| (*field).to_owned()).collect();
@@ -37,20 +36,15 @@ pub(super) fn read(mut rows: Reader<impl Read>, options: &Options) -> Result<Rec
             start if start.starts_with('#') => {}
             _ if is_empty(&record) => {}
             _ if fields.contains(&"_time") => table.titles = owned(),
-            _ => table.push(
-                &mut tags,
-                &mut fields_of_series,
-                (&fields, line_of(&record)),
-            ),
+            _ => table.push(&mut tags, &fields, line_of(&record)),
         }
     }
-    tags.shorten(&fields_of_series);
     tags.into_received("influx_csv")
 }
 
 impl Table {
-    /// Takes a row; `series` has the field of each series, in the order of the tags.
-    fn push(&self, tags: &mut Tags<'_>, series: &mut Vec<String>, (fields, line): (&[&str], u64)) {
+    /// Takes a row.
+    fn push(&self, tags: &mut Tags<'_>, fields: &[&str], line: u64) {
         let field = |k: usize| {
             let own = fields.get(k).copied().filter(|field| !field.is_empty());
             own.unwrap_or_else(|| self.defaults.get(k).map_or("", String::as_str))
@@ -62,13 +56,9 @@ impl Table {
             return tags.faults.invalid(place("columns_missing", detail));
         };
         let mut push = |name: &str, key: &str, value: &str| {
-            let known = series.len();
-            let Some(tag) = tags.tag(key, &place) else {
+            let Some(tag) = tags.series(key, name, &place) else {
                 return;
             };
-            if tag == known {
-                series.push(name.to_owned());
-            }
             let sample = Sample {
                 tag,
                 time: Cell::Text(time),

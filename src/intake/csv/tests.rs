@@ -1,7 +1,6 @@
 //! Whole texts, as plants and spreadsheets write them.
 
 use super::*;
-use crate::intake::MAX_FAULTS;
 use crate::recording::TimeAxis;
 use proptest::prelude::*;
 

@@ -26,8 +26,7 @@ const UNNAMED: &str = "value";
 pub(super) struct Records<'o> {
     format: Format,
     tags: Tags<'o>,
-    /// The short name of each tag, in their order.
-    names: Vec<String>,
+    /// How many samples came for each tag.
     counts: Vec<usize>,
     /// The source says that there is more.
     goes_on: bool,
@@ -49,7 +48,6 @@ impl<'o> Records<'o> {
         Self {
             format,
             tags,
-            names: Vec::new(),
             counts: Vec::new(),
             goes_on: false,
         }
@@ -67,7 +65,6 @@ impl<'o> Records<'o> {
 
     /// The tags, with what is to be said of all of them.
     pub(super) fn into_tags(mut self) -> Tags<'o> {
-        self.tags.shorten(&self.names);
         let is_cut = |count: &&usize| **count > 0 && **count % PI_MOST_VALUES == 0;
         let cut = self.counts.iter().filter(is_cut).count();
         if self.format == Format::PiWebApi && cut > 0 {
@@ -90,12 +87,10 @@ impl<'o> Records<'o> {
 
     fn push(&mut self, around: &Around<'_>, record: &Record<'_>) {
         let place = |code, detail: String| around.fault(code, &detail);
-        let known = self.names.len();
-        let Some(tag) = self.tags.tag(&record.key, &place) else {
+        let Some(tag) = self.tags.series(&record.key, &record.name, &place) else {
             return;
         };
-        if tag == known {
-            self.names.push(record.name.clone());
+        if tag == self.counts.len() {
             self.counts.push(0);
         }
         self.counts[tag] += 1;
