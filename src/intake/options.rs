@@ -30,7 +30,7 @@ pub struct Options {
     /// For signals that `interpolation` does not name.
     pub(super) all_interpolation: Option<Interpolation>,
     pub(super) grid: Option<Grid>,
-    given: BTreeMap<String, String>,
+    pub(super) given: BTreeMap<String, String>,
 }
 
 /// What the numbers of a time are.

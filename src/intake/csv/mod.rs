@@ -74,7 +74,8 @@ pub(super) fn receive_as(
         .delimiter(sniff.delimiter)
         .flexible(true)
         .has_headers(false)
-        .from_reader(text);
+        // Every row ends with its line, the last one too.
+        .from_reader(text.chain(&b"\n"[..]));
     let mut received = match format {
         Format::LongCsv => long::read(rows, &options),
         Format::SimulinkCsv => simulink::read(rows, &options),
@@ -103,9 +104,21 @@ fn wide(
     table.into_received()
 }
 
-/// The next row, whose fields have no blanks around them; false at the end.
+/// The next row; false at the end.
 fn read_row(rows: &mut Reader<impl Read>, record: &mut ByteRecord) -> Result<bool, ReadError> {
-    rows.read_byte_record(record).map_err(from_csv)
+    let is_one = rows.read_byte_record(record).map_err(from_csv)?;
+    // The reader counts from where it began to look, which may be empty lines before the row.
+    if let Some(mut position) = record.position().cloned() {
+        let within = record
+            .as_slice()
+            .iter()
+            .filter(|byte| **byte == b'\n')
+            .count();
+        let end = rows.position().line();
+        position.set_line(end.saturating_sub(1 + within as u64).max(position.line()));
+        record.set_position(Some(position));
+    }
+    Ok(is_one)
 }
 
 /// The line at which a row begins.
