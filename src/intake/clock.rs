@@ -381,20 +381,27 @@ impl Clock {
                     stamp::from_serial_days(microseconds).ok_or_else(|| not_a_time(cell))?;
                 self.local(local, cell, last)
             }
-            Spelling::Stamp { day_first } => {
-                let Cell::Text(text) = cell else {
-                    return Err(not_a_time(cell));
-                };
-                match stamp::parse(text.trim(), day_first)? {
-                    Stamp::Instant(instant, offset) => {
-                        if self.kind.is_none() {
-                            self.offset = offset;
-                        }
-                        nanoseconds(instant).ok_or_else(|| not_a_time(cell))
-                    }
-                    Stamp::Local(local) => self.local(local, cell, last),
+            Spelling::Stamp { day_first } => self.stamp(cell, day_first, last),
+        }
+    }
+
+    fn stamp(
+        &mut self,
+        cell: &Cell<'_>,
+        day_first: Option<bool>,
+        last: Option<i64>,
+    ) -> Result<i64, Fault> {
+        let Cell::Text(text) = cell else {
+            return Err(not_a_time(cell));
+        };
+        match stamp::parse(text.trim(), day_first)? {
+            Stamp::Instant(instant, offset) => {
+                if self.kind.is_none() {
+                    self.offset = offset;
                 }
+                nanoseconds(instant).ok_or_else(|| not_a_time(cell))
             }
+            Stamp::Local(local) => self.local(local, cell, last),
         }
     }
 
@@ -424,7 +431,7 @@ impl Clock {
             }
             jiff::tz::AmbiguousOffset::Fold { .. } => {
                 self.folds += 1;
-                let earlier = resolve(ambiguous.clone().earlier())?;
+                let earlier = resolve(ambiguous.earlier())?;
                 match last.is_some_and(|last| earlier <= last) {
                     true => resolve(ambiguous.later()),
                     false => Ok(earlier),

@@ -92,18 +92,7 @@ impl Profile {
         let values = match tally.range {
             None => None,
             Some((min, max)) => {
-                let mut mean = 0.0;
-                series.visit(&mut |piece| {
-                    for sample in piece {
-                        spikes.take(*sample);
-                        if !sample.is_nan() {
-                            // Each term is divided first: the sum of large finite values need
-                            // not be finite.
-                            mean += sample / present as f64;
-                        }
-                    }
-                    Ok(())
-                })?;
+                let mean = mean(series, present, &mut spikes)?;
                 Some(Values {
                     mean,
                     min: min.mirrored(),
@@ -125,6 +114,21 @@ impl Profile {
             spikes: spikes.found,
         })
     }
+}
+
+/// The second pass: the mean of the samples that are present, each looked at for a spike too.
+fn mean(series: &mut dyn Series, present: usize, spikes: &mut Spikes) -> io::Result<f64> {
+    let mut mean = 0.0;
+    series.visit(&mut |piece| {
+        for sample in piece {
+            spikes.take(*sample);
+            // Each term is divided first: the sum of large finite values need not be finite.
+            let term = sample / present as f64;
+            mean += if sample.is_nan() { 0.0 } else { term };
+        }
+        Ok(())
+    })?;
+    Ok(mean)
 }
 
 impl Values {

@@ -65,7 +65,7 @@ impl<'o> Records<'o> {
 
     /// The tags, with what is to be said of all of them.
     pub(super) fn into_tags(mut self) -> Tags<'o> {
-        let is_cut = |count: &&usize| **count > 0 && **count % PI_MOST_VALUES == 0;
+        let is_cut = |count: &&usize| **count > 0 && count.is_multiple_of(PI_MOST_VALUES);
         let cut = self.counts.iter().filter(is_cut).count();
         if self.format == Format::PiWebApi && cut > 0 {
             let detail = format!(
