@@ -5,16 +5,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use jiff::Timestamp;
-use serde_json::Value;
-use tokio::sync::SemaphorePermit;
-use tokio::task::JoinError;
 use super::between_slices::Left;
 use super::recorder::Recorder;
 use super::run::{Run, StopReason};
 use super::slice::{After, Computed, Current, End, SliceWorker};
 use crate::job::{Failure, Status};
 use crate::store::{Checkpoint, Ending, Hold, Record, StopRequest, StoreError};
+use jiff::Timestamp;
+use serde_json::Value;
+use tokio::sync::SemaphorePermit;
+use tokio::task::JoinError;
 
 /// How long the best estimate so far of a job that was stopped may be analysed.
 const ANALYSIS_TIME: Duration = Duration::from_millis(500);

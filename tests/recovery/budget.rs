@@ -2,10 +2,10 @@
 //! where the model is linear and against the truth where it is the servo.
 
 use crate::run::run;
-use greybox::dataset::{Recording, Signal, TimeAxis};
 use greybox::demo::{self, Demo};
 use greybox::job::Outcome;
 use greybox::job::outcome::{Estimate, Trust};
+use greybox::recording::{Recording, Signal, TimeAxis};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
@@ -450,9 +450,7 @@ fn twin_minima_are_never_trusted_and_the_twin_is_named() {
         println!("{:?} {:?} {:?}", start.cost, start.parameters, start.end);
     }
     let reasons = &outcome.verdict.reasons;
-    let twin = reasons
-        .iter()
-        .find(|reason| reason.code == "twin_minima");
+    let twin = reasons.iter().find(|reason| reason.code == "twin_minima");
     let concerned = twin.and_then(|twin| twin.concerns.clone());
     let concerned = concerned.unwrap_or_else(|| panic!("{reasons:?}"));
     for name in ["ka", "ke", "V"] {
