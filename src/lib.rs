@@ -94,13 +94,15 @@ pub mod simulation;
 
 pub(crate) mod language;
 
-pub mod dataset;
+pub mod intake;
+
+pub mod recording;
 
 pub mod document;
 
 pub mod numerics;
 
-pub use dataset::Recording;
 pub use identification::{Experiment, Identification, IdentificationError, Run};
 pub use job::Outcome;
 pub use model::Model;
+pub use recording::Recording;

@@ -15,34 +15,35 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[(&str, &[&str])] = &[
     // The command line starts servers, runs the method without one, and looks after the database of
     // one that does not run.
-    ("cli", &["app", "config", "api", "store", "identification", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "dataset"]),
+    ("cli", &["app", "config", "api", "store", "identification", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "intake", "recording"]),
     // The composition root; only the command line imports it.
     ("app", &["config", "api", "dashboard", "job", "store", "event", "worker", "model"]),
     // Settings are handed to the parts as the parts' own types.
     ("config", &["api", "store", "worker"]),
     // Simulation stands behind `/v1/simulations` only.
-    ("api", &["dashboard", "report", "event", "store", "job", "dataset", "model", "simulation", "document"]),
+    ("api", &["dashboard", "report", "event", "store", "job", "intake", "recording", "model", "simulation", "document"]),
     ("dashboard", &[]),
-    ("report", &["job", "dataset"]),
+    ("report", &["job", "recording"]),
     // The settings of the method and the forms of its results are part of a job; a problem is
     // assembled, and looked over beforehand, from the statistics of its recordings.
-    ("job", &["estimation", "uncertainty", "model", "simulation", "dataset", "document", "numerics"]),
-    ("store", &["job", "dataset"]),
+    ("job", &["estimation", "uncertainty", "model", "simulation", "recording", "document", "numerics"]),
+    ("store", &["job", "recording"]),
     ("event", &["store", "job"]),
-    ("worker", &["event", "store", "identification", "job", "estimation", "model", "dataset"]),
+    ("worker", &["event", "store", "identification", "job", "estimation", "model", "recording"]),
     // What a program asks for is what a client asks for: a specification, and the problem that is
     // assembled from it.
-    ("identification", &["job", "uncertainty", "estimation", "model", "dataset", "document"]),
-    ("estimation", &["credit", "genetic", "model", "simulation", "dataset", "numerics"]),
+    ("identification", &["job", "uncertainty", "estimation", "model", "intake", "recording", "document"]),
+    ("estimation", &["credit", "genetic", "model", "simulation", "recording", "numerics"]),
     ("credit", &["numerics"]),
     ("genetic", &["numerics"]),
-    ("uncertainty", &["estimation", "model", "simulation", "dataset", "numerics"]),
+    ("uncertainty", &["estimation", "model", "simulation", "recording", "numerics"]),
     // Recordings that the program makes are simulated ones.
-    ("demo", &["model", "simulation", "dataset", "numerics"]),
+    ("demo", &["model", "simulation", "recording", "numerics"]),
     // A model may be a document that a user wrote.
     ("model", &["simulation", "document", "numerics"]),
     ("simulation", &["numerics"]),
-    ("dataset", &["numerics"]),
+    ("intake", &["recording", "document", "numerics"]),
+    ("recording", &["numerics"]),
     ("document", &[]),
     ("numerics", &[]),
 ];
@@ -53,7 +54,7 @@ const SERVICE: &[&str] = &["cli", "app", "api", "dashboard", "store", "event", "
 /// The half that is synchronous and seeded.
 #[rustfmt::skip]
 const METHOD: &[&str] = &[
-    "identification", "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "dataset", "document", "numerics",
+    "identification", "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "intake", "recording", "document", "numerics",
 ];
 
 /// What the method half does without.
@@ -94,6 +95,8 @@ const PLACES: &[(&str, &[&str])] = &[
     ("indicatif", &["cli"]),
     ("comfy_table", &["cli"]),
     // "Did you mean" belongs to the reading of documents and of queries.
+    // Texts of plants come in the encodings of their country.
+    ("encoding_rs", &["intake"]),
     ("strsim", &["document", "api"]),
     ("saphyr_parser", &["document"]),
     ("nalgebra", &["numerics", "uncertainty", "simulation/stiff.rs"]),

@@ -1,12 +1,12 @@
 //! What the data could fix is forecast, and what they could not is named.
 
 use greybox::Identification;
-use greybox::dataset::{Recording, Signal, TimeAxis};
 use greybox::demo::{self, Demo};
 use greybox::job::assemble::{self, Finding, Identifiability};
 use greybox::job::spec::Context;
 use greybox::job::{DatasetId, JobSpec};
 use greybox::model::{Catalogue, document};
+use greybox::recording::{Recording, Signal, TimeAxis};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;

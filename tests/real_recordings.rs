@@ -2,7 +2,8 @@
 //! `GREYBOX_SHARED_DATA` names, or else in `../shared/data` beside the repository. They are not part
 //! of the repository, so the tests are skipped, aloud, where the folder is missing.
 
-use greybox::dataset::{Recording, csv};
+use greybox::intake::csv;
+use greybox::recording::{Exclude, Mapped, Recording};
 use std::fs::File;
 use std::path::PathBuf;
 
@@ -43,8 +44,10 @@ fn the_jittered_recording_is_resampled_to_its_nominal_rate() {
         return;
     };
     assert!(!recording.time.is_uniform());
-    let signals = [("angle".to_owned(), "angle".to_owned())];
-    let experiment = recording.experiment(&signals, None).unwrap();
+    let signals = [Mapped::on_line("angle", "angle")];
+    let experiment = recording
+        .experiment(&signals, None, &Exclude::default())
+        .unwrap();
     assert_eq!(experiment.sample_time, 0.01);
     assert_eq!(experiment.notes[0].code, "resampled");
     assert!(

@@ -22,10 +22,10 @@
 mod theory;
 
 use greybox::Identification;
-use greybox::dataset::Recording;
 use greybox::demo::{self, Demo};
 use greybox::estimation::{Estimation, Problem, Settings};
 use greybox::numerics::rng::{self, Purpose};
+use greybox::recording::Recording;
 use greybox::uncertainty;
 use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;

@@ -17,8 +17,8 @@
 )]
 
 use greybox::credit::{self, Credits, Form, icra::Network};
-use greybox::dataset::{Recording, csv};
 use greybox::demo::{self, Demo};
+use greybox::intake::csv;
 use greybox::model::{Catalogue, Model, document};
 use greybox::numerics::lanes::{LANES, Lanes};
 use greybox::numerics::least_squares::{Rows, Triangle};

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use futures_util::future::try_join_all;
-use greybox::dataset::csv;
+use greybox::intake::csv;
 use greybox::job::{JobId, Status};
 use greybox::model::Catalogue;
 use greybox::store::JobRow;

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::time::Instant;
 
-use greybox::dataset::csv;
+use greybox::intake::csv;
 
 use crate::Outcome;
 use crate::figure::{Figure, Target};

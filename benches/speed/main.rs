@@ -8,9 +8,9 @@ mod limits;
 mod population;
 
 use greybox::Identification;
-use greybox::dataset::csv;
 use greybox::demo::{self, Demo};
 use greybox::estimation::{Estimation, Problem, Report};
+use greybox::intake::csv;
 use greybox::job::JobSpec;
 use greybox::uncertainty;
 use serde_json::{Value, json};

@@ -18,8 +18,8 @@ use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::http_headers::hex;
 use super::spool::Spool;
-use crate::dataset::ReadError;
 use crate::document::{json as document, yaml};
+use crate::intake::ReadError;
 use crate::store::Meaning;
 
 /// A client that sends a body brings so much of it …
@@ -351,6 +351,7 @@ impl From<ReadError> for Problem {
     fn from(error: ReadError) -> Self {
         let kind = match &error {
             ReadError::Scratch(error) => return scratch_failed(error),
+            ReadError::Unsupported(_) => Kind::UnsupportedMediaType,
             ReadError::Invalid(_) => Kind::Invalid,
             ReadError::Malformed(_) | ReadError::Io(_) => Kind::Malformed,
         };
@@ -361,6 +362,7 @@ impl From<ReadError> for Problem {
             pointer: fault.pointer.clone(),
             line: fault.line,
             column: fault.column.clone(),
+            parameter: fault.parameter.clone(),
             code: fault.code.to_owned(),
             detail: fault.detail.clone(),
             ..ProblemFault::default()

@@ -18,9 +18,10 @@ use super::extract::Named;
 use super::http_headers::{hex, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use crate::dataset::{self, Intake, NewScratch, Recording, Samples, Summary};
+use crate::intake::{self, Options};
 use crate::job::DatasetId;
 use crate::job::spec::MAX_NAME_CHARS;
+use crate::recording::{Recording, Samples, Summary};
 use crate::store::{DatasetRemoval, DatasetRow, NewDataset};
 
 /// Points of a plot when the client does not say.
@@ -67,11 +68,53 @@ pub struct NewDatasetQuery {
     /// A name for people; wins over the one in a JSON body.
     #[param(max_length = 200)]
     pub name: Option<String>,
-    /// The time column of a CSV body; the first one when absent.
+    /// The time column of a CSV or pandas body; the first one when absent.
     pub time: Option<String>,
+    /// How the body is written, where that is not told from its type and its first lines:
+    /// `wide_csv`, `long_csv`, `senseye`, `simulink_csv`, `influx_csv`, `influx_line_protocol`,
+    /// `pi_web_api`, `omf`, `aveva_odata`, `aveva_sql`, `canary`, `ignition`, `opc_ua_json`, `cognite`,
+    /// `pandas_records`, `pandas_split`, `pandas_table` or `json`.
+    pub format: Option<String>,
+    /// The zone of times without an offset, by its IANA name.
+    #[param(example = "Europe/Berlin")]
+    pub tz: Option<String>,
+    /// What numbers of time are: a unit (`ms`), the sample time of a counter (`10ms`) or serial days
+    /// (`excel`); of dates, whether the day (`dmy`) or the month (`mdy`) comes first.
+    #[param(example = "ms")]
+    pub time_unit: Option<String>,
+    /// What separates a number's fraction: `.` or `,`.
+    pub decimal: Option<String>,
+    /// The encoding of the text, where it is not UTF-8 and has no byte order mark.
+    #[param(example = "windows-1252")]
+    pub encoding: Option<String>,
+    /// Numbers and words, separated by commas, that stand for a missing sample.
+    #[param(example = "-9999,Bad")]
+    pub missing: Option<String>,
+    /// Signals to leave out, separated by commas, or as a JSON array.
+    pub ignore: Option<String>,
+    /// Units of signals, `name:unit` separated by commas, or as a JSON object.
+    #[param(example = "p:bar,x:mm")]
+    pub units: Option<String>,
+    /// New names of signals, `old:new` separated by commas, or as a JSON object.
+    pub rename: Option<String>,
+    /// What codes of quality mean: `opc_da`, `opc_ua`, `aveva_quality`, `aveva_quality_detail`,
+    /// `ignition`, `ignition_legacy`, `cognite` or `words`.
+    pub quality_scheme: Option<String>,
+    /// How signals go on between samples: `hold` or `linear`, or `name:hold` separated by commas.
+    #[param(example = "valve:hold")]
+    pub interpolation: Option<String>,
+    /// The instants for signals that have different ones: a sample time (`10ms`), a rate
+    /// (`100Hz`), or `none` for those of all of them together.
+    pub grid: Option<String>,
 }
 
-impl FromQuery for NewDatasetQuery {
+/// The options of a recording, understood, and as they came.
+pub struct NewRecording {
+    options: Options,
+    given: Vec<(&'static str, String)>,
+}
+
+impl FromQuery for NewRecording {
     fn read(query: &mut QueryReader) -> Self {
         let name = query.parsed("name", |name| {
             let length = name.chars().count();
@@ -83,25 +126,28 @@ impl FromQuery for NewDatasetQuery {
                 ))
             }
         });
-        Self {
-            name,
-            time: query.text("time"),
+        let time = query.text("time");
+        let mut given = Vec::new();
+        given.extend(name.clone().map(|name| ("name", name)));
+        given.extend(time.clone().map(|time| ("time", time)));
+        let mut options = Options::default();
+        (options.name, options.time) = (name, time);
+        for option in Options::NAMES {
+            let set = |text: &str| options.set(option, text).map(|()| text.to_owned());
+            given.extend(query.parsed(option, set).map(|text| (option, text)));
         }
+        Self { options, given }
     }
-}
-
-/// How the bytes of a recording are written.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Format {
-    Csv,
-    Json,
 }
 
 /// Store a recording.
 ///
 /// CSV: a header row, first column the time, units in brackets, an empty field is a missing
-/// sample. JSON: `sample_time_s` (or `time`) and `signals`, `null` is a missing sample. Everything
-/// is converted to SI.
+/// sample. JSON: `sample_time_s` (or `time`) and `signals`, `null` is a missing sample. Answers of
+/// historians are taken as they are: PI Web API, OMF, AVEVA, Canary, OPC UA, Cognite, InfluxDB,
+/// Ignition, Simulink and pandas, told from the type and the first lines of the body. Everything is
+/// converted to SI; what was assumed or left out stands in the report. All formats but a CSV with a
+/// column for each signal are held in memory, 16 million samples at the most.
 #[utoipa::path(
     post, path = "/v1/datasets", operation_id = "create_dataset", tag = "datasets",
     params(NewDatasetQuery),
@@ -110,7 +156,8 @@ enum Format {
         content(
             (String = "text/csv",
              example = "time [s],reference [m],position [mm]\n0,0.03,0\n0.01,0.03,1.2\n"),
-            (RecordingDocument = "application/json")
+            (RecordingDocument = "application/json"),
+            (String = "text/plain")
         )
     ),
     responses(
@@ -123,35 +170,29 @@ enum Format {
 )]
 pub async fn create(
     State(state): State<ApiState>,
-    Params(options): Params<NewDatasetQuery>,
+    Params(new): Params<NewRecording>,
     request: Request,
 ) -> Answer {
-    let format = format_of(request.headers(), &options)?;
+    let (kind, charset) = kind_of(request.headers())?;
     let limit = state.limits.dataset_bytes;
+    let NewRecording { mut options, given } = new;
+    if let Some(charset) = charset {
+        options.assume_encoding(&charset);
+    }
     let received = receive(&state, request.into_body(), limit).await?;
     let _permit = state.recording_permit().await?;
-    let reading = ReadingOptions {
-        format,
-        csv: dataset::csv::Options {
-            time: options.time.clone(),
-            name: options.name.clone(),
-        },
-        scratch: state.store.scratch(),
-    };
+    let scratch = state.store.scratch();
     let parsed = parse_received(&state, received, move |text| {
-        let mut recording = reading.read(text)?;
+        let mut recording = intake::receive(text, kind, &options, Some(scratch))?;
         let summary = recording.summary();
         let summary = summary.map_err(|error| scratch_failed(&error))?;
         Ok((recording, summary))
     })
     .await?;
-    let (mut recording, summary) = parsed.value;
-    if options.name.is_some() {
-        recording.name.clone_from(&options.name);
-    }
+    let (recording, summary) = parsed.value;
     let new = NewDataset {
         name: recording.name.clone(),
-        digest: digest(parsed.digest, &options),
+        digest: digest(parsed.digest, &given),
         summary,
         recording,
     };
@@ -168,32 +209,19 @@ pub async fn create(
     Ok(response)
 }
 
-struct ReadingOptions {
-    format: Format,
-    csv: dataset::csv::Options,
-    scratch: NewScratch,
-}
-
-impl ReadingOptions {
-    fn read(self, text: &mut dyn Read) -> Result<Intake, dataset::ReadError> {
-        match self.format {
-            Format::Csv => dataset::csv::receive(text, &self.csv, self.scratch),
-            Format::Json => dataset::json::read(text).map(Intake::from),
-        }
-    }
-}
-
-fn format_of(headers: &HeaderMap, options: &NewDatasetQuery) -> Answer<Format> {
-    let format = match content_type(headers).as_str() {
-        "text/csv" => Format::Csv,
-        "application/json" => Format::Json,
-        _ => return Err(unsupported(headers, "text/csv and application/json")),
-    };
-    if format == Format::Json && options.time.is_some() {
-        let detail = "a JSON recording says itself what its time is".to_owned();
-        return Err(query_fault("time", "invalid_parameter", detail));
-    }
-    Ok(format)
+/// What the type of the body says: its kind, and the encoding of its text.
+fn kind_of(headers: &HeaderMap) -> Answer<(intake::Kind, Option<String>)> {
+    let kind = intake::Kind::of_media_type(&content_type(headers));
+    let kind = kind.ok_or_else(|| unsupported(headers, intake::Kind::MEDIA_TYPES))?;
+    let value = headers.get(header::CONTENT_TYPE);
+    let text = value.and_then(|value| value.to_str().ok());
+    let parameters = text.into_iter().flat_map(|text| text.split(';').skip(1));
+    let mut charsets = parameters.filter_map(|parameter| {
+        let (name, charset) = parameter.split_once('=')?;
+        let is_charset = name.trim().eq_ignore_ascii_case("charset");
+        is_charset.then(|| charset.trim().trim_matches('"').to_owned())
+    });
+    Ok((kind, charsets.next()))
 }
 
 fn query_fault(parameter: &str, code: &str, detail: String) -> Problem {
@@ -207,11 +235,9 @@ fn query_fault(parameter: &str, code: &str, detail: String) -> Problem {
 }
 
 /// Of the bytes alone where there are no options, so that it can be checked with any tool.
-fn digest(mut bytes: Sha256, options: &NewDatasetQuery) -> String {
-    for (key, option) in [("name", &options.name), ("time", &options.time)] {
-        if let Some(option) = option {
-            bytes.update(format!("\0{key}={option}"));
-        }
+fn digest(mut bytes: Sha256, options: &[(&'static str, String)]) -> String {
+    for (key, option) in options {
+        bytes.update(format!("\0{key}={option}"));
     }
     format!("sha256:{}", hex(&bytes.finalize()))
 }

@@ -12,10 +12,10 @@ use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::jobs::{no_job, retry_after};
 use super::work::stopped;
-use crate::dataset::Recording;
 use crate::job::assemble::{self, ExperimentTrajectory};
 use crate::job::{Fault, JobId, JobSpec, Outcome, Status};
 use crate::model::Model;
+use crate::recording::Recording;
 use crate::store::JobRow;
 
 /// A job that has a result, its recordings and its model.

@@ -38,10 +38,10 @@ use tokio::sync::OwnedSemaphorePermit;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use crate::dataset::Recording;
 use crate::event::EventHub;
 use crate::job::{Fault, JobSpec};
 use crate::model::{Catalogue, Model};
+use crate::recording::Recording;
 use crate::store::Store;
 
 use error::{Answer, Problem};

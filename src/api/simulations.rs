@@ -18,12 +18,13 @@ use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
 use super::work::stopped;
 use super::{ApiState, models};
-use crate::dataset::{self, Recording, SampledSignal, Signal, TimeAxis, Window};
+use crate::intake;
 use crate::job::fault::Fault;
 use crate::job::spec::simulation::{SimulationSpec, Source};
 use crate::job::spec::{InitialStateSpec, ModelOfJob, WindowSpec};
 use crate::job::{DatasetId, spec::FixedValue};
 use crate::model::{InitialState, Model};
+use crate::recording::{Exclude, Mapped, Recording, SampledSignal, Signal, TimeAxis, Window};
 use crate::simulation::{Accuracy, Candidate, Excitation, single};
 
 /// Points of the answer at the most.
@@ -158,7 +159,7 @@ async fn recording(state: &ApiState, document: &Value) -> Answer<Option<Recordin
 
 fn inline(inputs: &Value) -> Answer<Recording> {
     let text = inputs.to_string();
-    let recording = dataset::json::read(text.as_bytes());
+    let recording = intake::json::read(text.as_bytes());
     recording.map_err(|error| {
         let faults = error.faults().iter().map(|fault| {
             let pointer = fault.pointer.as_deref().unwrap_or_default();
@@ -192,8 +193,10 @@ impl<'m> SimulationRun<'m> {
             from_s: window.from_s,
             to_s: window.to_s,
         });
-        let pairs: Vec<_> = spec.signals.clone().into_iter().collect();
-        let data = recording.experiment(&pairs, window);
+        let mapped = spec.signals.iter();
+        let mapped = mapped.map(|(model, recorded)| Mapped::held(model, recorded));
+        let mapped: Vec<Mapped> = mapped.collect();
+        let data = recording.experiment(&mapped, window, &Exclude::default());
         let data = data.map_err(|error| {
             let fault = Fault::new("", "experiment_not_possible", error.to_string());
             Problem::of_document(vec![fault])

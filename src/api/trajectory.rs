@@ -15,9 +15,9 @@ use super::finished_job::FinishedJob;
 use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
 use super::results;
-use crate::dataset::kept_indices;
 use crate::job::assemble::{ExperimentTrajectory, OutputTrajectory};
 use crate::job::{DatasetId, JobId};
+use crate::recording::kept_indices;
 
 /// Points of a plot when the client does not say.
 const DEFAULT_POINTS: u64 = 2000;

@@ -3,11 +3,11 @@
 use super::error::CommandError;
 use super::progress::{self, Progress};
 use super::{files, table};
-use crate::dataset::Recording;
 use crate::estimation::{Advance, Finding, GenerationRow, Observer, RefinementRow, StopReason};
 use crate::identification::{Identification, IdentificationError, Run};
 use crate::job::candidate::{self, Selection};
 use crate::job::{Candidate, CandidateColumn, GenerationEvent, JobSpec, Outcome};
+use crate::recording::Recording;
 use clap::Args;
 use sha2::{Digest, Sha256};
 use std::num::NonZeroUsize;

@@ -1,31 +1,27 @@
 //! Reading and writing the files that commands are given.
 
 use super::error::CommandError;
-use crate::dataset::{self, Recording};
 use crate::document::{json as document, yaml};
+use crate::intake;
 use crate::model::document as model_document;
 use crate::model::{Catalogue, Model};
+use crate::recording::Recording;
 use serde_json::Value;
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A recording: JSON where the name ends so, else CSV.
+/// A recording of any format that the service takes.
 pub fn recording(path: &Path, time: Option<&str>) -> Result<Recording, CommandError> {
     let file = File::open(path).map_err(|error| unreadable(path, &error))?;
-    let is_json = path
-        .extension()
-        .is_some_and(|extension| extension == "json");
-    let read = if is_json {
-        dataset::json::read(file)
-    } else {
-        let options = dataset::csv::Options {
-            time: time.map(str::to_owned),
-            name: None,
-        };
-        dataset::csv::read(file, &options)
+    let kind = match ends_with(path, &["json"]) {
+        true => intake::Kind::Json,
+        false => intake::Kind::Text,
     };
+    let mut options = intake::Options::default();
+    options.time = time.map(str::to_owned);
+    let read = intake::read(file, kind, &options);
     read.map_err(|error| match error.faults() {
         [] => unreadable(path, &error),
         faults => CommandError::inputs(

@@ -2,9 +2,9 @@
 
 use super::error::CommandError;
 use super::files;
-use crate::dataset::{Experiment, Recording, Signal, TimeAxis};
 use crate::job::Fault;
 use crate::model::{Model, ModelDescription};
+use crate::recording::{Exclude, Experiment, Mapped, Recording, Signal, TimeAxis};
 use crate::simulation::{Accuracy, Candidate, Excitation, single};
 use clap::Args;
 use serde_json::Value;
@@ -114,8 +114,8 @@ fn inputs(recording: &Recording, model: &ModelDescription) -> Result<Inputs, Str
         format!("`{name}` is driven by {sets}, which the recording does not have")
     })?;
     let names = model.input_sets[input_set].iter();
-    let names = names.map(|name| (name.to_string(), name.to_string()));
-    let experiment = recording.experiment(&names.collect::<Vec<_>>(), None);
+    let names: Vec<Mapped> = names.map(|name| Mapped::held(name, name)).collect();
+    let experiment = recording.experiment(&names, None, &Exclude::default());
     let experiment = experiment.map_err(|error| error.to_string())?;
     let has_gaps = |values: &[f64]| values.iter().any(|value| value.is_nan());
     let mut signals = experiment.signals.iter();

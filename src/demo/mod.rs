@@ -19,7 +19,7 @@ pub mod sensors;
 
 pub use job::job;
 
-use crate::dataset::{Recording, Signal, TimeAxis};
+use crate::recording::{Recording, Signal, TimeAxis};
 
 /// The time from one sample to the next `[s]`.
 pub const SAMPLE_TIME: f64 = 0.01;

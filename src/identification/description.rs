@@ -2,13 +2,13 @@
 
 use super::experiment::{Experiment, estimated};
 use super::{IdentificationError, Run};
-use crate::dataset::Recording;
 use crate::document::Fault;
 use crate::estimation::{Observer, Problem, Settings};
 use crate::job::assemble::{self, Assembly};
 use crate::job::spec::{Context, ParameterSpec};
 use crate::job::{DatasetId, JobSpec, Outcome};
 use crate::model::{Catalogue, Model, document};
+use crate::recording::Recording;
 use crate::uncertainty;
 use serde_json::{Value, json};
 use std::collections::HashMap;

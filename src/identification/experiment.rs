@@ -1,6 +1,6 @@
 //! One recording and how the model sees it.
 
-use crate::dataset::Recording;
+use crate::recording::Recording;
 use serde_json::{Map, Value, json};
 use std::ops::RangeInclusive;
 

@@ -1,8 +1,9 @@
 //! What an identification is made of, from vectors and texts.
 
-use crate::dataset::{ReadError, Recording, Signal, TimeAxis, csv};
 use crate::document::{Fault, json, yaml};
+use crate::intake::{ReadError, csv};
 use crate::model::{Catalogue, Model, document};
+use crate::recording::{Recording, Signal, TimeAxis};
 use std::io::Read;
 use std::sync::Arc;
 
@@ -53,7 +54,7 @@ impl Recording {
     /// let text = "time [s],force [N],position [mm]\n0,0,0\n0.01,1,0\n0.02,1,0.02\n";
     /// let recording = greybox::Recording::from_csv(text.as_bytes())?;
     /// assert_eq!(recording.signals[1].values[2], 2e-5);
-    /// # Ok::<(), greybox::dataset::ReadError>(())
+    /// # Ok::<(), greybox::intake::ReadError>(())
     /// ```
     pub fn from_csv(reader: impl Read) -> Result<Recording, ReadError> {
         csv::read(reader, &csv::Options::default())

@@ -6,13 +6,13 @@
 //! when its estimate stands analyses again, with the same bits.
 
 use super::IdentificationError;
-use crate::dataset::Recording;
 use crate::estimation::{
     Advance, Checkpoint, Estimation, Finding, Observer, Phase, Problem, Progress, StopReason,
 };
 use crate::job::assemble::{self, Assembly, Origin};
 use crate::job::{JobSpec, Outcome};
 use crate::model::Model;
+use crate::recording::Recording;
 use crate::uncertainty::identifiability::FlatDirection;
 use crate::uncertainty::{self, Conclusion};
 use std::sync::Arc;

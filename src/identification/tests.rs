@@ -1,10 +1,10 @@
 //! What a program asks for is done as a client's job is, and refused in the same words.
 
 use super::*;
-use crate::dataset::Recording;
 use crate::estimation::{GenerationRow, Observer, StopReason};
 use crate::job::outcome::Trust;
 use crate::model::Model;
+use crate::recording::Recording;
 use serde_json::json;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

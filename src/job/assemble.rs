@@ -16,13 +16,13 @@ pub use preflight::{Preflight, preflight};
 pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};
 
 use super::spec::{FreeParameter, JobSpec, ParameterSpec};
-use crate::dataset::Recording;
 use crate::document::fault::{Fault, pointer_to};
 use crate::estimation::Problem;
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::{Coordinate, MeasuredOutput, Target};
 use crate::model::{Model, ModelDescription, ParameterDescription};
 use crate::numerics::statistics;
+use crate::recording::Recording;
 use experiment::Cut;
 use std::sync::Arc;
 

@@ -13,13 +13,14 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use super::id::DatasetId;
-use crate::dataset::Summary;
 use crate::document::Fault;
 use crate::estimation::Settings;
 pub use crate::estimation::settings::MethodName;
 use crate::model::{ModelDescription, Scale, Tolerance, ToleranceText};
+use crate::recording::{Exclude, Summary};
 use crate::uncertainty;
 
+mod exclude;
 mod experiment;
 mod labels;
 mod method;
@@ -137,6 +138,9 @@ pub struct ExperimentSpec {
     pub signals: BTreeMap<String, String>,
     /// The part of the recording to use; left out, all of it.
     pub window: Option<WindowSpec>,
+    /// What of it to leave out: kinds of samples, and spans of time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exclude: Option<Exclude>,
     /// By the model's name, where each state starts; left out, as the model says.
     #[serde(default)]
     pub initial_state: BTreeMap<String, InitialStateSpec>,
@@ -172,6 +176,15 @@ pub struct WindowSpec {
     /// The last instant used; left out, the last sample.
     #[schema(minimum = 0)]
     pub to_s: Option<f64>,
+    /// The first instant used, as a time of day with its offset, where the recording has one; the
+    /// completed specification says `from_s`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<String>, format = DateTime, example = "2026-03-02T08:15:00+01:00")]
+    pub from: Option<jiff::Timestamp>,
+    /// The last instant used, in the same way.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub to: Option<jiff::Timestamp>,
 }
 
 /// Where a state starts.

@@ -2,8 +2,9 @@
 //!
 //! A [`Dimension`] is a product of powers of metre, kilogram, second, ampere, kelvin, mole and
 //! candela (BIPM, *The International System of Units*, 9th edition, 2019); the radian counts as 1.
-//! Exponents are twelfths, so that roots down to the twelfth are exact. Only coherent units are
-//! read here (`N`, not `kN`): a model's numbers are SI, and no factor can slip in.
+//! Exponents are twelfths, so that roots down to the twelfth are exact. [`Dimension::parse`] reads
+//! coherent units only (`N`, not `kN`): a model's numbers are SI, and no factor can slip in.
+//! [`parse_scaled`] reads the same expressions over whatever units its caller knows.
 
 use std::fmt;
 
@@ -57,17 +58,17 @@ impl Dimension {
     /// # Errors
     /// What cannot be understood, as a sentence.
     pub fn parse(text: &str) -> Result<Dimension, String> {
-        let mut reader = Reader {
-            text,
-            rest: text,
-            depth: 0,
+        let unit = |name: &str| {
+            let dimension = coherent(name).ok_or_else(|| {
+                let name: String = name.chars().take(20).collect();
+                format!("`{name}` is not a coherent SI unit; values in a model are SI")
+            })?;
+            Ok(Scaled {
+                dimension,
+                factor: 1.0,
+            })
         };
-        let dimension = reader.product()?;
-        if reader.rest.is_empty() {
-            Ok(dimension)
-        } else {
-            Err(reader.unexpected())
-        }
+        parse_scaled(text, &unit).map(|scaled| scaled.dimension)
     }
 
     /// The unit of a product.
@@ -125,7 +126,9 @@ impl fmt::Display for Dimension {
 }
 
 impl Dimension {
-    fn in_base_units(self) -> String {
+    /// As a product of powers of the base units, e.g. `kg·m·s^-2`.
+    #[must_use]
+    pub fn in_base_units(self) -> String {
         let power = |(name, exponent): (&&str, i16)| match (exponent / PARTS, exponent % PARTS) {
             (1, 0) => (*name).to_owned(),
             (whole, 0) => format!("{name}^{whole}"),
@@ -139,10 +142,66 @@ impl Dimension {
     }
 }
 
+/// A unit that may be a multiple of the coherent one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scaled {
+    /// What it measures.
+    pub dimension: Dimension,
+    /// How many coherent units it is.
+    pub factor: f64,
+}
+
+impl Scaled {
+    fn times(self, other: Scaled) -> Option<Scaled> {
+        Some(Scaled {
+            dimension: self.dimension.times(other.dimension)?,
+            factor: self.factor * other.factor,
+        })
+    }
+
+    fn over(self, other: Scaled) -> Option<Scaled> {
+        Some(Scaled {
+            dimension: self.dimension.over(other.dimension)?,
+            factor: self.factor / other.factor,
+        })
+    }
+
+    fn power(self, exponent: f64) -> Option<Scaled> {
+        Some(Scaled {
+            dimension: self.dimension.power(exponent)?,
+            factor: self.factor.powf(exponent),
+        })
+    }
+}
+
+/// Reads products, quotients, powers and roots of the units that `unit` knows.
+///
+/// # Errors
+/// What cannot be understood, as a sentence.
+pub fn parse_scaled(
+    text: &str,
+    unit: &dyn Fn(&str) -> Result<Scaled, String>,
+) -> Result<Scaled, String> {
+    let mut reader = Reader {
+        text,
+        rest: text,
+        depth: 0,
+        unit,
+    };
+    let scaled = reader.product()?;
+    if reader.rest.is_empty() {
+        Ok(scaled)
+    } else {
+        Err(reader.unexpected())
+    }
+}
+
 struct Reader<'t> {
     text: &'t str,
     rest: &'t str,
     depth: usize,
+    /// What a name stands for.
+    unit: &'t dyn Fn(&str) -> Result<Scaled, String>,
 }
 
 impl Reader<'_> {
@@ -169,7 +228,7 @@ impl Reader<'_> {
         self.text.chars().take(60).collect()
     }
 
-    fn product(&mut self) -> Result<Dimension, String> {
+    fn product(&mut self) -> Result<Scaled, String> {
         let mut result = self.factor()?;
         while let Some(operator) = self.take(&['*', '·', '⋅', '/']) {
             let factor = self.factor()?;
@@ -183,7 +242,7 @@ impl Reader<'_> {
         Ok(result)
     }
 
-    fn factor(&mut self) -> Result<Dimension, String> {
+    fn factor(&mut self) -> Result<Scaled, String> {
         let base = self.base()?;
         let exponent = match self.take(&['^', '²', '³']) {
             Some('²') => 2.0,
@@ -195,7 +254,7 @@ impl Reader<'_> {
         power.ok_or_else(|| format!("the exponent {exponent} is not possible"))
     }
 
-    fn base(&mut self) -> Result<Dimension, String> {
+    fn base(&mut self) -> Result<Scaled, String> {
         self.skip_blanks();
         if self.take(&['(']).is_some() {
             return self.bracketed();
@@ -207,7 +266,10 @@ impl Reader<'_> {
             return match self.rest.strip_prefix('1') {
                 Some(rest) => {
                     self.rest = rest;
-                    Ok(Dimension::NONE)
+                    Ok(Scaled {
+                        dimension: Dimension::NONE,
+                        factor: 1.0,
+                    })
                 }
                 None => Err(self.unexpected()),
             };
@@ -218,13 +280,10 @@ impl Reader<'_> {
             let root = inner.power(0.5);
             return root.ok_or_else(|| "the root of the unit is not possible".to_owned());
         }
-        coherent(name).ok_or_else(|| {
-            let name: String = name.chars().take(20).collect();
-            format!("`{name}` is not a coherent SI unit; values in a model are SI")
-        })
+        (self.unit)(name)
     }
 
-    fn bracketed(&mut self) -> Result<Dimension, String> {
+    fn bracketed(&mut self) -> Result<Scaled, String> {
         self.depth += 1;
         if self.depth > DEEPEST {
             return Err("the unit's parentheses stand too deep".to_owned());

@@ -3,9 +3,9 @@
 use super::chart::{Chart, Series};
 use super::html::escape;
 use super::{Report, push};
-use crate::dataset::kept_indices;
 use crate::job::assemble::{ExperimentTrajectory, OutputTrajectory};
 use crate::job::outcome::ResidualReport;
+use crate::recording::kept_indices;
 
 /// Points of a line at the most; the extremes of each stretch are kept.
 const POINTS: usize = 1500;

@@ -14,8 +14,10 @@ use tokio::sync::mpsc;
 use super::jobs::{Page, from_json, json, time};
 use super::writer::Tx;
 use super::{Change, Store, StoreError, corrupt};
-use crate::dataset::{Intake, NewScratch, Recording, Signal, Summary, TimeAxis, Warning};
 use crate::job::{DatasetId, JobId};
+use crate::recording::{
+    Named, NewScratch, Received, Recording, Source, Summary, TimeAxis, Warning,
+};
 
 /// The most bytes in one chunk.
 const CHUNK_BYTES: usize = 1 << 20;
@@ -31,7 +33,7 @@ pub struct NewDataset {
     /// What it holds, in a few numbers.
     pub summary: Summary,
     /// What was read.
-    pub recording: Intake,
+    pub recording: Received,
 }
 
 /// A recording as it is shown: all but its samples.
@@ -64,18 +66,15 @@ pub enum DatasetRemoval {
 #[derive(Serialize, Deserialize)]
 struct Description {
     start: Option<Timestamp>,
+    #[serde(default)]
+    zone: Option<String>,
+    #[serde(default)]
+    source: Source,
     /// [s]; nothing where the time axis is stored as samples.
     sample_time: Option<f64>,
     samples: usize,
-    signals: Vec<SignalDescription>,
+    signals: Vec<Named>,
     notes: Vec<Warning>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct SignalDescription {
-    name: String,
-    unit: String,
-    recorded_unit: String,
 }
 
 impl Store {
@@ -242,7 +241,7 @@ async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), Stor
     Ok((row, true))
 }
 
-async fn insert_samples(tx: &mut Tx, dataset: &str, recording: Intake) -> Result<(), StoreError> {
+async fn insert_samples(tx: &mut Tx, dataset: &str, recording: Received) -> Result<(), StoreError> {
     let (send, mut chunks) = mpsc::channel(CHUNKS_WAITING);
     let cutting = tokio::task::spawn_blocking(move || {
         let gone = |_| io::Error::from(io::ErrorKind::BrokenPipe);
@@ -278,7 +277,7 @@ struct Chunk {
 
 /// Cuts the series of a recording, one after the other.
 fn cut(
-    mut recording: Intake,
+    mut recording: Received,
     mut hand_over: impl FnMut(Chunk) -> io::Result<()>,
 ) -> io::Result<()> {
     if let TimeAxis::Instants(instants) = &recording.time {
@@ -370,23 +369,17 @@ async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval, StoreError
     })
 }
 
-fn describe(recording: &Intake) -> Description {
+fn describe(recording: &Received) -> Description {
     Description {
         start: recording.start,
+        zone: recording.zone.clone(),
+        source: recording.source.clone(),
         sample_time: match recording.time {
             TimeAxis::Uniform { sample_time, .. } => Some(sample_time),
             TimeAxis::Instants(_) => None,
         },
         samples: recording.time.samples(),
-        signals: recording
-            .signals
-            .iter()
-            .map(|signal| SignalDescription {
-                name: signal.name.clone(),
-                unit: signal.unit.clone(),
-                recorded_unit: signal.recorded_unit.clone(),
-            })
-            .collect(),
+        signals: recording.signals.clone(),
         notes: recording.notes.clone(),
     }
 }
@@ -415,16 +408,13 @@ fn assemble(
         .signals
         .into_iter()
         .zip(series.into_iter().skip(1))
-        .map(|(signal, values)| Signal {
-            name: signal.name,
-            unit: signal.unit,
-            recorded_unit: signal.recorded_unit,
-            values,
-        })
+        .map(|(signal, values)| signal.with_values(values))
         .collect();
     Ok(Recording {
         name,
         start: description.start,
+        zone: description.zone,
+        source: description.source,
         time,
         signals,
         notes: description.notes,

@@ -7,11 +7,11 @@ use std::sync::atomic::AtomicBool;
 use serde_json::Value;
 
 use super::run::{Advance, Assignment, Method, Row, Run, StopReason};
-use crate::dataset::Recording;
 use crate::estimation::{Finding, GenerationRow, Observer, RefinementRow};
 use crate::identification::{self, IdentificationError};
 use crate::job::{Candidate, CandidateColumn, Failure, Fault, GenerationEvent, JobSpec, Progress};
 use crate::model::{Catalogue, Model, document};
+use crate::recording::Recording;
 use crate::store::JobRow;
 
 /// The identification of a model's parameters from recordings.

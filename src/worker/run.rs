@@ -8,10 +8,10 @@ use std::sync::atomic::AtomicBool;
 
 use serde_json::Value;
 
-use crate::dataset::Recording;
 use crate::estimation::Finding;
 pub use crate::estimation::{Advance, StopReason};
 use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, Progress};
+use crate::recording::Recording;
 use crate::store::JobRow;
 
 /// Begins the runs of jobs.

@@ -19,8 +19,8 @@ use super::candidates::Candidates;
 use super::conclusion::{Conclusion, broke};
 use super::recorder::Recorder;
 use super::run::{Advance, Assignment, Method, Row, Run};
-use crate::dataset::Recording;
 use crate::job::{DatasetId, Failure, JobId, Progress};
+use crate::recording::Recording;
 use crate::store::{Begin, Hold, JobRow, Lease, Slice, Store, StoreError};
 
 /// How often what a slice did is written.

@@ -2,9 +2,9 @@
 //! from its own wide box and not at the truth.
 
 use crate::run::run;
-use greybox::dataset::{Recording, Signal, TimeAxis};
 use greybox::model::{Catalogue, Model};
 use greybox::numerics::rng;
+use greybox::recording::{Recording, Signal, TimeAxis};
 use greybox::simulation::{Accuracy, Candidate, Excitation, single};
 use serde_json::json;
 use std::sync::atomic::AtomicBool;

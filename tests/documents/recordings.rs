@@ -4,9 +4,10 @@
 
 use crate::document;
 use crate::run::run;
-use greybox::dataset::{Recording, csv};
+use greybox::intake::csv;
 use greybox::job::Outcome;
 use greybox::job::outcome::{Reason, Trust};
+use greybox::recording::Recording;
 use serde_json::{Value, json};
 use std::fs::File;
 use std::path::PathBuf;

@@ -6,10 +6,10 @@
 //! acts on nothing.
 
 use greybox::Identification;
-use greybox::dataset::{Recording, Signal, TimeAxis};
 use greybox::estimation::sensitivity;
 use greybox::estimation::{Estimation, Problem, Settings};
 use greybox::numerics::least_squares::Rows;
+use greybox::recording::{Recording, Signal, TimeAxis};
 use greybox::simulation::Accuracy;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};

@@ -2,10 +2,10 @@
 //! where the model is linear and against the truth where it is the servo.
 
 use crate::run::run;
-use greybox::dataset::{Recording, Signal, TimeAxis};
 use greybox::demo::{self, Demo};
 use greybox::job::Outcome;
 use greybox::job::outcome::{Estimate, Trust};
+use greybox::recording::{Recording, Signal, TimeAxis};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};

@@ -2,7 +2,7 @@
 //! in each: the response of a lag to a held command is written down here, sample by sample.
 
 use crate::run::run;
-use greybox::dataset::{Recording, Signal, TimeAxis};
+use greybox::recording::{Recording, Signal, TimeAxis};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};

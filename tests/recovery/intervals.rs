@@ -2,9 +2,9 @@
 //! so that least squares has a closed form, looked for on scales on which it is not.
 
 use crate::run::run;
-use greybox::dataset::{Recording, Signal, TimeAxis};
 use greybox::job::Outcome;
 use greybox::job::outcome::{ConfidenceInterval, Trust};
+use greybox::recording::{Recording, Signal, TimeAxis};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};

@@ -3,8 +3,8 @@
 //! in both offsets, so least squares can be written down.
 
 use crate::run::run;
-use greybox::dataset::{Recording, Signal, TimeAxis};
 use greybox::job::Outcome;
+use greybox::recording::{Recording, Signal, TimeAxis};
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

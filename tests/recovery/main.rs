@@ -14,10 +14,11 @@ mod outliers;
 mod rivals;
 mod run;
 
-use greybox::dataset::{Recording, Signal, TimeAxis, csv};
 use greybox::demo::{self, Demo};
+use greybox::intake::csv;
 use greybox::job::Outcome;
 use greybox::job::outcome::Trust;
+use greybox::recording::{Recording, Signal, TimeAxis};
 use run::run;
 use serde_json::json;
 use std::fs::File;

@@ -2,7 +2,7 @@
 //! answer to a constant input is known in closed form.
 
 use crate::run::run;
-use greybox::dataset::{Recording, Signal, TimeAxis};
+use greybox::recording::{Recording, Signal, TimeAxis};
 use serde_json::{Value, json};
 
 const GAIN: f64 = 2.0;

@@ -225,3 +225,118 @@ async fn a_recording_is_removed_when_no_job_needs_it() {
         .await
         .problem(422);
 }
+
+const PI: &str = r#"{"Items": [
+  {"Name": "force", "Items": [
+    {"Timestamp": "2026-03-02T08:15:02Z", "Value": 3, "UnitsAbbreviation": "kN", "Good": true},
+    {"Timestamp": "2026-03-02T08:15:01Z", "Value": 2, "UnitsAbbreviation": "kN", "Good": true},
+    {"Timestamp": "2026-03-02T08:15:00Z", "Value": 1, "UnitsAbbreviation": "kN", "Good": true,
+     "Questionable": true}]}]}"#;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_historians_answer_is_taken_as_it_is_and_gives_its_start_and_quality_back() {
+    let app = TestApp::start().await;
+    let request = app
+        .request(Method::POST, "/v1/datasets?interpolation=force:hold")
+        .body(PI);
+    let request = request.header("content-type", "application/json");
+    let stored = app.send(request).await.expect(201);
+    let dataset = stored.json();
+    assert_eq!(dataset["start"], "2026-03-02T08:15:00Z");
+    assert_eq!(dataset["source"]["format"], "pi_web_api");
+    assert_eq!(dataset["source"]["options"]["interpolation"], "force:hold");
+    let force = &dataset["signals"][0];
+    assert_eq!(
+        (&force["unit"], &force["max"]),
+        (&json!("N"), &json!(3000.0))
+    );
+    assert_eq!(force["interpolation"], "hold");
+    assert_eq!(force["quality"]["uncertain"], 1);
+    let warning = &dataset["report"]["warnings"][0];
+    assert_eq!(warning["code"], "uncertain_samples");
+    assert_eq!(warning["spans"], json!([{"from_s": 0.0, "to_s": 0.0}]));
+    assert_eq!(
+        app.get(stored.header("location")).await.expect(200).json(),
+        dataset
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn other_options_make_another_recording_and_wrong_ones_are_named() {
+    let app = TestApp::start().await;
+    let csv = "time [s],p\n0,1\n1,-9999\n2,3\n";
+    let as_it_is = app.post_csv("/v1/datasets", csv).await.expect(201).json();
+    let codes = |dataset: &serde_json::Value| -> Vec<String> {
+        let warnings = dataset["report"]["warnings"].as_array().unwrap();
+        warnings
+            .iter()
+            .map(|w| w["code"].as_str().unwrap().to_owned())
+            .collect()
+    };
+    assert!(
+        codes(&as_it_is).contains(&"likely_sentinel".to_owned()),
+        "{as_it_is}"
+    );
+    let path = "/v1/datasets?missing=-9999&units=p:bar";
+    let left_out = app.post_csv(path, csv).await.expect(201).json();
+    assert_eq!(left_out["signals"][0]["missing"], 1);
+    assert_eq!(left_out["signals"][0]["min"], 1e5);
+    let wrong = "/v1/datasets?tz=Mars&units=p:parsec&grid=fine";
+    let problem = app.post_csv(wrong, csv).await.problem(422);
+    let errors = problem["errors"].as_array().unwrap();
+    let parameters: Vec<_> = errors.iter().map(|error| &error["parameter"]).collect();
+    assert_eq!(parameters, ["tz", "units", "grid"]);
+    let problem = app
+        .post_csv("/v1/datasets?units=q:bar", csv)
+        .await
+        .problem(422);
+    assert_eq!(problem["errors"][0]["parameter"], "units");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_format_that_is_known_and_not_read_is_named() {
+    let app = TestApp::start().await;
+    let request = app
+        .request(Method::POST, "/v1/datasets")
+        .body(&b"PAR1\x15\x04"[..]);
+    let request = request.header("content-type", "application/vnd.apache.parquet");
+    let problem = app.send(request).await.problem(415);
+    assert!(
+        problem["detail"].as_str().unwrap().contains("Parquet"),
+        "{problem}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_window_may_be_given_as_times_of_day_and_samples_left_out() {
+    let app = TestApp::start().await;
+    let rows: String = drive_csv()
+        .lines()
+        .skip(1)
+        .fold(String::new(), |text, row| {
+            let (seconds, rest) = row.split_once(',').unwrap();
+            text + &format!("2026-03-02T08:15:0{seconds}Z,{rest}\n")
+        });
+    let csv = format!("time,force [N],position [m]\n{rows}");
+    let dataset = app.post_csv("/v1/datasets", csv).await.expect(201).json();
+    let id = dataset["id"].as_str().unwrap();
+    let mut job = drive_job(id);
+    job["experiments"][0]["window"] = json!({"from": "2026-03-02T09:15:00.5+01:00", "to_s": 3.0});
+    job["experiments"][0]["exclude"] = json!({"classes": ["spike"], "spans": [{"from_s": 1, "to_s": 1.5, "signals": ["position"]}]});
+    let checked = app
+        .post_json("/v1/jobs?validate_only=true", &job)
+        .await
+        .expect(200)
+        .json();
+    let text = checked.to_string();
+    assert!(text.contains("\"from_s\":0.5"), "{text}");
+    assert!(text.contains("excluded_samples"), "{text}");
+    job["experiments"][0]["window"] = json!({"from": "2027-01-01T00:00:00Z"});
+    let problem = app.post_json("/v1/jobs", &job).await.problem(422);
+    assert_eq!(problem["errors"][0]["code"], "outside_recording");
+    let undated = app.store_drive().await;
+    let mut job = drive_job(&undated);
+    job["experiments"][0]["window"] = json!({"from": "2026-03-02T08:15:00Z"});
+    let problem = app.post_json("/v1/jobs", &job).await.problem(422);
+    assert_eq!(problem["errors"][0]["code"], "no_start");
+}

@@ -1,12 +1,12 @@
 //! One experiment: cut out of its recording, its inputs without holes, its start settled.
 
 use super::{Finding, signal_pointer};
-use crate::dataset::{Recording, Split, Window};
 use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Prior, Target};
 use crate::job::fault::Fault;
 use crate::job::spec::{ExperimentRole, ExperimentSpec, InitialStateSpec, ParameterSpec};
 use crate::model::{InitialState, ModelDescription, Scale};
 use crate::numerics::statistics;
+use crate::recording::{Mapped, Recording, Split, Window};
 use std::borrow::Cow;
 
 /// An estimated initial position may differ from the first samples by this share of the range of
@@ -83,22 +83,33 @@ impl Cutter<'_> {
         let fault = |pointer: String, code: &'static str, detail: String| {
             vec![Fault::new(pointer, code, detail)]
         };
-        let pairs: Vec<(String, String)> = spec
+        let is_input = |name: &String| {
+            let mut inputs = self.description.inputs.iter();
+            inputs.any(|input| input.name == *name)
+        };
+        // An input acts on the plant, and on the model, until the next sample.
+        let mapped = spec
             .signals
             .iter()
-            .map(|(model, data)| (model.clone(), data.clone()))
-            .collect();
+            .map(|(model, recorded)| match is_input(model) {
+                true => Mapped::held(model, recorded),
+                false => Mapped::on_line(model, recorded),
+            });
+        let mapped: Vec<Mapped> = mapped.collect();
+        let exclude = spec.exclude.clone().unwrap_or_default();
         let window = spec.window.map(|window| Window {
             from_s: window.from_s,
             to_s: window.to_s,
         });
-        let data = recording.experiment(&pairs, window).map_err(|error| {
-            fault(
-                self.pointer.to_owned(),
-                "experiment_not_possible",
-                error.to_string(),
-            )
-        })?;
+        let data = recording
+            .experiment(&mapped, window, &exclude)
+            .map_err(|error| {
+                fault(
+                    self.pointer.to_owned(),
+                    "experiment_not_possible",
+                    error.to_string(),
+                )
+            })?;
         let split = Split::new(data.samples, self.validation_fraction).map_err(|error| {
             fault(
                 "/validation/fraction".to_owned(),
@@ -168,7 +179,7 @@ impl Cutter<'_> {
     /// The samples of each input, their holes bridged.
     fn inputs(
         &self,
-        data: &crate::dataset::Experiment,
+        data: &crate::recording::Experiment,
         names: &[Cow<'static, str>],
         findings: &mut Vec<Finding>,
         faults: &mut Vec<Fault>,
@@ -204,7 +215,7 @@ impl Cutter<'_> {
 
     /// The samples of each measured output; missing throughout where this experiment does not
     /// measure it.
-    fn measured(&self, data: &crate::dataset::Experiment) -> Vec<Vec<f64>> {
+    fn measured(&self, data: &crate::recording::Experiment) -> Vec<Vec<f64>> {
         let samples = |output: &MeasuredOutput| {
             data.signal(&output.name)
                 .map_or_else(|| vec![f64::NAN; data.samples], <[f64]>::to_vec)

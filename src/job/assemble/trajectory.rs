@@ -1,6 +1,5 @@
 //! Measured and simulated outputs of a result, side by side.
 
-use crate::dataset::Recording;
 use crate::estimation::problem::{Coordinate, Target};
 use crate::estimation::{Problem, trajectory};
 use crate::job::fault::Fault;
@@ -8,6 +7,7 @@ use crate::job::id::DatasetId;
 use crate::job::outcome::{Estimate, Outcome};
 use crate::job::spec::JobSpec;
 use crate::model::Model;
+use crate::recording::Recording;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 

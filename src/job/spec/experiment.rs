@@ -4,13 +4,13 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::{
     ExperimentRole, ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec,
-    MAX_EXPERIMENTS, ParameterSpec, StateRange, WindowSpec, parameter, prior,
+    MAX_EXPERIMENTS, ParameterSpec, StateRange, WindowSpec, exclude, parameter, prior,
 };
-use crate::dataset::Summary;
 use crate::document::reader::{Field, Object, did_you_mean, listed};
 use crate::job::id::DatasetId;
 use crate::model::{ModelDescription, SignalDescription, Tolerance};
 use crate::numerics::dimension::Dimension;
+use crate::recording::Summary;
 
 /// Values that the experiments of one job read at the most: recorded samples times signals.
 const MAX_VALUES: usize = 20_000_000;
@@ -70,6 +70,8 @@ fn read(
     };
     let window = object.optional("window");
     let window = window.map(|field| read_window(&field, recording));
+    let exclude = object.optional("exclude");
+    let exclude = exclude.and_then(|field| exclude::read(&field, recording));
     let initial_state = object.optional("initial_state");
     let initial_state = match (&initial_state, model) {
         (Some(field), Some(model)) => read_initial_state(field, model, signals.as_ref()),
@@ -104,6 +106,7 @@ fn read(
         dataset: dataset?.0,
         signals: signals?,
         window: window.flatten(),
+        exclude,
         initial_state,
         parameters,
         role,
@@ -299,11 +302,20 @@ impl Link<'_> {
 
 pub(super) fn read_window(field: &Field<'_>, recording: Option<&Summary>) -> Option<WindowSpec> {
     let mut object = field.object()?;
-    let from = object.optional("from_s");
-    let to = object.optional("to_s");
+    let bounds = ["from_s", "to_s"].map(|name| object.optional(name));
+    let times = ["from", "to"].map(|name| object.optional(name));
     object.finish();
-    let from_s = from.as_ref().and_then(|f| inside(f, recording));
-    let to_s = to.as_ref().and_then(|f| inside(f, recording));
+    let mut bounds = bounds.into_iter().zip(times).map(|both| match both {
+        (Some(_), Some(time)) => {
+            let detail = "the bound is given twice: in seconds, and as a time of day";
+            time.fault("contradiction", detail);
+            None
+        }
+        (Some(seconds), None) => inside(&seconds, seconds.number()?, recording),
+        (None, Some(time)) => inside(&time, since_start(&time, recording)?, recording),
+        (None, None) => None,
+    });
+    let (from_s, to_s) = (bounds.next().flatten(), bounds.next().flatten());
     let start = from_s.unwrap_or(0.0);
     if let Some(end) = to_s
         && start >= end
@@ -311,12 +323,32 @@ pub(super) fn read_window(field: &Field<'_>, recording: Option<&Summary>) -> Opt
         let detail = format!("from_s {start} is not before to_s {end}");
         field.fault("bounds_reversed", detail);
     }
-    Some(WindowSpec { from_s, to_s })
+    Some(WindowSpec {
+        from_s,
+        to_s,
+        from: None,
+        to: None,
+    })
+}
+
+/// The seconds from the first sample of the recording to a time of day.
+fn since_start(field: &Field<'_>, recording: Option<&Summary>) -> Option<f64> {
+    let Ok(time) = field.text()?.parse::<jiff::Timestamp>() else {
+        let detail = "expected an RFC 3339 timestamp with an offset, such as \
+                      2026-03-02T08:15:00+01:00";
+        field.fault("not_a_time", detail);
+        return None;
+    };
+    let Some(start) = recording?.start else {
+        let detail = "the recording does not say when it began; give the window in seconds";
+        field.fault("no_start", detail);
+        return None;
+    };
+    Some(time.duration_since(start).as_secs_f64())
 }
 
 /// An instant of the recording; the end of its last sample counts as inside.
-fn inside(field: &Field<'_>, recording: Option<&Summary>) -> Option<f64> {
-    let instant = field.number()?;
+pub(super) fn inside(field: &Field<'_>, instant: f64, recording: Option<&Summary>) -> Option<f64> {
     let end = recording.map(|recording| recording.duration_s + recording.sample_time_s);
     if instant < 0.0 || end.is_some_and(|end| instant > end) {
         let duration = recording.map_or(f64::INFINITY, |recording| recording.duration_s);

@@ -6,11 +6,11 @@ use serde_json::Value;
 
 use super::experiment::{Link, read_initial_state, read_window};
 use super::{InitialStateSpec, WindowSpec, parameter, read_model};
-use crate::dataset::Summary;
 use crate::document::reader::{Faults, Field};
 use crate::job::fault::Fault;
 use crate::job::id::DatasetId;
 use crate::model::ModelDescription;
+use crate::recording::Summary;
 
 /// A simulation that can run.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,17 +3,17 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::dataset::{Recording, Signal, TimeAxis, Warning, csv};
+use crate::intake::csv;
 use crate::job::DatasetId;
+use crate::recording::{Recording, Signal, TimeAxis, Warning};
 
 fn recording(time: TimeAxis, values: Vec<f64>) -> Recording {
     Recording {
         start: Some("2026-03-02T08:15:00Z".parse().expect("a time")),
-        notes: vec![Warning {
-            code: "dropped_row".into(),
-            signal: None,
-            detail: "row 7 was empty".to_owned(),
-        }],
+        notes: vec![Warning::of_recording(
+            "dropped_row",
+            "row 7 was empty".to_owned(),
+        )],
         ..Recording::new(
             time,
             vec![

@@ -5,8 +5,8 @@ use std::sync::atomic::Ordering;
 use serde_json::json;
 
 use super::*;
-use crate::dataset::{Signal, TimeAxis};
 use crate::job::{JobId, Phase, Status};
+use crate::recording::{Signal, TimeAxis};
 
 /// Nobody raises it.
 static NEVER: AtomicBool = AtomicBool::new(false);

@@ -3,8 +3,6 @@
 
 #[path = "../../../src/credit/mod.rs"]
 pub mod credit;
-#[path = "../../../src/dataset/mod.rs"]
-pub mod dataset;
 #[path = "../../../src/demo/mod.rs"]
 pub mod demo;
 #[path = "../../../src/document/mod.rs"]
@@ -13,12 +11,16 @@ pub mod document;
 pub mod estimation;
 #[path = "../../../src/genetic/mod.rs"]
 pub mod genetic;
+#[path = "../../../src/intake/mod.rs"]
+pub mod intake;
 #[path = "../../../src/job/mod.rs"]
 pub mod job;
 #[path = "../../../src/model/mod.rs"]
 pub mod model;
 #[path = "../../../src/numerics/mod.rs"]
 pub mod numerics;
+#[path = "../../../src/recording/mod.rs"]
+pub mod recording;
 #[path = "../../../src/simulation/mod.rs"]
 pub mod simulation;
 #[path = "../../../src/uncertainty/mod.rs"]

@@ -2,7 +2,7 @@
 
 #![no_main]
 
-use greybox_fuzz::dataset::Summary;
+use greybox_fuzz::recording::Summary;
 use greybox_fuzz::demo::{self, Demo};
 use greybox_fuzz::document;
 use greybox_fuzz::job::DatasetId;

@@ -1,0 +1,138 @@
+//! Times of every spelling, and those that are refused.
+
+use super::*;
+
+fn clock(name: &str, unit: &str, given: &[(&str, &str)]) -> Clock {
+    let mut options = Options::default();
+    for (option, text) in given {
+        options.set(option, text).unwrap();
+    }
+    Clock::new(name, unit, &options)
+}
+
+fn read(clock: &mut Clock, text: &str) -> Result<f64, &'static str> {
+    clock.read(&Cell::Text(text)).map_err(|(code, _)| code)
+}
+
+fn start(clock: &Clock) -> String {
+    clock.start(0.0).unwrap().to_string()
+}
+
+#[test]
+fn numbers_count_from_the_first_row_in_the_unit_of_the_header() {
+    let mut clock = clock("time", "ms", &[]);
+    assert_eq!(read(&mut clock, "1500"), Ok(0.0));
+    assert_eq!(read(&mut clock, " 1750 "), Ok(0.25));
+    assert_eq!(read(&mut clock, "2026-03-02T08:15:00Z"), Err("not_a_time"));
+    assert_eq!(read(&mut clock, ""), Err("missing_time"));
+    assert_eq!(read(&mut clock, "inf"), Err("not_a_time"));
+    assert_eq!(clock.start(0.0), None);
+}
+
+#[test]
+fn negative_and_exponent_notation_are_numbers() {
+    let mut clock = clock("time", "s", &[]);
+    assert_eq!(read(&mut clock, "-1e-3"), Ok(0.0));
+    assert_eq!(read(&mut clock, "1e-3"), Ok(0.002));
+}
+
+#[test]
+fn unix_times_are_told_by_their_size_and_it_is_said() {
+    for (first, second) in [
+        ("1557320284", "1557320285"),
+        ("1557320284000", "1557320285000"),
+        ("1557320284000000", "1557320285000000"),
+        ("1557320284000000000", "1557320285000000000"),
+    ] {
+        let mut clock = clock("ts", "", &[]);
+        assert_eq!(read(&mut clock, first), Ok(0.0));
+        assert_eq!(read(&mut clock, second), Ok(1.0));
+        assert_eq!(start(&clock), "2019-05-08T12:58:04Z");
+        assert_eq!(clock.notes()[0].code, "time_unit_from_size");
+    }
+    let mut clock = clock("ts", "", &[("time_unit", "ms")]);
+    assert_eq!(read(&mut clock, "1557320284000"), Ok(0.0));
+    assert!(clock.notes().is_empty());
+}
+
+#[test]
+fn numbers_that_may_be_anything_are_asked_about() {
+    for name in ["sample_index", "Sample", "n", "foo", "x"] {
+        let mut clock = clock(name, "", &[]);
+        assert_eq!(read(&mut clock, "0"), Err("time_unit_needed"), "{name}");
+    }
+    let mut counted = clock("sample", "", &[("time_unit", "10ms")]);
+    assert_eq!(read(&mut counted, "5"), Ok(0.0));
+    assert_eq!(read(&mut counted, "7"), Ok(0.02));
+    let mut days = clock("time", "", &[]);
+    assert_eq!(read(&mut days, "45353.5"), Err("time_unit_needed"));
+}
+
+#[test]
+fn serial_days_are_local_times() {
+    let mut clock = clock("Date", "", &[("tz", "Europe/Berlin")]);
+    assert_eq!(read(&mut clock, "45353.5"), Ok(0.0));
+    assert_eq!(read(&mut clock, "45353.50001157407"), Ok(1.0));
+    assert_eq!(start(&clock), "2024-03-02T11:00:00Z");
+    assert_eq!(clock.zone().as_deref(), Some("Europe/Berlin"));
+}
+
+#[test]
+fn timestamps_with_different_offsets_are_compared_as_instants() {
+    let mut clock = clock("t", "", &[]);
+    assert_eq!(read(&mut clock, "2026-03-02T09:15:00+01:00"), Ok(0.0));
+    assert_eq!(
+        read(&mut clock, "2026-03-02T08:15:00.2500001Z"),
+        Ok(0.250_000_1)
+    );
+    assert_eq!(start(&clock), "2026-03-02T08:15:00Z");
+    assert_eq!(clock.zone().as_deref(), Some("+01:00"));
+}
+
+#[test]
+fn a_timestamp_that_could_be_anywhere_needs_a_zone() {
+    for text in [
+        "2026-03-02T08:15:00",
+        "2026-03-02 08:15:00",
+        "2026-03-02",
+        "02.03.2026 08:15",
+    ] {
+        let mut unknown = clock("", "", &[]);
+        assert_eq!(read(&mut unknown, text), Err("no_offset"), "{text}");
+    }
+    let mut clock = clock("", "", &[("tz", "Europe/Berlin")]);
+    assert_eq!(read(&mut clock, "02.03.2026 08:15"), Ok(0.0));
+    assert_eq!(start(&clock), "2026-03-02T07:15:00Z");
+}
+
+#[test]
+fn the_hour_that_comes_twice_is_told_apart_by_its_order() {
+    let mut clock = clock("t", "", &[("tz", "Europe/Berlin")]);
+    let hours = ["01:30", "02:00", "02:30", "02:00", "02:30", "03:00"];
+    let seconds = hours.map(|hour| read(&mut clock, &format!("2026-10-25 {hour}:00")).unwrap());
+    assert_eq!(seconds, [0.0, 1800.0, 3600.0, 5400.0, 7200.0, 9000.0]);
+    assert_eq!(clock.notes()[0].code, "daylight_saving_fold");
+    assert_eq!(
+        read(&mut clock, "2026-03-29 02:30:00"),
+        Err("no_such_local_time")
+    );
+}
+
+#[test]
+fn what_comes_later_tells_whether_the_day_comes_first() {
+    let times = ["02/03/2026 08:15", "02/13/2026 08:15"];
+    let mut clock = clock("t", "", &[("tz", "UTC")]);
+    clock.look_ahead(times.into_iter());
+    assert_eq!(read(&mut clock, times[0]), Ok(0.0));
+    assert_eq!(start(&clock), "2026-02-03T08:15:00Z");
+}
+
+#[test]
+fn a_unit_that_is_no_time_is_refused() {
+    assert_eq!(read(&mut clock("t", "mm", &[]), "0.0"), Err("unknown_unit"));
+    let mut stamped = clock("t", "s", &[]);
+    assert_eq!(
+        read(&mut stamped, "2026-03-02T08:15:00Z"),
+        Err("unknown_unit")
+    );
+}

@@ -1,0 +1,144 @@
+//! Frames of pandas: a row is an object (`orient="records"`, `"table"`) or an array beside the
+//! `columns` and the `index` (`"split"`).
+
+use super::super::cell::Cell;
+use super::super::clock::Clock;
+use super::super::csv::time_name_and_unit;
+use super::super::tags::{Quality, Sample, Tags};
+use super::walk::{Around, Fields, Leaf, Visit};
+
+/// Names of columns that are the time, in the order in which they are looked for.
+const TIMES: [&str; 10] = [
+    "timestamp",
+    "time",
+    "datetime",
+    "date",
+    "date_time",
+    "ts",
+    "t",
+    "t_stamp",
+    "index",
+    "level_0",
+];
+
+/// Rows on their way to their tags.
+pub(super) struct Frame<'o> {
+    tags: Tags<'o>,
+    /// The name of the column that is the time, once a row was seen.
+    time: Option<String>,
+}
+
+impl<'o> Frame<'o> {
+    pub(super) fn new(tags: Tags<'o>) -> Self {
+        Self { tags, time: None }
+    }
+
+    pub(super) fn into_tags(self) -> Tags<'o> {
+        self.tags
+    }
+
+    /// Which of the columns is the time: what the options say, else what the frame calls its key,
+    /// else one with the name of a time, else the first.
+    fn time_of(&mut self, columns: &[&str], key: Option<&str>) -> String {
+        if let Some(time) = &self.time {
+            return time.clone();
+        }
+        let said = self.tags.options.time.as_deref();
+        let is_named = |name: &&str| {
+            let (plain, _) = time_name_and_unit(name);
+            let plain = plain.to_lowercase();
+            TIMES
+                .iter()
+                .any(|time| plain == *time || name.to_lowercase() == *time)
+        };
+        let named = columns.iter().copied().find(is_named);
+        let time = said.or(key).or(named).or(columns.first().copied());
+        let time = time.unwrap_or_default().to_owned();
+        let (_, unit) = time_name_and_unit(&time);
+        self.tags.clock = Clock::new(&time, unit, self.tags.options);
+        self.time = Some(time.clone());
+        time
+    }
+
+    fn push<'c>(
+        &mut self,
+        around: &Around<'_>,
+        time: &Cell<'_>,
+        cells: impl Iterator<Item = (&'c str, &'c Leaf)>,
+    ) {
+        for (name, leaf) in cells {
+            let place = |code, detail: String| around.fault(code, &detail);
+            let Some(tag) = self.tags.tag(name, &place) else {
+                continue;
+            };
+            let sample = Sample {
+                tag,
+                time: time.clone(),
+                value: leaf.cell(),
+                quality: Quality::Unsaid,
+            };
+            self.tags.push(&sample, &place);
+        }
+    }
+}
+
+impl Visit for Frame<'_> {
+    fn object(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+        let in_schema = around.keys().any(|key| key == "schema");
+        if around.objects.len() > 1 || in_schema || fields.has("data") {
+            return false;
+        }
+        let key = around
+            .objects
+            .first()
+            .and_then(|frame| match frame.get("schema") {
+                Some(Leaf::Object(schema)) => schema.get("primaryKey").cloned(),
+                _ => None,
+            });
+        let key = match &key {
+            Some(Leaf::List(names)) => names.first().and_then(Leaf::text),
+            _ => None,
+        };
+        let columns: Vec<&str> = fields.0.iter().map(|(name, _)| &**name).collect();
+        let time = self.time_of(&columns, key.as_deref());
+        let instant = fields.get(&time).map_or(Cell::Empty, Leaf::cell);
+        let others = fields.0.iter().filter(|(name, _)| **name != *time);
+        self.push(around, &instant, others.map(|(name, leaf)| (&**name, leaf)));
+        true
+    }
+
+    fn row(&mut self, around: &Around<'_>, cells: &[Leaf]) {
+        let list = |name| match around.field(&[name]) {
+            Some(Leaf::List(list)) => Some(list),
+            _ => None,
+        };
+        let Some(columns) = list("columns") else {
+            let detail = "rows before `columns`: their names must come first";
+            self.tags
+                .faults
+                .invalid(around.fault("columns_missing", detail));
+            return;
+        };
+        let names: Vec<String> = columns.iter().filter_map(Leaf::text).collect();
+        let of_row = list("index").and_then(|index| index.get(around.index()));
+        let mut known: Vec<&str> = names.iter().map(String::as_str).collect();
+        known.push("index");
+        let time = self.time_of(&known, None);
+        let of_column = names.iter().position(|name| *name == time);
+        let instant = match of_column {
+            Some(k) => cells.get(k),
+            None => of_row,
+        };
+        let instant = instant.map_or(Cell::Empty, Leaf::cell);
+        let others = names.iter().zip(cells).filter(|(name, _)| **name != time);
+        self.push(
+            around,
+            &instant,
+            others.map(|(name, leaf)| (name.as_str(), leaf)),
+        );
+    }
+
+    fn is_full(&self) -> bool {
+        self.tags.is_full()
+    }
+}

@@ -1,0 +1,297 @@
+//! One walk through a document of JSON.
+
+use super::super::cell::Cell;
+use super::super::error::Fault;
+use serde::de::{DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
+use std::fmt;
+use std::io::Read;
+use std::rc::Rc;
+
+/// Different keys that are kept for the next object.
+const KEPT_KEYS: usize = 64;
+
+/// A value of the document, without what was handed over already.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Leaf {
+    Null,
+    Bool(bool),
+    Integer(i64),
+    Number(f64),
+    Text(String),
+    List(Vec<Leaf>),
+    Object(Fields),
+    /// It was handed over.
+    Taken,
+}
+
+/// The fields of an object.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Fields(pub(super) Vec<(Rc<str>, Leaf)>);
+
+/// Where an object stands: the objects around it, from the outermost, as far as they were read.
+pub(super) struct Around<'w> {
+    pub(super) objects: &'w [Fields],
+    path: &'w [Step],
+}
+
+#[derive(Clone, Debug)]
+enum Step {
+    Key(Rc<str>),
+    Index(usize),
+}
+
+/// Who is handed what is met.
+pub(super) trait Visit {
+    /// An object that is complete. Answers whether it took it.
+    fn object(&mut self, around: &Around<'_>, fields: &Fields) -> bool;
+
+    /// An array of scalars within an array.
+    fn row(&mut self, around: &Around<'_>, cells: &[Leaf]);
+
+    /// Whether reading on is pointless.
+    fn is_full(&self) -> bool;
+}
+
+/// Walks through the document.
+pub(super) fn walk(source: impl Read, visit: &mut impl Visit) -> Result<(), serde_json::Error> {
+    let mut text = serde_json::Deserializer::from_reader(source);
+    let mut walker = Walker {
+        visit,
+        objects: Vec::new(),
+        path: Vec::new(),
+        keys: Vec::new(),
+    };
+    let node = Node {
+        walker: &mut walker,
+        in_list: false,
+    };
+    node.deserialize(&mut text)?;
+    match walker.visit.is_full() {
+        true => Ok(()),
+        false => text.end(),
+    }
+}
+
+struct Walker<'v, V> {
+    visit: &'v mut V,
+    objects: Vec<Fields>,
+    path: Vec<Step>,
+    keys: Vec<Rc<str>>,
+}
+
+impl<V> Walker<'_, V> {
+    fn key(&mut self, key: &str) -> Rc<str> {
+        if let Some(known) = self.keys.iter().find(|known| &***known == key) {
+            return Rc::clone(known);
+        }
+        let new: Rc<str> = key.into();
+        if self.keys.len() < KEPT_KEYS {
+            self.keys.push(Rc::clone(&new));
+        }
+        new
+    }
+}
+
+/// A place of the document.
+struct Node<'n, 'v, V> {
+    walker: &'n mut Walker<'v, V>,
+    in_list: bool,
+}
+
+impl<'de, V: Visit> DeserializeSeed<'de> for Node<'_, '_, V> {
+    type Value = Leaf;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Leaf, D::Error> {
+        deserializer.deserialize_any(self)
+    }
+}
+
+impl<'de, V: Visit> Visitor<'de> for Node<'_, '_, V> {
+    type Value = Leaf;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("any value")
+    }
+
+    fn visit_unit<E>(self) -> Result<Leaf, E> {
+        Ok(Leaf::Null)
+    }
+
+    fn visit_bool<E>(self, value: bool) -> Result<Leaf, E> {
+        Ok(Leaf::Bool(value))
+    }
+
+    fn visit_f64<E>(self, value: f64) -> Result<Leaf, E> {
+        Ok(Leaf::Number(value))
+    }
+
+    fn visit_u64<E>(self, value: u64) -> Result<Leaf, E> {
+        Ok(i64::try_from(value).map_or(Leaf::Number(value as f64), Leaf::Integer))
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<Leaf, E> {
+        Ok(Leaf::Integer(value))
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<Leaf, E> {
+        Ok(Leaf::Text(text.to_owned()))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Leaf, A::Error> {
+        let walker = self.walker;
+        let mut scalars = Vec::new();
+        let mut all_scalars = true;
+        for index in 0.. {
+            walker.path.push(Step::Index(index));
+            let node = Node {
+                walker: &mut *walker,
+                in_list: true,
+            };
+            let element = seq.next_element_seed(node)?;
+            walker.path.pop();
+            match element {
+                None => break,
+                Some(Leaf::List(_) | Leaf::Object(_) | Leaf::Taken) => all_scalars = false,
+                Some(scalar) => scalars.push(scalar),
+            }
+        }
+        if self.in_list && all_scalars {
+            let around = Around {
+                objects: &walker.objects,
+                path: &walker.path,
+            };
+            walker.visit.row(&around, &scalars);
+            return Ok(Leaf::Taken);
+        }
+        Ok(match all_scalars {
+            true => Leaf::List(scalars),
+            false => Leaf::Taken,
+        })
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Leaf, A::Error> {
+        let walker = self.walker;
+        walker.objects.push(Fields::default());
+        while let Some(key) = map.next_key_seed(Key(walker))? {
+            walker.path.push(Step::Key(Rc::clone(&key)));
+            let node = Node {
+                walker: &mut *walker,
+                in_list: false,
+            };
+            let value = map.next_value_seed(node)?;
+            walker.path.pop();
+            let fields = walker.objects.last_mut().expect("this object's fields");
+            fields.0.push((key, value));
+        }
+        let fields = walker.objects.pop().expect("this object's fields");
+        let around = Around {
+            objects: &walker.objects,
+            path: &walker.path,
+        };
+        let is_taken = walker.visit.is_full() || walker.visit.object(&around, &fields);
+        Ok(match is_taken {
+            true => Leaf::Taken,
+            false => Leaf::Object(fields),
+        })
+    }
+}
+
+/// A key, of which the same text is kept once.
+struct Key<'n, 'v, V>(&'n mut Walker<'v, V>);
+
+impl<'de, V> DeserializeSeed<'de> for Key<'_, '_, V> {
+    type Value = Rc<str>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Rc<str>, D::Error> {
+        deserializer.deserialize_str(self)
+    }
+}
+
+impl<'de, V> Visitor<'de> for Key<'_, '_, V> {
+    type Value = Rc<str>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a key")
+    }
+
+    fn visit_str<E>(self, key: &str) -> Result<Rc<str>, E> {
+        Ok(self.0.key(key))
+    }
+}
+
+impl Around<'_> {
+    /// The nearest field of one of these names around the object, in their order.
+    pub(super) fn field(&self, names: &[&str]) -> Option<&Leaf> {
+        let mut outwards = self.objects.iter().rev();
+        outwards.find_map(|fields| names.iter().find_map(|name| fields.get(name)))
+    }
+
+    /// The keys on the way here, from the outermost.
+    pub(super) fn keys(&self) -> impl DoubleEndedIterator<Item = &str> {
+        self.path.iter().filter_map(|step| match step {
+            Step::Key(key) => Some(&**key),
+            Step::Index(_) => None,
+        })
+    }
+
+    /// The place of an element in its array.
+    pub(super) fn index(&self) -> usize {
+        match self.path.last() {
+            Some(Step::Index(index)) => *index,
+            _ => 0,
+        }
+    }
+
+    /// A fault at this place.
+    pub(super) fn fault(&self, code: &'static str, detail: &str) -> Fault {
+        let steps = self.path.iter().map(|step| match step {
+            Step::Key(key) => format!("/{}", key.replace('~', "~0").replace('/', "~1")),
+            Step::Index(index) => format!("/{index}"),
+        });
+        Fault::at_pointer(code, steps.collect(), detail)
+    }
+}
+
+impl Fields {
+    /// The value of a field; none where it is `null`.
+    pub(super) fn get(&self, name: &str) -> Option<&Leaf> {
+        let found = self.0.iter().find(|(key, _)| &**key == name);
+        found
+            .map(|(_, leaf)| leaf)
+            .filter(|leaf| **leaf != Leaf::Null)
+    }
+
+    /// Whether there is a field of that name, even if it is `null`.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.0.iter().any(|(key, _)| &**key == name)
+    }
+}
+
+impl Leaf {
+    /// What it is where a value is looked for.
+    pub(super) fn cell(&self) -> Cell<'_> {
+        match self {
+            Self::Null => Cell::Empty,
+            Self::Bool(value) => Cell::Bool(*value),
+            Self::Integer(value) => Cell::Integer(*value),
+            Self::Number(value) => Cell::Number(*value),
+            Self::Text(text) => Cell::Text(text),
+            Self::List(_) | Self::Taken => Cell::Other("an array"),
+            Self::Object(_) => Cell::Other("an object"),
+        }
+    }
+
+    /// A text, or a number as one.
+    pub(super) fn text(&self) -> Option<String> {
+        match self {
+            Self::Text(text) => Some(text.clone()),
+            Self::Integer(number) => Some(number.to_string()),
+            _ => None,
+        }
+    }
+
+    /// Whether it is true.
+    pub(super) fn is_true(&self) -> bool {
+        *self == Self::Bool(true)
+    }
+}

@@ -1,0 +1,234 @@
+//! Dates and times as people and programs write them.
+
+use jiff::Timestamp;
+use jiff::civil::DateTime;
+
+/// A date and time that was understood.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Stamp {
+    /// With its offset, as text where that is not zero.
+    Instant(Timestamp, Option<String>),
+    /// Without one.
+    Local(DateTime),
+}
+
+/// Whether a text is meant as a date rather than as a number.
+pub(super) fn looks_like_one(text: &str) -> bool {
+    let text = text.trim();
+    let separated = text
+        .bytes()
+        .skip(1)
+        .any(|byte| matches!(byte, b'-' | b':' | b'/'));
+    let dotted = text.bytes().filter(|byte| *byte == b'.').count() > 1;
+    (separated || dotted) && text.parse::<f64>().is_err()
+}
+
+/// The instant that a text names.
+///
+/// # Errors
+/// A code and a sentence.
+pub(super) fn parse(text: &str, day_first: Option<bool>) -> Result<Stamp, (&'static str, String)> {
+    if let Ok(instant) = text.parse::<Timestamp>() {
+        return Ok(Stamp::Instant(instant, offset(text)));
+    }
+    if let Ok(local) = text.parse::<DateTime>() {
+        return Ok(Stamp::Local(local));
+    }
+    let shown = super::error::excerpt(text);
+    let Some(written) = Written::of(text) else {
+        let detail =
+            format!("`{shown}` is neither a number nor a timestamp such as 2026-03-02T08:15:00Z");
+        return Err(("not_a_time", detail));
+    };
+    let day_first = day_first.or_else(|| written.day_first());
+    let Some(day_first) = day_first else {
+        let detail = format!(
+            "`{shown}` may be of two days; say with `time_unit` whether the day comes first (dmy) \
+             or the month (mdy)"
+        );
+        return Err(("ambiguous_date", detail));
+    };
+    written.local(day_first).map(Stamp::Local).ok_or_else(|| {
+        let detail = format!("`{shown}` is not a date that there is");
+        ("not_a_time", detail)
+    })
+}
+
+/// Whether the day stands before the month, where the text leaves no doubt.
+pub(super) fn day_first(text: &str) -> Option<bool> {
+    Written::of(text.trim())?.day_first()
+}
+
+/// The date and time of so many microseconds since 1899-12-30.
+pub(super) fn from_serial_days(microseconds: i64) -> Option<DateTime> {
+    let epoch = jiff::civil::date(1899, 12, 30).at(0, 0, 0, 0);
+    let span = jiff::SignedDuration::from_micros(microseconds);
+    epoch.checked_add(span).ok()
+}
+
+/// The offset at the end of an RFC 3339 timestamp, where it is not zero.
+fn offset(text: &str) -> Option<String> {
+    let at = text.len().checked_sub(6)?;
+    let offset = text.get(at..)?;
+    let is_offset = offset.starts_with(['+', '-']) && offset.as_bytes()[3] == b':';
+    (is_offset && !offset.ends_with("00:00")).then(|| offset.to_owned())
+}
+
+/// A date of three parts that is not ISO 8601, and a time.
+struct Written {
+    parts: [u16; 3],
+    order: Order,
+    /// Hour, minute, second and nanosecond.
+    time: (i8, i8, i8, i32),
+}
+
+#[derive(PartialEq)]
+enum Order {
+    YearFirst,
+    DayFirst,
+    /// The day or the month.
+    Unclear,
+}
+
+impl Written {
+    fn of(text: &str) -> Option<Self> {
+        let (date, time) = match text.find([' ', 'T']) {
+            Some(end) => (&text[..end], text[end + 1..].trim()),
+            None => (text, ""),
+        };
+        let date = date.trim_end_matches(',');
+        let separator = date.chars().find(|c| matches!(c, '.' | '/' | '-'))?;
+        let mut fields = date.split(separator);
+        let fields = [fields.next()?, fields.next()?, fields.next()?];
+        let by_name = month(fields[1]);
+        let part = |k: usize| match by_name.filter(|_| k == 1) {
+            Some(month) => Some(month),
+            None => fields[k].parse::<u16>().ok(),
+        };
+        let order = if fields[0].len() == 4 {
+            Order::YearFirst
+        } else if by_name.is_some() || separator == '.' {
+            Order::DayFirst
+        } else {
+            Order::Unclear
+        };
+        Some(Self {
+            parts: [part(0)?, part(1)?, part(2)?],
+            order,
+            time: clock_time(time)?,
+        })
+    }
+
+    fn day_first(&self) -> Option<bool> {
+        match self.order {
+            Order::YearFirst | Order::DayFirst => Some(true),
+            Order::Unclear if self.parts[0] > 12 => Some(true),
+            Order::Unclear if self.parts[1] > 12 => Some(false),
+            Order::Unclear => None,
+        }
+    }
+
+    fn local(&self, day_first: bool) -> Option<DateTime> {
+        let [a, b, c] = self.parts;
+        let (year, month, day) = match self.order {
+            Order::YearFirst => (a, b, c),
+            Order::DayFirst => (c, b, a),
+            Order::Unclear if day_first => (c, b, a),
+            Order::Unclear => (c, a, b),
+        };
+        let year = if year < 100 { year + 2000 } else { year };
+        let (hour, minute, second, nanosecond) = self.time;
+        let small = |number: u16| i8::try_from(number).ok();
+        DateTime::new(
+            i16::try_from(year).ok()?,
+            small(month)?,
+            small(day)?,
+            hour,
+            minute,
+            second,
+            nanosecond,
+        )
+        .ok()
+    }
+}
+
+/// A month by the start of its English or German name.
+fn month(text: &str) -> Option<u16> {
+    const MONTHS: [&str; 12] = [
+        "jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec",
+    ];
+    const OTHERS: [(&str, u16); 4] = [("mär", 3), ("mai", 5), ("okt", 10), ("dez", 12)];
+    let start: String = text.chars().take(3).flat_map(char::to_lowercase).collect();
+    let english = MONTHS.iter().position(|month| *month == start);
+    let german = OTHERS.iter().find(|(month, _)| *month == start);
+    english
+        .map(|k| k as u16 + 1)
+        .or(german.map(|(_, month)| *month))
+}
+
+/// `8:15`, `08:15:00.5`, `08:15:00,5`, `8:15:00 PM`; midnight where there is none.
+fn clock_time(text: &str) -> Option<(i8, i8, i8, i32)> {
+    if text.is_empty() {
+        return Some((0, 0, 0, 0));
+    }
+    let upper = text.to_ascii_uppercase();
+    let (digits, shift) = match (upper.strip_suffix("PM"), upper.strip_suffix("AM")) {
+        (Some(digits), _) => (digits, Some(12)),
+        (_, Some(digits)) => (digits, Some(0)),
+        _ => (upper.as_str(), None),
+    };
+    let mut fields = digits.trim().split(':');
+    let hour: i8 = fields.next()?.parse().ok()?;
+    let minute: i8 = fields.next()?.parse().ok()?;
+    let seconds = fields.next().unwrap_or("0");
+    if fields.next().is_some() {
+        return None;
+    }
+    let (second, fraction) = seconds.split_once(['.', ',']).unwrap_or((seconds, ""));
+    let is_fraction = fraction.len() <= 9 && fraction.bytes().all(|byte| byte.is_ascii_digit());
+    let nanosecond = is_fraction.then(|| format!("{fraction:0<9}").parse().ok())??;
+    let hour = match shift {
+        Some(shift) => hour % 12 + shift,
+        None => hour,
+    };
+    Some((hour, minute, second.parse().ok()?, nanosecond))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_of_many_countries_are_one_instant() {
+        let expected: DateTime = "2026-03-02T20:15:00.5".parse().unwrap();
+        for (text, day_first) in [
+            ("2026-03-02 20:15:00.5", None),
+            ("2026/03/02 20:15:00.5", None),
+            ("02.03.2026 20:15:00,5", None),
+            ("2.3.26 20:15:00.5", None),
+            ("02-Mar-2026 20:15:00.5", None),
+            ("02-Mär-26 20:15:00.5", None),
+            ("03/02/2026 8:15:00.5 PM", Some(false)),
+            ("02/03/2026 20:15:00.5", Some(true)),
+        ] {
+            let stamp = parse(text, day_first).unwrap_or_else(|(_, why)| panic!("{why}"));
+            assert_eq!(stamp, Stamp::Local(expected), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_date_of_two_meanings_is_asked_about() {
+        assert_eq!(parse("02/03/2026", None).unwrap_err().0, "ambiguous_date");
+        assert_eq!(day_first("02/13/2026"), Some(false));
+        assert_eq!(day_first("13/02/2026 8:00"), Some(true));
+        assert_eq!(parse("31/02/2026", None).unwrap_err().0, "not_a_time");
+        assert_eq!(parse("yesterday-ish", None).unwrap_err().0, "not_a_time");
+    }
+
+    #[test]
+    fn serial_days_count_from_the_thirtieth_of_december_1899() {
+        // 45353.5 is noon of 2024-03-02 in every spreadsheet.
+        let noon = from_serial_days((45_353.5 * 86_400e6) as i64).unwrap();
+        assert_eq!(noon, "2024-03-02T12:00:00".parse().unwrap());
+    }
+}

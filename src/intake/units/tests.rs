@@ -1,0 +1,114 @@
+//! Factors, spellings, and where a unit stands.
+
+use super::*;
+use std::collections::HashSet;
+
+#[test]
+fn a_name_means_one_unit() {
+    let mut seen = HashSet::new();
+    for name in TABLE.iter().flat_map(|row| row.names.split(' ')) {
+        assert!(seen.insert(name), "`{name}` stands in the table twice");
+    }
+}
+
+#[test]
+fn every_si_unit_is_a_unit_that_changes_nothing() {
+    for row in TABLE {
+        let unit = parse(row.si).unwrap_or_else(|| panic!("`{}` is not in the table", row.si));
+        let expected = Unit {
+            si: Cow::Borrowed(row.si),
+            ..Unit::NONE
+        };
+        assert_eq!(unit, expected);
+    }
+}
+
+/// Values of NIST SP 811 (2008), appendix B.8, to the digits printed there.
+#[test]
+fn customary_units_agree_with_the_published_factors() {
+    for (text, si) in [
+        ("psi", 6.894_757e3),
+        ("lbf", 4.448_222),
+        ("gpm", 6.309_020e-5),
+        ("kgf/cm2", 9.806_65e4),
+        ("rpm", 1.047_198e-1),
+        ("deg", 1.745_329e-2),
+        ("l/min", 1.666_667e-5),
+    ] {
+        let value = parse(text).unwrap().to_si(1.0);
+        assert!((value / si - 1.0).abs() < 5e-7, "1 {text} is {value}");
+    }
+}
+
+#[test]
+fn water_freezes_at_the_same_temperature_on_three_scales() {
+    for (value, text) in [(0.0, "degC"), (32.0, "°F"), (273.15, "K")] {
+        let kelvin = parse(text).unwrap().to_si(value);
+        assert!(
+            (kelvin - 273.15).abs() < 1e-12,
+            "{value} {text} is {kelvin} K"
+        );
+    }
+}
+
+#[test]
+fn plants_spellings_are_understood() {
+    for (text, si, value) in [
+        ("Bar", "Pa", 1e5),
+        ("kpa", "Pa", 1e3),
+        ("barg", "Pa", 201_325.0),
+        ("PSIG", "Pa", 108_219.757_293_168),
+        ("pct", "1", 0.01),
+        ("Nm3/h", "m³/s", 1.0 / 3600.0),
+        ("mmHg", "Pa", 133.322_387_415),
+        ("Ohm", "Ω", 1.0),
+        ("C", "K", 274.15),
+        ("kN/mm", "N/m", 1e6),
+        ("m3/(h bar)", "kg^-1·m^4·s", 1e-5 / 3600.0),
+        ("l/(min·bar)", "kg^-1·m^4·s", 1e-8 / 60.0),
+        ("W/(m2.K)", "kg·s^-3·K^-1", 1.0),
+        ("degC/min", "s^-1·K", 1.0 / 60.0),
+    ] {
+        let unit = parse(text).unwrap_or_else(|| panic!("`{text}` is not known"));
+        assert_eq!(unit.si, si, "{text}");
+        assert!(
+            (unit.to_si(1.0) / value - 1.0).abs() < 1e-12,
+            "{text}: {unit:?}"
+        );
+    }
+    for text in ["barg", "C", "Nm3/h"] {
+        assert!(!parse(text).unwrap().remark.is_empty(), "{text}");
+    }
+    assert!(parse("mw").is_none(), "milliwatt or megawatt");
+    assert!(unknown("degCC").contains("did you mean `degC`"));
+    assert!(!unknown("parsec").contains("mbar"));
+}
+
+#[test]
+fn a_unit_stands_in_brackets_in_parentheses_or_at_the_end_of_the_name() {
+    for (title, name, unit) in [
+        ("position [mm]", "position", "mm"),
+        ("spool [left] [ V ]", "spool [left]", "V"),
+        ("spool [left] []", "spool [left]", ""),
+        ("p [parsec]", "p", "parsec"),
+        ("x (bar)", "x", "bar"),
+        ("valve (left)", "valve (left)", ""),
+        ("p_bar", "p_bar", "bar"),
+        ("oil_degC", "oil_degC", "degC"),
+        ("x_min", "x_min", ""),
+        ("flow_in", "flow_in", ""),
+        ("speed_m", "speed_m", ""),
+        ("position", "position", ""),
+        ("position]", "position]", ""),
+    ] {
+        assert_eq!(name_and_unit(title), (name, unit), "{title}");
+    }
+}
+
+#[test]
+fn only_units_of_time_are_times_and_none_means_seconds() {
+    assert_eq!(parse_time("ms").unwrap().to_si(5.0), 0.005);
+    assert_eq!(parse_time("").unwrap().to_si(5.0), 5.0);
+    assert!(parse_time("mm").is_none());
+    assert!(parse("parsec").is_none());
+}

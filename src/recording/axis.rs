@@ -1,0 +1,248 @@
+//! When the samples of a recording were taken.
+
+use super::columns::Series;
+use std::io;
+use std::ops::Range;
+
+/// How far a sample may lie from its place on a uniform grid, in sample times.
+pub const JITTER_TOLERANCE: f64 = 1e-3;
+
+/// How far a sample may lie from an instant that names it, in sample times. It covers rounding.
+const ON_TIME: f64 = 1e-6;
+
+/// The instants of the samples, in seconds from the first one.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TimeAxis {
+    /// Sample k was taken at `k * sample_time`.
+    Uniform {
+        /// The sample time `[s]`.
+        sample_time: f64,
+        /// The number of samples.
+        samples: usize,
+    },
+    /// Sample k was taken at the k-th instant; strictly increasing from 0.
+    Instants(Vec<f64>),
+}
+
+impl TimeAxis {
+    /// The axis of strictly increasing instants that begin at 0: uniform where every instant is
+    /// within a thousandth of a sample time of the grid between the first and the last.
+    ///
+    /// `scale` is the largest number that the source wrote for a time `[s]`; its rounding limits
+    /// what the instants can tell about the sample time.
+    #[must_use]
+    pub fn from_instants(instants: Vec<f64>, scale: f64) -> Self {
+        let last = instants.last().copied().unwrap_or(0.0);
+        let grid = Grid::through(instants.len(), last, scale);
+        match grid.filter(|grid| grid.holds(0, &instants)) {
+            Some(grid) => grid.axis(instants.len()),
+            None => Self::Instants(instants),
+        }
+    }
+
+    /// The same of so many instants up to the `last` one that need not be in memory.
+    pub(crate) fn of_series(
+        instants: &mut dyn Series,
+        (samples, last): (usize, f64),
+        scale: f64,
+    ) -> io::Result<Self> {
+        let mut grid = Grid::through(samples, last, scale);
+        let mut first = 0;
+        instants.visit(&mut |piece| {
+            grid = grid.filter(|grid| grid.holds(first, piece));
+            first += piece.len();
+            Ok(())
+        })?;
+        match grid {
+            Some(grid) => Ok(grid.axis(samples)),
+            None => Ok(Self::Instants(instants.collect()?)),
+        }
+    }
+
+    /// The number of samples.
+    #[must_use]
+    pub fn samples(&self) -> usize {
+        match self {
+            Self::Uniform { samples, .. } => *samples,
+            Self::Instants(instants) => instants.len(),
+        }
+    }
+
+    /// When sample `k` was taken `[s]`.
+    ///
+    /// # Panics
+    /// When `k` is past the end of a non-uniform axis.
+    #[must_use]
+    pub fn instant(&self, k: usize) -> f64 {
+        match self {
+            Self::Uniform { sample_time, .. } => k as f64 * sample_time,
+            Self::Instants(instants) => instants[k],
+        }
+    }
+
+    /// The time from the first to the last sample `[s]`.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        match self.samples() {
+            0 => 0.0,
+            samples => self.instant(samples - 1),
+        }
+    }
+
+    /// Whether the samples lie on a uniform grid.
+    #[must_use]
+    pub fn is_uniform(&self) -> bool {
+        matches!(self, Self::Uniform { .. })
+    }
+
+    /// The sample time `[s]`; the median interval where the samples are not uniform.
+    #[must_use]
+    pub fn sample_time(&self) -> f64 {
+        match self {
+            Self::Uniform { sample_time, .. } => *sample_time,
+            Self::Instants(instants) => median_interval(instants),
+        }
+    }
+
+    /// The samples between two times `[s]`, both included; from the first, up to the last when
+    /// absent.
+    #[must_use]
+    pub fn between(&self, from: Option<f64>, to: Option<f64>) -> Range<usize> {
+        let samples = self.samples();
+        let start = from.map_or(0, |from| self.first_from(from));
+        let end = to.map_or(samples, |to| {
+            let k = self.first_from(to);
+            let on_time = |k| self.instant(k) <= to + ON_TIME * self.sample_time();
+            if k < samples && on_time(k) { k + 1 } else { k }
+        });
+        start..end.max(start)
+    }
+
+    /// The first sample at or after `time` `[s]`.
+    fn first_from(&self, time: f64) -> usize {
+        let early = time - ON_TIME * self.sample_time();
+        match self {
+            Self::Uniform {
+                sample_time,
+                samples,
+            } => {
+                let k = (early / sample_time).ceil().clamp(0.0, *samples as f64);
+                k as usize
+            }
+            Self::Instants(instants) => instants.partition_point(|instant| *instant < early),
+        }
+    }
+}
+
+/// A uniform grid from 0 to the last of some instants.
+#[derive(Clone, Copy)]
+struct Grid {
+    sample_time: f64,
+}
+
+impl Grid {
+    fn through(samples: usize, last: f64, scale: f64) -> Option<Self> {
+        if samples < 2 || last <= 0.0 {
+            return None;
+        }
+        let intervals = (samples - 1) as f64;
+        let rounding = 2.0 * f64::EPSILON * scale.abs().max(last) / intervals;
+        Some(Self {
+            sample_time: shortest_decimal(last / intervals, rounding),
+        })
+    }
+
+    /// Whether these instants, of which `first` is the index of the first, lie on it.
+    fn holds(&self, first: usize, instants: &[f64]) -> bool {
+        let Self { sample_time } = *self;
+        (first..).zip(instants).all(|(k, instant)| {
+            (instant - k as f64 * sample_time).abs() <= JITTER_TOLERANCE * sample_time
+        })
+    }
+
+    fn axis(self, samples: usize) -> TimeAxis {
+        TimeAxis::Uniform {
+            sample_time: self.sample_time,
+            samples,
+        }
+    }
+}
+
+/// The decimal number of the fewest digits within `tolerance` of `value`: 0.01, not
+/// 0.009999999999999998, where the difference is rounding.
+fn shortest_decimal(value: f64, tolerance: f64) -> f64 {
+    (0..15)
+        .filter_map(|digits| format!("{value:.digits$e}").parse::<f64>().ok())
+        .find(|decimal| (decimal - value).abs() <= tolerance)
+        .unwrap_or(value)
+}
+
+fn median_interval(instants: &[f64]) -> f64 {
+    let mut intervals: Vec<f64> = instants.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    if intervals.is_empty() {
+        return 0.0;
+    }
+    let middle = intervals.len() / 2;
+    let (_, median, _) = intervals.select_nth_unstable_by(middle, f64::total_cmp);
+    shortest_decimal(*median, 1e-9 * *median)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axis(instants: &[f64]) -> TimeAxis {
+        TimeAxis::from_instants(instants.to_vec(), 0.0)
+    }
+
+    #[test]
+    fn rounding_in_the_times_does_not_show_in_the_sample_time() {
+        let instants: Vec<f64> = (0..1000).map(|k| f64::from(k) * 0.01).collect();
+        assert_eq!(
+            axis(&instants),
+            TimeAxis::Uniform {
+                sample_time: 0.01,
+                samples: 1000
+            }
+        );
+    }
+
+    #[test]
+    fn a_sample_time_that_is_no_short_decimal_is_kept() {
+        let third = 1.0 / 3.0;
+        let instants: Vec<f64> = (0..100).map(|k| f64::from(k) * third).collect();
+        assert_eq!(axis(&instants).sample_time(), third);
+    }
+
+    #[test]
+    fn jitter_above_a_thousandth_of_the_sample_time_is_not_uniform() {
+        assert!(axis(&[0.0, 1.0009, 2.0, 3.0]).is_uniform());
+        assert!(!axis(&[0.0, 1.0011, 2.0, 3.0]).is_uniform());
+    }
+
+    #[test]
+    fn the_sample_time_of_a_non_uniform_axis_is_its_median_interval() {
+        assert_eq!(axis(&[0.0, 1.0, 2.0, 10.0]).sample_time(), 1.0);
+    }
+
+    #[test]
+    fn first_from_finds_the_same_sample_on_both_kinds_of_axis() {
+        let uniform = TimeAxis::Uniform {
+            sample_time: 0.1,
+            samples: 11,
+        };
+        let instants = TimeAxis::Instants((0..11).map(|k| f64::from(k) * 0.1).collect());
+        for (time, k) in [
+            (-1.0, 0),
+            (0.0, 0),
+            (0.3, 3),
+            (0.31, 4),
+            (1.0, 10),
+            (1.1, 11),
+            (9.0, 11),
+        ] {
+            assert_eq!(uniform.first_from(time), k, "uniform, {time} s");
+            assert_eq!(instants.first_from(time), k, "instants, {time} s");
+        }
+    }
+}

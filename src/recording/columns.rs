@@ -1,0 +1,245 @@
+//! Columns of samples that are filled row by row and then gone through one by one, as often as
+//! needed: in memory, or beyond a bound in a scratch that the caller provides.
+
+use std::io::{self, Read, Seek, SeekFrom, Write};
+
+/// What memory holds before it goes to the scratch, all columns together `[bytes]`.
+const HELD_BYTES: usize = 2 << 20;
+
+/// Bytes of a sample.
+const SAMPLE_BYTES: usize = size_of::<f64>();
+
+/// A place for samples that memory is not to hold.
+pub trait Scratch: Read + Write + Seek + Send {}
+
+impl<T: Read + Write + Seek + Send> Scratch for T {}
+
+/// Makes a scratch when one is needed.
+pub type NewScratch = Box<dyn FnOnce() -> io::Result<Box<dyn Scratch>> + Send>;
+
+/// Samples that can be gone through again and again.
+pub(crate) trait Series {
+    /// Hands over all samples in their order, piece by piece.
+    ///
+    /// # Errors
+    /// When the samples cannot be read, or with what `take` answers.
+    fn visit(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()>;
+
+    /// All samples at once.
+    ///
+    /// # Errors
+    /// When the samples cannot be read.
+    fn collect(&mut self) -> io::Result<Vec<f64>> {
+        let mut samples = Vec::new();
+        self.visit(&mut |piece| {
+            samples.extend_from_slice(piece);
+            Ok(())
+        })?;
+        Ok(samples)
+    }
+}
+
+impl Series for &[f64] {
+    fn visit(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()> {
+        take(self)
+    }
+}
+
+/// Columns of equal length.
+pub(crate) struct Columns {
+    /// The newest rows of each column; all of them where there is no scratch.
+    held: Vec<Vec<f64>>,
+    /// Rows that go to the scratch together.
+    block_rows: usize,
+    /// Blocks in the scratch: each holds the rows of the first column, then of the next.
+    blocks: u64,
+    place: Place,
+}
+
+/// Where rows go that memory is not to hold.
+enum Place {
+    /// Nowhere: memory holds all.
+    Memory,
+    New(NewScratch),
+    Open(Box<dyn Scratch>),
+    /// The scratch could not be made.
+    Failed,
+}
+
+impl Columns {
+    /// Empty columns.
+    pub(crate) fn new(columns: usize, scratch: Option<NewScratch>) -> Self {
+        Self {
+            held: vec![Vec::new(); columns],
+            block_rows: (HELD_BYTES / SAMPLE_BYTES / columns.max(1)).max(1),
+            blocks: 0,
+            place: scratch.map_or(Place::Memory, Place::New),
+        }
+    }
+
+    /// Columns that memory holds already.
+    pub(crate) fn of(columns: Vec<Vec<f64>>) -> Self {
+        Self {
+            held: columns,
+            ..Self::new(0, None)
+        }
+    }
+
+    /// Adds a row: a sample for each column.
+    ///
+    /// # Errors
+    /// When the scratch cannot be made or does not take more.
+    pub(crate) fn push(&mut self, row: &[f64]) -> io::Result<()> {
+        debug_assert_eq!(row.len(), self.held.len(), "a sample for each column");
+        for (column, sample) in self.held.iter_mut().zip(row) {
+            column.push(*sample);
+        }
+        let is_full = self.held_rows() >= self.block_rows;
+        if is_full && !matches!(self.place, Place::Memory) {
+            self.put_aside()?;
+        }
+        Ok(())
+    }
+
+    /// How many rows there are.
+    pub(crate) fn rows(&self) -> usize {
+        self.blocks as usize * self.block_rows + self.held_rows()
+    }
+
+    /// One of the columns.
+    pub(crate) fn column(&mut self, index: usize) -> Column<'_> {
+        Column {
+            columns: self,
+            index,
+        }
+    }
+
+    /// Takes a column out, all of it in memory.
+    ///
+    /// # Errors
+    /// When the scratch cannot be read.
+    pub(crate) fn take(&mut self, index: usize) -> io::Result<Vec<f64>> {
+        if self.blocks == 0 {
+            let mut samples = std::mem::take(&mut self.held[index]);
+            samples.shrink_to_fit();
+            return Ok(samples);
+        }
+        self.column(index).collect()
+    }
+
+    fn held_rows(&self) -> usize {
+        self.held.iter().map(Vec::len).max().unwrap_or(0)
+    }
+
+    fn put_aside(&mut self) -> io::Result<()> {
+        let column_bytes = self.block_rows * SAMPLE_BYTES;
+        let end = self.blocks * (self.held.len() * column_bytes) as u64;
+        let mut bytes = Vec::with_capacity(column_bytes);
+        let scratch = self.place.open()?;
+        scratch.seek(SeekFrom::Start(end))?;
+        for column in &mut self.held {
+            bytes.clear();
+            bytes.extend(column.iter().flat_map(|sample| sample.to_le_bytes()));
+            scratch.write_all(&bytes)?;
+            column.clear();
+        }
+        self.blocks += 1;
+        Ok(())
+    }
+}
+
+impl Place {
+    fn open(&mut self) -> io::Result<&mut dyn Scratch> {
+        if let Place::New(_) = self
+            && let Place::New(new) = std::mem::replace(self, Place::Failed)
+        {
+            *self = Place::Open(new()?);
+        }
+        match self {
+            Place::Open(scratch) => Ok(scratch.as_mut()),
+            _ => Err(io::Error::other("there is no scratch")),
+        }
+    }
+}
+
+/// One of several columns.
+pub(crate) struct Column<'a> {
+    columns: &'a mut Columns,
+    index: usize,
+}
+
+impl Series for Column<'_> {
+    fn visit(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()> {
+        let Columns {
+            held,
+            block_rows,
+            blocks,
+            place,
+        } = &mut *self.columns;
+        if *blocks > 0 {
+            let scratch = place.open()?;
+            let mut bytes = vec![0; *block_rows * SAMPLE_BYTES];
+            let mut samples = Vec::with_capacity(*block_rows);
+            for block in 0..*blocks {
+                let before = block * held.len() as u64 + self.index as u64;
+                scratch.seek(SeekFrom::Start(before * bytes.len() as u64))?;
+                scratch.read_exact(&mut bytes)?;
+                samples.clear();
+                let (numbers, _) = bytes.as_chunks();
+                samples.extend(numbers.iter().map(|number| f64::from_le_bytes(*number)));
+                take(&samples)?;
+            }
+        }
+        take(&held[self.index])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::io::Cursor;
+
+    /// Columns that put every few rows aside.
+    fn columns(count: usize, block_rows: usize) -> Columns {
+        let scratch = || Ok(Box::new(Cursor::new(Vec::new())) as Box<dyn Scratch>);
+        Columns {
+            block_rows,
+            ..Columns::new(count, Some(Box::new(scratch)))
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn columns_come_back_however_often_they_were_put_aside(
+            rows in prop::collection::vec(prop::array::uniform3(prop::num::f64::ANY), 0..40),
+            block_rows in 1_usize..9,
+        ) {
+            let mut columns = columns(3, block_rows);
+            for (count, row) in rows.iter().enumerate() {
+                columns.push(row).unwrap();
+                // Looking at what is there does not disturb what comes.
+                let seen = columns.column(count % 3).collect().unwrap();
+                prop_assert_eq!((columns.rows(), seen.len()), (count + 1, count + 1));
+            }
+            for index in [2, 0, 1, 2] {
+                let back = columns.column(index).collect().unwrap();
+                let bits = back.iter().map(|sample| sample.to_bits());
+                prop_assert!(bits.eq(rows.iter().map(|row| row[index].to_bits())));
+            }
+        }
+    }
+
+    #[test]
+    fn a_scratch_that_cannot_be_made_or_is_full_is_an_error() {
+        let refuse = || Err(io::ErrorKind::StorageFull.into());
+        let mut columns = Columns {
+            block_rows: 2,
+            ..Columns::new(1, Some(Box::new(refuse)))
+        };
+        columns.push(&[1.0]).unwrap();
+        let error = columns.push(&[2.0]).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::StorageFull);
+        assert!(columns.push(&[3.0]).is_err(), "nothing is lost unseen");
+    }
+}

@@ -1,0 +1,135 @@
+//! One source, written in every format, is one recording.
+
+use greybox::intake::{self, Kind, Options};
+use greybox::recording::Recording;
+use jiff::{SignedDuration, Timestamp};
+use proptest::prelude::*;
+use serde_json::{Value, json};
+
+/// Two signals at common instants, in milliseconds from the start.
+#[derive(Debug)]
+struct Source {
+    instants: Vec<i64>,
+    a: Vec<f64>,
+    b: Vec<f64>,
+}
+
+const START: &str = "2026-03-02T08:15:00Z";
+
+impl Source {
+    fn stamps(&self) -> Vec<Timestamp> {
+        let start: Timestamp = START.parse().unwrap();
+        let stamp = |ms: &i64| start.checked_add(SignedDuration::from_millis(*ms)).unwrap();
+        self.instants.iter().map(stamp).collect()
+    }
+
+    fn samples(&self) -> impl Iterator<Item = (Timestamp, f64, f64)> {
+        let values = self.a.iter().zip(&self.b);
+        let stamps = self.stamps().into_iter();
+        stamps.zip(values).map(|(stamp, (a, b))| (stamp, *a, *b))
+    }
+
+    fn wide(&self) -> String {
+        let rows = self.samples().map(|(t, a, b)| format!("{t},{a:?},{b:?}\n"));
+        std::iter::once("time,a,b\n".to_owned())
+            .chain(rows)
+            .collect()
+    }
+
+    fn long(&self) -> String {
+        let rows = self
+            .samples()
+            .map(|(t, a, b)| format!("{t},a,{a:?}\n{t},b,{b:?}\n"));
+        let header = "timestamp,tag,value\n".to_owned();
+        std::iter::once(header).chain(rows).collect()
+    }
+
+    fn lines(&self) -> String {
+        let line = |(t, a, b): (Timestamp, f64, f64)| {
+            format!("rig a={a:?},b={b:?} {}\n", t.as_nanosecond())
+        };
+        self.samples().map(line).collect()
+    }
+
+    /// A list of records for each of the signals.
+    fn records(&self, record: impl Fn(Timestamp, f64) -> Value) -> [Vec<Value>; 2] {
+        let of_a = self.samples().map(|(t, a, _)| record(t, a)).collect();
+        let of_b = self.samples().map(|(t, _, b)| record(t, b)).collect();
+        [of_a, of_b]
+    }
+
+    fn historians(&self) -> Vec<(&'static str, Value)> {
+        let [a, b] = self.records(|t, v| json!({"Timestamp": t, "Value": v, "Good": true}));
+        let pi = json!({"Items": [{"Name": "a", "Items": a}, {"Name": "b", "Items": b}]});
+        let [a, b] = self.records(|t, v| json!({"timestamp": t, "value": v}));
+        let omf = json!([{"containerid": "a", "values": a}, {"containerid": "b", "values": b}]);
+        let [a, b] = self.records(|t, v| json!({"t": t, "v": v, "q": 192}));
+        let canary = json!({"statusCode": "Good", "data": {"a": a, "b": b}});
+        let [a, b] = self.records(|t, v| json!({"Value": v, "SourceTimestamp": t}));
+        let opc_ua = json!({"a": a, "b": b});
+        let [a, b] = self.records(|t, v| json!({"timestamp": t.as_millisecond(), "value": v}));
+        let cognite = json!({"items": [{"externalId": "a", "datapoints": a},
+                                       {"externalId": "b", "datapoints": b}]});
+        let frame: Vec<Value> = self
+            .samples()
+            .map(|(t, a, b)| json!({"timestamp": t.as_millisecond(), "a": a, "b": b}))
+            .collect();
+        vec![
+            ("pi_web_api", pi),
+            ("omf", omf),
+            ("canary", canary),
+            ("opc_ua_json", opc_ua),
+            ("cognite", cognite),
+            ("pandas_records", json!(frame)),
+        ]
+    }
+}
+
+fn read(text: &str, kind: Kind) -> Recording {
+    intake::read(text.as_bytes(), kind, &Options::default())
+        .unwrap_or_else(|error| panic!("{error}:\n{text}"))
+}
+
+fn source() -> impl Strategy<Value = Source> {
+    let sample = (1_i64..5000, -1e6..1e6, -1e-3..1e-3);
+    prop::collection::vec(sample, 2..40).prop_map(|samples| {
+        let mut instant = 0;
+        let mut source = Source {
+            instants: Vec::new(),
+            a: Vec::new(),
+            b: Vec::new(),
+        };
+        for (interval, a, b) in samples {
+            source.instants.push(instant);
+            source.a.push(a);
+            source.b.push(b);
+            instant += interval;
+        }
+        source
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn a_source_is_the_same_recording_in_every_format(source in source()) {
+        let wide = read(&source.wide(), Kind::Csv);
+        prop_assert_eq!(wide.start, Some(START.parse().unwrap()));
+        let mut others = vec![
+            ("long_csv", read(&source.long(), Kind::Csv)),
+            ("influx_line_protocol", read(&source.lines(), Kind::Text)),
+        ];
+        for (format, document) in source.historians() {
+            others.push((format, read(&document.to_string(), Kind::Json)));
+        }
+        for (format, other) in others {
+            prop_assert_eq!(&other.source.format, format);
+            prop_assert_eq!(other.start, wide.start, "{}", format);
+            prop_assert_eq!(&other.time, &wide.time, "{}", format);
+            for (own, wide) in other.signals.iter().zip(&wide.signals) {
+                prop_assert_eq!(&own.name, &wide.name);
+                prop_assert_eq!(&own.values, &wide.values, "{}", format);
+            }
+        }
+    }
+}
