@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[(&str, &[&str])] = &[
     // The command line starts servers, runs the method without one, and looks after the database of
     // one that does not run.
-    ("cli", &["app", "config", "api", "store", "identification", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "intake", "recording"]),
+    ("cli", &["app", "config", "api", "store", "identification", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording"]),
     // The composition root; only the command line imports it.
     ("app", &["config", "api", "dashboard", "job", "store", "event", "worker", "model"]),
     // Settings are handed to the parts as the parts' own types.
@@ -40,8 +40,10 @@ const LAYERS: &[(&str, &[&str])] = &[
     // Recordings that the program makes are simulated ones.
     ("demo", &["model", "simulation", "recording", "numerics"]),
     // A model may be a document that a user wrote.
-    ("model", &["simulation", "document", "numerics"]),
-    ("simulation", &["numerics"]),
+    ("model", &["simulation", "language", "document", "numerics"]),
+    // The program of a document is made from the graph of its equations.
+    ("simulation", &["language", "numerics"]),
+    ("language", &["numerics"]),
     ("intake", &["recording", "document", "numerics"]),
     ("recording", &["numerics"]),
     ("document", &[]),
@@ -54,7 +56,7 @@ const SERVICE: &[&str] = &["cli", "app", "api", "dashboard", "store", "event", "
 /// The half that is synchronous and seeded.
 #[rustfmt::skip]
 const METHOD: &[&str] = &[
-    "identification", "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "intake", "recording", "document", "numerics",
+    "identification", "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording", "document", "numerics",
 ];
 
 /// What the method half does without.
@@ -99,7 +101,7 @@ const PLACES: &[(&str, &[&str])] = &[
     ("encoding_rs", &["intake"]),
     ("strsim", &["document", "api"]),
     ("saphyr_parser", &["document"]),
-    ("nalgebra", &["numerics", "uncertainty", "simulation/stiff.rs"]),
+    ("nalgebra", &["numerics", "uncertainty"]),
     ("rand", &["numerics/rng.rs"]),
     ("rand_chacha", &["numerics/rng.rs"]),
     // The pool is the process's: whoever starts the process sizes it.

@@ -22,10 +22,11 @@ use greybox::intake::csv;
 use greybox::model::{Catalogue, Model, document};
 use greybox::numerics::lanes::{LANES, Lanes};
 use greybox::numerics::least_squares::{Rows, Triangle};
-use greybox::simulation::{Accuracy, Candidate, Excitation};
+use greybox::simulation::{Accuracy, Candidate, Candidates, Excitation};
 use gungraun::{library_benchmark, library_benchmark_group, main};
 use std::hint::black_box;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Samples that a block goes through.
 const SAMPLES: usize = 200;
@@ -101,8 +102,14 @@ fn simulate(work: Work) -> Vec<Lanes> {
         .collect();
     let rows = SAMPLES * candidates.len() / LANES;
     let mut outputs = vec![Lanes([0.0; LANES]); rows * description.outputs.len()];
-    let mut block = work.model.plant().simulator(excitation, &candidates);
-    black_box(&mut block).advance(SAMPLES, &mut outputs);
+    let candidates = Candidates {
+        members: &candidates,
+        in_step: false,
+    };
+    let mut block = work.model.plant().simulator(excitation, candidates);
+    let never = AtomicBool::new(false);
+    let ended = black_box(&mut block).advance(SAMPLES, &mut outputs, &never);
+    assert!(ended.is_some(), "nobody stops it");
     outputs
 }
 

@@ -3,7 +3,7 @@
 
 use super::{RUNS, shortest};
 use greybox::numerics::lanes::{Lanes, Real};
-use greybox::simulation::width::{self, Wide};
+use greybox::numerics::width::{self, Wide};
 use serde_json::{Value, json};
 
 /// Rows, which all stay in the nearest cache; none waits for another.

@@ -15,12 +15,6 @@ const CANDIDATES: usize = 30;
 /// How far the candidates lie from the nominal rig, as a share.
 const SPREAD: f64 = 0.05;
 
-/// Steps in the reference that errors are measured against, as a share of a full-accuracy step.
-const FINER: f64 = 8.0;
-
-/// Steps of this size over the fastest rate keep the positions within 0.1 µm rms.
-const TENTH_OF_A_MICROMETRE: f64 = 0.42;
-
 /// Keeps the position of every lane.
 struct Positions(Vec<Lanes>);
 
@@ -44,8 +38,6 @@ struct Work<'a> {
     candidates: &'a [Vec<f64>],
     samples: usize,
     accuracy: Accuracy,
-    /// Step times rate.
-    step: f64,
 }
 
 impl Bench {
@@ -105,11 +97,9 @@ impl Bench {
     fn simulate(&self, work: &Work<'_>) -> Vec<Piece<Positions>> {
         let plant = self.model.plant();
         let start = vec![None; self.model.description().states.len()];
-        let scale = work.accuracy.step_times_rate() / work.step;
         let candidate = |parameters| Candidate {
             parameters,
             initial_state: &start,
-            resolved_rate: Some(plant.resolved_rate(parameters) * scale),
         };
         let run = Run {
             excitation: Excitation {
@@ -125,6 +115,7 @@ impl Bench {
                 .iter()
                 .map(|c| candidate(c.as_slice()))
                 .collect(),
+            in_step: 0,
         };
         let never = AtomicBool::new(false);
         let recorder = |_| Positions(Vec::with_capacity(work.samples));
@@ -181,7 +172,6 @@ pub fn documents() -> Value {
                 candidates: &candidates,
                 samples: bench.reference[0].len(),
                 accuracy: Accuracy::Full,
-                step: Accuracy::Full.step_times_rate(),
             };
             let (seconds, derivatives) = bench.timed(&work, 1);
             1e9 * seconds / derivatives as f64
@@ -208,16 +198,14 @@ pub fn figures() -> Value {
     let bench = Bench::new();
     let samples = bench.reference[0].len();
     let candidates = bench.candidates(CANDIDATES);
-    let work = |accuracy, step| Work {
+    let work = |accuracy| Work {
         candidates: &candidates,
         samples,
         accuracy,
-        step,
     };
-    let finest = work(Accuracy::Full, Accuracy::Full.step_times_rate() / FINER);
-    let reference = bench.positions(&finest);
-    let at = |name: &str, accuracy: Accuracy, step: f64| {
-        let work = work(accuracy, step);
+    let reference = bench.positions(&work(Accuracy::Reference));
+    let at = |name: &str, accuracy: Accuracy| {
+        let work = work(accuracy);
         let (one_thread, derivatives) = bench.timed(&work, 1);
         let (all_threads, _) = bench.timed(&work, 2);
         let positions = bench.positions(&work);
@@ -236,7 +224,6 @@ pub fn figures() -> Value {
             candidates: &candidates,
             samples,
             accuracy: Accuracy::Ranking,
-            step: Accuracy::Ranking.step_times_rate(),
         };
         let [one_thread, all_threads] = [1, 2].map(|threads| bench.timed(&work, threads).0);
         json!({
@@ -248,11 +235,9 @@ pub fn figures() -> Value {
     };
     json!({
         "accuracies": [
-            at("ranking", Accuracy::Ranking, Accuracy::Ranking.step_times_rate()),
-            at("ranking, a tenth of a micrometre", Accuracy::Ranking, TENTH_OF_A_MICROMETRE),
-            at("screening", Accuracy::Screening, Accuracy::Screening.step_times_rate()),
-            at("screening, a tenth of a micrometre", Accuracy::Screening, TENTH_OF_A_MICROMETRE),
-            at("full", Accuracy::Full, Accuracy::Full.step_times_rate()),
+            at("ranking", Accuracy::Ranking),
+            at("screening", Accuracy::Screening),
+            at("full", Accuracy::Full),
         ],
         "growth": [
             growth(32, 120), growth(32, 1200), growth(32, 12_000),

@@ -152,10 +152,8 @@ mod tests {
     async fn a_computation_that_nobody_waits_for_is_told_to_stop() {
         let (state, _folder) = state().await;
         let (told, stopped) = mpsc::channel();
-        let client = tokio::spawn({
-            let state = state.clone();
-            async move { state.compute(endless(told)).await }
-        });
+        let asked = state.clone();
+        let client = tokio::spawn(async move { asked.compute(endless(told)).await });
         while state.0.computations.places.available_permits() == 2 {
             tokio::task::yield_now().await;
         }

@@ -24,7 +24,7 @@ fn most_iterations(accuracy: Accuracy, rows: usize) -> u32 {
     match accuracy {
         Accuracy::Ranking | Accuracy::Screening => 60,
         Accuracy::Full if rows <= SHORT => 500,
-        Accuracy::Full => 120,
+        Accuracy::Full | Accuracy::Reference => 120,
     }
 }
 /// No descent has more, whatever keeps it from its end.
@@ -44,7 +44,7 @@ fn sides(problem: &Problem, accuracy: Accuracy) -> Sides {
 fn smallest_progress(accuracy: Accuracy) -> (f64, f64) {
     match accuracy {
         Accuracy::Ranking | Accuracy::Screening => (1e-5, 1e-6),
-        Accuracy::Full => (1e-16, 1e-14),
+        Accuracy::Full | Accuracy::Reference => (1e-16, 1e-14),
     }
 }
 /// A fine descent ends within so many standard errors of its minimum: polishing a short record

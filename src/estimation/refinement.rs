@@ -87,12 +87,12 @@ impl Estimation {
             if !self.exchanged {
                 let starts = self.exchanges(problem, stop)?;
                 self.exchanged = true;
-                for positions in starts {
-                    self.descend(None, positions);
-                }
-                if self.descents.iter().any(|descent| descent.end.is_none()) {
-                    return Some(Phase::Refine);
-                }
+                starts
+                    .into_iter()
+                    .for_each(|positions| self.descend(None, positions));
+            }
+            if self.descents.iter().any(|descent| descent.end.is_none()) {
+                return Some(Phase::Refine);
             }
         }
         if self.polish_best() {

@@ -131,7 +131,7 @@ pub fn around<'a>(
 ) -> Option<Neighbourhood<'a>> {
     let sides = match accuracy {
         Accuracy::Ranking | Accuracy::Screening => Sides::One,
-        Accuracy::Full => Sides::Both,
+        Accuracy::Full | Accuracy::Reference => Sides::Both,
     };
     Neighbourhood::along_axes(problem, (positions, sides), &[], (accuracy, stop))
 }

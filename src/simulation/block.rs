@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub fn sizes(accuracy: Accuracy) -> &'static [usize] {
     match accuracy {
         Accuracy::Ranking => &[SINGLE_LANES / 2, SINGLE_LANES],
-        Accuracy::Screening | Accuracy::Full => &[LANES / 2, LANES],
+        Accuracy::Screening | Accuracy::Full | Accuracy::Reference => &[LANES / 2, LANES],
     }
 }
 

@@ -37,6 +37,8 @@ pub enum Accuracy {
     /// `tests/known_answers`.
     #[default]
     Full,
+    /// So fine that the errors of the others can be measured against it.
+    Reference,
 }
 
 impl Accuracy {
@@ -48,6 +50,7 @@ impl Accuracy {
         match self {
             Accuracy::Ranking | Accuracy::Screening => 5e-6,
             Accuracy::Full => 1e-8,
+            Accuracy::Reference => 1e-11,
         }
     }
 }

@@ -177,7 +177,7 @@ impl Extended {
             shift: SHIFT,
             sides: match accuracy {
                 Accuracy::Ranking | Accuracy::Screening => Sides::One,
-                Accuracy::Full => Sides::Both,
+                Accuracy::Full | Accuracy::Reference => Sides::Both,
             },
         };
         Neighbourhood::simulate(&self.problem, directions, &[], (accuracy, stop))
