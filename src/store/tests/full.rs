@@ -34,10 +34,8 @@ async fn a_disk_that_was_full_is_written_again_once_there_is_room() {
         let (refused, small) = tokio::join!(fixture.store.submit(large()), small);
         let error = refused.expect_err("there is no room");
         assert_eq!(error.meaning(), Meaning::NoRoom, "{error}");
-        for submitted in small {
-            if let Err(error) = submitted {
-                assert_eq!(error.meaning(), Meaning::NoRoom, "{error}");
-            }
+        for error in small.into_iter().filter_map(Result::err) {
+            assert_eq!(error.meaning(), Meaning::NoRoom, "{error}");
         }
         execute(&fixture, "pragma max_page_count = 1000000")
             .await
