@@ -34,7 +34,8 @@ fn foresee_from(parameters: Value, initial_state: Value) -> (Identifiability, Ve
     let assembly =
         assemble::problem(&spec, model, &[recording]).unwrap_or_else(|faults| panic!("{faults:?}"));
     let mut findings = Vec::new();
-    let ahead = assemble::foresee(&assembly, &spec.method, &mut findings);
+    let never = std::sync::atomic::AtomicBool::new(false);
+    let ahead = assemble::forecast(&assembly, &spec.method, &mut findings, &never);
     let never = AtomicBool::new(false);
     let at_start = assemble::flat_directions(&assembly.problem, &never).expect("not interrupted");
     // The look of a job that begins is coarser, and sees as many.
