@@ -351,7 +351,6 @@ impl From<ReadError> for Problem {
     fn from(error: ReadError) -> Self {
         let kind = match &error {
             ReadError::Scratch(error) => return scratch_failed(error),
-            ReadError::Unsupported(_) => Kind::UnsupportedMediaType,
             ReadError::Invalid(_) => Kind::Invalid,
             ReadError::Malformed(_) | ReadError::Io(_) => Kind::Malformed,
         };
@@ -362,7 +361,6 @@ impl From<ReadError> for Problem {
             pointer: fault.pointer.clone(),
             line: fault.line,
             column: fault.column.clone(),
-            parameter: fault.parameter.clone(),
             code: fault.code.to_owned(),
             detail: fault.detail.clone(),
             ..ProblemFault::default()
@@ -428,7 +426,13 @@ mod tests {
         assert_eq!(status(read(body, 50).await), StatusCode::BAD_REQUEST);
     }
 
-    async fn late(piece: Bytes) -> io::Result<Bytes> {
+    /// Pieces of so many bytes, one each ten seconds.
+    fn trickle(bytes: usize, pieces: usize) -> impl Stream<Item = io::Result<Bytes>> {
+        let piece = Bytes::from(vec![b' '; bytes]);
+        futures_util::stream::iter(0..pieces).then(move |_| after_ten_seconds(piece.clone()))
+    }
+
+    async fn after_ten_seconds(piece: Bytes) -> io::Result<Bytes> {
         tokio::time::sleep(Duration::from_secs(10)).await;
         Ok(piece)
     }
@@ -437,11 +441,6 @@ mod tests {
     async fn a_body_that_comes_byte_by_byte_is_let_go_and_one_that_is_only_long_is_not() {
         let (state, _folder) = state().await;
         tokio::time::pause();
-        let trickle = |bytes: usize, pieces: usize| {
-            let piece = Bytes::from(vec![b' '; bytes]);
-            let pieces = futures_util::stream::iter(0..pieces);
-            Box::pin(pieces.then(move |_| late(piece.clone())))
-        };
         let slow = receive_chunks(&state, trickle(1, 20), 100).await;
         let refused = slow.err().expect("too slow").into_response();
         assert_eq!(refused.status(), StatusCode::REQUEST_TIMEOUT);

@@ -148,12 +148,15 @@ mod tests {
         }
     }
 
+    async fn ask(state: ApiState, told: mpsc::Sender<()>) -> Answer<()> {
+        state.compute(endless(told)).await
+    }
+
     #[tokio::test(flavor = "multi_thread")]
     async fn a_computation_that_nobody_waits_for_is_told_to_stop() {
         let (state, _folder) = state().await;
         let (told, stopped) = mpsc::channel();
-        let asked = state.clone();
-        let client = tokio::spawn(async move { asked.compute(endless(told)).await });
+        let client = tokio::spawn(ask(state.clone(), told));
         while state.0.computations.places.available_permits() == 2 {
             tokio::task::yield_now().await;
         }
