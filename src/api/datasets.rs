@@ -157,7 +157,8 @@ impl FromQuery for NewRecording {
             (String = "text/csv",
              example = "time [s],reference [m],position [mm]\n0,0.03,0\n0.01,0.03,1.2\n"),
             (RecordingDocument = "application/json"),
-            (String = "text/plain")
+            (String = "text/plain",
+             example = "rig,hall=2 position=0.1012,pressure=8.31e6 1465839830100400200\n")
         )
     ),
     responses(

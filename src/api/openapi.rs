@@ -235,8 +235,8 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 7,
-            "two forms of a recording and of a model, a simulation, a job and a comparison"
+            n_bodies, 8,
+            "three forms of a recording, two of a model, a simulation, a job and a comparison"
         );
     }
 }

@@ -355,7 +355,7 @@ fn a_window_lies_inside_the_recording() {
     );
     assert_eq!(
         window(json!({"to": 1})),
-        pair(&format!("{place}/to"), "unknown_field")
+        pair(&format!("{place}/to"), "wrong_type")
     );
 }
 
