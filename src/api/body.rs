@@ -351,6 +351,7 @@ impl From<ReadError> for Problem {
     fn from(error: ReadError) -> Self {
         let kind = match &error {
             ReadError::Scratch(error) => return scratch_failed(error),
+            ReadError::Unsupported(_) => Kind::UnsupportedMediaType,
             ReadError::Invalid(_) => Kind::Invalid,
             ReadError::Malformed(_) | ReadError::Io(_) => Kind::Malformed,
         };

@@ -140,7 +140,7 @@ mod tests {
             let n = 4;
             let mut factors: Factors<Lanes> = Factors::new(n);
             let of = |lane: usize, place: usize| entries[lane * 16 + place]
-                + if place % 5 == 0 && lane != 3 { 7.0 } else { 0.0 };
+                + if place.is_multiple_of(5) && lane != 3 { 7.0 } else { 0.0 };
             for place in 0..16 {
                 factors.matrix_mut()[place] = Lanes(std::array::from_fn(|lane| of(lane, place)));
             }

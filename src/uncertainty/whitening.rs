@@ -157,13 +157,13 @@ mod tests {
                 last
             })
             .collect();
-        let mut filter = Filter::new(Whitening::of(&[series.clone()]).unwrap());
+        let mut filter = Filter::new(Whitening::of(std::slice::from_ref(&series)).unwrap());
         let rows = series.iter().enumerate();
         let white: Vec<f64> = rows
             .filter_map(|(sample, value)| filter.take((0, sample), vec![*value]))
             .map(|row| row[0])
             .collect();
-        let (power, count) = products(&[white.clone()], 0);
+        let (power, count) = products(std::slice::from_ref(&white), 0);
         // Five standard errors of a mean of squares and of a correlation of 20 000.
         assert!((power / count as f64 - 1.0).abs() < 0.05);
         assert!((products(&[white], 1).0 / power).abs() < 0.036);

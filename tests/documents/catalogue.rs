@@ -82,7 +82,6 @@ fn record(trial: &Trial<'_>, model: &Model) -> Recording {
     }
     let time = TimeAxis::Uniform {
         sample_time: trial.sample_time,
-        instants: None,
         samples,
     };
     Recording::new(time, signals)

@@ -83,19 +83,7 @@ impl Cutter<'_> {
         let fault = |pointer: String, code: &'static str, detail: String| {
             vec![Fault::new(pointer, code, detail)]
         };
-        let is_input = |name: &String| {
-            let mut inputs = self.description.inputs.iter();
-            inputs.any(|input| input.name == *name)
-        };
-        // An input acts on the plant, and on the model, until the next sample.
-        let mapped = spec
-            .signals
-            .iter()
-            .map(|(model, recorded)| match is_input(model) {
-                true => Mapped::held(model, recorded),
-                false => Mapped::on_line(model, recorded),
-            });
-        let mapped: Vec<Mapped> = mapped.collect();
+        let mapped = self.mapped(spec);
         let exclude = spec.exclude.clone().unwrap_or_default();
         let window = spec.window.map(|window| Window {
             from_s: window.from_s,
@@ -160,6 +148,21 @@ impl Cutter<'_> {
             free_states,
             findings,
         })
+    }
+
+    /// Which recorded signal stands for which of the model's.
+    fn mapped(&self, spec: &ExperimentSpec) -> Vec<Mapped> {
+        let is_input = |name: &String| {
+            let mut inputs = self.description.inputs.iter();
+            inputs.any(|input| input.name == *name)
+        };
+        // An input acts on the plant, and on the model, until the next sample.
+        let signals = spec.signals.iter();
+        let mapped = signals.map(|(model, recorded)| match is_input(model) {
+            true => Mapped::held(model, recorded),
+            false => Mapped::on_line(model, recorded),
+        });
+        mapped.collect()
     }
 
     /// The parameters that have a known value of their own in this experiment.
