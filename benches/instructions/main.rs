@@ -22,6 +22,7 @@ use greybox::intake::csv;
 use greybox::model::{Catalogue, Model, document};
 use greybox::numerics::lanes::{LANES, Lanes};
 use greybox::numerics::least_squares::{Rows, Triangle};
+use greybox::recording::Recording;
 use greybox::simulation::{Accuracy, Candidate, Candidates, Excitation};
 use gungraun::{library_benchmark, library_benchmark_group, main};
 use std::hint::black_box;

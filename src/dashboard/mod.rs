@@ -1,6 +1,7 @@
 //! The pages that the server shows to people, embedded in the program.
 //!
-//! `/` is the dashboard and `/docs` the API reference. Both are files without a build step: plain
+//! `/` is the dashboard, `/docs` the API reference, and `/docs/jobs.md` and `/docs/models.md` tell
+//! what a job can ask for and how to write a model. The pages are files without a build step: plain
 //! HTML, CSS and ES modules that talk to the same HTTP interface as every other client. They fetch
 //! nothing from elsewhere, and a strict Content-Security-Policy holds them to it.
 
@@ -49,6 +50,16 @@ const fn page(path: &'static str, bytes: &'static [u8], policy: &'static str) ->
     }
 }
 
+/// A text that is shown as it is written.
+const fn text(path: &'static str, bytes: &'static [u8]) -> Asset {
+    Asset {
+        path,
+        content_type: TEXT,
+        policy: DASHBOARD_POLICY,
+        bytes,
+    }
+}
+
 /// The file of that name in `assets/`, served as `/assets/…`.
 macro_rules! asset {
     ($name:literal, $content_type:expr) => {
@@ -61,13 +72,15 @@ macro_rules! asset {
     };
 }
 
-static ASSETS: [Asset; 22] = [
+static ASSETS: [Asset; 24] = [
     page("/", include_bytes!("assets/index.html"), DASHBOARD_POLICY),
     page(
         "/docs",
         include_bytes!("assets/docs.html"),
         REFERENCE_POLICY,
     ),
+    text("/docs/jobs.md", include_bytes!("docs/jobs.md")),
+    text("/docs/models.md", include_bytes!("docs/models.md")),
     asset!("style.css", CSS),
     asset!("icon.svg", SVG),
     asset!("main.js", SCRIPT),
