@@ -15,6 +15,8 @@ pub mod genetic;
 pub mod intake;
 #[path = "../../../src/job/mod.rs"]
 pub mod job;
+#[path = "../../../src/language/mod.rs"]
+pub mod language;
 #[path = "../../../src/model/mod.rs"]
 pub mod model;
 #[path = "../../../src/numerics/mod.rs"]
@@ -27,8 +29,10 @@ pub mod simulation;
 pub mod uncertainty;
 
 use model::document::Read;
+use numerics::lanes::{LANES, Lanes};
 use serde_json::Value;
-use simulation::{Accuracy, Candidate, Excitation};
+use simulation::{Accuracy, Candidate, Candidates, Excitation};
+use std::sync::atomic::AtomicBool;
 
 /// Samples that a model runs for.
 const SAMPLES: usize = 3;
@@ -54,12 +58,15 @@ pub fn read_and_run(document: &Value) {
         parameters: &parameters,
         initial_state: &initial_state,
     };
-    let mut block = model.plant().simulator(excitation, &[candidate]);
-    let mut outputs = vec![
-        simulation::lanes::Lanes([0.0; simulation::lanes::LANES]);
-        SAMPLES * description.outputs.len()
-    ];
-    block.advance(SAMPLES, &mut outputs);
+    let candidates = Candidates {
+        members: &[candidate],
+        in_step: false,
+    };
+    let mut block = model.plant().simulator(excitation, candidates);
+    let mut outputs = vec![Lanes([0.0; LANES]); SAMPLES * description.outputs.len()];
+    let never = AtomicBool::new(false);
+    let ended = block.advance(SAMPLES, &mut outputs, &never);
+    assert!(ended.is_some(), "nobody stops it");
     for (lane, failure) in block.failures().iter().enumerate() {
         let finite = outputs.iter().all(|row| row.0[lane].is_finite());
         assert!(
