@@ -23,6 +23,7 @@ use crate::uncertainty;
 mod exclude;
 mod experiment;
 mod labels;
+mod limits;
 mod method;
 mod model;
 mod model_search;
@@ -30,15 +31,18 @@ mod outputs;
 mod own_parameters;
 mod parameter;
 mod prior;
+mod validation;
 
 pub mod simulation;
 #[cfg(test)]
 mod tests;
 
+pub use limits::LimitsSpec;
 pub use model::ModelOfJob;
 use model::read_model;
 pub use model_search::ModelSearch;
 pub use prior::PriorSpec;
+pub use validation::ValidationSpec;
 
 use crate::document::reader::{Faults, Field};
 
@@ -293,38 +297,6 @@ pub struct OutputSpec {
     pub noise_std: Option<f64>,
 }
 
-/// Which data are held back to check the result.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct ValidationSpec {
-    /// The share of each experiment, at its end, that the estimation does not see.
-    #[schema(minimum = 0, maximum = 0.9)]
-    pub fraction: f64,
-}
-
-impl Default for ValidationSpec {
-    fn default() -> Self {
-        Self { fraction: 0.25 }
-    }
-}
-
-/// When to stop at the latest.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct LimitsSpec {
-    /// Computing time `[s]`; the best estimate so far is then the result.
-    #[schema(exclusive_minimum = 0)]
-    pub max_duration_s: f64,
-}
-
-impl Default for LimitsSpec {
-    fn default() -> Self {
-        Self {
-            max_duration_s: DEFAULT_MAX_DURATION_S,
-        }
-    }
-}
-
 /// What a document is read against.
 pub struct Context<'a> {
     /// The models that there are.
@@ -425,10 +397,10 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
         .map(|field| method::read_uncertainty(&field));
     let validation = root
         .optional("validation")
-        .map(|field| read_validation(&field));
+        .map(|field| validation::read(&field));
     let limits = root
         .optional("limits")
-        .map(|field| read_limits(&field, context.max_duration_s));
+        .map(|field| limits::read(&field, context.max_duration_s));
     let seed = root
         .optional("seed")
         .map_or_else(|| Some(drawn_seed()), |field| field.integer(0, MAX_SEED));
@@ -464,35 +436,6 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     }
     root.finish();
     spec
-}
-
-fn read_validation(field: &Field<'_>) -> ValidationSpec {
-    let mut validation = ValidationSpec::default();
-    if let Some(mut object) = field.object() {
-        let fraction = object
-            .optional("fraction")
-            .and_then(|field| field.number_within(0.0, MAX_VALIDATION_FRACTION));
-        validation.fraction = fraction.unwrap_or(validation.fraction);
-        object.finish();
-    }
-    validation
-}
-
-fn read_limits(field: &Field<'_>, longest: f64) -> LimitsSpec {
-    let mut max_duration_s = DEFAULT_MAX_DURATION_S.min(longest);
-    if let Some(mut object) = field.object() {
-        if let Some(field) = object.optional("max_duration_s")
-            && let Some(asked) = field.positive()
-        {
-            if asked > longest {
-                let detail = format!("{asked} s is more than this server allows, {longest} s");
-                field.fault("out_of_range", detail);
-            }
-            max_duration_s = asked;
-        }
-        object.finish();
-    }
-    LimitsSpec { max_duration_s }
 }
 
 fn anything_free(
