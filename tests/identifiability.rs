@@ -5,7 +5,7 @@ use greybox::demo::{self, Demo};
 use greybox::job::assemble::{self, Finding, Identifiability};
 use greybox::job::spec::Context;
 use greybox::job::{DatasetId, JobSpec};
-use greybox::model::{Catalogue, document};
+use greybox::model::document;
 use greybox::recording::{Recording, Signal, TimeAxis};
 use serde_json::{Value, json};
 use std::collections::HashMap;
