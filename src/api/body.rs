@@ -362,6 +362,7 @@ impl From<ReadError> for Problem {
             pointer: fault.pointer.clone(),
             line: fault.line,
             column: fault.column.clone(),
+            parameter: fault.parameter.clone(),
             code: fault.code.to_owned(),
             detail: fault.detail.clone(),
             ..ProblemFault::default()

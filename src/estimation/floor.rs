@@ -85,7 +85,7 @@ impl Landmarks {
 
     /// Whether two costs, the lower one first, are the same: as large as the residuals' noise is
     /// by declaration, or else by what is left.
-    fn is_same(&self, lowest: f64, cost: f64) -> bool {
+    pub(super) fn is_same(&self, lowest: f64, cost: f64) -> bool {
         let noise = lowest.max(if self.declares_noise { 1.0 } else { EXACT });
         let excess = (cost - lowest) / noise;
         excess * self.residuals as f64 <= SAME_CHI_SQUARE || excess <= SAME_COST

@@ -152,23 +152,40 @@ impl Estimation {
         if self.descents.iter().any(is_done) {
             return false;
         }
-        let coarse = self
-            .descents
-            .iter_mut()
-            .filter(|descent| !descent.is_polished());
-        let lowest = coarse
-            .filter(|descent| descent.cost.is_some())
-            .min_by(|a, b| lowest_first(a, b));
-        lowest.map(Descent::polish).is_some()
+        let lowest = self.lowest(|descent| !descent.is_polished());
+        if let Some(index) = lowest {
+            self.descents[index].polish();
+        }
+        lowest.is_some()
     }
 
     /// The descent that stands for the estimate.
     pub(super) fn best_descent(&self) -> Option<&Descent> {
-        let refined = self
-            .descents
-            .iter()
-            .filter(|descent| descent.cost.is_some());
-        refined.min_by(|a, b| lowest_first(a, b))
+        self.lowest(|_| true).map(|index| &self.descents[index])
+    }
+
+    /// The descent with the lowest cost. One that began from exchanged parameters is taken only
+    /// where it is lower by more than noise: rounding does not decide between twins.
+    fn lowest(&self, is_asked_for: impl Fn(&Descent) -> bool) -> Option<usize> {
+        let lowest_of = |searched: bool| {
+            let descents = self.descents.iter().enumerate();
+            let asked_for = descents.filter(|(_, descent)| {
+                descent.cost.is_some()
+                    && descent.search.is_some() == searched
+                    && is_asked_for(descent)
+            });
+            asked_for.min_by(|(_, a), (_, b)| lowest_first(a, b))
+        };
+        let cost = |descent: &Descent| descent.cost.unwrap_or(f64::INFINITY);
+        let chosen = match (lowest_of(true), lowest_of(false)) {
+            (Some(own), Some(other)) => {
+                let (before, after) = (cost(own.1), cost(other.1));
+                let is_lower = after < before && !self.landmarks.is_same(after, before);
+                Some(if is_lower { other } else { own })
+            }
+            (own, other) => own.or(other),
+        };
+        chosen.map(|(index, _)| index)
     }
 }
 

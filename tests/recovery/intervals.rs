@@ -150,10 +150,9 @@ fn two_that_act_only_as_a_product_are_named_with_it_and_their_profiles_are_open(
     let (recording, ..) = recorded(0.5, 7);
     let range = json!({"estimate": {"lower": 0.1, "upper": 10, "scale": "log"}});
     let parameters = json!({"lever": range, "gain": range});
-    let outcome = run(
-        job("profile", "(lever*gain*u - x)/T", parameters),
-        recording,
-    );
+    let mut job = job("profile", "(lever*gain*u - x)/T", parameters);
+    job["uncertainty"]["flat_directions"] = json!("report");
+    let outcome = run(job, recording);
     assert_eq!(outcome.verdict.trust, Trust::Low);
     let words = &outcome.flat_directions;
     assert_eq!(words.len(), 1, "{words:?}");
