@@ -228,7 +228,9 @@ mod tests {
         }
         let asset = |piece: &str| match piece.strip_prefix("./") {
             Some(module) if module.ends_with(".js") => Some(format!("/assets/{module}")),
-            _ => piece.starts_with("/assets/").then(|| piece.to_owned()),
+            _ => {
+                (piece.starts_with("/assets/") || piece.ends_with(".md")).then(|| piece.to_owned())
+            }
         };
         text(path).await.split('"').filter_map(asset).collect()
     }

@@ -226,8 +226,9 @@ fn ranking_in_single_precision_errs_no_more_than_its_steps_may_in_double() {
     let screened = outputs::<f64, LANES>(Accuracy::Screening, &MIXED, (inputs, Width::widest()));
     for (lane, ranked) in ranked.iter().enumerate().filter(|(lane, _)| *lane != 5) {
         for (x, row) in ranked.iter().zip(screened.iter().step_by(2)) {
-            // A few steps that each err by the tolerance of 1e-5, of a swing of size 1.
-            assert!((x - row.0[lane]).abs() < 5e-5, "{x} {}", row.0[lane]);
+            // Both err by 5e-6 a step at the most; friction that changes its sign makes some tens
+            // of steps err as much.
+            assert!((x - row.0[lane]).abs() < 2e-4, "{x} {}", row.0[lane]);
         }
     }
 }
