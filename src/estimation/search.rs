@@ -1,6 +1,6 @@
 //! The search, a generation at a time: simulated, judged, and bred into the next one.
 //!
-//! How a generation is judged and what follows it is the method's ([`super::proposer`]).
+//! How a generation is judged and what follows it is the method's (`proposer`).
 //! Everything that the next generation depends on stands in [`State`], and every random number
 //! comes from a stream named by seed, generation and purpose: a search that is saved after any
 //! generation goes on with the same bits.

@@ -1,13 +1,13 @@
 //! Reading recordings: a file for each format that plants write.
 //!
-//! A source is text ([`encoding`]) in one of several formats ([`format`]), told by its media type and
-//! its first lines or named by an option ([`options`]). Cells ([`cell`]) become times ([`clock`]),
-//! SI values ([`column`], [`units`]) and classes of quality ([`quality`]).
+//! A source is text (`encoding`) in one of several formats ([`format`]), told by its media type and
+//! its first lines or named by an option (`options`). Cells (`cell`) become times (`clock`),
+//! SI values ([`column`], [`units`]) and classes of quality (`quality`).
 //!
 //! A CSV with a column for each signal goes straight into a recording, however long it is. All
-//! other formats become tags ([`tags`]), each with its own instants, which are held in memory, up
+//! other formats become tags (`tags`), each with its own instants, which are held in memory, up
 //! to [`MAX_HELD_SAMPLES`], and then put on common instants. The rest of the program sees
-//! [`Recording`](crate::recording::Recording)s only.
+//! [`Recording`]s only.
 
 mod cell;
 mod clock;

@@ -1,9 +1,9 @@
 //! Integration of any model, many candidates at once.
 //!
 //! [`equations`] is what the integrator asks of a plant; a model written in Rust ([`native`]) and
-//! the program of a document ([`program`]) answer it. [`steps`] takes a row of candidates from one
+//! the program of a document ([`program`]) answer it. `steps` takes a row of candidates from one
 //! instant to another, each with steps as long as its errors allow, by an explicit method
-//! ([`explicit`]) or, where that would take many steps, by one for stiff equations ([`stiff`]).
+//! (`explicit`) or, where that would take many steps, by one for stiff equations (`stiff`).
 //! [`block`] takes a row through a recording, [`batch`] spreads blocks over the processor's cores.
 
 pub mod batch;

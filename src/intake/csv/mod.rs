@@ -1,13 +1,13 @@
 //! Recordings from CSV, in one pass over the text.
 //!
 //! A header row names the columns and their units: `time [s],reference [m],position [mm]`. One
-//! column, the first unless [`Options::time`] names another, is the time ([`super::clock`]). An
+//! column, the first unless [`Options::time`] names another, is the time (`clock`). An
 //! empty field and `NaN` are missing samples. Comma, semicolon or tab is told from the header; empty
 //! rows and empty fields at the ends of lines are understood.
 //!
-//! Of a text with a column for each signal ([`table`]) memory holds the values (eight bytes each)
+//! Of a text with a column for each signal (`table`) memory holds the values (eight bytes each)
 //! or, where there is a scratch, a few MiB of them; never the text. Those with a row for each sample
-//! ([`long`]), of Simulink ([`simulink`]) and of InfluxDB ([`influx`]) are held as tags.
+//! (`long`), of Simulink (`simulink`) and of InfluxDB (`influx`) are held as tags.
 
 mod header;
 mod influx;

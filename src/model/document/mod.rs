@@ -1,7 +1,7 @@
 //! Models that users write: equations as text, in a JSON or YAML document.
 //!
 //! `reading` reads names, units and texts, `compile` puts the expressions of the language
-//! ([`crate::language`]) together to one graph and checks their units, and
+//! (`language`) together to one graph and checks their units, and
 //! [`crate::simulation::program`] runs them. A document can be slow or wrong but cannot disturb
 //! another.
 

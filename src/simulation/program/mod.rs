@@ -1,7 +1,7 @@
 //! Plants whose equations are a document's: checked equations as instructions over registers.
 //!
-//! [`lists`] lays the graph of the equations out as straight lists of instructions, [`joined`]
-//! makes few of many, [`tangents`] takes their derivatives, and [`row`] is what the integrator
+//! `lists` lays the graph of the equations out as straight lists of instructions, `joined`
+//! makes few of many, `tangents` takes their derivatives, and `row` is what the integrator
 //! drives. No code is made at run time; every size is bounded.
 
 mod joined;
