@@ -272,7 +272,7 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
     }
 
     /// In proportion to what the rig can reach, with factors by which each state adds about as
-    /// much to the error of the position (tried on recording A).
+    /// much to the error of the position (tried on steps like recording A's).
     fn sizes<R: Real>(&self, constants: &Constants<R>) -> [R; 6] {
         let pressure = R::splat(80.0) * constants.supply_pressure;
         let position = R::splat(40.0) * constants.cylinder.stroke;
