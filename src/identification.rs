@@ -12,7 +12,7 @@ mod run;
 
 pub use description::Identification;
 pub use experiment::Experiment;
-pub use run::Run;
+pub use run::{Checkpoint, Run};
 
 use crate::document::Fault;
 use crate::estimation::{CheckpointError, Finding};

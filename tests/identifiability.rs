@@ -25,9 +25,10 @@ fn forecast_from(parameters: Value, initial_state: Value) -> (Identifiability, V
     let (assembly, spec) = identification
         .assembly()
         .unwrap_or_else(|error| panic!("{error}"));
-    let mut findings = Vec::new();
     let never = AtomicBool::new(false);
-    let ahead = assemble::forecast(&assembly, &spec.method, &mut findings, &never);
+    let mut preflight = assemble::preflight(&assembly, &spec.method, &never);
+    let ahead = assemble::forecast(&assembly, &mut preflight, &never);
+    let findings = preflight.findings;
     let at_start = assemble::flat_directions(&assembly.problem, &never).expect("not interrupted");
     // The look of a job that begins is coarser, and sees as many.
     assert_eq!(at_start.len(), ahead.flat_directions.len(), "{at_start:?}");
@@ -178,9 +179,10 @@ fn a_box_that_is_mostly_unstable_is_looked_at_to_the_end_and_its_failures_are_to
     let spec = JobSpec::read(&job, &context).unwrap_or_else(|faults| panic!("{faults:?}"));
     let assembly = assemble::problem(&spec, &model.model, &[recording]);
     let assembly = assembly.unwrap_or_else(|faults| panic!("{faults:?}"));
-    let mut findings = Vec::new();
     let never = AtomicBool::new(false);
-    let ahead = assemble::forecast(&assembly, &spec.method, &mut findings, &never);
+    let mut preflight = assemble::preflight(&assembly, &spec.method, &never);
+    let ahead = assemble::forecast(&assembly, &mut preflight, &never);
+    let findings = preflight.findings;
     assert!(ahead.points < 5);
     assert!(
         findings

@@ -3,7 +3,7 @@
 //! of the repository, so the tests are skipped, aloud, where the folder is missing.
 
 use greybox::intake::csv;
-use greybox::recording::{Exclude, Mapped, Recording};
+use greybox::recording::{Mapped, Recording, Selection};
 use std::fs::File;
 use std::path::PathBuf;
 
@@ -46,7 +46,7 @@ fn the_jittered_recording_is_resampled_to_its_nominal_rate() {
     assert!(!recording.time.is_uniform());
     let signals = [Mapped::on_line("angle", "angle")];
     let experiment = recording
-        .experiment(&signals, None, &Exclude::default())
+        .experiment(&signals, Selection::default())
         .unwrap();
     assert_eq!(experiment.sample_time, 0.01);
     assert_eq!(experiment.notes[0].code, "resampled");

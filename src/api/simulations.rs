@@ -24,7 +24,7 @@ use crate::job::spec::simulation::{SimulationSpec, Source};
 use crate::job::spec::{InitialStateSpec, ModelOfJob, WindowSpec};
 use crate::job::{DatasetId, spec::FixedValue};
 use crate::model::{InitialState, Model};
-use crate::recording::{Exclude, Mapped, Recording, SampledSignal, Signal, TimeAxis, Window};
+use crate::recording::{Mapped, Recording, SampledSignal, Selection, Signal, TimeAxis, Window};
 use crate::simulation::{Accuracy, Candidate, Excitation, single};
 
 /// Points of the answer at the most.
@@ -177,6 +177,8 @@ fn inline(inputs: &Value) -> Answer<Recording> {
 struct SimulationRun<'m> {
     model: &'m Model,
     sample_time: f64,
+    /// When the samples were taken, where they are not uniform, from the recording's first `[s]`.
+    instants: Option<Vec<f64>>,
     samples: usize,
     /// When the first sample was taken `[s]`.
     from: f64,
@@ -196,7 +198,11 @@ impl<'m> SimulationRun<'m> {
         let mapped = spec.signals.iter();
         let mapped = mapped.map(|(model, recorded)| Mapped::held(model, recorded));
         let mapped: Vec<Mapped> = mapped.collect();
-        let data = recording.experiment(&mapped, window, &Exclude::default());
+        let selection = Selection {
+            window,
+            ..Selection::default()
+        };
+        let data = recording.experiment(&mapped, selection);
         let data = data.map_err(|error| {
             let fault = Fault::new("", "experiment_not_possible", error.to_string());
             Problem::of_document(vec![fault])
@@ -235,6 +241,7 @@ impl<'m> SimulationRun<'m> {
         Ok(Self {
             model,
             sample_time: data.sample_time,
+            instants: data.instants.clone(),
             samples: data.samples,
             from: spec.window.and_then(|window| window.from_s).unwrap_or(0.0),
             input_set,
@@ -248,7 +255,7 @@ impl<'m> SimulationRun<'m> {
     fn outputs(&self, stop: &AtomicBool) -> Answer<Recording> {
         let excitation = Excitation {
             sample_time: self.sample_time,
-            instants: None,
+            instants: self.instants.as_deref(),
             samples: self.samples,
             input_set: self.input_set,
             inputs: &self.inputs,
@@ -267,7 +274,10 @@ impl<'m> SimulationRun<'m> {
         let signals = described
             .zip(outputs.into_iter().flatten())
             .map(|(output, values)| Signal::new(&*output.name, &*output.unit, values));
-        let instants = (0..self.samples).map(|k| self.from + k as f64 * self.sample_time);
+        let instants = (0..self.samples).map(|k| match &self.instants {
+            Some(instants) => instants[k],
+            None => self.from + k as f64 * self.sample_time,
+        });
         Ok(Recording::new(
             TimeAxis::Instants(instants.collect()),
             signals.collect(),

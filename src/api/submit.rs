@@ -141,8 +141,8 @@ pub async fn submit(
     if query.validate_only {
         let method = spec.method.clone();
         let look_ahead = move |assembly: &Assembly, stop: &AtomicBool| {
-            let mut preflight = assemble::preflight(assembly, &method);
-            let ahead = assemble::forecast(assembly, &method, &mut preflight.findings, stop);
+            let mut preflight = assemble::preflight(assembly, &method, stop);
+            let ahead = assemble::forecast(assembly, &mut preflight, stop);
             Ok((preflight, ahead))
         };
         let forecast = assembled(&state, &spec, model, look_ahead).await?;

@@ -4,7 +4,7 @@ use super::error::CommandError;
 use super::files;
 use crate::job::Fault;
 use crate::model::{Model, ModelDescription};
-use crate::recording::{Exclude, Experiment, Mapped, Recording, Signal, TimeAxis};
+use crate::recording::{Experiment, Mapped, Recording, Selection, Signal, TimeAxis};
 use crate::simulation::{Accuracy, Candidate, Excitation, single};
 use clap::Args;
 use serde_json::Value;
@@ -115,7 +115,7 @@ fn inputs(recording: &Recording, model: &ModelDescription) -> Result<Inputs, Str
     })?;
     let names = model.input_sets[input_set].iter();
     let names: Vec<Mapped> = names.map(|name| Mapped::held(name, name)).collect();
-    let experiment = recording.experiment(&names, None, &Exclude::default());
+    let experiment = recording.experiment(&names, Selection::default());
     let experiment = experiment.map_err(|error| error.to_string())?;
     let has_gaps = |values: &[f64]| values.iter().any(|value| value.is_nan());
     let mut signals = experiment.signals.iter();
@@ -133,6 +133,7 @@ fn inputs(recording: &Recording, model: &ModelDescription) -> Result<Inputs, Str
 fn outputs(model: &Model, parameters: &[f64], inputs: Inputs) -> Result<Recording, CommandError> {
     let Experiment {
         sample_time,
+        instants,
         samples,
         signals,
         ..
@@ -140,7 +141,7 @@ fn outputs(model: &Model, parameters: &[f64], inputs: Inputs) -> Result<Recordin
     let values: Vec<Vec<f64>> = signals.into_iter().map(|(_, values)| values).collect();
     let excitation = Excitation {
         sample_time,
-        instants: None,
+        instants: instants.as_deref(),
         samples,
         input_set: inputs.input_set,
         inputs: &values,
@@ -160,9 +161,12 @@ fn outputs(model: &Model, parameters: &[f64], inputs: Inputs) -> Result<Recordin
     let columns = simulated.into_iter().flatten();
     let signals = description.outputs.iter().zip(columns);
     let signals = signals.map(|(signal, values)| Signal::new(&*signal.name, &*signal.unit, values));
-    let time = TimeAxis::Uniform {
-        sample_time,
-        samples,
+    let time = match &instants {
+        Some(instants) => TimeAxis::Instants(instants.clone()),
+        None => TimeAxis::Uniform {
+            sample_time,
+            samples,
+        },
     };
     Ok(Recording::new(time, signals.collect()))
 }

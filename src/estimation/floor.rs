@@ -41,11 +41,22 @@ pub fn plateau(problem: &Problem) -> f64 {
     let loss = |residual: f64| problem.loss.bent(residual).powi(2);
     let mut sum = 0.0;
     for experiment in problem.experiments.iter() {
-        for (values, output) in used(experiment).zip(&problem.outputs) {
-            let present = || values.iter().copied().filter(|value| !value.is_nan());
-            let mean = statistics::mean(present()).unwrap_or_default();
+        for (place, (values, output)) in used(experiment).zip(&problem.outputs).enumerate() {
+            let present = || {
+                let samples = values.iter().copied().enumerate();
+                samples.filter(|(_, value)| !value.is_nan())
+            };
+            let squared = |sample: usize| experiment.weight(place, sample).powi(2);
+            let total: f64 = present().map(|(sample, _)| squared(sample)).sum();
+            let mean: f64 = present()
+                .map(|(sample, value)| squared(sample) * value)
+                .sum();
+            let mean = mean / total;
             sum += present()
-                .map(|value| loss((value - mean) / output.residual_scale))
+                .map(|(sample, value)| {
+                    let weight = experiment.weight(place, sample);
+                    loss((value - mean) * weight / output.residual_scale)
+                })
                 .sum::<f64>();
         }
     }

@@ -1,6 +1,7 @@
 //! What a candidate is judged by: its error in each block of data, and its cost over all data.
 //!
-//! A residual is measured − simulated, divided by its output's residual scale. The error of a
+//! A residual is measured − simulated, divided by its output's residual scale (and more where the
+//! sample has more noise than others). The error of a
 //! block is the root mean square of its residuals (the paper's `|E_s^k|`, Eq. 10); the cost is
 //! their mean square over all the data that are estimated from, and the priors. Where the job asks for another
 //! loss than the square ([`loss`](super::loss)), that loss stands in the place of the square. Missing samples count nowhere.
@@ -85,7 +86,7 @@ impl Objective {
             block_samples: self.block_samples,
             sums: vec![Lanes([0.0; LANES]); self.counts[run].len()],
         };
-        let pieces = batch::simulate(problem.model.plant(), &runs, stop, new_sink)?;
+        let pieces = batch::simulate(problem.plant().as_ref(), &runs, stop, new_sink)?;
         let mut totals: Vec<Total> = vec![Total::default(); candidates.len()];
         // The pieces come experiment by experiment, so each candidate's blocks come in order.
         for piece in &pieces {
@@ -132,7 +133,9 @@ impl Sink for SquareSums<'_> {
             let sum = &mut self.sums[sample / self.block_samples];
             let measured = self.experiment.measured.iter().map(|values| values[sample]);
             let outputs = self.outputs.iter().zip(measured).zip(self.weights);
-            for ((&output, measured), weight) in outputs.filter(|((_, y), _)| !y.is_nan()) {
+            let present = outputs.enumerate().filter(|(_, ((_, y), _))| !y.is_nan());
+            for (place, ((&output, measured), weight)) in present {
+                let weight = weight * self.experiment.weight(place, sample);
                 let residual = row[output].map(|value| self.loss.bent((measured - value) * weight));
                 *sum += residual * residual;
             }

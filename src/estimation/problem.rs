@@ -8,16 +8,19 @@
 use super::loss::Loss;
 use crate::model::{Model, Scale};
 use crate::simulation::batch::Run;
-use crate::simulation::{Accuracy, Candidate, Excitation};
+use crate::simulation::{Accuracy, Candidate, Excitation, Plant};
 use std::sync::Arc;
 
-/// One experiment, uniform and in SI units.
+/// One experiment, in SI units.
 #[derive(Clone, Debug)]
 pub struct Experiment {
     /// Its place among the experiments of the job; segments of one experiment share it.
     pub place: usize,
-    /// The time from one sample to the next `[s]`.
+    /// The time from one sample to the next `[s]`; where the samples have instants of their own,
+    /// the median.
     pub sample_time: f64,
+    /// When the samples were taken `[s]`, rising, where they are not uniform.
+    pub instants: Option<Vec<f64>>,
     /// How many samples.
     pub samples: usize,
     /// How many of them, from the first, are estimated from; the rest validates.
@@ -28,11 +31,35 @@ pub struct Experiment {
     pub inputs: Vec<Vec<f64>>,
     /// For each of the problem's outputs its samples; NaN where missing.
     pub measured: Vec<Vec<f64>>,
+    /// For each of the problem's outputs, where its noise is not the same in all samples, the
+    /// output's noise over that of each sample; NaN where there is no sample.
+    pub weights: Vec<Option<Vec<f64>>>,
     /// For each state of the model where it starts; none: where a coordinate or else the model
     /// says.
     pub initial_state: Vec<Option<f64>>,
     /// Parameters that have a value of their own in this experiment, by their places.
     pub parameters: Vec<(usize, f64)>,
+}
+
+impl Experiment {
+    /// When a sample was taken, from the first `[s]`.
+    #[must_use]
+    pub fn instant(&self, sample: usize) -> f64 {
+        match &self.instants {
+            Some(instants) => instants[sample] - instants[0],
+            None => sample as f64 * self.sample_time,
+        }
+    }
+
+    /// What the residuals of an output count at a sample, 1 where its noise is always the same.
+    #[must_use]
+    #[inline]
+    pub fn weight(&self, output: usize, sample: usize) -> f64 {
+        match &self.weights[output] {
+            Some(weights) => weights[sample],
+            None => 1.0,
+        }
+    }
 }
 
 /// An output that is measured in at least one experiment.
@@ -44,7 +71,8 @@ pub struct MeasuredOutput {
     pub name: String,
     /// Its SI unit.
     pub unit: String,
-    /// The standard deviation of its measurement noise, where the job declares it.
+    /// The standard deviation of its measurement noise, where the job declares it; the root mean
+    /// square where the samples differ ([`Experiment::weights`]).
     pub noise_std: Option<f64>,
     /// What residuals are divided by in the cost: the declared noise, else the spread of the
     /// measured signal.
@@ -281,10 +309,28 @@ impl Problem {
         filled
     }
 
+    /// The model's equations for the candidates of this problem: what all of them take as known
+    /// is settled.
+    #[must_use]
+    pub fn plant(&self) -> Arc<dyn Plant> {
+        let mut fixed: Vec<Option<f64>> = self.parameters.iter().copied().map(Some).collect();
+        for coordinate in &self.coordinates {
+            if let Target::Parameter(parameter) | Target::ExperimentParameter { parameter, .. } =
+                coordinate.target
+            {
+                fixed[parameter] = None;
+            }
+        }
+        for (parameter, value) in self.experiments.iter().flat_map(|own| &own.parameters) {
+            fixed[*parameter] = fixed[*parameter].filter(|common| common == value);
+        }
+        self.model.plant_with(&fixed)
+    }
+
     /// The fastest rate of the candidate in any experiment, as far as its model tells [1/s].
     #[must_use]
     pub fn fastest_rate(&self, positions: &[f64]) -> f64 {
-        let plant = self.model.plant();
+        let plant = self.plant();
         let rate = |experiment| plant.work_rate(&self.fill(experiment, positions).parameters);
         (0..self.experiments.len()).map(rate).fold(0.0, f64::max)
     }
@@ -358,7 +404,7 @@ impl Spelled {
             .map(|(experiment, filled)| Run {
                 excitation: Excitation {
                     sample_time: experiment.sample_time,
-                    instants: None,
+                    instants: experiment.instants.as_deref(),
                     samples: match extent {
                         Extent::Estimation => experiment.estimation_samples,
                         Extent::Whole => experiment.samples,

@@ -74,7 +74,7 @@ impl Source {
                 let from = sample.saturating_sub(reach);
                 let to = (sample + reach).min(experiment.estimation_samples - 1);
                 let values = &experiment.measured[output];
-                (values[to] - values[from]) / ((to - from) as f64 * experiment.sample_time)
+                (values[to] - values[from]) / (experiment.instant(to) - experiment.instant(from))
             }
         }
     }
@@ -99,11 +99,17 @@ fn cut(
     Some(Experiment {
         place: experiment.place,
         sample_time: experiment.sample_time,
+        instants: experiment.instants.as_ref().map(part),
         samples: length,
         estimation_samples: length,
         input_set: experiment.input_set,
         inputs: experiment.inputs.iter().map(part).collect(),
         measured: experiment.measured.iter().map(part).collect(),
+        weights: experiment
+            .weights
+            .iter()
+            .map(|weights| weights.as_ref().map(part))
+            .collect(),
         initial_state: start.into_iter().map(Some).collect(),
         parameters: experiment.parameters.clone(),
     })

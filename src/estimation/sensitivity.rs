@@ -257,7 +257,7 @@ impl<'a> Neighbourhood<'a> {
                 continue;
             };
             let (experiment, sample, output) = place;
-            let scale = self.problem.outputs[output].residual_scale;
+            let scale = self.scale(place);
             let at = |member| self.recorded[experiment].value(member, sample, output);
             let columns = self.differences.iter().zip(&self.ends);
             for (derivative, (difference, (low, high))) in derivatives.iter_mut().zip(columns) {
@@ -303,8 +303,14 @@ impl<'a> Neighbourhood<'a> {
     ) -> Option<f64> {
         let measured = self.problem.experiments[experiment].measured[output][sample];
         let simulated = self.recorded[experiment].value(member, sample, output);
-        let scale = self.problem.outputs[output].residual_scale;
+        let scale = self.scale((experiment, sample, output));
         (!measured.is_nan()).then(|| (measured - simulated) / scale)
+    }
+
+    /// What a residual is divided by.
+    fn scale(&self, (experiment, sample, output): (usize, usize, usize)) -> f64 {
+        let weight = self.problem.experiments[experiment].weight(output, sample);
+        self.problem.outputs[output].residual_scale / weight
     }
 
     fn failure(&self, member: usize) -> Option<Failure> {
@@ -417,7 +423,7 @@ fn record(
         n_outputs: problem.model.description().outputs.len(),
         rows: Vec::with_capacity(runs[run].excitation.samples * problem.outputs.len()),
     };
-    let pieces = batch::simulate(problem.model.plant(), &runs, stop, recorder)?;
+    let pieces = batch::simulate(problem.plant().as_ref(), &runs, stop, recorder)?;
     let empty = || Columns {
         places: vec![(0, 0); candidates.len()],
         failures: vec![None; candidates.len()],

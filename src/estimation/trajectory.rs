@@ -24,16 +24,16 @@ pub fn simulate(
         .iter()
         .map(|run| (run.excitation, run.candidates[0]))
         .collect();
-    single::outputs(problem.model.plant(), &recordings, stop)
+    single::outputs(problem.plant().as_ref(), &recordings, stop)
 }
 
 /// Samples of each experiment that the derivatives are counted over.
 const COUNTED_SAMPLES: usize = 256;
 
 /// About how many derivatives one candidate takes in the search: counted where each experiment
-/// begins, and taken for the same over all of it.
+/// begins, and taken for the same over all of it. Answers nothing when `stop` was raised.
 #[must_use]
-pub fn derivatives(problem: &Problem, positions: &[f64]) -> u64 {
+pub fn derivatives(problem: &Problem, positions: &[f64], stop: &AtomicBool) -> Option<u64> {
     let spelled = Spelled::new(problem, &[positions.to_vec()]);
     let mut runs = spelled.runs(problem, Extent::Estimation, Accuracy::Screening);
     let shares: Vec<f64> = runs
@@ -45,13 +45,11 @@ pub fn derivatives(problem: &Problem, positions: &[f64]) -> u64 {
             intervals(samples) / intervals(run.excitation.samples)
         })
         .collect();
-    let never = AtomicBool::new(false);
-    let pieces = batch::simulate(problem.model.plant(), &runs, &never, |_run| Unread);
-    let pieces = pieces.unwrap_or_default();
+    let pieces = batch::simulate(problem.plant().as_ref(), &runs, stop, |_run| Unread)?;
     let counts = pieces
         .iter()
         .map(|piece| piece.derivative_evaluations as f64 * shares[piece.run]);
-    counts.sum::<f64>() as u64
+    Some(counts.sum::<f64>() as u64)
 }
 
 /// Outputs that nobody reads.

@@ -1,20 +1,21 @@
 //! An identification as a run: look ahead, search and refine, analyse.
 //!
 //! A run goes on in units ([`Run::advance`]) and can be saved after any of them and resumed with
-//! the same bits. The look ahead belongs to the first unit. The analysis is a unit like the
-//! others, so that a stop reaches it too; it is not part of the checkpoint: a run that is resumed
-//! when its estimate stands analyses again, with the same bits.
+//! the same bits. The look ahead belongs to the first unit. The analysis takes as many units as its
+//! refits ask for; those that are done are part of the checkpoint.
 
 use super::IdentificationError;
 use crate::estimation::{
-    Advance, Checkpoint, Estimation, Finding, Observer, Phase, Problem, Progress, StopReason,
+    self, Advance, Estimation, Finding, Observer, Phase, Problem, Progress, StopReason,
 };
 use crate::job::assemble::{self, Assembly, Origin};
 use crate::job::{JobSpec, Outcome};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::uncertainty::identifiability::FlatDirection;
-use crate::uncertainty::{self, Conclusion};
+use crate::uncertainty::refits::Done;
+use crate::uncertainty::{self, Conclusion, Refits};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -73,12 +74,24 @@ pub struct Run {
     /// Why the run goes no further than its look ahead.
     refusal: Option<Vec<Finding>>,
     estimation: Estimation,
+    /// Refits of the analysis that are done.
+    refits: Done,
     /// Of the estimate that stands; nothing while the run goes on.
     conclusion: Option<Conclusion>,
 }
 
-/// Nobody raises it.
-static NEVER: AtomicBool = AtomicBool::new(false);
+/// All that is needed to resume a run.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Checkpoint {
+    #[serde(flatten)]
+    estimation: estimation::Checkpoint,
+    /// Refits of the analysis that are done.
+    #[serde(default, skip_serializing_if = "Done::is_empty")]
+    refits: Done,
+}
+
+/// Refits of one unit of the analysis at the most.
+const REFITS_OF_UNIT: u32 = 64;
 
 impl Run {
     /// Begins a run of a specification, with one recording for each of its experiments.
@@ -91,7 +104,7 @@ impl Run {
         recordings: &[Recording],
     ) -> Result<Run, IdentificationError> {
         let assembly = assembled(spec, model, recordings)?;
-        let findings = assemble::preflight(&assembly, &spec.method).findings;
+        let findings = assemble::findings(&assembly);
         let estimation = Estimation::start(&assembly.problem, &spec.method, spec.seed);
         let run = Run::of(spec, assembly.problem, estimation);
         Ok(Run {
@@ -112,8 +125,10 @@ impl Run {
         checkpoint: Checkpoint,
     ) -> Result<Run, IdentificationError> {
         let problem = assembled(spec, model, recordings)?.problem;
-        let estimation = Estimation::resume(&problem, &spec.method, spec.seed, checkpoint)?;
-        Ok(Run::of(spec, problem, estimation))
+        let Checkpoint { estimation, refits } = checkpoint;
+        let estimation = Estimation::resume(&problem, &spec.method, spec.seed, estimation)?;
+        let run = Run::of(spec, problem, estimation);
+        Ok(Run { refits, ..run })
     }
 
     fn of(spec: &JobSpec, problem: Problem, estimation: Estimation) -> Run {
@@ -129,6 +144,7 @@ impl Run {
             findings: None,
             refusal: None,
             estimation,
+            refits: Done::new(),
             conclusion: None,
         }
     }
@@ -156,11 +172,14 @@ impl Run {
     /// All that is needed to resume the run.
     #[must_use]
     pub fn checkpoint(&self) -> Checkpoint {
-        self.estimation.checkpoint()
+        Checkpoint {
+            estimation: self.estimation.checkpoint(),
+            refits: self.refits.clone(),
+        }
     }
 
-    /// One unit of work: a generation of the search, an iteration of the refinement or the
-    /// analysis. When `stop` is raised it may return early, with nothing changed; the unit is then
+    /// One unit of work: a generation of the search, an iteration of the refinement or a part of
+    /// the analysis. When `stop` is raised it may return early, with nothing changed; the unit is then
     /// done again later, with the same bits.
     pub fn advance(&mut self, stop: &AtomicBool, observer: &mut dyn Observer) -> Advance {
         if let Some(ended) = self.look_ahead(stop, observer) {
@@ -202,11 +221,14 @@ impl Run {
         let Some(report) = self.estimation.report(&self.problem, None) else {
             return Advance::Finished;
         };
-        match uncertainty::conclude(&self.problem, &report, &self.request, stop) {
-            Some(conclusion) => {
-                self.conclusion = Some(conclusion);
-                Advance::Finished
-            }
+        let refits = Refits::from(std::mem::take(&mut self.refits), REFITS_OF_UNIT);
+        self.conclusion =
+            uncertainty::conclude(&self.problem, &report, &self.request, &refits, stop);
+        let is_cut = refits.is_cut();
+        self.refits = refits.into_done();
+        match self.conclusion {
+            Some(_) => Advance::Finished,
+            None if is_cut => Advance::Working,
             None => Advance::Interrupted,
         }
     }
@@ -237,14 +259,16 @@ impl Run {
                     Some(_) => &uncertainty::Request::default(),
                     None => &self.request,
                 };
-                uncertainty::conclude(&self.problem, &report, request, hurry)
+                let refits = Refits::from(self.refits.clone(), u32::MAX);
+                uncertainty::conclude(&self.problem, &report, request, &refits, hurry)
                     .unwrap_or_else(|| uncertainty::unanalysed(&self.problem, &report))
             }
         };
         Ok(Some(assemble::outcome(&self.origin, &conclusion)))
     }
 
-    /// Goes on to the end, or until `stop` is raised; then the outcome is the best so far.
+    /// Goes on to the end, or until `stop` is raised; then the outcome is the best so far, and
+    /// nothing that takes long is found out about it.
     ///
     /// # Errors
     /// When the data do not fix the unknowns, and when no candidate could be simulated.
@@ -260,7 +284,7 @@ impl Run {
                 Advance::Interrupted => break Some(StopReason::Cancelled),
             }
         };
-        self.outcome(stopped, &NEVER)?
+        self.outcome(stopped, stop)?
             .ok_or(IdentificationError::NoEstimate)
     }
 }

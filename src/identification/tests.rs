@@ -1,7 +1,8 @@
 //! What a program asks for is done as a client's job is, and refused in the same words.
 
 use super::*;
-use crate::estimation::{GenerationRow, Observer, StopReason};
+use crate::estimation::{Advance, GenerationRow, Observer, StopReason};
+use crate::job::Outcome;
 use crate::job::outcome::Trust;
 use crate::model::Model;
 use crate::recording::Recording;
@@ -132,4 +133,34 @@ fn what_the_data_cannot_fix_is_refused_by_name() {
     };
     let places: Vec<&str> = findings.iter().map(|finding| &*finding.pointer).collect();
     assert!(places.contains(&"/parameters/mass"), "{findings:?}");
+}
+
+#[test]
+fn an_analysis_of_many_refits_is_saved_between_them_and_goes_on_with_the_same_bits() {
+    let settings = crate::uncertainty::Settings {
+        intervals: crate::uncertainty::Intervals::Bootstrap,
+        bootstrap_samples: 200,
+        ..Default::default()
+    };
+    let identification = identification(carriage(2.0)).uncertainty(&settings);
+    let whole = identification.run().expect("an outcome");
+    let stop = AtomicBool::new(false);
+    let mut run = identification.begin().expect("it is sound");
+    let mut units_of_analysis = 0;
+    while run.advance(&stop, &mut ()) == Advance::Working {
+        // Another program goes on from what was written down.
+        let saved = serde_json::to_string(&run.checkpoint()).expect("it can be written");
+        units_of_analysis += u32::from(saved.contains("\"bootstrap/0\""));
+        let checkpoint = serde_json::from_str(&saved).expect("it reads back");
+        let (spec, model) = identification.specification().expect("it is sound");
+        run = Run::resume(&spec, &model, &[carriage(2.0)], checkpoint).expect("it goes on");
+    }
+    assert_eq!(units_of_analysis, 3, "200 refits, 64 at a time");
+    let pieces = run.outcome(None, &stop).expect("it is sound");
+    // A run that is resumed simulates again what it has seen before, and counts it.
+    let pieces = Outcome {
+        search: whole.search.clone(),
+        ..pieces.expect("an outcome")
+    };
+    assert_eq!(pieces, whole);
 }

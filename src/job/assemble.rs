@@ -5,6 +5,7 @@ mod assumption;
 mod budget;
 mod experiment;
 mod forecast;
+mod noise;
 mod outcome;
 mod preflight;
 mod trajectory;
@@ -12,7 +13,7 @@ mod trajectory;
 pub use crate::estimation::Finding;
 pub use forecast::{Identifiability, Prediction, flat_directions, forecast, unseen};
 pub use outcome::{Origin, outcome};
-pub use preflight::{Preflight, preflight};
+pub use preflight::{Preflight, findings, preflight};
 pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};
 
 use super::spec::{FreeParameter, JobSpec, ParameterSpec};
@@ -21,9 +22,7 @@ use crate::estimation::Problem;
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::{Coordinate, MeasuredOutput, Target};
 use crate::model::{Model, ModelDescription, ParameterDescription};
-use crate::numerics::statistics;
 use crate::recording::Recording;
-use experiment::Cut;
 use std::sync::Arc;
 
 /// A problem ready to be estimated, and what was changed or noticed on the way.
@@ -45,7 +44,7 @@ pub fn problem(
     recordings: &[Recording],
 ) -> Result<Assembly, Vec<Fault>> {
     let description = model.description();
-    let outputs = measured_outputs(spec, description);
+    let mut outputs = measured_outputs(spec, description);
     let mut cuts = Vec::new();
     let mut faults = Vec::new();
     for (index, (experiment, recording)) in spec.experiments.iter().zip(recordings).enumerate() {
@@ -53,6 +52,7 @@ pub fn problem(
         let cutter = experiment::Cutter {
             description,
             outputs: &outputs,
+            said: &spec.outputs,
             validation_fraction: spec.validation.fraction,
             pointer: &pointer,
             place: index,
@@ -73,7 +73,7 @@ pub fn problem(
                 .map(|free| free.coordinate(description, index)),
         );
     }
-    let outputs = scaled(outputs, spec, &cuts);
+    noise::settle(&mut outputs, spec, &mut cuts)?;
     let findings = cuts
         .iter_mut()
         .flat_map(|cut| std::mem::take(&mut cut.findings))
@@ -116,30 +116,10 @@ fn measured_outputs(spec: &JobSpec, description: &ModelDescription) -> Vec<Measu
             index,
             name: output.name.to_string(),
             unit: output.unit.to_string(),
-            noise_std: spec
-                .outputs
-                .get(&*output.name)
-                .and_then(|output| output.noise_std),
+            noise_std: None,
             residual_scale: 1.0,
         })
         .collect()
-}
-
-/// Residuals count in units of the declared noise, else of the measured signal's own spread.
-fn scaled(mut outputs: Vec<MeasuredOutput>, spec: &JobSpec, cuts: &[Cut]) -> Vec<MeasuredOutput> {
-    for (place, output) in outputs.iter_mut().enumerate() {
-        let spreads = cuts
-            .iter()
-            .filter_map(|cut| statistics::standard_deviation(&cut.experiment.measured[place]));
-        let spread = spreads.fold(0.0, f64::max);
-        let declared = spec
-            .outputs
-            .get(&output.name)
-            .and_then(|output| output.noise_std);
-        let own = if spread > 0.0 { spread } else { 1.0 };
-        output.residual_scale = declared.unwrap_or(own);
-    }
-    outputs
 }
 
 /// A value for each parameter, and the free ones as coordinates: those that experiments share

@@ -17,7 +17,7 @@ use crate::document::Fault;
 use crate::estimation::Settings;
 pub use crate::estimation::settings::MethodName;
 use crate::model::{ModelDescription, Scale, Tolerance, ToleranceText};
-use crate::recording::{Exclude, Summary};
+use crate::recording::{Exclude, Instants, Summary};
 use crate::uncertainty;
 
 mod exclude;
@@ -32,6 +32,7 @@ mod own_parameters;
 mod parameter;
 mod prior;
 mod validation;
+mod window;
 
 pub mod simulation;
 #[cfg(test)]
@@ -145,6 +146,12 @@ pub struct ExperimentSpec {
     /// What of it to leave out: kinds of samples, and spans of time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exclude: Option<Exclude>,
+    /// Which instants irregular samples are compared at: their `own`, or those of a uniform `grid`
+    /// on which they are interpolated; left out, a grid where the samples are those of one but for
+    /// jitter and single gaps, else their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub instants: Option<Instants>,
     /// By the model's name, where each state starts; left out, as the model says.
     #[serde(default)]
     pub initial_state: BTreeMap<String, InitialStateSpec>,
@@ -289,12 +296,30 @@ pub struct SearchRange {
 }
 
 /// What is known about a measured output.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OutputSpec {
-    /// The standard deviation of its measurement noise, SI; left out, it is estimated.
+    /// The standard deviation of its measurement noise, SI; left out, it is estimated, unless one
+    /// of the next two says it. Where more than one is given their squares add up.
     #[schema(exclusive_minimum = 0, example = 1e-5)]
     pub noise_std: Option<f64>,
+    /// The standard deviation of its noise as a share of each measured value, e.g. 0.05 for 5 %.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0, nullable = false, example = 0.05)]
+    pub noise_share: Option<f64>,
+    /// The recorded signal that holds the standard deviation of each sample's noise, in a unit of
+    /// the output; a sample for which it is missing or not above 0 is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false, example = "position_std")]
+    pub noise_signal: Option<String>,
+}
+
+impl OutputSpec {
+    /// Whether anything is said of its noise.
+    #[must_use]
+    pub fn declares_noise(&self) -> bool {
+        self.noise_std.is_some() || self.noise_share.is_some() || self.noise_signal.is_some()
+    }
 }
 
 /// What a document is read against.
@@ -390,7 +415,8 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
         _ => parameters,
     });
     let outputs = root.optional("outputs");
-    let outputs = outputs.map(|field| outputs::read(&field, model, experiments.as_deref()));
+    let outputs =
+        outputs.map(|field| outputs::read(&field, model, experiments.as_deref(), context.datasets));
     let method = root.optional("method").map(|field| method::read(&field));
     let uncertainty = root
         .optional("uncertainty")

@@ -4,6 +4,7 @@
 //! minus, `^` (to the right), then numbers, names, calls and parentheses. Length and depth are
 //! bounded; every node knows where in the text it stands.
 
+pub use super::token::{Operator, Span, SyntaxError};
 use super::token::{Token, tokens};
 
 /// The bytes of one expression at the most.
@@ -14,33 +15,6 @@ pub const MAX_DEPTH: usize = 64;
 
 /// The operations of one expression at the most, which also bounds the depth of its tree.
 pub const MAX_OPERATIONS: usize = 256;
-
-/// Where something stands in the text of an expression, in bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Span {
-    /// The first byte.
-    pub start: usize,
-    /// Behind the last byte.
-    pub end: usize,
-}
-
-impl Span {
-    /// The line and the column of the start, both from 1, in characters.
-    #[must_use]
-    pub fn place(self, text: &str) -> (u64, u64) {
-        let before = text.get(..self.start).unwrap_or(text);
-        let line = before.matches('\n').count() as u64 + 1;
-        let column = before.chars().rev().take_while(|c| *c != '\n').count() as u64 + 1;
-        (line, column)
-    }
-
-    fn to(self, end: Span) -> Span {
-        Span {
-            start: self.start,
-            end: end.end,
-        }
-    }
-}
 
 /// A node of the tree.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,69 +42,9 @@ pub enum Kind {
     Call(String, Vec<Expression>),
 }
 
-/// What stands between two operands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Operator {
-    Add,
-    Subtract,
-    Multiply,
-    Divide,
-    Power,
-    Less,
-    LessOrEqual,
-    Greater,
-    GreaterOrEqual,
-    And,
-    Or,
-}
-
-impl Operator {
-    /// How it is written.
-    #[must_use]
-    pub fn symbol(self) -> &'static str {
-        match self {
-            Operator::Add => "+",
-            Operator::Subtract => "-",
-            Operator::Multiply => "*",
-            Operator::Divide => "/",
-            Operator::Power => "^",
-            Operator::Less => "<",
-            Operator::LessOrEqual => "<=",
-            Operator::Greater => ">",
-            Operator::GreaterOrEqual => ">=",
-            Operator::And => "and",
-            Operator::Or => "or",
-        }
-    }
-
-    /// How tightly it binds its left and its right operand.
-    fn binding(self) -> (u8, u8) {
-        match self {
-            Operator::Or => (1, 2),
-            Operator::And => (3, 4),
-            Operator::Less
-            | Operator::LessOrEqual
-            | Operator::Greater
-            | Operator::GreaterOrEqual => (7, 8),
-            Operator::Add | Operator::Subtract => (9, 10),
-            Operator::Multiply | Operator::Divide => (11, 12),
-            Operator::Power => (16, 15),
-        }
-    }
-}
-
 /// `not` binds tighter than `and`, the minus of one operand tighter than `*` but not than `^`.
 const NOT_BINDING: u8 = 5;
 const MINUS_BINDING: u8 = 13;
-
-/// Why a text is no expression.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SyntaxError {
-    /// Where.
-    pub span: Span,
-    /// What is wrong, as a sentence.
-    pub detail: String,
-}
 
 /// Reads a whole text as one expression.
 ///

@@ -5,6 +5,7 @@
 
 mod catalogue;
 mod parameter;
+mod specialised;
 mod tolerance;
 
 pub mod document;
@@ -20,7 +21,9 @@ pub use tolerance::{Tolerance, ToleranceText};
 use crate::simulation::Plant;
 use crate::simulation::native::{Dynamics, Native};
 use serde::Serialize;
+use specialised::Specialised;
 use std::borrow::Cow;
+use std::sync::Arc;
 use utoipa::ToSchema;
 
 /// A model as the catalogue shows it.
@@ -88,7 +91,8 @@ impl ModelDescription {
 /// A model: its description and its equations.
 pub struct Model {
     description: ModelDescription,
-    plant: Box<dyn Plant>,
+    plant: Arc<dyn Plant>,
+    specialised: Specialised,
     document: Option<serde_json::Value>,
 }
 
@@ -99,10 +103,11 @@ impl Model {
         let n_outputs = description.outputs.len();
         Model {
             description,
-            plant: Box::new(Native {
+            plant: Arc::new(Native {
                 dynamics,
                 n_outputs,
             }),
+            specialised: Specialised::default(),
             document: None,
         }
     }
@@ -112,7 +117,8 @@ impl Model {
     pub fn of_plant(description: ModelDescription, plant: impl Plant + 'static) -> Model {
         Model {
             description,
-            plant: Box::new(plant),
+            plant: Arc::new(plant),
+            specialised: Specialised::default(),
             document: None,
         }
     }
@@ -147,6 +153,12 @@ impl Model {
     #[must_use]
     pub fn plant(&self) -> &dyn Plant {
         self.plant.as_ref()
+    }
+
+    /// The equations for candidates that have these parameters in common, SI.
+    #[must_use]
+    pub fn plant_with(&self, fixed: &[Option<f64>]) -> Arc<dyn Plant> {
+        self.specialised.get(&self.plant, fixed)
     }
 }
 

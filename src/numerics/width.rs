@@ -38,7 +38,13 @@ impl Width {
     #[inline]
     pub fn does<W: Wide>(self, work: W) -> W::Output {
         match self.0 {
-            Registers::Baseline => work.work(),
+            Registers::Baseline => {
+                if const { W::ON_BASELINE } {
+                    work.work()
+                } else {
+                    unreachable!("this work is only done in wide registers")
+                }
+            }
             #[cfg(target_arch = "x86_64")]
             Registers::Avx512 if W::FILLS_64_BYTES => {
                 // SAFETY: a `Width` is made of these only where the processor has them.
@@ -95,6 +101,9 @@ pub trait Wide {
     /// Whether it gains by registers of 64 bytes. Sixteen numbers of single precision do, by a
     /// quarter of the time; eight of double precision were no faster in them (`benches/README.md`).
     const FILLS_64_BYTES: bool = false;
+    /// Whether it is done on machines without wide registers as well. What is not is not compiled
+    /// for them.
+    const ON_BASELINE: bool = true;
     /// Does it.
     fn work(self) -> Self::Output;
 }

@@ -2,7 +2,7 @@
 //!
 //! A [`Recording`] is named signals over one time axis, in SI units; [`Received`] is the same on its
 //! way to where it is kept, and need not be in memory. An [`Experiment`] is the part of it that one
-//! estimation uses: uniform in time, cut to a window, under the model's signal names. A missing
+//! estimation uses: cut to a window, under the model's signal names. A missing
 //! sample is NaN in both and is never invented; outside this module it is `null` or an empty field.
 
 mod axis;
@@ -25,7 +25,7 @@ pub use columns::{NewScratch, Scratch};
 pub use decimate::{SampledSignal, Samples, kept_indices};
 pub use error::ExperimentError;
 pub use exclude::{Exclude, ExcludedClass, ExcludedSpan};
-pub use experiment::{Experiment, Mapped};
+pub use experiment::{Experiment, Instants, Mapped, Selection};
 pub(crate) use quality::shown;
 pub use quality::{QualityReport, TimeSpan, Warning};
 pub use received::{Named, Received, Source};

@@ -18,8 +18,76 @@ const MOST_GRID_SAMPLES: usize = 20;
 /// How far an instant may be from a grid point to be on it, in sample times. It covers rounding.
 const ON_GRID: f64 = 1e-6;
 
-/// How far a held sample may be from a grid point to be of it, in sample times.
+/// How far a sample may be from a grid point to be of it, in sample times.
 const OF_GRID: f64 = 0.5;
+
+/// How far intervals may be from whole sample times on a grid, in sample times: the jitter of a
+/// logger.
+const JITTER: f64 = 0.1;
+
+/// The share of the intervals of a grid that may be further off.
+const STRAY: f64 = 0.05;
+
+/// The most samples of a grid for each that is there, where instants are those of a grid with
+/// gaps: with more, a grid would mean to invent samples.
+const FEW_GAPS: f64 = 1.25;
+
+/// Whether instants are those of a uniform grid, but for jitter and single gaps.
+pub(super) fn is_of_grid(instants: &[f64], sample_time: f64) -> bool {
+    let [first, .., last] = instants else {
+        return true;
+    };
+    let is_whole = |pair: &&[f64]| {
+        let times = (pair[1] - pair[0]) / sample_time;
+        times > 0.5 && (times - times.round()).abs() <= JITTER
+    };
+    let whole = instants.windows(2).filter(is_whole).count() as f64;
+    let intervals = (instants.len() - 1) as f64;
+    whole >= (1.0 - STRAY) * intervals && (last - first) / sample_time <= FEW_GAPS * intervals
+}
+
+/// The same signal with a value at each of its instants, as far as it goes on from one sample to
+/// another; what lies before the first sample is missing.
+pub(super) fn filled(
+    (instants, values): (&[f64], &[f64]),
+    sample_time: f64,
+    rule: Rule,
+) -> Vec<f64> {
+    if rule.interpolation == Interpolation::Hold {
+        return held(values);
+    }
+    let pairs = instants.iter().zip(values);
+    let (own, present): (Vec<f64>, Vec<f64>) = pairs.filter(|(_, value)| !value.is_nan()).unzip();
+    if own.is_empty() {
+        return values.to_vec();
+    }
+    let on_line = resample(
+        (&own, &present),
+        instants.iter().copied(),
+        sample_time,
+        rule,
+    );
+    // A line ends at its last sample; from there on the value stays.
+    let after = values
+        .iter()
+        .rposition(|value| !value.is_nan())
+        .unwrap_or(0);
+    let (line, end) = on_line.split_at(after);
+    line.iter()
+        .copied()
+        .chain(end.iter().map(|_| values[after]))
+        .collect()
+}
+
+/// The last value that is there, at each sample.
+fn held(values: &[f64]) -> Vec<f64> {
+    let mut last = f64::NAN;
+    let mut hold = |value: &f64| {
+        last = if value.is_nan() { last } else { *value };
+        last
+    };
+    values.iter().map(&mut hold).collect()
+}
 
 /// How a signal goes on between its samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -176,9 +244,34 @@ impl<'a> Grid<'a> {
 
     /// The values at the grid points of a signal that has `values` at the instants.
     pub(super) fn resample(&self, values: &[f64], rule: Rule) -> Vec<f64> {
+        resample(
+            (self.instants, values),
+            self.times(),
+            self.sample_time,
+            rule,
+        )
+    }
+
+    fn times(&self) -> impl Iterator<Item = f64> {
         let first = self.instants[0];
-        let times = (0..self.samples).map(|k| first + k as f64 * self.sample_time);
-        resample((self.instants, values), times, self.sample_time, rule)
+        (0..self.samples).map(move |k| first + k as f64 * self.sample_time)
+    }
+
+    /// The same, missing at grid points that no sample was taken near: nothing is measured there.
+    pub(super) fn measured(&self, values: &[f64], rule: Rule) -> Vec<f64> {
+        let pairs = self.instants.iter().zip(values);
+        let own = pairs.filter(|(_, value)| !value.is_nan());
+        let own: Vec<f64> = own.map(|(instant, _)| *instant).collect();
+        let reach = OF_GRID * self.sample_time;
+        let is_near = |time: f64| {
+            let after = own.partition_point(|instant| *instant < time - reach);
+            own.get(after)
+                .is_some_and(|instant| *instant <= time + reach)
+        };
+        let pairs = self.resample(values, rule).into_iter().zip(self.times());
+        pairs
+            .map(|(value, time)| if is_near(time) { value } else { f64::NAN })
+            .collect()
     }
 }
 

@@ -17,14 +17,23 @@ use crate::numerics::width::{Wide, Width};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How many candidates a block may hold at this accuracy, ascending. A larger one takes less time
-/// for each candidate, a smaller one less for the whole block.
+/// for each candidate, a smaller one less for the whole block. Where registers are narrow there are
+/// small ones alone.
 #[must_use]
 pub fn sizes(accuracy: Accuracy) -> &'static [usize] {
-    match accuracy {
-        Accuracy::Ranking => &[SINGLE_LANES / 2, SINGLE_LANES],
-        Accuracy::Screening | Accuracy::Full | Accuracy::Reference => &[LANES / 2, LANES],
+    let sizes: &[usize] = match accuracy {
+        Accuracy::Ranking => &[SINGLE_HALF, SINGLE_LANES],
+        Accuracy::Screening | Accuracy::Full | Accuracy::Reference => &[HALF, LANES],
+    };
+    match Width::widest() {
+        Width::BASELINE => &sizes[..1],
+        _ => sizes,
     }
 }
+
+/// Lanes of a small block.
+const HALF: usize = LANES / 2;
+const SINGLE_HALF: usize = SINGLE_LANES / 2;
 
 /// Starts the simulation of candidates in the smallest block that holds them.
 pub fn simulator<'a, P: System>(
@@ -32,8 +41,6 @@ pub fn simulator<'a, P: System>(
     excitation: Excitation<'a>,
     candidates: Candidates<'_>,
 ) -> Box<dyn BlockSimulator + 'a> {
-    const HALF: usize = LANES / 2;
-    const SINGLE_HALF: usize = SINGLE_LANES / 2;
     let width = Width::widest();
     let is_small = candidates.members.len() <= sizes(excitation.accuracy)[0];
     match (excitation.accuracy, is_small) {
@@ -273,6 +280,8 @@ struct Advance<'b, 'a, P: System, T: Scalar, const N: usize> {
 impl<P: System, T: Scalar, const N: usize> Wide for Advance<'_, '_, P, T, N> {
     type Output = Option<()>;
     const FILLS_64_BYTES: bool = T::IS_SINGLE && N == SINGLE_LANES;
+    const ON_BASELINE: bool =
+        !P::HAS_SMALL_BLOCKS || N <= if T::IS_SINGLE { SINGLE_HALF } else { HALF };
 
     #[inline(always)]
     fn work(self) -> Option<()> {

@@ -12,6 +12,8 @@ impl<R, S: Clone + Send + AsRef<[R]> + AsMut<[R]> + 'static> States<R> for S {}
 
 /// A plant as the source of equations over rows of any kind and precision.
 pub trait System: Send + Sync {
+    /// Whether small blocks are compiled too: then large ones are only where registers are wide.
+    const HAS_SMALL_BLOCKS: bool;
     /// Its equations over a row.
     type Row<'a, R: Real>: Equations<R>
     where

@@ -115,15 +115,21 @@ fn along<R: Real, S: AsRef<[R]> + AsMut<[R]>>(to: &mut S, from: &S, length: R, s
 }
 
 impl<S> Stages<S> {
-    /// Lets a candidate's step lead to where another method has taken it.
-    pub fn set_next<R: Real, X: Real>(&mut self, lane: usize, next: &impl AsRef<[X]>, place: usize)
-    where
+    /// Lets a candidate's step lead to where another method has taken it, with the slope there.
+    pub fn set_end<R: Real, X: Real>(
+        &mut self,
+        lane: usize,
+        (next, end): (&impl AsRef<[X]>, &impl AsRef<[X]>),
+        place: usize,
+    ) where
         S: AsMut<[R]>,
     {
-        let rows = self.next.as_mut().iter_mut();
-        for (to, from) in rows.zip(next.as_ref()) {
-            to.set_lane(lane, from.lane(place));
-        }
+        let set = |rows: &mut [R], from: &[X]| {
+            let rows = rows.iter_mut().zip(from);
+            rows.for_each(|(to, from)| to.set_lane(lane, from.lane(place)));
+        };
+        set(self.next.as_mut(), next.as_ref());
+        set(self.end.as_mut(), end.as_ref());
         let excess = self.next_excess.as_mut().iter_mut();
         excess.for_each(|excess| excess.set_lane(lane, 0.0));
     }

@@ -20,6 +20,7 @@ mod stiff;
 
 use crate::numerics::lanes::{LANES, Lanes};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use utoipa::ToSchema;
 
@@ -150,6 +151,12 @@ pub trait Plant: Send + Sync {
     /// side by side; nothing else depends on it.
     fn work_rate(&self, _parameters: &[f64]) -> f64 {
         0.0
+    }
+    /// The same plant for candidates that have these parameters in common, where it is faster:
+    /// what they make 0 need not be computed. To the bit, but that what is multiplied by 0 counts
+    /// as 0 where it is no number.
+    fn specialised(&self, _fixed: &[Option<f64>]) -> Option<Arc<dyn Plant>> {
+        None
     }
     /// How many candidates a block may hold at this accuracy, ascending. A larger one takes less
     /// time for each candidate, a smaller one less for the whole block.

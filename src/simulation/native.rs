@@ -102,6 +102,7 @@ impl<D: Dynamics> Plant for Native<D> {
 }
 
 impl<D: Dynamics> System for Native<D> {
+    const HAS_SMALL_BLOCKS: bool = true;
     type Row<'a, R: Real> = NativeRow<'a, D, R>;
 
     fn row<R: Real>(&self, parameters: &[R], _sample_time: f64) -> NativeRow<'_, D, R> {

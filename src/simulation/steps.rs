@@ -223,10 +223,11 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
                 squared_error: zero,
             };
             let elapsed = stretch.duration - stretch.remaining;
-            if self.has_stiff {
-                self.try_stiff(equations, &mut stretch, (elapsed, &mut trial));
-            } else {
+            if !self.has_stiff || self.has_explicit(&stretch) {
                 self.try_explicit(equations, (elapsed, &mut trial));
+            }
+            if self.has_stiff {
+                self.try_stiff(&mut stretch, (elapsed, &mut trial));
             }
             self.accept(&mut stretch, &mut trial);
             trials += 1;

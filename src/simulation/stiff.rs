@@ -261,6 +261,8 @@ pub struct WideStep<'a, E: Equations<Lanes>> {
     pub step: Step<'a, E::States>,
     /// Where it leads.
     pub next: &'a mut E::States,
+    /// The slope there.
+    pub end: &'a mut E::States,
 }
 
 impl<E: Equations<Lanes>> Wide for WideStep<'_, E> {
@@ -268,6 +270,9 @@ impl<E: Equations<Lanes>> Wide for WideStep<'_, E> {
 
     #[inline(always)]
     fn work(self) -> Taken {
-        self.rosenbrock.step(self.equations, self.step, self.next)
+        let at = self.step.elapsed + self.step.length;
+        let taken = self.rosenbrock.step(self.equations, self.step, self.next);
+        self.equations.rates(self.next, at, self.end);
+        taken
     }
 }

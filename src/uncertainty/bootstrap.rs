@@ -8,9 +8,9 @@
 
 use std::sync::Arc;
 
+use super::refits::Refits;
 use super::residuals::{self, ResidualReport};
 use crate::estimation::problem::Problem;
-use crate::estimation::refine;
 use crate::numerics::rng::{self, Purpose};
 use crate::simulation::Accuracy;
 use crate::simulation::single::Outputs;
@@ -41,19 +41,21 @@ pub struct Bootstrap<'a> {
 
 impl Bootstrap<'_> {
     /// The 2.5 % and 97.5 % points of each coordinate's position over the refits; none where
-    /// fewer than half of them could be fitted, nothing at all when `stop` was raised.
+    /// fewer than half of them could be fitted, nothing at all when `stop` was raised or the
+    /// refits were cut.
     #[must_use]
-    pub fn intervals(&self, stop: &AtomicBool) -> Option<Option<Vec<(f64, f64)>>> {
-        let refits: Vec<Option<Vec<f64>>> = (0..self.samples)
+    pub fn intervals(&self, refits: &Refits, stop: &AtomicBool) -> Option<Option<Vec<(f64, f64)>>> {
+        let fitted: Vec<Option<Vec<f64>>> = (0..self.samples)
             .into_par_iter()
             .map(|sample| {
                 let problem = self.resampled(sample);
-                let descent =
-                    refine::descend(&problem, self.positions.to_vec(), Accuracy::Full, stop)?;
-                Some(descent.cost.map(|_| descent.positions))
+                let start = self.positions.to_vec();
+                let name = format!("bootstrap/{sample}");
+                let refit = refits.descend(name, (&problem, start), Accuracy::Full, stop)?;
+                Some(refit.cost.map(|_| refit.positions))
             })
             .collect::<Option<_>>()?;
-        let fitted: Vec<Vec<f64>> = refits.into_iter().flatten().collect();
+        let fitted: Vec<Vec<f64>> = fitted.into_iter().flatten().collect();
         if fitted.len() * 2 < self.samples as usize {
             return Some(None);
         }
@@ -83,9 +85,11 @@ impl Bootstrap<'_> {
             for (experiment, trajectory) in self.trajectories.iter().enumerate() {
                 let series = residuals::series(self.problem, trajectory, experiment, output);
                 let drawn = Drawn::new(&series, report, self.positions.len());
+                let own = &self.problem.experiments[experiment];
                 let data = &mut experiments[experiment].measured[output];
                 let simulated = &trajectory[measured.index];
-                drawn.put(&mut rng, data, simulated);
+                let weight = |sample| own.weight(output, sample);
+                drawn.put(&mut rng, data, simulated, weight);
             }
         }
         problem
@@ -115,16 +119,24 @@ impl Drawn {
         }
     }
 
-    /// Simulated plus drawn in place of what was measured in the part that is estimated from.
-    fn put(&self, rng: &mut impl rng::Rng, data: &mut [f64], simulated: &[f64]) {
+    /// Simulated plus drawn, as large as the noise of the sample, in place of what was measured in
+    /// the part that is estimated from.
+    fn put(
+        &self,
+        rng: &mut impl rng::Rng,
+        data: &mut [f64],
+        simulated: &[f64],
+        weight: impl Fn(usize) -> f64,
+    ) {
         let count = self.residuals.len();
         let (mut at, mut left) = (0, 0);
-        let used = data.iter_mut().zip(simulated).filter(|(y, _)| !y.is_nan());
-        for (value, simulated) in used.take(count) {
+        let used = data.iter_mut().zip(simulated).enumerate();
+        let used = used.filter(|(_, (y, _))| !y.is_nan());
+        for (sample, (value, simulated)) in used.take(count) {
             if left == 0 {
                 (at, left) = (rng::below(rng, count), self.block);
             }
-            *value = simulated + self.residuals[at];
+            *value = simulated + self.residuals[at] / weight(sample);
             (at, left) = ((at + 1) % count, left - 1);
         }
     }

@@ -32,6 +32,9 @@ pub struct OutputFit {
     pub correlation: Option<f64>,
     /// Residuals.
     pub samples: usize,
+    /// The mean square of the residuals, each as large as if all samples had the same noise
+    /// [SI²]: what likelihoods are made of.
+    pub weighted_square: Option<f64>,
 }
 
 /// Criteria for the comparison of models that explain the same data.
@@ -52,6 +55,7 @@ pub struct Criteria {
 pub fn of(problem: &Problem, trajectories: &[Outputs], part: Part) -> Vec<OutputFit> {
     let of_output = |output: usize| {
         let mut pairs = Vec::new();
+        let mut weighted = 0.0;
         for (data, trajectory) in problem.experiments.iter().zip(trajectories) {
             let range = match part {
                 Part::Estimation => 0..data.estimation_samples,
@@ -59,10 +63,17 @@ pub fn of(problem: &Problem, trajectories: &[Outputs], part: Part) -> Vec<Output
             };
             let simulated = &trajectory[problem.outputs[output].index];
             let measured = &data.measured[output];
-            let both = range.map(|sample| (measured[sample], simulated[sample]));
-            pairs.extend(both.filter(|(measured, _)| !measured.is_nan()));
+            let both = range.map(|sample| (sample, (measured[sample], simulated[sample])));
+            let present = both.filter(|(_, (measured, _))| !measured.is_nan());
+            for (sample, (measured, simulated)) in present {
+                weighted += ((measured - simulated) * data.weight(output, sample)).powi(2);
+                pairs.push((measured, simulated));
+            }
         }
-        describe(&pairs)
+        OutputFit {
+            weighted_square: (!pairs.is_empty()).then(|| weighted / pairs.len() as f64),
+            ..describe(&pairs)
+        }
     };
     (0..problem.outputs.len()).map(of_output).collect()
 }
@@ -76,6 +87,7 @@ fn describe(pairs: &[(f64, f64)]) -> OutputFit {
             max_abs_error: None,
             correlation: None,
             samples,
+            weighted_square: None,
         };
     }
     let mean = pairs.iter().map(|(measured, _)| measured).sum::<f64>() / samples as f64;
@@ -101,6 +113,7 @@ fn describe(pairs: &[(f64, f64)]) -> OutputFit {
         rmse: Some((error / samples as f64).sqrt()),
         max_abs_error: Some(largest),
         samples,
+        weighted_square: Some(error / samples as f64),
     }
 }
 
@@ -116,7 +129,7 @@ pub fn criteria(fits: &[OutputFit], unknowns: usize) -> Option<Criteria> {
     let mut log_likelihood_part = 0.0;
     let mut product = 1.0;
     for fit in fits.iter().filter(|fit| fit.samples > 0) {
-        let variance = fit.rmse? * fit.rmse?;
+        let variance = fit.weighted_square?;
         log_likelihood_part += fit.samples as f64 * libm::log(variance);
         product *= variance;
     }
@@ -163,6 +176,7 @@ mod tests {
             max_abs_error: None,
             correlation: None,
             samples: 100,
+            weighted_square: Some(0.25),
         };
         let criteria = criteria(&[fit], 2).unwrap();
         // 100·ln 0.25 = −138.629436, 100·(1 + ln 2π) = 283.787707.

@@ -17,6 +17,7 @@ pub mod fit;
 pub mod identifiability;
 pub mod joint;
 pub mod profile;
+pub mod refits;
 pub mod residuals;
 pub mod reweighting;
 mod rules;
@@ -25,6 +26,7 @@ pub mod settings;
 pub mod verdict;
 pub mod whitening;
 
+pub use refits::Refits;
 pub use selection::{Conclusion, conclude};
 pub use settings::{Intervals, Settings};
 
@@ -124,12 +126,13 @@ pub struct Request {
     pub thorough: bool,
 }
 
-/// Analyses an estimate. Answers nothing when `stop` was raised.
+/// Analyses an estimate. Answers nothing when `stop` was raised, or the refits were cut.
 #[must_use]
 pub fn analyse(
     problem: &Problem,
     report: &Report,
     request: &Request,
+    refits: &Refits,
     stop: &AtomicBool,
 ) -> Option<Analysis> {
     let positions = &report.positions;
@@ -149,7 +152,7 @@ pub fn analyse(
         trajectories: &trajectories,
         residuals: &residuals,
     };
-    let linearised = match estimate.linearised((&extended, &around), request, stop) {
+    let linearised = match estimate.linearised((&extended, &around), request, (refits, stop)) {
         Ok(linearised) => linearised,
         Err(SensitivityError::Interrupted) => return None,
         Err(failure) => Linearised::without(problem, report, failure.to_string()),
@@ -262,7 +265,7 @@ impl Estimate<'_> {
         &self,
         (extended, around): (&Extended, &Neighbourhood<'_>),
         request: &Request,
-        stop: &AtomicBool,
+        (refits, stop): (&Refits, &AtomicBool),
     ) -> Result<Linearised, SensitivityError> {
         let (problem, positions) = (self.problem, &self.report.positions[..]);
         let linear = covariance::linearise(problem, around, self.residuals)
@@ -276,7 +279,7 @@ impl Estimate<'_> {
         let weights = NoiseLevels::of(problem, self.residuals).weights();
         let flat = identifiability::flat_at(problem, positions, &linear.factor, &weights, stop)?;
         let mut coordinates = coordinates(problem, self.report, Some(&linear));
-        self.better_intervals(&mut coordinates, &linear, request, stop)?;
+        self.better_intervals(&mut coordinates, &linear, request, (refits, stop))?;
         let deviations: Vec<Option<f64>> = (0..positions.len())
             .map(|index| linear.deviation(index))
             .collect();
@@ -302,13 +305,13 @@ impl Estimate<'_> {
         coordinates: &mut [CoordinateUncertainty],
         linear: &Linear,
         request: &Request,
-        stop: &AtomicBool,
+        (refits, stop): (&Refits, &AtomicBool),
     ) -> Result<(), SensitivityError> {
         let positions = &self.report.positions;
         let (method, ends) = match request.settings.intervals {
             Intervals::Fisher => return Ok(()),
             Intervals::Profile => {
-                let ends = profile::intervals(self.problem, positions, linear, stop)?;
+                let ends = profile::intervals(self.problem, positions, linear, (refits, stop))?;
                 ("profile", ends)
             }
             Intervals::Bootstrap => {
@@ -320,7 +323,7 @@ impl Estimate<'_> {
                     samples: request.settings.bootstrap_samples,
                     seed: request.seed,
                 };
-                let found = bootstrap.intervals(stop);
+                let found = bootstrap.intervals(refits, stop);
                 match found.ok_or(SensitivityError::Interrupted)? {
                     Some(intervals) => (
                         "bootstrap",

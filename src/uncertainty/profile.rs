@@ -12,6 +12,7 @@ use std::sync::Arc;
 
 use super::NORMAL_95;
 use super::covariance::Linear;
+use super::refits::Refits;
 use crate::estimation::objective::Objective;
 use crate::estimation::problem::{Problem, Target};
 use crate::estimation::refine;
@@ -35,12 +36,12 @@ pub type Ends = (Option<f64>, Option<f64>);
 /// The interval of each coordinate.
 ///
 /// # Errors
-/// When the stop flag was raised, or the estimate cannot be simulated.
+/// When the stop flag was raised, the refits were cut, or the estimate cannot be simulated.
 pub fn intervals(
     problem: &Problem,
     positions: &[f64],
     linear: &Linear,
-    stop: &AtomicBool,
+    (refits, stop): (&Refits, &AtomicBool),
 ) -> Result<Vec<Ends>, SensitivityError> {
     let bottom = refine::linearise(problem, positions, Accuracy::Full, stop)?;
     let inverse = information_inverse(&bottom.triangle);
@@ -54,6 +55,7 @@ pub fn intervals(
             inverse: inverse.as_ref(),
             deviation: linear.deviation(coordinate),
             noise: linear.mean_square_noise,
+            refits,
             stop,
         };
         profile.end(side)
@@ -94,6 +96,7 @@ struct Profile<'a> {
     deviation: Option<f64>,
     /// The mean square of the noise in the units of the residuals.
     noise: f64,
+    refits: &'a Refits,
     stop: &'a AtomicBool,
 }
 
@@ -114,7 +117,7 @@ impl Profile<'_> {
             let position = next.clamp(0.0, 1.0);
             hold(&mut reduced, self.problem, self.coordinate, position);
             let own = self.prior_square(position);
-            let fit = self.fit(&reduced, self.guess(position, &others))?;
+            let fit = self.fit(position, &reduced, self.guess(position, &others))?;
             let (root, fitted) = match fit.map(|(sum, fitted)| (sum + own, fitted)) {
                 Some((sum, fitted)) => (((sum - self.sum).max(0.0) / level).sqrt(), Some(fitted)),
                 None => (f64::INFINITY, None),
@@ -186,6 +189,7 @@ impl Profile<'_> {
     /// where it cannot be simulated.
     fn fit(
         &self,
+        position: f64,
         reduced: &Problem,
         start: Vec<f64>,
     ) -> Result<Option<(f64, Vec<f64>)>, SensitivityError> {
@@ -198,9 +202,12 @@ impl Profile<'_> {
             let cost = only[0].cost;
             return Ok(cost.is_finite().then(|| (cost * samples, Vec::new())));
         }
-        let descent = refine::descend(reduced, start, Accuracy::Full, self.stop)
+        let name = format!("profile/{}/{position:e}", self.coordinate);
+        let refit = self
+            .refits
+            .descend(name, (reduced, start), Accuracy::Full, self.stop)
             .ok_or(SensitivityError::Interrupted)?;
-        Ok(descent.cost.map(|cost| (cost * samples, descent.positions)))
+        Ok(refit.cost.map(|cost| (cost * samples, refit.positions)))
     }
 }
 

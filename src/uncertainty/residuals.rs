@@ -73,7 +73,8 @@ pub fn report(problem: &Problem, trajectories: &[Outputs]) -> Vec<ResidualReport
     (0..problem.outputs.len()).map(of_output).collect()
 }
 
-/// measured − simulated of one output in one experiment [SI]; NaN where not measured.
+/// measured − simulated of one output in one experiment [SI], as large as if all samples had the
+/// same noise; NaN where not measured.
 pub(super) fn series(
     problem: &Problem,
     trajectory: &Outputs,
@@ -84,8 +85,9 @@ pub(super) fn series(
     let simulated = &trajectory[problem.outputs[output].index];
     let used = data.measured[output][..data.estimation_samples]
         .iter()
-        .zip(simulated);
-    used.map(|(measured, simulated)| measured - simulated)
+        .zip(simulated)
+        .enumerate();
+    used.map(|(sample, (measured, simulated))| (measured - simulated) * data.weight(output, sample))
         .collect()
 }
 

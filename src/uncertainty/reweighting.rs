@@ -8,10 +8,11 @@
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
-use crate::estimation::{refine, trajectory};
+use crate::estimation::trajectory;
 use crate::simulation::Accuracy;
 use std::sync::atomic::AtomicBool;
 
+use super::refits::Refits;
 use super::residuals;
 
 /// Fits at the most.
@@ -22,19 +23,20 @@ const STANDS: f64 = 1e-4;
 const SMALLEST: f64 = 1e-9;
 
 /// The problem with the weights that its own residuals ask for, and the estimate with them; as
-/// they are where nothing is to be weighed. Answers nothing when `stop` was raised.
+/// they are where nothing is to be weighed. Answers nothing when `stop` was raised or the refits
+/// were cut.
 #[must_use]
 pub fn reweighted(
     problem: &Problem,
     report: &Report,
-    stop: &AtomicBool,
+    (refits, stop): (&Refits, &AtomicBool),
 ) -> Option<(Problem, Report)> {
     let mut problem = problem.clone();
     let mut report = report.clone();
     if !is_needed(&problem) {
         return Some((problem, report));
     }
-    for _ in 0..MOST_FITS {
+    for fit in 0..MOST_FITS {
         let Ok(trajectories) = trajectory::simulate(&problem, &report.positions, stop)? else {
             break;
         };
@@ -50,10 +52,11 @@ pub fn reweighted(
         if change < STANDS {
             break;
         }
-        let descent = refine::descend(&problem, report.positions.clone(), Accuracy::Full, stop)?;
-        report.cost = descent.cost;
-        report.values = problem.values(&descent.positions);
-        report.positions = descent.positions;
+        let (name, start) = (format!("reweighted/{fit}"), report.positions.clone());
+        let refit = refits.descend(name, (&problem, start), Accuracy::Full, stop)?;
+        report.cost = refit.cost;
+        report.values = problem.values(&refit.positions);
+        report.positions = refit.positions;
     }
     Some((problem, report))
 }

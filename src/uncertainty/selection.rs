@@ -8,9 +8,8 @@
 //! [`Problem::parameters`].
 
 use super::fit::{self, OutputFit, Part};
-use super::{Analysis, Request, analyse, reweighting};
+use super::{Analysis, Refits, Request, analyse, reweighting};
 use crate::estimation::problem::Problem;
-use crate::estimation::refine;
 use crate::estimation::report::Report;
 use crate::estimation::trajectory;
 use crate::simulation::Accuracy;
@@ -57,24 +56,24 @@ pub struct Conclusion {
 }
 
 /// Weighs the outputs anew and chooses the effects where that is asked for, and analyses the
-/// estimate. Answers nothing when
-/// `stop` was raised.
+/// estimate. Answers nothing when `stop` was raised, or the refits were cut.
 #[must_use]
 pub fn conclude(
     problem: &Problem,
     report: &Report,
     request: &Request,
+    refits: &Refits,
     stop: &AtomicBool,
 ) -> Option<Conclusion> {
     let (problem, report) = if request.thorough {
-        reweighting::reweighted(problem, report, stop)?
+        reweighting::reweighted(problem, report, (refits, stop))?
     } else {
         (problem.clone(), report.clone())
     };
     let (problem, report, selection) = if request.effects.is_empty() {
         (problem, report, None)
     } else {
-        let (best, selection) = select(&problem, &report, &request.effects, stop)?;
+        let (best, selection) = select(&problem, &report, &request.effects, (refits, stop))?;
         let report = Report {
             values: best.problem.values(&best.positions),
             positions: best.positions,
@@ -83,7 +82,7 @@ pub fn conclude(
         };
         (best.problem, report, Some(selection))
     };
-    let analysis = analyse(&problem, &report, request, stop)?;
+    let analysis = analyse(&problem, &report, request, refits, stop)?;
     Some(Conclusion {
         problem,
         report,
@@ -113,7 +112,7 @@ fn select(
     problem: &Problem,
     report: &Report,
     effects: &[String],
-    stop: &AtomicBool,
+    (refits, stop): (&Refits, &AtomicBool),
 ) -> Option<(Fitted, Selection)> {
     let has_validation = problem
         .experiments
@@ -129,6 +128,7 @@ fn select(
             Part::Estimation
         },
         worst: f64::INFINITY,
+        refits,
         stop,
     };
     let whole = bench.measure(problem.clone(), report.positions.clone(), report.cost)?;
@@ -183,6 +183,7 @@ struct Bench<'a> {
     compared_on: Part,
     /// A model with a larger criterion is not fitted any more closely.
     worst: f64,
+    refits: &'a Refits,
     stop: &'a AtomicBool,
 }
 
@@ -199,13 +200,17 @@ impl Bench<'_> {
         let all = self.problem.coordinates.iter().zip(self.start);
         let kept = all.filter(|(own, _)| !is_left_out(&own.name));
         let start = kept.map(|(_, position)| *position).collect();
-        let coarse = refine::descend(&problem, start, Accuracy::Screening, self.stop)?;
+        let refit = |kind: &str, of: (&Problem, Vec<f64>), accuracy| {
+            let name = format!("{kind} with {}", effects.join(", "));
+            self.refits.descend(name, of, accuracy, self.stop)
+        };
+        let coarse = refit("coarse", (&problem, start), Accuracy::Screening)?;
         let fitted = self.measure(problem, coarse.positions, coarse.cost)?;
         if fitted.tried.criterion.is_none_or(|own| own > self.worst) {
             return Some(fitted);
         }
         let (problem, start) = (fitted.problem, fitted.positions);
-        let fine = refine::descend(&problem, start, Accuracy::Full, self.stop)?;
+        let fine = refit("fine", (&problem, start), Accuracy::Full)?;
         self.measure(problem, fine.positions, fine.cost)
     }
 

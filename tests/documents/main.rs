@@ -9,10 +9,14 @@ mod hostile;
 
 mod native;
 
+mod published;
+
 mod recordings;
 
 #[path = "../recovery/run.rs"]
 mod run;
+
+mod unruly;
 
 use serde_json::Value;
 

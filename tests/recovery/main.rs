@@ -13,6 +13,7 @@ mod joint;
 mod outliers;
 mod rivals;
 mod run;
+mod sampling;
 
 use greybox::demo::{self, Demo};
 use greybox::intake::csv;

@@ -3,11 +3,14 @@
 use super::{Finding, signal_pointer};
 use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Prior, Target};
 use crate::job::fault::Fault;
-use crate::job::spec::{ExperimentRole, ExperimentSpec, InitialStateSpec, ParameterSpec};
+use crate::job::spec::{
+    ExperimentRole, ExperimentSpec, InitialStateSpec, OutputSpec, ParameterSpec,
+};
 use crate::model::{InitialState, ModelDescription, Scale};
 use crate::numerics::statistics;
-use crate::recording::{Mapped, Recording, Split, Window};
+use crate::recording::{Mapped, Recording, Selection, Split, Window};
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// An estimated initial position may differ from the first samples by this share of the range of
 /// its output ...
@@ -21,6 +24,8 @@ const SLOPE_SPAN_SHARE: f64 = 1e-3;
 pub(super) struct Cutter<'a> {
     pub description: &'a ModelDescription,
     pub outputs: &'a [MeasuredOutput],
+    /// What the job says of them.
+    pub said: &'a BTreeMap<String, OutputSpec>,
     pub validation_fraction: f64,
     pub pointer: &'a str,
     /// The place of the experiment in the job.
@@ -30,6 +35,8 @@ pub(super) struct Cutter<'a> {
 /// An experiment that has been cut.
 pub(super) struct Cut {
     pub experiment: Experiment,
+    /// For each output the noise of its samples, where it is recorded.
+    pub noise: Vec<Option<Vec<f64>>>,
     pub free_states: Vec<FreeState>,
     pub findings: Vec<Finding>,
 }
@@ -48,6 +55,11 @@ pub(super) fn name_of_start(state: &str, experiment: usize) -> String {
         0 => format!("initial_{state}"),
         later => format!("initial_{state}_{later}"),
     }
+}
+
+/// The name under which an experiment carries the noise of an output.
+fn name_of_noise(output: &str) -> String {
+    format!("noise of {output}")
 }
 
 impl FreeState {
@@ -80,24 +92,10 @@ impl Cutter<'_> {
         spec: &ExperimentSpec,
         recording: &Recording,
     ) -> Result<Cut, Vec<Fault>> {
+        let data = self.data(spec, recording)?;
         let fault = |pointer: String, code: &'static str, detail: String| {
             vec![Fault::new(pointer, code, detail)]
         };
-        let mapped = self.mapped(spec);
-        let exclude = spec.exclude.clone().unwrap_or_default();
-        let window = spec.window.map(|window| Window {
-            from_s: window.from_s,
-            to_s: window.to_s,
-        });
-        let data = recording
-            .experiment(&mapped, window, &exclude)
-            .map_err(|error| {
-                fault(
-                    self.pointer.to_owned(),
-                    "experiment_not_possible",
-                    error.to_string(),
-                )
-            })?;
         let split = Split::new(data.samples, self.validation_fraction).map_err(|error| {
             fault(
                 "/validation/fraction".to_owned(),
@@ -131,6 +129,7 @@ impl Cutter<'_> {
         let mut experiment = Experiment {
             place: self.place,
             sample_time: data.sample_time,
+            instants: data.instants.clone(),
             samples: data.samples,
             estimation_samples: match spec.role {
                 ExperimentRole::Estimation => split.estimation.end,
@@ -138,15 +137,39 @@ impl Cutter<'_> {
             },
             input_set,
             inputs,
+            weights: vec![None; measured.len()],
             measured,
             initial_state: vec![None; self.description.states.len()],
             parameters: self.own_values(spec),
         };
         let free_states = self.settle_start(spec, &mut experiment);
         Ok(Cut {
+            noise: self.noise(&data),
             experiment,
             free_states,
             findings,
+        })
+    }
+
+    /// The part of the recording that the experiment uses.
+    fn data(
+        &self,
+        spec: &ExperimentSpec,
+        recording: &Recording,
+    ) -> Result<crate::recording::Experiment, Vec<Fault>> {
+        let window = spec.window.map(|window| Window {
+            from_s: window.from_s,
+            to_s: window.to_s,
+        });
+        let selection = Selection {
+            window,
+            exclude: spec.exclude.as_ref(),
+            instants: spec.instants,
+        };
+        let data = recording.experiment(&self.mapped(spec), selection);
+        data.map_err(|error| {
+            let detail = error.to_string();
+            vec![Fault::new(self.pointer, "experiment_not_possible", detail)]
         })
     }
 
@@ -162,7 +185,20 @@ impl Cutter<'_> {
             true => Mapped::held(model, recorded),
             false => Mapped::on_line(model, recorded),
         });
-        mapped.collect()
+        let noise = spec.signals.keys().filter_map(|output| {
+            let recorded = self.said.get(output)?.noise_signal.as_ref()?;
+            Some(Mapped::on_line(&name_of_noise(output), recorded))
+        });
+        mapped.chain(noise).collect()
+    }
+
+    /// For each output the noise of its samples, where it is recorded.
+    fn noise(&self, data: &crate::recording::Experiment) -> Vec<Option<Vec<f64>>> {
+        let of_output = |output: &MeasuredOutput| {
+            let noise = data.signal(&name_of_noise(&output.name));
+            noise.map(<[f64]>::to_vec)
+        };
+        self.outputs.iter().map(of_output).collect()
     }
 
     /// The parameters that have a known value of their own in this experiment.
@@ -260,7 +296,7 @@ impl Cutter<'_> {
                 }
                 None => {
                     experiment.initial_state[state] = first_sample(description.initial, series);
-                    let range = default_range(description.initial, series, experiment.sample_time);
+                    let range = default_range(description.initial, series, experiment);
                     let middle = range.map(|(lower, upper)| f64::midpoint(lower, upper));
                     let is_estimated = spec.role == ExperimentRole::Estimation;
                     let start = &mut experiment.initial_state[state];
@@ -316,12 +352,12 @@ fn first_sample<'a>(
 fn default_range<'a>(
     initial: InitialState,
     series: impl Fn(usize) -> Option<&'a [f64]>,
-    sample_time: f64,
+    experiment: &Experiment,
 ) -> Option<(f64, f64)> {
     match initial {
         InitialState::Model | InitialState::FirstSample { .. } => None,
         InitialState::EstimatedFromOutput { output } => range_of_start(series(output)?),
-        InitialState::EstimatedFromSlope { output } => range_of_slope(series(output)?, sample_time),
+        InitialState::EstimatedFromSlope { output } => range_of_slope(series(output)?, experiment),
     }
 }
 
@@ -333,13 +369,14 @@ fn range_of_start(values: &[f64]) -> Option<(f64, f64)> {
 }
 
 /// Around the first slope, by a share of the steepest one.
-fn range_of_slope(values: &[f64], sample_time: f64) -> Option<(f64, f64)> {
+fn range_of_slope(values: &[f64], experiment: &Experiment) -> Option<(f64, f64)> {
     let span = ((values.len() as f64 * SLOPE_SPAN_SHARE) as usize).max(1);
     let ahead = values.iter().skip(span);
     let slopes: Vec<f64> = values
         .iter()
         .zip(ahead)
-        .map(|(a, b)| (b - a) / (span as f64 * sample_time))
+        .enumerate()
+        .map(|(k, (a, b))| (b - a) / (experiment.instant(k + span) - experiment.instant(k)))
         .filter(|slope| !slope.is_nan())
         .collect();
     let steepest = slopes.iter().map(|slope| slope.abs()).fold(0.0, f64::max);

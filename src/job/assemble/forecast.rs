@@ -1,8 +1,7 @@
 //! What a job's data could fix, said before the job runs.
 
-use super::{Assembly, Finding, preflight};
+use super::{Assembly, Finding, Preflight};
 use crate::document::fault::pointer_to;
-use crate::estimation::Settings;
 use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::job::budget::BudgetLine;
 use crate::simulation::Accuracy;
@@ -51,18 +50,18 @@ pub struct Prediction {
     pub share_of_range: Option<[f64; 2]>,
 }
 
-/// Looks ahead, where that takes no longer than a client waits; what it finds joins the findings,
-/// and that it could not look when `stop` was raised before it had.
+/// Looks ahead, where that takes no longer than a client waits; what it finds joins the findings of
+/// the preflight, and that it could not look when `stop` was raised before it had.
 #[must_use]
 pub fn forecast(
     assembly: &Assembly,
-    settings: &Settings,
-    findings: &mut Vec<Finding>,
+    preflight: &mut Preflight,
     stop: &AtomicBool,
 ) -> Identifiability {
     let problem = &assembly.problem;
     let columns = 1 + 2 * problem.coordinates.len();
-    let each = preflight::preflight(assembly, settings).derivatives_per_evaluation as f64;
+    let each = preflight.derivatives_per_evaluation as f64;
+    let findings = &mut preflight.findings;
     let cost = each * (columns * identifiability::POINTS) as f64;
     if cost > BUDGET {
         let detail = format!(

@@ -4,6 +4,7 @@ use super::{Assembly, Finding};
 use crate::estimation::{Settings, trajectory};
 use crate::numerics::statistics;
 use serde::{Deserialize, Serialize};
+use std::sync::atomic::AtomicBool;
 use utoipa::ToSchema;
 
 /// What a job will come to.
@@ -25,9 +26,24 @@ pub struct Preflight {
 /// show its fastest mode: Nyquist's limit, π radians a sample.
 const NYQUIST: f64 = std::f64::consts::PI;
 
-/// Says what an assembled job will come to.
+/// Says what an assembled job will come to. When `stop` was raised before its work was counted
+/// that is 0.
 #[must_use]
-pub fn preflight(assembly: &Assembly, settings: &Settings) -> Preflight {
+pub fn preflight(assembly: &Assembly, settings: &Settings, stop: &AtomicBool) -> Preflight {
+    let problem = &assembly.problem;
+    let middle = vec![0.5; problem.coordinates.len()];
+    Preflight {
+        unknowns: problem.coordinates.len() as u64,
+        residuals: problem.n_residuals() as u64,
+        evaluations: u64::from(settings.population) * u64::from(settings.generations),
+        derivatives_per_evaluation: trajectory::derivatives(problem, &middle, stop).unwrap_or(0),
+        findings: findings(assembly),
+    }
+}
+
+/// What the user of an assembled job should know of it.
+#[must_use]
+pub fn findings(assembly: &Assembly) -> Vec<Finding> {
     let problem = &assembly.problem;
     let middle = vec![0.5; problem.coordinates.len()];
     let rate = problem.fastest_rate(&middle);
@@ -57,11 +73,5 @@ pub fn preflight(assembly: &Assembly, settings: &Settings) -> Preflight {
             }
         }
     }
-    Preflight {
-        unknowns: problem.coordinates.len() as u64,
-        residuals: problem.n_residuals() as u64,
-        evaluations: u64::from(settings.population) * u64::from(settings.generations),
-        derivatives_per_evaluation: trajectory::derivatives(problem, &middle),
-        findings,
-    }
+    findings
 }

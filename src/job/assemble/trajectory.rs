@@ -73,9 +73,7 @@ pub fn trajectory(
         let outputs = problem.outputs.iter().zip(&data.measured);
         ExperimentTrajectory {
             dataset: spec.dataset,
-            time: (0..data.samples)
-                .map(|k| from + k as f64 * data.sample_time)
-                .collect(),
+            time: (0..data.samples).map(|k| from + data.instant(k)).collect(),
             estimation_samples: data.estimation_samples,
             outputs: outputs
                 .map(|(output, measured)| OutputTrajectory {

@@ -1,6 +1,6 @@
 //! The `exclude` of an experiment: what of its recording is left out.
 
-use super::experiment::inside;
+use super::window::inside;
 use crate::document::reader::{Field, did_you_mean};
 use crate::recording::{Exclude, ExcludedClass, ExcludedSpan, Summary};
 

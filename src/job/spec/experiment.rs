@@ -4,13 +4,13 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::{
     ExperimentRole, ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec,
-    MAX_EXPERIMENTS, ParameterSpec, StateRange, WindowSpec, exclude, parameter, prior,
+    MAX_EXPERIMENTS, ParameterSpec, StateRange, exclude, parameter, prior, window,
 };
 use crate::document::reader::{Field, Object, did_you_mean, listed};
 use crate::job::id::DatasetId;
 use crate::model::{ModelDescription, SignalDescription, Tolerance};
 use crate::numerics::dimension::Dimension;
-use crate::recording::Summary;
+use crate::recording::{Instants, Summary};
 
 /// Values that the experiments of one job read at the most: recorded samples times signals.
 const MAX_VALUES: usize = 20_000_000;
@@ -69,9 +69,12 @@ fn read(
         _ => None,
     };
     let window = object.optional("window");
-    let window = window.map(|field| read_window(&field, recording));
+    let window = window.map(|field| window::read(&field, recording));
     let exclude = object.optional("exclude");
     let exclude = exclude.and_then(|field| exclude::read(&field, recording));
+    let instants = object.optional("instants");
+    let instants = instants
+        .and_then(|field| field.choice(&[("own", Instants::Own), ("grid", Instants::Grid)]));
     let initial_state = object.optional("initial_state");
     let initial_state = match (&initial_state, model) {
         (Some(field), Some(model)) => read_initial_state(field, model, signals.as_ref()),
@@ -107,6 +110,7 @@ fn read(
         signals: signals?,
         window: window.flatten(),
         exclude,
+        instants,
         initial_state,
         parameters,
         role,
@@ -250,6 +254,15 @@ impl Link<'_> {
         true
     }
 
+    /// Faults where the recording does not have the signal that holds the noise of an output, or
+    /// has it in a unit that the output has not.
+    pub(super) fn check_noise(&self, field: &Field<'_>, output: &str, recorded: &str) {
+        let mut outputs = self.model.outputs.iter();
+        if let Some(output) = outputs.find(|own| own.name == output) {
+            self.fits(field, output, recorded);
+        }
+    }
+
     fn model_signals(&self) -> impl Iterator<Item = &SignalDescription> {
         self.model.inputs.iter().chain(&self.model.outputs)
     }
@@ -298,65 +311,6 @@ impl Link<'_> {
             listed(&names)
         )
     }
-}
-
-pub(super) fn read_window(field: &Field<'_>, recording: Option<&Summary>) -> Option<WindowSpec> {
-    let mut object = field.object()?;
-    let bounds = ["from_s", "to_s"].map(|name| object.optional(name));
-    let times = ["from", "to"].map(|name| object.optional(name));
-    object.finish();
-    let mut bounds = bounds.into_iter().zip(times).map(|both| match both {
-        (Some(_), Some(time)) => {
-            let detail = "the bound is given twice: in seconds, and as a time of day";
-            time.fault("contradiction", detail);
-            None
-        }
-        (Some(seconds), None) => inside(&seconds, seconds.number()?, recording),
-        (None, Some(time)) => inside(&time, since_start(&time, recording)?, recording),
-        (None, None) => None,
-    });
-    let (from_s, to_s) = (bounds.next().flatten(), bounds.next().flatten());
-    let start = from_s.unwrap_or(0.0);
-    if let Some(end) = to_s
-        && start >= end
-    {
-        let detail = format!("from_s {start} is not before to_s {end}");
-        field.fault("bounds_reversed", detail);
-    }
-    Some(WindowSpec {
-        from_s,
-        to_s,
-        from: None,
-        to: None,
-    })
-}
-
-/// The seconds from the first sample of the recording to a time of day.
-fn since_start(field: &Field<'_>, recording: Option<&Summary>) -> Option<f64> {
-    let Ok(time) = field.text()?.parse::<jiff::Timestamp>() else {
-        let detail = "expected an RFC 3339 timestamp with an offset, such as \
-                      2026-03-02T08:15:00+01:00";
-        field.fault("not_a_time", detail);
-        return None;
-    };
-    let Some(start) = recording?.start else {
-        let detail = "the recording does not say when it began; give the window in seconds";
-        field.fault("no_start", detail);
-        return None;
-    };
-    Some(time.duration_since(start).as_secs_f64())
-}
-
-/// An instant of the recording; the end of its last sample counts as inside.
-pub(super) fn inside(field: &Field<'_>, instant: f64, recording: Option<&Summary>) -> Option<f64> {
-    let end = recording.map(|recording| recording.duration_s + recording.sample_time_s);
-    if instant < 0.0 || end.is_some_and(|end| instant > end) {
-        let duration = recording.map_or(f64::INFINITY, |recording| recording.duration_s);
-        let detail = format!("{instant} s is outside the recording, 0 s to {duration} s");
-        field.fault("outside_recording", detail);
-        return None;
-    }
-    Some(instant)
 }
 
 pub(super) fn read_initial_state(

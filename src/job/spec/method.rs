@@ -4,7 +4,7 @@ use serde::de::DeserializeOwned;
 use serde::de::IntoDeserializer;
 use serde::de::value::StrDeserializer;
 
-use super::JobSpec;
+use super::{JobSpec, OutputSpec};
 use crate::document::reader::{Field, Object};
 use crate::estimation::Settings;
 use crate::model::ModelDescription;
@@ -90,7 +90,7 @@ pub(super) fn check_loss(job: &Object<'_>, spec: &JobSpec, model: &ModelDescript
     };
     let has_noise = |name: &str| {
         let known = spec.outputs.get(name);
-        known.is_some_and(|output| output.noise_std.is_some())
+        known.is_some_and(OutputSpec::declares_noise)
     };
     let outputs = model.outputs.iter().map(|output| &*output.name);
     for output in outputs.filter(|name| is_measured(name) && !has_noise(name)) {

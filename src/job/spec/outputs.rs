@@ -1,16 +1,20 @@
 //! The `outputs` section: what is known about each measured output.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
+use super::experiment::Link;
 use super::{ExperimentSpec, OutputSpec};
 use crate::document::reader::{Field, did_you_mean, listed};
+use crate::job::id::DatasetId;
 use crate::model::ModelDescription;
+use crate::recording::Summary;
 
 /// What the section says about each output; every name must be one that is measured.
 pub(super) fn read(
     field: &Field<'_>,
     model: Option<&ModelDescription>,
     experiments: Option<&[ExperimentSpec]>,
+    datasets: &HashMap<DatasetId, Summary>,
 ) -> BTreeMap<String, OutputSpec> {
     let mut outputs = BTreeMap::new();
     for (name, field) in field.object().map(|o| o.entries()).into_iter().flatten() {
@@ -19,8 +23,29 @@ pub(super) fn read(
             continue;
         };
         let noise_std = object.optional("noise_std").and_then(|f| f.positive());
+        let noise_share = object.optional("noise_share").and_then(|f| f.positive());
+        let noise_signal = object.optional("noise_signal");
+        let noise_signal = noise_signal.and_then(|field| {
+            let signal = field.text()?;
+            let measured = experiments.into_iter().flatten();
+            let measured = measured.filter(|experiment| experiment.signals.contains_key(name));
+            let recordings = measured.filter_map(|own| datasets.get(&own.dataset));
+            let links = recordings.filter_map(|recording| {
+                Some(Link {
+                    model: model?,
+                    recording,
+                })
+            });
+            links.for_each(|link| link.check_noise(&field, name, signal));
+            Some(signal.to_owned())
+        });
         object.finish();
-        outputs.insert(name.to_owned(), OutputSpec { noise_std });
+        let said = OutputSpec {
+            noise_std,
+            noise_share,
+            noise_signal,
+        };
+        outputs.insert(name.to_owned(), said);
     }
     outputs
 }

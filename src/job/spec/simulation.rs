@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use super::experiment::{Link, read_initial_state, read_window};
+use super::experiment::{Link, read_initial_state};
+use super::window;
 use super::{InitialStateSpec, WindowSpec, parameter, read_model};
 use crate::document::reader::{Faults, Field};
 use crate::job::fault::Fault;
@@ -99,7 +100,7 @@ fn read(
         _ => None,
     };
     let window = root.optional("window");
-    let window = window.map(|field| read_window(&field, recording));
+    let window = window.map(|field| window::read(&field, recording));
     let parameters = root.optional("parameters");
     let parameters = model.map(|model| parameter::read_values(parameters.as_ref(), model));
     let initial_state = root.optional("initial_state");

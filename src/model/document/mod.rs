@@ -19,7 +19,7 @@ use crate::document::fault::Fault;
 use crate::document::reader::{Faults, Field};
 use crate::language::graph::NodeId;
 use crate::language::unit::Unit;
-use crate::simulation::program::{Lists, Program, Roots};
+use crate::simulation::program::{EquationGraph, Program, Roots};
 use compile::{Compiler, Context};
 use definition::{Definition, Initial};
 use serde_json::Value;
@@ -69,9 +69,18 @@ fn read_into(document: &Value, faults: &Faults) -> Option<Read> {
     let roots = roots?;
     let moving_inputs = definition.options.first_order_hold;
     let tables = definition.tables.iter().map(|named| named.table.clone());
-    let lists = Lists::new(&compiler.graph, &roots, tables.collect(), moving_inputs);
+    let equations = EquationGraph {
+        graph: compiler.graph,
+        roots,
+    };
     let sizes: Vec<Option<f64>> = definition.states.iter().map(|state| state.scale).collect();
-    let plant = Program::new(lists, &sizes, &description.defaults(), moving_inputs);
+    let plant = Program::new(
+        &equations,
+        tables.collect(),
+        &sizes,
+        &description.defaults(),
+        moving_inputs,
+    );
     Some(Read {
         model: Model::of_plant(description, plant),
         warnings,

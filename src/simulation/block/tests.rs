@@ -87,7 +87,35 @@ fn candidates(parameters: &[[f64; 3]]) -> Vec<Candidate<'_>> {
     parameters.iter().map(|p| candidate(p.as_slice())).collect()
 }
 
+/// Of blocks of `N` or, in narrow registers, of half as many.
 fn outputs<T: Scalar, const N: usize>(
+    accuracy: Accuracy,
+    parameters: &[[f64; 3]],
+    (inputs, width): (&[Vec<f64>], Width),
+) -> Vec<Lanes> {
+    if width != Width::BASELINE {
+        return of_block::<T, N>(accuracy, parameters, (inputs, width));
+    }
+    const SINGLE_HALF: usize = SINGLE_LANES / 2;
+    const HALF: usize = LANES / 2;
+    let rows = 2 * inputs[0].len();
+    let mut all = vec![Lanes([f64::NAN; LANES]); rows * (N / LANES)];
+    for (block, parameters) in parameters.chunks(N / 2).enumerate() {
+        let of_block = match N {
+            SINGLE_LANES => of_block::<T, SINGLE_HALF>(accuracy, parameters, (inputs, width)),
+            _ => of_block::<T, HALF>(accuracy, parameters, (inputs, width)),
+        };
+        for (row, outputs) in of_block.iter().enumerate() {
+            for lane in 0..N / 2 {
+                let place = block * (N / 2) + lane;
+                all[place / LANES * rows + row].0[place % LANES] = outputs.0[lane];
+            }
+        }
+    }
+    all
+}
+
+fn of_block<T: Scalar, const N: usize>(
     accuracy: Accuracy,
     parameters: &[[f64; 3]],
     (inputs, width): (&[Vec<f64>], Width),
@@ -99,7 +127,7 @@ fn outputs<T: Scalar, const N: usize>(
         in_step: false,
     };
     let mut block = Block::<_, T, N>::new(&PENDULUM, excitation, candidates, width);
-    let mut outputs = vec![Lanes([0.0; LANES]); 2 * inputs[0].len() * (N / LANES)];
+    let mut outputs = vec![Lanes([0.0; LANES]); 2 * inputs[0].len() * N.div_ceil(LANES)];
     let ended = block.advance(inputs[0].len(), &mut outputs, &NEVER);
     assert!(ended.is_some(), "nobody stops it");
     outputs

@@ -5,7 +5,7 @@
 //! kind stands in one run, entered once. Every operation stays what it was, rounded as before, so
 //! a program gives the bits of the list.
 
-use super::lists::{Instruction, Register};
+use super::instruction::{Instruction, Register};
 use crate::language::graph::MAX_NODES;
 use crate::language::operation::{self, Operation, Table};
 use crate::numerics::lanes::Real;

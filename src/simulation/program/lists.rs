@@ -1,39 +1,16 @@
 //! The graph as straight lists of instructions over registers, one list for each occasion.
 //!
-//! A register holds a row of candidates, so that one instruction works on all of a block. What depends on the parameters alone is computed once a candidate, what depends on
-//! held quantities once a sample, and only the rest with every derivative.
+//! A register holds a row of candidates, so that one instruction works on all of a block. What
+//! depends on the parameters alone is computed once a candidate, what depends on held quantities
+//! once a sample, and only the rest with every derivative.
 
+use super::instruction::{Instruction, Register, Registers, zeros};
 use super::joined::Joined;
-use crate::language::graph::{Graph, Leaf, MAX_NODES, Node, NodeId};
-use crate::language::operation::{Operation, Table};
+use super::rewrite::{Equations, Level, Roots, levels};
+use crate::language::graph::{Leaf, Node};
+use crate::language::operation::Table;
 use crate::numerics::lanes::Real;
 use crate::numerics::width::{Wide, Width};
-
-/// One number, or one row of lanes, for each node that a graph can have: a fixed size, so that an
-/// instruction finds its registers without a check.
-pub type Registers<R> = Box<[R; MAX_NODES]>;
-
-/// Registers that hold 0.
-pub fn zeros<R: Real>() -> Registers<R> {
-    let zeros = vec![R::splat(0.0); MAX_NODES].into_boxed_slice();
-    zeros
-        .try_into()
-        .unwrap_or_else(|_| unreachable!("the vector was made of this length"))
-}
-
-/// A register, by its place.
-pub type Register = u16;
-
-/// One step of a computation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Instruction {
-    /// What it does.
-    pub operation: Operation,
-    /// Where the result goes.
-    pub to: Register,
-    /// What it works on; places that the operation does not use repeat the first.
-    pub on: [Register; 3],
-}
 
 /// A list of instructions, one after the other and joined.
 #[derive(Debug, Default)]
@@ -48,25 +25,6 @@ impl List {
     pub fn instructions(&self) -> &[Instruction] {
         &self.instructions
     }
-}
-
-/// What the equations are made of, as nodes of a graph.
-#[derive(Clone, Debug, Default)]
-pub struct Roots {
-    /// The rates of change of the states.
-    pub rates: Vec<NodeId>,
-    /// The outputs.
-    pub outputs: Vec<NodeId>,
-    /// Where the states start.
-    pub initial: Vec<NodeId>,
-    /// The sampled quantities, and what each was before the first sample.
-    pub sampled: Vec<(NodeId, Option<NodeId>)>,
-    /// The delay.
-    pub delay: Option<NodeId>,
-    /// The fastest rate that a step must resolve.
-    pub fastest_rate: Option<NodeId>,
-    /// Whether the equations hold.
-    pub valid: Option<NodeId>,
 }
 
 /// What follows from the roots: registers and lists of instructions.
@@ -89,18 +47,11 @@ pub struct Lists {
     pub roots: Roots,
 }
 
-/// What a node depends on.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Level {
-    Setup,
-    Held,
-    Moving,
-}
-
 impl Lists {
-    /// Lays a graph out. With `moving_inputs` the inputs change between the samples.
+    /// Lays equations out. With `moving_inputs` the inputs change between the samples.
     #[must_use]
-    pub fn new(graph: &Graph, roots: &Roots, tables: Vec<Table>, moving_inputs: bool) -> Lists {
+    pub fn new(equations: &Equations, tables: Vec<Table>, moving_inputs: bool) -> Lists {
+        let Equations { graph, roots } = equations;
         let levels = levels(graph, moving_inputs);
         let from_rates = graph.needed(roots.rates.iter().copied());
         let from_output = graph.needed(roots.outputs.iter().chain(&roots.valid).copied());
@@ -226,47 +177,4 @@ impl<R: Real> Wide for OneList<'_, R> {
     fn work(self) {
         self.list.joined.run(self.registers, self.tables);
     }
-}
-
-impl Roots {
-    /// The same with a register for each node.
-    fn renamed(&self, registers: &[Register]) -> Roots {
-        let name = |node: &NodeId| registers[usize::from(*node)];
-        let all = |nodes: &[NodeId]| nodes.iter().map(name).collect();
-        Roots {
-            rates: all(&self.rates),
-            outputs: all(&self.outputs),
-            initial: all(&self.initial),
-            sampled: self
-                .sampled
-                .iter()
-                .map(|(node, initial)| (name(node), initial.as_ref().map(name)))
-                .collect(),
-            delay: self.delay.as_ref().map(name),
-            fastest_rate: self.fastest_rate.as_ref().map(name),
-            valid: self.valid.as_ref().map(name),
-        }
-    }
-}
-
-/// What each node depends on.
-fn levels(graph: &Graph, moving_inputs: bool) -> Vec<Level> {
-    let mut levels: Vec<Level> = Vec::with_capacity(graph.nodes().len());
-    for node in graph.nodes() {
-        let level = match node {
-            Node::Constant(_) => Level::Setup,
-            Node::Leaf(leaf) => match leaf {
-                Leaf::SampleTime | Leaf::Parameter(_) => Level::Setup,
-                Leaf::Input(_) if !moving_inputs => Level::Held,
-                Leaf::Sampled(_) => Level::Held,
-                _ => Level::Moving,
-            },
-            Node::Compute(_, on) => {
-                let levels = on.iter().map(|node| levels[usize::from(*node)]);
-                levels.max().unwrap_or(Level::Setup)
-            }
-        };
-        levels.push(level);
-    }
-    levels
 }

@@ -1,24 +1,29 @@
 //! Plants whose equations are a document's: checked equations as instructions over registers.
 //!
-//! `lists` lays the graph of the equations out as straight lists of instructions, `joined`
-//! makes few of many, `tangents` takes their derivatives, and `row` is what the integrator
-//! drives. No code is made at run time; every size is bounded.
+//! `rewrite` makes the graph of the equations shorter, `lists` lays it out as straight lists of
+//! instructions, `joined` makes few of many, `tangents` takes their derivatives, and `row` is what
+//! the integrator drives. No code is made at run time; every size is bounded.
 
+mod instruction;
 mod joined;
 mod lists;
+mod rewrite;
 mod row;
 mod tangents;
 
-pub use lists::{Lists, Roots};
+pub use rewrite::{Equations as EquationGraph, Roots};
 
 use super::block::Block;
 use super::equations::{Equations, System};
 use super::{BlockSimulator, Candidates, Excitation, Plant};
 use crate::language::graph::Leaf;
+use crate::language::operation::Table;
 use crate::numerics::lanes::{LANES, Real};
 use crate::numerics::width::Width;
-use lists::Register;
+use instruction::Register;
+use lists::Lists;
 use row::ProgramRow;
+use std::sync::Arc;
 use tangents::Tangents;
 
 /// The size that errors of a state are measured against at least, as a share of where the state
@@ -29,6 +34,8 @@ const LEAST_SHARE: f64 = 1e-9;
 /// The equations, ready to run.
 #[derive(Debug)]
 pub struct Program {
+    /// With nothing fixed.
+    equations: EquationGraph,
     lists: Lists,
     wiring: Wiring,
     tangents: Tangents,
@@ -83,24 +90,19 @@ fn put(places: &mut Vec<Option<Register>>, index: u16, register: Register) {
 }
 
 impl Program {
-    /// From the lists and, for each state, the size that its author gave. `defaults` are the
-    /// parameters where nothing else is said.
+    /// From the equations, their tables and, for each state, the size that its author gave.
+    /// `defaults` are the parameters where nothing else is said.
     #[must_use]
     pub fn new(
-        lists: Lists,
+        equations: &EquationGraph,
+        tables: Vec<Table>,
         sizes: &[Option<f64>],
         defaults: &[f64],
         moving_inputs: bool,
     ) -> Program {
-        let wiring = Wiring::new(&lists, defaults.len());
-        let tangents = Tangents::new(&lists, &wiring.states, &wiring.inputs);
-        let mut program = Program {
-            lists,
-            wiring,
-            tangents,
-            sizes: Vec::new(),
-            moving_inputs,
-        };
+        let equations = equations.with_reciprocals(moving_inputs);
+        let lists = Lists::new(&equations.with_fixed(&[]), tables, moving_inputs);
+        let mut program = Program::of_lists(equations, lists, defaults.len(), moving_inputs);
         let starts = program.row(defaults, 1.0).initial_states();
         let own = |start: &f64| {
             let size = start.abs();
@@ -113,9 +115,28 @@ impl Program {
             .collect();
         program
     }
+
+    fn of_lists(
+        equations: EquationGraph,
+        lists: Lists,
+        n_parameters: usize,
+        moving_inputs: bool,
+    ) -> Program {
+        let wiring = Wiring::new(&lists, n_parameters);
+        let tangents = Tangents::new(&lists, &wiring.states, &wiring.inputs);
+        Program {
+            equations,
+            lists,
+            wiring,
+            tangents,
+            sizes: Vec::new(),
+            moving_inputs,
+        }
+    }
 }
 
 impl System for Program {
+    const HAS_SMALL_BLOCKS: bool = false;
     type Row<'a, R: Real> = ProgramRow<'a, R>;
 
     fn row<R: Real>(&self, parameters: &[R], sample_time: f64) -> ProgramRow<'_, R> {
@@ -132,6 +153,18 @@ impl Plant for Program {
     fn work_rate(&self, parameters: &[f64]) -> f64 {
         let rate = self.row(parameters, 1.0).rate_hint();
         if rate.is_finite() { rate } else { 0.0 }
+    }
+
+    fn specialised(&self, fixed: &[Option<f64>]) -> Option<Arc<dyn Plant>> {
+        let left = self.equations.with_fixed(fixed);
+        let lists = Lists::new(&left, self.lists.tables().to_vec(), self.moving_inputs);
+        let equations = self.equations.clone();
+        let n_parameters = self.wiring.parameters.len();
+        let program = Program::of_lists(equations, lists, n_parameters, self.moving_inputs);
+        Some(Arc::new(Program {
+            sizes: self.sizes.clone(),
+            ..program
+        }))
     }
 
     fn simulator<'a>(

@@ -1,7 +1,8 @@
 //! A document's equations over a row of candidates.
 
 use super::Program;
-use super::lists::{List, Register, Registers};
+use super::instruction::{Register, Registers};
+use super::lists::List;
 use crate::numerics::lanes::Real;
 use crate::numerics::width::Width;
 use crate::simulation::equations::{Equations, Held, Sample};

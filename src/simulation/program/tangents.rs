@@ -3,7 +3,8 @@
 //! They are taken forward through the instructions, one direction at a time, over the
 //! instructions alone that the direction reaches.
 
-use super::lists::{Instruction, Lists, Register, Registers, zeros};
+use super::instruction::{Instruction, Register, Registers, zeros};
+use super::lists::Lists;
 use crate::language::graph::MAX_NODES;
 use crate::language::operation;
 use crate::numerics::lanes::Real;

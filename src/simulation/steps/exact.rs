@@ -3,6 +3,7 @@
 
 use super::{CALM_STEPS, Integrator, NOT_STIFF, Source, Stretch, Trial};
 use crate::numerics::lanes::{LANES, Lanes, Real};
+use crate::numerics::width::Width;
 use crate::simulation::equations::{Equations, System, lanes_from};
 use crate::simulation::explicit;
 use crate::simulation::stiff::{self, Rosenbrock, WideStep};
@@ -13,26 +14,28 @@ pub(super) struct Exact<E: Equations<Lanes>> {
     rosenbrock: Rosenbrock,
     states: E::States,
     weights: E::States,
+    /// Where a step leads, and the slope there.
     next: E::States,
+    end: E::States,
 }
 
 impl<'a, P: System, R: Real> Integrator<'a, P, R> {
-    /// A trial in which some candidates use the stiff method.
+    /// Whether a candidate that moves uses the explicit method.
+    #[inline(never)]
+    pub(super) fn has_explicit(&self, stretch: &Stretch<'_, R>) -> bool {
+        let moves = |lane: usize| stretch.remaining.lane(lane) > 0.0;
+        (0..R::WIDTH).any(|lane| moves(lane) && !self.is_stiff[lane])
+    }
+
+    /// A trial of the candidates that use the stiff method; that of the others stands.
     #[inline(never)]
     pub(super) fn try_stiff(
         &mut self,
-        equations: &mut P::Row<'a, R>,
         stretch: &mut Stretch<'_, R>,
         (elapsed, trial): (R, &mut Trial<R>),
     ) {
         let remaining = stretch.remaining;
         let moves = |lane: &usize| remaining.lane(*lane) > 0.0;
-        if (0..R::WIDTH).any(|lane| moves(&lane) && !self.is_stiff[lane]) {
-            self.try_explicit(equations, (elapsed, trial));
-        } else {
-            self.stages.next.clone_from(&self.states);
-            self.stages.next_excess.clone_from(&self.excess);
-        }
         self.prepare_exact(stretch);
         let mut exact = std::mem::take(&mut self.exact);
         for (group, exact) in exact.iter_mut().enumerate() {
@@ -44,10 +47,12 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             if members.is_empty() {
                 continue;
             }
-            let taken = exact.take(self, (first, elapsed, trial.taken));
+            exact.load(self, first);
+            let taken = lanes_from(&trial.taken, first);
+            let taken = exact.step(self.source.width, lanes_from(&elapsed, first), taken);
             for lane in members {
                 let place = lane - first;
-                self.stages.set_next(lane, &exact.next, place);
+                self.stages.set_end(lane, (&exact.next, &exact.end), place);
                 let error = taken.squared_error.lane(place);
                 trial.squared_error.set_lane(lane, error);
                 self.note_stiff_step(lane, taken.rate_times_length.lane(place));
@@ -55,8 +60,6 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         }
         self.exact = exact;
         self.has_stiff = self.is_stiff.contains(&true);
-        let at = elapsed + trial.taken;
-        equations.rates(&self.stages.next, at, &mut self.stages.end);
     }
 
     /// Leaves the stiff method after steps that another could have taken.
@@ -100,6 +103,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
                     rosenbrock: Rosenbrock::new(states.as_ref().len()),
                     weights: states.clone(),
                     next: states.clone(),
+                    end: states.clone(),
                     states,
                     equations,
                 });
@@ -116,12 +120,12 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
 }
 
 impl<E: Equations<Lanes>> Exact<E> {
-    /// A step of the candidates from `first` on.
-    fn take<'a, P: System + 'a, R: Real>(
+    /// Takes over where the candidates from `first` on are.
+    fn load<'a, P: System + 'a, R: Real>(
         &mut self,
         integrator: &Integrator<'a, P, R>,
-        (first, elapsed, taken): (usize, R, R),
-    ) -> stiff::Taken {
+        first: usize,
+    ) {
         let sums = integrator.states.as_ref().iter();
         let sums = sums.zip(integrator.excess.as_ref());
         for (to, (state, excess)) in self.states.as_mut().iter_mut().zip(sums) {
@@ -131,19 +135,24 @@ impl<E: Equations<Lanes>> Exact<E> {
         for (to, weight) in self.weights.as_mut().iter_mut().zip(weights) {
             *to = lanes_from(weight, first);
         }
+    }
+
+    /// A step. Compiled once for rows of every kind.
+    #[inline(never)]
+    fn step(&mut self, width: Width, elapsed: Lanes, length: Lanes) -> stiff::Taken {
         // Candidates that stay get a step all the same, whose outcome nobody reads.
-        let length: Lanes = lanes_from(&taken, first);
         let length = length.map(|length| if length > 0.0 { length } else { 1.0 });
-        integrator.source.width.does(WideStep {
+        width.does(WideStep {
             rosenbrock: &mut self.rosenbrock,
             equations: &mut self.equations,
             step: stiff::Step {
                 states: &self.states,
                 weights: &self.weights,
-                elapsed: lanes_from(&elapsed, first),
+                elapsed,
                 length,
             },
             next: &mut self.next,
+            end: &mut self.end,
         })
     }
 }
