@@ -17,19 +17,15 @@
 //! and however often the run is saved ([`Estimation::checkpoint`]) and resumed; no
 //! clock, no I/O; a candidate that fails is a value.
 
-pub mod cma_es;
-pub mod differential_evolution;
 pub mod evaluation_cache;
 pub mod floor;
 pub mod hill_climb;
-mod icra_genetic;
 pub mod leaders;
 pub mod loss;
 pub mod objective;
 pub mod observer;
 pub mod problem;
 mod progress;
-mod proposer;
 pub mod refine;
 mod refinement;
 pub mod report;

@@ -5,7 +5,11 @@
 //! comes from a stream named by seed, generation and purpose: a search that is saved after any
 //! generation goes on with the same bits.
 
-use super::cma_es::Strategy;
+pub mod cma_es;
+pub mod differential_evolution;
+pub(super) mod icra_genetic;
+pub(super) mod proposer;
+
 use super::evaluation_cache::EvaluationCache;
 use super::floor::Landmarks;
 use super::hill_climb::HillClimb;
@@ -13,14 +17,17 @@ use super::leaders::{self, Judged};
 use super::objective::{Evaluation, Objective};
 use super::observer::{Counters, GenerationRow, Simulated};
 use super::problem::Problem;
-use super::proposer::{self, Judgement, Proposer};
-use super::settings::Settings;
+use super::settings::{MethodName, Settings};
 use super::stop_reason::{Stagnation, StopReason};
 use crate::credit::Credits;
 use crate::genetic::{Chromosome, Encoding};
 use crate::numerics::rng::{self, Purpose, stream};
 use crate::numerics::statistics;
 use crate::simulation::Accuracy;
+use cma_es::{CmaEs, Strategy};
+use differential_evolution::DifferentialEvolution;
+use icra_genetic::IcraGenetic;
+use proposer::{Judgement, Proposer};
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -129,7 +136,7 @@ impl Search {
     /// Resumes a search where it was saved.
     #[must_use]
     pub fn resume(problem: &Problem, settings: &Settings, seed: u64, state: State) -> Search {
-        let proposer = proposer::of(settings.name);
+        let proposer = proposer_of(settings.name);
         Search {
             settings: settings.clone(),
             seed,
@@ -364,4 +371,14 @@ fn encoding(problem: &Problem, settings: &Settings, proposer: &dyn Proposer) -> 
 
 fn largest(credits: &[f64]) -> f64 {
     credits.iter().copied().fold(0.0, f64::max)
+}
+
+/// The proposer of a method.
+fn proposer_of(name: MethodName) -> &'static dyn Proposer {
+    match name {
+        // Multistart refines from random points and never asks for a generation.
+        MethodName::IcraGenetic | MethodName::MultistartLm => &IcraGenetic,
+        MethodName::DifferentialEvolution => &DifferentialEvolution,
+        MethodName::CmaEs => &CmaEs,
+    }
 }

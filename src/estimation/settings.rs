@@ -1,8 +1,10 @@
 //! The settings of the method: the paper's numbers as defaults, and what the paper leaves open.
 
-use super::cma_es;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
+
+/// Candidates in a generation of CMA-ES at the least: with fewer nothing is learnt from them.
+const FEWEST_OF_CMA_ES: u32 = 4;
 
 /// How credits grow from one block of data to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
@@ -158,7 +160,7 @@ impl Settings {
             MethodName::MultistartLm if !self.refine => {
                 Some("`multistart_lm` is nothing but refinement: leave `refine` at true")
             }
-            MethodName::CmaEs if self.population < cma_es::FEWEST => {
+            MethodName::CmaEs if self.population < FEWEST_OF_CMA_ES => {
                 Some("`cma_es` needs a `population` of at least 4 to learn from")
             }
             _ => None,

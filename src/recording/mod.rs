@@ -19,6 +19,7 @@ mod resample;
 mod signal;
 mod split;
 mod summary;
+mod warning;
 
 pub use axis::TimeAxis;
 pub use columns::{NewScratch, Scratch};
@@ -26,13 +27,14 @@ pub use decimate::{SampledSignal, Samples, kept_indices};
 pub use error::ExperimentError;
 pub use exclude::{Exclude, ExcludedClass, ExcludedSpan};
 pub use experiment::{Experiment, Instants, Mapped, Selection};
+pub use quality::QualityReport;
 pub(crate) use quality::shown;
-pub use quality::{QualityReport, TimeSpan, Warning};
 pub use received::{Named, Received, Source};
 pub(crate) use resample::{Rule, resample};
 pub use signal::{Class, ClassCounts, ClassSpan, Interpolation, Signal};
 pub use split::{Split, Window};
 pub use summary::{SignalSummary, Summary};
+pub use warning::{TimeSpan, Warning};
 
 /// The most signals one recording may have.
 pub const MAX_SIGNALS: usize = 1000;

@@ -178,7 +178,7 @@ pub fn analyse(
         budget: linearised.budget,
         verdict: Verdict::default(),
     };
-    analysis.judge(verdict::of(problem, report, &analysis));
+    analysis.judge(rules::judge(problem, report, &analysis));
     Some(analysis)
 }
 

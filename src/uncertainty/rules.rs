@@ -28,13 +28,17 @@ const PLAIN_FIT: f64 = 90.0;
 /// A parameter has another value in another minimum where it lies this share of its range off.
 const ELSEWHERE: f64 = 0.02;
 
+/// Judges an analysed estimate.
+#[must_use]
+pub(super) fn judge(problem: &Problem, report: &Report, analysis: &Analysis) -> Verdict {
+    let mut verdict = Verdict::default();
+    check(&mut verdict, problem, report, analysis);
+    verdict.settle(problem);
+    verdict
+}
+
 /// Applies every rule.
-pub(super) fn check(
-    verdict: &mut Verdict,
-    problem: &Problem,
-    report: &Report,
-    analysis: &Analysis,
-) {
+fn check(verdict: &mut Verdict, problem: &Problem, report: &Report, analysis: &Analysis) {
     completion(verdict, report);
     bounds(verdict, problem, analysis);
     identifiability(verdict, problem, analysis);

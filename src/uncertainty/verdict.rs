@@ -27,9 +27,7 @@
 //! | `plateau` | low | a constant explains as much |
 //! | `starts_disagree` | moderate | no second start of the refinement came to the lowest cost |
 
-use super::{Analysis, rules};
 use crate::estimation::problem::{Problem, Target};
-use crate::estimation::report::Report;
 
 /// How far the numbers can be trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -126,7 +124,7 @@ impl Verdict {
     }
 
     /// Ranks the reasons and says what follows for each coordinate and for the job.
-    fn settle(&mut self, problem: &Problem) {
+    pub(super) fn settle(&mut self, problem: &Problem) {
         self.reasons.sort_by(|a, b| {
             let stakes = b.at_stake.total_cmp(&a.at_stake);
             a.trust.cmp(&b.trust).then(stakes)
@@ -177,15 +175,6 @@ fn summary(groups: &[(Vec<String>, &str)]) -> String {
             .collect::<Vec<_>>()
             .join("; "),
     }
-}
-
-/// Judges an analysed estimate.
-#[must_use]
-pub fn of(problem: &Problem, report: &Report, analysis: &Analysis) -> Verdict {
-    let mut verdict = Verdict::default();
-    rules::check(&mut verdict, problem, report, analysis);
-    verdict.settle(problem);
-    verdict
 }
 
 #[cfg(test)]

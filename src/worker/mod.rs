@@ -9,7 +9,6 @@
 mod active;
 mod between_slices;
 mod candidates;
-mod conclusion;
 pub mod identification;
 mod recorder;
 pub mod run;

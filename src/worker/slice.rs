@@ -5,6 +5,8 @@
 //! finished, when the stop flag is raised (cancel, pause, the job's time limit, shutdown), or when
 //! a write finds that another slice has begun.
 
+mod conclusion;
+
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -16,12 +18,12 @@ use tokio::sync::{Semaphore, SemaphorePermit, mpsc};
 use super::active::{ActiveJob, ActiveJobs};
 use super::between_slices::{BetweenSlices, Left};
 use super::candidates::Candidates;
-use super::conclusion::{Conclusion, broke};
 use super::recorder::Recorder;
 use super::run::{Advance, Assignment, Method, Row, Run};
 use crate::job::{DatasetId, Failure, JobId, Progress};
 use crate::recording::Recording;
 use crate::store::{Begin, Hold, JobRow, Lease, Slice, Store, StoreError};
+use conclusion::{Conclusion, broke};
 
 /// How often what a slice did is written.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(200);

@@ -18,13 +18,14 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 /// A problem and what is published of it.
-struct Published {
+pub struct Published {
     folder: PathBuf,
     reference: Value,
 }
 
 impl Published {
-    fn new(name: &str) -> Option<Published> {
+    /// The problem in that folder.
+    pub fn new(name: &str) -> Option<Published> {
         let beside = || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/reference"));
         let folder =
             std::env::var_os("GREYBOX_SHARED_REFERENCE").map_or_else(beside, PathBuf::from);
@@ -104,7 +105,7 @@ impl Published {
     }
 
     /// Everything is free that the publication frees.
-    fn problem(&self) -> Problem {
+    pub fn problem(&self) -> Problem {
         let document = self.document();
         let model = Model::from_text(&document.to_string());
         let model = model.unwrap_or_else(|faults| panic!("{faults:#?}"));
@@ -128,7 +129,7 @@ impl Published {
     }
 
     /// The published values as positions.
-    fn nominal(&self, problem: &Problem) -> Vec<f64> {
+    pub fn nominal(&self, problem: &Problem) -> Vec<f64> {
         let experiments = self.reference["experiments"].as_array().expect("a list");
         let published = |name: &str| self.reference["nominal"][name].as_f64();
         let coordinates = problem.coordinates.iter();

@@ -2,15 +2,12 @@
 //! its costs, and what follows it.
 //!
 //! A proposer has no state of its own. What it remembers from one generation to the next stands in
-//! the search's [`State`](super::search::State), which a checkpoint saves.
+//! the search's [`State`](super::State), which a checkpoint saves.
 
-use super::cma_es::CmaEs;
-use super::differential_evolution::DifferentialEvolution;
-use super::icra_genetic::IcraGenetic;
-use super::objective::Evaluation;
-use super::search::Search;
-use super::settings::{MethodName, Settings};
+use super::Search;
 use crate::credit::Credits;
+use crate::estimation::objective::Evaluation;
+use crate::estimation::settings::Settings;
 use crate::genetic::Chromosome;
 use std::fmt;
 use std::sync::Arc;
@@ -48,15 +45,5 @@ pub(super) trait Proposer: fmt::Debug + Sync {
     /// The credits of a generation, where the method assigns any.
     fn credits(&self, _search: &Search, _evaluations: &[Arc<Evaluation>]) -> Option<Credits> {
         None
-    }
-}
-
-/// The proposer of a method.
-pub(super) fn of(name: MethodName) -> &'static dyn Proposer {
-    match name {
-        // Multistart refines from random points and never asks for a generation.
-        MethodName::IcraGenetic | MethodName::MultistartLm => &IcraGenetic,
-        MethodName::DifferentialEvolution => &DifferentialEvolution,
-        MethodName::CmaEs => &CmaEs,
     }
 }

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::between_slices::Left;
-use super::recorder::Recorder;
-use super::run::{Run, StopReason};
-use super::slice::{After, Computed, Current, End, SliceWorker};
+use super::{After, Computed, Current, End, SliceWorker};
 use crate::job::{Failure, Status};
 use crate::store::{Checkpoint, Ending, Hold, Record, StopRequest, StoreError};
+use crate::worker::between_slices::Left;
+use crate::worker::recorder::Recorder;
+use crate::worker::run::{Run, StopReason};
 use jiff::Timestamp;
 use serde_json::Value;
 use tokio::sync::SemaphorePermit;
@@ -22,17 +22,17 @@ const ANALYSIS_TIME: Duration = Duration::from_millis(500);
 const HURRY_INTERVAL: Duration = Duration::from_millis(20);
 
 /// What remains to be done with a slice whose computation has returned.
-pub(super) struct Conclusion<'a> {
-    pub(super) worker: &'a SliceWorker,
+pub(in crate::worker) struct Conclusion<'a> {
+    pub(in crate::worker) worker: &'a SliceWorker,
     /// Given up when nothing is left to be computed.
-    pub(super) place: Option<SemaphorePermit<'a>>,
-    pub(super) current: Current,
-    pub(super) recorder: Recorder,
+    pub(in crate::worker) place: Option<SemaphorePermit<'a>>,
+    pub(in crate::worker) current: Current,
+    pub(in crate::worker) recorder: Recorder,
 }
 
 impl Conclusion<'_> {
     /// Hands the job on, or ends it.
-    pub(super) async fn draw(self, computed: Computed) -> Result<After, StoreError> {
+    pub(in crate::worker) async fn draw(self, computed: Computed) -> Result<After, StoreError> {
         let id = self.current.lease.job;
         let request = match self.worker.store.job(id).await? {
             Some(job) => job.stop_request,
@@ -192,7 +192,7 @@ impl Conclusion<'_> {
 }
 
 /// A computation that did not return: its thread panicked.
-pub(super) fn broke(error: JoinError) -> Failure {
+pub(in crate::worker) fn broke(error: JoinError) -> Failure {
     match error.try_into_panic() {
         Ok(panic) => Failure::panicked(panic_message(&*panic)),
         Err(error) => Failure::panicked(&error.to_string()),

@@ -12,10 +12,10 @@
 
 mod rates;
 
-use super::objective::Evaluation;
+use super::Search;
 use super::proposer::{Judgement, Proposer};
-use super::search::Search;
-use super::settings::Settings;
+use crate::estimation::objective::Evaluation;
+use crate::estimation::settings::Settings;
 use crate::genetic::{Chromosome, Encoding};
 use crate::numerics::rng::{self, Purpose, Rng};
 use crate::numerics::symmetric::{self, Axis};
@@ -25,10 +25,6 @@ use std::sync::Arc;
 
 /// Bits for each parameter: at 16 the steps of a narrow valley would be felt.
 const BITS: u32 = 32;
-
-/// Fewer candidates than this in a generation tell too little: now and then the distribution
-/// shrinks where there is no minimum.
-pub const FEWEST: u32 = 4;
 
 /// The standard deviation of the first candidates, as a share of the range.
 const FIRST_STEP: f64 = 0.3;

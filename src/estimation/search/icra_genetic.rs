@@ -1,11 +1,11 @@
 //! The paper's method (section 3): the ICRA network assigns credits, from which a genetic
 //! algorithm breeds; now and then the best candidate takes least-squares steps.
 
-use super::objective::Evaluation;
+use super::Search;
 use super::proposer::{Judgement, Proposer};
-use super::search::Search;
-use super::settings::{BlockOrder, CreditForm, ErrorSpread, Settings};
 use crate::credit::{self, Credits, icra::Network, spread};
+use crate::estimation::objective::Evaluation;
+use crate::estimation::settings::{BlockOrder, CreditForm, ErrorSpread, Settings};
 use crate::genetic::{Chromosome, operators};
 use crate::numerics::rng::{self, Purpose};
 use std::sync::Arc;

@@ -1,9 +1,9 @@
 //! A generation of differential evolution on the objective of the hybrid search, so that the two
 //! can be compared.
 
-use super::objective::Evaluation;
 use super::proposer::{Judgement, Proposer};
-use super::search::{Parent, Search};
+use super::{Parent, Search};
+use crate::estimation::objective::Evaluation;
 use crate::genetic::{Chromosome, Encoding, differential, operators};
 use crate::numerics::rng::{Purpose, Rng};
 use std::sync::Arc;

@@ -1,0 +1,88 @@
+//! How long a candidate of a published problem takes: alone, and where thirty share the work, on
+//! one thread. `benches/published.py` sets the figures beside other programs.
+//!
+//! The problems are those of `tests/documents/published.rs`; where they are not at hand nothing is
+//! measured.
+
+#[path = "../../tests/documents/published.rs"]
+#[expect(dead_code, reason = "the tests in it are not run here")]
+mod published;
+
+use greybox::estimation::Problem;
+use greybox::estimation::objective::Objective;
+use greybox::simulation::Accuracy;
+use published::Published;
+use serde_json::{Value, json};
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+const PROBLEMS: [&str; 5] = [
+    "crauste",
+    "petab/Bertozzi_PNAS2020",
+    "petab/Boehm_JProteomeRes2014",
+    "petab/Elowitz_Nature2000",
+    "petab/Rahman_MBS2016",
+];
+
+/// Runs of which the shortest counts.
+const RUNS: usize = 30;
+
+/// Candidates that share the work.
+const TOGETHER: usize = 30;
+
+/// How far they lie from the published values, as a share of the search range.
+const SPREAD: f64 = 0.005;
+
+fn main() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let pool = pool.expect("a thread can be started");
+    let figures = PROBLEMS.into_iter().filter_map(|name| {
+        let published = Published::new(name)?;
+        let problem = published.problem();
+        let nominal = published.nominal(&problem);
+        Some((
+            name.to_owned(),
+            pool.install(|| figures(&problem, &nominal)),
+        ))
+    });
+    let figures: serde_json::Map<String, Value> = figures.collect();
+    println!("{:#}", Value::Object(figures));
+}
+
+fn figures(problem: &Problem, nominal: &[f64]) -> Value {
+    let one = [nominal.to_vec()];
+    let many: Vec<Vec<f64>> = (0..TOGETHER).map(|place| beside(nominal, place)).collect();
+    let of = |candidates: &[Vec<f64>], accuracy| {
+        1e3 * shortest(problem, candidates, accuracy) / candidates.len() as f64
+    };
+    json!({
+        "one_full_ms": of(&one, Accuracy::Full),
+        "of_thirty_full_ms": of(&many, Accuracy::Full),
+        "one_ranking_ms": of(&one, Accuracy::Ranking),
+        "of_thirty_ranking_ms": of(&many, Accuracy::Ranking),
+    })
+}
+
+/// A candidate near the published values, the same in every run.
+fn beside(nominal: &[f64], place: usize) -> Vec<f64> {
+    let shifted = nominal.iter().enumerate().map(|(index, position)| {
+        // Steps of the golden ratio fill the interval evenly.
+        let share = ((place * nominal.len() + index) as f64 * 0.618_033_988_749_894_9).fract();
+        (position + SPREAD * (2.0 * share - 1.0)).clamp(0.0, 1.0)
+    });
+    shifted.collect()
+}
+
+/// The shortest time in which candidates are judged [s].
+fn shortest(problem: &Problem, candidates: &[Vec<f64>], accuracy: Accuracy) -> f64 {
+    let never = AtomicBool::new(false);
+    let objective = Objective::new(problem, usize::MAX);
+    let times = (0..RUNS).map(|_| {
+        let started = Instant::now();
+        let judged = objective.evaluate(problem, candidates, accuracy, &never);
+        let judged = judged.expect("nobody interrupts");
+        assert!(judged[0].cost.is_finite(), "it can be simulated");
+        started.elapsed().as_secs_f64()
+    });
+    times.fold(f64::INFINITY, f64::min)
+}
