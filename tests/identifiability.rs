@@ -27,6 +27,7 @@ fn forecast_from(parameters: Value, initial_state: Value) -> (Identifiability, V
         .unwrap_or_else(|error| panic!("{error}"));
     let never = AtomicBool::new(false);
     let mut preflight = assemble::preflight(&assembly, &spec.method, &never);
+    preflight.findings.clear();
     let ahead = assemble::forecast(&assembly, &mut preflight, &never);
     let findings = preflight.findings;
     let at_start = assemble::flat_directions(&assembly.problem, &never).expect("not interrupted");
@@ -181,6 +182,7 @@ fn a_box_that_is_mostly_unstable_is_looked_at_to_the_end_and_its_failures_are_to
     let assembly = assembly.unwrap_or_else(|faults| panic!("{faults:?}"));
     let never = AtomicBool::new(false);
     let mut preflight = assemble::preflight(&assembly, &spec.method, &never);
+    preflight.findings.clear();
     let ahead = assemble::forecast(&assembly, &mut preflight, &never);
     let findings = preflight.findings;
     assert!(ahead.points < 5);

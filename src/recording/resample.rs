@@ -23,7 +23,7 @@ const OF_GRID: f64 = 0.5;
 
 /// How far intervals may be from whole sample times on a grid, in sample times: the jitter of a
 /// logger.
-const JITTER: f64 = 0.1;
+const JITTER: f64 = 0.2;
 
 /// The share of the intervals of a grid that may be further off.
 const STRAY: f64 = 0.05;
