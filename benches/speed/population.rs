@@ -28,6 +28,16 @@ impl Sink for Positions {
 /// Outputs of the servo, the position first.
 const N_OUTPUTS: usize = 4;
 
+/// What all candidates have in common, as a job takes it for known.
+fn common(candidates: &[Vec<f64>]) -> Vec<Option<f64>> {
+    let first = candidates[0].iter().enumerate();
+    let common = first.map(|(place, value)| {
+        let mut others = candidates.iter();
+        others.all(|other| other[place] == *value).then_some(*value)
+    });
+    common.collect()
+}
+
 struct Bench {
     model: std::sync::Arc<Model>,
     reference: Vec<Vec<f64>>,
@@ -95,7 +105,7 @@ impl Bench {
 
     /// Every position, as the lanes of a block keep them.
     fn simulate(&self, work: &Work<'_>) -> Vec<Piece<Positions>> {
-        let plant = self.model.plant();
+        let plant = self.model.plant_with(&common(work.candidates));
         let start = vec![None; self.model.description().states.len()];
         let candidate = |parameters| Candidate {
             parameters,
@@ -119,7 +129,7 @@ impl Bench {
         };
         let never = AtomicBool::new(false);
         let recorder = |_| Positions(Vec::with_capacity(work.samples));
-        batch::simulate(plant, &[run], &never, recorder).expect("nobody interrupts")
+        batch::simulate(plant.as_ref(), &[run], &never, recorder).expect("nobody interrupts")
     }
 
     /// The positions of each candidate.

@@ -1,11 +1,11 @@
 //! What a candidate is judged by: its error in each block of data, and its cost over all data.
 //!
 //! A residual is measured − simulated, divided by its output's residual scale (and more where the
-//! sample has more noise than others). The error of a
-//! block is the root mean square of its residuals (the paper's `|E_s^k|`, Eq. 10); the cost is
-//! their mean square over all the data that are estimated from, and the priors. Where the job asks for another
-//! loss than the square ([`loss`](super::loss)), that loss stands in the place of the square. Missing samples count nowhere.
-//! Errors are summed while the simulation runs; no trajectory is stored.
+//! sample has more noise than others). The error of a block is the root mean square of its
+//! residuals (the paper's `|E_s^k|`, Eq. 10); the cost is their mean square over all the data that
+//! are estimated from, and the priors. Where the job asks for another loss than the square
+//! ([`loss`](super::loss)), that loss stands in the place of the square. Missing samples count
+//! nowhere. Errors are summed while the simulation runs; no trajectory is stored.
 
 use super::loss::Loss;
 use super::problem::{Experiment, Extent, Problem, Spelled};

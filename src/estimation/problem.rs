@@ -2,8 +2,8 @@
 //! are unknown.
 //!
 //! The unknowns are *coordinates*: parameters shared by all experiments, parameters of single
-//! experiments, and initial states of single experiments. A candidate is a vector of *positions*, one for each coordinate, from 0
-//! (lower bound) to 1 (upper bound) along the coordinate's scale.
+//! experiments, and initial states of single experiments. A candidate is a vector of *positions*,
+//! one for each coordinate, from 0 (lower bound) to 1 (upper bound) along the coordinate's scale.
 
 use super::loss::Loss;
 use crate::model::{Model, Scale};

@@ -6,6 +6,7 @@ use utoipa::ToSchema;
 /// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum StopReason {
     /// All generations have been judged.
     GenerationLimit,

@@ -40,6 +40,7 @@ impl fmt::Display for Fault {
 
 /// Why a recording could not be read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReadError {
     /// The source broke off or its limit was exceeded.
     #[error("the recording could not be read to its end: {0}")]

@@ -7,6 +7,7 @@ use utoipa::ToSchema;
 
 /// One number that was taken as known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct BudgetLine {
     /// The parameter, or the state whose start is given.
     #[schema(example = "supply_pressure")]
@@ -49,6 +50,7 @@ pub enum AssumptionKind {
 
 /// A value that would explain the residuals.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct Suggested {
     /// The value, SI.
     #[schema(example = 7.02e6)]
@@ -60,6 +62,7 @@ pub struct Suggested {
 
 /// What an assumption contributes to the total standard error of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct BudgetContribution {
     /// Its own standard deviation, in the parameter's unit.
     #[schema(example = 0.6)]

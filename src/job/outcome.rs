@@ -16,6 +16,7 @@ use super::budget::BudgetLine;
 
 /// The result of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct Outcome {
     /// The job that it belongs to.
     #[schema(example = "job_0198c0de-0000-7000-8000-000000000001")]
@@ -75,6 +76,7 @@ impl Outcome {
 
 /// How far a result can be trusted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct Verdict {
     /// The grade.
     pub trust: Trust,
@@ -99,6 +101,7 @@ pub enum Trust {
 
 /// One thing that speaks against a result.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct Reason {
     /// What kind of doubt, for programs.
     #[schema(example = "residuals_not_white")]
@@ -113,6 +116,7 @@ pub struct Reason {
 
 /// One estimated parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct ParameterEstimate {
     /// The name in the job, e.g. `mass`.
     #[schema(example = "mass")]
@@ -157,6 +161,7 @@ impl ParameterEstimate {
 
 /// One estimated initial state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct InitialStateEstimate {
     /// The experiment, counted from 0 in the order of the job.
     pub experiment: usize,
@@ -173,6 +178,7 @@ pub struct InitialStateEstimate {
 
 /// An estimated value and how well it is known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct Estimate {
     /// The value with the lowest cost.
     #[schema(example = 58.02)]
@@ -224,6 +230,7 @@ pub struct Estimate {
 
 /// A confidence interval; an end that the data leave open is `null`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct ConfidenceInterval {
     /// The probability that the interval holds the true value.
     #[schema(example = 0.95)]
@@ -240,6 +247,7 @@ pub struct ConfidenceInterval {
 
 /// An interval with all that was taken as known; an end that is left open is `null`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct TotalInterval {
     /// The probability that the interval holds the true value.
     #[schema(example = 0.95)]
@@ -252,6 +260,7 @@ pub struct TotalInterval {
 
 /// The correlation of the estimates' errors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct Correlation {
     /// The rows' and columns' names.
     pub names: Vec<String>,
@@ -265,6 +274,7 @@ pub struct Correlation {
 
 /// The fit over the data used for estimation, and over the data held back.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct Fit {
     /// Over the data that were used, by output.
     pub estimation: BTreeMap<String, OutputFit>,
@@ -274,6 +284,7 @@ pub struct Fit {
 
 /// How one simulated output follows the measured one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct OutputFit {
     /// `100·(1 − ‖y − ŷ‖ / ‖y − mean(y)‖)`; `null` where the measured output is constant.
     #[schema(example = 97.3)]
@@ -294,6 +305,7 @@ pub struct OutputFit {
 
 /// What the residuals of one output look like over the estimation data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct ResidualReport {
     /// The noise level that the cost was scaled with, SI.
     pub noise_std: f64,
@@ -320,6 +332,7 @@ pub struct ResidualReport {
 
 /// How residuals follow an input.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct InputCorrelation {
     /// Their largest correlation with what the input was at lags 0 to 25.
     #[schema(example = 0.03)]
@@ -333,6 +346,7 @@ pub struct InputCorrelation {
 
 /// The cost and the information criteria.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct Criteria {
     /// The cost at the estimate.
     pub cost: Option<f64>,
@@ -351,6 +365,7 @@ pub struct Criteria {
 
 /// Which of the effects that were left open the data support.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct ModelSearchReport {
     /// The effects of the model with the lowest criterion.
     #[schema(example = json!(["coulomb_friction", "dead_band"]))]
@@ -365,6 +380,7 @@ pub struct ModelSearchReport {
 
 /// A model with some of the effects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct TriedModel {
     /// The effects that it has; the others stand at the model's defaults.
     pub effects: Vec<String>,
@@ -383,6 +399,7 @@ pub struct TriedModel {
 
 /// What made a result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct Engine {
     /// The seed of every random number.
     pub seed: u64,

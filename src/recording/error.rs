@@ -2,6 +2,7 @@
 
 /// Why a recording does not yield the experiment that was asked for.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ExperimentError {
     /// The recording has no signal of that name.
     #[error(

@@ -119,6 +119,7 @@ pub struct Candidates<'a> {
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, ToSchema,
 )]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Failure {
     /// A quantity is no longer a number, or beyond any that a plant can have.
     Diverged,
