@@ -25,6 +25,8 @@ pub struct Experiment {
     pub samples: usize,
     /// How many of them, from the first, are estimated from; the rest validates.
     pub estimation_samples: usize,
+    /// From which sample on what is held back counts in the score of the validation.
+    pub scored_from: usize,
     /// Which of the model's input sets drives it.
     pub input_set: usize,
     /// The samples of each input of the set; none of them missing.
@@ -39,6 +41,21 @@ pub struct Experiment {
     pub initial_state: Vec<Option<f64>>,
     /// Parameters that have a value of their own in this experiment, by their places.
     pub parameters: Vec<(usize, f64)>,
+    /// Where an experiment that only validates starts, as far as that is unknown.
+    pub unknown_starts: Vec<UnknownStart>,
+    /// How many samples that start is fitted to, where the job says.
+    pub start_samples: Option<usize>,
+}
+
+/// A state whose start is fitted to the first samples of an experiment that only validates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnknownStart {
+    /// The state, by its place.
+    pub state: usize,
+    /// The least start that is looked for, SI.
+    pub lower: f64,
+    /// The largest, SI.
+    pub upper: f64,
 }
 
 impl Experiment {

@@ -102,6 +102,7 @@ fn cut(
         instants: experiment.instants.as_ref().map(part),
         samples: length,
         estimation_samples: length,
+        scored_from: length,
         input_set: experiment.input_set,
         inputs: experiment.inputs.iter().map(part).collect(),
         measured: experiment.measured.iter().map(part).collect(),
@@ -112,5 +113,7 @@ fn cut(
             .collect(),
         initial_state: start.into_iter().map(Some).collect(),
         parameters: experiment.parameters.clone(),
+        unknown_starts: Vec::new(),
+        start_samples: None,
     })
 }

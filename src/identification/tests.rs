@@ -164,3 +164,41 @@ fn an_analysis_of_many_refits_is_saved_between_them_and_goes_on_with_the_same_bi
     };
     assert_eq!(pieces, whole);
 }
+
+#[test]
+fn an_experiment_that_only_validates_starts_where_it_starts() {
+    // The carriage is on its way already when the second recording begins.
+    let whole = carriage(2.0);
+    let rest = |name: &str| whole.signal(name).map(|own| own.values[110..].to_vec());
+    let rest = |name: &str| rest(name).expect("it is recorded");
+    let moving = Recording::from_samples(
+        0.02,
+        [
+            ("force", "N", rest("force")),
+            ("position", "m", rest("position")),
+        ],
+    );
+    let checked = Experiment::new(moving).only_validates();
+    let found = identification(whole.clone())
+        .experiment(checked)
+        .hold_back(0.0)
+        .run();
+    let found = found.expect("an outcome");
+    let [position, velocity] = &found.validation_starts[..] else {
+        panic!("two states start somewhere: {:?}", found.validation_starts);
+    };
+    assert_eq!(
+        (&*position.state, &*velocity.state),
+        ("position", "velocity")
+    );
+    assert!(velocity.value.abs() > 0.5, "it moves: {velocity:?}");
+    assert!(
+        position.fitted_s > 0.0 && position.fitted_s <= 0.5,
+        "{position:?}"
+    );
+    let errors = |part: &std::collections::BTreeMap<String, crate::job::outcome::OutputFit>| {
+        part["position"].rmse.expect("it varies")
+    };
+    let (estimated, validated) = (errors(&found.fit.estimation), errors(&found.fit.validation));
+    assert!(validated < 1.5 * estimated, "{validated} after {estimated}");
+}

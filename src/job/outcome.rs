@@ -34,6 +34,10 @@ pub struct Outcome {
     pub parameters: Vec<ParameterEstimate>,
     /// The estimated initial states, experiment by experiment.
     pub initial_states: Vec<InitialStateEstimate>,
+    /// Where experiments start that only validate, fitted to their first samples.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schema(required = false)]
+    pub validation_starts: Vec<ValidationStart>,
     /// How the estimates' errors hang together; `null` where no covariance could be had.
     pub correlation: Option<Correlation>,
     /// Combinations of unknowns that the data do not see, in words; each also lowers the verdict.
@@ -157,6 +161,24 @@ impl ParameterEstimate {
             Some(experiment) => format!("{label} in experiment {experiment}"),
         }
     }
+}
+
+/// Where a state starts in an experiment that only validates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct ValidationStart {
+    /// The experiment, counted from 0 in the order of the job.
+    pub experiment: usize,
+    /// The state of the model.
+    #[schema(example = "velocity")]
+    pub state: String,
+    /// The SI unit of the value.
+    #[schema(example = "m/s")]
+    pub unit: String,
+    /// The fitted start, SI.
+    pub value: f64,
+    /// How long a stretch it was fitted to `[s]`, which counts in no score.
+    pub fitted_s: f64,
 }
 
 /// One estimated initial state.

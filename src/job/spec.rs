@@ -164,6 +164,12 @@ pub struct ExperimentSpec {
     #[serde(default)]
     #[schema(required = false)]
     pub role: ExperimentRole,
+    /// How long a stretch, from its first sample, the start of an experiment that only validates is
+    /// fitted to `[s]`; left out, until no output shows the start any more, a quarter of the
+    /// experiment at the most. The stretch counts in no score.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0, nullable = false)]
+    pub start_fit_s: Option<f64>,
 }
 
 /// What an experiment is for.

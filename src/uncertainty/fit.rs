@@ -59,7 +59,7 @@ pub fn of(problem: &Problem, trajectories: &[Outputs], part: Part) -> Vec<Output
         for (data, trajectory) in problem.experiments.iter().zip(trajectories) {
             let range = match part {
                 Part::Estimation => 0..data.estimation_samples,
-                Part::Validation => data.estimation_samples..data.samples,
+                Part::Validation => data.scored_from..data.samples,
             };
             let simulated = &trajectory[problem.outputs[output].index];
             let measured = &data.measured[output];

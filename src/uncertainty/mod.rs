@@ -23,6 +23,7 @@ pub mod reweighting;
 mod rules;
 pub mod selection;
 pub mod settings;
+pub mod validation_start;
 pub mod verdict;
 pub mod whitening;
 

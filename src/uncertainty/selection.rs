@@ -8,7 +8,7 @@
 //! [`Problem::parameters`].
 
 use super::fit::{self, OutputFit, Part};
-use super::{Analysis, Refits, Request, analyse, reweighting};
+use super::{Analysis, Refits, Request, analyse, reweighting, validation_start};
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
 use crate::estimation::trajectory;
@@ -82,6 +82,7 @@ pub fn conclude(
         };
         (best.problem, report, Some(selection))
     };
+    let problem = validation_start::settled(&problem, &report.positions, stop)?;
     let analysis = analyse(&problem, &report, request, refits, stop)?;
     Some(Conclusion {
         problem,
@@ -215,6 +216,7 @@ impl Bench<'_> {
     }
 
     fn measure(&self, problem: Problem, positions: Vec<f64>, cost: Option<f64>) -> Option<Fitted> {
+        let problem = validation_start::settled(&problem, &positions, self.stop)?;
         let trajectories = trajectory::simulate(&problem, &positions, self.stop)?;
         let fits = |part| match &trajectories {
             Ok(trajectories) => fit::of(&problem, trajectories, part),

@@ -1,7 +1,9 @@
 //! One experiment: cut out of its recording, its inputs without holes, its start settled.
 
 use super::{Finding, signal_pointer};
-use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Prior, Target};
+use crate::estimation::problem::{
+    Coordinate, Experiment, MeasuredOutput, Prior, Target, UnknownStart,
+};
 use crate::job::fault::Fault;
 use crate::job::spec::{
     ExperimentRole, ExperimentSpec, InitialStateSpec, OutputSpec, ParameterSpec,
@@ -139,10 +141,22 @@ impl Cutter<'_> {
             inputs,
             weights: vec![None; measured.len()],
             measured,
+            scored_from: match spec.role {
+                ExperimentRole::Estimation => split.estimation.end,
+                ExperimentRole::Validation => 0,
+            },
             initial_state: vec![None; self.description.states.len()],
             parameters: self.own_values(spec),
+            unknown_starts: Vec::new(),
+            start_samples: spec
+                .start_fit_s
+                .map(|seconds| (seconds / data.sample_time).ceil() as usize),
         };
         let free_states = self.settle_start(spec, &mut experiment);
+        let free_states = match spec.role {
+            ExperimentRole::Estimation => free_states,
+            ExperimentRole::Validation => fitted_later(&mut experiment, &free_states),
+        };
         Ok(Cut {
             noise: self.noise(&data),
             experiment,
@@ -297,25 +311,33 @@ impl Cutter<'_> {
                 None => {
                     experiment.initial_state[state] = first_sample(description.initial, series);
                     let range = default_range(description.initial, series, experiment);
-                    let middle = range.map(|(lower, upper)| f64::midpoint(lower, upper));
-                    let is_estimated = spec.role == ExperimentRole::Estimation;
-                    let start = &mut experiment.initial_state[state];
-                    *start = start.or(middle.filter(|_| !is_estimated));
-                    free.extend(
-                        range
-                            .filter(|_| is_estimated)
-                            .map(|(lower, upper)| FreeState {
-                                state,
-                                lower,
-                                upper,
-                                prior: None,
-                            }),
-                    );
+                    free.extend(range.map(|(lower, upper)| FreeState {
+                        state,
+                        lower,
+                        upper,
+                        prior: None,
+                    }));
                 }
             }
         }
         free
     }
+}
+
+/// Leaves starts open that are fitted once the parameters are known: until then they are in the
+/// middle of where they may be. None of them is estimated with the parameters.
+fn fitted_later(experiment: &mut Experiment, free: &[FreeState]) -> Vec<FreeState> {
+    for free in free {
+        let (state, lower, upper) = (free.state, free.lower, free.upper);
+        experiment.initial_state[state] = Some(f64::midpoint(lower, upper));
+        let unknown = UnknownStart {
+            state,
+            lower,
+            upper,
+        };
+        experiment.unknown_starts.push(unknown);
+    }
+    Vec::new()
 }
 
 /// The input with each hole bridged by the sample before (the first one by the sample after), and

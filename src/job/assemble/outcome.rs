@@ -1,12 +1,12 @@
 //! The result document of a run.
 
-use crate::estimation::problem::{Coordinate, Problem, Target};
+use crate::estimation::problem::{Coordinate, Experiment, Problem, Target};
 use crate::estimation::report::{self, Refinement, Report};
 use crate::job::outcome::{
     ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, FloorReport,
     InitialStateEstimate, InputCorrelation, ModelSearchReport, Outcome, OutputFit,
     ParameterEstimate, Reason, ResidualReport, SearchEnd, SearchReport, StartReport, TotalInterval,
-    TriedModel, Trust, Verdict,
+    TriedModel, Trust, ValidationStart, Verdict,
 };
 use crate::uncertainty::selection::{Selection, Tried};
 use crate::uncertainty::{Analysis, Conclusion, CoordinateUncertainty, fit, residuals, verdict};
@@ -42,6 +42,7 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
         verdict: verdict_of(problem, &analysis.verdict),
         parameters,
         initial_states,
+        validation_starts: validation_starts(problem),
         correlation: analysis.correlation.as_ref().map(|matrix| Correlation {
             names: problem
                 .coordinates
@@ -119,6 +120,25 @@ fn verdict_of(problem: &Problem, verdict: &verdict::Verdict) -> Verdict {
         summary: verdict.summary.clone(),
         reasons: verdict.reasons.iter().map(reason).collect(),
     }
+}
+
+/// Where experiments start that only validate.
+fn validation_starts(problem: &Problem) -> Vec<ValidationStart> {
+    let states = &problem.model.description().states;
+    let of_experiment = |experiment: &Experiment| {
+        let starts = experiment.unknown_starts.iter();
+        let starts = starts.filter_map(|unknown| {
+            Some(ValidationStart {
+                experiment: experiment.place,
+                state: states[unknown.state].name.to_string(),
+                unit: states[unknown.state].unit.to_string(),
+                value: experiment.initial_state[unknown.state]?,
+                fitted_s: experiment.instant(experiment.scored_from),
+            })
+        });
+        starts.collect::<Vec<_>>()
+    };
+    problem.experiments.iter().flat_map(of_experiment).collect()
 }
 
 fn estimates(

@@ -52,6 +52,13 @@ pub fn trajectory(
     stop: &AtomicBool,
 ) -> Result<Option<Vec<ExperimentTrajectory>>, Vec<Fault>> {
     let mut problem = super::problem(spec, model, recordings)?.problem;
+    for start in &outcome.validation_starts {
+        let state = model.description().state_index(&start.state);
+        let experiments = Arc::make_mut(&mut problem.experiments);
+        if let (Some(state), Some(own)) = (state, experiments.get_mut(start.experiment)) {
+            own.initial_state[state] = Some(start.value);
+        }
+    }
     problem
         .coordinates
         .retain(|coordinate| is_estimated(coordinate, outcome));

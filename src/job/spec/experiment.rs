@@ -98,12 +98,16 @@ fn read(
                       parameters from: give their values";
         object.fault("contradiction", detail);
     }
-    let is_free = |start: &InitialStateSpec| matches!(start, InitialStateSpec::Free(_));
-    if role == ExperimentRole::Validation && initial_state.values().any(is_free) {
-        let detail = "an experiment that only validates has nothing to estimate its start from: \
-                      give the start as a value, or as \"first_sample\"";
-        object.fault("contradiction", detail);
+    let start_fit = object.optional("start_fit_s");
+    if let Some(field) = start_fit
+        .as_ref()
+        .filter(|_| role == ExperimentRole::Estimation)
+    {
+        let detail = "the start of an experiment that is estimated from is estimated with all of \
+                      it: only one with `\"role\": \"validation\"` has a stretch for it";
+        field.fault("contradiction", detail);
     }
+    let start_fit_s = start_fit.and_then(|field| field.positive());
     object.finish();
     Some(ExperimentSpec {
         dataset: dataset?.0,
@@ -114,6 +118,7 @@ fn read(
         initial_state,
         parameters,
         role,
+        start_fit_s,
     })
 }
 
