@@ -31,7 +31,7 @@ const RUNS: usize = 30;
 const TOGETHER: usize = 30;
 
 /// How far they lie from the published values, as a share of the search range.
-const SPREAD: f64 = 0.005;
+const SPREAD: f64 = 0.0005;
 
 fn main() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
@@ -51,7 +51,11 @@ fn main() {
 
 fn figures(problem: &Problem, nominal: &[f64]) -> Value {
     let one = [nominal.to_vec()];
-    let many: Vec<Vec<f64>> = (0..TOGETHER).map(|place| beside(nominal, place)).collect();
+    let near = (0..).map(|place| beside(nominal, place));
+    let many: Vec<Vec<f64>> = near
+        .filter(|own| is_simulated(problem, own))
+        .take(TOGETHER)
+        .collect();
     let of = |candidates: &[Vec<f64>], accuracy| {
         1e3 * shortest(problem, candidates, accuracy) / candidates.len() as f64
     };
@@ -71,6 +75,14 @@ fn beside(nominal: &[f64], place: usize) -> Vec<f64> {
         (position + SPREAD * (2.0 * share - 1.0)).clamp(0.0, 1.0)
     });
     shifted.collect()
+}
+
+/// Whether a candidate does not explode, as one near the published virus may.
+fn is_simulated(problem: &Problem, candidate: &[f64]) -> bool {
+    let never = AtomicBool::new(false);
+    let objective = Objective::new(problem, usize::MAX);
+    let judged = objective.evaluate(problem, &[candidate.to_vec()], Accuracy::Ranking, &never);
+    judged.is_some_and(|judged| judged[0].cost.is_finite())
 }
 
 /// The shortest time in which candidates are judged [s].
