@@ -206,8 +206,8 @@ async fn the_report_of_a_result_is_one_page_that_fetches_and_runs_nothing() {
         .json();
     let name = result["parameters"][0]["name"].as_str().unwrap();
     assert!(page.contains(&format!("<td>{name} (")), "{name}");
-    // Outputs, residuals, their memory, and the search.
-    assert_eq!(page.matches("<svg").count(), 4);
+    // Outputs, residuals, their memory, spread and spectrum, and the search.
+    assert_eq!(page.matches("<svg").count(), 6);
     assert!(!page.contains("NaN"));
 }
 
