@@ -137,8 +137,10 @@ fn subtitle(report: &Report<'_>) -> String {
     let outcome = report.outcome;
     let mut words = format!("model {}, {}", outcome.model, outcome.job);
     if let Some(instant) = report.finished_at {
-        words.push_str(", finished ");
-        words.push_str(instant);
+        // To the second; nobody signs nanoseconds.
+        let (date, time) = instant.split_once('T').unwrap_or((instant, ""));
+        let time = time.split(['.', 'Z']).next().unwrap_or_default();
+        push(&mut words, format_args!(", finished {date} {time} UTC"));
     }
     words
 }

@@ -5,6 +5,7 @@ import { facts, h, notice, problemBox } from "./dom.js";
 import { instant } from "./format.js";
 import { JobFeed, isFinished } from "./job_feed.js";
 import { badge } from "./job_rows.js";
+import { livePanel } from "./job_live.js";
 import { progressPanel } from "./job_progress.js";
 import { resultPanel } from "./job_result.js";
 import { trajectoryPanel } from "./job_trajectory.js";
@@ -25,13 +26,13 @@ export function showJob(view, id) {
     spec: h("div", {}),
   };
   const outcome = notice();
-  const panels = { progress: progressPanel(view), result: resultPanel(view), trajectory: trajectoryPanel(view, id) };
+  const panels = { live: livePanel(view, id), progress: progressPanel(view), result: resultPanel(view), trajectory: trajectoryPanel(view, id) };
   const body = h("div", { hidden: true }, parts.actions, parts.about,
-    panels.progress.element, panels.result.element, panels.trajectory.element, parts.spec);
+    panels.progress.element, panels.live.element, panels.result.element, panels.trajectory.element, parts.spec);
   // What was found stands first once there is something, else what is going on.
   const arrange = (found) => {
-    const { progress, result, trajectory } = panels;
-    const order = found ? [result, trajectory, progress] : [progress, result, trajectory];
+    const { live, progress, result, trajectory } = panels;
+    const order = found ? [result, trajectory, progress, live] : [progress, live, result, trajectory];
     body.append(...order.map(({ element }) => element), parts.spec);
   };
   view.root.append(
@@ -45,6 +46,7 @@ export function showJob(view, id) {
       heading.textContent = job.name || job.id;
       document.title = `${heading.textContent} · greybox`;
       panels.progress.job(job);
+      panels.live.job(job);
       if (job.status === shownStatus) {
         return;
       }
@@ -64,6 +66,7 @@ export function showJob(view, id) {
       const rows = feed.generations();
       panels.progress.history(rows, feed);
       panels.result.history(rows);
+      panels.live.history(rows);
     },
     connection: (text) => {
       parts.connection.textContent = text;

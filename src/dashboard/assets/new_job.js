@@ -8,6 +8,7 @@ import { modelPart } from "./new_model.js";
 import { parametersPart } from "./new_parameters.js";
 import { recordingsPart } from "./new_recordings.js";
 import { preflightPart } from "./preflight.js";
+import { tryPart } from "./try_model.js";
 
 const METHODS = [["icra_genetic", "ICRA credits and a genetic search"], ["differential_evolution", "differential evolution"],
   ["cma_es", "CMA-ES"], ["multistart_lm", "least squares from many starts"]];
@@ -77,7 +78,7 @@ class NewJob {
   constructor(view, { models, datasets, spec }, outcome) {
     Object.assign(this, { view, models, datasets, spec, outcome, key: null, keyed: null });
     this.text = h("textarea", { rows: "24", spellcheck: "false", "aria-label": "Specification as JSON", oninput: () => this.typed() });
-    this.parts = [recordingsPart(this), modelPart(this), parametersPart(this)];
+    this.parts = [recordingsPart(this), modelPart(this), parametersPart(this), tryPart(this)];
     this.preflight = preflightPart(this);
     this.search = h("div", {});
     this.guided = h("div", { class: "steps" }, this.parts.map(({ element }) => element),

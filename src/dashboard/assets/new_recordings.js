@@ -22,6 +22,7 @@ export function recordingsPart(job) {
   const element = h("section", { "aria-label": "Recordings" }, h("h2", {}, "1. Recordings"), list,
     h("div", { class: "fields" }, h("label", {}, "Stored recordings", known), add), upload);
   const shown = [];
+  let started = false;
   return {
     element,
     draw(from) {
@@ -32,9 +33,11 @@ export function recordingsPart(job) {
       known.value = before || options[0]?.value || "";
       add.disabled = options.length === 0;
       const experiments = job.spec.experiments ?? [];
-      if (experiments.length === 0 && options.length === 0) {
+      // Without a recording the first thing to do is in sight.
+      if (experiments.length === 0 && !started) {
         upload.open = true;
       }
+      started = true;
       // An experiment keeps its plots as long as it is of the same recording.
       experiments.forEach((experiment, k) => {
         if (shown[k]?.dataset !== experiment.dataset) {

@@ -9,6 +9,7 @@ import uPlot from "/assets/vendor/uplot-1.6.32.min.js";
 import { rangeOf } from "./axes.js";
 import { h, svg } from "./dom.js";
 import { number, quantity } from "./format.js";
+import { nearest } from "./plot_math.js";
 import { saveMenu } from "./plot_save.js";
 import { colour, onTheme, spanColour, width } from "./plot_theme.js";
 import { choices, onUnits, prefer, shownUnit, toShown } from "./units.js";
@@ -348,15 +349,4 @@ function decades(_, low, high) {
 
 function swatch(look) {
   return svg("svg", { width: 22, height: 10, "aria-hidden": "true" }, svg("line", { x1: 0, x2: 22, y1: 5, y2: 5, class: `line ${look}` }));
-}
-
-// The index of a sorted column that is nearest to a value.
-export function nearest(xs, value) {
-  let low = 0;
-  let high = xs.length - 1;
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    xs[middle] < value ? (low = middle) : (high = middle);
-  }
-  return high < 0 || Math.abs(xs[low] - value) <= Math.abs(xs[high] - value) ? low : high;
 }
