@@ -78,20 +78,24 @@ fn body(markdown: &str) -> String {
             *id = Some(CowStr::from(anchor(&text)));
         }
     }
-    // A table may be wider than the page, and then scrolls by itself; it can be reached by keyboard.
+    // What may be wider than the page scrolls by itself, and can be reached by keyboard.
+    let mut frames = 0;
     let framed = events.into_iter().flat_map(|event| match &event {
-        Event::Start(Tag::Table(_)) => {
-            let frame =
-                "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"table\">";
+        Event::Start(Tag::Table(_) | Tag::CodeBlock(_)) => {
+            let (class, what) = match &event {
+                Event::Start(Tag::Table(_)) => ("scroll", "table"),
+                _ => ("code", "example"),
+            };
+            frames += 1;
+            let frame = format!(
+                "<div class=\"{class}\" tabindex=\"0\" role=\"region\" \
+                 aria-label=\"{what} {frames}\">"
+            );
             vec![Event::Html(frame.into()), event]
         }
-        Event::End(TagEnd::Table) => vec![event, Event::Html("</div>".into())],
-        Event::Start(Tag::CodeBlock(_)) => {
-            let frame =
-                "<div class=\"code\" tabindex=\"0\" role=\"region\" aria-label=\"example\">";
-            vec![Event::Html(frame.into()), event]
+        Event::End(TagEnd::Table | TagEnd::CodeBlock) => {
+            vec![event, Event::Html("</div>".into())]
         }
-        Event::End(TagEnd::CodeBlock) => vec![event, Event::Html("</div>".into())],
         _ => vec![event],
     });
     let mut written = String::new();

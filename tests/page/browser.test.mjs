@@ -13,7 +13,7 @@ import { after, before, test } from "node:test";
 
 const { GREYBOX_URL: base, PAGE_TOOLS: tools, CHROMIUM = "/usr/bin/chromium", SCREENSHOTS: pictures } = process.env;
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
-const PATIENCE = { timeout: 120_000 };
+const PATIENCE = { timeout: 60_000 };
 const SIZES = [{ width: 1400, height: 900, scheme: "light" }, { width: 1400, height: 900, scheme: "dark" },
   { width: 390, height: 844, scheme: "light" }, { width: 390, height: 844, scheme: "dark" }];
 
@@ -232,7 +232,7 @@ test("a plot reads the part that is shown: a single sample is seen at every zoom
 
 test("jobs are searched, sorted, kept up to date and compared", { skip }, async () => {
   const page = await open("/#/jobs?text=drive+cma");
-  await says(page, "1 of ");
+  await page.waitForFunction(() => /\d+ of \d+ jobs/.test(document.body.innerText), PATIENCE);
   await page.$eval("input[type=search]", (input) => {
     input.value = "";
     input.dispatchEvent(new Event("input", { bubbles: true }));

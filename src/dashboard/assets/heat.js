@@ -11,7 +11,7 @@ export function heatTable(caption, rows, columns, cell, { corner = "" } = {}) {
       const known = cell(i, k);
       const element = h("td", { class: "number", title: known?.title ?? null }, known?.text ?? "");
       if (known && Number.isFinite(known.value) && known.value !== 0) {
-        const strength = Math.round(55 * Math.min(1, Math.abs(known.value)));
+        const strength = Math.round(40 * Math.min(1, Math.abs(known.value)));
         element.style.background = `color-mix(in srgb, var(--${known.value < 0 ? "second" : "first"}) ${strength}%, var(--page))`;
       }
       return element;

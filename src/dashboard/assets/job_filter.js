@@ -31,11 +31,22 @@ function hasLabel(labels, wanted) {
   return name in labels && (!value || labels[name] === value);
 }
 
+// What is searched of a job, made once: a job that changes comes as another object.
+const searched = new WeakMap();
+
+function textOf(job) {
+  let text = searched.get(job);
+  if (text === undefined) {
+    text = [job.name, job.id, job.model, job.method, job.status, job.trust, ...Object.entries(job.labels).flat(),
+      ...job.datasets.map(({ id, name }) => name ?? id)].filter(Boolean).join("\n").toLowerCase();
+    searched.set(job, text);
+  }
+  return text;
+}
+
 // Every word of the text stands somewhere in what the list shows of the job.
 function contains(job, text) {
-  const shown = [job.name, job.id, job.model, job.method, job.status, job.trust, ...Object.entries(job.labels).flat(),
-    ...job.datasets.map(({ id, name }) => name ?? id)].filter(Boolean).join("\n").toLowerCase();
-  return text.toLowerCase().split(/\s+/).every((word) => shown.includes(word));
+  return text.toLowerCase().split(/\s+/).every((word) => textOf(job).includes(word));
 }
 
 // Seconds from the first slice to the end, or until now.

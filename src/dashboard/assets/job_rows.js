@@ -27,8 +27,10 @@ export class JobRows {
       }
       return cell;
     };
-    this.above = h("tr", { "aria-hidden": "true" }, h("td", { colspan: String(COLUMNS.length + 1) }));
-    this.below = h("tr", { "aria-hidden": "true" }, h("td", { colspan: String(COLUMNS.length + 1) }));
+    // As wide as the narrowest page has columns: more would take room there.
+    const spacer = () => h("tr", { "aria-hidden": "true" }, h("td", { colspan: "4" }));
+    this.above = spacer();
+    this.below = spacer();
     this.body = h("tbody", {}, this.above, this.below);
     this.table = h("table", { class: "jobs" }, h("caption", { class: "unseen" }, "Jobs"),
       h("thead", {}, h("tr", {}, h("th", { scope: "col" }, h("span", { class: "unseen" }, "Select")), COLUMNS.map(heading))), this.body);

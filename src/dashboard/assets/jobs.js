@@ -10,6 +10,7 @@ import { JobRows } from "./job_rows.js";
 const STATUSES = ["queued", "running", "paused", "succeeded", "failed", "cancelled"];
 const TRUSTS = ["high", "moderate", "low", "none"];
 const METHODS = ["icra_genetic", "differential_evolution", "cma_es", "multistart_lm"];
+const FIRST_PAGE = 100;
 const PAGE = 500;
 const MOST = 50_000;
 const COMPARED = [2, 10];
@@ -150,7 +151,7 @@ class JobList {
     let token = null;
     try {
       do {
-        const { data } = await get(`/v1/jobs${query({ view: "summary", limit: PAGE, page_token: token })}`, loading.signal);
+        const { data } = await get(`/v1/jobs${query({ view: "summary", limit: token ? PAGE : FIRST_PAGE, page_token: token })}`, loading.signal);
         data.items.forEach((job) => {
           seen.add(job.id);
           this.take(job);

@@ -62,7 +62,7 @@ export function diagram(model) {
 
 // All that a model says of itself.
 export function described(model) {
-  const signals = (title, list) => [h("h4", {}, title), table(title, [{ title: "Signal" }, { title: "Unit" }, { title: "Meaning" }],
+  const signals = (title, list) => [h("p", {}, h("strong", {}, title)), table(title, [{ title: "Signal" }, { title: "Unit" }, { title: "Meaning" }],
     list.map((entry) => [words(entry.name), unitText(entry.unit), entry.meaning ?? ""]))];
   return [
     h("div", { class: "equations" }, model.equations.map((line) => equation(line))),

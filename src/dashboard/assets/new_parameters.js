@@ -23,7 +23,7 @@ export function parametersPart(job) {
       only.checked || row.free || row.said || row.about.unknown_by_default || owners(job.spec, row.about.name).length);
     const several = (job.spec.experiments ?? []).length > 1;
     const head = ["Parameter", "Is", "Value, or range to look in", ...(several ? ["Experiments"] : []), "Expected standard error"];
-    place.replaceChildren(h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Parameters" },
+    place.replaceChildren(h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Table of the parameters" },
       h("table", { class: "parameters" }, h("caption", { class: "unseen" }, "Parameters"),
         h("thead", {}, h("tr", {}, head.map((title) => h("th", { scope: "col" }, title)))),
         h("tbody", {}, rows.map((row) => parameterRow(job, row, several))))));
@@ -81,8 +81,8 @@ function fields(row, put) {
         field(`${name}, prior from`, shown(prior?.[0]), (low) => put({ prior: { range_95: [low ?? row.lower, prior?.[1] ?? row.upper] } })), "and",
         field(`${name}, prior to`, shown(prior?.[1]), (high) => put({ prior: { range_95: [prior?.[0] ?? row.lower, high ?? row.upper] } })),
         row.prior.range_95 ? "" : h("span", { class: "quiet" }, JSON.stringify(row.prior)),
-        h("button", { type: "button", class: "small", "aria-label": `${name}: forget what was known before`, onclick: () => put({ prior: null }) }, "×"))
-      : h("button", { type: "button", class: "small", "aria-label": `${name}: say what was known before`,
+        h("button", { type: "button", class: "small", "aria-label": `× forget the prior of ${name}`, onclick: () => put({ prior: null }) }, "×"))
+      : h("button", { type: "button", class: "small", "aria-label": `+ prior: what was known of ${name} before`,
         onclick: () => put({ prior: { range_95: [row.lower, row.upper] } }) }, "+ prior"));
 }
 

@@ -6,7 +6,7 @@
 // a double click or Escape shows all. Plots of one `group` (see plot_group.js) share cursor and part.
 
 import uPlot from "/assets/vendor/uplot-1.6.32.min.js";
-import { rangeOf } from "./axes.js";
+import { axis as axisOf, rangeOf } from "./axes.js";
 import { h, svg } from "./dom.js";
 import { number, quantity } from "./format.js";
 import { nearest } from "./plot_math.js";
@@ -175,14 +175,14 @@ class Plot {
       axes: [
         { ...axis, size: 30, label: `${this.x.label}${unit}`, labelSize: 18, labelFont: "12px system-ui, sans-serif", labelGap: 0, space: 70,
           values: (_, splits) => splits.map((value) => number(value, 7)) },
-        { ...axis, space: Math.max(18, Math.min(34, this.height / 8)), size: (_, texts) => 14 + CHARACTER * Math.max(2, ...(texts ?? []).map((text) => (text ?? "").length)),
+        { ...axis, ...(this.y.log ? { splits: roundSplits, filter: (_, splits) => splits } : {}), space: Math.max(18, Math.min(34, this.height / 8)), size: (_, texts) => 14 + CHARACTER * Math.max(2, ...(texts ?? []).map((text) => (text ?? "").length)),
           values: (_, splits) => splits.map((value) => (value === null ? "" : number(value, this.y.log ? 2 : 6))) },
       ],
       series: [{}, ...this.series.map(({ look, step, dash, bars, dots }) => ({
         stroke: () => colour(look), width: dots ? 0 : width(look), dash: dash ?? (look === "faint" ? [6, 4] : undefined), spanGaps: false,
         fill: bars ? () => `${colour(look)}66` : undefined,
         paths: step ? uPlot.paths.stepped({ align: 1 }) : bars ? uPlot.paths.bars({ size: [0.8, 40] }) : undefined,
-        points: dots ? { show: true, size: 6, width: 1, stroke: () => colour(look) } : bars ? { show: false } : { show: (chart, k, first, last) => last - first < chart.width / 12, size: 5 },
+        points: dots ? { show: true, size: 7, width: 1, stroke: () => colour(look), fill: () => colour(look) } : bars ? { show: false } : { show: (chart, k, first, last) => last - first < chart.width / 12, size: 5 },
       }))],
       bands: this.bands.map(({ upper, lower, look }) => ({ series: [upper + 1, lower + 1], fill: () => `${colour(look)}33` })),
       cursor: {
@@ -336,6 +336,10 @@ function padded(_, low, high) {
 
 function fromZero(_, low, high) {
   return padded(null, Math.min(0, low ?? 0), Math.max(0, high ?? 1));
+}
+
+function roundSplits(_, __, low, high) {
+  return axisOf([low, high], { log: true, wanted: 4 }).ticks.map(([value]) => value);
 }
 
 // A logarithmic axis that fits the values, not whole decades of which they fill a corner.
