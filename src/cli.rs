@@ -11,8 +11,10 @@ mod error;
 mod estimate;
 mod event_stream;
 mod files;
+mod manual;
 mod progress;
 mod record;
+mod said;
 mod serve;
 mod simulate;
 mod table;
@@ -54,6 +56,10 @@ enum Command {
     Openapi,
     /// Ask a server whether it is ready
     Health(serve::HealthArguments),
+    /// Print what makes a shell complete the commands
+    Completions(manual::CompletionArguments),
+    /// Write the pages of the manual
+    Man(manual::ManArguments),
 }
 
 /// Runs the command that the process was started with.
@@ -81,6 +87,8 @@ fn run(command: Command) -> Result<(), CommandError> {
         Command::Check(arguments) => database::check(&arguments),
         Command::Openapi => files::write(None, &openapi()),
         Command::Health(arguments) => serve::health(arguments),
+        Command::Completions(arguments) => manual::completions(&arguments),
+        Command::Man(arguments) => manual::man(&arguments),
     }
 }
 

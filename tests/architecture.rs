@@ -26,7 +26,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     // Simulation stands behind `/v1/simulations` only.
     ("api", &["dashboard", "report", "event", "store", "job", "intake", "recording", "model", "simulation", "document"]),
     ("dashboard", &[]),
-    ("report", &["job", "recording"]),
+    // A report for the file has the equations.
+    ("report", &["job", "recording", "model"]),
     // The settings of the method and the forms of its results are part of a job; a problem is
     // assembled, and looked over beforehand, from the statistics of its recordings.
     ("job", &["estimation", "uncertainty", "model", "simulation", "recording", "document", "numerics"]),
@@ -96,6 +97,10 @@ const PLACES: &[(&str, &[&str])] = &[
     ("tempfile", &["store"]),
     // Settings are flags as well as variables.
     ("clap", &["cli", "config"]),
+    ("clap_complete", &["cli"]),
+    ("clap_mangen", &["cli"]),
+    // The guides are Markdown.
+    ("pulldown_cmark", &["dashboard"]),
     ("directories", &["config"]),
     ("indicatif", &["cli"]),
     ("comfy_table", &["cli"]),

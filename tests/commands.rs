@@ -335,3 +335,22 @@ fn a_server_says_where_it_listens_is_healthy_and_ends_when_it_is_asked_to() {
     let gone = run(&["health", url]);
     assert_eq!(gone.status.code(), Some(1));
 }
+
+#[test]
+fn shells_and_manuals_are_told_the_commands() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let script = printed(&["completions", "bash"]);
+    assert!(script.contains("estimate") && script.contains("--candidates"));
+    let pages = folder.path().join("man");
+    printed(&["man", "--output", pages.to_str().expect("text")]);
+    let page = std::fs::read_to_string(pages.join("greybox-estimate.1")).expect("a page");
+    assert!(page.contains("\\-\\-signal"), "{page}");
+}
+
+#[test]
+fn a_job_without_a_document_is_said_on_the_command_line() {
+    let complaint = complaints(&["estimate", "a.csv"]).join("\n");
+    assert!(complaint.contains("--model"), "{complaint}");
+    let complaint = complaints(&["estimate", "a.csv", "--model", "x", "--set", "mass"]).join("\n");
+    assert!(complaint.contains("mass=50..70"), "{complaint}");
+}

@@ -28,11 +28,11 @@ use crate::job::JobId;
 use crate::store::StoredEvent;
 
 /// After so long without an event a comment shows that the stream lives.
-const KEEP_ALIVE: Duration = Duration::from_secs(15);
+pub(super) const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// How soon a client that lost its stream comes back.
-const RETRY: &str = "retry: 2000\n\n";
+pub(super) const RETRY: &str = "retry: 2000\n\n";
 /// What shows that the stream lives.
-const COMMENT: &str = ": alive\n\n";
+pub(super) const COMMENT: &str = ": alive\n\n";
 
 /// Where to go on.
 #[derive(IntoParams)]
@@ -142,13 +142,7 @@ impl Replay {
             let chunk = replay.next().await?;
             Some((Ok::<_, Infallible>(chunk), replay))
         });
-        let mut response = Response::new(Body::from_stream(chunks));
-        let headers = response.headers_mut();
-        let event_stream = HeaderValue::from_static("text/event-stream");
-        headers.insert(header::CONTENT_TYPE, event_stream);
-        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
-        headers.insert("x-accel-buffering", HeaderValue::from_static("no"));
-        response
+        streamed(Body::from_stream(chunks))
     }
 
     /// The next piece of the stream; `None` at its end.
@@ -166,6 +160,17 @@ impl Replay {
             }
         }
     }
+}
+
+/// A stream of events as an answer.
+pub(super) fn streamed(body: Body) -> Response {
+    let mut response = Response::new(body);
+    let headers = response.headers_mut();
+    let event_stream = HeaderValue::from_static("text/event-stream");
+    headers.insert(header::CONTENT_TYPE, event_stream);
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    headers.insert("x-accel-buffering", HeaderValue::from_static("no"));
+    response
 }
 
 /// Events in the form of the stream. Their data are one line each.

@@ -56,6 +56,11 @@ impl FinishedJob {
         })
     }
 
+    /// The model that it was made with.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
     /// The experiments measured and simulated at the estimate: computing, not for the runtime's
     /// own threads.
     ///

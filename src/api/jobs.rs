@@ -1,11 +1,11 @@
-//! Jobs: list, show, cancel, pause, resume, delete.
+//! Jobs: show, cancel, pause, resume, delete.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
 use serde::Serialize;
@@ -17,10 +17,9 @@ use super::ApiState;
 use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
 use super::http_headers::{MAX_WAIT_S, json, tagged};
-use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::job::{Failure, IllegalTransition, JobId, JobSpec, Phase, Progress, Status};
-use crate::store::{Control, JobFilter, JobRemoval, JobRow, StoreError};
+use crate::store::{Control, JobRemoval, JobRow, StoreError};
 
 /// When a client may ask again if nothing better is known `[s]`.
 const RETRY_S: f64 = 2.0;
@@ -179,58 +178,6 @@ pub async fn wait_until(
             () = tokio::time::sleep_until(deadline) => return Ok(row),
         }
     }
-}
-
-/// Which jobs to list.
-#[derive(IntoParams)]
-#[into_params(parameter_in = Query)]
-pub struct JobsQuery {
-    /// Only those in this state.
-    #[param(inline)]
-    pub status: Option<Status>,
-    /// Only those with this label, `site`, or with this value of it, `site:hall 2`.
-    pub label: Option<String>,
-}
-
-/// The filter and the place in the list.
-pub struct WhichJobs(JobFilter);
-
-impl FromQuery for WhichJobs {
-    fn read(query: &mut QueryReader) -> Self {
-        let status = query.parsed("status", |word| {
-            word.parse::<Status>().map_err(|error| error.to_string())
-        });
-        let label = query
-            .text("label")
-            .map(|label| match label.split_once([':', '=']) {
-                Some((label, value)) => (label.to_owned(), Some(value.to_owned())),
-                None => (label, None),
-            });
-        let cursor = Cursor::read(query);
-        Self(JobFilter {
-            status,
-            label,
-            before: cursor.before,
-            limit: cursor.limit,
-        })
-    }
-}
-
-/// List jobs, newest first.
-#[utoipa::path(
-    get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
-    params(JobsQuery, PageParams),
-    responses((status = 200, description = "A page of jobs", body = Page<Job>,
-               headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
-)]
-pub async fn list(
-    State(state): State<ApiState>,
-    Params(WhichJobs(filter)): Params<WhichJobs>,
-    uri: Uri,
-) -> Answer {
-    let page = state.store.jobs(&filter).await?;
-    let items = page.rows.iter().map(Job::from).collect();
-    Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
 }
 
 /// How long to wait for a change.

@@ -6,6 +6,7 @@
 
 pub mod body;
 pub mod candidates;
+pub mod changes;
 pub mod comparisons;
 pub mod datasets;
 pub mod error;
@@ -14,6 +15,7 @@ pub mod extract;
 pub mod finished_job;
 pub mod health;
 pub mod http_headers;
+pub mod job_list;
 pub mod jobs;
 pub mod middleware;
 pub mod models;
@@ -23,6 +25,7 @@ pub mod page;
 pub mod query;
 pub mod report;
 pub mod results;
+mod simulated;
 pub mod simulations;
 mod spec_cache;
 mod spool;
@@ -47,6 +50,7 @@ use crate::store::Store;
 use error::{Answer, Problem};
 pub use middleware::with_middleware;
 pub use openapi::openapi;
+use simulated::SimulatedCache;
 use spec_cache::SpecCache;
 use spool::SpoolRoom;
 use work::Places;
@@ -115,6 +119,7 @@ pub struct Shared {
     conversions: Places,
     spool_room: SpoolRoom,
     checked: SpecCache,
+    simulated: SimulatedCache,
     streams: Places,
 }
 
@@ -128,6 +133,7 @@ impl ApiState {
             conversions: Places::new(limits.conversions_at_once, "too many documents at once"),
             spool_room: SpoolRoom::new(limits.spool_bytes),
             checked: SpecCache::default(),
+            simulated: SimulatedCache::default(),
             streams: Places::new(limits.streams_at_once, "too many event streams are open"),
             parts,
         }))
@@ -201,12 +207,13 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(simulations::simulate))
         .routes(routes!(comparisons::submit_comparison, comparisons::list))
         .routes(routes!(comparisons::show))
-        .routes(routes!(submit::submit, jobs::list))
+        .routes(routes!(submit::submit, job_list::list))
         .routes(routes!(jobs::show, jobs::remove))
         .routes(routes!(jobs::cancel))
         .routes(routes!(jobs::pause))
         .routes(routes!(jobs::resume))
         .routes(routes!(events::events))
+        .routes(routes!(changes::changes))
         .routes(routes!(results::generations))
         .routes(routes!(candidates::candidates))
         .routes(routes!(results::result))

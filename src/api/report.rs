@@ -1,16 +1,21 @@
-//! A result as one page for the file.
+//! A result for the file: as a page, as Markdown, or as a document for programs.
 
 use axum::extract::State;
-use axum::http::{HeaderValue, header};
+use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{Html, IntoResponse};
+use serde::Deserialize;
+use serde_json::Value;
+use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
 use super::error::Answer;
 use super::extract::Named;
 use super::finished_job::FinishedJob;
-use super::query::{NoQuery, Params};
-use crate::job::JobId;
-use crate::report::{self, Report};
+use super::http_headers::json;
+use super::query::{FromQuery, Params, QueryReader};
+use crate::job::{JobId, JobSpec};
+use crate::report::{self, RecordingFacts, Report, ReportDocument};
+use crate::store::DatasetRow;
 
 /// Generations that a page shows at the most.
 const MAX_GENERATIONS: u32 = 100_000;
@@ -21,37 +26,110 @@ const POLICY: HeaderValue = HeaderValue::from_static(
      frame-ancestors 'none'",
 );
 
-/// Read a result as one self-contained page: verdict, estimates, fit, plots, and what made it.
+/// What a report is written as.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ReportFormat {
+    /// A page with its plots inside.
+    #[default]
+    Html,
+    /// Text with tables.
+    Markdown,
+    /// A document for programs.
+    Json,
+}
+
+/// In which form.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct ReportQuery {
+    /// What it is written as.
+    #[param(inline)]
+    pub format: Option<ReportFormat>,
+}
+
+impl FromQuery for ReportQuery {
+    fn read(query: &mut QueryReader) -> Self {
+        let format = query.parsed("format", |word| {
+            serde_json::from_value(Value::from(word)).map_err(|error| error.to_string())
+        });
+        Self { format }
+    }
+}
+
+/// Read a result for the file.
+///
+/// As one self-contained page that prints on A4 and Letter: verdict, estimates, model, recordings,
+/// fit, plots, sign-off, and what made it; as Markdown without the plots; or as JSON, with what the
+/// residuals look like.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/report", operation_id = "read_report", tag = "jobs",
-    params(("id" = JobId, Path, description = "The job")),
+    params(("id" = JobId, Path, description = "The job"), ReportQuery),
     responses(
-        (status = 200, description = "The page", body = String, content_type = "text/html"),
+        (status = 200, description = "The report",
+         content((String = "text/html"), (String = "text/markdown"),
+                 (ReportDocument = "application/json"))),
         (status = 409, description = "There is no result, or not yet, or its recording is gone")
     )
 )]
 pub async fn report(
     State(state): State<ApiState>,
     Named(id): Named<JobId>,
-    _query: Params<NoQuery>,
+    Params(query): Params<ReportQuery>,
 ) -> Answer {
     let job = FinishedJob::read(&state, id).await?;
     let generations = state.store.generations(id, 0, MAX_GENERATIONS).await?;
+    let recordings = recordings(&state, &job.spec).await?;
     let rendered = state.compute(move |stop| {
         let experiments = job.trajectory(stop)?;
         let row = &job.row;
         let title = row.name.clone().unwrap_or_else(|| id.to_string());
         let finished_at = row.finished_at.map(|instant| instant.to_string());
-        let page = report::render(&Report {
+        let report = Report {
             title: &title,
             finished_at: finished_at.as_deref(),
             spec: &job.spec,
+            model: job.model().description(),
+            recordings: &recordings,
             outcome: &job.outcome,
             generations: &generations,
             experiments: &experiments,
-        });
-        let policy = [(header::CONTENT_SECURITY_POLICY, POLICY)];
-        Ok((policy, Html(page)).into_response())
+        };
+        Ok(match query.format.unwrap_or_default() {
+            ReportFormat::Html => {
+                let policy = [(header::CONTENT_SECURITY_POLICY, POLICY)];
+                (policy, Html(report::render(&report))).into_response()
+            }
+            ReportFormat::Markdown => {
+                let kind = HeaderValue::from_static("text/markdown; charset=utf-8");
+                let kind = [(header::CONTENT_TYPE, kind)];
+                (kind, report::markdown::render(&report)).into_response()
+            }
+            ReportFormat::Json => json(StatusCode::OK, &report::document(&report)),
+        })
     });
     rendered.await
+}
+
+/// The recordings of a job, one for each experiment.
+async fn recordings(state: &ApiState, spec: &JobSpec) -> Answer<Vec<RecordingFacts>> {
+    let mut facts = Vec::with_capacity(spec.experiments.len());
+    for experiment in &spec.experiments {
+        if let Some(row) = state.store.dataset(experiment.dataset).await? {
+            facts.push(facts_of(&row));
+        }
+    }
+    Ok(facts)
+}
+
+fn facts_of(row: &DatasetRow) -> RecordingFacts {
+    RecordingFacts {
+        id: row.id.to_string(),
+        name: row.name.clone(),
+        digest: row.digest.clone(),
+        start: row.summary.start.map(|instant| instant.to_string()),
+        zone: row.summary.zone.clone(),
+        samples: row.summary.samples,
+        duration_s: row.summary.duration_s,
+    }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::ops::Range;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -13,9 +14,12 @@ use super::error::Answer;
 use super::extract::Named;
 use super::finished_job::FinishedJob;
 use super::http_headers::{json, prefers};
+use super::jobs::no_job;
 use super::query::{FromQuery, Params, QueryReader};
 use super::results;
+use super::simulated::Simulated;
 use crate::job::assemble::{ExperimentTrajectory, OutputTrajectory};
+use crate::job::spec::MAX_EXPERIMENTS;
 use crate::job::{DatasetId, JobId};
 use crate::recording::kept_indices;
 
@@ -24,10 +28,17 @@ const DEFAULT_POINTS: u64 = 2000;
 /// Points of a plot at the most.
 const MAX_POINTS: u64 = 100_000;
 
-/// How finely.
+/// Which part, and how finely.
 #[derive(IntoParams)]
 #[into_params(parameter_in = Query)]
 pub struct TrajectoryQuery {
+    /// Only this experiment, counted from 0 in the order of the job.
+    #[param(minimum = 0, maximum = 31)]
+    pub experiment: Option<u64>,
+    /// From this instant on `[s]`, from the recording's first sample.
+    pub from: Option<f64>,
+    /// Up to this instant `[s]`.
+    pub to: Option<f64>,
     /// Points of each experiment at the most; the extremes of each stretch are kept.
     #[param(minimum = 2, maximum = 100_000, default = 2000)]
     pub max_points: Option<u64>,
@@ -35,9 +46,38 @@ pub struct TrajectoryQuery {
 
 impl FromQuery for TrajectoryQuery {
     fn read(query: &mut QueryReader) -> Self {
+        let from = query.number("from");
+        let to = query.number("to");
+        if let (Some(from), Some(to)) = (from, to)
+            && from > to
+        {
+            let detail = format!("from {from} is after to {to}");
+            query.fault("from", "bounds_reversed", detail);
+        }
         Self {
+            experiment: query.integer("experiment", 0, MAX_EXPERIMENTS as u64 - 1),
+            from,
+            to,
             max_points: query.integer("max_points", 2, MAX_POINTS),
         }
+    }
+}
+
+impl TrajectoryQuery {
+    fn wants(&self, experiment: usize) -> bool {
+        self.experiment
+            .is_none_or(|wanted| wanted == experiment as u64)
+    }
+
+    /// The samples that lie between the instants.
+    fn samples(&self, time: &[f64]) -> Range<usize> {
+        let first = self
+            .from
+            .map_or(0, |from| time.partition_point(|t| *t < from));
+        let end = self
+            .to
+            .map_or(time.len(), |to| time.partition_point(|t| *t <= to));
+        first..end.max(first)
     }
 }
 
@@ -46,7 +86,7 @@ impl FromQuery for TrajectoryQuery {
 pub struct Trajectory {
     /// The job.
     job: JobId,
-    /// The experiments, in the order of the job.
+    /// The experiments that were asked for, in the order of the job.
     experiments: Vec<Experiment>,
 }
 
@@ -54,8 +94,12 @@ pub struct Trajectory {
 #[derive(Serialize, ToSchema)]
 #[schema(as = TrajectoryExperiment)]
 struct Experiment {
+    /// Its number in the order of the job, from 0.
+    experiment: usize,
     /// The recording.
     dataset: DatasetId,
+    /// The first and the last instant that the job uses `[s]`, whatever part is shown.
+    span_s: Option<[f64; 2]>,
     /// Where the data that were estimated from end and those held back begin `[s]`.
     estimation_until_s: Option<f64>,
     /// The instants, from the recording's first sample `[s]`.
@@ -96,31 +140,57 @@ pub async fn trajectory(
     Params(query): Params<TrajectoryQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let job = FinishedJob::read(&state, id).await?;
+    let simulated = simulated(&state, id).await?;
     let as_csv = prefers(&headers, "text/csv");
-    let points = query.max_points.unwrap_or(DEFAULT_POINTS);
-    let points = usize::try_from(points).expect("the limit is small");
-    let compared = state.compute(move |stop| {
-        let experiments = job.trajectory(stop)?;
+    let written = state.convert(move || {
         if as_csv {
-            return Ok(results::csv(csv(&experiments)));
+            return Ok(results::csv(csv(&simulated, &query)));
         }
-        let experiments = experiments.iter().map(|e| decimated(e, points)).collect();
+        let experiments = simulated.iter().enumerate();
+        let wanted = experiments.filter(|(number, _)| query.wants(*number));
         let trajectory = Trajectory {
             job: id,
-            experiments,
+            experiments: wanted
+                .map(|(number, of)| decimated(number, of, &query))
+                .collect(),
         };
         Ok(json(StatusCode::OK, &trajectory))
     });
-    compared.await
+    written.await
 }
 
-fn decimated(experiment: &ExperimentTrajectory, points: usize) -> Experiment {
+/// The experiments of a result, simulated now or a moment ago.
+async fn simulated(state: &ApiState, id: JobId) -> Answer<Simulated> {
+    let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
+    if let Some(known) = state.0.simulated.get(id, row.revision) {
+        let mut there = true;
+        for experiment in known.iter() {
+            there &= state.store.dataset(experiment.dataset).await?.is_some();
+        }
+        if there {
+            return Ok(known);
+        }
+    }
+    let job = FinishedJob::read(state, id).await?;
+    let revision = job.row.revision;
+    let computed = state.compute(move |stop| job.trajectory(stop).map(Simulated::new));
+    let simulated = computed.await?;
+    state.0.simulated.keep(id, revision, &simulated);
+    Ok(simulated)
+}
+
+fn decimated(
+    number: usize,
+    experiment: &ExperimentTrajectory,
+    query: &TrajectoryQuery,
+) -> Experiment {
+    let points = query.max_points.unwrap_or(DEFAULT_POINTS);
+    let points = usize::try_from(points).expect("the limit is small");
     let outputs = experiment.outputs.iter();
     let columns: Vec<&[f64]> = outputs
         .flat_map(|output| [&output.measured[..], &output.simulated, &output.residual])
         .collect();
-    let kept = kept_indices(&columns, 0..experiment.time.len(), points);
+    let kept = kept_indices(&columns, query.samples(&experiment.time), points);
     let pick = |values: &[f64]| kept.iter().map(|&k| finite(values[k])).collect();
     let output = |output: &OutputTrajectory| Output {
         unit: output.unit.clone(),
@@ -128,9 +198,15 @@ fn decimated(experiment: &ExperimentTrajectory, points: usize) -> Experiment {
         simulated: pick(&output.simulated),
         residual: pick(&output.residual),
     };
+    let ends = [experiment.time.first(), experiment.time.last()];
     let held_back = experiment.time.get(experiment.estimation_samples);
     Experiment {
+        experiment: number,
         dataset: experiment.dataset,
+        span_s: match ends {
+            [Some(first), Some(last)] => Some([*first, *last]),
+            _ => None,
+        },
         estimation_until_s: held_back.or(experiment.time.last()).copied(),
         time_s: kept.iter().map(|&k| experiment.time[k]).collect(),
         outputs: experiment
@@ -146,7 +222,7 @@ fn finite(value: f64) -> Option<f64> {
 }
 
 /// One row a sample; the first column counts the experiments from 0.
-fn csv(experiments: &[ExperimentTrajectory]) -> String {
+fn csv(experiments: &[ExperimentTrajectory], query: &TrajectoryQuery) -> String {
     let mut text = String::from("experiment,time [s]");
     for output in experiments.iter().take(1).flat_map(|e| &e.outputs) {
         let OutputTrajectory { name, unit, .. } = output;
@@ -154,9 +230,10 @@ fn csv(experiments: &[ExperimentTrajectory]) -> String {
         text.extend(columns.map(|column| format!(",{name}_{column} [{unit}]")));
     }
     text.push('\n');
-    for (number, experiment) in experiments.iter().enumerate() {
-        for (k, time) in experiment.time.iter().enumerate() {
-            push(&mut text, format_args!("{number},{time}"));
+    let wanted = experiments.iter().enumerate();
+    for (number, experiment) in wanted.filter(|(number, _)| query.wants(*number)) {
+        for k in query.samples(&experiment.time) {
+            push(&mut text, format_args!("{number},{}", experiment.time[k]));
             let outputs = experiment.outputs.iter();
             let series = outputs.flat_map(|o| [&o.measured, &o.simulated, &o.residual]);
             for values in series {

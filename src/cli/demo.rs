@@ -12,6 +12,8 @@ use crate::demo::{self, Demo};
 use crate::job::Outcome;
 use clap::Args;
 use serde_json::{Value, json};
+use std::io::IsTerminal;
+use std::process::{Command, Stdio};
 
 /// The seed of the recording.
 const SEED: u64 = 1;
@@ -23,9 +25,13 @@ pub struct Arguments {
     #[arg(long, default_value = "a")]
     recording: Letter,
 
-    /// Leave the server running until ctrl-c
+    /// Leave the server running until ctrl-c, also where no terminal watches
     #[arg(long)]
     keep: bool,
+
+    /// Do not open the page in a browser
+    #[arg(long)]
+    no_open: bool,
 
     #[command(flatten)]
     settings: Settings,
@@ -42,14 +48,16 @@ pub fn demo(arguments: Arguments) -> Result<(), CommandError> {
     serve::block_on(async {
         let app = start(settings).await?;
         let base = format!("http://{}", app.local_addr());
-        let demonstration = demonstrate(&base, arguments.recording.into());
+        let watched = std::io::stdout().is_terminal();
+        let browser = Browser(watched && !arguments.no_open);
+        let demonstration = demonstrate(&base, arguments.recording.into(), browser);
         let shown = tokio::select! {
             shown = demonstration => shown,
             _ = app.wait_for_signal() => Err(CommandError::failed(
                 "interrupted; the job goes on when a server is started on this database",
             )),
         };
-        if shown.is_ok() && arguments.keep {
+        if shown.is_ok() && (arguments.keep || watched) {
             println!("\n{base} serves until ctrl-c");
             app.wait_for_signal().await.map_err(CommandError::failed)?;
         }
@@ -70,7 +78,30 @@ async fn start(settings: Settings) -> Result<App, CommandError> {
     serve::start(settings).await
 }
 
-async fn demonstrate(base: &str, demo: Demo) -> Result<(), CommandError> {
+/// Whether the page shall be opened for whoever watches.
+struct Browser(bool);
+
+impl Browser {
+    /// Opens the page, where there is a program for that; the address has been printed in any case.
+    fn open(&self, address: &str) {
+        let (program, before): (_, &[&str]) = match std::env::consts::OS {
+            "macos" => ("open", &[]),
+            "windows" => ("cmd", &["/C", "start", ""]),
+            _ => ("xdg-open", &[]),
+        };
+        if self.0 {
+            let mut command = Command::new(program);
+            command.args(before).arg(address);
+            command
+                .stdin(Stdio::null())
+                .stdout(Stdio::null())
+                .stderr(Stdio::null());
+            drop(command.spawn());
+        }
+    }
+}
+
+async fn demonstrate(base: &str, demo: Demo, browser: Browser) -> Result<(), CommandError> {
     let client = Client::new(base)?;
     let recording = demo::recording(demo, SEED);
     let name = recording.name.as_deref().unwrap_or_default();
@@ -81,7 +112,9 @@ async fn demonstrate(base: &str, demo: Demo) -> Result<(), CommandError> {
     let job = client.submit(&document).await?;
     let id = job["id"].as_str().unwrap_or_default();
     println!("submitted {id}");
-    println!("watch it at {}\n", client.url(&format!("/#/jobs/{id}")));
+    let page = client.url(&format!("/#/jobs/{id}"));
+    println!("watch it at {page}\n");
+    browser.open(&page);
     follow(&client, &job).await?;
     let result = client.get(&format!("/v1/jobs/{id}/result")).await?;
     let outcome: Outcome = serde_json::from_value(result).map_err(CommandError::failed)?;
@@ -89,7 +122,6 @@ async fn demonstrate(base: &str, demo: Demo) -> Result<(), CommandError> {
         "\n{}",
         table::of(&outcome, Some(&demo::true_parameters(demo)))
     );
-    println!("{}", client.url(&format!("/#/jobs/{id}")));
     Ok(())
 }
 

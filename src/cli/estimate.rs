@@ -2,14 +2,14 @@
 
 use super::error::CommandError;
 use super::progress::{self, Progress};
-use super::{files, table};
+use super::{files, said, table};
 use crate::estimation::{Advance, Finding, GenerationRow, Observer, RefinementRow, StopReason};
 use crate::identification::{Identification, IdentificationError, Run};
 use crate::job::candidate::{self, Selection};
 use crate::job::{Candidate, CandidateColumn, GenerationEvent, JobSpec, Outcome};
 use crate::recording::Recording;
 use clap::Args;
-use sha2::{Digest, Sha256};
+use serde_json::{Value, json};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -19,16 +19,31 @@ use std::time::{Duration, Instant};
 /// What `estimate` is given.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The recording, CSV or JSON; every experiment of the job is cut from it
+    /// The recording, CSV or JSON, `-` for standard input; every experiment of the job is cut from it
     recording: PathBuf,
 
-    /// The job as it is submitted to a server, JSON or YAML; the datasets that it names are not used
-    job: PathBuf,
+    /// The job as it is submitted to a server, JSON or YAML; the datasets that it names are not used.
+    /// Left out, `--model` estimates what the model calls unknown
+    #[arg(required_unless_present = "model")]
+    job: Option<PathBuf>,
 
     /// The model in the place of the job's own: a name of the catalogue, or the file of a model
     /// document, JSON or YAML
     #[arg(long)]
     model: Option<String>,
+
+    /// What is known of a parameter, SI: `mass=50..70` to look there, `mass=58` or `mass=58±1%`
+    /// where it is known, `mass=?` to look in the model's range
+    #[arg(long = "set", value_name = "PARAMETER=…", value_parser = said::parameter)]
+    parameters: Vec<(String, Value)>,
+
+    /// Which signal of the recording is one of the model's: `position=cyl_pos`
+    #[arg(long = "signal", value_name = "MODEL=RECORDED", value_parser = said::signal)]
+    signals: Vec<(String, Value)>,
+
+    /// Print the result as JSON in the place of the table
+    #[arg(long)]
+    json: bool,
 
     /// Where to write the result, JSON
     #[arg(long, short)]
@@ -53,23 +68,27 @@ pub struct Arguments {
 
 /// Estimates, and shows what came of it.
 pub fn estimate(arguments: &Arguments) -> Result<(), CommandError> {
-    let recording = files::recording(&arguments.recording, arguments.time.as_deref())?;
-    let model = arguments.model.as_deref();
-    let identification = identification(recording, &arguments.job, model)?;
+    let (recording, digest) = files::recorded(&arguments.recording, arguments.time.as_deref())?;
+    let source = arguments.job.as_deref().unwrap_or(Path::new("the job"));
+    let identification = asked(arguments, recording)?;
     let (spec, _) = identification
         .specification()
-        .map_err(|error| wrong(&arguments.job, error))?;
+        .map_err(|error| wrong(source, error))?;
     share_threads(arguments.threads)?;
-    let digests = vec![digest(&arguments.recording)?; spec.experiments.len()];
+    let digests = vec![digest; spec.experiments.len()];
     let run = identification
         .begin()
-        .map_err(|error| wrong(&arguments.job, error))?
+        .map_err(|error| wrong(source, error))?
         .named(spec.name.clone().unwrap_or_default(), digests);
     let columns = CandidateColumn::of(run.problem());
     let mut watcher = Watcher::new(&spec, arguments.candidates.is_some());
-    let outcome =
-        to_the_end(run, &spec, &mut watcher).map_err(|error| wrong(&arguments.job, error))?;
-    println!("{}", table::of(&outcome, None));
+    let outcome = to_the_end(run, &spec, &mut watcher).map_err(|error| wrong(source, error))?;
+    let text = serde_json::to_vec_pretty(&outcome).expect("a result has only text keys");
+    if arguments.json {
+        files::write(None, &[&text[..], b"\n"].concat())?;
+    } else {
+        println!("{}", table::of(&outcome, None));
+    }
     if let Some(path) = &arguments.history {
         files::write(Some(path), GenerationEvent::csv(&watcher.rows).as_bytes())?;
     }
@@ -78,10 +97,19 @@ pub fn estimate(arguments: &Arguments) -> Result<(), CommandError> {
         files::write(Some(path), table.as_bytes())?;
     }
     if let Some(path) = &arguments.output {
-        let text = serde_json::to_vec_pretty(&outcome).expect("a result has only text keys");
         files::write(Some(path), &text)?;
     }
     Ok(())
+}
+
+/// The job that the arguments ask for: that of the file, if there is one, with what they say beside.
+fn asked(arguments: &Arguments, recording: Recording) -> Result<Identification, CommandError> {
+    let mut job = match &arguments.job {
+        Some(path) => files::document(path)?,
+        None => json!({}),
+    };
+    said::into_job(&mut job, &arguments.parameters, &arguments.signals)?;
+    of_document(job, recording, arguments.model.as_deref())
 }
 
 /// The job of a file on a recording, with `model` in the place of its own.
@@ -90,7 +118,15 @@ pub(super) fn identification(
     job: &Path,
     model: Option<&str>,
 ) -> Result<Identification, CommandError> {
-    let identification = Identification::of_job(files::document(job)?, recording);
+    of_document(files::document(job)?, recording, model)
+}
+
+fn of_document(
+    job: Value,
+    recording: Recording,
+    model: Option<&str>,
+) -> Result<Identification, CommandError> {
+    let identification = Identification::of_job(job, recording);
     match model {
         Some(said) => Ok(identification.model(&files::model(said)?)),
         None => Ok(identification),
@@ -115,12 +151,6 @@ pub(super) fn wrong(job: &Path, error: IdentificationError) -> CommandError {
         }
         error => CommandError::failed(error),
     }
-}
-
-fn digest(recording: &Path) -> Result<String, CommandError> {
-    let digest = Sha256::digest(std::fs::read(recording).map_err(CommandError::failed)?);
-    let digits: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
-    Ok(format!("sha256:{digits}"))
 }
 
 fn share_threads(threads: Option<NonZeroUsize>) -> Result<(), CommandError> {

@@ -7,21 +7,43 @@ use crate::model::document as model_document;
 use crate::model::{Catalogue, Model};
 use crate::recording::Recording;
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::Path;
 use std::sync::Arc;
 
 /// A recording of any format that the service takes.
 pub fn recording(path: &Path, time: Option<&str>) -> Result<Recording, CommandError> {
     let file = File::open(path).map_err(|error| unreadable(path, &error))?;
+    parsed(path, file, time)
+}
+
+/// A recording with the digest of its bytes; that of standard input where the path is `-`.
+pub fn recorded(path: &Path, time: Option<&str>) -> Result<(Recording, String), CommandError> {
+    let mut bytes = Vec::new();
+    let read = if path == Path::new("-") {
+        std::io::stdin().lock().read_to_end(&mut bytes)
+    } else {
+        File::open(path).and_then(|mut file| file.read_to_end(&mut bytes))
+    };
+    read.map_err(|error| unreadable(path, &error))?;
+    let digits: String = Sha256::digest(&bytes)
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
+    let recording = parsed(path, &bytes[..], time)?;
+    Ok((recording, format!("sha256:{digits}")))
+}
+
+fn parsed(path: &Path, text: impl Read, time: Option<&str>) -> Result<Recording, CommandError> {
     let kind = match ends_with(path, &["json"]) {
         true => intake::Kind::Json,
         false => intake::Kind::Text,
     };
     let mut options = intake::Options::default();
     options.time = time.map(str::to_owned);
-    let read = intake::read(file, kind, &options);
+    let read = intake::read(text, kind, &options);
     read.map_err(|error| match error.faults() {
         [] => unreadable(path, &error),
         faults => CommandError::inputs(

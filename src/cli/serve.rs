@@ -2,11 +2,12 @@
 
 use super::client::Client;
 use super::error::CommandError;
-use crate::app::App;
+use crate::app::{App, StartError};
 use crate::config::Settings;
 use clap::Args;
 use std::future::Future;
-use std::io::IsTerminal;
+use std::io::{ErrorKind, IsTerminal};
+use std::net::SocketAddr;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::fmt;
 use tracing_subscriber::layer::SubscriberExt as _;
@@ -43,7 +44,15 @@ pub fn health(arguments: HealthArguments) -> Result<(), CommandError> {
 
 /// A server at work.
 pub async fn start(settings: Settings) -> Result<App, CommandError> {
-    App::start(settings).await.map_err(CommandError::failed)
+    App::start(settings).await.map_err(|error| match &error {
+        StartError::Listen { address, source } if source.kind() == ErrorKind::AddrInUse => {
+            let next = SocketAddr::new(address.ip(), address.port().wrapping_add(1));
+            CommandError::failed(format!(
+                "{error}; another program listens there: choose another with `--listen {next}`"
+            ))
+        }
+        _ => CommandError::failed(error),
+    })
 }
 
 /// Runs what waits for the network.

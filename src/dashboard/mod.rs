@@ -1,9 +1,14 @@
 //! The pages that the server shows to people, embedded in the program.
 //!
-//! `/` is the dashboard, `/docs` the API reference, and `/docs/jobs.md` and `/docs/models.md` tell
-//! what a job can ask for and how to write a model. The pages are files without a build step: plain
+//! `/` is the dashboard, `/docs` the API reference, and `/docs/start` and its neighbours are the
+//! guides, whose texts stand in `docs/`. The pages are files without a build step: plain
 //! HTML, CSS and ES modules that talk to the same HTTP interface as every other client. They fetch
 //! nothing from elsewhere, and a strict Content-Security-Policy holds them to it.
+
+mod guides;
+
+use std::borrow::Cow;
+use std::sync::LazyLock;
 
 use axum::Router;
 use axum::body::Bytes;
@@ -14,14 +19,15 @@ use axum::http::header::{
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use guides::{GUIDES, Guide};
 use sha2::{Digest, Sha256};
 
 /// A file of the pages.
 struct Asset {
-    path: &'static str,
+    path: Cow<'static, str>,
     content_type: &'static str,
     policy: &'static str,
-    bytes: &'static [u8],
+    bytes: Bytes,
 }
 
 /// What the dashboard may load: its own files and the API beside it, nothing inline.
@@ -41,46 +47,60 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 const SVG: &str = "image/svg+xml";
 const TEXT: &str = "text/plain; charset=utf-8";
 
-const fn page(path: &'static str, bytes: &'static [u8], policy: &'static str) -> Asset {
+fn page(path: &'static str, bytes: &'static [u8], policy: &'static str) -> Asset {
     Asset {
-        path,
+        path: path.into(),
         content_type: HTML,
         policy,
-        bytes,
+        bytes: Bytes::from_static(bytes),
     }
 }
 
-/// A text that is shown as it is written.
-const fn text(path: &'static str, bytes: &'static [u8]) -> Asset {
-    Asset {
-        path,
+/// A guide as a page, and its text as it is written.
+fn guide(guide: &'static Guide) -> [Asset; 2] {
+    let shown = Asset {
+        path: format!("/docs/{}", guide.name).into(),
+        content_type: HTML,
+        policy: DASHBOARD_POLICY,
+        bytes: guides::page(guide).into(),
+    };
+    let text = Asset {
+        path: format!("/docs/{}.md", guide.name).into(),
         content_type: TEXT,
         policy: DASHBOARD_POLICY,
-        bytes,
-    }
+        bytes: Bytes::from_static(guide.markdown.as_bytes()),
+    };
+    [shown, text]
 }
 
 /// The file of that name in `assets/`, served as `/assets/…`.
 macro_rules! asset {
     ($name:literal, $content_type:expr) => {
         Asset {
-            path: concat!("/assets/", $name),
+            path: Cow::Borrowed(concat!("/assets/", $name)),
             content_type: $content_type,
             policy: DASHBOARD_POLICY,
-            bytes: include_bytes!(concat!("assets/", $name)),
+            bytes: Bytes::from_static(include_bytes!(concat!("assets/", $name))),
         }
     };
 }
 
-static ASSETS: [Asset; 24] = [
+static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
+    let mut assets = embedded();
+    assets.extend(GUIDES.iter().flat_map(guide));
+    assets
+});
+
+#[rustfmt::skip]
+fn embedded() -> Vec<Asset> { vec![
     page("/", include_bytes!("assets/index.html"), DASHBOARD_POLICY),
     page(
         "/docs",
         include_bytes!("assets/docs.html"),
         REFERENCE_POLICY,
     ),
-    text("/docs/jobs.md", include_bytes!("docs/jobs.md")),
-    text("/docs/models.md", include_bytes!("docs/models.md")),
+    asset!("guide.css", CSS),
+    asset!("models.js", SCRIPT),
     asset!("style.css", CSS),
     asset!("icon.svg", SVG),
     asset!("main.js", SCRIPT),
@@ -88,27 +108,55 @@ static ASSETS: [Asset; 24] = [
     asset!("dom.js", SCRIPT),
     asset!("format.js", SCRIPT),
     asset!("axes.js", SCRIPT),
-    asset!("chart.js", SCRIPT),
+    asset!("plot.js", SCRIPT),
+    asset!("plot.css", CSS),
+    asset!("plot_group.js", SCRIPT),
+    asset!("plot_save.js", SCRIPT),
+    asset!("plot_math.js", SCRIPT),
+    asset!("try_model.js", SCRIPT),
+    asset!("job_live.js", SCRIPT),
+    asset!("plot_theme.js", SCRIPT),
+    asset!("units.js", SCRIPT),
     asset!("jobs.js", SCRIPT),
+    asset!("jobs.css", CSS),
+    asset!("job_filter.js", SCRIPT),
+    asset!("job_rows.js", SCRIPT),
+    asset!("compare.js", SCRIPT),
+    asset!("compare_diff.js", SCRIPT),
+    asset!("comparisons.js", SCRIPT),
     asset!("job.js", SCRIPT),
     asset!("job_feed.js", SCRIPT),
     asset!("job_progress.js", SCRIPT),
     asset!("job_result.js", SCRIPT),
     asset!("job_tables.js", SCRIPT),
+    asset!("job_residuals.js", SCRIPT),
+    asset!("heat.js", SCRIPT),
+    asset!("verdict.js", SCRIPT),
     asset!("job_trajectory.js", SCRIPT),
     asset!("datasets.js", SCRIPT),
-    asset!("submit.js", SCRIPT),
+    asset!("upload.js", SCRIPT),
+    asset!("equation.js", SCRIPT),
+    asset!("new_job.js", SCRIPT),
+    asset!("new_job.css", CSS),
+    asset!("new_model.js", SCRIPT),
+    asset!("new_parameters.js", SCRIPT),
+    asset!("new_recordings.js", SCRIPT),
+    asset!("job_draft.js", SCRIPT),
+    asset!("preflight.js", SCRIPT),
     asset!("docs.js", SCRIPT),
+    asset!("vendor/uplot-1.6.32.min.js", SCRIPT),
+    asset!("vendor/uplot-1.6.32.min.css", CSS),
+    asset!("vendor/uplot-1.6.32.LICENSE", TEXT),
     asset!("vendor/rapidoc-9.3.8-min.js", SCRIPT),
     asset!("vendor/rapidoc-9.3.8.LICENSE", TEXT),
-];
+] }
 
 /// The routes of the pages. Unknown paths are left to the router that this one is merged into.
 pub fn router() -> Router {
     ASSETS.iter().fold(Router::new(), |router, asset| {
-        let tag = entity_tag(asset.bytes);
+        let tag = entity_tag(&asset.bytes);
         router.route(
-            asset.path,
+            &asset.path,
             get(move |headers: HeaderMap| std::future::ready(serve(asset, &tag, &headers))),
         )
     })
@@ -140,7 +188,7 @@ fn serve(asset: &'static Asset, tag: &HeaderValue, request: &HeaderMap) -> Respo
     if is_known_to(request, tag) {
         (StatusCode::NOT_MODIFIED, headers).into_response()
     } else {
-        (headers, Bytes::from_static(asset.bytes)).into_response()
+        (headers, asset.bytes.clone()).into_response()
     }
 }
 
@@ -202,6 +250,12 @@ mod tests {
     #[tokio::test]
     async fn every_file_that_a_page_or_module_names_is_served() {
         let mut paths = vec!["/".to_owned(), "/docs".to_owned()];
+        // Texts are there for whoever asks for them by name.
+        paths.extend(
+            GUIDES
+                .iter()
+                .map(|guide| format!("/docs/{}.md", guide.name)),
+        );
         let mut seen = 0;
         while seen < paths.len() {
             let path = paths[seen].clone();
@@ -229,7 +283,8 @@ mod tests {
         let asset = |piece: &str| match piece.strip_prefix("./") {
             Some(module) if module.ends_with(".js") => Some(format!("/assets/{module}")),
             _ => {
-                (piece.starts_with("/assets/") || piece.ends_with(".md")).then(|| piece.to_owned())
+                let is_file = piece.starts_with("/assets/") || piece.starts_with("/docs/");
+                is_file.then(|| piece.split('#').next().unwrap_or_default().to_owned())
             }
         };
         text(path).await.split('"').filter_map(asset).collect()
@@ -262,7 +317,7 @@ mod tests {
             .iter()
             .filter(|asset| !asset.path.contains("/vendor/"))
         {
-            let text = text(asset.path).await;
+            let text = text(&asset.path).await;
             let text = text.replace("http://www.w3.org/", "");
             assert!(
                 !text.contains("http://") && !text.contains("https://"),

@@ -5,6 +5,7 @@
 //! store. A slow reader therefore holds up nobody and misses nothing, and the hub's memory is one
 //! small entry for each job that somebody waits for.
 
+mod everyone;
 mod feed;
 
 use std::collections::HashMap;
@@ -16,6 +17,8 @@ use tokio_util::sync::CancellationToken;
 use crate::job::JobId;
 use crate::store::{Change, OnChange, Store};
 
+pub use everyone::ChangedJobs;
+use everyone::Followers;
 pub use feed::Feed;
 use feed::Tail;
 
@@ -28,6 +31,7 @@ pub struct EventHub {
 #[derive(Default)]
 struct Inner {
     waiting: Mutex<HashMap<JobId, Arc<Topic>>>,
+    followers: Followers,
     slice_waits: Notify,
     stop_requested: Notify,
     closing: CancellationToken,
@@ -75,6 +79,7 @@ impl EventHub {
 
     /// Wakes those who wait for a job.
     fn wake(&self, job: JobId) {
+        self.inner.followers.tell(job);
         if let Some(topic) = self.inner.waiting().get(&job) {
             topic.news.send_modify(|news| *news += 1);
         }
@@ -91,6 +96,11 @@ impl EventHub {
             news: topic.news.subscribe(),
             topic: topic.clone(),
         }
+    }
+
+    /// Which jobs change, from now on.
+    pub fn changed_jobs(&self) -> ChangedJobs {
+        self.inner.followers.join(self.inner.closing.clone())
     }
 
     /// The events of a job with an id above `after`: those stored, then those to come.

@@ -2,6 +2,7 @@
 
 use super::chart::{Chart, Series};
 use super::html::escape;
+use super::residuals::{self, Diagnostics};
 use super::{Report, push};
 use crate::job::assemble::{ExperimentTrajectory, OutputTrajectory};
 use crate::job::outcome::ResidualReport;
@@ -9,10 +10,6 @@ use crate::recording::kept_indices;
 
 /// Points of a line at the most; the extremes of each stretch are kept.
 const POINTS: usize = 1500;
-/// Lags of the autocorrelation.
-const LAGS: usize = 25;
-/// The 99 % point of the normal distribution, two-sided.
-const NORMAL_99: f64 = 2.576;
 
 const MEASURED: &str = "#8a93a0";
 const SIMULATED: &str = "#c8462f";
@@ -20,12 +17,14 @@ const PLAIN: &str = "#2b6cb0";
 
 /// Every experiment's outputs, residuals and their memory.
 pub fn experiments(page: &mut String, report: &Report<'_>) {
+    let diagnostics = residuals::diagnostics(report.experiments);
     for (number, experiment) in report.experiments.iter().enumerate() {
         push(
             page,
             format_args!(
-                "<section>\n<h2>Experiment {number}</h2>\n<p class=\"muted\">{} samples of <code>{}\
+                "<section>\n<h2>Experiment {}</h2>\n<p class=\"muted\">{} samples of <code>{}\
                  </code>, {} of them estimated from</p>\n",
+                number + 1,
                 experiment.time.len(),
                 experiment.dataset,
                 experiment.estimation_samples
@@ -36,7 +35,13 @@ pub fn experiments(page: &mut String, report: &Report<'_>) {
             push(page, format_args!("<h3>{}</h3>\n", escape(&output.name)));
             followed(page, experiment, output);
             left_over(page, experiment, output, residuals);
-            memory(page, experiment, output);
+            let of =
+                |known: &&Diagnostics| known.experiment == number && known.output == output.name;
+            if let Some(known) = diagnostics.iter().find(of) {
+                memory(page, known);
+                spread(page, known);
+                frequencies(page, known);
+            }
         }
         page.push_str("</section>\n");
     }
@@ -107,29 +112,17 @@ fn left_over(
 }
 
 /// The autocorrelation of the residuals in the part that was estimated from.
-fn memory(page: &mut String, experiment: &ExperimentTrajectory, output: &OutputTrajectory) {
-    let used = &output.residual[..experiment.estimation_samples];
-    let mean_product = |lag: usize| {
-        let pairs = used.iter().zip(used.iter().skip(lag));
-        let products = pairs
-            .map(|(a, b)| a * b)
-            .filter(|product| !product.is_nan());
-        let (sum, count) = products.fold((0.0, 0.0), |(sum, n), product| (sum + product, n + 1.0));
-        (sum / count, count)
-    };
-    let (power, count) = mean_product(0);
-    let limit = NORMAL_99 / f64::sqrt(count);
+fn memory(page: &mut String, known: &Diagnostics) {
+    let lags = known.autocorrelation.iter().zip(1..);
     let chart = Chart {
         x_label: "lag [samples]",
         y_label: "autocorrelation of the residuals",
         series: vec![Series {
             name: "autocorrelation",
             colour: PLAIN,
-            points: (1..=LAGS)
-                .map(|lag| (lag as f64, mean_product(lag).0 / power))
-                .collect(),
+            points: lags.map(|(value, lag)| (f64::from(lag), *value)).collect(),
         }],
-        levels: vec![-limit, limit],
+        levels: vec![-known.white_within, known.white_within],
         marks: Vec::new(),
         bars: true,
     };
@@ -137,6 +130,55 @@ fn memory(page: &mut String, experiment: &ExperimentTrajectory, output: &OutputT
         page,
         &chart,
         "White residuals stay between the dashed lines in 99 of 100 lags.",
+    );
+}
+
+/// How often residuals are how large.
+fn spread(page: &mut String, known: &Diagnostics) {
+    let histogram = &known.histogram;
+    let bars = histogram.counts.iter().zip(0_u32..);
+    let label = format!("measured − simulated [{}]", known.unit);
+    let chart = Chart {
+        x_label: &label,
+        y_label: "residuals",
+        series: vec![Series {
+            name: "residuals",
+            colour: PLAIN,
+            points: bars
+                .map(|(count, bar)| {
+                    let middle = histogram.from + (f64::from(bar) + 0.5) * histogram.width;
+                    (middle, *count as f64)
+                })
+                .collect(),
+        }],
+        levels: Vec::new(),
+        marks: Vec::new(),
+        bars: true,
+    };
+    figure(page, &chart, "How the residuals are spread.");
+}
+
+/// At which frequencies the residuals are large.
+fn frequencies(page: &mut String, known: &Diagnostics) {
+    let lines = known.spectrum.iter().filter(|[_, power]| *power > 0.0);
+    let label = format!("log10 of the power density [{}²/Hz]", known.unit);
+    let chart = Chart {
+        x_label: "frequency [Hz]",
+        y_label: &label,
+        series: vec![Series {
+            name: "power",
+            colour: PLAIN,
+            points: lines.map(|[hz, power]| (*hz, power.log10())).collect(),
+        }],
+        levels: Vec::new(),
+        marks: Vec::new(),
+        bars: false,
+    };
+    figure(
+        page,
+        &chart,
+        "The spectrum of the residuals: flat where they are white, high where the model misses \
+         dynamics.",
     );
 }
 

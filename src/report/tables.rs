@@ -2,7 +2,9 @@
 
 use super::html::{escape, number, optional, significant, with_code};
 use super::push;
-use crate::job::outcome::{Estimate, Outcome, OutputFit, Trust};
+use crate::job::outcome::{
+    Estimate, InitialStateEstimate, Outcome, OutputFit, ParameterEstimate, Trust,
+};
 
 /// Shares of a variance below this are not shown.
 const SMALLEST_SHARE: f64 = 0.01;
@@ -11,22 +13,19 @@ const SMALLEST_SHARE: f64 = 0.01;
 pub fn estimates(page: &mut String, outcome: &Outcome) {
     page.push_str(
         "<section>\n<h2>Estimates</h2>\n<div class=\"scroll\"><table>\n<tr><th>parameter</th>\
-         <th>estimate</th><th>standard error</th><th>95 % interval</th>\
-         <th>total standard error</th><th>total interval</th><th>trust</th><th>unit</th>\
-         <th>searched</th><th>change of outputs at +100 %</th></tr>\n",
+         <th>estimate</th><th>unit</th><th>± of noise alone</th><th>95 % interval</th>\
+         <th>± with all that is assumed</th><th>95 % interval</th><th>trust</th>\
+         <th>searched</th></tr>\n",
     );
     for parameter in &outcome.parameters {
-        let name = parameter.label();
+        let name = label(parameter);
         row(page, &name, &parameter.unit, &parameter.estimate);
     }
     for state in &outcome.initial_states {
-        let name = format!(
-            "{} at the start of experiment {}",
-            state.state, state.experiment
-        );
-        row(page, &name, &state.unit, &state.estimate);
+        row(page, &state_label(state), &state.unit, &state.estimate);
     }
     page.push_str("</table></div>\n");
+    changes(page, outcome);
     if !outcome.flat_directions.is_empty() {
         page.push_str("<p class=\"warn\">What the data do not see:</p>\n<ul>\n");
         for words in &outcome.flat_directions {
@@ -51,12 +50,7 @@ fn row(page: &mut String, name: &str, unit: &str, known: &Estimate) {
         Some(interval) => format!("{} … {}", end(interval.lower), end(interval.upper)),
         None => "–".to_owned(),
     };
-    let trust = match known.trust {
-        Some(Trust::High) => "high",
-        Some(Trust::Moderate) => "moderate",
-        Some(Trust::Low) => "low",
-        None => "–",
-    };
+    let trust = known.trust.map_or("–", word_of);
     let mut flags = String::new();
     if known.at_bound {
         flags.push_str("<br><span class=\"warn\">at its bound</span>");
@@ -64,30 +58,72 @@ fn row(page: &mut String, name: &str, unit: &str, known: &Estimate) {
     if !known.identifiable {
         flags.push_str("<br><span class=\"warn\">not fixed by the data</span>");
     }
-    let changes: Vec<String> = known
-        .output_change
-        .iter()
-        .map(|(output, change)| format!("{} {}", escape(output), significant(*change, 3)))
-        .collect();
     let error = known.standard_error;
     push(
         page,
         format_args!(
-            "<tr><td>{}{flags}</td><td>{}</td><td>{}</td><td>{interval}</td><td>{}</td>\
-             <td>{total}</td><td>{trust}</td><td>{}</td>\
-             <td>{} … {}</td><td>{}</td></tr>\n",
+            "<tr><td>{}{flags}</td><td>{}</td><td>{}</td><td>{}</td><td>{interval}</td>\
+             <td>{}</td><td>{total}</td><td>{trust}</td><td>{} … {}</td></tr>\n",
             escape(name),
             number(known.estimate),
+            escape(unit),
             error.map_or_else(|| "–".to_owned(), |error| significant(error, 2)),
             known
                 .total_standard_error
                 .map_or_else(|| "–".to_owned(), |error| significant(error, 2)),
-            escape(unit),
             significant(known.lower, 4),
-            significant(known.upper, 4),
-            changes.join("<br>")
+            significant(known.upper, 4)
         ),
     );
+}
+
+/// How much the outputs follow each parameter.
+fn changes(page: &mut String, outcome: &Outcome) {
+    let known = outcome.parameters.iter();
+    let told: Vec<String> = known
+        .filter(|parameter| !parameter.estimate.output_change.is_empty())
+        .map(|parameter| {
+            let each = parameter.estimate.output_change.iter();
+            let each: Vec<String> = each
+                .map(|(output, change)| format!("{} {}", escape(output), significant(*change, 3)))
+                .collect();
+            format!("{}: {}", escape(&label(parameter)), each.join(", "))
+        })
+        .collect();
+    if !told.is_empty() {
+        push(
+            page,
+            format_args!(
+                "<p class=\"muted\">Change of the outputs, root mean square in SI, when a \
+                 parameter grows by 100 %: {}.</p>\n",
+                told.join("; ")
+            ),
+        );
+    }
+}
+
+/// What a parameter is called; experiments count from 1.
+pub fn label(parameter: &ParameterEstimate) -> String {
+    let label = format!("{} ({})", parameter.name, parameter.symbol);
+    match parameter.experiment {
+        None => label,
+        Some(experiment) => format!("{label} in experiment {}", experiment + 1),
+    }
+}
+
+/// What an estimated initial state is called; experiments count from 1.
+pub fn state_label(state: &InitialStateEstimate) -> String {
+    let number = state.experiment + 1;
+    format!("{} at the start of experiment {number}", state.state)
+}
+
+/// The word for a grade.
+pub fn word_of(trust: Trust) -> &'static str {
+    match trust {
+        Trust::High => "high",
+        Trust::Moderate => "moderate",
+        Trust::Low => "low",
+    }
 }
 
 fn end(value: Option<f64>) -> String {

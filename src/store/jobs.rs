@@ -13,7 +13,7 @@ use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use super::control::StopRequest;
 use super::writer::Tx;
 use super::{Store, StoreError, corrupt};
-use crate::job::{JobId, Progress, Status};
+use crate::job::{DatasetId, JobId, Progress, Status};
 
 /// A job as it stands.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,6 +90,17 @@ pub struct JobFilter {
     pub status: Option<Status>,
     /// Only those with this label, and with this value where one is given.
     pub label: Option<(String, Option<String>)>,
+    /// Only those of this model.
+    pub model: Option<String>,
+    /// Only those that read this recording.
+    pub dataset: Option<DatasetId>,
+    /// Only those of this method.
+    pub method: Option<String>,
+    /// Only those whose verdict has this grade: `high`, `moderate` or `low`.
+    pub trust: Option<String>,
+    /// Only those with this text in the name, the identifier, the model, a label or the name of a
+    /// recording, in letters of either case.
+    pub text: Option<String>,
     /// Only those older than this one: the last of the page before.
     pub before: Option<JobId>,
     /// At most so many.
@@ -149,24 +160,7 @@ impl Store {
     pub async fn jobs(&self, filter: &JobFilter) -> Result<Page<JobRow, JobId>, StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new("select ");
         query.push(COLUMNS).push(" from jobs where 1 = 1");
-        if let Some(status) = filter.status {
-            query.push(" and status = ").push_bind(status.as_str());
-        }
-        if let Some((label, value)) = &filter.label {
-            query
-                .push(" and id in (select job from job_labels where label = ")
-                .push_bind(label);
-            if let Some(value) = value {
-                query.push(" and value = ").push_bind(value);
-            }
-            query.push(")");
-        }
-        if let Some(before) = filter.before {
-            query.push(" and id < ").push_bind(before.to_string());
-        }
-        query
-            .push(" order by id desc limit ")
-            .push_bind(i64::from(filter.limit) + 1);
+        push_filter(&mut query, filter);
         let rows = query.build().fetch_all(self.readers()).await?;
         let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         Ok(Page::cut(rows, filter.limit, |row| row.id))
@@ -195,6 +189,76 @@ impl Store {
             .write(move |tx| Box::pin(delete(tx, id)))
             .await
     }
+}
+
+/// The conditions of a list, its order and its length.
+pub(super) fn push_filter(query: &mut QueryBuilder<Sqlite>, filter: &JobFilter) {
+    let mut equal = |column: &str, value: Option<String>| {
+        if let Some(value) = value {
+            query
+                .push(format_args!(" and {column} = "))
+                .push_bind(value);
+        }
+    };
+    equal(
+        "status",
+        filter.status.map(|status| status.as_str().to_owned()),
+    );
+    equal("model", filter.model.clone());
+    equal("method", filter.method.clone());
+    if let Some((label, value)) = &filter.label {
+        query
+            .push(" and id in (select job from job_labels where label = ")
+            .push_bind(label.clone());
+        if let Some(value) = value {
+            query.push(" and value = ").push_bind(value.clone());
+        }
+        query.push(")");
+    }
+    if let Some(dataset) = filter.dataset {
+        query
+            .push(" and id in (select job from job_datasets where dataset = ")
+            .push_bind(dataset.to_string())
+            .push(")");
+    }
+    if let Some(trust) = &filter.trust {
+        query
+            .push(" and id in (select job from results where trust = ")
+            .push_bind(trust.clone())
+            .push(")");
+    }
+    if let Some(text) = &filter.text {
+        push_search(query, text);
+    }
+    if let Some(before) = filter.before {
+        query.push(" and id < ").push_bind(before.to_string());
+    }
+    query
+        .push(" order by id desc limit ")
+        .push_bind(i64::from(filter.limit) + 1);
+}
+
+fn push_search(query: &mut QueryBuilder<Sqlite>, text: &str) {
+    let escaped = text
+        .replace('\\', "\\\\")
+        .replace('%', "\\%")
+        .replace('_', "\\_");
+    let pattern = format!("%{escaped}%");
+    query.push(" and (");
+    for (place, column) in ["name", "id", "model", "labels"].into_iter().enumerate() {
+        let or = if place == 0 { "" } else { " or " };
+        query
+            .push(format_args!("{or}{column} like "))
+            .push_bind(pattern.clone())
+            .push(" escape '\\'");
+    }
+    query
+        .push(
+            " or id in (select job from job_datasets join datasets on datasets.id = dataset where ",
+        )
+        .push("datasets.name like ")
+        .push_bind(pattern)
+        .push(" escape '\\'))");
 }
 
 async fn delete(tx: &mut Tx, id: JobId) -> Result<JobRemoval, StoreError> {
@@ -266,7 +330,7 @@ pub(super) fn from_json<T: DeserializeOwned>(
     serde_json::from_str(text).map_err(|why| corrupt(what, of, why))
 }
 
-fn optional<T: DeserializeOwned>(
+pub(super) fn optional<T: DeserializeOwned>(
     row: &SqliteRow,
     column: &'static str,
     of: &str,
@@ -279,6 +343,6 @@ pub(super) fn time(of: &str, text: &str) -> Result<Timestamp, StoreError> {
     text.parse().map_err(|why| corrupt("time", of, why))
 }
 
-fn optional_time(of: &str, text: Option<&str>) -> Result<Option<Timestamp>, StoreError> {
+pub(super) fn optional_time(of: &str, text: Option<&str>) -> Result<Option<Timestamp>, StoreError> {
     text.map(|text| time(of, text)).transpose()
 }

@@ -28,6 +28,10 @@ impl Stream {
         if let Some(id) = last_event_id {
             request = request.header("last-event-id", id);
         }
+        Self::of(request).await
+    }
+
+    async fn of(request: reqwest::RequestBuilder) -> Self {
         let response = request.send().await.unwrap();
         assert_eq!(response.status(), 200);
         assert_eq!(response.headers()["content-type"], "text/event-stream");
@@ -49,6 +53,20 @@ impl Stream {
             }
             let chunk = self.chunks.next().await?.unwrap();
             self.text += std::str::from_utf8(&chunk).unwrap();
+        }
+    }
+
+    /// The next change of the stream of all jobs, which has no identifiers.
+    async fn next_change(&mut self) -> (String, Value) {
+        loop {
+            let block = self.block().await.expect("the stream goes on");
+            let event = block.split_once('\n').and_then(|(name, data)| {
+                Some((name.strip_prefix("event: ")?, data.strip_prefix("data: ")?))
+            });
+            if let Some((name, data)) = event {
+                return (name.to_owned(), serde_json::from_str(data).unwrap());
+            }
+            assert!(block.starts_with(':'), "{block}");
         }
     }
 
@@ -174,4 +192,39 @@ async fn a_last_event_that_is_no_number_is_refused() {
         let problem = app.send(request).await.problem(422);
         assert_eq!(problem["errors"][0]["header"], "Last-Event-ID");
     }
+}
+
+/// The changes of all jobs: each as the list shows it, and those that were deleted.
+#[tokio::test(flavor = "multi_thread")]
+async fn the_changes_of_all_jobs_come_as_one_stream() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let mut stream = Stream::of(app.request(Method::GET, "/v1/events")).await;
+    let id = app.submit(&drive_job(&dataset)).await;
+    let mut seen = Vec::new();
+    let last = loop {
+        let (name, data) = stream.next_change().await;
+        assert_eq!(
+            (name.as_str(), &data["id"]),
+            ("job", &Value::from(id.as_str()))
+        );
+        seen.push(data["status"].as_str().unwrap().to_owned());
+        if data["status"] == "succeeded" {
+            break data;
+        }
+    };
+    seen.dedup();
+    let order = ["queued", "running", "succeeded"];
+    let places = seen
+        .iter()
+        .map(|status| order.iter().position(|known| known == status));
+    assert!(places.is_sorted(), "{seen:?}");
+    let listed = app.get("/v1/jobs?view=summary").await.expect(200).json();
+    assert_eq!(listed["items"][0], last);
+    app.delete(&format!("/v1/jobs/{id}")).await.expect(204);
+    let (name, data) = stream.next_change().await;
+    assert_eq!(
+        (name.as_str(), data["id"].as_str()),
+        ("removed", Some(id.as_str()))
+    );
 }

@@ -103,3 +103,60 @@ async fn models_are_listed_and_shown_with_their_parameters() {
         assert!(!mass[field].is_null(), "{field}");
     }
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_list_in_short_tells_jobs_apart_and_is_narrowed_by_what_it_shows() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let named = app
+        .post_csv(
+            "/v1/datasets?name=Rig_4%20100%25",
+            format!("{}\n", drive_csv()),
+        )
+        .await;
+    let other = named.expect(201).json()["id"].as_str().unwrap().to_owned();
+    let first = app.submit(&drive_job(&dataset)).await;
+    let mut job = drive_job(&other);
+    job["name"] = json!("Commissioning");
+    job["labels"] = json!({"site": "hall 2"});
+    job["method"]["name"] = json!("multistart_lm");
+    let second = app.submit(&job).await;
+    app.ended(&first).await;
+    app.ended(&second).await;
+    let list = async |query: &str| {
+        let path = format!("/v1/jobs?view=summary&{query}");
+        app.get(&path).await.expect(200).json()
+    };
+    let all = list("").await;
+    assert_eq!(ids(&all), [second.as_str(), first.as_str()]);
+    let shown = &all["items"][0];
+    assert!(shown["spec"].is_null());
+    assert_eq!(shown["method"], "multistart_lm");
+    assert_eq!(
+        shown["datasets"],
+        json!([{"id": other, "name": "Rig_4 100%"}])
+    );
+    let result = app.get(&format!("/v1/jobs/{second}/result")).await.json();
+    assert_eq!(shown["trust"], result["verdict"]["trust"]);
+    let trust = shown["trust"].as_str().unwrap();
+    for query in [
+        "method=multistart_lm".to_owned(),
+        format!("dataset={other}"),
+        "text=commis".to_owned(),
+        "text=HALL".to_owned(),
+        "text=rig_4%20100%25".to_owned(),
+        format!("text={second}"),
+    ] {
+        assert_eq!(ids(&list(&query).await), [second.as_str()], "{query}");
+    }
+    assert!(ids(&list(&format!("trust={trust}")).await).contains(&second));
+    // What a pattern of the database would take for any letter is a letter.
+    assert!(ids(&list("text=rig%254").await).is_empty());
+    assert_eq!(
+        ids(&list("model=positioning_drive&limit=1").await),
+        [second]
+    );
+    let problem = app.get("/v1/jobs?trust=good&view=short&text=a").await;
+    let problem = problem.problem(400);
+    assert_eq!(problem["errors"].as_array().unwrap().len(), 2, "{problem}");
+}

@@ -206,9 +206,79 @@ async fn the_report_of_a_result_is_one_page_that_fetches_and_runs_nothing() {
         .json();
     let name = result["parameters"][0]["name"].as_str().unwrap();
     assert!(page.contains(&format!("<td>{name} (")), "{name}");
-    // Outputs, residuals, their memory, and the search.
-    assert_eq!(page.matches("<svg").count(), 4);
+    // Outputs, residuals, their memory, spread and spectrum, and the search.
+    assert_eq!(page.matches("<svg").count(), 6);
     assert!(!page.contains("NaN"));
+}
+
+/// The same result as text and as a document, each with all that the page has beside the plots.
+#[tokio::test(flavor = "multi_thread")]
+async fn the_report_comes_as_markdown_and_as_json_too() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let mut job = drive_job(&dataset);
+    job["name"] = json!("line 4 | <b>rig</b>");
+    let id = app.submit(&job).await;
+    app.ended(&id).await;
+    let path = format!("/v1/jobs/{id}/report");
+    let text = app
+        .get(&format!("{path}?format=markdown"))
+        .await
+        .expect(200);
+    assert_eq!(text.header("content-type"), "text/markdown; charset=utf-8");
+    assert!(
+        text.text.starts_with("# line 4 | &lt;b>rig&lt;/b>\n"),
+        "{}",
+        text.text
+    );
+    let document = app.get(&format!("{path}?format=json")).await.expect(200);
+    let document = document.json();
+    let result = app.get(&format!("/v1/jobs/{id}/result")).await.json();
+    assert_eq!(document["result"], result);
+    let digest = document["recordings"][0]["digest"].as_str().unwrap();
+    assert!(text.text.contains(digest));
+    let residuals = &document["residuals"][0];
+    let counts = residuals["histogram"]["counts"].as_array().unwrap();
+    let counted: u64 = counts.iter().map(|count| count.as_u64().unwrap()).sum();
+    assert_eq!(residuals["samples"], counted);
+    assert!(residuals["spectrum"].as_array().unwrap().len() > 10);
+    let page = app.get(&path).await.expect(200).text;
+    for part in ["Sign-off", "Taken as fixed", "not said", digest] {
+        assert!(page.contains(part), "{part}");
+    }
+    app.get(&format!("{path}?format=pdf")).await.problem(400);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_part_of_a_trajectory_has_every_sample_of_it() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let id = app.submit(&drive_job(&dataset)).await;
+    app.ended(&id).await;
+    let path = format!("/v1/jobs/{id}/trajectory");
+    let read = async |query: &str| {
+        let answer = app.get(&format!("{path}?{query}")).await.expect(200);
+        answer.json()["experiments"].clone()
+    };
+    let whole = read("max_points=100000").await;
+    let times = whole[0]["time_s"].as_array().unwrap();
+    let time = |k: usize| times[k].as_f64().unwrap();
+    let (from, to) = (time(100), time(150));
+    let part = read(&format!("experiment=0&from={from}&to={to}&max_points=60")).await;
+    assert_eq!(part[0]["time_s"].as_array().unwrap()[..], times[100..=150]);
+    let span = json!([times[0], times[times.len() - 1]]);
+    assert_eq!(part[0]["span_s"], span);
+    let simulated = &whole[0]["outputs"]["position"]["simulated"];
+    let shown = &part[0]["outputs"]["position"]["simulated"];
+    assert_eq!(shown[7], simulated[107]);
+    assert_eq!(read("experiment=1").await, json!([]));
+    let request = app.request(Method::GET, &format!("{path}?from={from}&to={to}"));
+    let csv = app
+        .send(request.header("accept", "text/csv"))
+        .await
+        .expect(200);
+    assert_eq!(csv.text.lines().count(), 1 + 51);
+    app.get(&format!("{path}?from=2&to=1")).await.problem(400);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,11 +1,13 @@
 // Datasets: the list with an upload, and one dataset with its quality report and plots.
 
 import { get, items, query, request, send } from "./api.js";
-import { lineChart } from "./chart.js";
 import { facts, h, notice, table, warningList } from "./dom.js";
 import { count, duration, instant, number, quantity, unitText, words } from "./format.js";
+import { plot } from "./plot.js";
+import { PlotGroup } from "./plot_group.js";
+import { download } from "./plot_save.js";
+import { uploader } from "./upload.js";
 
-const POINTS = 1500;
 const PLOTTED_AT_ONCE = 8;
 
 const COLUMNS = [
@@ -35,7 +37,7 @@ export function showDatasets(view) {
       outcome.fail(error);
     }
   };
-  view.root.append(h("h1", { tabindex: "-1" }, "Datasets"), upload(view, outcome, () => read(true)), outcome.place, list, more);
+  view.root.append(h("h1", { tabindex: "-1" }, "Datasets"), uploader(view, () => read(true)), outcome.place, list, more);
   read(true);
 }
 
@@ -52,49 +54,6 @@ function datasetRow(dataset) {
 function sampleTime(dataset) {
   const text = quantity(number(dataset.sample_time_s, 6), "s");
   return dataset.uniform === false ? `${text} (irregular)` : text;
-}
-
-function upload(view, outcome, stored) {
-  const file = h("input", { type: "file", required: true, accept: ".csv,.txt,.tsv,.json,text/csv,application/json" });
-  const name = h("input", { type: "text", maxlength: "200", placeholder: "name of the file" });
-  const time = h("input", { type: "text", maxlength: "200", placeholder: "first column" });
-  const button = h("button", {}, "Upload");
-  const submit = async (event) => {
-    event.preventDefault();
-    button.disabled = true;
-    outcome.show(h("p", {}, `Uploading ${file.files[0].name} …`));
-    try {
-      const answer = await store(view, file.files[0], name.value.trim(), time.value.trim());
-      outcome.show(receipt(answer));
-      event.target.reset();
-      stored();
-    } catch (error) {
-      outcome.fail(error);
-    }
-    button.disabled = false;
-  };
-  return h("form", { class: "panel fields", onsubmit: submit },
-    h("label", {}, "Recording (CSV, or JSON)", file),
-    h("label", {}, "Name", name), h("label", {}, "Time column", time), button,
-    h("p", { class: "quiet" }, "CSV: a header row such as ", h("code", {}, "time [s],reference [m],position [mm]"),
-      ". Values are converted to SI units; empty fields are missing samples."));
-}
-
-function store(view, file, name, time) {
-  const json = file.name.toLowerCase().endsWith(".json");
-  const label = name || file.name.replace(/\.[^.]+$/, "");
-  return request("POST", `/v1/datasets${query({ name: label, time: json ? null : time })}`, {
-    body: file, signal: view.signal, headers: { "content-type": json ? "application/json" : "text/csv" },
-  });
-}
-
-function receipt({ data, status }) {
-  const warnings = data.report?.warnings ?? [];
-  return h("div", { class: "panel" },
-    h("p", {}, status === 200 ? "The same recording was stored before: " : "Stored: ",
-      h("a", { href: `#/datasets/${data.id}` }, data.name || data.id),
-      `, ${count(data.samples)} samples over ${duration(data.duration_s)}.`),
-    warnings.length ? warningList(warnings) : h("p", { class: "quiet" }, "No warnings."));
 }
 
 export function showDataset(view, id) {
@@ -135,43 +94,53 @@ function plots(view, dataset, outcome) {
   const place = h("div", {});
   const names = dataset.signals.map((signal) => signal.name);
   const more = h("button", { type: "button", hidden: true }, "Plot more signals");
-  const draw = async () => {
+  const draw = () => {
     const batch = names.splice(0, PLOTTED_AT_ONCE);
     more.hidden = names.length === 0;
-    try {
-      const drawn = await Promise.all(batch.map((name) => plot(view, dataset.id, name)));
-      drawn.forEach(([chart, time, values]) => {
-        place.append(chart.element);
-        chart.set(time, [values]);
-      });
-    } catch (error) {
-      outcome.fail(error);
-    }
+    place.append(signalPlots({ view, dataset, names: batch, failed: (error) => outcome.fail(error) }).element);
   };
   more.addEventListener("click", draw);
   draw();
   return h("div", {}, place, more);
 }
 
-async function plot(view, id, name) {
+// Plots of signals over a common time, with what the quality report says about them. `onBrush` and
+// `spans` are those of each plot.
+export function signalPlots({ view, dataset, names, failed, onBrush = null, spans = [], height = 150 }) {
   // A list of names is separated by commas; a name with a comma in it can only be had with all.
-  const signals = name.includes(",") ? null : name;
-  const address = `/v1/datasets/${id}/samples${query({ signals, max_points: POINTS })}`;
-  const { data } = await get(address, view.signal);
-  const { unit, values } = data.signals[name];
-  const chart = lineChart({
-    title: words(name), height: 170, x: { label: "time", unit: "s" }, y: { label: words(name), unit },
-    series: [{ name: words(name), look: "first" }],
+  const signals = names.some((name) => name.includes(",")) ? null : names.join(",");
+  const group = new PlotGroup({
+    full: [0, dataset.duration_s], signal: view.signal, failed,
+    load: async (from, to, pixels, abort) => {
+      const points = { max_points: Math.min(100_000, 2 * names.length * pixels) };
+      return (await get(`/v1/datasets/${dataset.id}/samples${query({ signals, from, to, ...points })}`, abort)).data;
+    },
   });
-  return [chart, data.time_s, values];
+  const drawn = names.map((name) => {
+    const known = dataset.signals.find((signal) => signal.name === name);
+    const chart = plot({
+      title: words(name), height, x: { label: "time", unit: "s" }, y: { label: words(name), unit: known.unit }, onBrush,
+      group, signal: view.signal, spans: [...spans, ...oddSpans(dataset, name)],
+      series: [{ name: words(name), look: "first", step: known.interpolation === "hold" }],
+    });
+    group.feed(chart, ({ time_s: time, signals: columns }) => [time, [columns[name].values]]);
+    return { name, chart };
+  });
+  group.start();
+  return { group, drawn, element: h("div", {}, group.toolbar, drawn.map(({ chart }) => chart.element)) };
+}
+
+// Where the quality report finds a signal odd.
+export function oddSpans(dataset, name) {
+  const about = (dataset.report?.warnings ?? []).filter(({ signal }) => signal === null || signal === undefined || signal === name);
+  return about.flatMap(({ code, spans }) => (spans ?? []).map(({ from_s, to_s }) =>
+    ({ from: from_s, to: to_s, kind: /missing|gap/.test(code) ? "missing" : "bad" })));
 }
 
 async function saveCsv(dataset, outcome) {
   try {
     const { data } = await request("GET", `/v1/datasets/${dataset.id}/samples`, { headers: { accept: "text/csv" } });
-    const address = URL.createObjectURL(new Blob([data], { type: "text/csv" }));
-    h("a", { href: address, download: `${dataset.name || dataset.id}.csv` }).click();
-    URL.revokeObjectURL(address);
+    download(new Blob([data], { type: "text/csv" }), `${dataset.name || dataset.id}.csv`);
   } catch (error) {
     outcome.fail(error);
   }

@@ -80,3 +80,17 @@ export function notice() {
     },
   };
 }
+
+// Draws a part of the page anew without taking the focus from whoever types in it: what then stands
+// in the place of the focused control gets the focus.
+export function keepingFocus(root, draw) {
+  const controls = () => [...root.querySelectorAll("input, select, button, textarea, summary, a")];
+  const named = (element) => `${element.tagName} ${element.getAttribute("aria-label") ?? element.closest("label")?.firstChild?.textContent ?? element.textContent}`;
+  const active = root.contains(document.activeElement) ? document.activeElement : null;
+  const name = active && named(active);
+  const place = active && controls().filter((element) => named(element) === name).indexOf(active);
+  draw();
+  if (active && !active.isConnected) {
+    controls().filter((element) => named(element) === name)[place]?.focus({ preventScroll: true });
+  }
+}

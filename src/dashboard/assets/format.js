@@ -55,7 +55,7 @@ export function duration(seconds) {
   if (!Number.isFinite(seconds)) {
     return "–";
   }
-  if (seconds < 60) {
+  if (seconds < 120) {
     return `${number(seconds, 3)} s`;
   }
   const minutes = Math.round(seconds / 60);
@@ -69,7 +69,7 @@ export function instant(text) {
   const element = document.createElement("time");
   element.dateTime = text;
   element.title = text;
-  element.textContent = new Date(text).toLocaleString();
+  element.textContent = new Date(text).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" });
   return element;
 }
 
@@ -79,4 +79,10 @@ export function words(name) {
 
 function minus(text) {
   return text.replace("-", "−");
+}
+
+// Text as it stands in markup.
+export function escaped(text) {
+  const entities = { "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" };
+  return String(text).replace(/[&<>"]/g, (character) => entities[character]);
 }

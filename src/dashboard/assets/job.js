@@ -1,10 +1,11 @@
 // One job: its state and what can be done to it, live progress, and the result.
 
-import { send } from "./api.js";
+import { get, send } from "./api.js";
 import { facts, h, notice, problemBox } from "./dom.js";
 import { instant } from "./format.js";
 import { JobFeed, isFinished } from "./job_feed.js";
-import { badge } from "./jobs.js";
+import { badge } from "./job_rows.js";
+import { livePanel } from "./job_live.js";
 import { progressPanel } from "./job_progress.js";
 import { resultPanel } from "./job_result.js";
 import { trajectoryPanel } from "./job_trajectory.js";
@@ -25,9 +26,15 @@ export function showJob(view, id) {
     spec: h("div", {}),
   };
   const outcome = notice();
-  const panels = { progress: progressPanel(), result: resultPanel(view), trajectory: trajectoryPanel(view, id) };
+  const panels = { live: livePanel(view, id), progress: progressPanel(view), result: resultPanel(view), trajectory: trajectoryPanel(view, id) };
   const body = h("div", { hidden: true }, parts.actions, parts.about,
-    panels.progress.element, panels.result.element, panels.trajectory.element, parts.spec);
+    panels.progress.element, panels.live.element, panels.result.element, panels.trajectory.element, parts.spec);
+  // What was found stands first once there is something, else what is going on.
+  const arrange = (found) => {
+    const { live, progress, result, trajectory } = panels;
+    const order = found ? [result, trajectory, progress, live] : [progress, live, result, trajectory];
+    body.append(...order.map(({ element }) => element), parts.spec);
+  };
   view.root.append(
     h("div", { class: "title" }, heading, parts.state, parts.connection), outcome.place, body);
 
@@ -39,6 +46,7 @@ export function showJob(view, id) {
       heading.textContent = job.name || job.id;
       document.title = `${heading.textContent} · greybox`;
       panels.progress.job(job);
+      panels.live.job(job);
       if (job.status === shownStatus) {
         return;
       }
@@ -47,12 +55,18 @@ export function showJob(view, id) {
       parts.actions.replaceChildren(...buttons(job, feed, outcome));
       parts.about.replaceChildren(about(job), job.error ? problemBox(asProblem(job.error)) : "");
       parts.spec.replaceChildren(specification(job));
-      panels.result.job(job).then((found) => found && panels.trajectory.load());
+      panels.result.job(job).then((found) => {
+        arrange(found && isFinished(job));
+        if (found) {
+          panels.trajectory.load(job);
+        }
+      });
     },
     history: () => {
       const rows = feed.generations();
       panels.progress.history(rows, feed);
       panels.result.history(rows);
+      panels.live.history(rows);
     },
     connection: (text) => {
       parts.connection.textContent = text;
@@ -68,8 +82,15 @@ function asProblem(error) {
 }
 
 function about(job) {
-  const datasets = (job.spec?.experiments ?? []).map((experiment) =>
-    h("a", { href: `#/datasets/${experiment.dataset}` }, experiment.dataset));
+  const ids = [...new Set((job.spec?.experiments ?? []).map(({ dataset }) => dataset))];
+  const datasets = ids.map((id) => {
+    const link = h("a", { href: `#/datasets/${id}` }, id);
+    get(`/v1/datasets/${id}`).then(({ data }) => {
+      link.textContent = data.name || id;
+      link.title = id;
+    }, () => {});
+    return link;
+  });
   const labels = Object.entries(job.labels ?? {}).map(([name, value]) => `${name}: ${value}`).join(", ");
   return facts([
     ["Model", job.model],
@@ -110,8 +131,24 @@ function buttons(job, feed, outcome) {
   return [
     ...(ACTIONS[job.status] ?? []).map((action) => button(name(action), act(action))),
     h("a", { class: "button", href: `#/new?from=${job.id}` }, "Use as template"),
+    isFinished(job) && button("Compare methods", () => compareMethods(job, outcome)),
     isFinished(job) && button("Delete", remove, "danger"),
   ].filter(Boolean);
+}
+
+const SEEDS = 5;
+
+// The same job by each method, with several seeds: jobs that take their time.
+async function compareMethods(job, outcome) {
+  if (!confirm(`Run this job by every method, ${SEEDS} times each?`)) {
+    return;
+  }
+  try {
+    const { data } = await send("POST", "/v1/comparisons", { job: job.spec, seeds: SEEDS });
+    location.hash = `/comparisons/${data.id}`;
+  } catch (error) {
+    outcome.fail(error);
+  }
 }
 
 function specification(job) {

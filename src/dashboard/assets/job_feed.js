@@ -49,11 +49,12 @@ export class JobFeed {
     for (let page = 0; page < MOST_PAGES; page += 1) {
       const address = `/v1/jobs/${this.id}/generations${query({ after, limit: PAGE })}`;
       const { data } = await get(address, this.signal);
-      items(data).forEach((row) => this.rows.set(row.generation, row));
-      after = data.next_after;
-      if (after === null || after === undefined) {
+      const rows = items(data);
+      rows.forEach((row) => this.rows.set(row.generation, row));
+      if (rows.length < PAGE) {
         break;
       }
+      after = rows.at(-1).generation;
     }
     this.observer.history();
   }

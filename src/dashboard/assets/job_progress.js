@@ -1,29 +1,29 @@
 // How far a job is: a bar, the counts, and the two curves of the search.
 
-import { lineChart } from "./chart.js";
 import { facts, h, warningList } from "./dom.js";
 import { count, duration, number, words } from "./format.js";
 import { isFinished } from "./job_feed.js";
+import { plot } from "./plot.js";
 
-export function progressPanel() {
+export function progressPanel(view) {
   const bar = h("progress", { max: "1", value: "0", "aria-label": "Progress of the job" });
   const numbers = h("div", {});
   const known = h("div", {});
   const refinement = h("p", { class: "quiet" });
-  const cost = lineChart({
-    title: "Cost per generation",
+  const cost = plot({
+    title: "Cost in the search, by generation", signal: view.signal,
     x: { label: "generation", unit: "" },
     y: { label: "cost", unit: "", log: true },
     series: [{ name: "best", look: "first" }, { name: "mean", look: "faint" }],
   });
-  const credit = lineChart({
-    title: "Best credit per generation",
+  const credit = plot({
+    title: "Best credit per generation", signal: view.signal,
     x: { label: "generation", unit: "" },
     y: { label: "credit", unit: "" },
     series: [{ name: "best credit", look: "second" }],
   });
   const element = h("section", { "aria-label": "Progress" },
-    h("h2", {}, "Progress"), bar, numbers, known, h("div", { class: "pair" }, cost.element, credit.element), refinement);
+    h("h2", {}, "The search"), bar, numbers, known, h("div", { class: "pair" }, cost.element, credit.element), refinement);
   return {
     element,
     job(job) {
@@ -36,7 +36,10 @@ export function progressPanel() {
       const column = (name) => rows.map((row) => row[name] ?? null);
       const generations = column("generation");
       cost.set(generations, [column("best_cost"), column("mean_cost")]);
-      credit.set(generations, [column("best_credit")]);
+      const credits = column("best_credit");
+      // Only one of the methods has credits.
+      credit.element.hidden = rows.length > 0 && credits.every((value) => value === null);
+      credit.set(generations, [credits]);
       refinement.textContent = refinementText([...refinements.values()]);
       known.replaceChildren(...(findings.size ? [warningList([...findings.values()])] : []));
     },
@@ -49,7 +52,7 @@ function counts(job, progress) {
     ["Phase", isFinished(job) ? null : words(progress.phase ?? "waiting")],
     ["Generation", progress.generation === undefined ? null : `${count(progress.generation)}${of}`],
     ["Evaluations", progress.evaluations === undefined ? null : count(progress.evaluations)],
-    ["Best cost", number(progress.best_cost)],
+    ["Best cost in the search", number(progress.best_cost)],
     ["Best credit", number(progress.best_credit, 3)],
     ["Time left", job.status === "running" && Number.isFinite(progress.eta_s) ? duration(progress.eta_s) : null],
   ]);

@@ -5,16 +5,19 @@ import { get } from "./api.js";
 import { facts, h, notice } from "./dom.js";
 import { count, number, words } from "./format.js";
 import { isFinished } from "./job_feed.js";
-import {
-  bestTable, correlationTable, fitTable, initialStateTable, parameterTable, residualTable, startTable,
-} from "./job_tables.js";
+import { residualsPart, startsPart } from "./job_residuals.js";
+import { bestTable, budgetTable, correlationTable, fitTable, initialStateTable, parameterTable } from "./job_tables.js";
+import { prepare } from "./new_job.js";
+import { download } from "./plot_save.js";
+import { quoted } from "./preflight.js";
+import { conclusions } from "./verdict.js";
 
 const WITH_RESULT = ["succeeded", "cancelled", "paused", "failed"];
 
 export function resultPanel(view) {
   const outcome = notice();
   const content = h("div", {});
-  const state = { job: null, model: null, result: null, last: null, wanted: 0 };
+  const state = { view, job: null, model: null, result: null, last: null, wanted: 0 };
   const element = h("section", { "aria-label": "Estimate" }, h("h2", {}, "Estimate"), outcome.place, content);
 
   const drawBest = () => {
@@ -68,38 +71,64 @@ function bestSoFar({ last, job, model }) {
     bestTable(last, job, model));
 }
 
-function report(result, { job, model }) {
+function report(result, { job, model, view }) {
   const part = job.status === "succeeded" ? "" : " (best so far)";
-  const { initial_states: states = [], residuals = {}, starts = [], correlation } = result;
+  const { initial_states: states = [], starts = [], correlation, budget = [] } = result;
   return [
-    verdict(result),
+    verdictBox(result, job, model),
     h("h3", {}, `Parameters${part}`),
-    parameterTable(result.parameters ?? []),
+    parameterTable(result.parameters ?? [], job, model),
     states.length > 0 && h("div", {}, h("h3", {}, "Initial states"), initialStateTable(states)),
     h("h3", {}, "Fit"),
     fitTable(result.fit, model),
-    Object.keys(residuals).length > 0 && h("div", {}, h("h3", {}, "Residuals"), residualTable(residuals, model)),
-    h("h3", {}, "Search"),
-    search(result),
-    correlation?.names.length > 1 && folded("Correlation of the errors", correlationTable(correlation)),
-    starts.length > 0 && folded(`${starts.length} starts of the refinement, best first`, startTable(starts)),
-    download(result, job),
+    budget.length > 0 && folded("What was taken as known, and what that does (uncertainty budget)", () => budgetTable(result)),
+    correlation?.names.length > 1 && folded("Correlation of the errors", () => correlationTable(correlation)),
+    Object.keys(result.residuals ?? {}).length > 0 && folded("Residuals: spread, memory, spectrum", () => residualsPart(view, job, result, model)),
+    starts.length > 1 && folded(`${starts.length} starts of the refinement`, () => startsPart(view, starts)),
+    folded("How it was found, in numbers", () => search(result)),
+    downloads(result, job),
   ];
 }
 
-function folded(title, content) {
-  return h("details", {}, h("summary", {}, title), content);
+// A part that is made when it is opened.
+function folded(title, make) {
+  const details = h("details", { ontoggle: () => {
+    if (details.open && details.children.length === 1) {
+      details.append(make());
+    }
+  } }, h("summary", {}, title));
+  return details;
 }
 
-function verdict(result) {
-  const { trust, reasons = [] } = result.verdict ?? {};
+const GRADES = {
+  high: "High trust: nothing speaks against the numbers.",
+  moderate: "Moderate trust: use the numbers with this in mind.",
+  low: "Low trust: do not use the numbers before this is settled.",
+};
+const SHOWN = 4;
+
+function verdictBox(result, job, model) {
+  const { trust, summary, reasons = [] } = result.verdict ?? {};
   if (!trust) {
     return h("p", { class: "quiet" }, "No verdict: the job did not get as far as the analysis.");
   }
+  const found = conclusions(result, job.spec, model);
+  const item = ({ text, actions }) => h("li", {}, quoted(text), actions.length > 0 && h("div", { class: "actions next" },
+    actions.map(({ label, why, spec }) => h("button", { type: "button", class: "small", title: why, onclick: () => prepare(again(spec, label)) }, label))));
+  const rest = found.slice(SHOWN);
   return h("div", { class: `verdict ${trust}` },
-    h("p", {}, h("strong", {}, `Trust: ${words(trust)}`), ` · stopped by ${words(result.stop_reason ?? "–")}`),
-    reasons.length > 0 && h("ul", {}, reasons.map((reason) =>
-      h("li", {}, typeof reason === "string" ? reason : reason.detail ?? reason.code))));
+    h("p", { class: "grade" }, h("strong", {}, GRADES[trust])),
+    summary && h("p", {}, quoted(summary)),
+    found.length > 0 && h("ol", {}, found.slice(0, SHOWN).map(item)),
+    rest.length > 0 && h("details", {}, h("summary", {}, `${rest.length} more`), h("ol", { start: String(SHOWN + 1) }, rest.map(item))),
+    reasons.length > found.length && h("details", {}, h("summary", {}, `All ${reasons.length} reasons, one by one`),
+      h("ul", {}, reasons.map(({ code, detail }) => h("li", {}, quoted(detail), " ", h("a", { href: `/docs/verdicts#${code}` }, h("code", {}, code)))))));
+}
+
+// The job to run next, by its name; a seed of its own is drawn for it.
+function again({ seed, ...spec }, label) {
+  const name = (spec.name ?? "").replace(/ · .*$/, "");
+  return { ...spec, name: `${name ? `${name} · ` : ""}${label.toLowerCase()}`.slice(0, 200) };
 }
 
 function search(result) {
@@ -107,12 +136,13 @@ function search(result) {
   const failed = Object.entries(made.failed_evaluations ?? {}).map(([cause, n]) => `${count(n)} ${words(cause)}`);
   const criterion = [criteria.aic, criteria.aicc, criteria.bic].map((value) => number(value, 6)).join(" · ");
   return facts([
+    ["Stopped by", words(result.stop_reason ?? "–")],
     ["Generations", count(made.generations)],
     ["Best found in generation", Number.isFinite(made.best_generation) ? count(made.best_generation) : null],
     ["Evaluations", `${count(made.evaluations)}, ${count(made.distinct_evaluations)} of them distinct`],
     ["Failed evaluations", failed.join(", ")],
     ["Best credit", number(made.best_credit, 3)],
-    ["Cost", number(criteria.cost, 6)],
+    ["Cost of the estimate", number(criteria.cost, 6)],
     ["AIC · AICc · BIC", criterion],
     ["FPE", number(criteria.fpe)],
     ["Seed", engine.seed === undefined ? null : String(engine.seed)],
@@ -120,11 +150,11 @@ function search(result) {
   ]);
 }
 
-function download(result, job) {
-  const save = () => {
-    const address = URL.createObjectURL(new Blob([JSON.stringify(result, null, 2)], { type: "application/json" }));
-    h("a", { href: address, download: `${job.id}-result.json` }).click();
-    URL.revokeObjectURL(address);
-  };
-  return h("p", {}, h("button", { type: "button", onclick: save }, "Download the result as JSON"));
+function downloads(result, job) {
+  const save = () => download(new Blob([JSON.stringify(result, null, 2)], { type: "application/json" }), `${job.id}-result.json`);
+  const report = `/v1/jobs/${job.id}/report`;
+  return h("div", { class: "actions" },
+    h("a", { class: "button", href: report, target: "_blank" }, "Report for the file"),
+    h("a", { class: "button", href: `${report}?format=markdown`, download: `${job.id}.md` }, "Report as Markdown"),
+    h("button", { type: "button", onclick: save }, "Result as JSON"));
 }

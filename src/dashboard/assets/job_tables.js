@@ -1,12 +1,14 @@
 // The tables of a result: parameters and initial states, fit, residuals, correlation, starts.
 
+import { intervalBar } from "./compare.js";
+import { keyOf } from "./compare_diff.js";
 import { h, table } from "./dom.js";
 import { count, number, percent, quantity, unitText, withError, words } from "./format.js";
+import { heatTable } from "./heat.js";
 
 const ESTIMATE_COLUMNS = [
-  { title: "Parameter" }, { title: "Estimate", numeric: true }, { title: "± standard error", numeric: true },
-  { title: "Confidence interval", numeric: true }, { title: "Unit" }, { title: "Bounds", numeric: true },
-  { title: "Remarks" },
+  { title: "Parameter" }, { title: "Estimate", numeric: true }, { title: "±", numeric: true }, { title: "Unit" },
+  { title: "95 % interval" }, { title: "On its search range" }, { title: "Trust" },
 ];
 
 const FIT_COLUMNS = [
@@ -31,21 +33,26 @@ export function bestTable(row, job, model) {
     const [, name, experiment] = /^(.*?)(?:\[(\d+)\])?$/.exec(key);
     const about = described(model, "parameters", name);
     const said = experiment === undefined ? job.spec : job.spec?.experiments?.[experiment];
-    const { lower, upper } = { ...about, ...said?.parameters?.[name]?.estimate };
-    return [nameCell(ofExperiment(name, experiment), about.symbol), number(value, 6), "–", "–", unitText(about.unit ?? ""),
-      bounds(lower, upper), ""];
+    const { lower, upper, scale } = { ...about, ...said?.parameters?.[name]?.estimate };
+    return [nameCell(ofExperiment(name, experiment), about.symbol), number(value, 6), "–", unitText(about.unit ?? ""), "–",
+      onRange({ estimate: value, lower, upper }, scale), ""];
   });
   return table("Best parameters so far", ESTIMATE_COLUMNS, rows);
 }
 
-export function parameterTable(parameters) {
+// Beside the estimate the error with all that was taken as known; that of noise alone below it.
+export function parameterTable(parameters, job, model) {
+  const scale = ({ name, experiment }) => {
+    const said = experiment === undefined || experiment === null ? job?.spec : job?.spec?.experiments?.[experiment];
+    return said?.parameters?.[name]?.estimate?.scale ?? described(model, "parameters", name).scale;
+  };
   return table("Estimated parameters", ESTIMATE_COLUMNS,
-    parameters.map((parameter) => estimateRow(ofExperiment(parameter.name, parameter.experiment), parameter)),
+    parameters.map((parameter) => estimateRow(ofExperiment(parameter.name, parameter.experiment), parameter, scale(parameter))),
     { empty: "No parameter was free." });
 }
 
 function ofExperiment(name, experiment) {
-  return experiment === undefined ? words(name) : `${words(name)}, experiment ${Number(experiment) + 1}`;
+  return experiment === undefined || experiment === null ? words(name) : `${words(name)}, experiment ${Number(experiment) + 1}`;
 }
 
 export function initialStateTable(states) {
@@ -53,19 +60,30 @@ export function initialStateTable(states) {
     states.map((state) => estimateRow(ofExperiment(state.state, state.experiment), state)));
 }
 
-function estimateRow(name, estimate) {
-  const [value, error] = withError(estimate.estimate, estimate.standard_error);
-  const interval = estimate.confidence_interval;
-  const reasons = new Set([estimate.standard_error_reason, estimate.confidence_interval_reason].filter(Boolean));
+function estimateRow(name, known, scale) {
+  const total = known.total_standard_error ?? known.standard_error;
+  const [value, error] = withError(known.estimate, total);
+  const alone = known.total_standard_error !== null && known.total_standard_error !== undefined ? withError(known.estimate, known.standard_error)[1] : "–";
+  const interval = known.total_interval ?? known.confidence_interval;
+  const reasons = new Set([known.standard_error_reason, known.confidence_interval_reason].filter(Boolean));
   return [
-    nameCell(name, estimate.symbol), value, error, interval ? intervalText(interval) : "–",
-    unitText(estimate.unit), bounds(estimate.lower, estimate.upper),
-    [
-      estimate.at_bound && h("span", { class: "badge failed" }, "at bound"), " ",
-      estimate.identifiable === false && h("span", { class: "badge failed" }, "not identifiable"), " ",
-      h("span", { class: "quiet" }, [...reasons].join("; ")),
-    ],
+    nameCell(name, known.symbol), value,
+    [error, alone !== "–" && alone !== error && h("div", { class: "quiet fine" }, `noise alone ${alone}`)], unitText(known.unit),
+    [interval ? intervalText(interval) : "–", h("div", { class: "quiet fine" }, [...reasons].join("; "))],
+    [onRange(known, scale), h("div", { class: "quiet fine" }, bounds(known.lower, known.upper))],
+    [known.trust && h("span", { class: `badge trust-${known.trust}` }, known.trust), " ",
+      known.at_bound && h("span", { class: "badge failed" }, "at bound"), " ",
+      known.identifiable === false && h("span", { class: "badge failed" }, "not identifiable")],
   ];
+}
+
+// The interval of an estimate, drawn on the range that was searched.
+function onRange(known, scale) {
+  const { lower, upper } = known;
+  if (!Number.isFinite(lower) || !Number.isFinite(upper) || lower >= upper) {
+    return "–";
+  }
+  return intervalBar(known, { log: scale === "log" && lower > 0, low: lower, high: upper });
 }
 
 function nameCell(name, symbol) {
@@ -116,10 +134,34 @@ export function residualTable(residuals, model) {
   return table("Residuals of the outputs", RESIDUAL_COLUMNS, rows);
 }
 
-export function correlationTable({ names, matrix }) {
-  const columns = [{ title: "" }, ...names.map((name) => ({ title: words(name), numeric: true }))];
-  const rows = matrix.map((row, k) => [words(names[k]), ...row.map((value) => number(value, 3))]);
-  return table("Correlation of the errors", columns, rows);
+export function correlationTable({ names, matrix, condition_number: condition }) {
+  const short = names.map(words);
+  return h("div", {}, heatTable("Correlation of the errors", short, short, (i, k) => {
+    const value = matrix[i]?.[k];
+    return value === null || value === undefined ? { text: "–" } : { text: i === k ? "1" : number(value, 2), value: i === k ? 0 : value };
+  }), h("p", { class: "quiet" }, "Near 1 or −1 the data fix a combination of the two better than either.",
+    Number.isFinite(condition) ? ` Condition number ${number(condition, 3)}.` : ""));
+}
+
+// By assumption, its share of the variance of each parameter, and how the residuals pull at it.
+export function budgetTable({ budget, parameters }) {
+  const keys = parameters.map(keyOf).filter((key) => budget.some(({ contributions }) => contributions[key]));
+  const largest = ({ contributions }) => Math.max(0, ...Object.values(contributions).map(({ share }) => Math.abs(share)));
+  const lines = [...budget].sort((a, b) => largest(b) - largest(a));
+  const columns = ["Value", "Residuals pull", "Would explain them", ...keys.map(words)];
+  const cells = lines.map((line) => {
+    const { value, tolerance, unit, score, suggested } = line;
+    const pull = score === null ? { text: "–", title: "the residuals cannot tell it from the unknowns" }
+      : { text: `${number(score, 2)} σ`, value: Math.abs(score) > 4 ? -1 : 0, title: Math.abs(score) > 4 ? "the residuals contradict it" : null };
+    return [{ text: `${number(value, 4)} ± ${number(tolerance, 2)} ${unit === "1" ? "" : unit}` }, pull,
+      { text: suggested ? `${number(suggested.value, 4)} ± ${number(suggested.standard_error, 2)}` : "–" },
+      ...keys.map((key) => {
+        const of = line.contributions[key];
+        return of && Math.abs(of.share) >= 0.005 ? { text: `${number(100 * of.share, 2)} %`, value: of.share, title: `± ${number(of.standard_error, 2)}; five times better known: ± ${number(of.total_if_better, 2)} in all` } : { text: "" };
+      })];
+  });
+  return h("div", {}, heatTable("Uncertainty budget", lines.map(({ assumption }) => words(assumption)), columns, (i, k) => cells[i][k], { corner: "Taken as known" }),
+    h("p", { class: "quiet" }, "Each parameter's column: which share of what is not known of it comes from which assumption. Beyond ± 4 σ the residuals contradict the value."));
 }
 
 export function startTable(starts) {

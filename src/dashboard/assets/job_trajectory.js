@@ -1,27 +1,31 @@
-// Measured against simulated outputs and their residuals, an experiment after the other.
+// Measured against simulated outputs, their residuals and the inputs that drove them, an experiment
+// after the other. The plots of an experiment share cursor and part; each part is read for itself.
 
-import { get } from "./api.js";
-import { lineChart } from "./chart.js";
+import { get, query } from "./api.js";
 import { h, notice } from "./dom.js";
 import { words } from "./format.js";
-
-const POINTS = 2000;
+import { plot } from "./plot.js";
+import { PlotGroup } from "./plot_group.js";
 
 export function trajectoryPanel(view, id) {
   const outcome = notice();
   const charts = h("div", {});
   const element = h("section", { "aria-label": "Outputs", hidden: true },
-    h("h2", {}, "Measured and simulated"), outcome.place, charts,
-    h("p", {}, h("a", { href: `/v1/jobs/${id}/report` }, "The report on one page, for the file")));
+    h("h2", { id: "outputs" }, "Measured and simulated"), outcome.place, charts);
+  let leave = null;
   return {
     element,
-    async load() {
+    async load(job) {
       element.hidden = false;
+      leave?.abort();
+      leave = new AbortController();
+      const signal = leave.signal;
+      view.signal.addEventListener("abort", () => leave.abort(), { once: true });
       try {
-        const { data } = await get(`/v1/jobs/${id}/trajectory?max_points=${POINTS}`, view.signal);
-        const experiments = data.experiments ?? [data];
+        const { data } = await get(`/v1/jobs/${id}/trajectory?max_points=2`, signal);
         charts.replaceChildren();
-        experiments.forEach((experiment, k) => draw(charts, experiment, k, experiments.length));
+        data.experiments.forEach((experiment, k) =>
+          draw({ place: charts, id, job, experiment, k, of: data.experiments.length, signal, outcome }));
       } catch (error) {
         outcome.fail(error);
       }
@@ -29,24 +33,79 @@ export function trajectoryPanel(view, id) {
   };
 }
 
-function draw(place, experiment, k, of) {
+function draw({ place, id, job, experiment, k, of, signal, outcome }) {
+  const asked = job?.spec?.experiments?.[k] ?? {};
   if (of > 1) {
-    place.append(h("h3", {}, `Experiment ${k + 1}: ${experiment.dataset}`));
+    const role = asked.role === "validation" ? ", which only checks" : "";
+    place.append(h("h3", {}, `Experiment ${k + 1}${role}`));
   }
-  for (const [name, output] of Object.entries(experiment.outputs)) {
-    const time = { label: "time", unit: "s" };
-    const value = { label: words(name), unit: output.unit };
-    const compared = lineChart({
-      title: `${words(name)}, measured and simulated`, x: time, y: value, height: 260,
+  const outputs = Object.keys(experiment.outputs);
+  const inputs = Object.entries(asked.signals ?? {}).filter(([name]) => !outputs.includes(name));
+  const full = experiment.span_s ?? [0, 1];
+  const group = new PlotGroup({
+    full, signal, failed: (error) => outcome.fail(error),
+    load: (from, to, pixels, abort) => read({ id, k, experiment, inputs, full, from, to, pixels, abort, outputs: outputs.length }),
+  });
+  place.append(group.toolbar);
+  const spans = shaded(experiment, asked, full);
+  const x = { label: "time", unit: "s" };
+  for (const name of outputs) {
+    const { unit } = experiment.outputs[name];
+    const compared = plot({
+      title: `${words(name)}, measured and simulated`, x, y: { label: words(name), unit }, height: 260, group, spans, signal,
       series: [{ name: "measured", look: "measured" }, { name: "simulated", look: "simulated" }],
     });
-    const residual = lineChart({
-      title: `${words(name)}, residual (measured − simulated)`, x: time,
-      y: { label: "residual", unit: output.unit }, height: 160,
-      series: [{ name: "residual", look: "second" }],
+    const residual = plot({
+      title: `${words(name)}, residual (measured − simulated)`, x, y: { label: "residual", unit, difference: true }, height: 150,
+      group, spans, signal, series: [{ name: "residual", look: "second" }],
     });
+    group.feed(compared, ({ shown }) => [shown.time_s, [shown.outputs[name].measured, shown.outputs[name].simulated]]);
+    group.feed(residual, ({ shown }) => [shown.time_s, [shown.outputs[name].residual]]);
     place.append(compared.element, residual.element);
-    compared.set(experiment.time_s, [output.measured, output.simulated]);
-    residual.set(experiment.time_s, [output.residual]);
   }
+  const recorded = [...new Set(inputs.map(([, signal]) => signal))];
+  for (const name of recorded) {
+    const known = inputs.find(([, signal]) => signal === name)[0];
+    const driven = plot({
+      title: `${words(known)}, input`, x, y: { label: words(known), unit: "" }, height: 130, group, spans, signal,
+      series: [{ name: words(known), look: "first", step: true }],
+    });
+    group.feed(driven, ({ driving }) => {
+      const column = driving?.signals?.[name];
+      if (column && driven.y.unit !== column.unit) {
+        driven.y.unit = column.unit;
+        driven.changeUnit();
+      }
+      return column ? [driving.time_s, [column.values]] : [[], [[]]];
+    });
+    place.append(driven.element);
+  }
+  group.start();
+}
+
+async function read({ id, k, experiment, inputs, full, from, to, pixels, abort, outputs }) {
+  const part = { from, to, max_points: Math.min(100_000, 3 * outputs * pixels) };
+  const shown = get(`/v1/jobs/${id}/trajectory${query({ experiment: k, ...part })}`, abort);
+  const names = [...new Set(inputs.map(([, signal]) => signal))].filter((name) => !name.includes(","));
+  const driving = names.length === 0 ? null : get(`/v1/datasets/${experiment.dataset}/samples${query({
+    signals: names.join(","), from: from ?? full[0], to: to ?? full[1], max_points: Math.min(100_000, 2 * names.length * pixels),
+  })}`, abort).then(({ data }) => data, (error) => {
+    // The inputs are a help; a recording that is gone leaves the outputs as they are.
+    if (error.name === "AbortError") {
+      throw error;
+    }
+    return null;
+  });
+  return { shown: (await shown).data.experiments[0], driving: await driving };
+}
+
+// What of an experiment was held back, and what was left out.
+function shaded(experiment, asked, full) {
+  const spans = (asked.exclude?.spans ?? []).map(({ from_s, to_s }) => ({ from: from_s, to: to_s, kind: "excluded" }));
+  const until = experiment.estimation_until_s;
+  const all = asked.role === "validation";
+  if (all || (until !== null && until < full[1])) {
+    spans.push({ from: all ? full[0] : until, to: full[1], kind: "held" });
+  }
+  return spans;
 }

@@ -1,107 +1,170 @@
-// The list of jobs, newest first. The first page is read again every few seconds.
+// The list of jobs: all of them, searched, filtered and sorted here, kept up to date by the stream of
+// all jobs. What is looked for stands in the address.
 
-import { get, items, pause, query } from "./api.js";
-import { h, notice, table } from "./dom.js";
-import { duration, instant, number, words } from "./format.js";
+import { get, query } from "./api.js";
+import { h, notice } from "./dom.js";
+import { count } from "./format.js";
+import { arranged, fromQuery, toQuery } from "./job_filter.js";
+import { JobRows } from "./job_rows.js";
 
-const REFRESH_MS = 3000;
 const STATUSES = ["queued", "running", "paused", "succeeded", "failed", "cancelled"];
-
-const COLUMNS = [
-  { title: "Status" }, { title: "Job" }, { title: "Model" }, { title: "Progress" },
-  { title: "Best cost", numeric: true }, { title: "Created" },
-];
+const TRUSTS = ["high", "moderate", "low", "none"];
+const METHODS = ["icra_genetic", "differential_evolution", "cma_es", "multistart_lm"];
+const FIRST_PAGE = 100;
+const PAGE = 500;
+const MOST = 50_000;
+const COMPARED = [2, 10];
 
 export function showJobs(view) {
-  const state = { status: view.query.get("status") ?? "", pages: [], next: null };
-  const outcome = notice();
-  const list = h("div", {});
-  const more = h("button", { type: "button", hidden: true, onclick: () => older(view, state, draw, outcome) }, "Older jobs");
-  const draw = () => {
-    list.replaceChildren(jobTable(state.pages.flat(), state.status));
-    more.hidden = !state.next;
-  };
+  const list = new JobList(view);
   view.root.append(
-    h("div", { class: "title" }, h("h1", { tabindex: "-1" }, "Jobs"),
-      h("a", { class: "button", href: "#/new" }, "New job")),
-    filter(state), outcome.place, list, more);
-  refresh(view, state, draw, outcome).catch(() => {});
+    h("div", { class: "title" }, h("h1", { tabindex: "-1" }, "Jobs"), h("a", { class: "button primary", href: "#/new" }, "New job"),
+      list.compare, list.connection),
+    list.fields(), list.outcome.place, list.summary, list.rows.element, list.none);
+  list.follow();
 }
 
-function filter(state) {
-  const options = [h("option", { value: "" }, "all"), STATUSES.map((status) =>
-    h("option", { value: status, selected: status === state.status }, status))];
-  const change = (event) => {
-    location.hash = `/jobs${query({ status: event.target.value })}`;
-  };
-  return h("label", { class: "inline" }, "Status ", h("select", { onchange: change }, options));
-}
+class JobList {
+  constructor(view) {
+    Object.assign(this, { view, filter: fromQuery(view.query), jobs: new Map(), drawing: false, models: new Set(), loaded: false });
+    this.outcome = notice();
+    this.summary = h("p", { class: "quiet", role: "status" }, "Loading …");
+    this.none = h("p", { hidden: true });
+    this.connection = h("span", { class: "quiet", role: "status" });
+    this.rows = new JobRows({ sorted: (key) => this.sort(key), chosen: () => this.choose() });
+    this.compare = h("button", { type: "button", disabled: true, onclick: () => {
+      location.hash = `/compare?jobs=${[...this.rows.selected].join(",")}`;
+    } }, "Compare");
+    this.rows.order(this.filter.sort, this.filter.descending);
+    const resized = () => this.rows.draw();
+    addEventListener("resize", resized, { signal: view.signal });
+  }
 
-async function refresh(view, state, draw, outcome) {
-  for (;;) {
-    try {
-      const { data } = await get(`/v1/jobs${query({ status: state.status })}`, view.signal);
-      if (state.pages.length <= 1) {
-        state.pages = [items(data)];
-        state.next = data.next_page_token;
-      } else {
-        state.pages = merged(items(data), state.pages);
-      }
-      outcome.clear();
-      draw();
-    } catch (error) {
-      outcome.fail(error);
+  fields() {
+    const set = (name) => (event) => {
+      this.filter[name] = event.target.value.trim();
+      this.changed();
+    };
+    const select = (name, title, values) => h("label", {}, title, h("select", { onchange: set(name), "data-filter": name },
+      h("option", { value: "" }, "all"), values.map((value) =>
+        h("option", { value, selected: value === this.filter[name] }, value.replaceAll("_", " ")))));
+    this.modelPlace = h("select", { onchange: set("model") });
+    this.drawModels();
+    return h("search", { class: "fields filters" },
+      h("label", { class: "grow" }, "Search",
+        h("input", { type: "search", value: this.filter.text, placeholder: "name, recording, label, model, id", oninput: set("text") })),
+      select("status", "Status", STATUSES), select("trust", "Trust", TRUSTS),
+      h("label", {}, "Model", this.modelPlace), select("method", "Method", METHODS),
+      h("label", {}, "Label", h("input", { type: "text", value: this.filter.label, size: "10", placeholder: "site:hall 2", oninput: set("label") })));
+  }
+
+  drawModels() {
+    const names = [...new Set([...this.models, this.filter.model].filter(Boolean))].sort();
+    this.modelPlace.replaceChildren(h("option", { value: "" }, "all"),
+      ...names.map((name) => h("option", { value: name, selected: name === this.filter.model }, name)));
+  }
+
+  sort(key) {
+    const same = this.filter.sort === key;
+    this.filter.descending = same ? !this.filter.descending : ["created", "trust", "duration"].includes(key);
+    this.filter.sort = key;
+    this.rows.order(key, this.filter.descending);
+    this.changed();
+  }
+
+  choose() {
+    const chosen = this.rows.selected.size;
+    this.compare.disabled = chosen < COMPARED[0] || chosen > COMPARED[1];
+    this.compare.textContent = chosen ? `Compare ${chosen}` : "Compare";
+    this.compare.title = this.compare.disabled ? "Select two to ten jobs" : "";
+  }
+
+  // The address follows what is looked for, without a step in the history for each letter.
+  changed() {
+    history.replaceState(null, "", `#/jobs${toQuery(this.filter)}`);
+    this.draw();
+  }
+
+  // Many changes make one drawing a frame.
+  drawSoon() {
+    if (!this.drawing) {
+      this.drawing = true;
+      requestAnimationFrame(() => {
+        this.drawing = false;
+        this.draw();
+      });
     }
-    await pause(REFRESH_MS, view.signal);
   }
-}
 
-// The newest jobs before the pages that are on screen; a job that moved down stands there once.
-function merged(first, [shown, ...older]) {
-  const fresh = new Set(first.map((job) => job.id));
-  const later = new Set(older.flat().map((job) => job.id));
-  const kept = shown.filter((job) => !fresh.has(job.id));
-  return [[...first.filter((job) => !later.has(job.id)), ...kept], ...older];
-}
-
-async function older(view, state, draw, outcome) {
-  try {
-    const address = `/v1/jobs${query({ status: state.status, page_token: state.next })}`;
-    const { data } = await get(address, view.signal);
-    state.pages.push(items(data));
-    state.next = data.next_page_token;
-    draw();
-  } catch (error) {
-    outcome.fail(error);
+  draw() {
+    const shown = arranged(this.jobs.values(), this.filter, Date.now());
+    this.rows.show(shown);
+    const all = this.jobs.size;
+    this.summary.textContent = shown.length === all ? `${count(all)} jobs` : `${count(shown.length)} of ${count(all)} jobs`;
+    this.none.hidden = !this.loaded || shown.length > 0;
+    this.rows.element.hidden = shown.length === 0;
+    this.none.replaceChildren(...(all ? ["No job is like this."] : ["No jobs yet. ", h("a", { href: "#/new" }, "Make the first one"), "."]));
   }
-}
 
-function jobTable(jobs, status) {
-  const rows = jobs.map((job) => [
-    badge(job.status),
-    h("a", { href: `#/jobs/${job.id}` }, job.name || job.id),
-    job.model,
-    progressText(job),
-    number(job.progress?.best_cost),
-    instant(job.created_at),
-  ]);
-  const empty = status ? `No job is ${status}.` : "No jobs yet. Upload a dataset, then make a new job.";
-  return table("Jobs", COLUMNS, rows, { empty });
-}
-
-export function badge(status) {
-  return h("span", { class: `badge ${status}` }, status);
-}
-
-function progressText(job) {
-  const progress = job.progress;
-  if (!progress || job.status === "queued") {
-    return "–";
+  take(job) {
+    this.jobs.set(job.id, job);
+    if (!this.models.has(job.model)) {
+      this.models.add(job.model);
+      this.drawModels();
+    }
   }
-  if (job.status === "succeeded") {
-    return `${progress.generation} generations`;
+
+  // The stream first, then the list: whatever changes meanwhile comes after.
+  follow() {
+    const stream = new EventSource("/v1/events");
+    this.view.signal.addEventListener("abort", () => stream.close(), { once: true });
+    stream.onopen = () => {
+      this.connection.textContent = "live";
+      this.load();
+    };
+    stream.onerror = () => {
+      this.connection.textContent = "connection lost, trying again";
+      if (stream.readyState === EventSource.CLOSED && !this.view.signal.aborted) {
+        setTimeout(() => this.view.signal.aborted || this.follow(), 3000);
+      }
+    };
+    stream.addEventListener("job", (event) => {
+      this.take(JSON.parse(event.data));
+      this.drawSoon();
+    });
+    stream.addEventListener("removed", (event) => {
+      const { id } = JSON.parse(event.data);
+      this.jobs.delete(id);
+      this.rows.forget(id);
+      this.choose();
+      this.drawSoon();
+    });
   }
-  const part = Math.round(100 * (progress.fraction ?? 0));
-  const left = job.status === "running" && Number.isFinite(progress.eta_s) ? `, ${duration(progress.eta_s)} left` : "";
-  return `${words(progress.phase ?? "")} ${part} %${left}`;
+
+  async load() {
+    this.loading?.abort();
+    const loading = new AbortController();
+    this.loading = loading;
+    this.view.signal.addEventListener("abort", () => loading.abort(), { once: true });
+    const before = [...this.jobs.keys()];
+    const seen = new Set();
+    let token = null;
+    try {
+      do {
+        const { data } = await get(`/v1/jobs${query({ view: "summary", limit: token ? PAGE : FIRST_PAGE, page_token: token })}`, loading.signal);
+        data.items.forEach((job) => {
+          seen.add(job.id);
+          this.take(job);
+        });
+        token = data.next_page_token;
+        this.loaded = true;
+        this.drawSoon();
+      } while (token && seen.size < MOST);
+      before.filter((id) => !token && !seen.has(id)).forEach((id) => this.jobs.delete(id));
+      this.drawSoon();
+      this.outcome.clear();
+    } catch (error) {
+      this.outcome.fail(error);
+    }
+  }
 }

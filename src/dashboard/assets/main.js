@@ -3,17 +3,25 @@
 
 import { get } from "./api.js";
 import { h } from "./dom.js";
+import { showCompare } from "./compare.js";
+import { showComparison, showComparisons } from "./comparisons.js";
 import { showDataset, showDatasets } from "./datasets.js";
 import { showJob } from "./job.js";
 import { showJobs } from "./jobs.js";
-import { showSubmit } from "./submit.js";
+import { showModel, showModels } from "./models.js";
+import { showNewJob } from "./new_job.js";
 
 const VIEWS = [
   [/^\/jobs$/, showJobs],
   [/^\/jobs\/([^/]+)$/, showJob],
   [/^\/datasets$/, showDatasets],
   [/^\/datasets\/([^/]+)$/, showDataset],
-  [/^\/new$/, showSubmit],
+  [/^\/compare$/, showCompare],
+  [/^\/comparisons$/, showComparisons],
+  [/^\/comparisons\/([^/]+)$/, showComparison],
+  [/^\/models$/, showModels],
+  [/^\/models\/([^/]+)$/, showModel],
+  [/^\/new$/, showNewJob],
 ];
 
 const main = document.getElementById("main");

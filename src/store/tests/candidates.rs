@@ -118,7 +118,8 @@ const AS_BEFORE: &str = "drop table candidates; drop table candidate_records; \
      drop table comparison_jobs; drop table comparisons; drop table server_life; \
      drop table write_probes; drop index jobs_at_work; drop index jobs_with_deaths; \
      alter table jobs drop column deaths; alter table jobs drop column at_work_in; \
-     alter table models drop column client; \
+     alter table models drop column client; drop index results_by_trust; \
+     alter table results drop column trust; alter table jobs drop column method; \
      alter table idempotency rename column made to job; \
      delete from _sqlx_migrations where version >= 4; \
      insert into job_labels (job, label, value) \

@@ -222,8 +222,8 @@ async fn lists_are_narrowed_by_state_and_label() {
         let filter = JobFilter {
             status,
             label: label.map(|(label, value)| (label.to_owned(), value.map(str::to_owned))),
-            before: None,
             limit: 10,
+            ..JobFilter::default()
         };
         let store = fixture.store.clone();
         async move {

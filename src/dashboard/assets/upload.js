@@ -1,0 +1,138 @@
+// A recording on its way to the server: any format that it takes. What the server cannot know (the
+// zone, the order of a date, a unit) it asks, and the question is put here beside the file.
+
+import { query, request } from "./api.js";
+import { h, notice, warningList } from "./dom.js";
+import { count, duration } from "./format.js";
+
+const FORMATS = ["wide_csv", "long_csv", "senseye", "simulink_csv", "influx_csv", "influx_line_protocol", "pi_web_api", "omf", "aveva_odata",
+  "aveva_sql", "canary", "ignition", "opc_ua_json", "cognite", "pandas_records", "pandas_split", "pandas_table", "json"];
+
+// What can be said of a file: title, how it is asked, and examples or choices.
+const OPTIONS = {
+  tz: { title: "Time zone of its clock", hint: "Europe/Berlin", list: () => zones() },
+  time_unit: { title: "What its times are", choices: [["s", "seconds"], ["ms", "milliseconds"], ["us", "microseconds"], ["ns", "nanoseconds"], ["min", "minutes"],
+    ["h", "hours"], ["dmy", "dates, day first"], ["mdy", "dates, month first"], ["excel", "Excel's serial days"]] },
+  time: { title: "Column of the time", hint: "first column" },
+  decimal: { title: "Decimal sign", choices: [[".", "point"], [",", "comma"]] },
+  units: { title: "Units of signals", hint: "pressure:bar, position:mm" },
+  missing: { title: "What stands for no sample", hint: "-9999, Bad" },
+  ignore: { title: "Signals to leave out", hint: "name, name" },
+  rename: { title: "New names", hint: "old:new, old:new" },
+  encoding: { title: "Encoding", hint: "windows-1252" },
+  format: { title: "Format", choices: FORMATS.map((name) => [name, name.replaceAll("_", " ")]) },
+  quality_scheme: { title: "Codes of quality", choices: ["opc_da", "opc_ua", "aveva_quality", "aveva_quality_detail", "ignition", "ignition_legacy", "cognite", "words"].map((name) => [name, name.replaceAll("_", " ")]) },
+  interpolation: { title: "Between samples", hint: "hold, or valve:hold" },
+  grid: { title: "Common instants", hint: "10ms, 100Hz or none" },
+};
+
+function zones() {
+  const own = Intl.DateTimeFormat().resolvedOptions().timeZone;
+  return [own, ...(Intl.supportedValuesOf?.("timeZone") ?? [])];
+}
+
+// The options that a refusal asks for: those it names, in words or as a parameter.
+export function askedFor(faults) {
+  const named = faults.flatMap(({ detail = "", parameter }) => [parameter, ...[...detail.matchAll(/`([a-z_]+)`/g)].map(([, name]) => name)]);
+  return [...new Set(named)].filter((name) => name in OPTIONS);
+}
+
+// The type that a file is sent as, by its name; the server tells the format from its first lines.
+export function mediaType(name) {
+  const extension = /\.([a-z0-9]+)(?:\.gz)?$/i.exec(name)?.[1]?.toLowerCase();
+  return { json: "application/json", csv: "text/csv", tsv: "text/csv" }[extension] ?? "text/plain";
+}
+
+// The place to choose or drop a file; `stored(dataset)` is called with what the server kept.
+export function uploader(view, stored) {
+  const outcome = notice();
+  const state = { file: null, fields: new Map() };
+  const file = h("input", { type: "file", onchange: () => choose(file.files[0]) });
+  const name = h("input", { type: "text", maxlength: "200", placeholder: "name of the file" });
+  const questions = h("div", { class: "fields" });
+  const rest = h("div", { class: "fields" });
+  const chosen = h("span", { class: "quiet" });
+  const button = h("button", { type: "submit", class: "primary", disabled: true }, "Upload");
+
+  const choose = (given) => {
+    state.file = given ?? null;
+    button.disabled = !state.file;
+    chosen.textContent = state.file ? `${state.file.name}, ${count(state.file.size)} bytes` : "";
+    questions.replaceChildren();
+    outcome.clear();
+  };
+  const ask = (option, place) => {
+    const label = state.fields.get(option)?.label ?? field(option, state.fields);
+    place.append(label);
+  };
+  Object.keys(OPTIONS).forEach((option) => ask(option, rest));
+
+  const submit = async (event) => {
+    event.preventDefault();
+    if (!state.file) {
+      return;
+    }
+    button.disabled = true;
+    outcome.show(h("p", { role: "status" }, `Uploading ${state.file.name} …`));
+    try {
+      const answer = await send(view, state, name.value.trim());
+      outcome.show(receipt(answer));
+      stored(answer.data);
+    } catch (error) {
+      outcome.fail(error);
+      const asked = askedFor(error.errors ?? []);
+      if (asked.length) {
+        questions.replaceChildren(h("p", {}, h("strong", {}, "The file leaves this open; say it and upload again:")));
+        asked.forEach((option) => ask(option, questions));
+        questions.querySelector("input, select")?.focus();
+      }
+    }
+    button.disabled = false;
+  };
+  const drop = (event) => {
+    event.preventDefault();
+    form.classList.remove("over");
+    choose(event.dataTransfer.files[0]);
+  };
+  const over = (on) => (event) => {
+    event.preventDefault();
+    form.classList.toggle("over", on);
+  };
+  const form = h("form", { class: "panel drop", onsubmit: submit, ondrop: drop, ondragover: over(true), ondragleave: over(false) },
+    h("div", { class: "fields" }, h("label", {}, "Recording: choose a file, or drop it here", file), h("label", {}, "Name", name), button, chosen),
+    questions,
+    h("details", {}, h("summary", {}, "What the file does not say"), rest),
+    h("p", { class: "quiet" }, "CSV with units in the header such as ", h("code", {}, "time [s],position [mm]"), ", or what a historian gives: PI, AVEVA, Canary, OPC UA, Cognite, InfluxDB, Ignition, Simulink, pandas. Values become SI; an empty field is a missing sample."),
+    outcome.place);
+  return form;
+}
+
+function field(option, fields) {
+  const { title, hint, choices, list } = OPTIONS[option];
+  const known = list ? h("datalist", { id: `list-${option}` }, [...new Set(list())].map((value) => h("option", { value }))) : null;
+  const input = choices
+    ? h("select", {}, h("option", { value: "" }, "as the file says"), choices.map(([value, text]) => h("option", { value }, text)))
+    : h("input", { type: "text", placeholder: hint, list: known ? known.id : null });
+  const label = h("label", {}, title, input, known);
+  fields.set(option, { label, input });
+  return label;
+}
+
+function send(view, { file, fields }, name) {
+  const json = mediaType(file.name) === "application/json";
+  const said = Object.fromEntries([...fields].map(([option, { input }]) => [option, input.value.trim()]));
+  const label = name || file.name.replace(/(\.[a-z0-9]+)+$/i, "") || file.name;
+  return request("POST", `/v1/datasets${query({ name: label, ...said, time: json ? null : said.time })}`, {
+    body: file, signal: view.signal,
+    headers: { "content-type": mediaType(file.name), ...(file.name.endsWith(".gz") ? { "content-encoding": "gzip" } : {}) },
+  });
+}
+
+function receipt({ data, status }) {
+  const warnings = data.report?.warnings ?? [];
+  return h("div", {},
+    h("p", {}, status === 200 ? "The same recording was stored before: " : "Stored: ",
+      h("a", { href: `#/datasets/${data.id}` }, data.name || data.id),
+      `, ${count(data.samples)} samples over ${duration(data.duration_s)}.`),
+    warnings.length ? warningList(warnings) : h("p", { class: "quiet" }, "The quality report warns of nothing."));
+}

@@ -1,0 +1,106 @@
+//! Jobs in short, for lists of many.
+
+use std::collections::BTreeMap;
+
+use jiff::Timestamp;
+use serde::Deserialize;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Row, Sqlite};
+
+use super::jobs::{from_json, optional, optional_time, parse_id, push_filter, time};
+use super::{JobFilter, Page, Store, StoreError, corrupt};
+use crate::job::{JobId, Progress, Status};
+
+/// A job in short.
+#[derive(Clone, Debug)]
+pub struct JobSummaryRow {
+    /// Its identifier.
+    pub id: JobId,
+    /// The name for people.
+    pub name: Option<String>,
+    /// Labels to find it by.
+    pub labels: BTreeMap<String, String>,
+    /// The model's name.
+    pub model: String,
+    /// The method's name.
+    pub method: Option<String>,
+    /// The recordings that it reads.
+    pub datasets: Vec<NamedDataset>,
+    /// Where it is in its life.
+    pub status: Status,
+    /// How far it came; nothing before its first slice.
+    pub progress: Option<Progress>,
+    /// The grade of its verdict: `high`, `moderate` or `low`; nothing without a verdict.
+    pub trust: Option<String>,
+    /// When it was accepted.
+    pub created_at: Timestamp,
+    /// When its first slice began.
+    pub started_at: Option<Timestamp>,
+    /// When it came to its end.
+    pub finished_at: Option<Timestamp>,
+}
+
+/// A recording by its name.
+#[derive(Clone, Debug, Deserialize)]
+pub struct NamedDataset {
+    /// Its identifier.
+    pub id: String,
+    /// The name for people; nothing where it has none or was removed.
+    pub name: Option<String>,
+}
+
+const COLUMNS: &str = "id, name, labels, model, method, status, progress, created_at, started_at, \
+     finished_at, (select trust from results where job = jobs.id) as trust, \
+     (select json_group_array(json_object('id', dataset, 'name', \
+     (select name from datasets where datasets.id = dataset))) from job_datasets \
+     where job = jobs.id) as datasets";
+
+impl Store {
+    /// Jobs in short, newest first.
+    pub async fn job_summaries(
+        &self,
+        filter: &JobFilter,
+    ) -> Result<Page<JobSummaryRow, JobId>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        query.push(COLUMNS).push(" from jobs where 1 = 1");
+        push_filter(&mut query, filter);
+        let rows = query.build().fetch_all(self.readers()).await?;
+        let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        Ok(Page::cut(rows, filter.limit, |row| row.id))
+    }
+
+    /// Those of these jobs that there are, in short, in no order.
+    pub async fn job_summaries_of(&self, jobs: &[JobId]) -> Result<Vec<JobSummaryRow>, StoreError> {
+        if jobs.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        query.push(COLUMNS).push(" from jobs where id in (");
+        let mut listed = query.separated(", ");
+        for job in jobs {
+            listed.push_bind(job.to_string());
+        }
+        query.push(")");
+        let rows = query.build().fetch_all(self.readers()).await?;
+        rows.iter().map(read).collect()
+    }
+}
+
+fn read(row: &SqliteRow) -> Result<JobSummaryRow, StoreError> {
+    let id: String = row.try_get("id")?;
+    let status: String = row.try_get("status")?;
+    Ok(JobSummaryRow {
+        name: row.try_get("name")?,
+        labels: from_json("labels", &id, row.try_get("labels")?)?,
+        model: row.try_get("model")?,
+        method: row.try_get("method")?,
+        datasets: from_json("recordings", &id, row.try_get("datasets")?)?,
+        status: status.parse().map_err(|why| corrupt("status", &id, why))?,
+        progress: optional(row, "progress", &id)?,
+        trust: row.try_get("trust")?,
+        created_at: time(&id, row.try_get("created_at")?)?,
+        started_at: optional_time(&id, row.try_get("started_at")?)?,
+        finished_at: optional_time(&id, row.try_get("finished_at")?)?,
+        id: parse_id(&id)?,
+    })
+}

@@ -1,0 +1,149 @@
+// The parts of the page that need no page. Run with `node --test tests/page/`.
+
+import assert from "node:assert/strict";
+import test from "node:test";
+
+const part = (name) => import(new URL(`../../src/dashboard/assets/${name}`, import.meta.url));
+const { changed, entryOf, inputSet, labelText, labelsOf, likeness, numberOf, parameterRows, suggestSignals, withModel } = await part("job_draft.js");
+const { arranged, fromQuery, matches, seconds, toQuery } = await part("job_filter.js");
+const { commonRange, differences, place, sideBySide } = await part("compare_diff.js");
+const { parse, parted } = await part("equation.js");
+
+const MASS = { name: "mass", symbol: "M", unit: "kg", default: 50, lower: 20, upper: 120, scale: "linear", unknown_by_default: true };
+const SUPPLY = { name: "supply_pressure", symbol: "ps", unit: "Pa", default: 7e6, lower: 1e6, upper: 3e7, scale: "linear", unknown_by_default: false };
+const MODEL = {
+  name: "servo", parameters: [MASS, SUPPLY],
+  inputs: [{ name: "reference", symbol: "r", unit: "m" }, { name: "command", symbol: "u", unit: "1" }],
+  input_sets: [["reference"], ["command"]], outputs: [{ name: "position", symbol: "x", unit: "m" }, { name: "pressure", symbol: "p1", unit: "Pa" }],
+};
+
+test("signals are found by name, symbol and unit", () => {
+  const recorded = [{ name: "Valve_Command", unit: "1" }, { name: "cyl.position", unit: "m" }, { name: "p1", unit: "Pa" }];
+  assert.deepEqual(suggestSignals(MODEL, recorded), { inputs: ["command"], signals: { command: "Valve_Command", position: "cyl.position", pressure: "p1" },
+    score: suggestSignals(MODEL, recorded).score });
+  assert.ok(likeness(MODEL.outputs[0], { name: "speed", unit: "m/s" }) < 2);
+  assert.ok(likeness(MODEL.outputs[0], { name: "position", unit: "m" }) > likeness(MODEL.outputs[0], { name: "position_filtered", unit: "m" }));
+});
+
+test("the set of inputs is the one whose signals are named", () => {
+  assert.deepEqual(inputSet(MODEL, { command: "u" }), ["command"]);
+  assert.deepEqual(inputSet(MODEL, {}), ["reference"]);
+});
+
+test("a change at a path leaves the rest alone and leaves out what is empty", () => {
+  const spec = { model: "servo", experiments: [{ dataset: "a" }, { dataset: "b" }] };
+  const windowed = changed(spec, ["experiments", 1, "window", "from_s"], 3);
+  assert.deepEqual(windowed.experiments, [{ dataset: "a" }, { dataset: "b", window: { from_s: 3 } }]);
+  assert.deepEqual(changed(windowed, ["experiments", 1, "window", "from_s"], undefined), spec);
+  assert.deepEqual(changed(spec, ["experiments", 0], undefined).experiments, [{ dataset: "b" }]);
+  assert.deepEqual(spec.experiments.length, 2);
+});
+
+test("a specification says of a parameter only what the model does not", () => {
+  const [mass, supply] = parameterRows(MODEL, {});
+  assert.equal(entryOf(mass), undefined);
+  assert.equal(entryOf(supply), undefined);
+  assert.deepEqual(entryOf({ ...mass, upper: 90 }), { estimate: { upper: 90 } });
+  assert.deepEqual(entryOf({ ...mass, free: false, value: 58, tolerance: "1 %" }), { value: 58, tolerance: "1 %" });
+  assert.deepEqual(entryOf({ ...supply, free: true, prior: { range_95: [6e6, 8e6] } }), { estimate: {}, prior: { range_95: [6e6, 8e6] } });
+  assert.deepEqual(entryOf({ ...supply, tolerance: "7e4" }), { value: 7e6, tolerance: 7e4 });
+  const said = { mass: { estimate: { upper: 90 } } };
+  assert.deepEqual(entryOf(parameterRows(MODEL, said)[0]), said.mass);
+});
+
+test("another model keeps the recordings and looks for its own signals", () => {
+  const known = new Map([["ds", { id: "ds", signals: [{ name: "command", unit: "1" }, { name: "position", unit: "m" }] }]]);
+  const spec = withModel({ name: "n", parameters: { old: {} }, experiments: [{ dataset: "ds", window: { to_s: 5 }, parameters: { old: {} } }] }, MODEL, known);
+  assert.deepEqual(spec, { name: "n", model: "servo", experiments: [{ dataset: "ds", window: { to_s: 5 }, signals: { command: "command", position: "position" } }] });
+});
+
+test("labels and numbers are read as people type them", () => {
+  assert.deepEqual(labelsOf("site=hall 2, rig:4, urgent"), { site: "hall 2", rig: "4", urgent: "" });
+  assert.equal(labelText({ site: "hall 2", urgent: "" }), "site=hall 2, urgent");
+  assert.equal(labelsOf("  "), undefined);
+  assert.deepEqual(["1,5", "−2e3", " 7 000 "].map(numberOf), [1.5, -2000, 7000]);
+  assert.ok(Number.isNaN(numberOf("")) && Number.isNaN(numberOf("1.2.3")));
+});
+
+const job = (id, more) => ({ id, name: null, labels: {}, status: "succeeded", model: "servo", method: "cma_es", datasets: [], trust: null,
+  created_at: "2026-01-01T00:00:00Z", started_at: null, finished_at: null, ...more });
+
+test("jobs are found by every word, by trust, label and recording", () => {
+  const one = job("job_1", { name: "Rig 4", labels: { site: "hall 2" }, datasets: [{ id: "ds_1", name: "run 3" }], trust: "low" });
+  const of = (query) => matches(one, fromQuery(new URLSearchParams(query)));
+  assert.ok(of("text=rig run") && of("text=HALL") && of("trust=low") && of("label=site") && of("label=site:hall 2") && of("dataset=ds_1"));
+  assert.ok(!of("text=rig run 5") && !of("trust=none") && !of("label=site:hall 3") && !of("model=tank") && !of("status=failed"));
+  assert.ok(matches(job("job_2"), fromQuery(new URLSearchParams("trust=none"))));
+});
+
+test("what is looked for goes into the address and comes back", () => {
+  const filter = fromQuery(new URLSearchParams("text=rig+4&trust=low&sort=duration:up"));
+  assert.deepEqual(fromQuery(new URLSearchParams(toQuery(filter).slice(1))), filter);
+  assert.equal(toQuery(fromQuery(new URLSearchParams(""))), "");
+});
+
+test("jobs are sorted, alike ones newest first", () => {
+  const jobs = [job("job_1", { trust: "low" }), job("job_2", { trust: "high" }), job("job_3", { trust: "low" })];
+  const ids = (query) => arranged(jobs, fromQuery(new URLSearchParams(query)), 0).map(({ id }) => id);
+  assert.deepEqual(ids(""), ["job_3", "job_2", "job_1"]);
+  assert.deepEqual(ids("sort=trust:down"), ["job_2", "job_3", "job_1"]);
+  assert.deepEqual(ids("sort=trust:up"), ["job_3", "job_1", "job_2"]);
+  assert.equal(seconds({ started_at: "2026-01-01T00:00:00Z", finished_at: "2026-01-01T00:01:30Z" }, 0), 90);
+});
+
+test("specifications are told apart leaf by leaf", () => {
+  const found = differences([{ a: { b: 1, "c/d": [1, 2] }, e: {} }, { a: { b: 1, "c/d": [1, 3] } }]);
+  assert.deepEqual(found, [["/a/c~1d/1", [2, 3]], ["/e", ["{}", undefined]]]);
+});
+
+test("estimates stand side by side on a range that shows them all", () => {
+  const result = (estimate, lower, upper) => ({ parameters: [{ name: "mass", unit: "kg", estimate, confidence_interval: { lower, upper } }] });
+  const [row] = sideBySide([result(10, 9, 11), null, result(12, 11, null)]);
+  assert.equal(row.key, "mass");
+  assert.equal(row.of[1], null);
+  const range = commonRange(row.of);
+  assert.ok(!range.log && range.low < 9 && range.high > 12);
+  assert.equal(place(range.low, range), 0);
+  const wide = commonRange(sideBySide([result(1, 0.1, 1000)])[0].of);
+  assert.ok(wide.log && Math.abs(place(10, wide) - 0.5) < 1e-9);
+});
+
+test("equations are read with their precedence", () => {
+  assert.deepEqual(parse("x' = -a*b^2/c"), ["row", ["primed", ["name", "x"], 1], ["relation", "="],
+    ["fraction", ["infix", "*", ["prefix", "-", ["name", "a"]], ["power", ["name", "b"], ["number", "2"]]], ["name", "c"]]]);
+  assert.equal(parse("two words"), null);
+  assert.equal(parse("(a"), null);
+  assert.deepEqual([parted("Km"), parted("tau1"), parted("v"), parted("command")], [["K", "m"], ["τ", "1"], ["v", ""], ["command", ""]]);
+});
+
+const { conclusions, listed } = await part("verdict.js");
+
+test("what is about the same parameters becomes one sentence with the job to run next", () => {
+  const reason = (code, concerns) => ({ code, detail: `${code} detail`, concerns });
+  const known = (name, more) => ({ name, unit: "kg", estimate: 57.123456, lower: 20, upper: 120, at_bound: false, ...more });
+  const result = {
+    verdict: { trust: "low", reasons: [reason("misfit"), reason("correlated", ["mass", "gain"]), reason("not_identifiable", ["stiffness"]),
+      reason("correlated", ["gain", "stiffness"]), reason("residuals_not_white")] },
+    parameters: [known("mass"), known("gain"), known("stiffness")],
+    budget: [{ assumption: "dead_band", kind: "absent_effect", score: 2 }, { assumption: "coulomb_friction", kind: "absent_effect", score: -9 },
+      { assumption: "supply_pressure", kind: "tolerance", score: 1 }],
+  };
+  const spec = { seed: 1, experiments: [], parameters: { coulomb_friction: { value: 0 } } };
+  const found = conclusions(result, spec, MODEL);
+  assert.deepEqual(found.map(({ codes }) => codes), [["misfit", "residuals_not_white"], ["correlated", "not_identifiable"]]);
+  assert.match(found[1].text, /cannot tell mass, gain and stiffness apart/);
+  assert.deepEqual(found[1].actions.map(({ label }) => label), ["Fix mass", "Fix gain", "Fix stiffness"]);
+  assert.deepEqual(found[1].actions[0].spec.parameters.mass, { value: 57.12 });
+  assert.deepEqual(found[0].actions[0].spec.model_search, { effects: ["coulomb_friction", "dead_band"] });
+  assert.deepEqual(found[0].actions[1].spec.parameters.coulomb_friction, { estimate: {} });
+  assert.equal(listed(["load[1]"]), "load in experiment 2");
+});
+
+test("an estimate at its bound gets a wider range, within what is possible", () => {
+  const at = { name: "mass", unit: "kg", estimate: 120, lower: 20, upper: 120, at_bound: true };
+  const result = { verdict: { reasons: [{ code: "at_bound", detail: "d" }] }, parameters: [at], budget: [] };
+  const next = (about) => conclusions(result, { experiments: [] }, { parameters: [{ name: "mass", scale: "linear", ...about }] })[0].actions;
+  assert.deepEqual(next({})[0].spec.parameters.mass, { estimate: { lower: 20, upper: 320, scale: "linear" } });
+  assert.equal(next({ maximum: 200 })[0].spec.parameters.mass.estimate.upper, 200);
+  assert.deepEqual(next({ maximum: 120 }), []);
+});
