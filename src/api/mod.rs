@@ -17,6 +17,7 @@ pub mod http_headers;
 pub mod jobs;
 pub mod middleware;
 pub mod models;
+pub mod monitors;
 pub mod openapi;
 pub mod origin;
 pub mod page;
@@ -26,6 +27,7 @@ pub mod results;
 pub mod simulations;
 mod spec_cache;
 mod spool;
+pub mod streams;
 pub mod submit;
 pub mod trajectory;
 mod work;
@@ -198,6 +200,14 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(datasets::samples))
         .routes(routes!(models::create, models::list))
         .routes(routes!(models::show, models::remove))
+        .routes(routes!(streams::list))
+        .routes(routes!(streams::append, streams::show, streams::remove))
+        .routes(routes!(streams::cut))
+        .routes(routes!(monitors::create, monitors::list))
+        .routes(routes!(monitors::show, monitors::remove))
+        .routes(routes!(monitors::windows))
+        .routes(routes!(monitors::alarms))
+        .routes(routes!(monitors::events))
         .routes(routes!(simulations::simulate))
         .routes(routes!(comparisons::submit_comparison, comparisons::list))
         .routes(routes!(comparisons::show))

@@ -197,7 +197,7 @@ impl Store {
     }
 }
 
-async fn delete(tx: &mut Tx, id: JobId) -> Result<JobRemoval, StoreError> {
+pub(super) async fn delete(tx: &mut Tx, id: JobId) -> Result<JobRemoval, StoreError> {
     let Some(row) = fetch(&mut *tx, id).await? else {
         return Ok(JobRemoval::NotFound);
     };
