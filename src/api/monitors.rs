@@ -1,41 +1,35 @@
 //! Monitors: jobs that are done again and again, on a window of a stream after the other.
 
+mod csv;
+pub mod events;
+
 use std::collections::HashMap;
-use std::fmt::Write as _;
-use std::sync::Arc;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
-use axum::response::{IntoResponse, Response};
+use axum::response::IntoResponse;
 use jiff::Timestamp;
 use serde::Serialize;
-use tokio::sync::watch;
 use utoipa::ToSchema;
 
 use super::body::JsonDocument;
 use super::error::{Answer, Kind, Problem};
-use super::events::{EventsQuery, Follow, StreamedEvent, follow, last_event_id};
 use super::extract::{Client, Named};
 use super::http_headers::{idempotency_key, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use super::submit::stored;
 use super::{ApiState, models};
-use crate::event::EventHub;
 use crate::job::spec::Context;
 use crate::job::{DatasetId, Fault, JobSpec, MonitorId};
+use crate::monitor::warm;
 use crate::monitor::{Alarm, MonitorSpec, MonitorWindow, ShownWindow, State as MonitorState};
-use crate::monitor::{record::WindowStatus, warm};
 use crate::recording::{Source, Summary};
-use crate::store::{
-    Idempotency, MonitorRow, NewMonitor, Store, StoreError, StoredEvent, StoredWindow, StreamRow,
-};
+use crate::store::{Idempotency, MonitorRow, NewMonitor, StoredWindow, StreamRow};
 
 /// Windows that a monitor shows of itself, and alarms.
 const SHOWN_WINDOWS: u32 = 100;
 const SHOWN_ALARMS: u32 = 20;
-/// Events that are read at once.
-const EVENTS: u32 = 200;
 
 /// A monitor as it stands.
 #[derive(Serialize, ToSchema)]
@@ -120,8 +114,8 @@ fn no_monitor(id: MonitorId) -> Problem {
 /// The stream is there, with two samples at the least. Each window, as soon as the stream has a sample
 /// beyond its end, becomes a recording and a job, one after the other; the estimate of one is where
 /// the search of the next begins, and its prior. A window in which no input moves is quiet: nothing
-/// is estimated. An alarm is raised when a parameter changes by more than its intervals allow, when an
-/// estimate can be trusted less than the one before, when windows no longer come to an estimate, and
+/// is estimated. An alarm is raised when a parameter changes by more than its intervals allow, when
+/// estimates can be trusted less than before, when windows no longer come to an estimate, and
 /// when data stop.
 #[utoipa::path(
     post, path = "/v1/monitors", operation_id = "create_monitor", tag = "monitors",
@@ -415,7 +409,7 @@ pub async fn windows(
     let page = state.store.monitor_windows(id, cursor.before, cursor.limit);
     let page = page.await?;
     let items = shown_windows(page.rows)?;
-    let text = prefers(&headers, "text/csv").then(|| csv(&items));
+    let text = prefers(&headers, "text/csv").then(|| csv::table(&items));
     let page = Page::new(items, page.next.map(|number| number.to_string()));
     let mut response = page.answer(&uri);
     if let Some(text) = text {
@@ -426,54 +420,6 @@ pub async fn windows(
             .insert(header::CONTENT_TYPE, csv_type);
     }
     Ok(response)
-}
-
-/// A row for each window, the parameters of the newest that has any as columns. What is absent is
-/// an empty field.
-fn csv(windows: &[ShownWindow]) -> String {
-    let estimated = windows
-        .iter()
-        .find(|shown| shown.window.status == WindowStatus::Estimated);
-    let parameters = estimated.map_or(&[][..], |shown| &shown.window.parameters);
-    let mut text = "window,from,to,status,trust".to_owned();
-    for own in parameters {
-        let name = &own.name;
-        write!(
-            text,
-            ",{name},{name}_standard_error,{name}_lower,{name}_upper,{name}_total_lower,\
-             {name}_total_upper"
-        )
-        .expect("writing to a string does not fail");
-    }
-    text.push('\n');
-    for shown in windows {
-        let window = &shown.window;
-        let trust = window.trust.map(|trust| serde_json::json!(trust));
-        let trust = trust.as_ref().and_then(serde_json::Value::as_str);
-        let (from, to, status) = (window.from, window.to, window.status.as_str());
-        let trust = trust.unwrap_or_default();
-        write!(text, "{},{from},{to},{status},{trust}", window.number)
-            .expect("writing to a string does not fail");
-        for column in parameters {
-            let own = window.parameters.iter().find(|own| own.name == column.name);
-            let interval = own.and_then(|own| own.confidence_interval.as_ref());
-            let total = own.and_then(|own| own.total_interval);
-            let fields = [
-                own.map(|own| own.estimate),
-                own.and_then(|own| own.standard_error),
-                interval.and_then(|interval| interval.lower),
-                interval.and_then(|interval| interval.upper),
-                total.and_then(|total| total.lower),
-                total.and_then(|total| total.upper),
-            ];
-            for field in fields {
-                text.push(',');
-                text.extend(field.map(|value| value.to_string()));
-            }
-        }
-        text.push('\n');
-    }
-    text
 }
 
 /// List the alarms of a monitor, newest first.
@@ -494,70 +440,4 @@ pub async fn alarms(
     let page = page.await?;
     let items = shown_alarms(page.rows)?;
     Ok(Page::new(items, page.next.map(|number| number.to_string())).answer(&uri))
-}
-
-/// Follow a monitor.
-///
-/// Server-sent events `window`, each time there is something new to say of one, and `alarm`, with ids
-/// 1, 2, 3 … without a gap. Each event is stored before it is sent; a client that comes back with
-/// `Last-Event-ID` misses none. The stream ends when the monitor is removed.
-#[utoipa::path(
-    get, path = "/v1/monitors/{id}/events", operation_id = "follow_monitor", tag = "monitors",
-    params(
-        ("id" = MonitorId, Path, description = "The monitor"),
-        EventsQuery,
-        ("Last-Event-ID" = Option<i64>, Header, minimum = 0, maximum = 9007199254740991_i64,
-         description = "The last event that the client has; wins over `last_event_id`")
-    ),
-    responses((status = 200, content_type = "text/event-stream", body = StreamedEvent,
-               description = "The events, one after the other"))
-)]
-pub async fn events(
-    State(state): State<ApiState>,
-    Named(id): Named<MonitorId>,
-    Params(query): Params<EventsQuery>,
-    headers: HeaderMap,
-) -> Answer<Response> {
-    let last = last_event_id(&headers)?.or(query.last_event_id);
-    monitor(&state, id).await?;
-    let permit = state.stream_permit()?;
-    let feed = MonitorFeed {
-        news: state.hub.monitor_news(),
-        hub: state.hub.clone(),
-        store: state.store.clone(),
-        id,
-        after: last.unwrap_or(0),
-    };
-    Ok(follow(feed, id.to_string(), permit))
-}
-
-/// The events of a monitor.
-struct MonitorFeed {
-    news: watch::Receiver<u64>,
-    hub: EventHub,
-    store: Store,
-    id: MonitorId,
-    after: i64,
-}
-
-impl Follow for MonitorFeed {
-    async fn next(&mut self) -> Result<Option<Vec<Arc<StoredEvent>>>, StoreError> {
-        loop {
-            self.news.mark_unchanged();
-            let events = self.store.monitor_events_after(self.id, self.after, EVENTS);
-            let events = events.await?;
-            if let Some(last) = events.last() {
-                self.after = last.id;
-                return Ok(Some(events.into_iter().map(Arc::new).collect()));
-            }
-            if self.store.monitor(self.id).await?.is_none() {
-                return Ok(None);
-            }
-            tokio::select! {
-                biased;
-                () = self.hub.closed() => return Ok(None),
-                news = self.news.changed() => if news.is_err() { return Ok(None) },
-            }
-        }
-    }
 }

@@ -33,7 +33,7 @@ pub fn openapi() -> Value {
         for operation in operations(item) {
             never_null(operation);
             // No operation that takes a body can do without.
-            if let Some(body) = &mut operation.request_body {
+            if let Some(RefOr::T(body)) = &mut operation.request_body {
                 body.required = Some(Required::True);
             }
             describe_problems(path, operation);

@@ -150,7 +150,7 @@ pub struct Alarm {
 pub enum AlarmKind {
     /// A parameter has changed by more than its intervals allow.
     Change,
-    /// An estimate can be trusted less than the one before.
+    /// Estimates can be trusted less than before: low trust, or less in two windows in a row.
     TrustFell,
     /// Windows no longer come to an estimate.
     NoEstimate,

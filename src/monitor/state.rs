@@ -13,7 +13,7 @@ use super::spec::{MonitorSpec, WindowPlan};
 use super::warm::{self, Known, WarmPrior};
 use crate::job::outcome::{Outcome, Trust};
 use crate::job::spec::SearchRange;
-use crate::recording::{RowSignal, Rows};
+use crate::recording::{RowSignal, Rows, shown};
 
 /// Nanoseconds in a second.
 const NS: f64 = 1e9;
@@ -29,8 +29,10 @@ pub struct State {
     pub ranges: BTreeMap<String, [f64; 2]>,
     /// When the last window that was estimated began, and what it found out.
     pub last: Option<(i64, BTreeMap<String, Known>)>,
-    /// How far that could be trusted.
+    /// How far estimates can be trusted.
     pub trust: Option<Trust>,
+    /// Whether the last estimate could be trusted less than that.
+    pub doubted: bool,
     /// Whether the last window that was worked came to no estimate.
     pub failing: bool,
     /// The window that is worked.
@@ -60,6 +62,7 @@ impl State {
             ranges: BTreeMap::new(),
             last: None,
             trust: None,
+            doubted: false,
             failing: false,
             worked: None,
             detectors: BTreeMap::new(),
@@ -107,7 +110,8 @@ impl State {
         self.worked = None;
         self.next += 1;
         if let Some(resumes) = resumes {
-            let late = resumes.saturating_sub(nanoseconds(plan.length_s)) - self.origin_ns;
+            let late = resumes.saturating_sub(nanoseconds(plan.length_s));
+            let late = late.saturating_sub(self.origin_ns);
             self.next = self
                 .next
                 .max(late.div_euclid(nanoseconds(plan.every_s)) + 1);
@@ -165,24 +169,34 @@ impl State {
             let known = warm::known(&window.parameters, &worked.ranges);
             self.last = Some((self.span(&spec.window).0, known));
         }
-        let trust = outcome.verdict.trust;
-        if let Some(before) = self.trust.filter(|before| trust < *before) {
-            alarms.push(Alarm {
-                id: 0,
-                kind: AlarmKind::TrustFell,
-                raised_at: now,
-                window: Some(window.number),
-                change: None,
-                detail: format!(
-                    "the estimate can be trusted less than the one before: {}, it was {}",
-                    word(trust),
-                    word(before)
-                ),
-            });
-        }
-        self.trust = Some(trust);
+        alarms.extend(self.trusted(&window, outcome.verdict.trust, now));
         self.failing = false;
         (window, alarms)
+    }
+
+    /// Looks at how far an estimate can be trusted; says whether that has fallen: to low trust, or in two
+    /// windows in a row, for one in a hundred is doubted by chance.
+    fn trusted(&mut self, window: &MonitorWindow, trust: Trust, now: Timestamp) -> Option<Alarm> {
+        let before = self.trust.unwrap_or(trust);
+        let fell = trust < before;
+        if fell && trust > Trust::Low && !self.doubted {
+            self.doubted = true;
+            return None;
+        }
+        self.doubted = false;
+        self.trust = Some(trust);
+        fell.then(|| Alarm {
+            id: 0,
+            kind: AlarmKind::TrustFell,
+            raised_at: now,
+            window: Some(window.number),
+            change: None,
+            detail: format!(
+                "estimates can be trusted less than before: {}, it was {}",
+                word(trust),
+                word(before)
+            ),
+        })
     }
 
     /// What has changed, by what the window itself says of each parameter.
@@ -244,9 +258,12 @@ impl State {
             raised_at: now,
             window: Some(self.next),
             detail: format!(
-                "{} has changed since {since}: {after:.5e} ± {after_standard_error:.1e} {unit} after \
-                 {before:.5e} ± {before_standard_error:.1e} {unit} ({percent:+.1} %)",
+                "{} has changed since {since}: {} ± {} {unit} after {} ± {} {unit} ({percent:+.1} %)",
                 own.name,
+                shown(after),
+                shown(after_standard_error),
+                shown(before),
+                shown(before_standard_error),
                 unit = own.unit
             ),
             change: Some(ParameterChange {
@@ -356,6 +373,26 @@ mod tests {
         let mut state = State::new(seconds(100));
         state.go_on(&PLAN, Some(seconds(190)));
         assert_eq!(state.span(&PLAN).0, seconds(200));
+    }
+
+    #[test]
+    fn trust_that_falls_once_is_chance_and_twice_is_told() {
+        let mut state = State::new(0);
+        let window = state.window(&PLAN, WindowStatus::Estimated);
+        let now = instant(0);
+        let trusts = [
+            (Trust::High, false),
+            (Trust::Moderate, false),
+            (Trust::High, false),
+            (Trust::Moderate, false),
+            (Trust::Moderate, true),
+            (Trust::Moderate, false),
+            (Trust::Low, true),
+            (Trust::Low, false),
+        ];
+        for (trust, is_told) in trusts {
+            assert_eq!(state.trusted(&window, trust, now).is_some(), is_told);
+        }
     }
 
     #[test]

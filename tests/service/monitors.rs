@@ -87,6 +87,14 @@ struct Events {
     text: String,
 }
 
+/// An event of a stream; nothing for a comment.
+fn parsed(block: &str) -> Option<(u64, String, Value)> {
+    let field = |name: &str| block.lines().find_map(|line| line.strip_prefix(name));
+    let id = field("id:")?.trim().parse().unwrap();
+    let data = serde_json::from_str(field("data:")?).unwrap();
+    Some((id, field("event:")?.trim().to_owned(), data))
+}
+
 impl Events {
     async fn of(app: &TestApp, id: &str) -> Self {
         let path = format!("/v1/monitors/{id}/events");
@@ -105,29 +113,15 @@ impl Events {
     /// The next event: its id, its name and its data.
     async fn next(&mut self) -> (u64, String, Value) {
         loop {
-            if let Some((event, rest)) = self.text.split_once("\n\n") {
-                let lines: Vec<&str> = event.lines().collect();
-                let field = |name: &str| {
-                    let line = lines.iter().find_map(|line| line.strip_prefix(name));
-                    line.unwrap_or_default().trim().to_owned()
-                };
-                let (id, name, data) = (field("id:"), field("event:"), field("data:"));
-                self.text = rest.to_owned();
-                if !id.is_empty() {
-                    return (
-                        id.parse().unwrap(),
-                        name,
-                        serde_json::from_str(&data).unwrap(),
-                    );
+            while let Some((block, rest)) = self.text.split_once("\n\n") {
+                let (event, rest) = (parsed(block), rest.to_owned());
+                self.text = rest;
+                if let Some(event) = event {
+                    return event;
                 }
-                continue;
             }
-            let chunk = self
-                .response
-                .chunk()
-                .await
-                .unwrap()
-                .expect("the stream goes on");
+            let chunk = self.response.chunk().await.unwrap();
+            let chunk = chunk.expect("the stream goes on");
             self.text += std::str::from_utf8(&chunk).unwrap();
         }
     }
@@ -152,28 +146,28 @@ async fn append(app: &TestApp, window: &Value) -> Answer {
     app.post_json("/v1/streams/lag", window).await
 }
 
+/// The quiet window, the first of another gain, and how many there are.
+const QUIET: usize = 6;
+const CHANGE: usize = 12;
+const WINDOWS: usize = 16;
+
+fn gain_of(number: usize) -> f64 {
+    if number < CHANGE { 2.0 } else { 2.2 }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_change_is_found_and_dated_and_a_quiet_window_estimates_nothing() {
-    const QUIET: usize = 6;
-    const CHANGE: usize = 12;
-    const WINDOWS: usize = 16;
     let app = TestApp::start().await;
     let mut plant = Plant::new();
     append(&app, &plant.window(0, 2.0, 1.0)).await.expect(201);
-    let made = app
-        .post_json("/v1/monitors", &monitor())
-        .await
-        .expect(201)
-        .json();
-    let id = made["id"].as_str().unwrap().to_owned();
+    let made = app.post_json("/v1/monitors", &monitor()).await;
+    let id = made.expect(201).json()["id"].as_str().unwrap().to_owned();
     let mut events = Events::of(&app, &id).await;
     let mut told = Vec::new();
     for number in 1..=WINDOWS {
-        let gain = if number < CHANGE { 2.0 } else { 2.2 };
         let size = if number == QUIET { 0.0 } else { 1.0 };
-        append(&app, &plant.window(number, gain, size))
-            .await
-            .expect(200);
+        let window = plant.window(number, gain_of(number), size);
+        append(&app, &window).await.expect(200);
         told.extend(events.until_window(number as u64 - 1).await);
     }
     let ids: Vec<u64> = told.iter().map(|(id, _, _)| *id).collect();
@@ -184,7 +178,33 @@ async fn a_change_is_found_and_dated_and_a_quiet_window_estimates_nothing() {
         .await
         .expect(200)
         .json();
-    let windows = shown["windows"].as_array().unwrap();
+    check_windows(shown["windows"].as_array().unwrap());
+    check_alarms(shown["alarms"].as_array().unwrap());
+    let path = format!("/v1/monitors/{id}/windows?limit=100");
+    let request = app.request(reqwest::Method::GET, &path);
+    let csv = app
+        .send(request.header("accept", "text/csv"))
+        .await
+        .expect(200)
+        .text;
+    let header = csv.lines().next().unwrap();
+    assert!(
+        header.starts_with("window,from,to,status,trust,"),
+        "{header}"
+    );
+    assert!(
+        header.contains(",gain,gain_standard_error,gain_lower,gain_upper,"),
+        "{header}"
+    );
+    assert_eq!(csv.lines().count(), WINDOWS + 1);
+    app.delete("/v1/streams/lag").await.problem(409);
+    app.delete(&format!("/v1/monitors/{id}")).await.expect(204);
+    app.delete("/v1/streams/lag").await.expect(204);
+    app.shutdown().await;
+}
+
+/// Each window once, the quiet one without an estimate, and most intervals with the truth in them.
+fn check_windows(windows: &[Value]) {
     assert_eq!(windows.len(), WINDOWS);
     let mut covered = 0;
     for (number, window) in windows.iter().enumerate() {
@@ -201,23 +221,21 @@ async fn a_change_is_found_and_dated_and_a_quiet_window_estimates_nothing() {
         } else if number != CHANGE {
             assert_eq!(window["start"], "warm", "{window}");
         }
-        let truth = if number < CHANGE { 2.0 } else { 2.2 };
         let parameters = window["parameters"].as_array().unwrap();
         let gain = parameters.iter().find(|own| own["name"] == "gain").unwrap();
-        let interval = &gain["confidence_interval"];
-        let (lower, upper) = (&interval["lower"], &interval["upper"]);
-        covered += usize::from((lower.as_f64()..=upper.as_f64()).contains(&Some(truth)));
+        let end = |end: &str| gain["confidence_interval"][end].as_f64().unwrap();
+        covered += usize::from((end("lower")..=end("upper")).contains(&gain_of(number)));
     }
     assert!(
         covered >= 12,
         "{covered} of 15 intervals of 95 % hold the gain"
     );
+}
 
-    let alarms = shown["alarms"].as_array().unwrap();
-    let changes: Vec<&Value> = alarms
-        .iter()
-        .filter(|alarm| alarm["kind"] == "change")
-        .collect();
+/// One change, of the gain, found at once and dated.
+fn check_alarms(alarms: &[Value]) {
+    let changes = alarms.iter().filter(|alarm| alarm["kind"] == "change");
+    let changes: Vec<&Value> = changes.collect();
     let [change] = &changes[..] else {
         panic!("{alarms:?}");
     };
@@ -231,26 +249,6 @@ async fn a_change_is_found_and_dated_and_a_quiet_window_estimates_nothing() {
     );
     let after = change["change"]["after"].as_f64().unwrap();
     assert!((after - 2.2).abs() < 0.1, "{change}");
-
-    let path = format!("/v1/monitors/{id}/windows?limit=100");
-    let request = app
-        .request(reqwest::Method::GET, &path)
-        .header("accept", "text/csv");
-    let csv = app.send(request).await.expect(200).text;
-    let header = csv.lines().next().unwrap();
-    assert!(
-        header.starts_with("window,from,to,status,trust,"),
-        "{header}"
-    );
-    assert!(
-        header.contains(",gain,gain_standard_error,gain_lower,gain_upper,"),
-        "{header}"
-    );
-    assert_eq!(csv.lines().count(), WINDOWS + 1);
-    app.delete("/v1/streams/lag").await.problem(409);
-    app.delete(&format!("/v1/monitors/{id}")).await.expect(204);
-    app.delete("/v1/streams/lag").await.expect(204);
-    app.shutdown().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
