@@ -131,7 +131,8 @@ impl FromQuery for BatchQuery {
         (status = 200, description = "It is stored", body = Appended,
          headers(("Location" = String, description = "Where the stream is"),
                  ("Idempotent-Replayed" = String,
-                  description = "`true` when this answers an earlier batch again")))
+                  description = "`true` when this answers an earlier batch again"))),
+        (status = 409, description = "There are as many streams as there may be")
     )
 )]
 pub async fn append(
