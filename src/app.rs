@@ -16,6 +16,7 @@ use crate::config::{FILES_KEPT, MAX_CONNECTIONS, SHUTDOWN_LIMIT, Settings, Setti
 use crate::dashboard;
 use crate::event::EventHub;
 use crate::model::Catalogue;
+use crate::monitor::Monitors;
 use crate::store::{Store, StoreError};
 use crate::worker::Worker;
 use crate::worker::identification::Identification;
@@ -55,6 +56,7 @@ pub struct App {
     store: Store,
     hub: EventHub,
     worker: Worker,
+    monitors: Monitors,
     closing: CancellationToken,
     server: JoinHandle<()>,
     upkeep: JoinHandle<()>,
@@ -82,6 +84,7 @@ impl App {
         let hub = EventHub::new();
         let store = Store::open(&settings.database()?, hub.on_change()).await?;
         let worker = Worker::start(store.clone(), hub.clone(), method, worker_settings)?;
+        let monitors = Monitors::start(store.clone(), hub.clone(), Catalogue::built_in());
         let alive = worker.alive();
         let state = ApiState::new(Parts {
             store: store.clone(),
@@ -103,6 +106,7 @@ impl App {
             store,
             hub,
             worker,
+            monitors,
             closing,
             server,
             upkeep,
@@ -126,6 +130,7 @@ impl App {
             store,
             hub,
             worker,
+            monitors,
             closing,
             mut server,
             upkeep,
@@ -147,6 +152,12 @@ impl App {
         }
         if let Err(error) = upkeep.await {
             tracing::error!(%error, "the upkeep of the metrics ended badly");
+        }
+        if tokio::time::timeout(LAST_WORDS, monitors.ended())
+            .await
+            .is_err()
+        {
+            tracing::warn!("a step of a monitor did not end in time; it is taken again");
         }
         if tokio::time::timeout(LAST_WORDS, store.close())
             .await

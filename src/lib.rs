@@ -74,6 +74,8 @@ pub mod store;
 
 pub mod event;
 
+pub mod monitor;
+
 pub mod worker;
 
 pub mod identification;

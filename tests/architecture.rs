@@ -20,11 +20,11 @@ const LAYERS: &[(&str, &[&str])] = &[
     // one that does not run.
     ("cli", &["app", "config", "api", "store", "identification", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording"]),
     // The composition root; only the command line imports it.
-    ("app", &["config", "api", "dashboard", "job", "store", "event", "worker", "model"]),
+    ("app", &["config", "api", "dashboard", "job", "store", "event", "monitor", "worker", "model"]),
     // Settings are handed to the parts as the parts' own types.
     ("config", &["api", "store", "worker"]),
     // Simulation stands behind `/v1/simulations` only.
-    ("api", &["dashboard", "report", "event", "store", "job", "intake", "recording", "model", "simulation", "document"]),
+    ("api", &["dashboard", "report", "event", "monitor", "store", "job", "intake", "recording", "model", "simulation", "document"]),
     ("dashboard", &[]),
     // A report for the file has the equations.
     ("report", &["job", "recording", "model"]),
@@ -33,6 +33,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("job", &["estimation", "uncertainty", "model", "simulation", "recording", "document", "numerics"]),
     ("store", &["job", "recording"]),
     ("event", &["store", "job"]),
+    // A window of a stream becomes a job that is read as any other.
+    ("monitor", &["event", "store", "job", "model", "document", "recording"]),
     ("worker", &["event", "store", "identification", "job", "estimation", "model", "recording"]),
     // What a program asks for is what a client asks for: a specification, and the problem that is
     // assembled from it.
@@ -55,7 +57,16 @@ const LAYERS: &[(&str, &[&str])] = &[
 ];
 
 /// The half that knows files, clocks and the network.
-const SERVICE: &[&str] = &["cli", "app", "api", "dashboard", "store", "event", "worker"];
+const SERVICE: &[&str] = &[
+    "cli",
+    "app",
+    "api",
+    "dashboard",
+    "store",
+    "event",
+    "monitor",
+    "worker",
+];
 
 /// The half that is synchronous and seeded.
 #[rustfmt::skip]

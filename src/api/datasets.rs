@@ -1,5 +1,7 @@
 //! Recordings: store, list, show, sample, remove.
 
+mod document;
+
 use std::io::{self, BufWriter, Write};
 
 use axum::extract::{Request, State};
@@ -10,6 +12,8 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 use tokio::sync::OwnedSemaphorePermit;
 use utoipa::{IntoParams, ToSchema};
+
+pub use document::{RecordedSignal, RecordingDocument};
 
 use super::ApiState;
 use super::body::{content_type, parse_received, receive, scratch_failed, unsupported};
@@ -68,6 +72,12 @@ pub struct NewDatasetQuery {
     /// A name for people; wins over the one in a JSON body.
     #[param(max_length = 200)]
     pub name: Option<String>,
+}
+
+/// How a body is to be read.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct ReadingQuery {
     /// The time column of a CSV or pandas body; the first one when absent.
     pub time: Option<String>,
     /// How the body is written, where that is not told from its type and its first lines:
@@ -126,18 +136,24 @@ impl FromQuery for NewRecording {
                 ))
             }
         });
-        let time = query.text("time");
         let mut given = Vec::new();
         given.extend(name.clone().map(|name| ("name", name)));
-        given.extend(time.clone().map(|time| ("time", time)));
-        let mut options = Options::default();
-        (options.name, options.time) = (name, time);
-        for option in Options::NAMES {
-            let set = |text: &str| options.set(option, text).map(|()| text.to_owned());
-            given.extend(query.parsed(option, set).map(|text| (option, text)));
-        }
+        let mut options = reading(query, &mut given);
+        options.name = name;
         Self { options, given }
     }
+}
+
+/// Reads how a body is to be read; notes what was given.
+pub(super) fn reading(query: &mut QueryReader, given: &mut Vec<(&'static str, String)>) -> Options {
+    let mut options = Options::default();
+    options.time = query.text("time");
+    given.extend(options.time.clone().map(|time| ("time", time)));
+    for option in Options::NAMES {
+        let set = |text: &str| options.set(option, text).map(|()| text.to_owned());
+        given.extend(query.parsed(option, set).map(|text| (option, text)));
+    }
+    options
 }
 
 /// Store a recording.
@@ -150,9 +166,14 @@ impl FromQuery for NewRecording {
 /// column for each signal are held in memory, 16 million samples at the most.
 #[utoipa::path(
     post, path = "/v1/datasets", operation_id = "create_dataset", tag = "datasets",
-    params(NewDatasetQuery),
+    params(
+        NewDatasetQuery,
+        ReadingQuery,
+        ("Content-Encoding" = Option<String>, Header, example = "gzip",
+              description = "`gzip` where the body is compressed")
+    ),
     request_body(
-        description = "The recording, optionally with `Content-Encoding: gzip`",
+        description = "The recording",
         content(
             (String = "text/csv",
              example = "time [s],reference [m],position [mm]\n0,0.03,0\n0.01,0.03,1.2\n"),
@@ -197,6 +218,11 @@ pub async fn create(
         summary,
         recording,
     };
+    stored(&state, new).await
+}
+
+/// Stores a recording, and says where it is.
+pub(super) async fn stored(state: &ApiState, new: NewDataset) -> Answer {
     let (row, is_new) = state.store.insert_dataset(new).await?;
     let status = if is_new {
         StatusCode::CREATED
@@ -211,7 +237,7 @@ pub async fn create(
 }
 
 /// What the type of the body says: its kind, and the encoding of its text.
-fn kind_of(headers: &HeaderMap) -> Answer<(intake::Kind, Option<String>)> {
+pub(super) fn kind_of(headers: &HeaderMap) -> Answer<(intake::Kind, Option<String>)> {
     let kind = intake::Kind::of_media_type(&content_type(headers));
     let kind = kind.ok_or_else(|| unsupported(headers, intake::Kind::MEDIA_TYPES))?;
     let value = headers.get(header::CONTENT_TYPE);
@@ -236,7 +262,7 @@ fn query_fault(parameter: &str, code: &str, detail: String) -> Problem {
 }
 
 /// Of the bytes alone where there are no options, so that it can be checked with any tool.
-fn digest(mut bytes: Sha256, options: &[(&'static str, String)]) -> String {
+pub(super) fn digest(mut bytes: Sha256, options: &[(&'static str, String)]) -> String {
     for (key, option) in options {
         bytes.update(format!("\0{key}={option}"));
     }
@@ -447,40 +473,4 @@ pub(super) async fn csv_answer(
         .headers_mut()
         .insert(header::CONTENT_TYPE, csv_type);
     Ok(response)
-}
-
-/// A recording as JSON: uniform with `sample_time_s`, or with the instants in `time`.
-#[derive(ToSchema)]
-#[serde(deny_unknown_fields)]
-#[schema(example = json!({
-    "name": "rig 4, run 3",
-    "sample_time_s": 0.01,
-    "start": "2026-03-02T08:15:00Z",
-    "signals": {"reference": {"unit": "m", "values": [0.03, 0.03]},
-                "position": {"unit": "mm", "values": [0.0, 1.2]}}
-}))]
-pub struct RecordingDocument {
-    /// A name for people.
-    pub name: Option<String>,
-    /// The time between two samples `[s]`, where they are uniform.
-    #[schema(exclusive_minimum = 0)]
-    pub sample_time_s: Option<f64>,
-    /// The instants of the samples, where they are not.
-    pub time: Option<RecordedSignal>,
-    /// When the first sample was taken.
-    #[schema(value_type = Option<String>, format = DateTime)]
-    pub start: Option<Timestamp>,
-    /// The signals by name, all of the same length.
-    pub signals: std::collections::BTreeMap<String, RecordedSignal>,
-}
-
-/// The samples of one signal.
-#[derive(ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct RecordedSignal {
-    /// The unit, e.g. `mm`; SI is assumed when absent.
-    #[schema(example = "mm")]
-    pub unit: Option<String>,
-    /// The samples; `null` is a missing one.
-    pub values: Vec<Option<f64>>,
 }

@@ -25,7 +25,7 @@ use super::jobs::no_job;
 use super::query::{FromQuery, Params, QueryReader};
 use crate::event::Feed;
 use crate::job::JobId;
-use crate::store::StoredEvent;
+use crate::store::{StoreError, StoredEvent};
 
 /// After so long without an event a comment shows that the stream lives.
 pub(super) const KEEP_ALIVE: Duration = Duration::from_secs(15);
@@ -84,13 +84,33 @@ pub async fn events(
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
     let permit = state.stream_permit()?;
+    let feed = state.hub.feed(state.store.clone(), id, after);
+    Ok(follow(feed, id.to_string(), permit))
+}
+
+/// Events that are stored, then those to come.
+pub(super) trait Follow: Send + 'static {
+    /// The next of them, as soon as there are any; nothing when no more will come.
+    fn next(
+        &mut self,
+    ) -> impl Future<Output = Result<Option<Vec<Arc<StoredEvent>>>, StoreError>> + Send;
+}
+
+impl Follow for Feed {
+    async fn next(&mut self) -> Result<Option<Vec<Arc<StoredEvent>>>, StoreError> {
+        Feed::next(self).await
+    }
+}
+
+/// Streams the events of what has this identifier.
+pub(super) fn follow(feed: impl Follow, of: String, permit: OwnedSemaphorePermit) -> Response {
     let replay = Replay {
-        feed: state.hub.feed(state.store.clone(), id, after),
-        job: id,
+        feed,
+        of,
         greeted: false,
         _permit: permit,
     };
-    Ok(replay.into_response())
+    replay.into_response()
 }
 
 /// An event as it is streamed. Comments and `retry` come between.
@@ -108,7 +128,7 @@ pub struct StreamedEvent {
 }
 
 /// `Last-Event-ID`, which browsers send when they come back; an empty one counts as none.
-fn last_event_id(headers: &HeaderMap) -> Answer<Option<i64>> {
+pub(super) fn last_event_id(headers: &HeaderMap) -> Answer<Option<i64>> {
     let Some(value) = headers
         .get("last-event-id")
         .filter(|value| !value.is_empty())
@@ -128,15 +148,15 @@ fn last_event_id(headers: &HeaderMap) -> Answer<Option<i64>> {
     }
 }
 
-/// One client's way through the events of a job.
-struct Replay {
-    feed: Feed,
-    job: JobId,
+/// One client's way through events.
+struct Replay<F> {
+    feed: F,
+    of: String,
     greeted: bool,
     _permit: OwnedSemaphorePermit,
 }
 
-impl Replay {
+impl<F: Follow> Replay<F> {
     fn into_response(self) -> Response {
         let chunks = stream::unfold(self, |mut replay| async move {
             let chunk = replay.next().await?;
@@ -155,7 +175,7 @@ impl Replay {
             Err(_silence) => Some(Bytes::from_static(COMMENT.as_bytes())),
             Ok(Ok(events)) => events.map(|events| written(&events)),
             Ok(Err(error)) => {
-                tracing::error!(%error, job = %self.job, "an event stream broke off");
+                tracing::error!(%error, of = self.of, "an event stream broke off");
                 None
             }
         }

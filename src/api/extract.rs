@@ -8,7 +8,7 @@ use axum::extract::{FromRequestParts, RawPathParams};
 use axum::http::request::Parts;
 
 use super::error::{Answer, Problem};
-use crate::job::{ComparisonId, DatasetId, JobId};
+use crate::job::{ComparisonId, DatasetId, JobId, MonitorId};
 
 /// What the one parameter of a path names.
 pub struct Named<T>(pub T);
@@ -25,6 +25,10 @@ impl PathName for JobId {
 
 impl PathName for ComparisonId {
     const WHAT: &'static str = "comparison";
+}
+
+impl PathName for MonitorId {
+    const WHAT: &'static str = "monitor";
 }
 
 impl PathName for DatasetId {

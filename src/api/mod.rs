@@ -19,6 +19,7 @@ pub mod job_list;
 pub mod jobs;
 pub mod middleware;
 pub mod models;
+pub mod monitors;
 pub mod openapi;
 pub mod origin;
 pub mod page;
@@ -29,6 +30,7 @@ mod simulated;
 pub mod simulations;
 mod spec_cache;
 mod spool;
+pub mod streams;
 pub mod submit;
 pub mod trajectory;
 mod work;
@@ -204,6 +206,14 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(datasets::samples))
         .routes(routes!(models::create, models::list))
         .routes(routes!(models::show, models::remove))
+        .routes(routes!(streams::list))
+        .routes(routes!(streams::append, streams::show, streams::remove))
+        .routes(routes!(streams::cut::cut))
+        .routes(routes!(monitors::create, monitors::list))
+        .routes(routes!(monitors::show, monitors::remove))
+        .routes(routes!(monitors::windows))
+        .routes(routes!(monitors::alarms))
+        .routes(routes!(monitors::events::events))
         .routes(routes!(simulations::simulate))
         .routes(routes!(comparisons::submit_comparison, comparisons::list))
         .routes(routes!(comparisons::show))

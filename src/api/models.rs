@@ -81,6 +81,8 @@ impl StoredModel {
 /// expression.
 #[utoipa::path(
     post, path = "/v1/models", operation_id = "create_model", tag = "models",
+    params(("Content-Encoding" = Option<String>, Header, example = "gzip",
+          description = "`gzip` where the body is compressed")),
     request_body(
         content(
             (Object = "application/json", example = json!({

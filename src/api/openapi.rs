@@ -1,16 +1,19 @@
 //! The record of the contract: OpenAPI 3.1, generated from the handlers.
 
+mod names;
+
 use std::sync::LazyLock;
 
 use axum::http::HeaderMap;
 use axum::response::Response;
+use serde_json::Value;
 use utoipa::ToSchema;
 use utoipa::openapi::content::ContentBuilder;
 use utoipa::openapi::link::Link;
 use utoipa::openapi::path::{Operation, PathItem};
 use utoipa::openapi::response::Response as Description;
 use utoipa::openapi::schema::{Schema, SchemaType, Type};
-use utoipa::openapi::{InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, Ref, RefOr};
+use utoipa::openapi::{InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, Ref, RefOr, Required};
 use utoipa::openapi::{ResponseBuilder, tag::TagBuilder};
 
 use super::error::{PROBLEM_JSON, ProblemDocument};
@@ -18,7 +21,7 @@ use super::http_headers::tagged_json;
 use crate::job::Event;
 
 /// The description of the whole API.
-pub fn openapi() -> OpenApi {
+pub fn openapi() -> Value {
     let (_router, mut openapi) = super::described().split_for_parts();
     let mut unnamed = Vec::new();
     name_schema::<ProblemDocument>(&mut unnamed);
@@ -29,10 +32,17 @@ pub fn openapi() -> OpenApi {
     for (path, item) in &mut openapi.paths.paths {
         for operation in operations(item) {
             never_null(operation);
+            // No operation that takes a body can do without.
+            if let Some(RefOr::T(body)) = &mut operation.request_body {
+                body.required = Some(Required::True);
+            }
             describe_problems(path, operation);
         }
     }
-    openapi
+    let mut description = serde_json::to_value(openapi).expect("a description has only text keys");
+    names::name_all(&mut description);
+    names::name_files(&mut description);
+    description
 }
 
 /// Names a type and those that it is made of, for what no handler takes or answers as a body.
@@ -47,7 +57,7 @@ fn name_schema<T: ToSchema>(schemas: &mut Vec<(String, RefOr<Schema>)>) {
     responses((status = 200, description = "OpenAPI 3.1", body = Object))
 )]
 pub async fn document(headers: HeaderMap) -> Response {
-    static OPENAPI: LazyLock<OpenApi> = LazyLock::new(openapi);
+    static OPENAPI: LazyLock<Value> = LazyLock::new(openapi);
     tagged_json(&headers, &*OPENAPI)
 }
 
@@ -70,6 +80,8 @@ pub(super) fn preamble() -> OpenApi {
         .build();
     let tags = [
         ("datasets", "Recordings of a plant."),
+        ("streams", "Recordings that grow."),
+        ("monitors", "Streams that are watched, window by window."),
         ("models", "The structures that can be identified."),
         ("jobs", "Estimations, from submission to result."),
         ("health", "The server itself."),
@@ -178,13 +190,11 @@ fn as_problem(response: &mut Description) {
 mod tests {
     use std::collections::HashSet;
 
-    use serde_json::Value;
-
     use super::*;
 
     /// Path, method and description of every operation.
     fn all() -> Vec<(String, Value)> {
-        let described = serde_json::to_value(openapi()).unwrap();
+        let described = openapi();
         let paths = described["paths"].as_object().unwrap().clone();
         let operations = paths.into_iter().flat_map(|(path, item)| {
             let methods = item.as_object().unwrap().clone();
@@ -218,7 +228,7 @@ mod tests {
 
     #[test]
     fn every_request_body_has_an_example() {
-        let described = serde_json::to_value(openapi()).unwrap();
+        let described = openapi();
         let bodies = all().into_iter().filter_map(|(name, operation)| {
             let body = operation.get("requestBody")?;
             Some((name, body["content"].as_object()?.clone()))
@@ -235,8 +245,9 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 8,
-            "three forms of a recording, two of a model, a simulation, a job and a comparison"
+            n_bodies, 13,
+            "three forms of a recording and of a batch, two of a model, a simulation, a job, a \
+             comparison, a part of a stream and a monitor"
         );
     }
 }

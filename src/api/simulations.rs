@@ -86,6 +86,11 @@ pub struct SimulationDocument {
 pub struct Simulation {
     /// The model.
     model: String,
+    /// The samples that were simulated.
+    samples: u64,
+    /// Whether only some of them are here, the extremes of each stretch among them: there are more
+    /// than `max_points`. As `text/csv` all of them are answered.
+    decimated: bool,
     /// The instants, from the recording's first sample `[s]`.
     time_s: Vec<f64>,
     /// Every output of the model by name.
@@ -133,9 +138,12 @@ pub async fn simulate(
     let points = usize::try_from(points).expect("the limit is small");
     let written = state.convert(move || {
         let _permit = permit;
+        let simulated = outputs.time.samples();
         let samples = outputs.decimate(None, None, None, points);
         let simulation = Simulation {
             model: name,
+            samples: simulated as u64,
+            decimated: samples.time_s.len() < simulated,
             time_s: samples.time_s,
             outputs: samples.signals.into_iter().collect(),
         };

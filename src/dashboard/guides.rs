@@ -26,12 +26,13 @@ macro_rules! guide {
 }
 
 /// All guides, in the order of the navigation.
-pub static GUIDES: [Guide; 7] = [
+pub static GUIDES: [Guide; 8] = [
     guide!("start", "First job"),
     guide!("import", "Recordings and units"),
     guide!("models", "Models"),
     guide!("equations", "Equations"),
     guide!("jobs", "Jobs"),
+    guide!("monitors", "Monitors"),
     guide!("verdicts", "Verdicts"),
     guide!("method", "Method"),
 ];
@@ -45,9 +46,9 @@ pub fn page(guide: &Guide) -> String {
         } else {
             ""
         };
-        write!(
+        writeln!(
             links,
-            "<a href=\"/docs/{}\"{current}>{}</a>\n",
+            "<a href=\"/docs/{}\"{current}>{}</a>",
             other.name, other.title
         )
         .expect("writing to a string does not fail");

@@ -59,19 +59,22 @@ pub struct ChangedJobs {
 }
 
 impl ChangedJobs {
+    fn taken(&self, limit: usize) -> Vec<JobId> {
+        let mut changed = self.waiting.changed();
+        let some: Vec<JobId> = changed.iter().take(limit).copied().collect();
+        for job in &some {
+            changed.remove(job);
+        }
+        some
+    }
+
     /// At most `limit` of the jobs that changed since the last call, once there are any; nothing
     /// when the server is going down.
     pub async fn next(&mut self, limit: usize) -> Option<Vec<JobId>> {
         loop {
-            {
-                let mut changed = self.waiting.changed();
-                let some: Vec<JobId> = changed.iter().take(limit).copied().collect();
-                some.iter().for_each(|job| {
-                    changed.remove(job);
-                });
-                if !some.is_empty() {
-                    return Some(some);
-                }
+            let some = self.taken(limit);
+            if !some.is_empty() {
+                return Some(some);
             }
             tokio::select! {
                 biased;

@@ -34,6 +34,9 @@ struct Inner {
     followers: Followers,
     slice_waits: Notify,
     stop_requested: Notify,
+    monitors_may_step: Notify,
+    /// How often there was news of monitors.
+    monitors: watch::Sender<u64>,
     closing: CancellationToken,
 }
 
@@ -70,9 +73,14 @@ impl EventHub {
     pub fn on_change(&self) -> OnChange {
         let hub = self.clone();
         Arc::new(move |change| match change {
-            Change::Job(job) => hub.wake(job),
+            Change::Job(job) => {
+                hub.wake(job);
+                hub.inner.monitors_may_step.notify_one();
+            }
             Change::SliceWaits => hub.inner.slice_waits.notify_one(),
             Change::StopRequested(_) => hub.inner.stop_requested.notify_one(),
+            Change::Stream => hub.inner.monitors_may_step.notify_one(),
+            Change::Monitor(_) => hub.inner.monitors.send_modify(|news| *news += 1),
             Change::DatasetRemoved(_) => {}
         })
     }
@@ -116,6 +124,16 @@ impl EventHub {
     /// Returns when a running job was asked to stop since the last call.
     pub async fn stop_requested(&self) {
         self.inner.stop_requested.notified().await;
+    }
+
+    /// Returns when a stream or a job changed since the last call, for which monitors may wait.
+    pub async fn monitors_may_step(&self) {
+        self.inner.monitors_may_step.notified().await;
+    }
+
+    /// Told when there is news of any monitor.
+    pub fn monitor_news(&self) -> watch::Receiver<u64> {
+        self.inner.monitors.subscribe()
     }
 
     /// Ends every subscription and feed: the server is going down.

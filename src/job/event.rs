@@ -7,6 +7,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::Status;
+use super::outcome::{Fit, ParameterEstimate};
 use crate::estimation::{Finding, GenerationRow};
 
 /// One event of a job.
@@ -14,6 +15,7 @@ use crate::estimation::{Finding, GenerationRow};
 #[serde(untagged)]
 pub enum Event {
     /// `state`: the job came into a state.
+    #[schema(title = "StateEvent")]
     State {
         /// The state.
         status: Status,
@@ -23,6 +25,7 @@ pub enum Event {
     /// `generation`: the search finished a generation.
     Generation(GenerationEvent),
     /// `refinement`: the refinement finished an iteration.
+    #[schema(title = "RefinementEvent")]
     Refinement {
         /// Counts from 1.
         iteration: u32,
@@ -30,15 +33,17 @@ pub enum Event {
         cost: f64,
     },
     /// `result`: the job has an estimate.
+    #[schema(title = "ResultEvent")]
     Result {
         /// The `parameters` of the result.
-        #[schema(value_type = Vec<Object>)]
+        #[schema(value_type = Vec<ParameterEstimate>)]
         parameters: Value,
         /// The `fit` of the result.
-        #[schema(value_type = Object)]
+        #[schema(value_type = Fit)]
         fit: Value,
     },
     /// `end`: the last event; nothing follows.
+    #[schema(title = "EndEvent")]
     End {
         /// The terminal state.
         status: Status,

@@ -1,6 +1,6 @@
-//! Identifiers of jobs, datasets and comparisons: UUIDv7 with a prefix that says what they name.
+//! Identifiers of jobs, datasets, comparisons and monitors: UUIDv7 with a prefix that says what they name.
 //!
-//! The text is `job_`, `ds_` or `cmp_` and 32 lower-case hexadecimal digits. It sorts by time of
+//! The text is `job_`, `ds_`, `cmp_` or `mon_` and 32 lower-case hexadecimal digits. It sorts by time of
 //! creation, so "newest first" is a descending order of identifiers.
 
 use std::fmt;
@@ -101,6 +101,13 @@ identifier!(
     ComparisonId,
     "cmp_",
     "cmp_0192d3a4b5c67d8e9f00112233445566"
+);
+
+identifier!(
+    /// Names a monitor.
+    MonitorId,
+    "mon_",
+    "mon_0192d3a4b5c67d8e9f00112233445566"
 );
 
 #[cfg(test)]

@@ -208,6 +208,15 @@ impl Columns {
 }
 
 async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
+    insert_as(tx, DatasetId::new(), new).await
+}
+
+/// The same, by an identifier that was chosen before.
+pub(super) async fn insert_as(
+    tx: &mut Tx,
+    id: DatasetId,
+    new: NewDataset,
+) -> Result<(DatasetRow, bool), StoreError> {
     let same: Option<Columns> = sqlx::query_as(
         "select id, name, digest, summary, created_at from datasets where digest = ?",
     )
@@ -218,7 +227,7 @@ async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), Stor
         return Ok((same.read()?, false));
     }
     let row = DatasetRow {
-        id: DatasetId::new(),
+        id,
         name: new.name,
         digest: new.digest,
         summary: new.summary,
@@ -343,7 +352,7 @@ impl Cutter {
     }
 }
 
-async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval, StoreError> {
+pub(super) async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval, StoreError> {
     let key = id.to_string();
     let readers: Vec<String> = sqlx::query_scalar(
         "select jobs.id from job_datasets join jobs on jobs.id = job_datasets.job \

@@ -261,7 +261,7 @@ fn push_search(query: &mut QueryBuilder<Sqlite>, text: &str) {
         .push(" escape '\\'))");
 }
 
-async fn delete(tx: &mut Tx, id: JobId) -> Result<JobRemoval, StoreError> {
+pub(super) async fn delete(tx: &mut Tx, id: JobId) -> Result<JobRemoval, StoreError> {
     let Some(row) = fetch(&mut *tx, id).await? else {
         return Ok(JobRemoval::NotFound);
     };

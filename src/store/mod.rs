@@ -1,4 +1,5 @@
-//! The only SQL: jobs, queue entries, events, candidates, checkpoints, results and datasets in SQLite.
+//! The only SQL: jobs, queue entries, events, candidates, checkpoints, results,
+//! datasets, streams and monitors in SQLite.
 //!
 //! One connection writes, several read. The writer runs every change in `begin immediate`
 //! transactions with full sync, many changes in one (see `writer`); River, the queue, shares its
@@ -18,10 +19,12 @@ mod jobs;
 mod life;
 mod lock;
 mod models;
+mod monitors;
 mod queue;
 mod recent;
 mod results;
 mod slices;
+mod streams;
 mod submit;
 #[cfg(test)]
 mod tests;
@@ -34,7 +37,7 @@ use std::time::{Duration, Instant};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{Connection, SqlitePool};
 
-use crate::job::{DatasetId, JobId};
+use crate::job::{DatasetId, JobId, MonitorId};
 
 pub use candidates::{CandidatePage, NewCandidates};
 pub use control::{Control, StopRequest};
@@ -44,8 +47,12 @@ pub use events::StoredEvent;
 pub use job_summaries::{JobSummaryRow, NamedDataset};
 pub use jobs::{JobFilter, JobRemoval, JobRow, Page};
 pub use models::{MAX_UNUSED_MODELS, ModelRemoval, ModelRow, ModelStored, NewModel};
+pub use monitors::{Advance, AdvanceWindow, MonitorRow, NewMonitor, NewWindowJob, StoredWindow};
 pub use queue::{QUEUE, SliceOfJob};
 pub use slices::{Begin, Checkpoint, Ending, Hold, Lease, Record, Reported, Slice};
+pub use streams::{
+    Appended, BatchOutcome, DEFAULT_KEEP_MIB, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,
+};
 pub use submit::comparison::{ComparisonRow, ComparisonSummary, NewComparison};
 pub use submit::{Idempotency, NewJob, Submitted};
 
@@ -81,6 +88,10 @@ pub enum Change {
     StopRequested(JobId),
     /// A recording was removed.
     DatasetRemoved(DatasetId),
+    /// A stream has more samples.
+    Stream,
+    /// A monitor has more events.
+    Monitor(MonitorId),
 }
 
 /// Is told of each change after it is on disk. Called by the writer: it must not block.
@@ -205,7 +216,8 @@ fn forget_then(recent: RecentRows, on_change: OnChange) -> OnChange {
         match change {
             Change::Job(id) => recent.jobs.forget(id),
             Change::DatasetRemoved(id) => recent.datasets.forget(id),
-            Change::SliceWaits | Change::StopRequested(_) => {}
+            Change::SliceWaits | Change::StopRequested(_) | Change::Stream | Change::Monitor(_) => {
+            }
         }
         on_change(change);
     })

@@ -4,7 +4,7 @@
 //! Submissions that come while the writer is at work wait, and are written together in a few
 //! statements of many rows. Each is answered for itself, after the commit.
 
-mod batch;
+pub(super) mod batch;
 pub(super) mod comparison;
 
 use std::collections::BTreeMap;

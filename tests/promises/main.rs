@@ -12,6 +12,7 @@
 //! | P7 an orderly end within 5 s | [`stop`] |
 //! | P8 one key, one job | [`kill`], and `tests/service/idempotency.rs` |
 //! | P9 one bad job stops no other | [`isolation`], and `tests/service/slow.rs` |
+//! | the same for the windows of a monitor | [`watch`] |
 //! | P10 no request makes a 500 | `tests/service/faults.rs` |
 
 mod disk;
@@ -21,3 +22,4 @@ mod kill;
 mod plant;
 mod server;
 mod stop;
+mod watch;

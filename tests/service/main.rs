@@ -28,6 +28,12 @@ mod simulations;
 
 mod models;
 
+mod monitors;
+
+mod quad_tank;
+
+mod streams;
+
 mod origin;
 
 mod slow;

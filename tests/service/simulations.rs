@@ -116,3 +116,25 @@ async fn a_simulation_needs_one_source_of_inputs_without_holes() {
         .problem(422);
     assert_eq!(problem["errors"][0]["code"], "unknown_dataset");
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_answer_that_leaves_samples_out_says_so() {
+    let app = TestApp::start().await;
+    let mut document = push();
+    document["inputs"]["signals"]["force"]["values"] = json!(vec![50.0; 300]);
+    let all = app.post_json("/v1/simulations", &document).await;
+    let all = all.expect(200).json();
+    assert_eq!(
+        (&all["samples"], &all["decimated"]),
+        (&json!(300), &json!(false))
+    );
+    let some = app
+        .post_json("/v1/simulations?max_points=50", &document)
+        .await;
+    let some = some.expect(200).json();
+    assert_eq!(
+        (&some["samples"], &some["decimated"]),
+        (&json!(300), &json!(true))
+    );
+    assert!(some["time_s"].as_array().unwrap().len() <= 50);
+}

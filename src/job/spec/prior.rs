@@ -13,6 +13,7 @@ use utoipa::ToSchema;
 #[schema(as = Prior, example = json!({"mean": 58.0, "std": 2.0}))]
 pub enum PriorSpec {
     /// By its mean and standard deviation, SI.
+    #[schema(title = "NormalPrior")]
     Normal {
         /// The mean.
         mean: f64,
@@ -25,6 +26,7 @@ pub enum PriorSpec {
         scale: Scale,
     },
     /// By the range that holds it with a probability of 95 %, SI.
+    #[schema(title = "RangePrior")]
     Range {
         /// The ends of the range.
         range_95: [f64; 2],

@@ -56,7 +56,7 @@ pub(super) async fn write(
 }
 
 /// Stores jobs that nothing speaks against.
-pub(super) async fn store(
+pub(in crate::store) async fn store(
     queue: &Client,
     tx: &mut Tx,
     jobs: Vec<NewJob>,
@@ -95,7 +95,7 @@ fn same_key(keys: &mut HashMap<String, usize>, accepted: &[NewJob], job: &NewJob
 }
 
 /// What the database knows of the things that submissions refer to.
-pub(super) struct Known {
+pub(in crate::store) struct Known {
     /// The digest and the job that came with a key.
     keys: HashMap<String, (String, String)>,
     datasets: HashSet<String>,
@@ -103,7 +103,10 @@ pub(super) struct Known {
 }
 
 impl Known {
-    pub(super) async fn look_up(tx: &mut Tx, jobs: &[NewJob]) -> Result<Self, StoreError> {
+    pub(in crate::store) async fn look_up(
+        tx: &mut Tx,
+        jobs: &[NewJob],
+    ) -> Result<Self, StoreError> {
         let keys = jobs.iter().filter_map(|job| job.idempotency.as_ref());
         let keys = distinct(keys.map(|idempotency| idempotency.key.clone()));
         let datasets = jobs.iter().flat_map(|job| &job.datasets);
@@ -164,7 +167,7 @@ impl Known {
     }
 
     /// What a submission refers to that is not there.
-    pub(super) fn missing<T>(&self, job: &NewJob) -> Option<Submitted<T>> {
+    pub(in crate::store) fn missing<T>(&self, job: &NewJob) -> Option<Submitted<T>> {
         let gone = |dataset: &&_| !self.datasets.contains(&ToString::to_string(dataset));
         if let Some(dataset) = job.datasets.iter().find(gone) {
             return Some(Submitted::NoDataset(*dataset));

@@ -1,0 +1,395 @@
+"""The client: a thin layer over HTTP that knows what a notebook wants."""
+
+from __future__ import annotations
+
+import json as _json
+import time
+import uuid
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import httpx
+import pandas as pd
+
+from . import _frames
+
+#: How long one request may wait for the state of a job to change [s].
+_WAIT_S = 30
+#: How soon a stream that broke off is taken up again [s].
+_RETRY_S = 2.0
+_ENDED = ("succeeded", "failed", "cancelled")
+
+
+class Problem(Exception):
+    """What the server refused, and why: `status`, `detail`, and `errors` with a place each."""
+
+    def __init__(self, status: int, document: Mapping[str, Any]) -> None:
+        self.status = status
+        self.title = document.get("title", "")
+        self.detail = document.get("detail", "")
+        self.errors = list(document.get("errors", []))
+        self.request_id = document.get("request_id")
+        lines = [f"{status} {self.title}: {self.detail}"]
+        for fault in self.errors:
+            place = next((fault[key] for key in ("pointer", "parameter", "header") if fault.get(key)), "")
+            lines.append(f"  {place}: {fault.get('detail', '')}")
+        super().__init__("\n".join(lines))
+
+
+@dataclass(frozen=True)
+class Event:
+    """An event of a job or of a monitor."""
+
+    id: int
+    name: str
+    data: dict[str, Any]
+
+
+class Client:
+    """A server, by its address. `token` goes along where the server wants one."""
+
+    def __init__(
+        self,
+        url: str = "http://127.0.0.1:8080",
+        token: str | None = None,
+        timeout_s: float = 60.0,
+        transport: httpx.BaseTransport | None = None,
+    ) -> None:
+        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        self._http = httpx.Client(
+            base_url=url, headers=headers, timeout=timeout_s, transport=transport
+        )
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the connections."""
+        self._http.close()
+
+    def request(self, method: str, path: str, **more: Any) -> httpx.Response:
+        """Any request; raises a `Problem` for what the server refuses."""
+        response = self._http.request(method, path, **more)
+        _refuse(response)
+        return response
+
+    def get(self, path: str, **params: Any) -> Any:
+        """The JSON at a path."""
+        return self.request("GET", path, params=params).json()
+
+    def post(self, path: str, **more: Any) -> Any:
+        """The JSON that a POST answers."""
+        return self.request("POST", path, **more).json()
+
+    def upload(
+        self,
+        data: pd.DataFrame | str | bytes,
+        name: str | None = None,
+        units: Mapping[str, str] | None = None,
+        content_type: str = "text/csv",
+        **options: str,
+    ) -> Dataset:
+        """Stores a recording: a DataFrame whose index is the time, or the bytes of a historian's answer.
+
+        `units` are those of columns; `options` are those of the upload, such as `tz`, `format`
+        or `missing`.
+        """
+        return Dataset(self, self._send("/v1/datasets", data, units, content_type, {"name": name, **options}))
+
+    def append(
+        self,
+        stream: str,
+        data: pd.DataFrame | str | bytes,
+        units: Mapping[str, str] | None = None,
+        content_type: str = "text/csv",
+        **options: Any,
+    ) -> dict[str, Any]:
+        """Adds samples to a stream; answers what became of them."""
+        return self._send(f"/v1/streams/{stream}", data, units, content_type, options)
+
+    def _send(
+        self,
+        path: str,
+        data: pd.DataFrame | str | bytes,
+        units: Mapping[str, str] | None,
+        content_type: str,
+        options: Mapping[str, Any],
+    ) -> dict[str, Any]:
+        if isinstance(data, pd.DataFrame):
+            data = _frames.to_csv(data, units)
+        elif units:
+            options = {**options, "units": _json.dumps(dict(units))}
+        content = data.encode() if isinstance(data, str) else data
+        params = {key: value for key, value in options.items() if value is not None}
+        return self.post(path, content=content, params=params, headers={"Content-Type": content_type})
+
+    def submit(
+        self,
+        model: str | Mapping[str, Any],
+        recording: Dataset | str,
+        estimate: Mapping[str, Any] | None = None,
+        fix: Mapping[str, float] | None = None,
+        key: str | None = None,
+        **more: Any,
+    ) -> Job:
+        """Submits a job on a recording.
+
+        `estimate` names unknown parameters with their bounds, `(lower, upper)` or a whole document;
+        `fix` those that are known. `more` is any other part of a job, such as `outputs` or `method`.
+        The same `key` never makes two jobs.
+        """
+        parameters: dict[str, Any] = dict(more.pop("parameters", {}))
+        for name, range_ in (estimate or {}).items():
+            if not isinstance(range_, Mapping):
+                lower, upper = range_
+                range_ = {"estimate": {"lower": lower, "upper": upper}}
+            parameters[name] = range_
+        for name, value in (fix or {}).items():
+            parameters[name] = {"value": value}
+        dataset = recording.id if isinstance(recording, Dataset) else recording
+        experiment = {"dataset": dataset, **more.pop("experiment", {})}
+        document = {"model": model, "experiments": [experiment], "parameters": parameters, **more}
+        headers = {"Idempotency-Key": key or str(uuid.uuid4())}
+        return Job(self, self.post("/v1/jobs", json=document, headers=headers))
+
+    def job(self, id: str) -> Job:
+        """A job by its identifier."""
+        return Job(self, self.get(f"/v1/jobs/{id}"))
+
+    def watch(
+        self,
+        stream: str,
+        job: Mapping[str, Any],
+        window_s: float,
+        every_s: float | None = None,
+        **more: Any,
+    ) -> Monitor:
+        """Watches a stream: `job` is done on each window of so many seconds."""
+        window = {"length_s": window_s, **more.pop("window", {})}
+        if every_s is not None:
+            window["every_s"] = every_s
+        document = {"stream": stream, "window": window, "job": job, **more}
+        headers = {"Idempotency-Key": str(uuid.uuid4())}
+        return Monitor(self, self.post("/v1/monitors", json=document, headers=headers))
+
+    def monitor(self, id: str) -> Monitor:
+        """A monitor by its identifier."""
+        return Monitor(self, self.get(f"/v1/monitors/{id}"))
+
+    def follow(self, path: str, after: int = 0) -> Iterator[Event]:
+        """Server-sent events from after the one with that id, taken up again where the stream breaks."""
+        while True:
+            broke = False
+            try:
+                headers = {"Accept": "text/event-stream", "Last-Event-ID": str(after)}
+                with self._http.stream("GET", path, headers=headers, timeout=_WAIT_S * 2) as response:
+                    if response.status_code == httpx.codes.NO_CONTENT:
+                        return
+                    if response.is_error:
+                        response.read()
+                    _refuse(response)
+                    for event in _events(response.iter_lines()):
+                        after = event.id
+                        yield event
+                        if event.name == "end":
+                            return
+            except httpx.TransportError:
+                broke = True
+            if broke:
+                time.sleep(_RETRY_S)
+
+
+def _refuse(response: httpx.Response) -> None:
+    if not response.is_error:
+        return
+    try:
+        document = response.json()
+    except ValueError:
+        document = {"title": response.reason_phrase, "detail": response.text}
+    raise Problem(response.status_code, document)
+
+
+def _events(lines: Iterator[str]) -> Iterator[Event]:
+    fields: dict[str, str] = {}
+    for line in lines:
+        if line:
+            name, _, value = line.partition(":")
+            fields[name] = value.removeprefix(" ")
+        else:
+            if "data" in fields and "id" in fields:
+                data = _json.loads(fields["data"])
+                yield Event(int(fields["id"]), fields.get("event", "message"), data)
+            fields = {}
+
+
+class _Resource:
+    """Something of the server: its document by name, `resource["status"]`."""
+
+    _path = ""
+
+    def __init__(self, client: Client, document: dict[str, Any]) -> None:
+        self._client = client
+        self.document = document
+
+    def __getitem__(self, name: str) -> Any:
+        return self.document[name]
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.id}>"
+
+    @property
+    def id(self) -> str:
+        """The identifier."""
+        return self.document["id"]
+
+    @property
+    def path(self) -> str:
+        """Where it is."""
+        return f"{self._path}/{self.id}"
+
+    def refresh(self) -> Any:
+        """Asks the server how it stands."""
+        self.document = self._client.get(self.path)
+        return self
+
+    def delete(self) -> None:
+        """Removes it."""
+        self._client.request("DELETE", self.path)
+
+
+class Dataset(_Resource):
+    """A stored recording."""
+
+    _path = "/v1/datasets"
+
+    @property
+    def warnings(self) -> pd.DataFrame:
+        """What is odd about it."""
+        return pd.DataFrame(self.document["report"]["warnings"])
+
+    def frame(self) -> pd.DataFrame:
+        """All samples, in SI."""
+        import io
+
+        answer = self._client.request("GET", f"{self.path}/samples", headers={"Accept": "text/csv"})
+        return pd.read_csv(io.StringIO(answer.text), index_col=0)
+
+
+class Job(_Resource):
+    """A job."""
+
+    _path = "/v1/jobs"
+
+    @property
+    def status(self) -> str:
+        """Where it stood when it was last asked."""
+        return self.document["status"]
+
+    def wait(self, timeout_s: float | None = None) -> Job:
+        """Returns when the job has ended; raises TimeoutError where that takes too long."""
+        end = None if timeout_s is None else time.monotonic() + timeout_s
+        while self.document["status"] not in _ENDED:
+            if end is not None and time.monotonic() >= end:
+                raise TimeoutError(f"{self.id} is still {self.status}")
+            left = _WAIT_S if end is None else max(1, min(_WAIT_S, round(end - time.monotonic())))
+            self.document = self._client.get(self.path, wait=left)
+        return self
+
+    def events(self, after: int = 0) -> Iterator[Event]:
+        """The events of the job from the first on, live, until it has ended."""
+        return self._client.follow(f"{self.path}/events", after)
+
+    def result(self, timeout_s: float | None = None) -> Result:
+        """The result, as soon as there is one; raises a Problem where the job came to none."""
+        self.wait(timeout_s)
+        return Result(self, self._client.get(f"{self.path}/result"))
+
+    def cancel(self) -> Job:
+        """Ends it; it keeps its best estimate so far."""
+        self.document = self._client.post(f"{self.path}/cancel")
+        return self
+
+
+class Result:
+    """What a job came to."""
+
+    def __init__(self, job: Job, document: dict[str, Any]) -> None:
+        self._job = job
+        self.document = document
+
+    @property
+    def parameters(self) -> pd.DataFrame:
+        """Estimates, standard errors and intervals, a row for each parameter."""
+        return _frames.estimates(self.document["parameters"])
+
+    @property
+    def verdict(self) -> dict[str, Any]:
+        """How far to trust them, and why not."""
+        return self.document["verdict"]
+
+    def trajectory(self, experiment: int = 0, max_points: int = 2000) -> pd.DataFrame:
+        """Measured and simulated outputs and residuals of an experiment."""
+        path = f"{self._job.path}/trajectory"
+        return _frames.trajectory(self._job._client.get(path, max_points=max_points))[experiment]
+
+    def plot(self, experiment: int = 0) -> Any:
+        """Measured and simulated outputs, and below them what is left; the axes."""
+        import matplotlib.pyplot as plt
+
+        frame = self.trajectory(experiment)
+        outputs = list(dict.fromkeys(name for name, _ in frame.columns))
+        _, axes = plt.subplots(2 * len(outputs), 1, sharex=True, squeeze=False)
+        for place, name in enumerate(outputs):
+            above, below = axes[2 * place, 0], axes[2 * place + 1, 0]
+            frame[name][["measured", "simulated"]].plot(ax=above, title=name)
+            frame[name]["residual"].plot(ax=below, ylabel="residual")
+        axes[-1, 0].set_xlabel("time [s]")
+        return axes[:, 0]
+
+
+class Monitor(_Resource):
+    """A stream that is watched."""
+
+    _path = "/v1/monitors"
+
+    def history(self) -> pd.DataFrame:
+        """Each parameter over time with its intervals, a row for each window."""
+        return _frames.history(list(self._pages("windows")))
+
+    def alarms(self) -> pd.DataFrame:
+        """What somebody should look at, the newest first."""
+        return pd.DataFrame(list(self._pages("alarms")))
+
+    def events(self, after: int = 0) -> Iterator[Event]:
+        """Windows and alarms from the first on, and then as they come."""
+        return self._client.follow(f"{self.path}/events", after)
+
+    def plot(self) -> Any:
+        """Each parameter over time with its intervals; the axes."""
+        import matplotlib.pyplot as plt
+
+        frame = self.history()
+        names = list(dict.fromkeys(name for name, _ in frame.columns if name != "window"))
+        _, axes = plt.subplots(max(len(names), 1), 1, sharex=True, squeeze=False)
+        for axis, name in zip(axes[:, 0], names):
+            known = frame[frame[(name, "estimate")].notna()]
+            times, own = known[("window", "from")], known[name]
+            axis.plot(times, own["estimate"], marker=".")
+            lower, upper = (own[end].astype(float) for end in ("lower", "upper"))
+            axis.fill_between(times, lower, upper, alpha=0.3)
+            axis.set_ylabel(name)
+        return axes[:, 0]
+
+    def _pages(self, what: str) -> Iterator[dict[str, Any]]:
+        token = None
+        while True:
+            params = {"limit": 500} if token is None else {"limit": 500, "page_token": token}
+            page = self._client.get(f"{self.path}/{what}", **params)
+            yield from page["items"]
+            token = page["next_page_token"]
+            if token is None:
+                return

@@ -1,0 +1,75 @@
+"""What becomes of a DataFrame on its way to the server, and of an answer on its way back."""
+
+import httpx
+import pandas as pd
+import pytest
+
+from greybox import Client, Problem
+from greybox._frames import estimates, history, to_csv
+
+
+def test_times_with_a_zone_become_instants_and_units_stand_in_brackets():
+    index = pd.date_range("2026-03-02 09:15", periods=2, freq="s", tz="Europe/Berlin")
+    frame = pd.DataFrame({"position": [0.1, None]}, index=index)
+    assert to_csv(frame, {"position": "mm"}) == (
+        "time,position [mm]\n2026-03-02T08:15:00+00:00,0.1\n2026-03-02T08:15:01+00:00,\n"
+    )
+
+
+def test_numbers_and_durations_are_seconds():
+    values = pd.DataFrame({"a": [1, 2]}, index=[0.0, 0.5])
+    durations = values.set_axis(pd.to_timedelta([0, 500], unit="ms"))
+    assert to_csv(values) == to_csv(durations) == "time [s],a\n0.0,1\n0.5,2\n"
+
+
+def test_times_without_a_zone_are_asked_about():
+    frame = pd.DataFrame({"a": [1]}, index=pd.DatetimeIndex(["2026-03-02"]))
+    with pytest.raises(ValueError, match="no zone"):
+        to_csv(frame)
+
+
+def test_units_of_columns_that_are_not_there_are_refused():
+    with pytest.raises(ValueError, match="velocity"):
+        to_csv(pd.DataFrame({"a": [1]}), {"velocity": "m/s"})
+
+
+def test_a_refusal_lists_all_faults():
+    faults = [{"pointer": "/model", "code": "x", "detail": "there is none"}]
+    document = {"title": "The request is wrong", "detail": "there is none", "errors": faults}
+    transport = httpx.MockTransport(lambda _: httpx.Response(422, json=document))
+    with pytest.raises(Problem, match="/model: there is none") as refused:
+        Client(transport=transport).get("/v1/jobs")
+    assert refused.value.status == 422
+
+
+def test_events_are_taken_up_where_the_stream_broke_off(monkeypatch):
+    monkeypatch.setattr("greybox._client._RETRY_S", 0)
+    asked = []
+
+    class Broken(httpx.SyncByteStream):
+        def __iter__(self):
+            yield b'retry: 2000\n\nid: 1\nevent: state\ndata: {"status":"running"}\n\n: alive\n\n'
+            raise httpx.ReadError("gone")
+
+    def answer(request):
+        asked.append(request.headers["last-event-id"])
+        if len(asked) == 1:
+            return httpx.Response(200, stream=Broken())
+        return httpx.Response(200, content=b'id: 2\nevent: end\ndata: {"status":"succeeded"}\n\n')
+
+    events = list(Client(transport=httpx.MockTransport(answer)).follow("/v1/jobs/x/events"))
+    assert [(event.id, event.name) for event in events] == [(1, "state"), (2, "end")]
+    assert asked == ["0", "1"]
+
+
+def test_estimates_and_histories_are_tables():
+    known = {"name": "mass", "unit": "kg", "estimate": 58.0, "standard_error": 0.3,
+             "confidence_interval": {"lower": 57.4, "upper": None}, "total_interval": None}
+    table = estimates([known])
+    assert table.loc["mass", "lower"] == 57.4 and pd.isna(table.loc["mass", "upper"])
+    window = {"number": 1, "from": "2026-03-02T08:15:00Z", "to": "2026-03-02T08:16:00Z",
+              "status": "estimated", "trust": "high", "parameters": [known]}
+    quiet = {**window, "number": 0, "status": "quiet", "parameters": []}
+    frame = history([window, quiet])
+    assert list(frame[("window", "number")]) == [0, 1]
+    assert frame[("mass", "estimate")].notna().tolist() == [False, True]

@@ -1,0 +1,443 @@
+//! Monitors: jobs that are done again and again, on a window of a stream after the other.
+
+mod csv;
+pub mod events;
+
+use std::collections::HashMap;
+
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
+use axum::response::IntoResponse;
+use jiff::Timestamp;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::body::JsonDocument;
+use super::error::{Answer, Kind, Problem};
+use super::extract::{Client, Named};
+use super::http_headers::{idempotency_key, json, prefers, tagged_json};
+use super::page::{Cursor, Page, PageParams};
+use super::query::{FromQuery, NoQuery, Params, QueryReader};
+use super::submit::stored;
+use super::{ApiState, models};
+use crate::job::spec::Context;
+use crate::job::{DatasetId, Fault, JobSpec, MonitorId};
+use crate::monitor::warm;
+use crate::monitor::{Alarm, MonitorSpec, MonitorWindow, ShownWindow, State as MonitorState};
+use crate::recording::{Source, Summary};
+use crate::store::{Idempotency, MonitorRow, NewMonitor, StoredWindow, StreamRow};
+
+/// Windows that a monitor shows of itself, and alarms.
+const SHOWN_WINDOWS: u32 = 100;
+const SHOWN_ALARMS: u32 = 20;
+
+/// A monitor as it stands.
+#[derive(Serialize, ToSchema)]
+pub struct Monitor {
+    /// Its identifier.
+    id: MonitorId,
+    /// A name for people.
+    name: Option<String>,
+    /// The stream that it watches.
+    stream: String,
+    /// What it is doing.
+    status: MonitorStatus,
+    /// What was asked for.
+    spec: MonitorSpec,
+    /// The window that is worked, or the next that will be.
+    next_window: i64,
+    /// When the stream must have a sample for that to be worked.
+    #[schema(value_type = String, format = DateTime)]
+    due: Timestamp,
+    /// When it was accepted.
+    #[schema(value_type = String, format = DateTime)]
+    created_at: Timestamp,
+}
+
+/// What a monitor is doing.
+#[derive(Clone, Copy, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MonitorStatus {
+    /// It waits for samples.
+    Waiting,
+    /// A job works a window.
+    Working,
+    /// It waits for samples, and none have come for too long.
+    DataStopped,
+}
+
+/// A monitor with what it has found out.
+#[derive(Serialize, ToSchema)]
+pub struct ShownMonitor {
+    /// The monitor.
+    #[serde(flatten)]
+    monitor: Monitor,
+    /// Its newest windows, a hundred at the most, the oldest first: each parameter over time with its
+    /// intervals. `…/windows` has them all.
+    windows: Vec<ShownWindow>,
+    /// Its newest alarms, twenty at the most, the newest first. `…/alarms` has them all.
+    alarms: Vec<Alarm>,
+}
+
+impl Monitor {
+    fn new(row: MonitorRow) -> Answer<Self> {
+        let unreadable = |_| {
+            tracing::error!(monitor = %row.id, "a stored monitor does not read back");
+            Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
+        };
+        let spec = MonitorSpec::deserialized(&row.spec).map_err(unreadable)?;
+        let state: MonitorState = serde_json::from_value(row.state.clone()).map_err(unreadable)?;
+        let status = match (row.job, row.silent) {
+            (Some(_), _) => MonitorStatus::Working,
+            (None, true) => MonitorStatus::DataStopped,
+            (None, false) => MonitorStatus::Waiting,
+        };
+        Ok(Self {
+            id: row.id,
+            name: row.name,
+            stream: row.stream,
+            status,
+            due: crate::monitor::state::instant(row.due_ns),
+            next_window: state.next,
+            spec,
+            created_at: row.created_at,
+        })
+    }
+}
+
+fn no_monitor(id: MonitorId) -> Problem {
+    Problem::not_found("monitor", &id.to_string())
+}
+
+/// Watch a stream.
+///
+/// The stream is there, with two samples at the least. Each window, as soon as the stream has a sample
+/// beyond its end, becomes a recording and a job, one after the other; the estimate of one is where
+/// the search of the next begins, and its prior. A window in which no input moves is quiet: nothing
+/// is estimated. An alarm is raised when a parameter changes by more than its intervals allow, when
+/// estimates can be trusted less than before, when windows no longer come to an estimate, and
+/// when data stop.
+#[utoipa::path(
+    post, path = "/v1/monitors", operation_id = "create_monitor", tag = "monitors",
+    params(("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
+            description = "Makes the request safe to repeat: the same key and body give the same \
+                           monitor again")),
+    request_body(content = MonitorSpec, content_type = "application/json"),
+    responses(
+        (status = 201, description = "The stream is watched", body = Monitor,
+         headers(("Location" = String, description = "Where the monitor is"),
+                 ("Idempotent-Replayed" = String,
+                  description = "`true` when this answers an earlier request again"))),
+        (status = 409, description = "There are too many monitors, or what this key made is gone")
+    )
+)]
+pub async fn create(
+    State(state): State<ApiState>,
+    _query: Params<NoQuery>,
+    headers: HeaderMap,
+    client: Client,
+    document: JsonDocument,
+) -> Answer {
+    let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
+        key,
+        body_digest: document.digest.clone(),
+    });
+    if let Some(idempotency) = &idempotency
+        && let Some(earlier) = state.store.earlier_monitor(idempotency).await?
+    {
+        let (row, replayed) = stored(earlier)?;
+        return created(row, replayed);
+    }
+    let mut spec = MonitorSpec::read(&document.value).map_err(Problem::of_document)?;
+    let Some(stream) = state.store.stream(&spec.stream).await? else {
+        let detail = format!("there is no stream `{}`", spec.stream);
+        let fault = Fault::new("/stream", "unknown_stream", detail);
+        return Err(Problem::of_document(vec![fault]));
+    };
+    check(&state, &mut spec, &stream, &client).await?;
+    let from = spec.window.from.unwrap_or(stream.first);
+    let origin_ns = i64::try_from(from.as_nanosecond()).map_err(|_| {
+        let detail = format!("{from} is too far away");
+        Problem::of_document(vec![Fault::new("/window/from", "out_of_range", detail)])
+    })?;
+    let knows = MonitorState::new(origin_ns);
+    let new = NewMonitor {
+        name: spec.name.clone(),
+        stream: spec.stream.clone(),
+        spec: serde_json::to_value(&spec).expect("a specification has only text keys"),
+        due_ns: knows.due(&spec.window),
+        state: serde_json::to_value(&knows).expect("a state has only text keys"),
+        patience: spec.patience(),
+        idempotency,
+    };
+    let inserted = state.store.insert_monitor(new).await?.ok_or_else(|| {
+        let detail = "there are as many monitors as there may be, or the stream has just gone";
+        Problem::new(Kind::WrongState, detail)
+    })?;
+    let (row, replayed) = stored(inserted)?;
+    created(row, replayed)
+}
+
+fn created(row: MonitorRow, replayed: bool) -> Answer {
+    let location = HeaderValue::from_str(&format!("/v1/monitors/{}", row.id));
+    let mut response = json(StatusCode::CREATED, &Monitor::new(row)?);
+    let location = location.expect("an identifier is visible ASCII");
+    response.headers_mut().insert(header::LOCATION, location);
+    if replayed {
+        let name = HeaderName::from_static("idempotent-replayed");
+        let said = HeaderValue::from_static("true");
+        response.headers_mut().insert(name, said);
+    }
+    Ok(response)
+}
+
+/// Reads the job against the newest window of the stream, or says everything that is wrong with it;
+/// puts the model's name in the place of a model.
+async fn check(
+    state: &ApiState,
+    spec: &mut MonitorSpec,
+    stream: &StreamRow,
+    client: &Client,
+) -> Answer<()> {
+    let below = |problem: Problem| problem.below("/job");
+    let asked = models::asked(state, &spec.job, client)
+        .await
+        .map_err(below)?;
+    spec.job = asked.document.clone();
+    let dataset = DatasetId::new();
+    let summary = newest(state, stream, spec.window.length_s).await?;
+    let datasets = HashMap::from([(dataset, summary)]);
+    let context = Context {
+        models: asked.descriptions(state),
+        datasets: &datasets,
+        max_duration_s: state.limits.max_duration_s,
+    };
+    let job = JobSpec::read(&spec.job_for(dataset), &context);
+    let job = job.map_err(Problem::of_document).map_err(below)?;
+    let searched = warm::searched(&job);
+    let mut faults = Vec::new();
+    if searched.is_empty() {
+        let detail = "no parameter is looked for: there is nothing to watch";
+        faults.push(Fault::new("/job/parameters", "nothing_to_estimate", detail));
+    }
+    for name in spec
+        .drift
+        .keys()
+        .filter(|name| !searched.contains_key(*name))
+    {
+        let detail = format!("the job does not look for `{name}`");
+        let place = crate::job::fault::pointer_to("/drift", name);
+        faults.push(Fault::new(place, "unknown_parameter", detail));
+    }
+    if let Some(only) = &spec.only_when
+        && !stream
+            .signals
+            .iter()
+            .any(|signal| signal.name == only.signal)
+    {
+        let detail = format!("the stream has no signal `{}`", only.signal);
+        faults.push(Fault::new("/only_when/signal", "unknown_signal", detail));
+    }
+    if !faults.is_empty() {
+        return Err(Problem::of_document(faults));
+    }
+    if let Some(new) = asked.new {
+        state.store.insert_model(new).await?;
+    }
+    Ok(())
+}
+
+/// What the newest window of a stream holds.
+async fn newest(state: &ApiState, stream: &StreamRow, length_s: f64) -> Answer<Summary> {
+    let last = i64::try_from(stream.last.as_nanosecond()).unwrap_or(i64::MAX);
+    let from = last.saturating_sub((length_s * 1e9) as i64);
+    let _permit = state.recording_permit().await?;
+    let most = crate::monitor::MAX_WINDOW_SAMPLES;
+    let too_many = || {
+        let detail = format!("a window would have more than {most} instants");
+        Problem::of_document(vec![Fault::new(
+            "/window/length_s",
+            "too_many_samples",
+            detail,
+        )])
+    };
+    let rows = state
+        .store
+        .stream_rows(stream, (from, i64::MAX), most)
+        .await?;
+    let rows = rows.ok_or_else(too_many)?;
+    let signals = stream.signals.clone();
+    let summary = state.convert(move || {
+        let recording = rows.into_recording(&signals, Source::default());
+        let recording = recording.ok_or_else(|| {
+            let detail = "the newest window of the stream has fewer than two samples";
+            Problem::of_document(vec![Fault::new(
+                "/window/length_s",
+                "too_few_samples",
+                detail,
+            )])
+        })?;
+        Ok(recording.summary())
+    });
+    summary.await
+}
+
+/// The page of a list.
+pub struct WhichMonitors(Cursor<MonitorId>);
+
+impl FromQuery for WhichMonitors {
+    fn read(query: &mut QueryReader) -> Self {
+        Self(Cursor::read(query))
+    }
+}
+
+/// List monitors, newest first.
+#[utoipa::path(
+    get, path = "/v1/monitors", operation_id = "list_monitors", tag = "monitors",
+    params(PageParams),
+    responses((status = 200, description = "A page of monitors", body = Page<Monitor>,
+               headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
+)]
+pub async fn list(
+    State(state): State<ApiState>,
+    Params(WhichMonitors(cursor)): Params<WhichMonitors>,
+    uri: Uri,
+) -> Answer {
+    let page = state.store.monitors(cursor.before, cursor.limit).await?;
+    let items = page.rows.into_iter().map(Monitor::new);
+    let items = items.collect::<Answer<Vec<_>>>()?;
+    Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
+}
+
+/// Show a monitor: each parameter over time with its intervals, and its alarms.
+#[utoipa::path(
+    get, path = "/v1/monitors/{id}", operation_id = "show_monitor", tag = "monitors",
+    params(("id" = MonitorId, Path, description = "The monitor")),
+    responses((status = 200, description = "The monitor", body = ShownMonitor))
+)]
+pub async fn show(
+    State(state): State<ApiState>,
+    Named(id): Named<MonitorId>,
+    _query: Params<NoQuery>,
+    headers: HeaderMap,
+) -> Answer {
+    let row = monitor(&state, id).await?;
+    let windows = state.store.monitor_windows(id, None, SHOWN_WINDOWS).await?;
+    let mut windows = shown_windows(windows.rows)?;
+    windows.reverse();
+    let alarms = state.store.monitor_alarms(id, None, SHOWN_ALARMS).await?;
+    let shown = ShownMonitor {
+        monitor: Monitor::new(row)?,
+        windows,
+        alarms: shown_alarms(alarms.rows)?,
+    };
+    Ok(tagged_json(&headers, &shown))
+}
+
+async fn monitor(state: &ApiState, id: MonitorId) -> Answer<MonitorRow> {
+    let row = state.store.monitor(id).await?;
+    row.ok_or_else(|| no_monitor(id))
+}
+
+fn read_back<T: serde::de::DeserializeOwned>(row: serde_json::Value) -> Answer<T> {
+    serde_json::from_value(row).map_err(|error| {
+        tracing::error!(%error, "what a monitor stored does not read back");
+        Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
+    })
+}
+
+fn shown_windows(rows: Vec<StoredWindow>) -> Answer<Vec<ShownWindow>> {
+    let shown = rows.into_iter().map(|row| {
+        Ok(ShownWindow {
+            window: read_back::<MonitorWindow>(row.row)?,
+            job: row.job,
+            dataset: row.dataset,
+        })
+    });
+    shown.collect()
+}
+
+fn shown_alarms(rows: Vec<(i64, serde_json::Value)>) -> Answer<Vec<Alarm>> {
+    rows.into_iter().map(|(_, row)| read_back(row)).collect()
+}
+
+/// Stop watching. Jobs and recordings of windows stay.
+#[utoipa::path(
+    delete, path = "/v1/monitors/{id}", operation_id = "remove_monitor", tag = "monitors",
+    params(("id" = MonitorId, Path, description = "The monitor")),
+    responses((status = 204, description = "It is removed"))
+)]
+pub async fn remove(
+    State(state): State<ApiState>,
+    Named(id): Named<MonitorId>,
+    _query: Params<NoQuery>,
+) -> Answer {
+    if state.store.delete_monitor(id).await? {
+        Ok(StatusCode::NO_CONTENT.into_response())
+    } else {
+        Err(no_monitor(id))
+    }
+}
+
+/// The page of a list by number.
+pub struct WhichNumbers(Cursor<i64>);
+
+impl FromQuery for WhichNumbers {
+    fn read(query: &mut QueryReader) -> Self {
+        Self(Cursor::read(query))
+    }
+}
+
+/// List the windows of a monitor, newest first: each parameter over time with its intervals, as JSON
+/// or as CSV.
+#[utoipa::path(
+    get, path = "/v1/monitors/{id}/windows", operation_id = "list_monitor_windows",
+    tag = "monitors",
+    params(("id" = MonitorId, Path, description = "The monitor"), PageParams),
+    responses((status = 200, description = "A page of windows",
+               content((Page<ShownWindow> = "application/json"), (String = "text/csv")),
+               headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
+)]
+pub async fn windows(
+    State(state): State<ApiState>,
+    Named(id): Named<MonitorId>,
+    Params(WhichNumbers(cursor)): Params<WhichNumbers>,
+    headers: HeaderMap,
+    uri: Uri,
+) -> Answer {
+    monitor(&state, id).await?;
+    let page = state.store.monitor_windows(id, cursor.before, cursor.limit);
+    let page = page.await?;
+    let items = shown_windows(page.rows)?;
+    let text = prefers(&headers, "text/csv").then(|| csv::table(&items));
+    let page = Page::new(items, page.next.map(|number| number.to_string()));
+    let mut response = page.answer(&uri);
+    if let Some(text) = text {
+        *response.body_mut() = text.into();
+        let csv_type = HeaderValue::from_static("text/csv; charset=utf-8");
+        response
+            .headers_mut()
+            .insert(header::CONTENT_TYPE, csv_type);
+    }
+    Ok(response)
+}
+
+/// List the alarms of a monitor, newest first.
+#[utoipa::path(
+    get, path = "/v1/monitors/{id}/alarms", operation_id = "list_alarms", tag = "monitors",
+    params(("id" = MonitorId, Path, description = "The monitor"), PageParams),
+    responses((status = 200, description = "A page of alarms", body = Page<Alarm>,
+               headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
+)]
+pub async fn alarms(
+    State(state): State<ApiState>,
+    Named(id): Named<MonitorId>,
+    Params(WhichNumbers(cursor)): Params<WhichNumbers>,
+    uri: Uri,
+) -> Answer {
+    monitor(&state, id).await?;
+    let page = state.store.monitor_alarms(id, cursor.before, cursor.limit);
+    let page = page.await?;
+    let items = shown_alarms(page.rows)?;
+    Ok(Page::new(items, page.next.map(|number| number.to_string())).answer(&uri))
+}

@@ -1,0 +1,441 @@
+//! Recordings that grow: append, list, show, cut out, remove.
+
+pub mod cut;
+
+use std::str::FromStr;
+
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use jiff::Timestamp;
+use serde::Serialize;
+use utoipa::{IntoParams, ToSchema};
+
+use super::ApiState;
+use super::body::{parse_received, receive, scratch_failed};
+use super::datasets::{ReadingQuery, RecordingDocument, csv_answer, digest, kind_of, reading};
+use super::error::{Answer, Kind, Problem, ProblemFault};
+use super::extract::{Named, PathName};
+use super::http_headers::{idempotency_key, json, prefers, tagged_json};
+use super::page::{Cursor, Page, PageParams};
+use super::query::{FromQuery, NoQuery, Params, QueryReader};
+use crate::intake::{self, Options};
+use crate::monitor::MAX_WINDOW_SAMPLES;
+use crate::recording::{MAX_SIGNALS, Recording, Rows, Samples, Source};
+use crate::store::{
+    Appended, BatchOutcome, Idempotency, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,
+};
+
+/// The characters of a stream's name at the most.
+const MAX_NAME: usize = 100;
+/// The most that a stream may keep `[MiB]`.
+const MAX_KEEP_MIB: u64 = 1 << 16;
+/// Points of a plot when the client does not say, and at the most.
+const DEFAULT_POINTS: u64 = 2000;
+const MAX_POINTS: u64 = 100_000;
+
+/// The name of a stream.
+pub struct StreamName(String);
+
+impl FromStr for StreamName {
+    type Err = ();
+
+    fn from_str(text: &str) -> Result<Self, ()> {
+        let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"._-".contains(&byte);
+        let is_name = (1..=MAX_NAME).contains(&text.len()) && text.bytes().all(is_plain);
+        is_name.then(|| Self(text.to_owned())).ok_or(())
+    }
+}
+
+impl PathName for StreamName {
+    const WHAT: &'static str = "stream (its name has letters, digits, `.`, `_` and `-`, 100 of \
+                                them at the most) called";
+}
+
+/// What of the stream is kept.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct KeepQuery {
+    /// From now on, how long samples are kept before the newest one `[s]`; for ever until it is said.
+    /// Whole blocks of samples go, the oldest first, and the newest block always stays.
+    #[param(exclusive_minimum = 0)]
+    pub keep_s: Option<f64>,
+    /// From now on, how much is kept `[MiB]`; 256 until it is said.
+    #[param(minimum = 1, maximum = 65_536)]
+    pub keep_mib: Option<u64>,
+}
+
+/// The options of a batch, understood, and as they came.
+pub struct BatchQuery {
+    options: Options,
+    given: Vec<(&'static str, String)>,
+    keep: Keep,
+}
+
+impl FromQuery for BatchQuery {
+    fn read(query: &mut QueryReader) -> Self {
+        let mut given = Vec::new();
+        let options = reading(query, &mut given);
+        let seconds = query.number("keep_s");
+        if seconds.is_some_and(|seconds| seconds <= 0.0) {
+            query.fault("keep_s", "not_positive", "it is not above 0".to_owned());
+        }
+        let mib = query.integer("keep_mib", 1, MAX_KEEP_MIB);
+        let mib = mib.map(|mib| u32::try_from(mib).expect("the limit is small"));
+        given.extend(seconds.map(|seconds| ("keep_s", seconds.to_string())));
+        given.extend(mib.map(|mib| ("keep_mib", mib.to_string())));
+        Self {
+            options,
+            given,
+            keep: Keep { seconds, mib },
+        }
+    }
+}
+
+/// Append samples to a stream.
+///
+/// The body is that of `POST /v1/datasets`, in any of its formats, and says when its samples were
+/// taken: by timestamps, or by `start` in JSON. The first batch makes the stream. Batches may come in
+/// any order and more than once: samples are put in their place, one that says something else of an
+/// instant replaces what was there, and a missing one changes nothing. With an `Idempotency-Key` the
+/// same body is answered as it was the first time. Signals may come that were not there before; each
+/// keeps the unit that it first had in SI.
+#[utoipa::path(
+    post, path = "/v1/streams/{name}", operation_id = "append_to_stream", tag = "streams",
+    params(
+        ("name" = String, Path, description = "The stream", pattern = "^[A-Za-z0-9._-]{1,100}$",
+         example = "rig-4"),
+        ReadingQuery,
+        KeepQuery,
+        ("Content-Encoding" = Option<String>, Header, example = "gzip",
+              description = "`gzip` where the body is compressed"),
+        ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
+         description = "Makes the batch safe to repeat: the same key and body give the same answer \
+                        again")
+    ),
+    request_body(
+        description = "The samples",
+        content(
+            (String = "text/csv",
+             example = "time,force [N],position [mm]\n2026-03-02T08:15:00Z,50,0\n\
+                        2026-03-02T08:15:01Z,50,1.2\n"),
+            (RecordingDocument = "application/json"),
+            (String = "text/plain",
+             example = "rig,hall=2 position=0.1012,pressure=8.31e6 1465839830100400200\n\
+                        rig,hall=2 position=0.1013,pressure=8.30e6 1465839831100400200\n")
+        )
+    ),
+    responses(
+        (status = 201, description = "It is stored, and the stream is new", body = Appended,
+         headers(("Location" = String, description = "Where the stream is"))),
+        (status = 200, description = "It is stored", body = Appended,
+         headers(("Location" = String, description = "Where the stream is"),
+                 ("Idempotent-Replayed" = String,
+                  description = "`true` when this answers an earlier batch again"))),
+        (status = 409, description = "There are as many streams as there may be")
+    )
+)]
+pub async fn append(
+    State(state): State<ApiState>,
+    Named(StreamName(name)): Named<StreamName>,
+    Params(query): Params<BatchQuery>,
+    request: Request,
+) -> Answer {
+    let (kind, charset) = kind_of(request.headers())?;
+    let key = idempotency_key(request.headers())?;
+    let BatchQuery {
+        mut options,
+        mut given,
+        keep,
+    } = query;
+    if let Some(charset) = charset {
+        options.assume_encoding(&charset);
+    }
+    let limit = state.limits.dataset_bytes;
+    let received = receive(&state, request.into_body(), limit).await?;
+    let _permit = state.recording_permit().await?;
+    let scratch = state.store.scratch();
+    let parsed = parse_received(&state, received, move |text| {
+        let received = intake::receive(text, kind, &options, Some(scratch))?;
+        let recording = received.into_recording();
+        rows(recording.map_err(|error| scratch_failed(&error))?)
+    })
+    .await?;
+    given.push(("stream", name.clone()));
+    let body_digest = digest(parsed.digest, &given);
+    let (signals, rows, zone) = parsed.value;
+    let batch = NewBatch {
+        stream: name.clone(),
+        signals,
+        rows,
+        zone,
+        keep,
+        idempotency: key.map(|key| Idempotency { key, body_digest }),
+    };
+    answered(&name, state.store.append(batch).await?)
+}
+
+type Batch = (Vec<crate::recording::RowSignal>, Rows, Option<String>);
+
+fn rows(recording: Recording) -> Answer<Batch> {
+    let zone = recording.zone.clone();
+    let (signals, rows) = Rows::of(recording).ok_or_else(|| {
+        let detail = "the samples do not say when they were taken; a stream needs timestamps, or \
+                      `start` in JSON";
+        invalid("no_start", detail.to_owned())
+    })?;
+    Ok((signals, rows, zone))
+}
+
+fn invalid(code: &str, detail: String) -> Problem {
+    let fault = ProblemFault {
+        code: code.to_owned(),
+        detail,
+        ..ProblemFault::default()
+    };
+    Problem::of_faults(Kind::Invalid, [fault])
+}
+
+fn answered(name: &str, outcome: BatchOutcome) -> Answer {
+    let (status, appended, replayed) = match outcome {
+        BatchOutcome::Stored(appended, true) => (StatusCode::CREATED, appended, false),
+        BatchOutcome::Stored(appended, false) => (StatusCode::OK, appended, false),
+        BatchOutcome::Replayed(appended) => (StatusCode::OK, appended, true),
+        BatchOutcome::KeyReused => {
+            let detail = "the key came before with another body; use a new key for something new";
+            return Err(Problem::new(Kind::KeyReused, detail));
+        }
+        BatchOutcome::UnitsDiffer(signal, known, came) => {
+            let detail = format!(
+                "`{signal}` is in `{came}` here and in `{known}` in the stream; say its unit with \
+                 `units`"
+            );
+            return Err(invalid("units_differ", detail));
+        }
+        BatchOutcome::TooManySignals => {
+            let detail = format!("the stream would have more than {MAX_SIGNALS} signals");
+            return Err(invalid("too_many_signals", detail));
+        }
+        BatchOutcome::TooManyStreams => {
+            let detail = format!("there are {MAX_STREAMS} streams already; remove one");
+            return Err(Problem::new(Kind::WrongState, detail));
+        }
+    };
+    let mut response = json(status, &*appended);
+    let location = HeaderValue::from_str(&format!("/v1/streams/{name}"));
+    let location = location.expect("a stream's name is visible ASCII");
+    response.headers_mut().insert(header::LOCATION, location);
+    if replayed {
+        let name = HeaderName::from_static("idempotent-replayed");
+        let said = HeaderValue::from_static("true");
+        response.headers_mut().insert(name, said);
+    }
+    Ok(response)
+}
+
+/// The page of a list by name.
+pub struct WhichStreams(Cursor<String>);
+
+impl FromQuery for WhichStreams {
+    fn read(query: &mut QueryReader) -> Self {
+        Self(Cursor::read(query))
+    }
+}
+
+/// List streams by name.
+#[utoipa::path(
+    get, path = "/v1/streams", operation_id = "list_streams", tag = "streams",
+    params(PageParams),
+    responses((status = 200, description = "A page of streams", body = Page<StreamRow>,
+               headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
+)]
+pub async fn list(
+    State(state): State<ApiState>,
+    Params(WhichStreams(cursor)): Params<WhichStreams>,
+    uri: Uri,
+) -> Answer {
+    let page = state.store.streams(cursor.before, cursor.limit).await?;
+    Ok(Page::new(page.rows, page.next).answer(&uri))
+}
+
+/// Which samples of a stream.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct StreamQuery {
+    /// From this instant on; with an offset, whose `+` is written `%2B` in a query.
+    #[param(value_type = Option<String>, format = DateTime, example = "2026-03-02T08:15:00Z")]
+    pub from: Option<Timestamp>,
+    /// Up to, and without, this instant.
+    #[param(value_type = Option<String>, format = DateTime, example = "2026-03-02T09:15:00Z")]
+    pub to: Option<Timestamp>,
+    /// Points at the most; the extremes of each stretch are kept.
+    #[param(minimum = 2, maximum = 100_000, default = 2000)]
+    pub max_points: Option<u64>,
+}
+
+impl FromQuery for StreamQuery {
+    fn read(query: &mut QueryReader) -> Self {
+        let mut instant = |name| {
+            query.parsed(name, |text| {
+                let shown: String = text.chars().take(60).collect();
+                text.parse::<Timestamp>().map_err(|_| {
+                    format!(
+                        "`{shown}` is not an instant with its offset, such as 2026-03-02T08:15:00Z"
+                    )
+                })
+            })
+        };
+        let (from, to) = (instant("from"), instant("to"));
+        if let (Some(from), Some(to)) = (from, to)
+            && from >= to
+        {
+            query.fault(
+                "from",
+                "bounds_reversed",
+                format!("from {from} is not before to {to}"),
+            );
+        }
+        Self {
+            from,
+            to,
+            max_points: query.integer("max_points", 2, MAX_POINTS),
+        }
+    }
+}
+
+/// A stream, with samples where a part of it was asked for.
+#[derive(Serialize, ToSchema)]
+pub struct ShownStream {
+    /// The stream.
+    #[serde(flatten)]
+    stream: StreamRow,
+    /// The samples between `from` and `to`, where one of them was said.
+    window: Option<StreamSamples>,
+}
+
+/// Samples of a stream.
+#[derive(Serialize, ToSchema)]
+pub struct StreamSamples {
+    /// When the first of them was taken; `null` where there are none.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    start: Option<Timestamp>,
+    /// The samples, in seconds from `start`; `null` where there are fewer than two.
+    samples: Option<Samples>,
+}
+
+/// Show a stream, and samples of it: decimated for plots as JSON, or all between two instants as CSV.
+#[utoipa::path(
+    get, path = "/v1/streams/{name}", operation_id = "show_stream", tag = "streams",
+    params(("name" = String, Path, description = "The stream"), StreamQuery),
+    responses((status = 200, description = "The stream; samples are in SI",
+               content((ShownStream = "application/json"), (String = "text/csv"))))
+)]
+pub async fn show(
+    State(state): State<ApiState>,
+    Named(StreamName(name)): Named<StreamName>,
+    Params(query): Params<StreamQuery>,
+    headers: HeaderMap,
+) -> Answer {
+    let stream = stream(&state, &name).await?;
+    let wants_csv = prefers(&headers, "text/csv");
+    if query.from.is_none() && query.to.is_none() && !wants_csv {
+        let shown = ShownStream {
+            stream,
+            window: None,
+        };
+        return Ok(tagged_json(&headers, &shown));
+    }
+    let permit = state.recording_permit().await?;
+    let recording = window(&state, &stream, (query.from, query.to)).await?;
+    if wants_csv {
+        let recording = recording.ok_or_else(|| invalid("too_few_samples", too_few()))?;
+        return csv_answer(&state, recording, permit).await;
+    }
+    let points = query.max_points.unwrap_or(DEFAULT_POINTS);
+    let points = usize::try_from(points).expect("the limit is small");
+    let written = state.convert(move || {
+        let _permit = permit;
+        let samples = recording.map(|recording| StreamSamples {
+            start: recording.start,
+            samples: Some(recording.decimate(None, None, None, points)),
+        });
+        let window = samples.unwrap_or(StreamSamples {
+            start: None,
+            samples: None,
+        });
+        let shown = ShownStream {
+            stream,
+            window: Some(window),
+        };
+        Ok(json(StatusCode::OK, &shown))
+    });
+    written.await
+}
+
+fn too_few() -> String {
+    "there are fewer than two samples in it".to_owned()
+}
+
+async fn stream(state: &ApiState, name: &str) -> Answer<StreamRow> {
+    let stream = state.store.stream(name).await?;
+    stream.ok_or_else(|| Problem::not_found("stream", name))
+}
+
+/// A part of a stream; nothing where it has fewer than two samples.
+async fn window(
+    state: &ApiState,
+    stream: &StreamRow,
+    (from, to): (Option<Timestamp>, Option<Timestamp>),
+) -> Answer<Option<Recording>> {
+    let ns = |instant: Timestamp| {
+        let far = if instant < Timestamp::UNIX_EPOCH {
+            i64::MIN
+        } else {
+            i64::MAX
+        };
+        i64::try_from(instant.as_nanosecond()).unwrap_or(far)
+    };
+    let span = (from.map_or(i64::MIN, ns), to.map_or(i64::MAX, ns));
+    let rows = state.store.stream_rows(stream, span, MAX_WINDOW_SAMPLES);
+    let rows = rows.await?.ok_or_else(|| {
+        let detail = format!(
+            "there are more than {MAX_WINDOW_SAMPLES} instants in it; ask for a shorter part"
+        );
+        invalid("too_many_samples", detail)
+    })?;
+    let said = [("from", from), ("to", to)].into_iter();
+    let said = said.filter_map(|(name, instant)| Some((name.to_owned(), instant?.to_string())));
+    let mut options: std::collections::BTreeMap<String, String> = said.collect();
+    options.insert("stream".to_owned(), stream.name.clone());
+    let source = Source {
+        format: "stream".to_owned(),
+        options,
+    };
+    let recording = rows.into_recording(&stream.signals, source);
+    Ok(recording.map(|recording| Recording {
+        zone: stream.zone.clone(),
+        ..recording
+    }))
+}
+
+/// Remove a stream that no monitor watches. Recordings that were cut out of it stay.
+#[utoipa::path(
+    delete, path = "/v1/streams/{name}", operation_id = "remove_stream", tag = "streams",
+    params(("name" = String, Path, description = "The stream")),
+    responses((status = 204, description = "It is removed"),
+              (status = 409, description = "A monitor watches it"))
+)]
+pub async fn remove(
+    State(state): State<ApiState>,
+    Named(StreamName(name)): Named<StreamName>,
+    _query: Params<NoQuery>,
+) -> Answer<Response> {
+    match state.store.delete_stream(name.clone()).await? {
+        StreamRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
+        StreamRemoval::NotFound => Err(Problem::not_found("stream", &name)),
+        StreamRemoval::InUse(monitors) => {
+            let detail = format!("watched by {}", monitors.join(", "));
+            Err(Problem::new(Kind::WrongState, detail))
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! Parts of a stream as recordings that never change.
+
+use axum::extract::State;
+use jiff::Timestamp;
+use sha2::Digest;
+use utoipa::ToSchema;
+
+use super::{StreamName, invalid, stream, too_few, window};
+use crate::api::ApiState;
+use crate::api::body::JsonDocument;
+use crate::api::datasets::{Dataset, stored};
+use crate::api::error::{Answer, Problem};
+use crate::api::extract::Named;
+use crate::api::http_headers::hex;
+use crate::api::query::{NoQuery, Params};
+use crate::document::reader::{Faults, Field};
+use crate::job::Fault;
+use crate::recording::Rows;
+use crate::store::NewDataset;
+
+/// A part of a stream to be cut out.
+#[derive(ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"from": "2026-03-02T08:15:00+01:00", "to": "2026-03-02T08:16:00+01:00"}))]
+pub struct StreamPart {
+    /// A name for people.
+    #[schema(nullable = false, max_length = 200)]
+    pub name: Option<String>,
+    /// The first instant.
+    #[schema(value_type = String, format = DateTime)]
+    pub from: Timestamp,
+    /// The instant up to, and without, which.
+    #[schema(value_type = String, format = DateTime)]
+    pub to: Timestamp,
+}
+
+impl StreamPart {
+    fn read(document: &serde_json::Value) -> Result<Self, Vec<Fault>> {
+        let faults = Faults::default();
+        let part = read_part(&Field::root(document, &faults));
+        let found = faults.into_vec();
+        match part {
+            Some(part) if found.is_empty() => Ok(part),
+            _ => Err(found),
+        }
+    }
+}
+
+fn read_part(document: &Field<'_>) -> Option<StreamPart> {
+    let mut root = document.object()?;
+    let name = root.optional("name").and_then(|field| {
+        let name = field.text()?;
+        if name.chars().count() > crate::job::spec::MAX_NAME_CHARS {
+            field.fault("too_long", "the name is too long");
+        }
+        Some(name.to_owned())
+    });
+    let mut instant = |name| {
+        let field = root.required(name)?;
+        let read = field.text()?.parse::<Timestamp>();
+        if read.is_err() {
+            let detail = "not an instant with its offset, such as 2026-03-02T08:15:00+01:00";
+            field.fault("not_a_time", detail);
+        }
+        read.ok()
+    };
+    let (from, to) = (instant("from"), instant("to"));
+    if let (Some(from), Some(to)) = (from, to)
+        && from >= to
+    {
+        root.fault(
+            "bounds_reversed",
+            format!("from {from} is not before to {to}"),
+        );
+    }
+    root.finish();
+    Some(StreamPart {
+        name,
+        from: from?,
+        to: to?,
+    })
+}
+
+/// Cut a part out of a stream, as a recording that never changes.
+///
+/// The same samples are the same recording: what came later to that part of the stream makes
+/// another.
+#[utoipa::path(
+    post, path = "/v1/streams/{name}/recordings", operation_id = "cut_stream", tag = "streams",
+    params(("name" = String, Path, description = "The stream")),
+    request_body(content = StreamPart, content_type = "application/json"),
+    responses(
+        (status = 201, description = "It is stored", body = Dataset,
+         headers(("Location" = String, description = "Where the recording is"))),
+        (status = 200, description = "The same samples were cut out before: the same recording",
+         body = Dataset,
+         headers(("Location" = String, description = "Where the recording is")))
+    )
+)]
+pub async fn cut(
+    State(state): State<ApiState>,
+    Named(StreamName(name)): Named<StreamName>,
+    _query: Params<NoQuery>,
+    document: JsonDocument,
+) -> Answer {
+    let part = StreamPart::read(&document.value).map_err(Problem::of_document)?;
+    let stream = stream(&state, &name).await?;
+    let _permit = state.recording_permit().await?;
+    let recording = window(&state, &stream, (Some(part.from), Some(part.to))).await?;
+    let mut recording = recording.ok_or_else(|| invalid("too_few_samples", too_few()))?;
+    recording.name = part.name;
+    let new = state.convert(move || {
+        let summary = recording.summary();
+        let copy = recording.clone();
+        let (signals, rows) = Rows::of(copy).expect("a part of a stream has a start");
+        let mut digest = rows.digest(&signals);
+        digest.update(format!(
+            "\0name={}",
+            recording.name.as_deref().unwrap_or_default()
+        ));
+        Ok(NewDataset {
+            name: recording.name.clone(),
+            digest: format!("sha256:{}", hex(&digest.finalize())),
+            summary,
+            recording: recording.into(),
+        })
+    });
+    stored(&state, new.await?).await
+}

@@ -1,0 +1,445 @@
+//! One step of a monitor.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use jiff::Timestamp;
+use serde_json::{Value, json};
+
+use super::record::{Alarm, MonitorWindow, Start, WindowStatus};
+use super::spec::MonitorSpec;
+use super::state::{State, Worked, instant, silence};
+use super::warm;
+use crate::job::outcome::Outcome;
+use crate::job::spec::Context;
+use crate::job::{DatasetId, Fault, JobId, JobSpec, Status};
+use crate::model::{Catalogue, Model, document};
+use crate::recording::{Recording, RowSignal, Rows, Source};
+use crate::store::{
+    Advance, AdvanceWindow, JobRow, MonitorRow, NewDataset, NewJob, NewWindowJob, Store,
+    StoreError, StreamRow,
+};
+
+/// Instants in a window at the most.
+pub const MAX_WINDOW_SAMPLES: usize = 2_000_000;
+/// Monitors limit the time of their jobs by what the jobs themselves say.
+const NO_LIMIT: f64 = f64::INFINITY;
+
+/// What steps are taken with.
+pub(super) struct Steps {
+    pub(super) store: Store,
+    pub(super) catalogue: Arc<Catalogue>,
+}
+
+impl Steps {
+    /// Takes a step of each monitor that has something to do; says how many were taken.
+    pub(super) async fn take_all(&self) -> Result<usize, StoreError> {
+        let mut taken = 0;
+        for row in self.store.monitors_to_step().await? {
+            let id = row.id;
+            match self.take(row).await {
+                Ok(true) => taken += 1,
+                Ok(false) => {}
+                Err(error) => tracing::error!(%error, monitor = %id, "a monitor cannot go on"),
+            }
+        }
+        Ok(taken)
+    }
+
+    /// Takes a step; says whether there was one to take.
+    async fn take(&self, row: MonitorRow) -> Result<bool, StoreError> {
+        let Some(stream) = self.store.stream(&row.stream).await? else {
+            return Ok(false);
+        };
+        let id = row.id.to_string();
+        let spec = MonitorSpec::deserialized(&row.spec);
+        let state = serde_json::from_value::<State>(row.state.clone());
+        let (Ok(spec), Ok(state)) = (spec, state) else {
+            return Err(StoreError::Corrupt {
+                what: "monitor",
+                of: id,
+                why: "what it knows does not read back".to_owned(),
+            });
+        };
+        let step = Step {
+            now: Timestamp::now(),
+            row,
+            spec,
+            state,
+            stream,
+        };
+        let patience = jiff::SignedDuration::try_from(step.spec.patience());
+        let patience = patience.unwrap_or(jiff::SignedDuration::MAX);
+        let is_silent = step.now.duration_since(step.stream.received_at) > patience;
+        let advance = if is_silent != step.row.silent {
+            step.silence(is_silent)
+        } else if let Some(job) = step.row.job {
+            match self.conclude(step, job).await? {
+                Some(advance) => advance,
+                None => return Ok(false),
+            }
+        } else if step.stream.last >= instant(step.row.due_ns) {
+            self.begin(step).await?
+        } else {
+            return Ok(false);
+        };
+        self.store.advance_monitor(advance).await
+    }
+
+    /// Begins the next window.
+    async fn begin(&self, mut step: Step) -> Result<Advance, StoreError> {
+        let plan = step.spec.window;
+        let span = step.state.span(&plan);
+        let rows = self
+            .store
+            .stream_rows(&step.stream, span, MAX_WINDOW_SAMPLES);
+        let Some(rows) = rows.await? else {
+            let reason = format!("a window has more than {MAX_WINDOW_SAMPLES} instants");
+            return Ok(step.fails(reason));
+        };
+        if rows.rows() < 2 {
+            let resumes = self.store.stream_next(&step.stream.name, span.1).await?;
+            let window = step.state.window(&plan, WindowStatus::NoData);
+            step.state.go_on(&plan, resumes);
+            return Ok(step.advance(Some((window, None)), Vec::new()));
+        }
+        let model = self.model(&step.spec).await?;
+        let catalogue = self.catalogue.clone();
+        let cutting = tokio::task::spawn_blocking(move || step.cut(rows, &catalogue, model));
+        cutting.await.map_err(|_| StoreError::Closed)
+    }
+
+    /// Takes what the job of a window came to; nothing while it has not ended.
+    async fn conclude(&self, step: Step, id: JobId) -> Result<Option<Advance>, StoreError> {
+        let job = self.store.job(id).await?;
+        if job.as_ref().is_some_and(|job| !job.status.is_terminal()) {
+            return Ok(None);
+        }
+        let outcome = match &job {
+            Some(job) if job.status == Status::Succeeded => self.store.result(id).await?,
+            _ => None,
+        };
+        let outcome = outcome.map(serde_json::from_value::<Outcome>);
+        let is_warm = step.is_warm();
+        match outcome {
+            Some(Ok(outcome)) if !(is_warm && warm::is_in_doubt(&outcome)) => {
+                Ok(Some(step.takes(&outcome)))
+            }
+            _ if is_warm && job.is_some() => self.begin_again(step).await.map(Some),
+            _ => {
+                let reason = reason(job.as_deref());
+                Ok(Some(step.fails(reason)))
+            }
+        }
+    }
+
+    /// Has a window worked again, with nothing of what was known before.
+    async fn begin_again(&self, step: Step) -> Result<Advance, StoreError> {
+        let number = step.state.next;
+        let window = self.store.monitor_window(step.row.id, number).await?;
+        let dataset = window.and_then(|window| window.dataset);
+        let stored = match dataset {
+            Some(dataset) => self.store.dataset(dataset).await?,
+            None => None,
+        };
+        let Some(stored) = stored else {
+            return Ok(step.fails("its recording was removed".to_owned()));
+        };
+        let model = self.model(&step.spec).await?;
+        let (catalogue, dataset) = (self.catalogue.clone(), stored.id);
+        let window = Window {
+            dataset,
+            summary: &stored.summary,
+            models: descriptions(&catalogue, model.as_ref()),
+        };
+        let document = step.document(dataset);
+        Ok(match window.read(&document) {
+            Ok(job) => {
+                let ranges = warm::searched(&job);
+                let new = step.new_job(&job, None);
+                step.works(Start::Cold, ranges, new)
+            }
+            Err(faults) => step.fails(sentence(&faults)),
+        })
+    }
+
+    /// The model of the job, where the catalogue does not have it.
+    async fn model(&self, spec: &MonitorSpec) -> Result<Option<Arc<Model>>, StoreError> {
+        let Some(name) = spec.job.get("model").and_then(Value::as_str) else {
+            return Ok(None);
+        };
+        if self.catalogue.get(name).is_some() {
+            return Ok(None);
+        }
+        let Some(row) = self.store.model(name).await? else {
+            return Ok(None);
+        };
+        let reading = tokio::task::spawn_blocking(move || document::referenced(&row.document));
+        let read = reading.await.map_err(|_| StoreError::Closed)?;
+        Ok(read.ok().map(|read| read.model))
+    }
+}
+
+/// Why a job came to no estimate.
+fn reason(job: Option<&JobRow>) -> String {
+    let Some(job) = job else {
+        return "its job was deleted".to_owned();
+    };
+    let error = job.error.as_ref().and_then(|error| error.get("detail"));
+    match error.and_then(Value::as_str) {
+        Some(detail) => detail.to_owned(),
+        None => format!("its job was {}", job.status),
+    }
+}
+
+fn sentence(faults: &[Fault]) -> String {
+    let first = faults.first().map(|fault| match &*fault.pointer {
+        "" => fault.detail.clone(),
+        place => format!("{place}: {}", fault.detail),
+    });
+    first.unwrap_or_else(|| "the job cannot run".to_owned())
+}
+
+/// A step that is being taken.
+struct Step {
+    now: Timestamp,
+    row: MonitorRow,
+    spec: MonitorSpec,
+    state: State,
+    stream: StreamRow,
+}
+
+/// A window that is there, for a job to be read against.
+struct Window<'a> {
+    dataset: DatasetId,
+    summary: &'a crate::recording::Summary,
+    models: Vec<&'a crate::model::ModelDescription>,
+}
+
+impl Window<'_> {
+    fn read(&self, document: &Value) -> Result<JobSpec, Vec<Fault>> {
+        let datasets = HashMap::from([(self.dataset, self.summary.clone())]);
+        let context = Context {
+            models: self.models.clone(),
+            datasets: &datasets,
+            max_duration_s: NO_LIMIT,
+        };
+        JobSpec::read(document, &context)
+    }
+}
+
+fn descriptions<'a>(
+    catalogue: &'a Catalogue,
+    model: Option<&'a Arc<Model>>,
+) -> Vec<&'a crate::model::ModelDescription> {
+    let all = catalogue.iter().chain(model);
+    all.map(|model| model.description()).collect()
+}
+
+impl Step {
+    fn is_warm(&self) -> bool {
+        let worked = self.state.worked.as_ref();
+        worked.is_some_and(|worked| worked.start == Start::Warm)
+    }
+
+    /// The step that says that data stopped, or that they came again.
+    fn silence(self, is_silent: bool) -> Advance {
+        let alarm = is_silent.then(|| silence(self.stream.received_at, self.now));
+        let mut advance = self.advance(None, alarm.into_iter().collect());
+        advance.silent = is_silent;
+        advance
+    }
+
+    /// The step that ends a window without an estimate.
+    fn fails(mut self, reason: String) -> Advance {
+        let (window, alarms) = self.state.fail(&self.spec, reason, self.now);
+        self.state.go_on(&self.spec.window, None);
+        self.advance(Some((window, None)), alarms)
+    }
+
+    /// The step that ends a window with one.
+    fn takes(mut self, outcome: &Outcome) -> Advance {
+        let (window, alarms) = self.state.take(&self.spec, outcome, self.now);
+        self.state.go_on(&self.spec.window, None);
+        self.advance(Some((window, None)), alarms)
+    }
+
+    /// The step that has a job work the window.
+    fn works(
+        mut self,
+        start: Start,
+        ranges: std::collections::BTreeMap<String, crate::job::spec::SearchRange>,
+        job: NewWindowJob,
+    ) -> Advance {
+        let mut window = self.state.window(&self.spec.window, WindowStatus::Running);
+        window.start = Some(start);
+        let priors = match (start, &self.state.last) {
+            (Start::Warm, Some((begun, known))) => {
+                let after = (self.state.span(&self.spec.window).0 - begun) as f64 * 1e-9;
+                warm::priors(&self.spec, known, &ranges, after)
+            }
+            _ => Default::default(),
+        };
+        self.state.worked = Some(Worked {
+            start,
+            priors,
+            ranges,
+        });
+        self.advance(Some((window, Some(job))), Vec::new())
+    }
+
+    fn advance(
+        self,
+        window: Option<(MonitorWindow, Option<NewWindowJob>)>,
+        alarms: Vec<Alarm>,
+    ) -> Advance {
+        let value = |shown: &MonitorWindow| serde_json::to_value(shown).expect("text keys");
+        let window = window.map(|(shown, job)| AdvanceWindow {
+            number: shown.number,
+            row: value(&shown),
+            job,
+        });
+        let alarms = alarms.iter();
+        let alarms = alarms.map(|alarm| serde_json::to_value(alarm).expect("text keys"));
+        Advance {
+            state: serde_json::to_value(&self.state).expect("a state has only text keys"),
+            due_ns: self.state.due(&self.spec.window),
+            silent: self.row.silent,
+            window,
+            alarms: alarms.collect(),
+            forget_before: self.state.next - i64::from(self.spec.keep_jobs),
+            from: self.row,
+        }
+    }
+
+    /// The job of the window, by what the monitor was asked.
+    fn document(&self, dataset: DatasetId) -> Value {
+        let mut document = self.spec.job_for(dataset);
+        let number = self.state.next;
+        let name = self.spec.name.as_deref().unwrap_or(&self.spec.stream);
+        let name: String = name.chars().take(150).collect();
+        document["name"] = json!(format!("{name}, window {number}"));
+        document["labels"]["monitor"] = json!(self.row.id);
+        if document.get("seed").is_none() {
+            document["seed"] = json!(1);
+        }
+        document
+    }
+
+    fn new_job(&self, spec: &JobSpec, dataset: Option<(DatasetId, NewDataset)>) -> NewWindowJob {
+        NewWindowJob {
+            job: NewJob {
+                name: spec.name.clone(),
+                labels: spec.labels.clone(),
+                model: spec.model.clone(),
+                spec: serde_json::to_value(spec).expect("a specification has only text keys"),
+                datasets: spec.experiments.iter().map(|own| own.dataset).collect(),
+                idempotency: None,
+            },
+            dataset,
+        }
+    }
+
+    /// Cuts the window out of its stream, and has a job work it where something moves in it.
+    fn cut(mut self, rows: Rows, catalogue: &Catalogue, model: Option<Arc<Model>>) -> Advance {
+        let plan = self.spec.window;
+        let signals = self.stream.signals.clone();
+        let id = DatasetId::new();
+        let (recording, digest) = self.recording(&signals, &rows);
+        let summary = recording.summary();
+        let window = Window {
+            dataset: id,
+            summary: &summary,
+            models: descriptions(catalogue, model.as_ref()),
+        };
+        let document = self.document(id);
+        let job = match window.read(&document) {
+            Ok(job) => job,
+            Err(faults) => return self.fails(sentence(&faults)),
+        };
+        let movers = match &self.spec.only_when {
+            Some(only) => vec![only.signal.clone()],
+            None => inputs(&job, &window.models),
+        };
+        let movement = self.spec.movement();
+        if !self.state.moves((&signals, &rows), &movers, movement) {
+            let mut shown = self.state.window(&plan, WindowStatus::Quiet);
+            shown.reason = Some(format!("{} did not move", movers.join(", ")));
+            self.state.go_on(&plan, None);
+            return self.advance(Some((shown, None)), Vec::new());
+        }
+        let ranges = warm::searched(&job);
+        let (start, job) = self.warm(&window, document, job);
+        let dataset = NewDataset {
+            name: recording.name.clone(),
+            digest,
+            summary: summary.clone(),
+            recording: recording.into(),
+        };
+        let new = self.new_job(&job, Some((id, dataset)));
+        self.works(start, ranges, new)
+    }
+
+    /// The window as a recording, and what it is known by: two monitors do not share one.
+    fn recording(&self, signals: &[RowSignal], rows: &Rows) -> (Recording, String) {
+        use sha2::Digest;
+        let (from, to) = self.state.span(&self.spec.window);
+        let mut digest = rows.digest(signals);
+        digest.update(format!("\0{} {}", self.row.id, self.state.next));
+        let digest = digest.finalize();
+        let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        let source = Source {
+            format: "stream".to_owned(),
+            options: [
+                ("stream", self.stream.name.clone()),
+                ("from", instant(from).to_string()),
+                ("to", instant(to).to_string()),
+            ]
+            .map(|(name, text)| (name.to_owned(), text))
+            .into(),
+        };
+        let recording = rows.clone().into_recording(signals, source);
+        let mut recording = recording.expect("a window that is worked has two samples");
+        recording.zone.clone_from(&self.stream.zone);
+        recording.name = Some(format!("{}, window {}", self.stream.name, self.state.next));
+        (recording, format!("sha256:{digest}"))
+    }
+
+    /// The job that begins where the one before ended, where there was one and where it can.
+    fn warm(&self, window: &Window<'_>, document: Value, cold: JobSpec) -> (Start, JobSpec) {
+        let Some((begun, known)) = &self.state.last else {
+            return (Start::Cold, cold);
+        };
+        let ranges = warm::searched(&cold);
+        // Every parameter that is looked for must be known; what is not has nowhere to begin.
+        if ranges.is_empty() || ranges.keys().any(|name| !known.contains_key(name)) {
+            return (Start::Cold, cold);
+        }
+        let after = (self.state.span(&self.spec.window).0 - begun) as f64 * 1e-9;
+        let priors = warm::priors(&self.spec, known, &ranges, after);
+        let mut document = document;
+        warm::begin_warm(&mut document, &ranges, &priors);
+        match window.read(&document) {
+            Ok(job) => (Start::Warm, job),
+            Err(_) => (Start::Cold, cold),
+        }
+    }
+}
+
+/// The recorded signals that a job takes for inputs of its model.
+fn inputs(job: &JobSpec, models: &[&crate::model::ModelDescription]) -> Vec<String> {
+    let model = models.iter().find(|model| model.name == job.model);
+    let names = model
+        .into_iter()
+        .flat_map(|model| model.input_sets.iter().flatten());
+    let signals = job
+        .experiments
+        .first()
+        .map(|experiment| &experiment.signals);
+    let mut recorded: Vec<String> = names
+        .filter_map(|name| signals?.get(&**name).cloned())
+        .collect();
+    recorded.sort();
+    recorded.dedup();
+    recorded
+}

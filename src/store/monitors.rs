@@ -1,0 +1,322 @@
+//! What is watched: monitors, their windows, alarms and events.
+//!
+//! A monitor goes on in steps. A step is one transaction: what became of a window, the job that
+//! works the next, alarms and events come to be together or not at all, and only where no other step
+//! came first. So a window is worked once, whenever the server dies.
+
+mod step;
+
+use std::time::Duration;
+
+use jiff::Timestamp;
+use serde_json::Value;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+
+use super::datasets::NewDataset;
+use super::events::StoredEvent;
+use super::jobs::{self, Page, from_json, time};
+use super::submit::{Idempotency, NewJob, Submitted};
+use super::{Store, StoreError, corrupt};
+use crate::job::{DatasetId, JobId, MonitorId};
+
+/// A monitor to be stored.
+#[derive(Clone, Debug)]
+pub struct NewMonitor {
+    /// A name for people.
+    pub name: Option<String>,
+    /// The stream that it watches.
+    pub stream: String,
+    /// What was asked for.
+    pub spec: Value,
+    /// What it knows at first.
+    pub state: Value,
+    /// When its first window ends, nanoseconds since 1970.
+    pub due_ns: i64,
+    /// How long it waits for data before it says that they stopped.
+    pub patience: Duration,
+    /// Makes the request safe to repeat.
+    pub idempotency: Option<Idempotency>,
+}
+
+/// A monitor as it stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MonitorRow {
+    /// Its identifier.
+    pub id: MonitorId,
+    /// A name for people.
+    pub name: Option<String>,
+    /// The stream that it watches.
+    pub stream: String,
+    /// What was asked for.
+    pub spec: Value,
+    /// What it knows by now.
+    pub state: Value,
+    /// When its next window ends, nanoseconds since 1970.
+    pub due_ns: i64,
+    /// The job that works a window, where one does.
+    pub job: Option<JobId>,
+    /// Whether it said that data have stopped.
+    pub silent: bool,
+    /// Grows with every step.
+    pub revision: i64,
+    /// The id of its last event.
+    pub last_event: i64,
+    /// The id of its last alarm.
+    pub last_alarm: i64,
+    /// When it was accepted.
+    pub created_at: Timestamp,
+}
+
+/// A step of a monitor.
+pub struct Advance {
+    /// The monitor as the step knew it; where it has changed since, the step changes nothing.
+    pub from: MonitorRow,
+    /// What it then knows.
+    pub state: Value,
+    /// When its next window then ends.
+    pub due_ns: i64,
+    /// Whether it then has said that data have stopped.
+    pub silent: bool,
+    /// What there is to say of a window.
+    pub window: Option<AdvanceWindow>,
+    /// Alarms, in order; each gets the next number as its `id`.
+    pub alarms: Vec<Value>,
+    /// Windows before this number keep neither their recording nor their job.
+    pub forget_before: i64,
+}
+
+/// What a step says of a window.
+pub struct AdvanceWindow {
+    /// The window.
+    pub number: i64,
+    /// What is shown of it.
+    pub row: Value,
+    /// The job that is to work it from now on.
+    pub job: Option<NewWindowJob>,
+}
+
+/// A job that works a window.
+pub struct NewWindowJob {
+    /// The job.
+    pub job: NewJob,
+    /// Its recording, by an identifier that the job names; nothing where it is stored already.
+    pub dataset: Option<(DatasetId, NewDataset)>,
+}
+
+/// A window as it is kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredWindow {
+    /// Its number.
+    pub number: i64,
+    /// The job that worked it, where one did and is still kept.
+    pub job: Option<JobId>,
+    /// Its recording, where it is still kept.
+    pub dataset: Option<DatasetId>,
+    /// What is shown of it.
+    pub row: Value,
+}
+
+impl Store {
+    /// Stores a monitor. Nothing where there are too many, or where the stream is gone.
+    pub async fn insert_monitor(
+        &self,
+        new: NewMonitor,
+    ) -> Result<Option<Submitted<MonitorRow>>, StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(step::insert(tx, new)))
+            .await
+    }
+
+    /// What became of the monitor that came with this key before, if one did.
+    pub async fn earlier_monitor(
+        &self,
+        idempotency: &Idempotency,
+    ) -> Result<Option<Submitted<MonitorRow>>, StoreError> {
+        let mut connection = self.readers().acquire().await?;
+        step::earlier(&mut connection, idempotency).await
+    }
+
+    /// A monitor, if there is one.
+    pub async fn monitor(&self, id: MonitorId) -> Result<Option<MonitorRow>, StoreError> {
+        let mut connection = self.readers().acquire().await?;
+        fetch(&mut connection, id).await
+    }
+
+    /// Monitors, newest first, older than `before`.
+    pub async fn monitors(
+        &self,
+        before: Option<MonitorId>,
+        limit: u32,
+    ) -> Result<Page<MonitorRow, MonitorId>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new(SELECT);
+        if let Some(before) = before {
+            query.push(" where id < ").push_bind(before.to_string());
+        }
+        query
+            .push(" order by id desc limit ")
+            .push_bind(i64::from(limit) + 1);
+        let rows = query.build().fetch_all(self.readers()).await?;
+        let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        Ok(Page::cut(rows, limit, |row| row.id))
+    }
+
+    /// Removes a monitor with its windows, alarms and events. Jobs stay.
+    pub async fn delete_monitor(&self, id: MonitorId) -> Result<bool, StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(step::delete(tx, id)))
+            .await
+    }
+
+    /// Monitors that have something to do: a window is due, its job has ended, or data stopped.
+    pub async fn monitors_to_step(&self) -> Result<Vec<MonitorRow>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new(SELECT);
+        query.push(
+            " where case when job is null then \
+               exists (select 1 from streams where streams.name = monitors.stream \
+                and last_ns >= due_ns) \
+              else not exists (select 1 from jobs where jobs.id = monitors.job \
+                and finished_at is null) end \
+             or silent = (select received_at >= \
+                strftime('%Y-%m-%dT%H:%M:%fZ', 'now', '-' || (patience_ms / 1000.0) || ' seconds') \
+                from streams where streams.name = monitors.stream) \
+             order by id",
+        );
+        let rows = query.build().fetch_all(self.readers()).await?;
+        rows.iter().map(read).collect()
+    }
+
+    /// Takes a step; says whether it was taken.
+    pub async fn advance_monitor(&self, step: Advance) -> Result<bool, StoreError> {
+        let queue = self.inner.queue.clone();
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(step::advance(queue, tx, step)))
+            .await
+    }
+
+    /// A window of a monitor.
+    pub async fn monitor_window(
+        &self,
+        id: MonitorId,
+        number: i64,
+    ) -> Result<Option<StoredWindow>, StoreError> {
+        let row = sqlx::query(
+            "select number, job, dataset, row from monitor_windows \
+             where monitor = ? and number = ?",
+        )
+        .bind(id.to_string())
+        .bind(number)
+        .fetch_optional(self.readers())
+        .await?;
+        row.as_ref().map(window).transpose()
+    }
+
+    /// Windows of a monitor, newest first, before `before`.
+    pub async fn monitor_windows(
+        &self,
+        id: MonitorId,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Page<StoredWindow, i64>, StoreError> {
+        let rows = sqlx::query(
+            "select number, job, dataset, row from monitor_windows \
+             where monitor = ? and number < ? order by number desc limit ?",
+        )
+        .bind(id.to_string())
+        .bind(before.unwrap_or(i64::MAX))
+        .bind(i64::from(limit) + 1)
+        .fetch_all(self.readers())
+        .await?;
+        let rows = rows.iter().map(window).collect::<Result<Vec<_>, _>>()?;
+        Ok(Page::cut(rows, limit, |row| row.number))
+    }
+
+    /// Alarms of a monitor, newest first, before `before`.
+    pub async fn monitor_alarms(
+        &self,
+        id: MonitorId,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Page<(i64, Value), i64>, StoreError> {
+        let rows: Vec<(i64, String)> = sqlx::query_as(
+            "select id, row from monitor_alarms where monitor = ? and id < ? \
+             order by id desc limit ?",
+        )
+        .bind(id.to_string())
+        .bind(before.unwrap_or(i64::MAX))
+        .bind(i64::from(limit) + 1)
+        .fetch_all(self.readers())
+        .await?;
+        let of = id.to_string();
+        let rows = rows
+            .into_iter()
+            .map(|(number, row)| Ok((number, from_json("alarm", &of, &row)?)))
+            .collect::<Result<Vec<_>, StoreError>>()?;
+        Ok(Page::cut(rows, limit, |(number, _)| *number))
+    }
+
+    /// Events of a monitor with an id above `after`, in order, at most `limit`.
+    pub async fn monitor_events_after(
+        &self,
+        id: MonitorId,
+        after: i64,
+        limit: u32,
+    ) -> Result<Vec<StoredEvent>, StoreError> {
+        Ok(sqlx::query_as(
+            "select id, name, data from monitor_events where monitor = ? and id > ? \
+             order by id limit ?",
+        )
+        .bind(id.to_string())
+        .bind(after)
+        .bind(limit)
+        .fetch_all(self.readers())
+        .await?)
+    }
+}
+
+const SELECT: &str = "select id, name, stream, spec, state, due_ns, job, silent, revision, \
+                      last_event, last_alarm, created_at from monitors";
+
+async fn fetch(
+    connection: &mut SqliteConnection,
+    id: MonitorId,
+) -> Result<Option<MonitorRow>, StoreError> {
+    let mut query = QueryBuilder::<Sqlite>::new(SELECT);
+    query.push(" where id = ").push_bind(id.to_string());
+    let row = query.build().fetch_optional(connection).await?;
+    row.as_ref().map(read).transpose()
+}
+
+fn read(row: &SqliteRow) -> Result<MonitorRow, StoreError> {
+    let id: String = row.try_get("id")?;
+    let job: Option<String> = row.try_get("job")?;
+    Ok(MonitorRow {
+        name: row.try_get("name")?,
+        stream: row.try_get("stream")?,
+        spec: from_json("specification", &id, row.try_get("spec")?)?,
+        state: from_json("state", &id, row.try_get("state")?)?,
+        due_ns: row.try_get("due_ns")?,
+        job: job.as_deref().map(jobs::parse_id).transpose()?,
+        silent: row.try_get::<i64, _>("silent")? != 0,
+        revision: row.try_get("revision")?,
+        last_event: row.try_get("last_event")?,
+        last_alarm: row.try_get("last_alarm")?,
+        created_at: time(&id, row.try_get("created_at")?)?,
+        id: id.parse().map_err(|why| corrupt("identifier", &id, why))?,
+    })
+}
+
+fn window(row: &SqliteRow) -> Result<StoredWindow, StoreError> {
+    let job: Option<String> = row.try_get("job")?;
+    let dataset: Option<String> = row.try_get("dataset")?;
+    let dataset = dataset.map(|id| id.parse().map_err(|why| corrupt("identifier", &id, why)));
+    Ok(StoredWindow {
+        number: row.try_get("number")?,
+        job: job.as_deref().map(jobs::parse_id).transpose()?,
+        dataset: dataset.transpose()?,
+        row: from_json("window", "a monitor", row.try_get("row")?)?,
+    })
+}

@@ -1,0 +1,276 @@
+//! What is written of a monitor: that it is there, and each of its steps.
+
+use jiff::Timestamp;
+use riverqueue::Client;
+use serde_json::Value;
+use sqlx::SqliteConnection;
+
+use super::{Advance, AdvanceWindow, MonitorRow, NewMonitor, fetch};
+use crate::job::{DatasetId, JobId, MonitorId};
+use crate::store::submit::batch::{self, Known};
+use crate::store::submit::{Idempotency, Submitted};
+use crate::store::writer::Tx;
+use crate::store::{Change, StoreError, corrupt, datasets, jobs};
+
+/// Monitors that there can be.
+const MAX_MONITORS: i64 = 1000;
+
+pub(super) async fn insert(
+    tx: &mut Tx,
+    new: NewMonitor,
+) -> Result<Option<Submitted<MonitorRow>>, StoreError> {
+    if let Some(idempotency) = &new.idempotency
+        && let Some(earlier) = earlier(tx, idempotency).await?
+    {
+        return Ok(Some(earlier));
+    }
+    let (monitors, streams): (i64, i64) = sqlx::query_as(
+        "select (select count(*) from monitors), (select count(*) from streams where name = ?)",
+    )
+    .bind(&new.stream)
+    .fetch_one(&mut **tx)
+    .await?;
+    if monitors >= MAX_MONITORS || streams == 0 {
+        return Ok(None);
+    }
+    let id = MonitorId::new();
+    sqlx::query(
+        "insert into monitors (id, name, stream, spec, state, due_ns, patience_ms, created_at) \
+         values (?, ?, ?, ?, ?, ?, ?, ?)",
+    )
+    .bind(id.to_string())
+    .bind(&new.name)
+    .bind(&new.stream)
+    .bind(new.spec.to_string())
+    .bind(new.state.to_string())
+    .bind(new.due_ns)
+    .bind(i64::try_from(new.patience.as_millis()).unwrap_or(i64::MAX))
+    .bind(Timestamp::now().to_string())
+    .execute(&mut **tx)
+    .await?;
+    if let Some(idempotency) = &new.idempotency {
+        sqlx::query("insert into idempotency (key, body_digest, made) values (?, ?, ?)")
+            .bind(&idempotency.key)
+            .bind(&idempotency.body_digest)
+            .bind(id.to_string())
+            .execute(&mut **tx)
+            .await?;
+    }
+    tx.announce(Change::Stream);
+    Ok(fetch(tx, id).await?.map(Submitted::Created))
+}
+
+/// The answer to a monitor whose key came before.
+pub(super) async fn earlier(
+    connection: &mut SqliteConnection,
+    idempotency: &Idempotency,
+) -> Result<Option<Submitted<MonitorRow>>, StoreError> {
+    let earlier: Option<(String, String)> =
+        sqlx::query_as("select body_digest, made from idempotency where key = ?")
+            .bind(&idempotency.key)
+            .fetch_optional(&mut *connection)
+            .await?;
+    let Some((digest, made)) = earlier else {
+        return Ok(None);
+    };
+    if digest != idempotency.body_digest || !made.starts_with(MonitorId::PREFIX) {
+        return Ok(Some(Submitted::KeyReused));
+    }
+    let id = made
+        .parse()
+        .map_err(|why| corrupt("identifier", &made, why))?;
+    Ok(Some(match fetch(connection, id).await? {
+        Some(row) => Submitted::Replayed(row),
+        None => Submitted::Forgotten(made),
+    }))
+}
+
+pub(super) async fn delete(tx: &mut Tx, id: MonitorId) -> Result<bool, StoreError> {
+    let removed = sqlx::query("delete from monitors where id = ?")
+        .bind(id.to_string())
+        .execute(&mut **tx)
+        .await?
+        .rows_affected();
+    tx.announce(Change::Monitor(id));
+    Ok(removed > 0)
+}
+
+pub(super) async fn advance(queue: Client, tx: &mut Tx, step: Advance) -> Result<bool, StoreError> {
+    let Advance {
+        from,
+        state,
+        due_ns,
+        silent,
+        window,
+        alarms,
+        forget_before,
+    } = step;
+    let now: Option<MonitorRow> = fetch(tx, from.id).await?;
+    let Some(now) = now.filter(|now| now.revision == from.revision) else {
+        return Ok(false);
+    };
+    let mut told = Told {
+        monitor: from.id,
+        last_event: now.last_event,
+    };
+    let mut job = now.job;
+    if let Some(window) = window {
+        let (works, row) = put_window(&queue, tx, from.id, window).await?;
+        job = works;
+        told.tell(tx, "window", &row).await?;
+    }
+    let mut last_alarm = now.last_alarm;
+    for mut alarm in alarms {
+        last_alarm += 1;
+        alarm["id"] = last_alarm.into();
+        insert_alarm(tx, from.id, last_alarm, &alarm).await?;
+        told.tell(tx, "alarm", &alarm).await?;
+    }
+    sqlx::query(
+        "update monitors set state = ?, due_ns = ?, silent = ?, job = ?, revision = revision + 1, \
+         last_event = ?, last_alarm = ? where id = ?",
+    )
+    .bind(state.to_string())
+    .bind(due_ns)
+    .bind(i64::from(silent))
+    .bind(job.map(|job| job.to_string()))
+    .bind(told.last_event)
+    .bind(last_alarm)
+    .bind(from.id.to_string())
+    .execute(&mut **tx)
+    .await?;
+    forget(tx, from.id, forget_before).await?;
+    tx.announce(Change::Monitor(from.id));
+    Ok(true)
+}
+
+/// Writes what there is to say of a window, with the job that works it from now on.
+async fn put_window(
+    queue: &Client,
+    tx: &mut Tx,
+    monitor: MonitorId,
+    window: AdvanceWindow,
+) -> Result<(Option<JobId>, Value), StoreError> {
+    let AdvanceWindow {
+        number,
+        mut row,
+        job,
+    } = window;
+    let before = sqlx::query(
+        "select number, job, dataset, row from monitor_windows where monitor = ? and number = ?",
+    )
+    .bind(monitor.to_string())
+    .bind(number)
+    .fetch_optional(&mut **tx)
+    .await?;
+    let before = before.as_ref().map(super::window).transpose()?;
+    let (mut id, mut dataset) = (None, None);
+    if let Some(new) = job {
+        if let Some((name, recording)) = new.dataset {
+            dataset = Some(datasets::insert_as(tx, name, recording).await?.0.id);
+        }
+        let all = vec![new.job];
+        let known = Known::look_up(tx, &all).await?;
+        if all.iter().all(|job| known.missing::<()>(job).is_none()) {
+            let stored = batch::store(queue, tx, all).await?;
+            id = stored.first().map(|job| job.id);
+        } else {
+            row["status"] = "failed".into();
+            row["reason"] = "its model or its recording was removed".into();
+        }
+    }
+    sqlx::query(
+        "insert into monitor_windows (monitor, number, job, dataset, row) values (?, ?, ?, ?, ?) \
+         on conflict (monitor, number) do update set row = excluded.row, \
+         job = coalesce(excluded.job, job), dataset = coalesce(excluded.dataset, dataset)",
+    )
+    .bind(monitor.to_string())
+    .bind(number)
+    .bind(id.map(|id: JobId| id.to_string()))
+    .bind(dataset.map(|id: DatasetId| id.to_string()))
+    .bind(row.to_string())
+    .execute(&mut **tx)
+    .await?;
+    // A job that worked the window before, and whose estimate was not taken.
+    if let (Some(_), Some(replaced)) = (id, before.and_then(|before| before.job)) {
+        jobs::delete(tx, replaced).await?;
+    }
+    Ok((id, row))
+}
+
+/// Removes the jobs and the recordings of windows before a number; what was estimated stays.
+async fn forget(tx: &mut Tx, monitor: MonitorId, before: i64) -> Result<(), StoreError> {
+    let old = sqlx::query(
+        "select number, job, dataset, row from monitor_windows where monitor = ? \
+         and number < ? and (job is not null or dataset is not null)",
+    )
+    .bind(monitor.to_string())
+    .bind(before)
+    .fetch_all(&mut **tx)
+    .await?;
+    let old = old
+        .iter()
+        .map(super::window)
+        .collect::<Result<Vec<_>, _>>()?;
+    for window in old {
+        if let Some(job) = window.job {
+            jobs::delete(tx, job).await?;
+        }
+        if let Some(dataset) = window.dataset {
+            let is_read: bool =
+                sqlx::query_scalar("select exists (select 1 from job_datasets where dataset = ?)")
+                    .bind(dataset.to_string())
+                    .fetch_one(&mut **tx)
+                    .await?;
+            if !is_read {
+                datasets::delete(tx, dataset).await?;
+            }
+        }
+        sqlx::query(
+            "update monitor_windows set job = null, dataset = null \
+             where monitor = ? and number = ?",
+        )
+        .bind(monitor.to_string())
+        .bind(window.number)
+        .execute(&mut **tx)
+        .await?;
+    }
+    Ok(())
+}
+
+/// The only place where an alarm is stored: whoever is to be told of it in another way than by the
+/// events of its monitor is told from here, in the same transaction.
+async fn insert_alarm(
+    tx: &mut Tx,
+    monitor: MonitorId,
+    id: i64,
+    alarm: &Value,
+) -> Result<(), StoreError> {
+    sqlx::query("insert into monitor_alarms (monitor, id, row) values (?, ?, ?)")
+        .bind(monitor.to_string())
+        .bind(id)
+        .bind(alarm.to_string())
+        .execute(&mut **tx)
+        .await?;
+    Ok(())
+}
+
+/// Events of a monitor, as they are stored.
+struct Told {
+    monitor: MonitorId,
+    last_event: i64,
+}
+
+impl Told {
+    async fn tell(&mut self, tx: &mut Tx, name: &str, data: &Value) -> Result<(), StoreError> {
+        self.last_event += 1;
+        sqlx::query("insert into monitor_events (monitor, id, name, data) values (?, ?, ?, ?)")
+            .bind(self.monitor.to_string())
+            .bind(self.last_event)
+            .bind(name)
+            .bind(data.to_string())
+            .execute(&mut **tx)
+            .await?;
+        Ok(())
+    }
+}

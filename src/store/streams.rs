@@ -1,0 +1,478 @@
+//! Recordings that grow: batches of samples come in any order, and windows are read back.
+//!
+//! Samples are kept in blocks that do not overlap. A batch changes the blocks that its instants fall
+//! into and no others, so that one late sample costs as much as one that comes in time. What is older
+//! or more than a stream is to keep goes block by block, the oldest first.
+
+mod blocks;
+
+use std::collections::HashMap;
+
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use super::jobs::{Page, from_json, json, time};
+use super::submit::Idempotency;
+use super::writer::Tx;
+use super::{Change, Store, StoreError, corrupt};
+use crate::recording::{MAX_SIGNALS, Merged, RowSignal, Rows};
+use blocks::Block;
+
+/// What a stream keeps when nobody says `[MiB]`.
+pub const DEFAULT_KEEP_MIB: u32 = 256;
+/// Streams that there can be.
+pub const MAX_STREAMS: i64 = 1000;
+/// What the identifier of a batch begins with.
+const BATCH: &str = "batch_";
+/// Nanoseconds in a second.
+const NS: f64 = 1e9;
+
+/// Samples for a stream, which may be new.
+pub struct NewBatch {
+    /// The stream's name.
+    pub stream: String,
+    /// What the rows hold.
+    pub signals: Vec<RowSignal>,
+    /// The samples.
+    pub rows: Rows,
+    /// The time zone that the source counted in.
+    pub zone: Option<String>,
+    /// What is to be kept from now on, where that is said.
+    pub keep: Keep,
+    /// Makes the batch safe to repeat.
+    pub idempotency: Option<Idempotency>,
+}
+
+/// What of a stream is kept; what is absent stays as it was.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Keep {
+    /// So long before the newest sample `[s]`; for ever where it was never said.
+    pub seconds: Option<f64>,
+    /// So much, the newest.
+    pub mib: Option<u32>,
+}
+
+/// A stream as it stands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[schema(as = Stream)]
+pub struct StreamRow {
+    /// Its name.
+    #[schema(example = "rig-4")]
+    pub name: String,
+    /// Its signals, in the order in which they came.
+    pub signals: Vec<RowSignal>,
+    /// The time zone that its source counted in; `null` where it said none, or UTC.
+    pub zone: Option<String>,
+    /// The instants that it has samples of.
+    pub samples: u64,
+    /// What they take of the database.
+    pub bytes: u64,
+    /// The first of them.
+    #[schema(value_type = String, format = DateTime)]
+    pub first: Timestamp,
+    /// The last of them.
+    #[schema(value_type = String, format = DateTime)]
+    pub last: Timestamp,
+    /// How long before the last sample others are kept `[s]`; `null`: as long as there is room.
+    pub keep_s: Option<f64>,
+    /// How much is kept `[MiB]`.
+    pub keep_mib: u32,
+    /// When the first batch came.
+    #[schema(value_type = String, format = DateTime)]
+    pub created_at: Timestamp,
+    /// When the last batch came.
+    #[schema(value_type = String, format = DateTime)]
+    pub received_at: Timestamp,
+}
+
+/// What became of a batch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Appended {
+    /// What the batch did to the stream.
+    #[serde(flatten)]
+    pub merged: Merged,
+    /// Samples, old ones, that the stream no longer keeps.
+    pub removed: u64,
+    /// The stream as it then stood.
+    pub stream: StreamRow,
+}
+
+/// The answer to a batch.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BatchOutcome {
+    /// It is stored; whether the stream is new.
+    Stored(Box<Appended>, bool),
+    /// The same key and body came before; the answer that was given.
+    Replayed(Box<Appended>),
+    /// The key came before with another body. Nothing was stored.
+    KeyReused,
+    /// A signal came in another unit before: its name, that unit, and the one that came now.
+    UnitsDiffer(String, String, String),
+    /// The stream would have more than [`MAX_SIGNALS`].
+    TooManySignals,
+    /// There are [`MAX_STREAMS`] already.
+    TooManyStreams,
+}
+
+/// What became of a wish to remove a stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum StreamRemoval {
+    /// It is gone.
+    Removed,
+    /// There is no such stream.
+    NotFound,
+    /// These monitors watch it.
+    InUse(Vec<String>),
+}
+
+impl Store {
+    /// Stores a batch. The answer means that it is on disk.
+    pub async fn append(&self, batch: NewBatch) -> Result<BatchOutcome, StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(append(tx, batch)))
+            .await
+    }
+
+    /// A stream as it stands.
+    pub async fn stream(&self, name: &str) -> Result<Option<StreamRow>, StoreError> {
+        let mut connection = self.readers().acquire().await?;
+        fetch(&mut connection, name).await
+    }
+
+    /// Streams by name, after `after`.
+    pub async fn streams(
+        &self,
+        after: Option<String>,
+        limit: u32,
+    ) -> Result<Page<StreamRow, String>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new(SELECT);
+        if let Some(after) = after {
+            query.push(" where name > ").push_bind(after);
+        }
+        query
+            .push(" order by name limit ")
+            .push_bind(i64::from(limit) + 1);
+        let rows = query.build().fetch_all(self.readers()).await?;
+        let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        Ok(Page::cut(rows, limit, |row| row.name.clone()))
+    }
+
+    /// The samples of a stream from one instant up to, and without, another, `most` at the most;
+    /// nothing where there are more. Instants are nanoseconds since 1970.
+    pub async fn stream_rows(
+        &self,
+        stream: &StreamRow,
+        (from, to): (i64, i64),
+        most: usize,
+    ) -> Result<Option<Rows>, StoreError> {
+        let columns = stream.signals.len();
+        let mut all = Rows::of_columns(columns);
+        let mut connection = self.readers().acquire().await?;
+        let mut after = i64::MIN;
+        loop {
+            let block: Option<(i64, i64, Vec<u8>)> = sqlx::query_as(
+                "select first_ns, rows, samples from stream_blocks where stream = ? \
+                 and first_ns < ? and last_ns >= ? and first_ns > ? order by first_ns limit 1",
+            )
+            .bind(&stream.name)
+            .bind(to)
+            .bind(from)
+            .bind(after)
+            .fetch_optional(&mut *connection)
+            .await?;
+            let Some((first, rows, samples)) = block else {
+                return Ok(Some(all));
+            };
+            let block = blocks::decode(&stream.name, rows, &samples, columns)?;
+            let start = block.instants.partition_point(|instant| *instant < from);
+            let end = block.instants.partition_point(|instant| *instant < to);
+            if all.rows() + (end - start) > most {
+                return Ok(None);
+            }
+            all.append(block.slice(start..end));
+            after = first;
+        }
+    }
+
+    /// The first instant of a stream at or after one, nanoseconds since 1970.
+    pub async fn stream_next(&self, name: &str, from: i64) -> Result<Option<i64>, StoreError> {
+        let block: Option<(i64, Vec<u8>)> = sqlx::query_as(
+            "select rows, samples from stream_blocks where stream = ? and last_ns >= ? \
+             order by first_ns limit 1",
+        )
+        .bind(name)
+        .bind(from)
+        .fetch_optional(self.readers())
+        .await?;
+        let Some((rows, samples)) = block else {
+            return Ok(None);
+        };
+        let instants = blocks::instants(name, rows, &samples)?;
+        Ok(instants.into_iter().find(|instant| *instant >= from))
+    }
+
+    /// Removes a stream that no monitor watches.
+    pub async fn delete_stream(&self, name: String) -> Result<StreamRemoval, StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(delete(tx, name)))
+            .await
+    }
+}
+
+const SELECT: &str = "select name, signals, zone, samples, bytes, first_ns, last_ns, keep_s, \
+                      keep_mib, created_at, received_at from streams";
+
+async fn fetch(
+    connection: &mut SqliteConnection,
+    name: &str,
+) -> Result<Option<StreamRow>, StoreError> {
+    let mut query = QueryBuilder::<Sqlite>::new(SELECT);
+    query.push(" where name = ").push_bind(name);
+    let row = query.build().fetch_optional(connection).await?;
+    row.as_ref().map(read).transpose()
+}
+
+fn read(row: &sqlx::sqlite::SqliteRow) -> Result<StreamRow, StoreError> {
+    let name: String = row.try_get("name")?;
+    let count = |column| row.try_get::<i64, _>(column).map(i64::unsigned_abs);
+    let instant = |column| {
+        let ns: i64 = row.try_get(column)?;
+        Timestamp::from_nanosecond(ns.into()).map_err(|why| corrupt("stream", &name, why))
+    };
+    Ok(StreamRow {
+        signals: from_json("signals", &name, row.try_get("signals")?)?,
+        zone: row.try_get("zone")?,
+        samples: count("samples")?,
+        bytes: count("bytes")?,
+        first: instant("first_ns")?,
+        last: instant("last_ns")?,
+        keep_s: row.try_get("keep_s")?,
+        keep_mib: row.try_get("keep_mib")?,
+        created_at: time(&name, row.try_get("created_at")?)?,
+        received_at: time(&name, row.try_get("received_at")?)?,
+        name,
+    })
+}
+
+async fn append(tx: &mut Tx, batch: NewBatch) -> Result<BatchOutcome, StoreError> {
+    if let Some(idempotency) = &batch.idempotency
+        && let Some(earlier) = earlier(tx, idempotency).await?
+    {
+        return Ok(earlier);
+    }
+    let before = fetch(tx, &batch.stream).await?;
+    let is_new = before.is_none();
+    if is_new {
+        let streams: i64 = sqlx::query_scalar("select count(*) from streams")
+            .fetch_one(&mut **tx)
+            .await?;
+        if streams >= MAX_STREAMS {
+            return Ok(BatchOutcome::TooManyStreams);
+        }
+    }
+    let known = before.as_ref().map_or(&[][..], |row| &row.signals);
+    let (signals, places) = match places(known, &batch.signals) {
+        Ok(placed) => placed,
+        Err(refusal) => return Ok(refusal),
+    };
+    let now = Timestamp::now();
+    let mut row = before.unwrap_or_else(|| StreamRow {
+        name: batch.stream.clone(),
+        signals: Vec::new(),
+        zone: None,
+        samples: 0,
+        bytes: 0,
+        first: now,
+        last: now,
+        keep_s: None,
+        keep_mib: DEFAULT_KEEP_MIB,
+        created_at: now,
+        received_at: now,
+    });
+    row.zone = batch.zone.or(row.zone);
+    row.keep_s = batch.keep.seconds.or(row.keep_s);
+    row.keep_mib = batch.keep.mib.unwrap_or(row.keep_mib);
+    row.received_at = now;
+    row.signals = signals;
+    if is_new {
+        put(tx, &row, (0, 0)).await?;
+    }
+    let rows = batch.rows.spread(&places, row.signals.len());
+    let merged = blocks::merge(tx, &row, &rows).await?;
+    let removed = keep(tx, &mut row).await?;
+    tx.announce(Change::Stream);
+    let appended = Appended {
+        merged,
+        removed,
+        stream: row,
+    };
+    if let Some(idempotency) = &batch.idempotency {
+        remember(tx, idempotency, &appended).await?;
+    }
+    Ok(BatchOutcome::Stored(Box::new(appended), is_new))
+}
+
+/// The signals of a stream with those of a batch, and the place of each of the batch's among them.
+fn places(
+    known: &[RowSignal],
+    new: &[RowSignal],
+) -> Result<(Vec<RowSignal>, Vec<usize>), BatchOutcome> {
+    let mut signals = known.to_vec();
+    let names = known.iter().enumerate();
+    let mut by_name: HashMap<String, usize> = names
+        .map(|(place, signal)| (signal.name.clone(), place))
+        .collect();
+    let mut places = Vec::with_capacity(new.len());
+    for signal in new {
+        let place = *by_name.entry(signal.name.clone()).or_insert(signals.len());
+        match signals.get_mut(place) {
+            None => signals.push(signal.clone()),
+            Some(known) if known.unit != signal.unit => {
+                let units = (known.unit.clone(), signal.unit.clone());
+                return Err(BatchOutcome::UnitsDiffer(
+                    signal.name.clone(),
+                    units.0,
+                    units.1,
+                ));
+            }
+            Some(known) => known.interpolation = known.interpolation.or(signal.interpolation),
+        }
+        places.push(place);
+    }
+    if signals.len() > MAX_SIGNALS {
+        return Err(BatchOutcome::TooManySignals);
+    }
+    Ok((signals, places))
+}
+
+/// Writes what a stream is, with the first and the last instant of it.
+async fn put(tx: &mut Tx, row: &StreamRow, (first, last): (i64, i64)) -> Result<(), StoreError> {
+    sqlx::query(
+        "insert into streams (name, signals, zone, samples, bytes, first_ns, last_ns, keep_s, \
+         keep_mib, created_at, received_at) values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) \
+         on conflict (name) do update set signals = excluded.signals, zone = excluded.zone, \
+         samples = excluded.samples, bytes = excluded.bytes, first_ns = excluded.first_ns, \
+         last_ns = excluded.last_ns, keep_s = excluded.keep_s, keep_mib = excluded.keep_mib, \
+         received_at = excluded.received_at",
+    )
+    .bind(&row.name)
+    .bind(json(&row.signals))
+    .bind(&row.zone)
+    .bind(row.samples.cast_signed())
+    .bind(row.bytes.cast_signed())
+    .bind(first)
+    .bind(last)
+    .bind(row.keep_s)
+    .bind(row.keep_mib)
+    .bind(row.created_at.to_string())
+    .bind(row.received_at.to_string())
+    .execute(&mut **tx)
+    .await?;
+    Ok(())
+}
+
+/// Removes what is older or more than is to be kept, and writes what the stream then is. Says how
+/// many samples went.
+async fn keep(tx: &mut Tx, row: &mut StreamRow) -> Result<u64, StoreError> {
+    let blocks = blocks::all(tx, &row.name).await?;
+    let last = blocks.last().map_or(0, |block| block.last);
+    let oldest = row
+        .keep_s
+        .map_or(i64::MIN, |keep| last.saturating_sub((keep * NS) as i64));
+    let room = u64::from(row.keep_mib) << 20;
+    let mut kept = 0;
+    // The newest block stays, whatever is to be kept.
+    let is_kept = |(place, block): &(usize, &Block)| {
+        kept += block.bytes;
+        *place == 0 || (kept <= room && block.last >= oldest)
+    };
+    let n_kept = blocks.iter().rev().enumerate().take_while(is_kept).count();
+    let (gone, left) = blocks.split_at(blocks.len() - n_kept);
+    if let Some(newest_gone) = gone.last() {
+        sqlx::query("delete from stream_blocks where stream = ? and first_ns <= ?")
+            .bind(&row.name)
+            .bind(newest_gone.first)
+            .execute(&mut **tx)
+            .await?;
+    }
+    row.samples = left.iter().map(|block| block.rows).sum();
+    row.bytes = left.iter().map(|block| block.bytes).sum();
+    let first = left.first().map_or(last, |block| block.first);
+    put(tx, row, (first, last)).await?;
+    let instant = |ns: i64| {
+        Timestamp::from_nanosecond(ns.into()).map_err(|why| corrupt("stream", &row.name, why))
+    };
+    (row.first, row.last) = (instant(first)?, instant(last)?);
+    Ok(gone.iter().map(|block| block.rows).sum())
+}
+
+/// The answer to a batch whose key came before.
+async fn earlier(
+    tx: &mut Tx,
+    idempotency: &Idempotency,
+) -> Result<Option<BatchOutcome>, StoreError> {
+    let earlier: Option<(String, String)> =
+        sqlx::query_as("select body_digest, made from idempotency where key = ?")
+            .bind(&idempotency.key)
+            .fetch_optional(&mut **tx)
+            .await?;
+    let Some((digest, made)) = earlier else {
+        return Ok(None);
+    };
+    let answer: Option<String> =
+        sqlx::query_scalar("select answer from stream_batches where id = ?")
+            .bind(&made)
+            .fetch_optional(&mut **tx)
+            .await?;
+    Ok(Some(
+        match answer.filter(|_| digest == idempotency.body_digest) {
+            Some(answer) => BatchOutcome::Replayed(from_json("batch", &made, &answer)?),
+            None => BatchOutcome::KeyReused,
+        },
+    ))
+}
+
+async fn remember(
+    tx: &mut Tx,
+    idempotency: &Idempotency,
+    appended: &Appended,
+) -> Result<(), StoreError> {
+    let id = format!("{BATCH}{}", Uuid::now_v7().simple());
+    sqlx::query("insert into stream_batches (id, answer) values (?, ?)")
+        .bind(&id)
+        .bind(json(appended))
+        .execute(&mut **tx)
+        .await?;
+    sqlx::query("insert into idempotency (key, body_digest, made) values (?, ?, ?)")
+        .bind(&idempotency.key)
+        .bind(&idempotency.body_digest)
+        .bind(&id)
+        .execute(&mut **tx)
+        .await?;
+    Ok(())
+}
+
+async fn delete(tx: &mut Tx, name: String) -> Result<StreamRemoval, StoreError> {
+    let monitors: Vec<String> =
+        sqlx::query_scalar("select id from monitors where stream = ? order by id")
+            .bind(&name)
+            .fetch_all(&mut **tx)
+            .await?;
+    if !monitors.is_empty() {
+        return Ok(StreamRemoval::InUse(monitors));
+    }
+    let removed = sqlx::query("delete from streams where name = ?")
+        .bind(&name)
+        .execute(&mut **tx)
+        .await?
+        .rows_affected();
+    Ok(match removed {
+        0 => StreamRemoval::NotFound,
+        _ => StreamRemoval::Removed,
+    })
+}

@@ -1,0 +1,58 @@
+//! The bytes of a recording, read as each of the formats: the first byte says as which, the second with
+//! which options.
+
+#![no_main]
+
+use greybox_fuzz::intake::{self, Kind, Options};
+use libfuzzer_sys::fuzz_target;
+
+/// What `format` may name.
+const FORMATS: [&str; 18] = [
+    "json",
+    "wide_csv",
+    "senseye",
+    "ignition",
+    "long_csv",
+    "aveva_sql",
+    "simulink_csv",
+    "influx_csv",
+    "influx_line_protocol",
+    "pi_web_api",
+    "omf",
+    "aveva_odata",
+    "canary",
+    "opc_ua_json",
+    "cognite",
+    "pandas_records",
+    "pandas_split",
+    "pandas_table",
+];
+
+/// An option for each bit of the second byte.
+const OPTIONS: [(&str, &str); 8] = [
+    ("tz", "Europe/Berlin"),
+    ("time_unit", "ms"),
+    ("decimal", ","),
+    ("encoding", "utf-16le"),
+    ("missing", "-9999,Bad"),
+    ("interpolation", "hold"),
+    ("quality_scheme", "opc_ua"),
+    ("grid", "10ms"),
+];
+
+fuzz_target!(|bytes: &[u8]| {
+    let [first, second, bytes @ ..] = bytes else {
+        return;
+    };
+    let mut options = Options::default();
+    let format = FORMATS[usize::from(*first) % FORMATS.len()];
+    options.set("format", format).expect("it is one");
+    for (bit, (name, text)) in OPTIONS.iter().enumerate() {
+        if second & (1 << bit) != 0 {
+            options.set(name, text).expect("it is sound");
+        }
+    }
+    if let Ok(recording) = intake::read(bytes, Kind::Binary, &options) {
+        let _ = recording.summary();
+    }
+});
