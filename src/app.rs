@@ -11,7 +11,8 @@ use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use crate::api::{self, ApiState, Parts};
+use crate::api::audit::Audit;
+use crate::api::{self, ApiState, Around, Parts};
 use crate::config::{FILES_KEPT, MAX_CONNECTIONS, SHUTDOWN_LIMIT, Settings, SettingsError};
 use crate::dashboard;
 use crate::event::EventHub;
@@ -39,6 +40,14 @@ pub enum StartError {
     /// The store did not open.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// Others than the server's own machine would reach it, and nobody would have to say who they
+    /// are.
+    #[error(
+        "nobody would have to say who they are to a server that listens on {0}: make a token first \
+         (`greybox token create --name NAME --scope submit`, with the same --database), or name the \
+         proxy that knows people (--trusted-proxy), or listen on 127.0.0.1"
+    )]
+    NobodyAsked(SocketAddr),
     /// The address cannot be listened on.
     #[error("cannot listen on {address}: {source}")]
     Listen {
@@ -73,14 +82,29 @@ impl App {
         method: Arc<dyn Method>,
     ) -> Result<Self, StartError> {
         let worker_settings = settings.worker()?;
-        let listener = listen(settings.listen).await?;
+        let access = settings.access()?;
+        let is_alone = settings.listen.ip().to_canonical().is_loopback();
+        let early = match is_alone {
+            true => Some(listen(settings.listen).await?),
+            false => None,
+        };
+        share_threads(settings.threads());
+        let hub = EventHub::new();
+        let store = Store::open(&settings.database()?, hub.on_change()).await?;
+        let listener = match early {
+            Some(listener) => listener,
+            None if !access.proxies.is_empty() || store.has_tokens().await? => {
+                listen(settings.listen).await?
+            }
+            None => {
+                store.close().await;
+                return Err(StartError::NobodyAsked(settings.listen));
+            }
+        };
         let address = listener.local_addr().map_err(|source| StartError::Listen {
             address: settings.listen,
             source,
         })?;
-        share_threads(settings.threads());
-        let hub = EventHub::new();
-        let store = Store::open(&settings.database()?, hub.on_change()).await?;
         let worker = Worker::start(store.clone(), hub.clone(), method, worker_settings)?;
         let alive = worker.alive();
         let state = ApiState::new(Parts {
@@ -88,12 +112,17 @@ impl App {
             hub: hub.clone(),
             catalogue: Catalogue::built_in(),
             limits: settings.limits(),
+            access,
             workers_run: Arc::new(move || *alive.borrow()),
             metrics: metrics(),
         });
         let closing = CancellationToken::new();
         let routes = api::resources(state).merge(dashboard::router());
-        let routes = api::with_middleware(routes, Arc::new(settings.names()));
+        let around = Around {
+            names: Arc::new(settings.names()),
+            audit: Some(Audit::new(store.clone())),
+        };
+        let routes = api::with_middleware(routes, around);
         let serve = connections::serve(listener, routes, most_connections(), closing.clone());
         let server = tokio::spawn(serve);
         let upkeep = tokio::spawn(keep_up(metrics(), closing.clone()));
@@ -272,6 +301,7 @@ mod tests {
 
     async fn submit_a_job_that_waits(store: &Store) -> JobId {
         let job = NewJob {
+            project: Default::default(),
             name: None,
             labels: Default::default(),
             model: "descent".to_owned(),

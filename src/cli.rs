@@ -16,6 +16,7 @@ mod record;
 mod serve;
 mod simulate;
 mod table;
+mod token;
 
 use crate::config::{DatabaseArguments, Settings};
 use clap::{Parser, Subcommand};
@@ -50,6 +51,9 @@ enum Command {
     Restore(database::RestoreArguments),
     /// Say whether a database or a backup is sound
     Check(DatabaseArguments),
+    /// Make, list and revoke the tokens that programs ask a server with
+    #[command(subcommand)]
+    Token(token::Command),
     /// Print the description of the HTTP API, OpenAPI 3.1
     Openapi,
     /// Ask a server whether it is ready
@@ -79,6 +83,7 @@ fn run(command: Command) -> Result<(), CommandError> {
         Command::Backup(arguments) => database::backup(&arguments),
         Command::Restore(arguments) => database::restore(&arguments),
         Command::Check(arguments) => database::check(&arguments),
+        Command::Token(command) => token::run(&command),
         Command::Openapi => files::write(None, &openapi()),
         Command::Health(arguments) => serve::health(arguments),
     }

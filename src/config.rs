@@ -2,15 +2,19 @@
 //!
 //! A setting is a flag or a `GREYBOX_*` variable; the flag wins.
 
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use axum::http::HeaderName;
 use clap::Args;
 use directories::ProjectDirs;
+use ipnet::IpNet;
 
+use crate::access::{Role, Roles};
 use crate::api::Limits;
+use crate::api::access::AccessSettings;
 use crate::api::origin::Names;
 use crate::store::DatabaseSettings;
 use crate::worker::WorkerSettings;
@@ -103,6 +107,45 @@ pub struct Settings {
     )]
     pub names: Vec<String>,
 
+    /// The address of a proxy that says who a person is, or a network of such (`10.0.0.0/8`); repeat
+    /// it or separate them by commas. It must take the two headers below from nobody else
+    #[arg(
+        long = "trusted-proxy",
+        env = "GREYBOX_TRUSTED_PROXIES",
+        value_name = "ADDRESS",
+        value_delimiter = ','
+    )]
+    pub trusted_proxies: Vec<String>,
+
+    /// The header in which the proxy names the person
+    #[arg(
+        long,
+        env = "GREYBOX_PROXY_USER_HEADER",
+        value_name = "HEADER",
+        default_value = "x-forwarded-user"
+    )]
+    pub proxy_user_header: HeaderName,
+
+    /// The header in which the proxy lists the person's groups, separated by commas
+    #[arg(
+        long,
+        env = "GREYBOX_PROXY_GROUPS_HEADER",
+        value_name = "HEADER",
+        default_value = "x-forwarded-groups"
+    )]
+    pub proxy_groups_header: HeaderName,
+
+    /// What the members of a group may do, `group=read`, `group=submit` or `group=admin`, in the
+    /// project `default` or in another one: `group=read:hall-2`. Repeat it or separate them by commas;
+    /// of somebody's groups the first in this order counts
+    #[arg(
+        long = "role",
+        env = "GREYBOX_ROLES",
+        value_name = "GROUP=SCOPE",
+        value_delimiter = ','
+    )]
+    pub roles: Vec<Role>,
+
     /// What is logged, e.g. `info` or `greybox=debug`
     #[arg(
         long,
@@ -122,6 +165,9 @@ pub enum SettingsError {
     /// There is no place for the default database.
     #[error("the user has no data folder; say where the database is with --database")]
     NoDataFolder,
+    /// A network is not given as an address or a range of them.
+    #[error("`{0}` is neither an address nor a network of the form 10.0.0.0/8")]
+    Network(String),
     /// The length of a slice is not a time.
     #[error("a slice of {0} s is not between 0 and 3600 s")]
     Slice(f64),
@@ -143,6 +189,10 @@ impl Default for Settings {
             max_body_mib: 64,
             max_candidates: DEFAULT_MAX_CANDIDATES,
             names: Vec::new(),
+            trusted_proxies: Vec::new(),
+            proxy_user_header: AccessSettings::default().user_header,
+            proxy_groups_header: AccessSettings::default().groups_header,
+            roles: Vec::new(),
             log: "info".to_owned(),
         }
     }
@@ -182,6 +232,17 @@ impl Settings {
         Names::new(self.names.iter().map(|name| name.trim()))
     }
 
+    /// Who may ask.
+    pub fn access(&self) -> Result<AccessSettings, SettingsError> {
+        let proxies = self.trusted_proxies.iter().map(|text| network(text.trim()));
+        Ok(AccessSettings {
+            proxies: proxies.collect::<Result<_, _>>()?,
+            user_header: self.proxy_user_header.clone(),
+            groups_header: self.proxy_groups_header.clone(),
+            roles: Roles::new(self.roles.clone()),
+        })
+    }
+
     /// What one client may ask for.
     pub fn limits(&self) -> Limits {
         Limits {
@@ -189,6 +250,13 @@ impl Settings {
             ..Limits::default()
         }
     }
+}
+
+/// A network, or the one address of a text.
+fn network(text: &str) -> Result<IpNet, SettingsError> {
+    let one = text.parse::<IpAddr>().map(IpNet::from);
+    one.or_else(|_| text.parse())
+        .map_err(|_| SettingsError::Network(text.to_owned()))
 }
 
 fn database_path(url: Option<&str>) -> Result<PathBuf, SettingsError> {
@@ -269,6 +337,24 @@ mod tests {
             let refused = settings.database().err();
             assert_eq!(refused, Some(SettingsError::Database(url.to_owned())));
         }
+    }
+
+    #[test]
+    fn proxies_and_roles_are_read() {
+        let settings = parse(&[
+            "--trusted-proxy=10.0.0.7,fd00::/8",
+            "--role=plant it=admin",
+            "--role=operators=read:hall-2",
+            "--proxy-user-header=Remote-User",
+        ]);
+        let access = settings.access().expect("settings");
+        assert_eq!(access.proxies.len(), 2);
+        assert!(access.proxies[0].contains(&IpAddr::from([10, 0, 0, 7])));
+        assert_eq!(access.user_header, "remote-user");
+        assert!(access.roles.of("operators").is_some());
+        let settings = parse(&["--trusted-proxy=gateway"]);
+        let refused = settings.access().expect_err("a name is no address");
+        assert_eq!(refused, SettingsError::Network("gateway".to_owned()));
     }
 
     #[test]

@@ -64,6 +64,8 @@ pub mod config;
 
 pub mod api;
 
+pub mod access;
+
 pub mod dashboard;
 
 pub mod report;

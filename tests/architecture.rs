@@ -15,19 +15,21 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[(&str, &[&str])] = &[
     // The command line starts servers, runs the method without one, and looks after the database of
     // one that does not run.
-    ("cli", &["app", "config", "api", "store", "identification", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording"]),
+    ("cli", &["app", "config", "api", "access", "store", "identification", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording"]),
     // The composition root; only the command line imports it.
     ("app", &["config", "api", "dashboard", "job", "store", "event", "worker", "model"]),
     // Settings are handed to the parts as the parts' own types.
-    ("config", &["api", "store", "worker"]),
+    ("config", &["api", "access", "store", "worker"]),
     // Simulation stands behind `/v1/simulations` only.
-    ("api", &["dashboard", "report", "event", "store", "job", "intake", "recording", "model", "simulation", "document"]),
+    ("api", &["access", "dashboard", "report", "event", "store", "job", "intake", "recording", "model", "simulation", "document"]),
+    // Names of projects, scopes and secrets: nothing of ours.
+    ("access", &[]),
     ("dashboard", &[]),
     ("report", &["job", "recording"]),
     // The settings of the method and the forms of its results are part of a job; a problem is
     // assembled, and looked over beforehand, from the statistics of its recordings.
     ("job", &["estimation", "uncertainty", "model", "simulation", "recording", "document", "numerics"]),
-    ("store", &["job", "recording"]),
+    ("store", &["access", "job", "recording"]),
     ("event", &["store", "job"]),
     ("worker", &["event", "store", "identification", "job", "estimation", "model", "recording"]),
     // What a program asks for is what a client asks for: a specification, and the problem that is
@@ -51,7 +53,16 @@ const LAYERS: &[(&str, &[&str])] = &[
 ];
 
 /// The half that knows files, clocks and the network.
-const SERVICE: &[&str] = &["cli", "app", "api", "dashboard", "store", "event", "worker"];
+const SERVICE: &[&str] = &[
+    "cli",
+    "app",
+    "api",
+    "access",
+    "dashboard",
+    "store",
+    "event",
+    "worker",
+];
 
 /// The half that is synchronous and seeded.
 #[rustfmt::skip]
@@ -68,10 +79,13 @@ const OUTSIDE_WORLD: &[&str] = &[
 /// Where each third party may be used: modules or files.
 #[rustfmt::skip]
 const PLACES: &[(&str, &[&str])] = &[
-    ("axum", &["api", "dashboard", "app"]),
+    // Settings name headers.
+    ("axum", &["api", "dashboard", "app", "config"]),
     ("hyper", &["app"]),
     ("hyper_util", &["app"]),
     ("tokio_io_timeout", &["app"]),
+    ("ipnet", &["api", "config"]),
+    ("getrandom", &["access"]),
     // Connections are files.
     ("rlimit", &["app"]),
     ("tower", &["api", "dashboard", "app"]),

@@ -14,7 +14,7 @@ use utoipa::{IntoParams, ToSchema};
 use super::ApiState;
 use super::body::{content_type, parse_received, receive, scratch_failed, unsupported};
 use super::error::{Answer, Kind, Problem, ProblemFault};
-use super::extract::Named;
+use super::extract::{Client, Named};
 use super::http_headers::{hex, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
@@ -171,6 +171,7 @@ impl FromQuery for NewRecording {
 )]
 pub async fn create(
     State(state): State<ApiState>,
+    client: Client,
     Params(new): Params<NewRecording>,
     request: Request,
 ) -> Answer {
@@ -192,6 +193,7 @@ pub async fn create(
     .await?;
     let (recording, summary) = parsed.value;
     let new = NewDataset {
+        project: client.project,
         name: recording.name.clone(),
         digest: digest(parsed.digest, &given),
         summary,
@@ -261,10 +263,14 @@ impl FromQuery for WhichDatasets {
 )]
 pub async fn list(
     State(state): State<ApiState>,
+    client: Client,
     Params(WhichDatasets(cursor)): Params<WhichDatasets>,
     uri: Uri,
 ) -> Answer {
-    let page = state.store.datasets(cursor.before, cursor.limit).await?;
+    let page = state
+        .store
+        .datasets(&client.project, cursor.before, cursor.limit);
+    let page = page.await?;
     let items = page.rows.iter().map(Dataset::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
 }

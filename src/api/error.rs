@@ -44,6 +44,10 @@ pub enum Kind {
     WrongHost,
     /// The request comes from a page of another site.
     WrongOrigin,
+    /// The request does not say who asks, or wrongly.
+    Unauthorised,
+    /// The caller may not do that.
+    Forbidden,
     /// The path is longer than any that names something.
     PathTooLong,
     /// The server failed.
@@ -67,6 +71,8 @@ impl Kind {
             Kind::NoRoom => StatusCode::INSUFFICIENT_STORAGE,
             Kind::WrongHost => StatusCode::MISDIRECTED_REQUEST,
             Kind::WrongOrigin => StatusCode::FORBIDDEN,
+            Kind::Unauthorised => StatusCode::UNAUTHORIZED,
+            Kind::Forbidden => StatusCode::FORBIDDEN,
             Kind::PathTooLong => StatusCode::URI_TOO_LONG,
             Kind::Internal => StatusCode::INTERNAL_SERVER_ERROR,
             Kind::Other(status) => status,
@@ -88,6 +94,8 @@ impl Kind {
             Kind::NoRoom => "/problems/no-room",
             Kind::WrongHost => "/problems/wrong-host",
             Kind::WrongOrigin => "/problems/wrong-origin",
+            Kind::Unauthorised => "/problems/unauthorised",
+            Kind::Forbidden => "/problems/forbidden",
             Kind::PathTooLong => "/problems/path-too-long",
             Kind::Internal => "/problems/internal",
             Kind::Other(_) => "about:blank",
@@ -109,6 +117,8 @@ impl Kind {
             Kind::NoRoom => "The disk is full",
             Kind::WrongHost => "This server has another name",
             Kind::WrongOrigin => "Pages of other sites may not ask this server",
+            Kind::Unauthorised => "It is not known who asks",
+            Kind::Forbidden => "The caller may not do that",
             Kind::PathTooLong => "The path is too long",
             Kind::Internal => "The server failed",
             Kind::Other(status) => status.canonical_reason().unwrap_or("Error"),

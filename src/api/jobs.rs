@@ -15,10 +15,11 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
 use super::error::{Answer, Kind, Problem};
-use super::extract::Named;
+use super::extract::{Client, Named};
 use super::http_headers::{MAX_WAIT_S, json, tagged};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
+use crate::access::Project;
 use crate::job::{Failure, IllegalTransition, JobId, JobSpec, Phase, Progress, Status};
 use crate::store::{Control, JobFilter, JobRemoval, JobRow, StoreError};
 
@@ -208,6 +209,7 @@ impl FromQuery for WhichJobs {
             });
         let cursor = Cursor::read(query);
         Self(JobFilter {
+            project: Project::default(),
             status,
             label,
             before: cursor.before,
@@ -225,9 +227,11 @@ impl FromQuery for WhichJobs {
 )]
 pub async fn list(
     State(state): State<ApiState>,
-    Params(WhichJobs(filter)): Params<WhichJobs>,
+    client: Client,
+    Params(WhichJobs(mut filter)): Params<WhichJobs>,
     uri: Uri,
 ) -> Answer {
+    filter.project = client.project;
     let page = state.store.jobs(&filter).await?;
     let items = page.rows.iter().map(Job::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))

@@ -4,6 +4,8 @@
 //! shares (request id, problem documents, compression, logging) around it and around the pages that
 //! stand beside it.
 
+pub mod access;
+pub mod audit;
 pub mod body;
 pub mod candidates;
 pub mod comparisons;
@@ -33,19 +35,22 @@ mod work;
 use std::sync::Arc;
 
 use axum::Router;
+use axum::middleware::from_fn_with_state;
 use metrics_exporter_prometheus::PrometheusHandle;
 use tokio::sync::OwnedSemaphorePermit;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use crate::access::Project;
 use crate::event::EventHub;
 use crate::job::{Fault, JobSpec};
 use crate::model::{Catalogue, Model};
 use crate::recording::Recording;
 use crate::store::Store;
 
+use access::{AccessSettings, Gate};
 use error::{Answer, Problem};
-pub use middleware::with_middleware;
+pub use middleware::{Around, with_middleware};
 pub use openapi::openapi;
 use spec_cache::SpecCache;
 use spool::SpoolRoom;
@@ -97,6 +102,8 @@ pub struct Parts {
     pub catalogue: Catalogue,
     /// What one client may ask for.
     pub limits: Limits,
+    /// Who may ask.
+    pub access: AccessSettings,
     /// Whether the workers run.
     pub workers_run: Arc<dyn Fn() -> bool + Send + Sync>,
     /// Renders the metrics.
@@ -116,6 +123,7 @@ pub struct Shared {
     spool_room: SpoolRoom,
     checked: SpecCache,
     streams: Places,
+    gate: Gate,
 }
 
 impl ApiState {
@@ -128,6 +136,7 @@ impl ApiState {
             conversions: Places::new(limits.conversions_at_once, "too many documents at once"),
             spool_room: SpoolRoom::new(limits.spool_bytes),
             checked: SpecCache::default(),
+            gate: Gate::new(parts.access.clone()),
             streams: Places::new(limits.streams_at_once, "too many event streams are open"),
             parts,
         }))
@@ -160,12 +169,12 @@ impl ApiState {
         })
     }
 
-    /// A model by its name: one of the program's, or one that a user wrote by its reference.
-    async fn model(&self, name: &str) -> Answer<Arc<Model>> {
+    /// A model by its name: one of the program's, or one of the project by its reference.
+    async fn model(&self, project: &Project, name: &str) -> Answer<Arc<Model>> {
         if let Some(model) = self.catalogue.get(name) {
             return Ok(model.clone());
         }
-        let row = self.store.model(name).await?;
+        let row = self.store.model_of(project, name).await?;
         let row = row.ok_or_else(|| Problem::not_found("model", name))?;
         let read = models::read(self, row.document).await?;
         Ok(read.map_err(Problem::of_document)?.model)
@@ -212,12 +221,15 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(results::result))
         .routes(routes!(trajectory::trajectory))
         .routes(routes!(report::report))
+        .routes(routes!(audit::list))
 }
 
 /// The resources, without what [`with_middleware()`] puts around them.
 pub fn resources(state: ApiState) -> Router {
     let (router, _openapi) = described().split_for_parts();
-    router.with_state(state)
+    router
+        .layer(from_fn_with_state(state.clone(), access::authorise))
+        .with_state(state)
 }
 
 #[cfg(test)]
@@ -244,6 +256,7 @@ mod tests {
             hub,
             catalogue: Catalogue::built_in(),
             limits: Limits::default(),
+            access: AccessSettings::default(),
             workers_run: Arc::new(|| true),
             metrics: PrometheusBuilder::new().build_recorder().handle(),
         });

@@ -73,6 +73,7 @@ pub(super) fn preamble() -> OpenApi {
         ("models", "The structures that can be identified."),
         ("jobs", "Estimations, from submission to result."),
         ("health", "The server itself."),
+        ("access", "Who did what."),
     ];
     let tags =
         tags.map(|(name, text)| TagBuilder::new().name(name).description(Some(text)).build());
@@ -131,11 +132,20 @@ fn never_null(operation: &mut Operation) {
 /// named the form of a problem.
 fn describe_problems(path: &str, operation: &mut Operation) {
     let mut common: Vec<(u16, &str)> = vec![
-        (403, "The request comes from a page of another site"),
+        (
+            403,
+            "The caller may not do that, or the request comes from a page of another site",
+        ),
         (421, "The server has another name than the request asks"),
         (500, "The server failed"),
         (503, "The server is busy, starting or shutting down"),
     ];
+    if path.starts_with("/v1/") || path == "/metrics" {
+        common.push((
+            401,
+            "The server asks who calls, and the request does not say, or wrongly",
+        ));
+    }
     if path.starts_with("/v1/") {
         common.push((
             422,

@@ -19,6 +19,7 @@ use super::jobs::{self, Job};
 use super::query::{FromQuery, Params, QueryReader};
 use super::spec_cache::SpecKey;
 use super::{ApiState, models};
+use crate::access::Project;
 use crate::job::assemble::{self, Assembly, Finding, Identifiability, Preflight};
 use crate::job::budget::BudgetLine;
 use crate::job::spec::Context;
@@ -129,6 +130,7 @@ pub async fn submit(
     document: JsonDocument,
 ) -> Answer {
     let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
+        project: client.project.clone(),
         key,
         body_digest: document.digest.clone(),
     });
@@ -137,7 +139,12 @@ pub async fn submit(
     {
         return answer(&state, earlier, &headers).await;
     }
-    let Ready { spec, model, new } = ready(&state, &document.value, &client).await?;
+    let Ready {
+        project,
+        spec,
+        model,
+        new,
+    } = ready(&state, &document.value, &client).await?;
     if query.validate_only {
         let method = spec.method.clone();
         let look_ahead = move |assembly: &Assembly, stop: &AtomicBool| {
@@ -149,7 +156,12 @@ pub async fn submit(
         return Ok(json(StatusCode::OK, &Validation::new(spec, forecast)));
     }
     check(&state, &spec, Arc::clone(&model)).await?;
-    let ready = Ready { spec, model, new };
+    let ready = Ready {
+        project,
+        spec,
+        model,
+        new,
+    };
     let job = ready.new_job(idempotency);
     if let Some(new) = ready.new {
         state.store.insert_model(new).await?;
@@ -159,6 +171,7 @@ pub async fn submit(
 
 /// A job that has been read.
 pub(super) struct Ready {
+    project: Project,
     spec: JobSpec,
     model: Arc<Model>,
     /// Its model, where it brings a new one.
@@ -168,13 +181,18 @@ pub(super) struct Ready {
 /// Reads a job, or says everything that is wrong with it.
 async fn ready(state: &ApiState, document: &Value, client: &Client) -> Answer<Ready> {
     let asked = models::asked(state, document, client).await?;
-    let spec = read(state, &asked).await?;
+    let spec = read(state, &client.project, &asked).await?;
     let model = match asked.model {
         Some(model) => model,
-        None => state.model(&spec.model).await?,
+        None => state.model(&client.project, &spec.model).await?,
     };
     let new = asked.new;
-    Ok(Ready { spec, model, new })
+    Ok(Ready {
+        project: client.project.clone(),
+        spec,
+        model,
+        new,
+    })
 }
 
 /// Reads a job and holds it against its recordings.
@@ -192,6 +210,7 @@ impl Ready {
         datasets.sort();
         datasets.dedup();
         NewJob {
+            project: self.project.clone(),
             name: spec.name.clone(),
             labels: spec.labels.clone(),
             model: spec.model.clone(),
@@ -234,10 +253,11 @@ pub(super) fn stored<T>(submitted: Submitted<T>) -> Answer<(T, bool)> {
 }
 
 /// The completed specification, or everything that is wrong with the document.
-async fn read(state: &ApiState, asked: &models::Asked) -> Answer<JobSpec> {
+async fn read(state: &ApiState, project: &Project, asked: &models::Asked) -> Answer<JobSpec> {
     let mut datasets = HashMap::new();
     for id in JobSpec::datasets_named(&asked.document) {
-        if let Some(row) = state.store.dataset(id).await? {
+        let row = state.store.dataset(id).await?;
+        if let Some(row) = row.filter(|row| row.project == *project) {
             datasets.insert(id, row.summary.clone());
         }
     }

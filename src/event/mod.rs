@@ -195,6 +195,7 @@ mod tests {
 
     async fn submit(store: &Store) -> JobId {
         let job = NewJob {
+            project: Default::default(),
             name: None,
             labels: Default::default(),
             model: "positioning_drive".to_owned(),

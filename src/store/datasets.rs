@@ -11,9 +11,10 @@ use serde::{Deserialize, Serialize};
 use sqlx::{QueryBuilder, Row, Sqlite};
 use tokio::sync::mpsc;
 
-use super::jobs::{Page, from_json, json, time};
+use super::jobs::{Page, from_json, json, project, time};
 use super::writer::Tx;
 use super::{Change, Store, StoreError, corrupt};
+use crate::access::Project;
 use crate::job::{DatasetId, JobId};
 use crate::recording::{
     Named, NewScratch, Received, Recording, Source, Summary, TimeAxis, Warning,
@@ -26,6 +27,8 @@ const CHUNKS_WAITING: usize = 2;
 
 /// A recording to be stored.
 pub struct NewDataset {
+    /// Whose it is.
+    pub project: Project,
     /// A name for people.
     pub name: Option<String>,
     /// A digest of the bytes that came and of the options they were read with.
@@ -41,6 +44,8 @@ pub struct NewDataset {
 pub struct DatasetRow {
     /// Its identifier.
     pub id: DatasetId,
+    /// Whose it is.
+    pub project: Project,
     /// A name for people.
     pub name: Option<String>,
     /// A digest of the bytes that came and of the options they were read with.
@@ -90,7 +95,8 @@ impl Store {
         tempfile::tempfile_in(&self.inner.folder)
     }
 
-    /// Stores a recording, or finds the one that has the same digest. Says whether it is new.
+    /// Stores a recording, or finds the one of its project that has the same digest. Says whether it
+    /// is new.
     pub async fn insert_dataset(&self, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
         self.inner
             .writer
@@ -106,7 +112,7 @@ impl Store {
             Err(reading) => reading,
         };
         let row = sqlx::query_as::<_, Columns>(
-            "select id, name, digest, summary, created_at from datasets where id = ?",
+            "select id, project, name, digest, summary, created_at from datasets where id = ?",
         )
         .bind(id.to_string())
         .fetch_optional(self.readers())
@@ -118,17 +124,19 @@ impl Store {
         Ok(row)
     }
 
-    /// Recordings, newest first, older than `before`.
+    /// Recordings of a project, newest first, older than `before`.
     pub async fn datasets(
         &self,
+        project: &Project,
         before: Option<DatasetId>,
         limit: u32,
     ) -> Result<Page<DatasetRow, DatasetId>, StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new(
-            "select id, name, digest, summary, created_at from datasets",
+            "select id, project, name, digest, summary, created_at from datasets where project = ",
         );
+        query.push_bind(project.as_str());
         if let Some(before) = before {
-            query.push(" where id < ").push_bind(before.to_string());
+            query.push(" and id < ").push_bind(before.to_string());
         }
         query
             .push(" order by id desc limit ")
@@ -186,6 +194,7 @@ impl Store {
 #[derive(sqlx::FromRow)]
 struct Columns {
     id: String,
+    project: String,
     name: Option<String>,
     digest: String,
     summary: String,
@@ -197,6 +206,7 @@ impl Columns {
         Ok(DatasetRow {
             summary: from_json("summary", &self.id, &self.summary)?,
             created_at: time(&self.id, &self.created_at)?,
+            project: project(&self.id, &self.project)?,
             id: self
                 .id
                 .parse()
@@ -208,10 +218,11 @@ impl Columns {
 }
 
 async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
+    let identity = format!("{} {}", new.project, new.digest);
     let same: Option<Columns> = sqlx::query_as(
-        "select id, name, digest, summary, created_at from datasets where digest = ?",
+        "select id, project, name, digest, summary, created_at from datasets where identity = ?",
     )
-    .bind(&new.digest)
+    .bind(&identity)
     .fetch_optional(&mut **tx)
     .await?;
     if let Some(same) = same {
@@ -219,6 +230,7 @@ async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), Stor
     }
     let row = DatasetRow {
         id: DatasetId::new(),
+        project: new.project,
         name: new.name,
         digest: new.digest,
         summary: new.summary,
@@ -226,10 +238,12 @@ async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), Stor
     };
     let key = row.id.to_string();
     sqlx::query(
-        "insert into datasets (id, name, digest, description, summary, created_at) \
-         values (?, ?, ?, ?, ?, ?)",
+        "insert into datasets (id, project, identity, name, digest, description, summary, \
+         created_at) values (?, ?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(&key)
+    .bind(row.project.as_str())
+    .bind(&identity)
     .bind(&row.name)
     .bind(&row.digest)
     .bind(json(&describe(&new.recording)))

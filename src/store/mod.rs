@@ -6,6 +6,7 @@
 //!
 //! Writes of a worker carry a [`Lease`]: they change nothing once another slice of the job began.
 
+mod audit;
 pub mod backup;
 mod candidates;
 mod control;
@@ -24,6 +25,7 @@ mod slices;
 mod submit;
 #[cfg(test)]
 mod tests;
+pub mod tokens;
 mod writer;
 
 use std::path::{Path, PathBuf};
@@ -35,6 +37,7 @@ use sqlx::{Connection, SqlitePool};
 
 use crate::job::{DatasetId, JobId};
 
+pub use audit::{AuditEntry, AuditRow};
 pub use candidates::{CandidatePage, NewCandidates};
 pub use control::{Control, StopRequest};
 pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
@@ -46,6 +49,7 @@ pub use queue::{QUEUE, SliceOfJob};
 pub use slices::{Begin, Checkpoint, Ending, Hold, Lease, Record, Reported, Slice};
 pub use submit::comparison::{ComparisonRow, ComparisonSummary, NewComparison};
 pub use submit::{Idempotency, NewJob, Submitted};
+pub use tokens::TokenRow;
 
 use lock::FileLock;
 use recent::Recent;

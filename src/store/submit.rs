@@ -18,11 +18,14 @@ use tokio::sync::oneshot;
 use super::jobs::{self, JobRow};
 use super::writer::Tx;
 use super::{Store, StoreError};
+use crate::access::Project;
 use crate::job::{DatasetId, JobId};
 
 /// A job to be stored.
 #[derive(Clone, Debug)]
 pub struct NewJob {
+    /// Whose it is.
+    pub project: Project,
     /// The name for people.
     pub name: Option<String>,
     /// Labels to find it by.
@@ -40,6 +43,8 @@ pub struct NewJob {
 /// What makes two submissions the same one.
 #[derive(Clone, Debug)]
 pub struct Idempotency {
+    /// Whose the key is.
+    pub project: Project,
     /// The client's key.
     pub key: String,
     /// A digest of the body that came with it.
@@ -89,11 +94,13 @@ impl Store {
         idempotency: &Idempotency,
     ) -> Result<Option<Submitted>, StoreError> {
         let mut connection = self.readers().acquire().await?;
-        let earlier: Option<(String, String)> =
-            sqlx::query_as("select body_digest, made from idempotency where key = ?")
-                .bind(&idempotency.key)
-                .fetch_optional(&mut *connection)
-                .await?;
+        let earlier: Option<(String, String)> = sqlx::query_as(
+            "select body_digest, made from idempotency where project = ? and key = ?",
+        )
+        .bind(idempotency.project.as_str())
+        .bind(&idempotency.key)
+        .fetch_optional(&mut *connection)
+        .await?;
         match earlier {
             None => Ok(None),
             Some((digest, job)) => answer_again(&mut connection, idempotency, &digest, &job)
