@@ -74,6 +74,8 @@ pub mod job;
 
 pub mod store;
 
+pub mod delivery;
+
 pub mod event;
 
 pub mod worker;

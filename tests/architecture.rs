@@ -17,11 +17,11 @@ const LAYERS: &[(&str, &[&str])] = &[
     // one that does not run.
     ("cli", &["app", "config", "api", "access", "store", "identification", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording"]),
     // The composition root; only the command line imports it.
-    ("app", &["config", "api", "dashboard", "job", "store", "event", "worker", "model"]),
+    ("app", &["config", "api", "dashboard", "delivery", "job", "store", "event", "worker", "model"]),
     // Settings are handed to the parts as the parts' own types.
-    ("config", &["api", "access", "store", "worker"]),
+    ("config", &["api", "access", "delivery", "store", "worker"]),
     // Simulation stands behind `/v1/simulations` only.
-    ("api", &["access", "dashboard", "report", "event", "store", "job", "intake", "recording", "model", "simulation", "document"]),
+    ("api", &["access", "dashboard", "delivery", "report", "event", "store", "job", "intake", "recording", "model", "simulation", "document"]),
     // Names of projects, scopes and secrets: nothing of ours.
     ("access", &[]),
     ("dashboard", &[]),
@@ -30,8 +30,9 @@ const LAYERS: &[(&str, &[&str])] = &[
     // assembled, and looked over beforehand, from the statistics of its recordings.
     ("job", &["estimation", "uncertainty", "model", "simulation", "recording", "document", "numerics"]),
     ("store", &["access", "job", "recording"]),
-    ("event", &["store", "job"]),
-    ("worker", &["event", "store", "identification", "job", "estimation", "model", "recording"]),
+    ("delivery", &["access", "event", "store", "job"]),
+    ("event", &["access", "store", "job"]),
+    ("worker", &["access", "event", "store", "identification", "job", "estimation", "model", "recording"]),
     // What a program asks for is what a client asks for: a specification, and the problem that is
     // assembled from it.
     ("identification", &["job", "uncertainty", "estimation", "model", "intake", "recording", "document"]),
@@ -60,6 +61,7 @@ const SERVICE: &[&str] = &[
     "access",
     "dashboard",
     "store",
+    "delivery",
     "event",
     "worker",
 ];
@@ -81,11 +83,18 @@ const OUTSIDE_WORLD: &[&str] = &[
 const PLACES: &[(&str, &[&str])] = &[
     // Settings name headers.
     ("axum", &["api", "dashboard", "app", "config"]),
-    ("hyper", &["app"]),
-    ("hyper_util", &["app"]),
+    ("hyper", &["app", "delivery"]),
+    ("hyper_util", &["app", "delivery"]),
+    ("url", &["delivery"]),
+    ("rustls", &["app", "delivery"]),
+    ("tokio_rustls", &["app", "delivery"]),
+    ("rustls_native_certs", &["delivery"]),
+    ("hmac", &["delivery"]),
+    ("base64", &["delivery"]),
     ("tokio_io_timeout", &["app"]),
-    ("ipnet", &["api", "config"]),
-    ("getrandom", &["access"]),
+    ("http_body", &["api"]),
+    ("ipnet", &["api", "config", "delivery"]),
+    ("getrandom", &["access", "delivery"]),
     // Connections are files.
     ("rlimit", &["app"]),
     ("tower", &["api", "dashboard", "app"]),
@@ -100,7 +109,7 @@ const PLACES: &[(&str, &[&str])] = &[
     ("bytes", SERVICE),
     ("tracing", SERVICE),
     ("tracing_subscriber", &["cli"]),
-    ("metrics", &["api", "app", "worker"]),
+    ("metrics", &["api", "app", "delivery", "store", "worker"]),
     ("metrics_exporter_prometheus", &["api", "app"]),
     ("reqwest", &["cli"]),
     // Where samples are put aside on their way into the database.

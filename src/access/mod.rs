@@ -14,4 +14,4 @@ mod secret;
 pub use project::{InvalidProject, Project};
 pub use role::{InvalidRole, Role, Roles};
 pub use scope::{InvalidScope, Scope};
-pub use secret::{Digest, Secret};
+pub use secret::{Digest, Secret, random_bytes};

@@ -24,9 +24,7 @@ impl Secret {
     /// # Errors
     /// The system gives no random bytes.
     pub fn new() -> Result<Self, getrandom::Error> {
-        let mut bytes = [0; BYTES];
-        getrandom::fill(&mut bytes)?;
-        Ok(Self(format!("{PREFIX}{}", hex(&bytes))))
+        Ok(Self(format!("{PREFIX}{}", hex(&random_bytes()?))))
     }
 
     /// The text that a client sends; to be shown once.
@@ -67,6 +65,16 @@ impl Digest {
     pub fn as_str(&self) -> &str {
         &self.0
     }
+}
+
+/// Bytes from the system's source of randomness, which nobody can guess.
+///
+/// # Errors
+/// The system gives none.
+pub fn random_bytes() -> Result<[u8; BYTES], getrandom::Error> {
+    let mut bytes = [0; BYTES];
+    getrandom::fill(&mut bytes)?;
+    Ok(bytes)
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -56,7 +56,7 @@ impl Default for AccessSettings {
 }
 
 /// What is remembered of callers.
-pub(super) struct Gate {
+pub(super) struct Callers {
     settings: AccessSettings,
     /// Whether everybody has to say who they are.
     asks: AtomicBool,
@@ -71,7 +71,7 @@ struct Remembered {
     noted: Instant,
 }
 
-impl Gate {
+impl Callers {
     pub(super) fn new(settings: AccessSettings) -> Self {
         Self {
             asks: AtomicBool::new(!settings.proxies.is_empty()),
@@ -235,7 +235,10 @@ fn needed(method: &Method, path: &str) -> Option<Scope> {
         Some(Scope::Read)
     } else if !below("/v1") {
         None
-    } else if below("/v1/audit") || below("/v1/webhooks") {
+    } else if ["/v1/audit", "/v1/webhooks", "/v1/deliveries"]
+        .into_iter()
+        .any(below)
+    {
         Some(Scope::Admin)
     } else if looks {
         Some(Scope::Read)
@@ -255,20 +258,33 @@ pub(super) async fn authorise(
         return next.run(request).await;
     };
     let peer = request.extensions().get::<PeerAddress>().copied();
-    let client = state.0.gate.client(&state, peer, request.headers()).await;
+    let client = state
+        .0
+        .callers
+        .client(&state, peer, request.headers())
+        .await;
     let client = match client {
         Ok(client) => client,
         Err(problem) => return problem.into_response(),
     };
-    let mut response = if client.scope < needed {
-        let detail = format!(
-            "this takes the scope `{needed}`; yours is `{}`",
-            client.scope
-        );
-        Problem::new(Kind::Forbidden, detail).into_response()
-    } else {
-        request.extensions_mut().insert(client.clone());
-        next.run(request).await
+    let counted = client.is_known.then(|| state.0.rates.count(&client.who));
+    let mut response = match counted.transpose() {
+        Err(problem) => problem.into_response(),
+        Ok(_) if client.scope < needed => {
+            let detail = format!(
+                "this takes the scope `{needed}`; yours is `{}`",
+                client.scope
+            );
+            Problem::new(Kind::Forbidden, detail).into_response()
+        }
+        Ok(counted) => {
+            request.extensions_mut().insert(client.clone());
+            let response = next.run(request).await;
+            match counted {
+                Some(under_way) => under_way.until_the_end_of(response),
+                None => response,
+            }
+        }
     };
     response.extensions_mut().insert(client);
     response

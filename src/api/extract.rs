@@ -12,7 +12,7 @@ use super::ApiState;
 use super::access::of_another_project;
 use super::error::{Answer, Problem};
 use crate::access::{Project, Scope};
-use crate::job::{ComparisonId, DatasetId, JobId};
+use crate::job::{ComparisonId, DatasetId, DeliveryId, JobId, WebhookId};
 use crate::store::StoreError;
 
 /// What the one parameter of a path names: something of the caller's project, or nothing.
@@ -53,6 +53,23 @@ impl PathName for DatasetId {
     async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
         let row = state.store.dataset(*self).await?;
         Ok(row.map(|row| row.project.clone()))
+    }
+}
+
+impl PathName for WebhookId {
+    const WHAT: &'static str = "webhook";
+
+    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
+        let row = state.store.webhook(*self).await?;
+        Ok(row.map(|row| row.project))
+    }
+}
+
+impl PathName for DeliveryId {
+    const WHAT: &'static str = "delivery";
+
+    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
+        state.store.project_of_delivery(*self).await
     }
 }
 

@@ -8,7 +8,7 @@ use std::time::Instant;
 use axum::Router;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
-use axum::middleware::{Next, from_fn_with_state};
+use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
@@ -20,6 +20,7 @@ use super::error::{PROBLEM_JSON, Problem};
 use super::extract::{Client, PeerAddress};
 use super::http_headers::GZIP_TAG_END;
 use super::origin::{self, Names};
+use super::unpacking;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// The characters of a client's request id at the most; a longer one is replaced.
@@ -39,7 +40,9 @@ pub fn with_middleware(routes: Router, around: Around) -> Router {
     routes
         .fallback(|| async { StatusCode::NOT_FOUND })
         .layer(from_fn_with_state(around.names, origin::check))
+        .layer(from_fn(unpacking::bound))
         .layer(RequestDecompressionLayer::new())
+        .layer(from_fn(unpacking::count))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(CompressionLayer::new())
         .layer(from_fn_with_state(around.audit, answer))
@@ -51,6 +54,7 @@ fn panicked(panic: Box<dyn Any + Send + 'static>) -> Response {
         .map(String::as_str)
         .or_else(|| panic.downcast_ref::<&str>().copied())
         .unwrap_or("no message");
+    metrics::counter!("greybox_panics_total").increment(1);
     tracing::error!(message, "a handler panicked");
     StatusCode::INTERNAL_SERVER_ERROR.into_response()
 }

@@ -23,6 +23,7 @@ pub mod openapi;
 pub mod origin;
 pub mod page;
 pub mod query;
+mod rates;
 pub mod report;
 pub mod results;
 pub mod simulations;
@@ -30,6 +31,8 @@ mod spec_cache;
 mod spool;
 pub mod submit;
 pub mod trajectory;
+mod unpacking;
+pub mod webhooks;
 mod work;
 
 use std::sync::Arc;
@@ -42,16 +45,18 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use crate::access::Project;
+use crate::delivery::Destinations;
 use crate::event::EventHub;
 use crate::job::{Fault, JobSpec};
 use crate::model::{Catalogue, Model};
 use crate::recording::Recording;
 use crate::store::Store;
 
-use access::{AccessSettings, Gate};
+use access::{AccessSettings, Callers};
 use error::{Answer, Problem};
 pub use middleware::{Around, with_middleware};
 pub use openapi::openapi;
+use rates::Rates;
 use spec_cache::SpecCache;
 use spool::SpoolRoom;
 use work::Places;
@@ -63,6 +68,8 @@ pub struct Limits {
     pub dataset_bytes: u64,
     /// The bytes of a JSON document (a job, a simulation) at the most, uncompressed.
     pub document_bytes: u64,
+    /// Derivatives that the search of a job may be predicted to take.
+    pub job_derivatives: f64,
     /// The longest computing time that a job may ask for `[s]`.
     pub max_duration_s: f64,
     /// Recordings that are in memory at the same time at the most.
@@ -75,6 +82,10 @@ pub struct Limits {
     pub spool_bytes: u64,
     /// Event streams that are open at the same time at the most.
     pub streams_at_once: usize,
+    /// Requests in a second of each caller that says who it is.
+    pub requests_per_second: f64,
+    /// Requests, streams among them, that each such caller has under way at the most.
+    pub requests_at_once: u32,
 }
 
 impl Default for Limits {
@@ -82,12 +93,15 @@ impl Default for Limits {
         Self {
             dataset_bytes: 64 << 20,
             document_bytes: 1 << 20,
+            job_derivatives: 1e15,
             max_duration_s: 86_400.0,
             recordings_at_once: 4,
             computations_at_once: 2,
             conversions_at_once: 4,
             spool_bytes: 1 << 30,
             streams_at_once: 5000,
+            requests_per_second: 200.0,
+            requests_at_once: 1000,
         }
     }
 }
@@ -104,6 +118,8 @@ pub struct Parts {
     pub limits: Limits,
     /// Who may ask.
     pub access: AccessSettings,
+    /// Where events may be delivered.
+    pub destinations: Arc<Destinations>,
     /// Whether the workers run.
     pub workers_run: Arc<dyn Fn() -> bool + Send + Sync>,
     /// Renders the metrics.
@@ -123,7 +139,8 @@ pub struct Shared {
     spool_room: SpoolRoom,
     checked: SpecCache,
     streams: Places,
-    gate: Gate,
+    callers: Callers,
+    rates: Rates,
 }
 
 impl ApiState {
@@ -136,7 +153,8 @@ impl ApiState {
             conversions: Places::new(limits.conversions_at_once, "too many documents at once"),
             spool_room: SpoolRoom::new(limits.spool_bytes),
             checked: SpecCache::default(),
-            gate: Gate::new(parts.access.clone()),
+            rates: Rates::new(limits.requests_per_second, limits.requests_at_once),
+            callers: Callers::new(parts.access.clone()),
             streams: Places::new(limits.streams_at_once, "too many event streams are open"),
             parts,
         }))
@@ -222,6 +240,11 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(trajectory::trajectory))
         .routes(routes!(report::report))
         .routes(routes!(audit::list))
+        .routes(routes!(webhooks::create, webhooks::list))
+        .routes(routes!(webhooks::show, webhooks::remove))
+        .routes(routes!(webhooks::deliveries))
+        .routes(routes!(webhooks::show_delivery))
+        .routes(routes!(webhooks::resend))
 }
 
 /// The resources, without what [`with_middleware()`] puts around them.
@@ -257,6 +280,7 @@ mod tests {
             catalogue: Catalogue::built_in(),
             limits: Limits::default(),
             access: AccessSettings::default(),
+            destinations: Arc::default(),
             workers_run: Arc::new(|| true),
             metrics: PrometheusBuilder::new().build_recorder().handle(),
         });

@@ -73,7 +73,7 @@ pub(super) fn preamble() -> OpenApi {
         ("models", "The structures that can be identified."),
         ("jobs", "Estimations, from submission to result."),
         ("health", "The server itself."),
-        ("access", "Who did what."),
+        ("access", "Who did what, and where events are delivered."),
     ];
     let tags =
         tags.map(|(name, text)| TagBuilder::new().name(name).description(Some(text)).build());
@@ -141,10 +141,16 @@ fn describe_problems(path: &str, operation: &mut Operation) {
         (503, "The server is busy, starting or shutting down"),
     ];
     if path.starts_with("/v1/") || path == "/metrics" {
-        common.push((
-            401,
-            "The server asks who calls, and the request does not say, or wrongly",
-        ));
+        common.extend([
+            (
+                401,
+                "The server asks who calls, and the request does not say, or wrongly",
+            ),
+            (
+                429,
+                "The caller asks too much at once, or its project has as much as it may",
+            ),
+        ]);
     }
     if path.starts_with("/v1/") {
         common.push((
@@ -245,8 +251,9 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 8,
-            "three forms of a recording, two of a model, a simulation, a job and a comparison"
+            n_bodies, 9,
+            "three forms of a recording, two of a model, a simulation, a job, a comparison and a \
+             webhook"
         );
     }
 }

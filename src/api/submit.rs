@@ -153,6 +153,7 @@ pub async fn submit(
             Ok((preflight, ahead))
         };
         let forecast = assembled(&state, &spec, model, look_ahead).await?;
+        check_cost(&state, &spec, forecast.0.derivatives_per_evaluation)?;
         return Ok(json(StatusCode::OK, &Validation::new(spec, forecast)));
     }
     check(&state, &spec, Arc::clone(&model)).await?;
@@ -244,6 +245,7 @@ pub(super) fn stored<T>(submitted: Submitted<T>) -> Answer<(T, bool)> {
             let fault = Fault::new("/model", "unknown_model", detail);
             Err(Problem::of_document(vec![fault]))
         }
+        Submitted::Refused(exceeded) => Err(exceeded.into()),
         Submitted::NoDataset(id) => {
             let detail = format!("there is no dataset {id}");
             let fault = Fault::new("/experiments", "unknown_dataset", detail);
@@ -272,11 +274,45 @@ async fn read(state: &ApiState, project: &Project, asked: &models::Asked) -> Ans
 /// Says what speaks against the job once its recordings are looked at.
 async fn check(state: &ApiState, spec: &JobSpec, model: Arc<Model>) -> Answer<()> {
     let checked = SpecKey::of(spec);
-    if !state.0.checked.contain(checked) {
-        assembled(state, spec, model, |_, _| Ok(())).await?;
-        state.0.checked.insert(checked);
+    let known = state.0.checked.get(checked);
+    let each = match known {
+        Some(each) => each,
+        None => {
+            let method = spec.method.clone();
+            let look = move |assembly: &Assembly, _: &AtomicBool| {
+                Ok(assemble::preflight(assembly, &method).derivatives_per_evaluation)
+            };
+            let each = assembled(state, spec, model, look).await?;
+            state.0.checked.insert(checked, each);
+            each
+        }
+    };
+    check_cost(state, spec, each)
+}
+
+/// Refuses a search that would take too much, and says what would not; one candidate takes so many
+/// derivatives.
+fn check_cost(state: &ApiState, spec: &JobSpec, each: u64) -> Answer<()> {
+    let limit = state.limits.job_derivatives;
+    let (population, generations) = (spec.method.population, spec.method.generations);
+    let one_generation = each as f64 * f64::from(population);
+    let predicted = one_generation * f64::from(generations);
+    if predicted <= limit {
+        return Ok(());
     }
-    Ok(())
+    let fits = (limit / one_generation).floor();
+    let would = if fits >= 1.0 {
+        format!("{fits} generations of {population} candidates would fit")
+    } else {
+        "a shorter window or fewer candidates may fit".to_owned()
+    };
+    let detail = format!(
+        "the search takes up to {predicted:.1e} derivatives ({generations} generations of \
+         {population} candidates with {each} each), more than the {limit:.1e} that a job may take \
+         here (--max-job-derivatives); {would}"
+    );
+    let fault = Fault::new("/method/generations", "too_costly", detail);
+    Err(Problem::of_document(vec![fault]))
 }
 
 /// Cuts the experiments out of their recordings, as the worker will, and looks at what comes out;

@@ -1,7 +1,7 @@
 //! The pages that the server shows to people, embedded in the program.
 //!
-//! `/` is the dashboard, `/docs` the API reference, and `/docs/jobs.md` and `/docs/models.md` tell
-//! what a job can ask for and how to write a model. The pages are files without a build step: plain
+//! `/` is the dashboard, `/docs` the API reference, and `/docs/jobs.md`, `/docs/models.md` and
+//! `/docs/running.md` tell what a job can ask for, how to write a model and how to run a server. The pages are files without a build step: plain
 //! HTML, CSS and ES modules that talk to the same HTTP interface as every other client. They fetch
 //! nothing from elsewhere, and a strict Content-Security-Policy holds them to it.
 
@@ -72,7 +72,7 @@ macro_rules! asset {
     };
 }
 
-static ASSETS: [Asset; 24] = [
+static ASSETS: [Asset; 25] = [
     page("/", include_bytes!("assets/index.html"), DASHBOARD_POLICY),
     page(
         "/docs",
@@ -81,6 +81,7 @@ static ASSETS: [Asset; 24] = [
     ),
     text("/docs/jobs.md", include_bytes!("docs/jobs.md")),
     text("/docs/models.md", include_bytes!("docs/models.md")),
+    text("/docs/running.md", include_bytes!("docs/running.md")),
     asset!("style.css", CSS),
     asset!("icon.svg", SVG),
     asset!("main.js", SCRIPT),

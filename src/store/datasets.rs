@@ -13,7 +13,7 @@ use tokio::sync::mpsc;
 
 use super::jobs::{Page, from_json, json, project, time};
 use super::writer::Tx;
-use super::{Change, Store, StoreError, corrupt};
+use super::{Change, Quotas, Store, StoreError, corrupt, quotas};
 use crate::access::Project;
 use crate::job::{DatasetId, JobId};
 use crate::recording::{
@@ -98,9 +98,10 @@ impl Store {
     /// Stores a recording, or finds the one of its project that has the same digest. Says whether it
     /// is new.
     pub async fn insert_dataset(&self, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
+        let allowed = self.inner.quotas;
         self.inner
             .writer
-            .write(move |tx| Box::pin(insert(tx, new)))
+            .write(move |tx| Box::pin(insert(tx, new, allowed)))
             .await
     }
 
@@ -217,7 +218,11 @@ impl Columns {
     }
 }
 
-async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
+async fn insert(
+    tx: &mut Tx,
+    new: NewDataset,
+    allowed: Quotas,
+) -> Result<(DatasetRow, bool), StoreError> {
     let identity = format!("{} {}", new.project, new.digest);
     let same: Option<Columns> = sqlx::query_as(
         "select id, project, name, digest, summary, created_at from datasets where identity = ?",
@@ -228,6 +233,8 @@ async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), Stor
     if let Some(same) = same {
         return Ok((same.read()?, false));
     }
+    let bytes = bytes_of(&new.recording);
+    quotas::check_dataset(tx, &allowed, &new.project, bytes).await?;
     let row = DatasetRow {
         id: DatasetId::new(),
         project: new.project,
@@ -239,7 +246,7 @@ async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), Stor
     let key = row.id.to_string();
     sqlx::query(
         "insert into datasets (id, project, identity, name, digest, description, summary, \
-         created_at) values (?, ?, ?, ?, ?, ?, ?, ?)",
+         created_at, bytes) values (?, ?, ?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(&key)
     .bind(row.project.as_str())
@@ -249,10 +256,18 @@ async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), Stor
     .bind(json(&describe(&new.recording)))
     .bind(json(&row.summary))
     .bind(row.created_at.to_string())
+    .bind(i64::try_from(bytes).unwrap_or(i64::MAX))
     .execute(&mut **tx)
     .await?;
     insert_samples(tx, &key, new.recording).await?;
     Ok((row, true))
+}
+
+/// The bytes of its samples.
+fn bytes_of(recording: &Received) -> u64 {
+    let axes = matches!(recording.time, TimeAxis::Instants(_));
+    let series = recording.signals.len() + usize::from(axes);
+    (recording.time.samples() * series * size_of::<f64>()) as u64
 }
 
 async fn insert_samples(tx: &mut Tx, dataset: &str, recording: Received) -> Result<(), StoreError> {

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::between_slices::Left;
+use super::places::Place;
 use super::recorder::Recorder;
 use super::run::{Run, StopReason};
 use super::slice::{After, Computed, Current, End, SliceWorker};
@@ -13,7 +14,6 @@ use crate::job::{Failure, Status};
 use crate::store::{Checkpoint, Ending, Hold, Record, StopRequest, StoreError};
 use jiff::Timestamp;
 use serde_json::Value;
-use tokio::sync::SemaphorePermit;
 use tokio::task::JoinError;
 
 /// How long the best estimate so far of a job that was stopped may be analysed.
@@ -25,7 +25,7 @@ const HURRY_INTERVAL: Duration = Duration::from_millis(20);
 pub(super) struct Conclusion<'a> {
     pub(super) worker: &'a SliceWorker,
     /// Given up when nothing is left to be computed.
-    pub(super) place: Option<SemaphorePermit<'a>>,
+    pub(super) place: Option<Place>,
     pub(super) current: Current,
     pub(super) recorder: Recorder,
 }

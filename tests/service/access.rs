@@ -158,10 +158,12 @@ async fn a_project_sees_nothing_of_another() {
     let job = app.send(key(&a, &drive_job(&dataset))).await.expect(202);
     let job = text(&job.json()["id"]);
     let model = serde_json::json!({
-        "name": "lag", "inputs": {"u": {"unit": "V"}},
-        "parameters": {"time": {"unit": "s", "default": 1, "lower": 0.1, "upper": 10}},
-        "states": {"y": {"unit": "V", "derivative": "(u - y)/time", "initial": 0}},
-        "outputs": {"out": {"unit": "V", "expression": "y"}}
+        "name": "lag",
+        "inputs": {"u": {"unit": "V"}},
+        "parameters": {"time": {"symbol": "T", "unit": "s", "default": 1, "lower": 0.1,
+                                "upper": 10, "scale": "log", "unknown": true}},
+        "states": {"y": {"unit": "V", "derivative": "(u - y)/T", "initial": 0}},
+        "outputs": {"y_measured": {"unit": "V", "expression": "y"}}
     });
     let model_name = text(&a.post("/v1/models", &model).await.expect(201).json()["name"]);
 

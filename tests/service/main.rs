@@ -31,4 +31,8 @@ mod models;
 
 mod origin;
 
+mod quotas;
+
 mod slow;
+
+mod webhooks;

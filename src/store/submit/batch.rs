@@ -11,8 +11,10 @@ use sqlx::query_builder::Separated;
 use sqlx::{QueryBuilder, Sqlite};
 
 use super::{Idempotency, NewJob, Submitted, answer_again};
+use crate::access::Project;
 use crate::job::{Event, JobId, Status};
 use crate::store::jobs::{JobRow, json};
+use crate::store::quotas::{JobRoom, Quotas};
 use crate::store::writer::Tx;
 use crate::store::{Change, StoreError, queue};
 
@@ -30,6 +32,7 @@ struct Fresh {
 /// Writes all that can be written and says, in order, what became of each.
 pub(super) async fn write(
     queue: &Client,
+    quotas: Quotas,
     tx: &mut Tx,
     jobs: Vec<NewJob>,
 ) -> Result<Vec<Submitted>, StoreError> {
@@ -37,15 +40,28 @@ pub(super) async fn write(
     let mut verdicts = Vec::with_capacity(jobs.len());
     let mut accepted = Vec::with_capacity(jobs.len());
     let mut keys = HashMap::new();
+    let mut room = JobRoom::new(quotas);
     for job in jobs {
         let verdict = known.refusal(tx, &job).await?;
         let verdict = verdict.map_or_else(
             || same_key(&mut keys, &accepted, &job),
             |refusal| Verdict::Final(Box::new(refusal)),
         );
-        if let Verdict::Fresh(_) = verdict {
-            accepted.push(job);
-        }
+        let verdict = match verdict {
+            Verdict::Fresh(_) => match room.take(tx, &job.project, 1).await? {
+                Ok(()) => {
+                    accepted.push(job);
+                    verdict
+                }
+                Err(exceeded) => {
+                    if let Some(idempotency) = &job.idempotency {
+                        keys.remove(&key_of(idempotency));
+                    }
+                    Verdict::Final(Box::new(Submitted::Refused(exceeded)))
+                }
+            },
+            known => known,
+        };
         verdicts.push(verdict);
     }
     let rows = store(queue, tx, accepted).await?;
@@ -201,10 +217,12 @@ fn distinct<T: Hash + Eq + Serialize>(texts: impl Iterator<Item = T>) -> Option<
 
 /// Gives each new job its identifier and its entry in the queue.
 async fn enter(queue: &Client, tx: &mut Tx, jobs: Vec<NewJob>) -> Result<Vec<Fresh>, StoreError> {
-    let ids: Vec<JobId> = jobs.iter().map(|_| JobId::new()).collect();
-    let entries = queue::enqueue_all(queue, tx, &ids).await?;
+    let named = jobs.iter().map(|job| (JobId::new(), job.project.clone()));
+    let named: Vec<(JobId, Project)> = named.collect();
+    let entries = queue::enqueue_all(queue, tx, &named).await?;
+    let ids = named.into_iter().map(|(id, _)| id);
     let created_at = Timestamp::now();
-    let fresh = jobs.into_iter().zip(ids.into_iter().zip(entries));
+    let fresh = jobs.into_iter().zip(ids.zip(entries));
     Ok(fresh
         .map(|(job, (id, entry))| Fresh {
             id,

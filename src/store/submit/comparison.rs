@@ -10,6 +10,7 @@ use crate::access::Project;
 use crate::job::{ComparisonId, JobId};
 use crate::store::jobs::{self, JobRow, Page, time};
 use crate::store::models::{self, ModelStored, NewModel};
+use crate::store::quotas::{JobRoom, Quotas};
 use crate::store::writer::Tx;
 use crate::store::{Store, StoreError, corrupt};
 
@@ -59,10 +60,10 @@ impl Store {
         &self,
         new: NewComparison,
     ) -> Result<Submitted<ComparisonRow>, StoreError> {
-        let queue = self.inner.queue.clone();
+        let (queue, quotas) = (self.inner.queue.clone(), self.inner.quotas);
         self.inner
             .writer
-            .write(move |tx| Box::pin(write(queue, tx, new)))
+            .write(move |tx| Box::pin(write((queue, quotas), tx, new)))
             .await
     }
 
@@ -136,7 +137,7 @@ impl Store {
 }
 
 async fn write(
-    queue: Client,
+    (queue, quotas): (Client, Quotas),
     tx: &mut Tx,
     new: NewComparison,
 ) -> Result<Submitted<ComparisonRow>, StoreError> {
@@ -151,6 +152,10 @@ async fn write(
     let known = Known::look_up(tx, &new.jobs).await?;
     if let Some(missing) = new.jobs.iter().find_map(|job| known.missing(job)) {
         return Ok(missing);
+    }
+    let mut room = JobRoom::new(quotas);
+    if let Err(exceeded) = room.take(tx, &new.project, new.jobs.len() as u64).await? {
+        return Err(exceeded.into());
     }
     let jobs = batch::store(&queue, tx, new.jobs).await?;
     let created_at = Timestamp::now();

@@ -17,7 +17,7 @@ async fn a_submitted_job_is_shown_listed_and_told_of() {
     assert_eq!(events[0].data, r#"{"status":"queued"}"#);
     assert_eq!(
         *fixture.changes.lock().expect("unpoisoned"),
-        [Change::SliceWaits, Change::Job(row.id)]
+        [Change::SliceWaits(row.project.clone()), Change::Job(row.id)]
     );
 }
 

@@ -7,6 +7,7 @@ mod datasets;
 mod full;
 mod jobs;
 mod life;
+mod retention;
 mod slices;
 
 use std::collections::BTreeMap;
