@@ -1,6 +1,7 @@
 //! Puts a server together (store, events, worker, router) and takes it apart in order.
 
 mod connections;
+mod tls;
 
 use std::net::SocketAddr;
 use std::sync::{Arc, OnceLock};
@@ -8,24 +9,33 @@ use std::time::Duration;
 
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use tokio::net::TcpListener;
-use tokio::task::JoinHandle;
+use tokio::task::{JoinHandle, JoinSet};
 use tokio_util::sync::CancellationToken;
 
-use crate::api::{self, ApiState, Parts};
+use crate::api::access::AccessSettings;
+use crate::api::audit::Audit;
+use crate::api::{self, ApiState, Around, Parts};
 use crate::config::{FILES_KEPT, MAX_CONNECTIONS, SHUTDOWN_LIMIT, Settings, SettingsError};
 use crate::dashboard;
+use crate::delivery::Sender;
 use crate::event::EventHub;
 use crate::model::Catalogue;
 use crate::monitor::Monitors;
-use crate::store::{Store, StoreError};
+use crate::store::{Retention, Store, StoreError};
 use crate::worker::Worker;
 use crate::worker::identification::Identification;
 use crate::worker::run::Method;
+use tls::Tls;
+pub use tls::TlsError;
 
 /// What is left of the shutdown's time for the connections after the slices were handed back.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 /// How often what was measured is put together.
 const UPKEEP_INTERVAL: Duration = Duration::from_secs(5);
+/// How often it is looked whether something is older than it is kept for.
+const TIDY_INTERVAL: Duration = Duration::from_secs(600);
+/// How soon it is looked again while there is more.
+const TIDY_PAUSE: Duration = Duration::from_secs(1);
 /// The ends of the buckets in which the durations of answers are counted `[s]`.
 const DURATION_BUCKETS: [f64; 12] = [
     0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 60.0, 120.0,
@@ -40,6 +50,17 @@ pub enum StartError {
     /// The store did not open.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// Others than the server's own machine would reach it, and nobody would have to say who they
+    /// are.
+    #[error(
+        "nobody would have to say who they are to a server that listens on {0}: make a token first \
+         (`greybox token create --name NAME --scope submit`, with the same --database), or name the \
+         proxy that knows people (--trusted-proxy), or listen on 127.0.0.1"
+    )]
+    NobodyAsked(SocketAddr),
+    /// The files of its TLS are of no use.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
     /// The address cannot be listened on.
     #[error("cannot listen on {address}: {source}")]
     Listen {
@@ -53,13 +74,15 @@ pub enum StartError {
 /// A server at work.
 pub struct App {
     address: SocketAddr,
+    speaks_tls: bool,
     store: Store,
     hub: EventHub,
     worker: Worker,
     monitors: Monitors,
     closing: CancellationToken,
     server: JoinHandle<()>,
-    upkeep: JoinHandle<()>,
+    /// What goes on beside: upkeep, deliveries.
+    tasks: JoinSet<()>,
 }
 
 impl App {
@@ -75,14 +98,16 @@ impl App {
         method: Arc<dyn Method>,
     ) -> Result<Self, StartError> {
         let worker_settings = settings.worker()?;
-        let listener = listen(settings.listen).await?;
+        let access = settings.access()?;
+        let tls = settings.tls().map(Tls::new).transpose()?.map(Arc::new);
+        let destinations = Arc::new(settings.destinations()?);
+        share_threads(settings.threads());
+        let hub = EventHub::new();
+        let (store, listener) = open(&settings, &access, &hub).await?;
         let address = listener.local_addr().map_err(|source| StartError::Listen {
             address: settings.listen,
             source,
         })?;
-        share_threads(settings.threads());
-        let hub = EventHub::new();
-        let store = Store::open(&settings.database()?, hub.on_change()).await?;
         let worker = Worker::start(store.clone(), hub.clone(), method, worker_settings)?;
         let monitors = Monitors::start(store.clone(), hub.clone(), Catalogue::built_in());
         let alive = worker.alive();
@@ -91,31 +116,57 @@ impl App {
             hub: hub.clone(),
             catalogue: Catalogue::built_in(),
             limits: settings.limits(),
+            access,
+            destinations: Arc::clone(&destinations),
             workers_run: Arc::new(move || *alive.borrow()),
             metrics: metrics(),
         });
         let closing = CancellationToken::new();
         let routes = api::resources(state).merge(dashboard::router());
-        let routes = api::with_middleware(routes, Arc::new(settings.names()));
-        let serve = connections::serve(listener, routes, most_connections(), closing.clone());
-        let server = tokio::spawn(serve);
-        let upkeep = tokio::spawn(keep_up(metrics(), closing.clone()));
+        let around = Around {
+            names: Arc::new(settings.names()),
+            audit: Some(Audit::new(store.clone())),
+        };
+        let routes = api::with_middleware(routes, around);
+        let speaks_tls = tls.is_some();
+        let mut tasks = JoinSet::new();
+        if let Some(tls) = &tls {
+            tasks.spawn(Arc::clone(tls).watch(closing.clone()));
+        }
+        let listening = connections::Listening {
+            listener,
+            tls,
+            at_once: most_connections(),
+        };
+        let server = tokio::spawn(connections::serve(listening, routes, closing.clone()));
+        let sender = Sender::new(store.clone(), destinations);
+        tasks.spawn(sender.run(hub.clone(), closing.clone()));
+        tasks.spawn(keep_up(metrics(), closing.clone()));
+        let retention = settings.retention();
+        tasks.spawn(tidy(store.clone(), retention, closing.clone()));
         tracing::info!(%address, "listening");
         Ok(Self {
             address,
+            speaks_tls,
             store,
             hub,
             worker,
             monitors,
             closing,
             server,
-            upkeep,
+            tasks,
         })
     }
 
     /// The address that it listens on.
     pub fn local_addr(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Where it is asked, by its address.
+    pub fn url(&self) -> String {
+        let scheme = if self.speaks_tls { "https" } else { "http" };
+        format!("{scheme}://{}", self.address)
     }
 
     /// Returns when the process is asked to end (SIGTERM or ctrl-c).
@@ -133,7 +184,7 @@ impl App {
             monitors,
             closing,
             mut server,
-            upkeep,
+            mut tasks,
             ..
         } = self;
         closing.cancel();
@@ -150,8 +201,15 @@ impl App {
                 server.abort();
             }
         }
-        if let Err(error) = upkeep.await {
-            tracing::error!(%error, "the upkeep of the metrics ended badly");
+        let ended = tokio::time::timeout(LAST_WORDS, async {
+            while let Some(ended) = tasks.join_next().await {
+                if let Err(error) = ended {
+                    tracing::error!(%error, "a task beside the server ended badly");
+                }
+            }
+        });
+        if ended.await.is_err() {
+            tracing::warn!("a task beside the server was cut off");
         }
         if tokio::time::timeout(LAST_WORDS, monitors.ended())
             .await
@@ -166,6 +224,31 @@ impl App {
             tracing::warn!("the database was not closed in time; what it acknowledged is on disk");
         }
     }
+}
+
+/// Opens the database and the port. One that others reach is opened only where callers have to say who
+/// they are, which the database knows.
+async fn open(
+    settings: &Settings,
+    access: &AccessSettings,
+    hub: &EventHub,
+) -> Result<(Store, TcpListener), StartError> {
+    let is_alone = settings.listen.ip().to_canonical().is_loopback();
+    let early = match is_alone {
+        true => Some(listen(settings.listen).await?),
+        false => None,
+    };
+    let quotas = settings.quotas()?;
+    let store = Store::open_with(&settings.database()?, quotas, hub.on_change()).await?;
+    if let Some(listener) = early {
+        return Ok((store, listener));
+    }
+    if access.proxies.is_empty() && !store.has_tokens().await? {
+        store.close().await;
+        return Err(StartError::NobodyAsked(settings.listen));
+    }
+    let listener = listen(settings.listen).await?;
+    Ok((store, listener))
 }
 
 /// The connections that may be open at once: as many as the system allows files, which is asked to
@@ -188,6 +271,26 @@ async fn keep_up(metrics: PrometheusHandle, closing: CancellationToken) {
         tokio::select! {
             () = closing.cancelled() => return,
             _ = due.tick() => metrics.run_upkeep(),
+        }
+    }
+}
+
+/// Lets go what is older than it is kept for, now and then, a little at a time.
+async fn tidy(store: Store, retention: Retention, closing: CancellationToken) {
+    let mut wait = TIDY_PAUSE;
+    loop {
+        tokio::select! {
+            () = closing.cancelled() => return,
+            () = tokio::time::sleep(wait) => {}
+        }
+        wait = TIDY_INTERVAL;
+        match store.tidy(retention).await {
+            Ok(tidied) if tidied.is_some() => {
+                tracing::info!(?tidied, "what is older than it is kept for has gone");
+                wait = TIDY_PAUSE;
+            }
+            Ok(_) => {}
+            Err(error) => tracing::error!(%error, "the database could not be tidied"),
         }
     }
 }
@@ -283,6 +386,7 @@ mod tests {
 
     async fn submit_a_job_that_waits(store: &Store) -> JobId {
         let job = NewJob {
+            project: Default::default(),
             name: None,
             labels: Default::default(),
             model: "descent".to_owned(),

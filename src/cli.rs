@@ -18,6 +18,7 @@ mod said;
 mod serve;
 mod simulate;
 mod table;
+mod token;
 
 use crate::config::{DatabaseArguments, Settings};
 use clap::{Parser, Subcommand};
@@ -52,6 +53,9 @@ enum Command {
     Restore(database::RestoreArguments),
     /// Say whether a database or a backup is sound
     Check(DatabaseArguments),
+    /// Make, list and revoke the tokens that programs ask a server with
+    #[command(subcommand)]
+    Token(token::Command),
     /// Print the description of the HTTP API, OpenAPI 3.1
     Openapi,
     /// Ask a server whether it is ready
@@ -85,6 +89,7 @@ fn run(command: Command) -> Result<(), CommandError> {
         Command::Backup(arguments) => database::backup(&arguments),
         Command::Restore(arguments) => database::restore(&arguments),
         Command::Check(arguments) => database::check(&arguments),
+        Command::Token(command) => token::run(&command),
         Command::Openapi => files::write(None, &openapi()),
         Command::Health(arguments) => serve::health(arguments),
         Command::Completions(arguments) => manual::completions(&arguments),

@@ -2,18 +2,27 @@
 //!
 //! A setting is a flag or a `GREYBOX_*` variable; the flag wins.
 
-use std::net::{Ipv4Addr, SocketAddr};
+mod error;
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use axum::http::HeaderName;
 use clap::Args;
 use directories::ProjectDirs;
+use ipnet::IpNet;
 
+use crate::access::{Role, Roles};
 use crate::api::Limits;
+use crate::api::access::AccessSettings;
 use crate::api::origin::Names;
-use crate::store::DatabaseSettings;
+use crate::delivery::Destinations;
+use crate::store::{DatabaseSettings, Quotas, Retention};
 use crate::worker::WorkerSettings;
+
+pub use error::SettingsError;
 
 /// The database file's name in the user's data folder.
 const DATABASE_FILE: &str = "greybox.db";
@@ -23,6 +32,16 @@ const READERS: u32 = 4;
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 /// Candidates that are kept of a job: with four unknowns 45 MB.
 const DEFAULT_MAX_CANDIDATES: u64 = 1_000_000;
+/// Recordings of a project.
+const DEFAULT_MAX_DATASETS: u64 = 100_000;
+/// The size of their samples `[MiB]`.
+const DEFAULT_MAX_STORED_MIB: u32 = 100 << 10;
+/// Unfinished jobs of a project.
+const DEFAULT_MAX_UNFINISHED_JOBS: u64 = 100_000;
+/// Days that the audit log is kept.
+const DEFAULT_KEEP_AUDIT_DAYS: u16 = 400;
+/// Days that deliveries are kept that are over.
+const DEFAULT_KEEP_DELIVERIES_DAYS: u16 = 30;
 /// Connections that are open at the same time at the most, where the system allows so many files.
 pub const MAX_CONNECTIONS: u64 = 10_000;
 /// Files that are kept for what is not a connection: the database, bodies on disk.
@@ -103,6 +122,176 @@ pub struct Settings {
     )]
     pub names: Vec<String>,
 
+    /// Requests in a second of each token or person
+    #[arg(
+        long,
+        env = "GREYBOX_REQUESTS_PER_SECOND",
+        value_name = "N",
+        default_value_t = Limits::default().requests_per_second
+    )]
+    pub requests_per_second: f64,
+
+    /// Requests, event streams among them, that each token or person has under way at once
+    #[arg(
+        long,
+        env = "GREYBOX_REQUESTS_AT_ONCE",
+        value_name = "N",
+        default_value_t = Limits::default().requests_at_once
+    )]
+    pub requests_at_once: u32,
+
+    /// Recordings that a project keeps at the most
+    #[arg(
+        long,
+        env = "GREYBOX_MAX_DATASETS",
+        value_name = "N",
+        default_value_t = DEFAULT_MAX_DATASETS
+    )]
+    pub max_datasets: u64,
+
+    /// The size of the samples of a project's recordings, all together `[MiB]`
+    #[arg(
+        long,
+        env = "GREYBOX_MAX_STORED_MIB",
+        value_name = "MIB",
+        default_value_t = DEFAULT_MAX_STORED_MIB
+    )]
+    pub max_stored_mib: u32,
+
+    /// Jobs of a project that are queued, running or paused at the most
+    #[arg(
+        long,
+        env = "GREYBOX_MAX_UNFINISHED_JOBS",
+        value_name = "N",
+        default_value_t = DEFAULT_MAX_UNFINISHED_JOBS
+    )]
+    pub max_unfinished_jobs: u64,
+
+    /// Hours that the jobs of a project may be at work in a day (UTC), all together; then it is
+    /// refused new ones until the next day [default: no limit]
+    #[arg(long, env = "GREYBOX_WORK_HOURS_PER_DAY", value_name = "HOURS")]
+    pub work_hours_per_day: Option<f64>,
+
+    /// Derivatives that the search of a job may be predicted to take, as `validate_only` predicts
+    /// them: evaluations times derivatives of one
+    #[arg(
+        long,
+        env = "GREYBOX_MAX_JOB_DERIVATIVES",
+        value_name = "N",
+        default_value_t = Limits::default().job_derivatives
+    )]
+    pub max_job_derivatives: f64,
+
+    /// The address of a proxy that says who a person is, or a network of such (`10.0.0.0/8`); repeat
+    /// it or separate them by commas. It must take the two headers below from nobody else
+    #[arg(
+        long = "trusted-proxy",
+        env = "GREYBOX_TRUSTED_PROXIES",
+        value_name = "ADDRESS",
+        value_delimiter = ','
+    )]
+    pub trusted_proxies: Vec<String>,
+
+    /// The header in which the proxy names the person
+    #[arg(
+        long,
+        env = "GREYBOX_PROXY_USER_HEADER",
+        value_name = "HEADER",
+        default_value = "x-forwarded-user"
+    )]
+    pub proxy_user_header: HeaderName,
+
+    /// The header in which the proxy lists the person's groups, separated by commas
+    #[arg(
+        long,
+        env = "GREYBOX_PROXY_GROUPS_HEADER",
+        value_name = "HEADER",
+        default_value = "x-forwarded-groups"
+    )]
+    pub proxy_groups_header: HeaderName,
+
+    /// What the members of a group may do, `group=read`, `group=submit` or `group=admin`, in the
+    /// project `default` or in another one: `group=read:hall-2`. Repeat it or separate them by commas;
+    /// of somebody's groups the first in this order counts
+    #[arg(
+        long = "role",
+        env = "GREYBOX_ROLES",
+        value_name = "GROUP=SCOPE",
+        value_delimiter = ','
+    )]
+    pub roles: Vec<Role>,
+
+    /// Where events may be delivered: a name (`mes.plant.example`, `*.plant.example`), an address, a
+    /// network, or `*` for everything public. A private address is delivered to only where its network
+    /// is named. Repeat it or separate them by commas [default: nowhere]
+    #[arg(
+        long = "webhook-to",
+        env = "GREYBOX_WEBHOOK_TO",
+        value_name = "DESTINATION",
+        value_delimiter = ','
+    )]
+    pub webhook_to: Vec<String>,
+
+    /// Days that jobs are kept after their end, with their events, history and result [default: for
+    /// ever]
+    #[arg(long, env = "GREYBOX_KEEP_JOBS_DAYS", value_name = "DAYS")]
+    pub keep_jobs_days: Option<u16>,
+
+    /// Jobs of each project that are kept after their end, the newest [default: all]
+    #[arg(long, env = "GREYBOX_KEEP_JOBS", value_name = "N")]
+    pub keep_jobs: Option<u32>,
+
+    /// Days that the candidates of jobs are kept after their end [default: as long as the jobs]
+    #[arg(long, env = "GREYBOX_KEEP_CANDIDATES_DAYS", value_name = "DAYS")]
+    pub keep_candidates_days: Option<u16>,
+
+    /// Days that the audit log is kept
+    #[arg(
+        long,
+        env = "GREYBOX_KEEP_AUDIT_DAYS",
+        value_name = "DAYS",
+        default_value_t = DEFAULT_KEEP_AUDIT_DAYS,
+        value_parser = clap::value_parser!(u16).range(30..)
+    )]
+    pub keep_audit_days: u16,
+
+    /// Days that deliveries are kept that are over
+    #[arg(
+        long,
+        env = "GREYBOX_KEEP_DELIVERIES_DAYS",
+        value_name = "DAYS",
+        default_value_t = DEFAULT_KEEP_DELIVERIES_DAYS
+    )]
+    pub keep_deliveries_days: u16,
+
+    /// The certificate of the server with those of its authorities, a file in PEM: the server then
+    /// speaks TLS. The files are read again when they change
+    #[arg(
+        long,
+        env = "GREYBOX_TLS_CERT",
+        value_name = "FILE",
+        requires = "tls_key"
+    )]
+    pub tls_cert: Option<PathBuf>,
+
+    /// The key of the certificate, a file in PEM
+    #[arg(
+        long,
+        env = "GREYBOX_TLS_KEY",
+        value_name = "FILE",
+        requires = "tls_cert"
+    )]
+    pub tls_key: Option<PathBuf>,
+
+    /// The authorities of whom every client has to have a certificate, a file in PEM
+    #[arg(
+        long,
+        env = "GREYBOX_TLS_CLIENT_CA",
+        value_name = "FILE",
+        requires = "tls_cert"
+    )]
+    pub tls_client_ca: Option<PathBuf>,
+
     /// What is logged, e.g. `info` or `greybox=debug`
     #[arg(
         long,
@@ -113,18 +302,15 @@ pub struct Settings {
     pub log: String,
 }
 
-/// A setting that cannot be.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SettingsError {
-    /// The database is not given as a SQLite file.
-    #[error("the database `{0}` is not of the form sqlite://<path to a file>")]
-    Database(String),
-    /// There is no place for the default database.
-    #[error("the user has no data folder; say where the database is with --database")]
-    NoDataFolder,
-    /// The length of a slice is not a time.
-    #[error("a slice of {0} s is not between 0 and 3600 s")]
-    Slice(f64),
+/// The files of a server's TLS, each in PEM.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TlsFiles {
+    /// Its certificate, with those of its authorities.
+    pub certificate: PathBuf,
+    /// The key of that.
+    pub key: PathBuf,
+    /// The authorities of whom every client has to have a certificate, where it has to.
+    pub client_authority: Option<PathBuf>,
 }
 
 fn default_listen() -> SocketAddr {
@@ -143,6 +329,26 @@ impl Default for Settings {
             max_body_mib: 64,
             max_candidates: DEFAULT_MAX_CANDIDATES,
             names: Vec::new(),
+            requests_per_second: Limits::default().requests_per_second,
+            requests_at_once: Limits::default().requests_at_once,
+            max_datasets: DEFAULT_MAX_DATASETS,
+            max_stored_mib: DEFAULT_MAX_STORED_MIB,
+            max_unfinished_jobs: DEFAULT_MAX_UNFINISHED_JOBS,
+            work_hours_per_day: None,
+            max_job_derivatives: Limits::default().job_derivatives,
+            trusted_proxies: Vec::new(),
+            proxy_user_header: AccessSettings::default().user_header,
+            proxy_groups_header: AccessSettings::default().groups_header,
+            roles: Vec::new(),
+            webhook_to: Vec::new(),
+            keep_jobs_days: None,
+            keep_jobs: None,
+            keep_candidates_days: None,
+            keep_audit_days: DEFAULT_KEEP_AUDIT_DAYS,
+            keep_deliveries_days: DEFAULT_KEEP_DELIVERIES_DAYS,
+            tls_cert: None,
+            tls_key: None,
+            tls_client_ca: None,
             log: "info".to_owned(),
         }
     }
@@ -182,13 +388,75 @@ impl Settings {
         Names::new(self.names.iter().map(|name| name.trim()))
     }
 
+    /// What a project may have.
+    pub fn quotas(&self) -> Result<Quotas, SettingsError> {
+        let work_per_day = self.work_hours_per_day.map(|hours| {
+            let day = Duration::try_from_secs_f64(hours * 3600.0);
+            day.map_err(|_| SettingsError::WorkHours(hours))
+        });
+        Ok(Quotas {
+            datasets: self.max_datasets,
+            dataset_bytes: u64::from(self.max_stored_mib) << 20,
+            unfinished_jobs: self.max_unfinished_jobs,
+            work_per_day: work_per_day.transpose()?,
+        })
+    }
+
+    /// For how long things are kept.
+    pub fn retention(&self) -> Retention {
+        let days = |days: u16| Duration::from_hours(24 * u64::from(days));
+        Retention {
+            jobs: self.keep_jobs_days.map(days),
+            most_jobs: self.keep_jobs,
+            candidates: self.keep_candidates_days.map(days),
+            audit: Some(days(self.keep_audit_days)),
+            deliveries: Some(days(self.keep_deliveries_days)),
+        }
+    }
+
+    /// The files of its TLS, where it speaks that.
+    pub fn tls(&self) -> Option<TlsFiles> {
+        Some(TlsFiles {
+            certificate: self.tls_cert.clone()?,
+            key: self.tls_key.clone()?,
+            client_authority: self.tls_client_ca.clone(),
+        })
+    }
+
+    /// Where events may be delivered.
+    pub fn destinations(&self) -> Result<Destinations, SettingsError> {
+        let texts = self.webhook_to.iter().map(String::as_str);
+        Destinations::new(texts).map_err(SettingsError::Destination)
+    }
+
+    /// Who may ask.
+    pub fn access(&self) -> Result<AccessSettings, SettingsError> {
+        let proxies = self.trusted_proxies.iter().map(|text| network(text.trim()));
+        Ok(AccessSettings {
+            proxies: proxies.collect::<Result<_, _>>()?,
+            user_header: self.proxy_user_header.clone(),
+            groups_header: self.proxy_groups_header.clone(),
+            roles: Roles::new(self.roles.clone()),
+        })
+    }
+
     /// What one client may ask for.
     pub fn limits(&self) -> Limits {
         Limits {
             dataset_bytes: u64::from(self.max_body_mib) << 20,
+            requests_per_second: self.requests_per_second.max(0.001),
+            requests_at_once: self.requests_at_once,
+            job_derivatives: self.max_job_derivatives,
             ..Limits::default()
         }
     }
+}
+
+/// A network, or the one address of a text.
+fn network(text: &str) -> Result<IpNet, SettingsError> {
+    let one = text.parse::<IpAddr>().map(IpNet::from);
+    one.or_else(|_| text.parse())
+        .map_err(|_| SettingsError::Network(text.to_owned()))
 }
 
 fn database_path(url: Option<&str>) -> Result<PathBuf, SettingsError> {
@@ -213,72 +481,4 @@ fn default_database() -> Result<PathBuf, SettingsError> {
 }
 
 #[cfg(test)]
-mod tests {
-    use clap::Parser;
-
-    use super::*;
-
-    #[derive(Parser)]
-    struct Command {
-        #[command(flatten)]
-        settings: Settings,
-    }
-
-    fn parse(flags: &[&str]) -> Settings {
-        let command = std::iter::once("greybox").chain(flags.iter().copied());
-        Command::try_parse_from(command).expect("flags").settings
-    }
-
-    #[test]
-    fn flags_say_how_the_server_runs() {
-        let settings = parse(&[
-            "--listen=127.0.0.1:0",
-            "--database=sqlite:///var/lib/greybox/jobs.db",
-            "--threads=3",
-            "--slice-s=0.005",
-            "--max-body-mib=1",
-            "--max-candidates=7",
-        ]);
-        let database = settings.database().expect("a path");
-        assert_eq!(database.path, PathBuf::from("/var/lib/greybox/jobs.db"));
-        let worker = settings.worker().expect("a slice");
-        assert_eq!(worker.slice_length, Duration::from_millis(5));
-        assert_eq!(worker.jobs_at_once, 3);
-        assert_eq!(worker.max_candidates, 7);
-        assert_eq!(settings.limits().dataset_bytes, 1 << 20);
-    }
-
-    #[test]
-    fn the_defaults_of_the_flags_are_those_of_the_program() {
-        let (flags, program) = (parse(&[]), Settings::default());
-        assert_eq!(format!("{flags:?}"), format!("{program:?}"));
-        assert_eq!(program.listen.to_string(), "127.0.0.1:8080");
-    }
-
-    #[test]
-    fn what_is_no_database_file_is_refused() {
-        for url in [
-            "postgres://localhost/greybox",
-            "sqlite::memory:",
-            "sqlite://:memory:",
-            "sqlite://",
-            "sqlite:///var/lib/",
-            "jobs.db",
-        ] {
-            let settings = parse(&[&format!("--database={url}")]);
-            let refused = settings.database().err();
-            assert_eq!(refused, Some(SettingsError::Database(url.to_owned())));
-        }
-    }
-
-    #[test]
-    fn a_slice_that_is_no_time_is_refused() {
-        for slice_s in [-1.0, f64::NAN, 1e9] {
-            let settings = Settings {
-                slice_s,
-                ..Settings::default()
-            };
-            assert!(matches!(settings.worker(), Err(SettingsError::Slice(_))));
-        }
-    }
-}
+mod tests;

@@ -64,6 +64,8 @@ pub mod config;
 
 pub mod api;
 
+pub mod access;
+
 pub mod dashboard;
 
 pub mod report;
@@ -71,6 +73,8 @@ pub mod report;
 pub mod job;
 
 pub mod store;
+
+pub mod delivery;
 
 pub mod event;
 

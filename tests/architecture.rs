@@ -18,24 +18,27 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[(&str, &[&str])] = &[
     // The command line starts servers, runs the method without one, and looks after the database of
     // one that does not run.
-    ("cli", &["app", "config", "api", "store", "identification", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording"]),
+    ("cli", &["app", "config", "api", "access", "store", "identification", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording"]),
     // The composition root; only the command line imports it.
-    ("app", &["config", "api", "dashboard", "job", "store", "event", "monitor", "worker", "model"]),
+    ("app", &["config", "api", "dashboard", "delivery", "job", "store", "event", "monitor", "worker", "model"]),
     // Settings are handed to the parts as the parts' own types.
-    ("config", &["api", "store", "worker"]),
+    ("config", &["api", "access", "delivery", "store", "worker"]),
     // Simulation stands behind `/v1/simulations` only.
-    ("api", &["dashboard", "report", "event", "monitor", "store", "job", "intake", "recording", "model", "simulation", "document"]),
+    ("api", &["access", "dashboard", "delivery", "report", "event", "monitor", "store", "job", "intake", "recording", "model", "simulation", "document"]),
+    // Names of projects, scopes and secrets: nothing of ours.
+    ("access", &[]),
     ("dashboard", &[]),
     // A report for the file has the equations.
     ("report", &["job", "recording", "model"]),
     // The settings of the method and the forms of its results are part of a job; a problem is
     // assembled, and looked over beforehand, from the statistics of its recordings.
     ("job", &["estimation", "uncertainty", "model", "simulation", "recording", "document", "numerics"]),
-    ("store", &["job", "recording"]),
-    ("event", &["store", "job"]),
+    ("store", &["access", "job", "recording"]),
+    ("delivery", &["access", "event", "store", "job"]),
+    ("event", &["access", "store", "job"]),
     // A window of a stream becomes a job that is read as any other.
-    ("monitor", &["event", "store", "job", "model", "document", "recording"]),
-    ("worker", &["event", "store", "identification", "job", "estimation", "model", "recording"]),
+    ("monitor", &["access", "event", "store", "job", "model", "document", "recording"]),
+    ("worker", &["access", "event", "store", "identification", "job", "estimation", "model", "recording"]),
     // What a program asks for is what a client asks for: a specification, and the problem that is
     // assembled from it.
     ("identification", &["job", "uncertainty", "estimation", "model", "intake", "recording", "document"]),
@@ -61,8 +64,10 @@ const SERVICE: &[&str] = &[
     "cli",
     "app",
     "api",
+    "access",
     "dashboard",
     "store",
+    "delivery",
     "event",
     "monitor",
     "worker",
@@ -83,10 +88,20 @@ const OUTSIDE_WORLD: &[&str] = &[
 /// Where each third party may be used: modules or files.
 #[rustfmt::skip]
 const PLACES: &[(&str, &[&str])] = &[
-    ("axum", &["api", "dashboard", "app"]),
-    ("hyper", &["app"]),
-    ("hyper_util", &["app"]),
+    // Settings name headers.
+    ("axum", &["api", "dashboard", "app", "config"]),
+    ("hyper", &["app", "delivery"]),
+    ("hyper_util", &["app", "delivery"]),
+    ("url", &["delivery"]),
+    ("rustls", &["app", "delivery"]),
+    ("tokio_rustls", &["app", "delivery"]),
+    ("rustls_native_certs", &["delivery"]),
+    ("hmac", &["delivery"]),
+    ("base64", &["delivery"]),
     ("tokio_io_timeout", &["app"]),
+    ("http_body", &["api"]),
+    ("ipnet", &["api", "config", "delivery"]),
+    ("getrandom", &["access", "delivery"]),
     // Connections are files.
     ("rlimit", &["app"]),
     ("tower", &["api", "dashboard", "app"]),
@@ -101,7 +116,7 @@ const PLACES: &[(&str, &[&str])] = &[
     ("bytes", SERVICE),
     ("tracing", SERVICE),
     ("tracing_subscriber", &["cli"]),
-    ("metrics", &["api", "app", "worker"]),
+    ("metrics", &["api", "app", "delivery", "store", "worker"]),
     ("metrics_exporter_prometheus", &["api", "app"]),
     ("reqwest", &["cli"]),
     // Where samples are put aside on their way into the database.

@@ -354,3 +354,47 @@ fn a_job_without_a_document_is_said_on_the_command_line() {
     let complaint = complaints(&["estimate", "a.csv", "--model", "x", "--set", "mass"]).join("\n");
     assert!(complaint.contains("mass=50..70"), "{complaint}");
 }
+
+#[test]
+fn tokens_are_made_shown_once_listed_and_revoked() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let database = format!("sqlite://{}", folder.path().join("a.db").display());
+    let token = |arguments: &[&str]| {
+        let place: [&str; 2] = ["--database", &database];
+        run(&[&["token"], arguments, &place[..]].concat())
+    };
+    let create = [
+        "create",
+        "--name",
+        "mes",
+        "--scope",
+        "submit",
+        "--project",
+        "hall-2",
+    ];
+    let made = token(&create);
+    let secret = String::from_utf8(made.stdout).expect("text");
+    assert!(
+        made.status.success() && secret.starts_with("gbx_"),
+        "{secret}"
+    );
+    let again = token(&create);
+    assert_eq!(again.status.code(), Some(2), "the name is taken");
+    let list = || String::from_utf8(token(&["list"]).stdout).expect("text");
+    let listed = list();
+    for word in ["mes", "submit", "hall-2", "valid"] {
+        assert!(listed.contains(word), "{word} in {listed}");
+    }
+    assert!(!listed.contains(secret.trim()), "{listed}");
+    assert!(token(&["revoke", "mes"]).status.success());
+    assert!(list().contains("revoked"));
+    assert_eq!(token(&["revoke", "mes"]).status.code(), Some(2));
+    // Its name is free again.
+    assert!(token(&create).status.success());
+    for wrong in [
+        ["create", "--name", "a b", "--scope", "read"],
+        ["create", "--name", "a", "--scope", "write"],
+    ] {
+        assert_eq!(token(&wrong).status.code(), Some(2), "{wrong:?}");
+    }
+}

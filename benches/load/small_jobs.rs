@@ -130,6 +130,7 @@ fn work_one(method: &Identification, spec: Value) {
 /// A job as the store hands it to a worker.
 fn row(spec: Value) -> JobRow {
     JobRow {
+        project: Default::default(),
         id: JobId::new(),
         name: None,
         labels: Default::default(),

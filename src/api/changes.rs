@@ -18,8 +18,10 @@ use utoipa::ToSchema;
 use super::ApiState;
 use super::error::Answer;
 use super::events::{COMMENT, KEEP_ALIVE, RETRY, streamed};
+use super::extract::Client;
 use super::job_list::JobSummary;
 use super::query::{NoQuery, Params};
+use crate::access::Project;
 use crate::event::ChangedJobs;
 use crate::job::JobId;
 use crate::store::{Store, StoreError};
@@ -39,11 +41,16 @@ const PIECE: usize = 200;
     responses((status = 200, content_type = "text/event-stream", body = StreamedChange,
                description = "The changes, one after the other"))
 )]
-pub async fn changes(State(state): State<ApiState>, _query: Params<NoQuery>) -> Answer {
+pub async fn changes(
+    State(state): State<ApiState>,
+    client: Client,
+    _query: Params<NoQuery>,
+) -> Answer {
     let permit = state.stream_permit()?;
     let follower = Follower {
         changed: state.hub.changed_jobs(),
         store: state.store.clone(),
+        project: client.project,
         greeted: false,
         _permit: permit,
     };
@@ -70,6 +77,8 @@ pub struct StreamedChange {
 struct Follower {
     changed: ChangedJobs,
     store: Store,
+    /// Whose jobs are followed.
+    project: Project,
     greeted: bool,
     _permit: OwnedSemaphorePermit,
 }
@@ -105,7 +114,7 @@ impl Follower {
                 .expect("writing to a string does not fail");
         };
         let there: Vec<JobId> = rows.iter().map(|row| row.id).collect();
-        for row in rows {
+        for row in rows.into_iter().filter(|row| row.project == self.project) {
             let shown = serde_json::to_string(&JobSummary::from(row));
             push("job", shown.expect("a summary has only text keys"));
         }

@@ -191,6 +191,7 @@ pub async fn submit_comparison(
     document: JsonDocument,
 ) -> Answer {
     let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
+        project: client.project.clone(),
         key,
         body_digest: document.digest.clone(),
     });
@@ -202,6 +203,7 @@ pub async fn submit_comparison(
     let asked = read(&document.value).map_err(Problem::of_document)?;
     let mut new = NewComparison {
         id: ComparisonId::new(),
+        project: client.project.clone(),
         jobs: Vec::new(),
         model: None,
         idempotency,
@@ -304,10 +306,14 @@ impl FromQuery for WhichComparisons {
 )]
 pub async fn list(
     State(state): State<ApiState>,
+    client: Client,
     Params(WhichComparisons(cursor)): Params<WhichComparisons>,
     uri: Uri,
 ) -> Answer {
-    let page = state.store.comparisons(cursor.before, cursor.limit).await?;
+    let page = state
+        .store
+        .comparisons(&client.project, cursor.before, cursor.limit);
+    let page = page.await?;
     let items = page.rows.iter().map(ListedComparison::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
 }

@@ -18,7 +18,7 @@ pub use document::{RecordedSignal, RecordingDocument};
 use super::ApiState;
 use super::body::{content_type, parse_received, receive, scratch_failed, unsupported};
 use super::error::{Answer, Kind, Problem, ProblemFault};
-use super::extract::Named;
+use super::extract::{Client, Named};
 use super::http_headers::{hex, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
@@ -192,6 +192,7 @@ pub(super) fn reading(query: &mut QueryReader, given: &mut Vec<(&'static str, St
 )]
 pub async fn create(
     State(state): State<ApiState>,
+    client: Client,
     Params(new): Params<NewRecording>,
     request: Request,
 ) -> Answer {
@@ -213,6 +214,7 @@ pub async fn create(
     .await?;
     let (recording, summary) = parsed.value;
     let new = NewDataset {
+        project: client.project,
         name: recording.name.clone(),
         digest: digest(parsed.digest, &given),
         summary,
@@ -287,10 +289,14 @@ impl FromQuery for WhichDatasets {
 )]
 pub async fn list(
     State(state): State<ApiState>,
+    client: Client,
     Params(WhichDatasets(cursor)): Params<WhichDatasets>,
     uri: Uri,
 ) -> Answer {
-    let page = state.store.datasets(cursor.before, cursor.limit).await?;
+    let page = state
+        .store
+        .datasets(&client.project, cursor.before, cursor.limit);
+    let page = page.await?;
     let items = page.rows.iter().map(Dataset::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
 }

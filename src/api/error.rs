@@ -6,11 +6,12 @@
 use axum::body::Body;
 use axum::http::{HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::job::{Fault, IllegalTransition};
-use crate::store::{Meaning, StoreError};
+use crate::store::{Meaning, QuotaExceeded, StoreError};
 
 /// The faults that one answer tells at the most; the rest are counted.
 const MAX_FAULTS: usize = 100;
@@ -44,6 +45,16 @@ pub enum Kind {
     WrongHost,
     /// The request comes from a page of another site.
     WrongOrigin,
+    /// The request does not say who asks, or wrongly.
+    Unauthorised,
+    /// The caller may not do that.
+    Forbidden,
+    /// The caller asks too much at once.
+    TooMany,
+    /// The project has as much as it may.
+    Quota,
+    /// The headers are more or longer than any request needs.
+    HeadersTooLarge,
     /// The path is longer than any that names something.
     PathTooLong,
     /// The server failed.
@@ -67,6 +78,10 @@ impl Kind {
             Kind::NoRoom => StatusCode::INSUFFICIENT_STORAGE,
             Kind::WrongHost => StatusCode::MISDIRECTED_REQUEST,
             Kind::WrongOrigin => StatusCode::FORBIDDEN,
+            Kind::Unauthorised => StatusCode::UNAUTHORIZED,
+            Kind::Forbidden => StatusCode::FORBIDDEN,
+            Kind::TooMany | Kind::Quota => StatusCode::TOO_MANY_REQUESTS,
+            Kind::HeadersTooLarge => StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,
             Kind::PathTooLong => StatusCode::URI_TOO_LONG,
             Kind::Internal => StatusCode::INTERNAL_SERVER_ERROR,
             Kind::Other(status) => status,
@@ -88,6 +103,11 @@ impl Kind {
             Kind::NoRoom => "/problems/no-room",
             Kind::WrongHost => "/problems/wrong-host",
             Kind::WrongOrigin => "/problems/wrong-origin",
+            Kind::Unauthorised => "/problems/unauthorised",
+            Kind::Forbidden => "/problems/forbidden",
+            Kind::TooMany => "/problems/too-many-requests",
+            Kind::Quota => "/problems/quota",
+            Kind::HeadersTooLarge => "/problems/headers-too-large",
             Kind::PathTooLong => "/problems/path-too-long",
             Kind::Internal => "/problems/internal",
             Kind::Other(_) => "about:blank",
@@ -109,6 +129,11 @@ impl Kind {
             Kind::NoRoom => "The disk is full",
             Kind::WrongHost => "This server has another name",
             Kind::WrongOrigin => "Pages of other sites may not ask this server",
+            Kind::Unauthorised => "It is not known who asks",
+            Kind::Forbidden => "The caller may not do that",
+            Kind::TooMany => "The caller asks too much at once",
+            Kind::Quota => "The project has as much as it may",
+            Kind::HeadersTooLarge => "The headers are too large",
             Kind::PathTooLong => "The path is too long",
             Kind::Internal => "The server failed",
             Kind::Other(status) => status.canonical_reason().unwrap_or("Error"),
@@ -250,6 +275,8 @@ impl Problem {
     /// The document, as the answer to the request to `instance`.
     pub fn document(self, instance: &str, request_id: &str) -> Response {
         let status = self.kind.status();
+        let reason = self.kind.uri().trim_start_matches("/problems/");
+        metrics::counter!("greybox_rejected_total", "reason" => reason).increment(1);
         let document = ProblemDocument {
             kind: self.kind.uri(),
             title: self.kind.title(),
@@ -284,8 +311,21 @@ impl IntoResponse for Problem {
     }
 }
 
+impl From<QuotaExceeded> for Problem {
+    fn from(exceeded: QuotaExceeded) -> Self {
+        let problem = Self::new(Kind::Quota, exceeded.to_string());
+        match exceeded.retry_after(Timestamp::now()) {
+            None => problem,
+            Some(wait) => problem.retry_after(wait.as_secs() as u32 + 1),
+        }
+    }
+}
+
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
+        if let StoreError::Quota(exceeded) = error {
+            return exceeded.into();
+        }
         let meaning = error.meaning();
         if meaning != Meaning::ShuttingDown {
             tracing::error!(%error, "the store failed while a request was served");

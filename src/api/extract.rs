@@ -5,50 +5,119 @@ use std::net::IpAddr;
 use std::str::FromStr;
 
 use axum::extract::{FromRequestParts, RawPathParams};
+use axum::http::StatusCode;
 use axum::http::request::Parts;
 
-use super::error::{Answer, Problem};
-use crate::job::{ComparisonId, DatasetId, JobId, MonitorId};
+use super::ApiState;
+use super::access::of_another_project;
+use super::error::{Answer, Kind, Problem};
+use crate::access::{Project, Scope};
+use crate::job::{ComparisonId, DatasetId, DeliveryId, JobId, MonitorId, WebhookId};
+use crate::store::StoreError;
 
-/// What the one parameter of a path names.
+/// What the one parameter of a path names: something of the caller's project, or nothing.
 pub struct Named<T>(pub T);
 
 /// A type that paths name.
-pub trait PathName: FromStr {
+pub trait PathName: FromStr + Sync {
     /// What it is called in a sentence.
     const WHAT: &'static str;
+
+    /// Whose it is; nothing where there is no such thing, or where it is looked for among those of
+    /// the caller's project alone.
+    fn project(
+        &self,
+        state: &ApiState,
+    ) -> impl Future<Output = Result<Option<Project>, StoreError>> + Send;
 }
 
 impl PathName for JobId {
     const WHAT: &'static str = "job";
+
+    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
+        state.store.project_of_job(*self).await
+    }
 }
 
 impl PathName for ComparisonId {
     const WHAT: &'static str = "comparison";
+
+    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
+        state.store.project_of_comparison(*self).await
+    }
 }
 
 impl PathName for MonitorId {
     const WHAT: &'static str = "monitor";
+
+    async fn project(&self, _state: &ApiState) -> Result<Option<Project>, StoreError> {
+        Ok(Some(Project::default()))
+    }
 }
 
 impl PathName for DatasetId {
     const WHAT: &'static str = "dataset";
+
+    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
+        let row = state.store.dataset(*self).await?;
+        Ok(row.map(|row| row.project.clone()))
+    }
 }
 
-impl PathName for String {
-    const WHAT: &'static str = "thing";
+impl PathName for WebhookId {
+    const WHAT: &'static str = "webhook";
+
+    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
+        let row = state.store.webhook(*self).await?;
+        Ok(row.map(|row| row.project))
+    }
 }
 
-impl<T: PathName, S: Send + Sync> FromRequestParts<S> for Named<T> {
+impl PathName for DeliveryId {
+    const WHAT: &'static str = "delivery";
+
+    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
+        state.store.project_of_delivery(*self).await
+    }
+}
+
+/// The name of a model: one of the program's, or `name@digest`, which is looked for in the project.
+pub struct ModelName(pub String);
+
+impl FromStr for ModelName {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        Ok(Self(text.to_owned()))
+    }
+}
+
+impl PathName for ModelName {
+    const WHAT: &'static str = "model";
+
+    async fn project(&self, _state: &ApiState) -> Result<Option<Project>, StoreError> {
+        Ok(None)
+    }
+}
+
+impl<T: PathName + Send> FromRequestParts<ApiState> for Named<T> {
     type Rejection = Problem;
 
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Answer<Self> {
+    async fn from_request_parts(parts: &mut Parts, state: &ApiState) -> Answer<Self> {
+        let client = Client::of(parts)?.clone();
         let params = RawPathParams::from_request_parts(parts, state).await;
         let params = params.map_err(|_| Problem::not_found(T::WHAT, "�"))?;
         let name = params.iter().next().map_or("", |(_, value)| value);
-        let named = name
+        let named: T = name
             .parse()
             .map_err(|_| Problem::not_found(T::WHAT, name))?;
+        // Where nobody has to say who they are there is one project.
+        if client.is_known
+            && let Some(project) = named.project(state).await?
+            && project != client.project
+        {
+            return Err(of_another_project(&client.project));
+        }
         Ok(Named(named))
     }
 }
@@ -57,17 +126,68 @@ impl<T: PathName, S: Send + Sync> FromRequestParts<S> for Named<T> {
 #[derive(Clone, Copy, Debug)]
 pub struct PeerAddress(pub IpAddr);
 
-/// Who asks, as far as the server can tell clients apart: the address; nothing where there is none.
+impl PeerAddress {
+    /// The address as it is written down.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        self.0.to_canonical().to_string()
+    }
+}
+
+/// Who asks.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Client(pub String);
+pub struct Client {
+    /// The address that the request comes from; empty where there is none.
+    pub address: String,
+    /// What the caller is called: `token <name>`, `person <name>`, or `local`.
+    pub who: String,
+    /// The project that it asks in.
+    pub project: Project,
+    /// How much it may do there.
+    pub scope: Scope,
+    /// Whether it said who it is; not where nobody has to.
+    pub is_known: bool,
+}
+
+impl Client {
+    /// A caller of a server that asks nobody who they are.
+    #[must_use]
+    pub fn local(address: String) -> Self {
+        Self {
+            address,
+            who: "local".to_owned(),
+            project: Project::default(),
+            scope: Scope::Admin,
+            is_known: false,
+        }
+    }
+
+    /// Refuses a caller of another project than `default`: what is watched belongs to that one alone.
+    ///
+    /// # Errors
+    /// That refusal.
+    pub fn asks_in_default_project(&self, what: &str) -> Answer<()> {
+        if self.project == Project::default() {
+            return Ok(());
+        }
+        let detail = format!(
+            "{what} are those of the project `default` alone, and you ask for `{}`",
+            self.project
+        );
+        Err(Problem::new(Kind::Forbidden, detail))
+    }
+
+    /// Who asks a request. Nothing is answered to one that came past the layer which says so.
+    fn of(parts: &Parts) -> Answer<&Self> {
+        let client = parts.extensions.get::<Self>();
+        client.ok_or_else(|| Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR))
+    }
+}
 
 impl<S: Send + Sync> FromRequestParts<S> for Client {
-    type Rejection = Infallible;
+    type Rejection = Problem;
 
-    async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Self, Infallible> {
-        let address = parts.extensions.get::<PeerAddress>();
-        Ok(Self(address.map_or_else(String::new, |PeerAddress(ip)| {
-            ip.to_canonical().to_string()
-        })))
+    async fn from_request_parts(parts: &mut Parts, _state: &S) -> Answer<Self> {
+        Self::of(parts).cloned()
     }
 }

@@ -45,7 +45,7 @@ impl FinishedJob {
         let spec = JobSpec::deserialize(&row.spec).map_err(unreadable)?;
         let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
         let recordings = state.recordings(&spec).await?.map_err(removed)?;
-        let model = state.model(&spec.model).await?;
+        let model = state.model(&row.project, &spec.model).await?;
         Ok(FinishedJob {
             row,
             spec,

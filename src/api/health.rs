@@ -110,6 +110,18 @@ pub async fn metrics(State(state): State<ApiState>) -> Answer {
         let count = counts.get(&status).copied().unwrap_or(0);
         metrics::gauge!("greybox_jobs", "status" => status.as_str()).set(count as f64);
     }
+    let figures = state.store.figures().await?;
+    metrics::gauge!("greybox_queue_age_seconds").set(figures.queue_age.as_secs_f64());
+    metrics::gauge!("greybox_database_bytes").set(figures.bytes as f64);
+    metrics::gauge!("greybox_database_free_bytes").set(figures.free_bytes as f64);
+    metrics::gauge!("greybox_deliveries_waiting").set(figures.deliveries_waiting as f64);
+    let streams = state.0.streams.taken(state.limits.streams_at_once);
+    metrics::gauge!("greybox_streams_open").set(streams as f64);
+    for (project, worked) in state.store.work_by_project().await? {
+        let project = project.to_string();
+        let counter = metrics::counter!("greybox_work_seconds_total", "project" => project);
+        counter.absolute(worked.as_secs());
+    }
     let text_type = HeaderValue::from_static("text/plain; version=0.0.4");
     let headers = [(header::CONTENT_TYPE, text_type)];
     Ok((headers, state.metrics.render()).into_response())

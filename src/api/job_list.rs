@@ -11,9 +11,11 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
 use super::error::Answer;
+use super::extract::Client;
 use super::jobs::Job;
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, Params, QueryReader};
+use crate::access::Project;
 use crate::job::outcome::Trust;
 use crate::job::spec::{MAX_NAME_CHARS, MethodName};
 use crate::job::{DatasetId, JobId, Progress, Status};
@@ -86,6 +88,7 @@ impl FromQuery for WhichJobs {
         let view = query.parsed("view", named::<JobView>).unwrap_or_default();
         let cursor = Cursor::read(query);
         let filter = JobFilter {
+            project: Project::default(),
             status,
             label,
             model,
@@ -205,9 +208,11 @@ pub enum JobsPage {
 )]
 pub async fn list(
     State(state): State<ApiState>,
-    Params(WhichJobs(filter, view)): Params<WhichJobs>,
+    client: Client,
+    Params(WhichJobs(mut filter, view)): Params<WhichJobs>,
     uri: Uri,
 ) -> Answer {
+    filter.project = client.project;
     if view == JobView::Summary {
         let page = state.store.job_summaries(&filter).await?;
         let items = page.rows.into_iter().map(JobSummary::from).collect();

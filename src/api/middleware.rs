@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use axum::Router;
-use axum::extract::{MatchedPath, Request};
+use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
@@ -15,24 +15,37 @@ use tower_http::compression::CompressionLayer;
 use tower_http::decompression::RequestDecompressionLayer;
 use uuid::Uuid;
 
+use super::audit::{Asked, Audit};
 use super::error::{PROBLEM_JSON, Problem};
+use super::extract::{Client, PeerAddress};
 use super::http_headers::GZIP_TAG_END;
 use super::origin::{self, Names};
+use super::unpacking;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// The characters of a client's request id at the most; a longer one is replaced.
 const MAX_ID_CHARS: usize = 128;
 
-/// Puts what every answer shares around routes. Unknown paths and methods get it too. `names` are
-/// those by which the server may be asked.
-pub fn with_middleware(routes: Router, names: Arc<Names>) -> Router {
+/// What stands around the routes.
+#[derive(Clone, Default)]
+pub struct Around {
+    /// The names by which the server may be asked.
+    pub names: Arc<Names>,
+    /// Where it is written down who did what.
+    pub audit: Option<Audit>,
+}
+
+/// Puts what every answer shares around routes. Unknown paths and methods get it too.
+pub fn with_middleware(routes: Router, around: Around) -> Router {
     routes
         .fallback(|| async { StatusCode::NOT_FOUND })
-        .layer(from_fn_with_state(names, origin::check))
+        .layer(from_fn_with_state(around.names, origin::check))
+        .layer(from_fn(unpacking::bound))
         .layer(RequestDecompressionLayer::new())
+        .layer(from_fn(unpacking::count))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(CompressionLayer::new())
-        .layer(from_fn(answer))
+        .layer(from_fn_with_state(around.audit, answer))
 }
 
 fn panicked(panic: Box<dyn Any + Send + 'static>) -> Response {
@@ -41,18 +54,22 @@ fn panicked(panic: Box<dyn Any + Send + 'static>) -> Response {
         .map(String::as_str)
         .or_else(|| panic.downcast_ref::<&str>().copied())
         .unwrap_or("no message");
+    metrics::counter!("greybox_panics_total").increment(1);
     tracing::error!(message, "a handler panicked");
     StatusCode::INTERNAL_SERVER_ERROR.into_response()
 }
 
 /// The outermost layer.
-async fn answer(request: Request, next: Next) -> Response {
+async fn answer(State(audit): State<Option<Audit>>, request: Request, next: Next) -> Response {
     let begun = Instant::now();
     let id = request_id(request.headers());
     let path = request.uri().path().to_owned();
     let method = request.method().clone();
     let route = request.extensions().get::<MatchedPath>().cloned();
-    let response = next.run(request).await;
+    let address = request.extensions().get::<PeerAddress>();
+    let address = address.map_or_else(String::new, PeerAddress::to_text);
+    let mut response = next.run(request).await;
+    let client = response.extensions_mut().remove::<Client>();
     let mut response = with_problem(response, &path, &id);
     mark_compressed(response.headers_mut());
     let value = HeaderValue::from_str(&id).expect("the id was checked or made here");
@@ -61,7 +78,19 @@ async fn answer(request: Request, next: Next) -> Response {
     let status = response.status().as_u16();
     let duration_s = begun.elapsed().as_secs_f64();
     let duration_ms = duration_s * 1e3;
-    tracing::info!(%method, path, status, duration_ms, request_id = id, "answered");
+    let who = client.as_ref().map_or("unknown", |client| &client.who);
+    tracing::info!(%method, path, status, duration_ms, who, request_id = id, "answered");
+    if let Some(audit) = audit {
+        let asked = Asked {
+            client,
+            address,
+            method: &method,
+            path: &path,
+            status,
+            request_id: &id,
+        };
+        audit.note(asked).await;
+    }
     let route = route.map_or_else(|| "none".to_owned(), |route| route.as_str().to_owned());
     let labels = [
         ("method", known(&method).to_owned()),
@@ -146,7 +175,7 @@ mod tests {
             .route("/fine", get(|| async { "fine" }))
             .route("/broken", get(|| async { panic!("at the disco") as () }))
             .route("/none", get(|| async { Problem::not_found("job", "x") }));
-        let response = with_middleware(routes, Arc::default())
+        let response = with_middleware(routes, Around::default())
             .oneshot(request)
             .await
             .unwrap();

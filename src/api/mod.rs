@@ -4,6 +4,8 @@
 //! shares (request id, problem documents, compression, logging) around it and around the pages that
 //! stand beside it.
 
+pub mod access;
+pub mod audit;
 pub mod body;
 pub mod candidates;
 pub mod changes;
@@ -24,6 +26,7 @@ pub mod openapi;
 pub mod origin;
 pub mod page;
 pub mod query;
+mod rates;
 pub mod report;
 pub mod results;
 mod simulated;
@@ -33,25 +36,32 @@ mod spool;
 pub mod streams;
 pub mod submit;
 pub mod trajectory;
+mod unpacking;
+pub mod webhooks;
 mod work;
 
 use std::sync::Arc;
 
 use axum::Router;
+use axum::middleware::from_fn_with_state;
 use metrics_exporter_prometheus::PrometheusHandle;
 use tokio::sync::OwnedSemaphorePermit;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use crate::access::Project;
+use crate::delivery::Destinations;
 use crate::event::EventHub;
 use crate::job::{Fault, JobSpec};
 use crate::model::{Catalogue, Model};
 use crate::recording::Recording;
 use crate::store::Store;
 
+use access::{AccessSettings, Callers};
 use error::{Answer, Problem};
-pub use middleware::with_middleware;
+pub use middleware::{Around, with_middleware};
 pub use openapi::openapi;
+use rates::Rates;
 use simulated::SimulatedCache;
 use spec_cache::SpecCache;
 use spool::SpoolRoom;
@@ -64,6 +74,8 @@ pub struct Limits {
     pub dataset_bytes: u64,
     /// The bytes of a JSON document (a job, a simulation) at the most, uncompressed.
     pub document_bytes: u64,
+    /// Derivatives that the search of a job may be predicted to take.
+    pub job_derivatives: f64,
     /// The longest computing time that a job may ask for `[s]`.
     pub max_duration_s: f64,
     /// Recordings that are in memory at the same time at the most.
@@ -76,6 +88,10 @@ pub struct Limits {
     pub spool_bytes: u64,
     /// Event streams that are open at the same time at the most.
     pub streams_at_once: usize,
+    /// Requests in a second of each caller that says who it is.
+    pub requests_per_second: f64,
+    /// Requests, streams among them, that each such caller has under way at the most.
+    pub requests_at_once: u32,
 }
 
 impl Default for Limits {
@@ -83,12 +99,15 @@ impl Default for Limits {
         Self {
             dataset_bytes: 64 << 20,
             document_bytes: 1 << 20,
+            job_derivatives: 1e15,
             max_duration_s: 86_400.0,
             recordings_at_once: 4,
             computations_at_once: 2,
             conversions_at_once: 4,
             spool_bytes: 1 << 30,
             streams_at_once: 5000,
+            requests_per_second: 200.0,
+            requests_at_once: 1000,
         }
     }
 }
@@ -103,6 +122,10 @@ pub struct Parts {
     pub catalogue: Catalogue,
     /// What one client may ask for.
     pub limits: Limits,
+    /// Who may ask.
+    pub access: AccessSettings,
+    /// Where events may be delivered.
+    pub destinations: Arc<Destinations>,
     /// Whether the workers run.
     pub workers_run: Arc<dyn Fn() -> bool + Send + Sync>,
     /// Renders the metrics.
@@ -123,6 +146,8 @@ pub struct Shared {
     checked: SpecCache,
     simulated: SimulatedCache,
     streams: Places,
+    callers: Callers,
+    rates: Rates,
 }
 
 impl ApiState {
@@ -136,6 +161,8 @@ impl ApiState {
             spool_room: SpoolRoom::new(limits.spool_bytes),
             checked: SpecCache::default(),
             simulated: SimulatedCache::default(),
+            rates: Rates::new(limits.requests_per_second, limits.requests_at_once),
+            callers: Callers::new(parts.access.clone()),
             streams: Places::new(limits.streams_at_once, "too many event streams are open"),
             parts,
         }))
@@ -168,12 +195,12 @@ impl ApiState {
         })
     }
 
-    /// A model by its name: one of the program's, or one that a user wrote by its reference.
-    async fn model(&self, name: &str) -> Answer<Arc<Model>> {
+    /// A model by its name: one of the program's, or one of the project by its reference.
+    async fn model(&self, project: &Project, name: &str) -> Answer<Arc<Model>> {
         if let Some(model) = self.catalogue.get(name) {
             return Ok(model.clone());
         }
-        let row = self.store.model(name).await?;
+        let row = self.store.model_of(project, name).await?;
         let row = row.ok_or_else(|| Problem::not_found("model", name))?;
         let read = models::read(self, row.document).await?;
         Ok(read.map_err(Problem::of_document)?.model)
@@ -229,12 +256,20 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(results::result))
         .routes(routes!(trajectory::trajectory))
         .routes(routes!(report::report))
+        .routes(routes!(audit::list))
+        .routes(routes!(webhooks::create, webhooks::list))
+        .routes(routes!(webhooks::show, webhooks::remove))
+        .routes(routes!(webhooks::deliveries))
+        .routes(routes!(webhooks::show_delivery))
+        .routes(routes!(webhooks::resend))
 }
 
 /// The resources, without what [`with_middleware()`] puts around them.
 pub fn resources(state: ApiState) -> Router {
     let (router, _openapi) = described().split_for_parts();
-    router.with_state(state)
+    router
+        .layer(from_fn_with_state(state.clone(), access::authorise))
+        .with_state(state)
 }
 
 #[cfg(test)]
@@ -261,6 +296,8 @@ mod tests {
             hub,
             catalogue: Catalogue::built_in(),
             limits: Limits::default(),
+            access: AccessSettings::default(),
+            destinations: Arc::default(),
             workers_run: Arc::new(|| true),
             metrics: PrometheusBuilder::new().build_recorder().handle(),
         });

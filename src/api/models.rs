@@ -12,7 +12,7 @@ use utoipa::ToSchema;
 use super::ApiState;
 use super::body::ModelDocument;
 use super::error::{Answer, Kind, Problem};
-use super::extract::{Client, Named};
+use super::extract::{Client, ModelName, Named};
 use super::http_headers::{json, tagged_json};
 use super::query::{NoQuery, Params};
 use crate::job::Fault;
@@ -142,13 +142,14 @@ pub(super) async fn read(
 }
 
 /// A document that was read, to be stored.
-fn new_model(read: &Referenced, document: Value, Client(client): Client) -> NewModel {
+fn new_model(read: &Referenced, document: Value, client: Client) -> NewModel {
     NewModel {
+        project: client.project,
         reference: read.reference().to_owned(),
         name: read.name.clone(),
         digest: read.digest.clone(),
         document,
-        client,
+        client: client.address,
     }
 }
 
@@ -157,13 +158,17 @@ fn new_model(read: &Referenced, document: Value, Client(client): Client) -> NewM
     get, path = "/v1/models", operation_id = "list_models", tag = "models",
     responses((status = 200, description = "All models", body = Models))
 )]
-pub async fn list(State(state): State<ApiState>, _query: Params<NoQuery>) -> Answer {
+pub async fn list(
+    State(state): State<ApiState>,
+    client: Client,
+    _query: Params<NoQuery>,
+) -> Answer {
     let mut items: Vec<ModelDescription> = state
         .catalogue
         .iter()
         .map(|model| model.description().clone())
         .collect();
-    let rows = state.store.models().await?;
+    let rows = state.store.models(&client.project).await?;
     let written = state.convert(move || {
         let read = rows
             .iter()
@@ -186,14 +191,18 @@ pub async fn list(State(state): State<ApiState>, _query: Params<NoQuery>) -> Ans
 )]
 pub async fn show(
     State(state): State<ApiState>,
-    Named(name): Named<String>,
+    client: Client,
+    Named(ModelName(name)): Named<ModelName>,
     _query: Params<NoQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let model = state.model(&name).await?;
+    let model = state.model(&client.project, &name).await?;
     let document = match model.document() {
         Some(document) => Some(document.clone()),
-        None => state.store.model(&name).await?.map(|row| row.document),
+        None => {
+            let row = state.store.model_of(&client.project, &name).await?;
+            row.map(|row| row.document)
+        }
     };
     let shown = ShownModel {
         description: model.description().clone(),
@@ -213,14 +222,15 @@ pub async fn show(
 )]
 pub async fn remove(
     State(state): State<ApiState>,
-    Named(name): Named<String>,
+    client: Client,
+    Named(ModelName(name)): Named<ModelName>,
     _query: Params<NoQuery>,
 ) -> Answer {
     if state.catalogue.get(&name).is_some() {
         let detail = format!("`{name}` is part of the program");
         return Err(Problem::new(Kind::WrongState, detail));
     }
-    match state.store.delete_model(&name).await? {
+    match state.store.delete_model(&client.project, &name).await? {
         ModelRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
         ModelRemoval::NotFound => Err(Problem::not_found("model", &name)),
         ModelRemoval::InUse(jobs) => {
@@ -250,7 +260,7 @@ pub(super) async fn asked(state: &ApiState, document: &Value, client: &Client) -
     };
     match document.get("model") {
         Some(Value::String(name)) if state.catalogue.get(name).is_none() && name.contains('@') => {
-            if let Some(row) = state.store.model(name).await? {
+            if let Some(row) = state.store.model_of(&client.project, name).await? {
                 let read = read(state, row.document).await?;
                 asked.model = Some(read.map_err(Problem::of_document)?.model);
             }

@@ -138,7 +138,9 @@ pub async fn create(
     client: Client,
     document: JsonDocument,
 ) -> Answer {
+    client.asks_in_default_project("monitors")?;
     let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
+        project: client.project.clone(),
         key,
         body_digest: document.digest.clone(),
     });
@@ -300,9 +302,11 @@ impl FromQuery for WhichMonitors {
 )]
 pub async fn list(
     State(state): State<ApiState>,
+    client: Client,
     Params(WhichMonitors(cursor)): Params<WhichMonitors>,
     uri: Uri,
 ) -> Answer {
+    client.asks_in_default_project("monitors")?;
     let page = state.store.monitors(cursor.before, cursor.limit).await?;
     let items = page.rows.into_iter().map(Monitor::new);
     let items = items.collect::<Answer<Vec<_>>>()?;

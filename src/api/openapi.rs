@@ -85,6 +85,7 @@ pub(super) fn preamble() -> OpenApi {
         ("models", "The structures that can be identified."),
         ("jobs", "Estimations, from submission to result."),
         ("health", "The server itself."),
+        ("access", "Who did what, and where events are delivered."),
     ];
     let tags =
         tags.map(|(name, text)| TagBuilder::new().name(name).description(Some(text)).build());
@@ -143,11 +144,26 @@ fn never_null(operation: &mut Operation) {
 /// named the form of a problem.
 fn describe_problems(path: &str, operation: &mut Operation) {
     let mut common: Vec<(u16, &str)> = vec![
-        (403, "The request comes from a page of another site"),
+        (
+            403,
+            "The caller may not do that, or the request comes from a page of another site",
+        ),
         (421, "The server has another name than the request asks"),
         (500, "The server failed"),
         (503, "The server is busy, starting or shutting down"),
     ];
+    if path.starts_with("/v1/") || path == "/metrics" {
+        common.extend([
+            (
+                401,
+                "The server asks who calls, and the request does not say, or wrongly",
+            ),
+            (
+                429,
+                "The caller asks too much at once, or its project has as much as it may",
+            ),
+        ]);
+    }
     if path.starts_with("/v1/") {
         common.push((
             422,
@@ -245,9 +261,9 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 13,
+            n_bodies, 14,
             "three forms of a recording and of a batch, two of a model, a simulation, a job, a \
-             comparison, a part of a stream and a monitor"
+             comparison, a part of a stream, a monitor and a webhook"
         );
     }
 }

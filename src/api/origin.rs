@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use axum::extract::{Request, State};
 use axum::http::uri::Authority;
-use axum::http::{HeaderMap, Method, Uri, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
@@ -18,6 +18,11 @@ use super::error::{Answer, Kind, Problem};
 
 /// The bytes of a path with its query at the most.
 const LONGEST_PATH: usize = 8 << 10;
+
+/// The headers of a request at the most.
+const MOST_HEADERS: usize = 100;
+/// The bytes of all headers at the most.
+const LARGEST_HEADERS: usize = 32 << 10;
 
 /// The names by which a server may be asked, beside its addresses and `localhost`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -56,6 +61,13 @@ fn checked(names: &Names, method: &Method, uri: &Uri, headers: &HeaderMap) -> An
     {
         let detail = format!("a path with its query has at most {LONGEST_PATH} bytes");
         return Err(Problem::new(Kind::PathTooLong, detail));
+    }
+    let bytes = |(name, value): (&HeaderName, &HeaderValue)| name.as_str().len() + value.len();
+    if headers.len() > MOST_HEADERS || headers.iter().map(bytes).sum::<usize>() > LARGEST_HEADERS {
+        let detail = format!(
+            "a request has at most {MOST_HEADERS} headers, of {LARGEST_HEADERS} bytes together"
+        );
+        return Err(Problem::new(Kind::HeadersTooLarge, detail));
     }
     let host = host(uri, headers)?;
     if !names.contain(host.host()) {

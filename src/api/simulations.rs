@@ -113,7 +113,7 @@ pub async fn simulate(
     document: JsonDocument,
 ) -> Answer {
     let permit = state.recording_permit().await?;
-    let recording = recording(&state, &document.value).await?;
+    let recording = recording(&state, &client, &document.value).await?;
     let asked = models::asked(&state, &document.value, &client).await?;
     let models = asked.descriptions(&state);
     let summary = recording.as_ref().map(Recording::summary);
@@ -122,7 +122,7 @@ pub async fn simulate(
     let recording = recording.expect("a specification that exists has a source");
     let model = match asked.model {
         Some(model) => model,
-        None => state.model(&spec.model).await?,
+        None => state.model(&client.project, &spec.model).await?,
     };
 
     let name = spec.model.clone();
@@ -153,9 +153,19 @@ pub async fn simulate(
 }
 
 /// The recording that drives the simulation, if the document names one.
-async fn recording(state: &ApiState, document: &Value) -> Answer<Option<Recording>> {
+async fn recording(
+    state: &ApiState,
+    client: &Client,
+    document: &Value,
+) -> Answer<Option<Recording>> {
     match SimulationSpec::source(document) {
-        Source::Dataset(id) => Ok(state.store.recording(id).await?),
+        Source::Dataset(id) => {
+            let row = state.store.dataset(id).await?;
+            match row.filter(|row| row.project == client.project) {
+                Some(_) => Ok(state.store.recording(id).await?),
+                None => Ok(None),
+            }
+        }
         Source::Inline(inputs) => {
             let inputs = inputs.clone();
             let read = state.convert(move || inline(&inputs));

@@ -5,7 +5,7 @@
 //! their name, so what held once holds as long as they are there, which the store looks at in the
 //! transaction that takes the job in.
 
-use std::collections::{HashSet, VecDeque};
+use std::collections::{HashMap, VecDeque};
 use std::sync::{Mutex, PoisonError};
 
 use serde::Serialize;
@@ -26,7 +26,8 @@ pub struct SpecCache(Mutex<Passed>);
 
 #[derive(Default)]
 struct Passed {
-    known: HashSet<SpecKey>,
+    /// What one candidate of each takes, in derivatives.
+    known: HashMap<SpecKey, u64>,
     /// The oldest first.
     order: VecDeque<SpecKey>,
 }
@@ -59,16 +60,16 @@ impl SpecKey {
 }
 
 impl SpecCache {
-    /// Whether such a specification has passed.
-    pub fn contain(&self, checked: SpecKey) -> bool {
+    /// What one candidate of such a specification takes, in derivatives, if it has passed.
+    pub fn get(&self, checked: SpecKey) -> Option<u64> {
         let passed = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        passed.known.contains(&checked)
+        passed.known.get(&checked).copied()
     }
 
-    /// Remembers one that has passed.
-    pub fn insert(&self, checked: SpecKey) {
+    /// Remembers one that has passed, with what one candidate of it takes.
+    pub fn insert(&self, checked: SpecKey, derivatives: u64) {
         let mut passed = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if !passed.known.insert(checked) {
+        if passed.known.insert(checked, derivatives).is_some() {
             return;
         }
         passed.order.push_back(checked);
@@ -89,9 +90,13 @@ mod tests {
         let specs = SpecCache::default();
         let passed: Vec<SpecKey> = (0..=LIMIT).map(|n| SpecKey::digest(&n)).collect();
         for checked in passed.iter().chain(&passed[1..]) {
-            specs.insert(*checked);
+            specs.insert(*checked, 7);
         }
-        assert!(!specs.contain(passed[0]), "the oldest makes room");
-        assert!(passed[1..].iter().all(|checked| specs.contain(*checked)));
+        assert_eq!(specs.get(passed[0]), None, "the oldest makes room");
+        assert!(
+            passed[1..]
+                .iter()
+                .all(|checked| specs.get(*checked) == Some(7))
+        );
     }
 }

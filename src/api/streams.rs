@@ -15,13 +15,15 @@ use super::ApiState;
 use super::body::{parse_received, receive, scratch_failed};
 use super::datasets::{ReadingQuery, RecordingDocument, csv_answer, digest, kind_of, reading};
 use super::error::{Answer, Kind, Problem, ProblemFault};
-use super::extract::{Named, PathName};
+use super::extract::{Client, Named, PathName};
 use super::http_headers::{idempotency_key, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
+use crate::access::Project;
 use crate::intake::{self, Options};
 use crate::monitor::MAX_WINDOW_SAMPLES;
 use crate::recording::{MAX_SIGNALS, Recording, Rows, Samples, Source};
+use crate::store::StoreError;
 use crate::store::{
     Appended, BatchOutcome, Idempotency, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,
 };
@@ -50,6 +52,10 @@ impl FromStr for StreamName {
 impl PathName for StreamName {
     const WHAT: &'static str = "stream (its name has letters, digits, `.`, `_` and `-`, 100 of \
                                 them at the most) called";
+
+    async fn project(&self, _state: &ApiState) -> Result<Option<Project>, StoreError> {
+        Ok(Some(Project::default()))
+    }
 }
 
 /// What of the stream is kept.
@@ -170,7 +176,11 @@ pub async fn append(
         rows,
         zone,
         keep,
-        idempotency: key.map(|key| Idempotency { key, body_digest }),
+        idempotency: key.map(|key| Idempotency {
+            project: Project::default(),
+            key,
+            body_digest,
+        }),
     };
     answered(&name, state.store.append(batch).await?)
 }
@@ -251,9 +261,11 @@ impl FromQuery for WhichStreams {
 )]
 pub async fn list(
     State(state): State<ApiState>,
+    client: Client,
     Params(WhichStreams(cursor)): Params<WhichStreams>,
     uri: Uri,
 ) -> Answer {
+    client.asks_in_default_project("streams")?;
     let page = state.store.streams(cursor.before, cursor.limit).await?;
     Ok(Page::new(page.rows, page.next).answer(&uri))
 }

@@ -19,6 +19,7 @@ use super::jobs::{self, Job};
 use super::query::{FromQuery, Params, QueryReader};
 use super::spec_cache::SpecKey;
 use super::{ApiState, models};
+use crate::access::Project;
 use crate::job::assemble::{self, Assembly, Finding, Identifiability, Preflight};
 use crate::job::budget::BudgetLine;
 use crate::job::spec::Context;
@@ -129,6 +130,7 @@ pub async fn submit(
     document: JsonDocument,
 ) -> Answer {
     let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
+        project: client.project.clone(),
         key,
         body_digest: document.digest.clone(),
     });
@@ -137,7 +139,12 @@ pub async fn submit(
     {
         return answer(&state, earlier, &headers).await;
     }
-    let Ready { spec, model, new } = ready(&state, &document.value, &client).await?;
+    let Ready {
+        project,
+        spec,
+        model,
+        new,
+    } = ready(&state, &document.value, &client).await?;
     if query.validate_only {
         let method = spec.method.clone();
         let look_ahead = move |assembly: &Assembly, stop: &AtomicBool| {
@@ -146,10 +153,16 @@ pub async fn submit(
             Ok((preflight, ahead))
         };
         let forecast = assembled(&state, &spec, model, look_ahead).await?;
+        check_cost(&state, &spec, forecast.0.derivatives_per_evaluation)?;
         return Ok(json(StatusCode::OK, &Validation::new(spec, forecast)));
     }
     check(&state, &spec, Arc::clone(&model)).await?;
-    let ready = Ready { spec, model, new };
+    let ready = Ready {
+        project,
+        spec,
+        model,
+        new,
+    };
     let job = ready.new_job(idempotency);
     if let Some(new) = ready.new {
         state.store.insert_model(new).await?;
@@ -159,6 +172,7 @@ pub async fn submit(
 
 /// A job that has been read.
 pub(super) struct Ready {
+    project: Project,
     spec: JobSpec,
     model: Arc<Model>,
     /// Its model, where it brings a new one.
@@ -168,13 +182,18 @@ pub(super) struct Ready {
 /// Reads a job, or says everything that is wrong with it.
 async fn ready(state: &ApiState, document: &Value, client: &Client) -> Answer<Ready> {
     let asked = models::asked(state, document, client).await?;
-    let spec = read(state, &asked).await?;
+    let spec = read(state, &client.project, &asked).await?;
     let model = match asked.model {
         Some(model) => model,
-        None => state.model(&spec.model).await?,
+        None => state.model(&client.project, &spec.model).await?,
     };
     let new = asked.new;
-    Ok(Ready { spec, model, new })
+    Ok(Ready {
+        project: client.project.clone(),
+        spec,
+        model,
+        new,
+    })
 }
 
 /// Reads a job and holds it against its recordings.
@@ -192,6 +211,7 @@ impl Ready {
         datasets.sort();
         datasets.dedup();
         NewJob {
+            project: self.project.clone(),
             name: spec.name.clone(),
             labels: spec.labels.clone(),
             model: spec.model.clone(),
@@ -225,6 +245,7 @@ pub(super) fn stored<T>(submitted: Submitted<T>) -> Answer<(T, bool)> {
             let fault = Fault::new("/model", "unknown_model", detail);
             Err(Problem::of_document(vec![fault]))
         }
+        Submitted::Refused(exceeded) => Err(exceeded.into()),
         Submitted::NoDataset(id) => {
             let detail = format!("there is no dataset {id}");
             let fault = Fault::new("/experiments", "unknown_dataset", detail);
@@ -234,10 +255,11 @@ pub(super) fn stored<T>(submitted: Submitted<T>) -> Answer<(T, bool)> {
 }
 
 /// The completed specification, or everything that is wrong with the document.
-async fn read(state: &ApiState, asked: &models::Asked) -> Answer<JobSpec> {
+async fn read(state: &ApiState, project: &Project, asked: &models::Asked) -> Answer<JobSpec> {
     let mut datasets = HashMap::new();
     for id in JobSpec::datasets_named(&asked.document) {
-        if let Some(row) = state.store.dataset(id).await? {
+        let row = state.store.dataset(id).await?;
+        if let Some(row) = row.filter(|row| row.project == *project) {
             datasets.insert(id, row.summary.clone());
         }
     }
@@ -252,11 +274,45 @@ async fn read(state: &ApiState, asked: &models::Asked) -> Answer<JobSpec> {
 /// Says what speaks against the job once its recordings are looked at.
 async fn check(state: &ApiState, spec: &JobSpec, model: Arc<Model>) -> Answer<()> {
     let checked = SpecKey::of(spec);
-    if !state.0.checked.contain(checked) {
-        assembled(state, spec, model, |_, _| Ok(())).await?;
-        state.0.checked.insert(checked);
+    let known = state.0.checked.get(checked);
+    let each = match known {
+        Some(each) => each,
+        None => {
+            let method = spec.method.clone();
+            let look = move |assembly: &Assembly, stop: &AtomicBool| {
+                Ok(assemble::preflight(assembly, &method, stop).derivatives_per_evaluation)
+            };
+            let each = assembled(state, spec, model, look).await?;
+            state.0.checked.insert(checked, each);
+            each
+        }
+    };
+    check_cost(state, spec, each)
+}
+
+/// Refuses a search that would take too much, and says what would not; one candidate takes so many
+/// derivatives.
+fn check_cost(state: &ApiState, spec: &JobSpec, each: u64) -> Answer<()> {
+    let limit = state.limits.job_derivatives;
+    let (population, generations) = (spec.method.population, spec.method.generations);
+    let one_generation = each as f64 * f64::from(population);
+    let predicted = one_generation * f64::from(generations);
+    if predicted <= limit {
+        return Ok(());
     }
-    Ok(())
+    let fits = (limit / one_generation).floor();
+    let would = if fits >= 1.0 {
+        format!("{fits} generations of {population} candidates would fit")
+    } else {
+        "a shorter window or fewer candidates may fit".to_owned()
+    };
+    let detail = format!(
+        "the search takes up to {predicted:.1e} derivatives ({generations} generations of \
+         {population} candidates with {each} each), more than the {limit:.1e} that a job may take \
+         here (--max-job-derivatives); {would}"
+    );
+    let fault = Fault::new("/method/generations", "too_costly", detail);
+    Err(Problem::of_document(vec![fault]))
 }
 
 /// Cuts the experiments out of their recordings, as the worker will, and looks at what comes out;

@@ -53,6 +53,11 @@ impl Places {
         place.map_err(|_| self.refusal())
     }
 
+    /// Places that are taken.
+    pub(super) fn taken(&self, of: usize) -> usize {
+        of.saturating_sub(self.places.available_permits())
+    }
+
     fn refusal(&self) -> Problem {
         Problem::new(Kind::Busy, self.too_many).retry_after(2)
     }
@@ -79,6 +84,7 @@ impl ApiState {
             work()
         });
         done.await.unwrap_or_else(|panic| {
+            metrics::counter!("greybox_panics_total").increment(1);
             tracing::error!(%panic, "work for a request panicked");
             Err(Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR))
         })
@@ -99,6 +105,7 @@ impl ApiState {
         });
         tokio::select! {
             done = &mut done => done.unwrap_or_else(|panic| {
+                metrics::counter!("greybox_panics_total").increment(1);
                 tracing::error!(%panic, "a computation for a request panicked");
                 Err(Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR))
             }),

@@ -5,7 +5,8 @@
 //! time, or takes nothing of its answer for as long, is let go.
 
 use std::net::SocketAddr;
-use std::pin::pin;
+use std::pin::{Pin, pin};
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
@@ -14,18 +15,25 @@ use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
 use tokio_io_timeout::TimeoutStream;
+use tokio_rustls::TlsAcceptor;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
+use super::tls::Tls;
 use crate::api::extract::PeerAddress;
 
 /// How long a client may take for the head of a request, counted from the answer before it.
 const HEAD_TIME: Duration = Duration::from_secs(30);
 /// How long a client may take nothing of an answer.
 const WRITE_TIME: Duration = Duration::from_secs(30);
+/// Headers that are read; with more than a few the routes refuse the request and say so.
+const MOST_HEADERS: usize = 500;
+/// Bytes of a connection's buffer: the head of a request is no longer.
+const LARGEST_BUFFER: usize = 128 << 10;
 /// How long nobody is taken after that failed, which it does when files are used up.
 const BACK_OFF: Duration = Duration::from_secs(1);
 
@@ -33,12 +41,12 @@ const BACK_OFF: Duration = Duration::from_secs(1);
 /// Dropping the future cuts the connections.
 ///
 /// At most `at_once` connections are open; others wait for one of them to end.
-pub(super) async fn serve(
-    listener: TcpListener,
-    routes: Router,
-    at_once: usize,
-    closing: CancellationToken,
-) {
+pub(super) async fn serve(listening: Listening, routes: Router, closing: CancellationToken) {
+    let Listening {
+        listener,
+        tls,
+        at_once,
+    } = listening;
     // Built once; each connection shares them.
     let routes: Router = routes.with_state(());
     let mut connections = JoinSet::new();
@@ -46,8 +54,13 @@ pub(super) async fn serve(
         tokio::select! {
             () = closing.cancelled() => break,
             taken = take(&listener), if connections.len() < at_once => {
-                let connection = answer(taken, routes.clone(), TIMES, closing.clone());
-                connections.spawn(connection);
+                let (routes, closing) = (routes.clone(), closing.clone());
+                match tls.as_ref().map(|tls| tls.acceptor()) {
+                    None => connections.spawn(answer(taken, routes, TIMES, closing)),
+                    Some(tls) => {
+                        connections.spawn(answer_over_tls(tls, taken, routes, TIMES, closing))
+                    }
+                };
             }
             Some(ended) = connections.join_next() => {
                 if let Err(error) = ended {
@@ -58,6 +71,15 @@ pub(super) async fn serve(
     }
     drop(listener);
     while connections.join_next().await.is_some() {}
+}
+
+/// Where connections come in.
+pub(super) struct Listening {
+    pub(super) listener: TcpListener,
+    /// Where the server speaks TLS, and nothing else.
+    pub(super) tls: Option<Arc<Tls>>,
+    /// Connections that are open at the same time at the most.
+    pub(super) at_once: usize,
 }
 
 /// How long a client is waited for.
@@ -91,12 +113,48 @@ async fn take(listener: &TcpListener) -> Taken {
 /// Answers the requests of a connection until its client leaves, or the answer under way when the
 /// server goes down.
 async fn answer((stream, peer): Taken, routes: Router, times: Times, closing: CancellationToken) {
+    let stream = prepared(stream, times);
+    answer_on(stream, peer, routes, times, closing).await;
+}
+
+/// The same over TLS. A client may take as long to agree on that as for the head of a request.
+async fn answer_over_tls(
+    tls: TlsAcceptor,
+    (stream, peer): Taken,
+    routes: Router,
+    times: Times,
+    closing: CancellationToken,
+) {
+    let agreeing = tokio::time::timeout(times.head, tls.accept(prepared(stream, times)));
+    let agreed = tokio::select! {
+        agreed = agreeing => agreed,
+        () = closing.cancelled() => return,
+    };
+    match agreed {
+        Ok(Ok(stream)) => answer_on(stream, peer, routes, times, closing).await,
+        Ok(Err(error)) => tracing::debug!(%error, "a client does not speak TLS"),
+        Err(_time_is_up) => tracing::debug!("a client took too long to agree on TLS"),
+    }
+}
+
+/// A connection that waits neither to fill packets nor for ever to be read.
+fn prepared(stream: TcpStream, times: Times) -> Pin<Box<TimeoutStream<TcpStream>>> {
     // An event is sent when it is written; waiting to fill a packet only delays it.
     if let Err(error) = stream.set_nodelay(true) {
         tracing::debug!(%error, "a connection delays small packets");
     }
     let mut stream = TimeoutStream::new(stream);
     stream.set_write_timeout(Some(times.write));
+    Box::pin(stream)
+}
+
+async fn answer_on(
+    stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
+    peer: SocketAddr,
+    routes: Router,
+    times: Times,
+    closing: CancellationToken,
+) {
     let routes = routes.map_request(move |mut request: Request<Incoming>| {
         request.extensions_mut().insert(PeerAddress(peer.ip()));
         request
@@ -104,10 +162,9 @@ async fn answer((stream, peer): Taken, routes: Router, times: Times, closing: Ca
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(times.head)
-        .serve_connection(
-            TokioIo::new(Box::pin(stream)),
-            TowerToHyperService::new(routes),
-        );
+        .max_headers(MOST_HEADERS)
+        .max_buf_size(LARGEST_BUFFER)
+        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(routes));
     let mut connection = pin!(connection);
     let ended = tokio::select! {
         ended = connection.as_mut() => ended,
@@ -135,7 +192,12 @@ mod tests {
         let routes = Router::new().route("/", get(|| async { "here" }));
         let closing = CancellationToken::new();
         let mut server = JoinSet::new();
-        server.spawn(serve(listener, routes, at_once, closing.clone()));
+        let listening = Listening {
+            listener,
+            tls: None,
+            at_once,
+        };
+        server.spawn(serve(listening, routes, closing.clone()));
         (address, closing, server)
     }
 

@@ -26,7 +26,7 @@ pub fn serve(settings: Settings) -> Result<(), CommandError> {
     log(&settings.log)?;
     block_on(async {
         let app = start(settings).await?;
-        println!("listening on http://{}", app.local_addr());
+        println!("listening on {}", app.url());
         let asked = app.wait_for_signal().await;
         app.shutdown().await;
         asked.map_err(CommandError::failed)

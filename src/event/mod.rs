@@ -8,12 +8,13 @@
 mod everyone;
 mod feed;
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::{Notify, watch};
 use tokio_util::sync::CancellationToken;
 
+use crate::access::Project;
 use crate::job::JobId;
 use crate::store::{Change, OnChange, Store};
 
@@ -33,10 +34,13 @@ struct Inner {
     waiting: Mutex<HashMap<JobId, Arc<Topic>>>,
     followers: Followers,
     slice_waits: Notify,
+    /// In which projects.
+    slices_wait_in: Mutex<BTreeSet<Project>>,
     stop_requested: Notify,
     monitors_may_step: Notify,
     /// How often there was news of monitors.
     monitors: watch::Sender<u64>,
+    delivery_waits: Notify,
     closing: CancellationToken,
 }
 
@@ -58,6 +62,11 @@ impl Default for Topic {
 }
 
 impl Inner {
+    fn slices_wait(&self) -> MutexGuard<'_, BTreeSet<Project>> {
+        let projects = self.slices_wait_in.lock();
+        projects.unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn waiting(&self) -> MutexGuard<'_, HashMap<JobId, Arc<Topic>>> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -77,8 +86,12 @@ impl EventHub {
                 hub.wake(job);
                 hub.inner.monitors_may_step.notify_one();
             }
-            Change::SliceWaits => hub.inner.slice_waits.notify_one(),
+            Change::SliceWaits(project) => {
+                hub.inner.slices_wait().insert(project);
+                hub.inner.slice_waits.notify_one();
+            }
             Change::StopRequested(_) => hub.inner.stop_requested.notify_one(),
+            Change::DeliveryWaits => hub.inner.delivery_waits.notify_one(),
             Change::Stream => hub.inner.monitors_may_step.notify_one(),
             Change::Monitor(_) => hub.inner.monitors.send_modify(|news| *news += 1),
             Change::DatasetRemoved(_) => {}
@@ -116,9 +129,16 @@ impl EventHub {
         Feed::new(self.subscribe(job), store, after)
     }
 
-    /// Returns when a slice came into the queue since the last call.
-    pub async fn slice_waits(&self) {
+    /// Returns when slices came into the queue since the last call, with the projects that they are
+    /// of.
+    pub async fn slice_waits(&self) -> BTreeSet<Project> {
         self.inner.slice_waits.notified().await;
+        std::mem::take(&mut *self.inner.slices_wait())
+    }
+
+    /// Returns when a delivery came to be due, or is due at another time, since the last call.
+    pub async fn delivery_waits(&self) {
+        self.inner.delivery_waits.notified().await;
     }
 
     /// Returns when a running job was asked to stop since the last call.
@@ -223,6 +243,7 @@ mod tests {
 
     async fn submit(store: &Store) -> JobId {
         let job = NewJob {
+            project: Default::default(),
             name: None,
             labels: Default::default(),
             model: "positioning_drive".to_owned(),

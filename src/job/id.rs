@@ -110,6 +110,20 @@ identifier!(
     "mon_0192d3a4b5c67d8e9f00112233445566"
 );
 
+identifier!(
+    /// Names a place that events are delivered to.
+    WebhookId,
+    "whk_",
+    "whk_0192d3a4b5c67d8e9f00112233445566"
+);
+
+identifier!(
+    /// Names an event on its way to one place.
+    DeliveryId,
+    "msg_",
+    "msg_0192d3a4b5c67d8e9f00112233445566"
+);
+
 #[cfg(test)]
 mod tests {
     use super::*;

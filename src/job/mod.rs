@@ -17,7 +17,7 @@ pub use crate::estimation::{Phase, Progress};
 pub use candidate::{Candidate, CandidateColumn};
 pub use event::{Event, GenerationEvent};
 pub use failure::Failure;
-pub use id::{ComparisonId, DatasetId, InvalidId, JobId, MonitorId};
+pub use id::{ComparisonId, DatasetId, DeliveryId, InvalidId, JobId, MonitorId, WebhookId};
 pub use outcome::Outcome;
 pub use spec::JobSpec;
 pub use state::{IllegalTransition, Status};

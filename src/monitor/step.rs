@@ -10,6 +10,7 @@ use super::record::{Alarm, MonitorWindow, Start, WindowStatus};
 use super::spec::MonitorSpec;
 use super::state::{State, Worked, instant, silence};
 use super::warm;
+use crate::access::Project;
 use crate::job::outcome::Outcome;
 use crate::job::spec::Context;
 use crate::job::{DatasetId, Fault, JobId, JobSpec, Status};
@@ -329,6 +330,7 @@ impl Step {
     fn new_job(&self, spec: &JobSpec, dataset: Option<(DatasetId, NewDataset)>) -> NewWindowJob {
         NewWindowJob {
             job: NewJob {
+                project: Project::default(),
                 name: spec.name.clone(),
                 labels: spec.labels.clone(),
                 model: spec.model.clone(),
@@ -371,6 +373,7 @@ impl Step {
         let ranges = warm::searched(&job);
         let (start, job) = self.warm(&window, document, job);
         let dataset = NewDataset {
+            project: Project::default(),
             name: recording.name.clone(),
             digest,
             summary: summary.clone(),

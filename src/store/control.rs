@@ -6,6 +6,7 @@
 use super::jobs::{self, JobRow};
 use super::writer::Tx;
 use super::{Change, Store, StoreError, corrupt, queue, results, slices};
+use crate::access::Project;
 use crate::job::{Event, JobId, Status};
 
 /// What a running job is asked to do.
@@ -98,7 +99,7 @@ async fn control(
     let Some(step) = wish.of(&row) else {
         return Ok(Control::Refused(row.status));
     };
-    apply(&queue, tx, id, step).await?;
+    apply(&queue, tx, (id, &row.project), step).await?;
     let row = jobs::fetch(&mut *tx, id).await?;
     Ok(row.map_or(Control::NotFound, |row| Control::Accepted(Box::new(row))))
 }
@@ -148,7 +149,7 @@ impl Wish {
 async fn apply(
     queue: &riverqueue::Client,
     tx: &mut Tx,
-    id: JobId,
+    (id, project): (JobId, &Project),
     step: Step,
 ) -> Result<(), StoreError> {
     match step {
@@ -160,7 +161,7 @@ async fn apply(
         }
         Step::Withdraw => set_request(tx, id, None).await,
         Step::Become(Status::Queued) => {
-            let entry = queue::enqueue(queue, tx, id).await?;
+            let entry = queue::enqueue(queue, tx, id, project).await?;
             sqlx::query("update jobs set queue_entry = ? where id = ?")
                 .bind(entry)
                 .bind(id.to_string())

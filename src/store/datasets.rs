@@ -11,9 +11,10 @@ use serde::{Deserialize, Serialize};
 use sqlx::{QueryBuilder, Row, Sqlite};
 use tokio::sync::mpsc;
 
-use super::jobs::{Page, from_json, json, time};
+use super::jobs::{Page, from_json, json, project, time};
 use super::writer::Tx;
-use super::{Change, Store, StoreError, corrupt};
+use super::{Change, Quotas, Store, StoreError, corrupt, quotas};
+use crate::access::Project;
 use crate::job::{DatasetId, JobId};
 use crate::recording::{
     Named, NewScratch, Received, Recording, Source, Summary, TimeAxis, Warning,
@@ -26,6 +27,8 @@ const CHUNKS_WAITING: usize = 2;
 
 /// A recording to be stored.
 pub struct NewDataset {
+    /// Whose it is.
+    pub project: Project,
     /// A name for people.
     pub name: Option<String>,
     /// A digest of the bytes that came and of the options they were read with.
@@ -41,6 +44,8 @@ pub struct NewDataset {
 pub struct DatasetRow {
     /// Its identifier.
     pub id: DatasetId,
+    /// Whose it is.
+    pub project: Project,
     /// A name for people.
     pub name: Option<String>,
     /// A digest of the bytes that came and of the options they were read with.
@@ -90,11 +95,13 @@ impl Store {
         tempfile::tempfile_in(&self.inner.folder)
     }
 
-    /// Stores a recording, or finds the one that has the same digest. Says whether it is new.
+    /// Stores a recording, or finds the one of its project that has the same digest. Says whether it
+    /// is new.
     pub async fn insert_dataset(&self, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
+        let allowed = self.inner.quotas;
         self.inner
             .writer
-            .write(move |tx| Box::pin(insert(tx, new)))
+            .write(move |tx| Box::pin(insert(tx, new, allowed)))
             .await
     }
 
@@ -106,7 +113,7 @@ impl Store {
             Err(reading) => reading,
         };
         let row = sqlx::query_as::<_, Columns>(
-            "select id, name, digest, summary, created_at from datasets where id = ?",
+            "select id, project, name, digest, summary, created_at from datasets where id = ?",
         )
         .bind(id.to_string())
         .fetch_optional(self.readers())
@@ -118,17 +125,19 @@ impl Store {
         Ok(row)
     }
 
-    /// Recordings, newest first, older than `before`.
+    /// Recordings of a project, newest first, older than `before`.
     pub async fn datasets(
         &self,
+        project: &Project,
         before: Option<DatasetId>,
         limit: u32,
     ) -> Result<Page<DatasetRow, DatasetId>, StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new(
-            "select id, name, digest, summary, created_at from datasets",
+            "select id, project, name, digest, summary, created_at from datasets where project = ",
         );
+        query.push_bind(project.as_str());
         if let Some(before) = before {
-            query.push(" where id < ").push_bind(before.to_string());
+            query.push(" and id < ").push_bind(before.to_string());
         }
         query
             .push(" order by id desc limit ")
@@ -186,6 +195,7 @@ impl Store {
 #[derive(sqlx::FromRow)]
 struct Columns {
     id: String,
+    project: String,
     name: Option<String>,
     digest: String,
     summary: String,
@@ -197,6 +207,7 @@ impl Columns {
         Ok(DatasetRow {
             summary: from_json("summary", &self.id, &self.summary)?,
             created_at: time(&self.id, &self.created_at)?,
+            project: project(&self.id, &self.project)?,
             id: self
                 .id
                 .parse()
@@ -207,8 +218,12 @@ impl Columns {
     }
 }
 
-async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
-    insert_as(tx, DatasetId::new(), new).await
+async fn insert(
+    tx: &mut Tx,
+    new: NewDataset,
+    allowed: Quotas,
+) -> Result<(DatasetRow, bool), StoreError> {
+    insert_as(tx, DatasetId::new(), new, allowed).await
 }
 
 /// The same, by an identifier that was chosen before.
@@ -216,18 +231,23 @@ pub(super) async fn insert_as(
     tx: &mut Tx,
     id: DatasetId,
     new: NewDataset,
+    allowed: Quotas,
 ) -> Result<(DatasetRow, bool), StoreError> {
+    let identity = format!("{} {}", new.project, new.digest);
     let same: Option<Columns> = sqlx::query_as(
-        "select id, name, digest, summary, created_at from datasets where digest = ?",
+        "select id, project, name, digest, summary, created_at from datasets where identity = ?",
     )
-    .bind(&new.digest)
+    .bind(&identity)
     .fetch_optional(&mut **tx)
     .await?;
     if let Some(same) = same {
         return Ok((same.read()?, false));
     }
+    let bytes = bytes_of(&new.recording);
+    quotas::check_dataset(tx, &allowed, &new.project, bytes).await?;
     let row = DatasetRow {
         id,
+        project: new.project,
         name: new.name,
         digest: new.digest,
         summary: new.summary,
@@ -235,19 +255,29 @@ pub(super) async fn insert_as(
     };
     let key = row.id.to_string();
     sqlx::query(
-        "insert into datasets (id, name, digest, description, summary, created_at) \
-         values (?, ?, ?, ?, ?, ?)",
+        "insert into datasets (id, project, identity, name, digest, description, summary, \
+         created_at, bytes) values (?, ?, ?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(&key)
+    .bind(row.project.as_str())
+    .bind(&identity)
     .bind(&row.name)
     .bind(&row.digest)
     .bind(json(&describe(&new.recording)))
     .bind(json(&row.summary))
     .bind(row.created_at.to_string())
+    .bind(i64::try_from(bytes).unwrap_or(i64::MAX))
     .execute(&mut **tx)
     .await?;
     insert_samples(tx, &key, new.recording).await?;
     Ok((row, true))
+}
+
+/// The bytes of its samples.
+fn bytes_of(recording: &Received) -> u64 {
+    let axes = matches!(recording.time, TimeAxis::Instants(_));
+    let series = recording.signals.len() + usize::from(axes);
+    (recording.time.samples() * series * size_of::<f64>()) as u64
 }
 
 async fn insert_samples(tx: &mut Tx, dataset: &str, recording: Received) -> Result<(), StoreError> {

@@ -6,6 +6,8 @@ use std::borrow::Cow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use super::quotas::QuotaExceeded;
+
 /// A failure of the store.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
@@ -54,6 +56,9 @@ pub enum StoreError {
         /// Why.
         why: String,
     },
+    /// The project has as much as it may.
+    #[error(transparent)]
+    Quota(#[from] QuotaExceeded),
     /// The store is closed.
     #[error("the store is closed")]
     Closed,

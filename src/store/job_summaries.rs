@@ -9,11 +9,14 @@ use sqlx::{QueryBuilder, Row, Sqlite};
 
 use super::jobs::{from_json, optional, optional_time, parse_id, push_filter, time};
 use super::{JobFilter, Page, Store, StoreError, corrupt};
+use crate::access::Project;
 use crate::job::{JobId, Progress, Status};
 
 /// A job in short.
 #[derive(Clone, Debug)]
 pub struct JobSummaryRow {
+    /// Whose it is.
+    pub project: Project,
     /// Its identifier.
     pub id: JobId,
     /// The name for people.
@@ -49,7 +52,7 @@ pub struct NamedDataset {
     pub name: Option<String>,
 }
 
-const COLUMNS: &str = "id, name, labels, model, method, status, progress, created_at, started_at, \
+const COLUMNS: &str = "id, project, name, labels, model, method, status, progress, created_at, started_at, \
      finished_at, (select trust from results where job = jobs.id) as trust, \
      (select json_group_array(json_object('id', dataset, 'name', \
      (select name from datasets where datasets.id = dataset))) from job_datasets \
@@ -62,7 +65,10 @@ impl Store {
         filter: &JobFilter,
     ) -> Result<Page<JobSummaryRow, JobId>, StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new("select ");
-        query.push(COLUMNS).push(" from jobs where 1 = 1");
+        query
+            .push(COLUMNS)
+            .push(" from jobs where project = ")
+            .push_bind(filter.project.as_str().to_owned());
         push_filter(&mut query, filter);
         let rows = query.build().fetch_all(self.readers()).await?;
         let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
@@ -90,6 +96,10 @@ fn read(row: &SqliteRow) -> Result<JobSummaryRow, StoreError> {
     let id: String = row.try_get("id")?;
     let status: String = row.try_get("status")?;
     Ok(JobSummaryRow {
+        project: row
+            .try_get::<String, _>("project")?
+            .parse()
+            .map_err(|why| corrupt("project", &id, why))?,
         name: row.try_get("name")?,
         labels: from_json("labels", &id, row.try_get("labels")?)?,
         model: row.try_get("model")?,

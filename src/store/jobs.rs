@@ -13,6 +13,7 @@ use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use super::control::StopRequest;
 use super::writer::Tx;
 use super::{Store, StoreError, corrupt};
+use crate::access::Project;
 use crate::job::{DatasetId, JobId, Progress, Status};
 
 /// A job as it stands.
@@ -20,6 +21,8 @@ use crate::job::{DatasetId, JobId, Progress, Status};
 pub struct JobRow {
     /// Its identifier.
     pub id: JobId,
+    /// Whose it is.
+    pub project: Project,
     /// The name for people.
     pub name: Option<String>,
     /// Labels to find it by.
@@ -86,6 +89,8 @@ impl JobRow {
 /// Which jobs to list.
 #[derive(Clone, Debug, Default)]
 pub struct JobFilter {
+    /// Those of this project.
+    pub project: Project,
     /// Only those in this state.
     pub status: Option<Status>,
     /// Only those with this label, and with this value where one is given.
@@ -137,7 +142,7 @@ pub enum JobRemoval {
     Unfinished(Status),
 }
 
-const COLUMNS: &str = "id, name, labels, model, spec, status, request, progress, attempt, error, \
+const COLUMNS: &str = "id, project, name, labels, model, spec, status, request, progress, attempt, error, \
      created_at, started_at, finished_at, last_event, revision";
 
 impl Store {
@@ -156,10 +161,23 @@ impl Store {
         Ok(row)
     }
 
+    /// Whose a job is, if there is one.
+    pub async fn project_of_job(&self, id: JobId) -> Result<Option<Project>, StoreError> {
+        let key = id.to_string();
+        let name: Option<String> = sqlx::query_scalar("select project from jobs where id = ?")
+            .bind(&key)
+            .fetch_optional(self.readers())
+            .await?;
+        name.map(|name| project(&key, &name)).transpose()
+    }
+
     /// Jobs, newest first.
     pub async fn jobs(&self, filter: &JobFilter) -> Result<Page<JobRow, JobId>, StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new("select ");
-        query.push(COLUMNS).push(" from jobs where 1 = 1");
+        query
+            .push(COLUMNS)
+            .push(" from jobs where project = ")
+            .push_bind(filter.project.as_str().to_owned());
         push_filter(&mut query, filter);
         let rows = query.build().fetch_all(self.readers()).await?;
         let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
@@ -310,8 +328,13 @@ fn read(row: &SqliteRow) -> Result<JobRow, StoreError> {
         finished_at: optional_time(&id, row.try_get("finished_at")?)?,
         last_event: row.try_get("last_event")?,
         revision: row.try_get("revision")?,
+        project: project(&id, row.try_get("project")?)?,
         id: parse_id(&id)?,
     })
+}
+
+pub(super) fn project(of: &str, name: &str) -> Result<Project, StoreError> {
+    name.parse().map_err(|why| corrupt("project", of, why))
 }
 
 pub(super) fn parse_id(text: &str) -> Result<JobId, StoreError> {

@@ -7,12 +7,14 @@
 //!
 //! Writes of a worker carry a [`Lease`]: they change nothing once another slice of the job began.
 
+mod audit;
 pub mod backup;
 mod candidates;
 mod control;
 mod datasets;
 mod error;
 mod events;
+mod figures;
 mod generations;
 mod job_summaries;
 mod jobs;
@@ -21,40 +23,53 @@ mod lock;
 mod models;
 mod monitors;
 mod queue;
+mod quotas;
 mod recent;
 mod results;
+mod retention;
 mod slices;
 mod streams;
 mod submit;
 #[cfg(test)]
 mod tests;
+pub mod tokens;
+mod webhooks;
 mod writer;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::sqlite::{
+    SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous,
+};
 use sqlx::{Connection, SqlitePool};
 
+use crate::access::Project;
 use crate::job::{DatasetId, JobId, MonitorId};
 
+pub use audit::{AuditEntry, AuditRow};
 pub use candidates::{CandidatePage, NewCandidates};
 pub use control::{Control, StopRequest};
 pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
 pub use error::{Meaning, StoreError};
 pub use events::StoredEvent;
+pub use figures::Figures;
 pub use job_summaries::{JobSummaryRow, NamedDataset};
 pub use jobs::{JobFilter, JobRemoval, JobRow, Page};
 pub use models::{MAX_UNUSED_MODELS, ModelRemoval, ModelRow, ModelStored, NewModel};
 pub use monitors::{Advance, AdvanceWindow, MonitorRow, NewMonitor, NewWindowJob, StoredWindow};
-pub use queue::{QUEUE, SliceOfJob};
+pub use queue::{QUEUE, SliceOfJob, project_of, queue_of};
+pub use quotas::{QuotaExceeded, Quotas};
+pub use retention::{Retention, Tidied};
 pub use slices::{Begin, Checkpoint, Ending, Hold, Lease, Record, Reported, Slice};
 pub use streams::{
     Appended, BatchOutcome, DEFAULT_KEEP_MIB, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,
 };
 pub use submit::comparison::{ComparisonRow, ComparisonSummary, NewComparison};
 pub use submit::{Idempotency, NewJob, Submitted};
+pub use tokens::TokenRow;
+pub use webhooks::{Attempt, DeliveryRow, DeliveryState, WebhookRow};
 
 use lock::FileLock;
 use recent::Recent;
@@ -78,12 +93,14 @@ pub struct DatabaseSettings {
 }
 
 /// What a committed transaction changed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Change {
     /// A job has more events or another state.
     Job(JobId),
-    /// A slice waits in the queue.
-    SliceWaits,
+    /// A slice of a job of the project waits in the queue.
+    SliceWaits(Project),
+    /// A delivery is due, or is due at another time.
+    DeliveryWaits,
     /// A running job was asked to stop.
     StopRequested(JobId),
     /// A recording was removed.
@@ -116,6 +133,7 @@ struct Inner {
     queue: riverqueue::Client,
     submissions: Submissions,
     recent: RecentRows,
+    quotas: Quotas,
     _lock: FileLock,
 }
 
@@ -124,6 +142,15 @@ impl Store {
     /// dead server left running ready to go on.
     pub async fn open(
         settings: &DatabaseSettings,
+        on_change: OnChange,
+    ) -> Result<Self, StoreError> {
+        Self::open_with(settings, Quotas::default(), on_change).await
+    }
+
+    /// The same, for projects that may have only so much.
+    pub async fn open_with(
+        settings: &DatabaseSettings,
+        quotas: Quotas,
         on_change: OnChange,
     ) -> Result<Self, StoreError> {
         let folder = settings.path.parent().filter(|p| !p.as_os_str().is_empty());
@@ -159,6 +186,7 @@ impl Store {
                 queue,
                 submissions: Submissions::default(),
                 recent,
+                quotas,
                 _lock: lock,
             }),
         };
@@ -213,11 +241,14 @@ struct RecentRows {
 /// Forgets what has changed before anybody is told.
 fn forget_then(recent: RecentRows, on_change: OnChange) -> OnChange {
     Arc::new(move |change| {
-        match change {
-            Change::Job(id) => recent.jobs.forget(id),
-            Change::DatasetRemoved(id) => recent.datasets.forget(id),
-            Change::SliceWaits | Change::StopRequested(_) | Change::Stream | Change::Monitor(_) => {
-            }
+        match &change {
+            Change::Job(id) => recent.jobs.forget(*id),
+            Change::DatasetRemoved(id) => recent.datasets.forget(*id),
+            Change::SliceWaits(_)
+            | Change::DeliveryWaits
+            | Change::StopRequested(_)
+            | Change::Stream
+            | Change::Monitor(_) => {}
         }
         on_change(change);
     })
@@ -255,6 +286,8 @@ fn connection(settings: &DatabaseSettings) -> SqliteConnectOptions {
     SqliteConnectOptions::new()
         .filename(&settings.path)
         .create_if_missing(true)
+        // Of a file that is new: what is removed can be given back to the disk.
+        .auto_vacuum(SqliteAutoVacuum::Incremental)
         .journal_mode(SqliteJournalMode::Wal)
         .synchronous(SqliteSynchronous::Full)
         .foreign_keys(true)

@@ -7,6 +7,7 @@ use sqlx::{FromRow, QueryBuilder, Sqlite};
 use super::jobs::{from_json, time};
 use super::writer::Tx;
 use super::{Store, StoreError};
+use crate::access::Project;
 use crate::job::JobId;
 
 /// The models that no job was made with that one server keeps at the most. One more takes the place
@@ -16,6 +17,8 @@ pub const MAX_UNUSED_MODELS: i64 = 500;
 /// A model to be stored.
 #[derive(Clone, Debug)]
 pub struct NewModel {
+    /// Whose it is.
+    pub project: Project,
     /// `name@digest`, by which jobs name it.
     pub reference: String,
     /// The name that its author gave.
@@ -81,7 +84,7 @@ impl Columns {
 }
 
 impl Store {
-    /// Stores a model, or finds the one that has the same digest.
+    /// Stores a model, or finds the one of its project that has the same digest.
     pub async fn insert_model(&self, new: NewModel) -> Result<ModelStored, StoreError> {
         self.inner
             .writer
@@ -89,13 +92,35 @@ impl Store {
             .await
     }
 
-    /// A stored model. The names of the catalogue have no digest and are not looked for.
+    /// A model of a project. The names of the catalogue have no digest and are not looked for.
+    pub async fn model_of(
+        &self,
+        project: &Project,
+        reference: &str,
+    ) -> Result<Option<ModelRow>, StoreError> {
+        if !reference.contains('@') {
+            return Ok(None);
+        }
+        let row: Option<Columns> = sqlx::query_as(
+            "select reference, digest, document, created_at from models \
+             where project = ? and reference = ?",
+        )
+        .bind(project.as_str())
+        .bind(reference)
+        .fetch_optional(self.readers())
+        .await?;
+        row.map(Columns::read).transpose()
+    }
+
+    /// A stored model, whose ever it is: a reference names the same document everywhere. The names
+    /// of the catalogue have no digest and are not looked for.
     pub async fn model(&self, reference: &str) -> Result<Option<ModelRow>, StoreError> {
         if !reference.contains('@') {
             return Ok(None);
         }
         let row: Option<Columns> = sqlx::query_as(
-            "select reference, digest, document, created_at from models where reference = ?",
+            "select reference, digest, document, created_at from models where reference = ? \
+             limit 1",
         )
         .bind(reference)
         .fetch_optional(self.readers())
@@ -103,31 +128,38 @@ impl Store {
         row.map(Columns::read).transpose()
     }
 
-    /// All stored models, newest first.
-    pub async fn models(&self) -> Result<Vec<ModelRow>, StoreError> {
+    /// All models of a project, newest first.
+    pub async fn models(&self, project: &Project) -> Result<Vec<ModelRow>, StoreError> {
         let rows: Vec<Columns> = sqlx::query_as(
-            "select reference, digest, document, created_at from models \
+            "select reference, digest, document, created_at from models where project = ? \
              order by created_at desc, reference",
         )
+        .bind(project.as_str())
         .fetch_all(self.readers())
         .await?;
         rows.into_iter().map(Columns::read).collect()
     }
 
-    /// Removes a model that no job was made with.
-    pub async fn delete_model(&self, reference: &str) -> Result<ModelRemoval, StoreError> {
-        let reference = reference.to_owned();
+    /// Removes a model of a project that no job of it was made with.
+    pub async fn delete_model(
+        &self,
+        project: &Project,
+        reference: &str,
+    ) -> Result<ModelRemoval, StoreError> {
+        let (project, reference) = (project.clone(), reference.to_owned());
         self.inner
             .writer
-            .write(move |tx| Box::pin(delete(tx, reference)))
+            .write(move |tx| Box::pin(delete(tx, project, reference)))
             .await
     }
 }
 
 pub(super) async fn insert(tx: &mut Tx, new: NewModel) -> Result<ModelStored, StoreError> {
     let same: Option<Columns> = sqlx::query_as(
-        "select reference, digest, document, created_at from models where digest = ?",
+        "select reference, digest, document, created_at from models \
+         where project = ? and digest = ?",
     )
+    .bind(new.project.as_str())
     .bind(&new.digest)
     .fetch_optional(&mut **tx)
     .await?;
@@ -136,9 +168,10 @@ pub(super) async fn insert(tx: &mut Tx, new: NewModel) -> Result<ModelStored, St
     }
     let created_at = Timestamp::now();
     sqlx::query(
-        "insert into models (reference, name, digest, document, created_at, client) \
-         values (?, ?, ?, ?, ?, ?)",
+        "insert into models (project, reference, name, digest, document, created_at, client) \
+         values (?, ?, ?, ?, ?, ?, ?)",
     )
+    .bind(new.project.as_str())
     .bind(&new.reference)
     .bind(&new.name)
     .bind(&new.digest)
@@ -147,7 +180,7 @@ pub(super) async fn insert(tx: &mut Tx, new: NewModel) -> Result<ModelStored, St
     .bind(&new.client)
     .execute(&mut **tx)
     .await?;
-    make_room(tx, &new.reference).await?;
+    make_room(tx, &new.project, &new.reference).await?;
     Ok(ModelStored::Created(ModelRow {
         reference: new.reference,
         digest: new.digest,
@@ -157,8 +190,9 @@ pub(super) async fn insert(tx: &mut Tx, new: NewModel) -> Result<ModelStored, St
 }
 
 /// Forgets an unused model where there are too many, and not the one that just came.
-async fn make_room(tx: &mut Tx, but_not: &str) -> Result<(), StoreError> {
-    const UNUSED: &str = "not exists (select 1 from jobs where jobs.model = models.reference)";
+async fn make_room(tx: &mut Tx, project: &Project, but_not: &str) -> Result<(), StoreError> {
+    const UNUSED: &str = "not exists (select 1 from jobs where jobs.project = models.project \
+                          and jobs.model = models.reference)";
     let mut count = QueryBuilder::<Sqlite>::new("select count(*) from models where ");
     count.push(UNUSED);
     let count: i64 = count.build_query_scalar().fetch_one(&mut **tx).await?;
@@ -166,29 +200,39 @@ async fn make_room(tx: &mut Tx, but_not: &str) -> Result<(), StoreError> {
         return Ok(());
     }
     let mut removal = QueryBuilder::<Sqlite>::new(
-        "with unused as (select reference, client, created_at from models where reference <> ",
+        "with unused as (select rowid as id, project, reference, client, created_at from models \
+         where (project, reference) <> (",
     );
-    removal.push_bind(but_not).push(" and ").push(UNUSED).push(
-        "), greediest as (select client from unused group by client \
-             order by count(*) desc, client limit 1) \
-             delete from models where reference = (select reference from unused \
-             where client = (select client from greediest) order by created_at, reference limit 1)",
+    removal.push_bind(project.as_str()).push(", ");
+    removal.push_bind(but_not).push(") and ").push(UNUSED).push(
+        "), greediest as (select project, client from unused group by project, client \
+             order by count(*) desc, project, client limit 1) \
+             delete from models where rowid = (select id from unused \
+             where (project, client) = (select project, client from greediest) \
+             order by created_at, reference limit 1)",
     );
     removal.build().execute(&mut **tx).await?;
     Ok(())
 }
 
-async fn delete(tx: &mut Tx, reference: String) -> Result<ModelRemoval, StoreError> {
-    let users: Vec<String> =
-        sqlx::query_scalar("select id from jobs where model = ? order by id limit 10")
-            .bind(&reference)
-            .fetch_all(&mut **tx)
-            .await?;
+async fn delete(
+    tx: &mut Tx,
+    project: Project,
+    reference: String,
+) -> Result<ModelRemoval, StoreError> {
+    let users: Vec<String> = sqlx::query_scalar(
+        "select id from jobs where project = ? and model = ? order by id limit 10",
+    )
+    .bind(project.as_str())
+    .bind(&reference)
+    .fetch_all(&mut **tx)
+    .await?;
     if !users.is_empty() {
         let users = users.iter().map(|job| super::jobs::parse_id(job));
         return Ok(ModelRemoval::InUse(users.collect::<Result<_, _>>()?));
     }
-    let removed = sqlx::query("delete from models where reference = ?")
+    let removed = sqlx::query("delete from models where project = ? and reference = ?")
+        .bind(project.as_str())
         .bind(&reference)
         .execute(&mut **tx)
         .await?

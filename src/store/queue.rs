@@ -4,6 +4,7 @@
 //! says which. The others are stale and do nothing. The database belongs to one server, so every
 //! entry that is `running` when it opens was left by a dead one and is made available at once.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use riverqueue::{Client, InsertOpts, JobArgs};
@@ -12,10 +13,16 @@ use sqlx::SqlitePool;
 
 use super::writer::Tx;
 use super::{Change, Store, StoreError};
+use crate::access::Project;
 use crate::job::JobId;
 
-/// The queue that slices of jobs wait in.
+/// The queue that slices of jobs wait in: this one those of the project `default`, one of its own
+/// those of each other project, so that no project has to wait for the queue of another.
 pub const QUEUE: &str = "jobs";
+/// What stands between that and the name of another project.
+const SEPARATOR: char = '|';
+/// What entries of all these queues are.
+const KIND: &str = "slice";
 
 /// A slice may be tried as often as it takes; how often is too often is the job's affair
 /// (its `attempt`), not the entry's.
@@ -33,6 +40,23 @@ pub struct SliceOfJob {
     pub job: JobId,
 }
 
+/// The queue that slices of a project's jobs wait in.
+#[must_use]
+pub fn queue_of(project: &Project) -> String {
+    if *project == Project::default() {
+        QUEUE.to_owned()
+    } else {
+        format!("{QUEUE}{SEPARATOR}{project}")
+    }
+}
+
+/// The project whose slices wait in a queue.
+#[must_use]
+pub fn project_of(queue: &str) -> Project {
+    let name = queue.split_once(SEPARATOR).map(|(_, name)| name.parse());
+    name.and_then(Result::ok).unwrap_or_default()
+}
+
 /// A client that only inserts.
 pub(super) fn inserter(pool: &SqlitePool) -> Result<Client, StoreError> {
     Ok(Client::builder(pool.clone())
@@ -41,13 +65,18 @@ pub(super) fn inserter(pool: &SqlitePool) -> Result<Client, StoreError> {
 }
 
 /// Adds an entry for a job in the caller's transaction and returns the entry's id.
-pub(super) async fn enqueue(queue: &Client, tx: &mut Tx, job: JobId) -> Result<i64, StoreError> {
+pub(super) async fn enqueue(
+    queue: &Client,
+    tx: &mut Tx,
+    job: JobId,
+    project: &Project,
+) -> Result<i64, StoreError> {
     let entry = queue
         .insert(SliceOfJob { job })
-        .opts(options())
+        .opts(options(project))
         .tx(tx.for_queue())
         .await?;
-    tx.announce(Change::SliceWaits);
+    tx.announce(Change::SliceWaits(project.clone()));
     Ok(entry.id())
 }
 
@@ -55,33 +84,50 @@ pub(super) async fn enqueue(queue: &Client, tx: &mut Tx, job: JobId) -> Result<i
 pub(super) async fn enqueue_all(
     queue: &Client,
     tx: &mut Tx,
-    jobs: &[JobId],
+    jobs: &[(JobId, Project)],
 ) -> Result<Vec<i64>, StoreError> {
     if jobs.is_empty() {
         return Ok(Vec::new());
     }
-    let entries = jobs.iter().map(|job| (SliceOfJob { job: *job }, options()));
+    let entries = jobs.iter();
+    let entries = entries.map(|(job, project)| (SliceOfJob { job: *job }, options(project)));
     let entries = queue.insert_many(entries).tx(tx.for_queue()).await?;
-    tx.announce(Change::SliceWaits);
+    let projects: BTreeSet<&Project> = jobs.iter().map(|(_, project)| project).collect();
+    for project in projects {
+        tx.announce(Change::SliceWaits(project.clone()));
+    }
     Ok(entries.iter().map(|entry| entry.id()).collect())
 }
 
-fn options() -> InsertOpts {
+fn options(project: &Project) -> InsertOpts {
     InsertOpts::default()
-        .with_queue(QUEUE)
+        .with_queue(queue_of(project))
         .with_max_attempts(ENTRY_ATTEMPTS)
 }
 
 impl Store {
+    /// The projects that have unfinished jobs.
+    pub async fn projects_at_work(&self) -> Result<Vec<Project>, StoreError> {
+        let names: Vec<String> = sqlx::query_scalar(
+            "select distinct project from jobs where status in ('queued', 'running')",
+        )
+        .fetch_all(self.readers())
+        .await?;
+        let names = names.iter();
+        names
+            .map(|name| super::jobs::project("a job", name))
+            .collect()
+    }
+
     /// Lets entries go on that wait for a time which the queue never asks anyone to wait for: the
     /// clock has been set back since they were made.
     pub async fn free_entries_of_the_future(&self) -> Result<(), StoreError> {
         let waits: bool = sqlx::query_scalar(
-            "select exists (select 1 from river_job where queue = ? \
+            "select exists (select 1 from river_job where kind = ? \
              and state in ('available', 'scheduled', 'retryable') \
              and scheduled_at > datetime('now', 'subsec', '+3 seconds'))",
         )
-        .bind(QUEUE)
+        .bind(KIND)
         .fetch_one(self.readers())
         .await?;
         if waits {
@@ -126,10 +172,10 @@ impl Store {
 async fn free_entries(tx: &mut Tx) -> Result<(), StoreError> {
     let freed = sqlx::query(
         "update river_job set state = 'available', scheduled_at = datetime('now', 'subsec') \
-         where queue = ? and state in ('available', 'scheduled', 'retryable') \
+         where kind = ? and state in ('available', 'scheduled', 'retryable') \
          and scheduled_at > datetime('now', 'subsec', '+3 seconds')",
     )
-    .bind(QUEUE)
+    .bind(KIND)
     .execute(&mut **tx)
     .await?
     .rows_affected();
@@ -137,34 +183,35 @@ async fn free_entries(tx: &mut Tx) -> Result<(), StoreError> {
         slices = freed,
         "the clock was set back; slices no longer wait for it"
     );
-    tx.announce(Change::SliceWaits);
+    tx.announce(Change::SliceWaits(Project::default()));
     Ok(())
 }
 
 async fn recover(queue: Client, tx: &mut Tx) -> Result<(), StoreError> {
     let freed = sqlx::query(
         "update river_job set state = 'available', scheduled_at = datetime('now', 'subsec') \
-         where queue = ? and (state in ('running', 'retryable') \
+         where kind = ? and (state in ('running', 'retryable') \
           or (state in ('available', 'scheduled') and scheduled_at > datetime('now', 'subsec')))",
     )
-    .bind(QUEUE)
+    .bind(KIND)
     .execute(&mut **tx)
     .await?
     .rows_affected();
     sqlx::query("delete from river_leader")
         .execute(&mut **tx)
         .await?;
-    let stranded: Vec<String> = sqlx::query_scalar(
-        "select id from jobs where status in ('queued', 'running') and not exists \
-         (select 1 from river_job where river_job.id = jobs.queue_entry and queue = ? \
+    let stranded: Vec<(String, String)> = sqlx::query_as(
+        "select id, project from jobs where status in ('queued', 'running') and not exists \
+         (select 1 from river_job where river_job.id = jobs.queue_entry and kind = ? \
           and state in ('available', 'pending', 'scheduled'))",
     )
-    .bind(QUEUE)
+    .bind(KIND)
     .fetch_all(&mut **tx)
     .await?;
-    for id in &stranded {
+    for (id, project) in &stranded {
         let job = super::jobs::parse_id(id)?;
-        let entry = enqueue(&queue, tx, job).await?;
+        let project = super::jobs::project(id, project)?;
+        let entry = enqueue(&queue, tx, job, &project).await?;
         sqlx::query("update jobs set queue_entry = ? where id = ?")
             .bind(entry)
             .bind(id)

@@ -12,7 +12,10 @@ use super::control::StopRequest;
 use super::jobs::{self, JobRow};
 use super::life::{SUSPECT_FROM, wait_after};
 use super::writer::Tx;
-use super::{Change, NewCandidates, Store, StoreError, candidates, events, generations, results};
+use super::{
+    Change, NewCandidates, Store, StoreError, candidates, events, generations, quotas, results,
+    webhooks,
+};
 use crate::job::{Event, Failure, GenerationEvent, JobId, Progress, Status};
 
 /// The right to write about a job, until its next slice begins.
@@ -324,6 +327,11 @@ async fn write_record(tx: &mut Tx, lease: Lease, record: Record) -> Result<Hold,
     let Some(last_event) = last_event else {
         return Ok(Hold::Lost);
     };
+    if record.worked_ms > 0 {
+        let worked_s = Duration::from_millis(record.worked_ms).as_secs_f64();
+        metrics::histogram!("greybox_slice_duration_seconds").record(worked_s);
+        quotas::note_work(tx, &lease.job.to_string(), record.worked_ms).await?;
+    }
     let n_events = i64::try_from(record.events.len()).expect("a record is small");
     events::insert(tx, lease.job, last_event - n_events + 1, &record.events).await?;
     generations::insert(tx, lease.job, &record.generations).await?;
@@ -421,6 +429,8 @@ pub(super) async fn change_status(
             .bind(&key)
             .execute(&mut **tx)
             .await?;
+        metrics::counter!("greybox_jobs_ended_total", "status" => to.as_str()).increment(1);
+        webhooks::tell_of_end(tx, id).await?;
     }
     tx.announce(Change::Job(id));
     Ok(())

@@ -417,7 +417,8 @@ async fn earlier(
     idempotency: &Idempotency,
 ) -> Result<Option<BatchOutcome>, StoreError> {
     let earlier: Option<(String, String)> =
-        sqlx::query_as("select body_digest, made from idempotency where key = ?")
+        sqlx::query_as("select body_digest, made from idempotency where project = ? and key = ?")
+            .bind(idempotency.project.as_str())
             .bind(&idempotency.key)
             .fetch_optional(&mut **tx)
             .await?;
@@ -448,7 +449,8 @@ async fn remember(
         .bind(json(appended))
         .execute(&mut **tx)
         .await?;
-    sqlx::query("insert into idempotency (key, body_digest, made) values (?, ?, ?)")
+    sqlx::query("insert into idempotency (project, key, body_digest, made) values (?, ?, ?, ?)")
+        .bind(idempotency.project.as_str())
         .bind(&idempotency.key)
         .bind(&idempotency.body_digest)
         .bind(&id)

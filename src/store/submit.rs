@@ -17,12 +17,15 @@ use tokio::sync::oneshot;
 
 use super::jobs::{self, JobRow};
 use super::writer::Tx;
-use super::{Store, StoreError};
+use super::{QuotaExceeded, Quotas, Store, StoreError};
+use crate::access::Project;
 use crate::job::{DatasetId, JobId};
 
 /// A job to be stored.
 #[derive(Clone, Debug)]
 pub struct NewJob {
+    /// Whose it is.
+    pub project: Project,
     /// The name for people.
     pub name: Option<String>,
     /// Labels to find it by.
@@ -40,6 +43,8 @@ pub struct NewJob {
 /// What makes two submissions the same one.
 #[derive(Clone, Debug)]
 pub struct Idempotency {
+    /// Whose the key is.
+    pub project: Project,
     /// The client's key.
     pub key: String,
     /// A digest of the body that came with it.
@@ -61,6 +66,8 @@ pub enum Submitted<T = JobRow> {
     NoModel(String),
     /// A recording that it reads is no longer there. Nothing was stored.
     NoDataset(DatasetId),
+    /// The project has as much as it may. Nothing was stored.
+    Refused(QuotaExceeded),
 }
 
 impl Store {
@@ -69,13 +76,13 @@ impl Store {
         let place = self.inner.writer.place().await?;
         let (reply, answer) = oneshot::channel();
         if let Some(turn) = self.inner.submissions.join(Submission { job, reply }) {
-            let queue = self.inner.queue.clone();
+            let (queue, quotas) = (self.inner.queue.clone(), self.inner.quotas);
             // The replies go from the work to the answer, past the commit.
             let replies = Arc::new(Mutex::new(Vec::new()));
             let answered = replies.clone();
             let submissions = self.inner.submissions.clone();
             place.take(
-                move |tx| Box::pin(write_all(queue, tx, turn, replies)),
+                move |tx| Box::pin(write_all((queue, quotas), tx, turn, replies)),
                 move |outcome| answer_each(submissions.answered(&answered), outcome),
             );
         }
@@ -89,11 +96,13 @@ impl Store {
         idempotency: &Idempotency,
     ) -> Result<Option<Submitted>, StoreError> {
         let mut connection = self.readers().acquire().await?;
-        let earlier: Option<(String, String)> =
-            sqlx::query_as("select body_digest, made from idempotency where key = ?")
-                .bind(&idempotency.key)
-                .fetch_optional(&mut *connection)
-                .await?;
+        let earlier: Option<(String, String)> = sqlx::query_as(
+            "select body_digest, made from idempotency where project = ? and key = ?",
+        )
+        .bind(idempotency.project.as_str())
+        .bind(&idempotency.key)
+        .fetch_optional(&mut *connection)
+        .await?;
         match earlier {
             None => Ok(None),
             Some((digest, job)) => answer_again(&mut connection, idempotency, &digest, &job)
@@ -162,14 +171,14 @@ impl Drop for Turn {
 }
 
 async fn write_all(
-    queue: Client,
+    (queue, quotas): (Client, Quotas),
     tx: &mut Tx,
     turn: Turn,
     replies: Arc<Mutex<Vec<Reply>>>,
 ) -> Result<Vec<Submitted>, StoreError> {
     let (jobs, all) = turn.gather();
     *lock(&replies) = all;
-    batch::write(&queue, tx, jobs).await
+    batch::write(&queue, quotas, tx, jobs).await
 }
 
 fn lock<T>(what: &Mutex<T>) -> MutexGuard<'_, T> {

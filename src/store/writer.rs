@@ -219,7 +219,10 @@ async fn run(
     while waiting.recv_many(&mut group, GROUP_LIMIT).await > 0 {
         let mut works = group.drain(..);
         let mut done = Vec::with_capacity(works.len());
+        let begun = Instant::now();
         let committed = commit_group(&pool, &mut works, &mut done).await;
+        let took = begun.elapsed().as_secs_f64();
+        metrics::histogram!("greybox_commit_duration_seconds").record(took);
         let failed_alone = done.iter().find_map(|one| one.failure.clone());
         match committed {
             Ok(changes) => {

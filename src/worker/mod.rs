@@ -10,6 +10,7 @@ mod active;
 mod between_slices;
 mod candidates;
 pub mod identification;
+mod places;
 mod recorder;
 pub mod run;
 mod slice;
@@ -30,10 +31,11 @@ use tokio_util::sync::CancellationToken;
 
 use crate::event::EventHub;
 use crate::job::JobId;
-use crate::store::{QUEUE, SliceOfJob, Store, StoreError};
+use crate::store::{QUEUE, SliceOfJob, Store, StoreError, project_of};
 
 use active::ActiveJobs;
 use between_slices::BetweenSlices;
+use places::Places;
 use run::Method;
 use slice::{After, SliceWorker};
 use wake::Wake;
@@ -84,7 +86,7 @@ impl Worker {
             method,
             active: ActiveJobs::default(),
             between_slices: BetweenSlices::new(settings.jobs_at_once),
-            places: Arc::new(Semaphore::new(settings.jobs_at_once)),
+            places: Places::new(settings.jobs_at_once),
             slice_length: settings.slice_length,
             max_candidates: settings.max_candidates,
             store,
@@ -104,7 +106,7 @@ impl Worker {
             }
             alive_sender.send_replace(false);
         });
-        tasks.spawn(wake.run(hub.clone(), closing.clone()));
+        tasks.spawn(wake.run(slices.store.clone(), hub.clone(), closing.clone()));
         tasks.spawn(watch_clock(slices.store.clone(), closing.clone()));
         tasks.spawn(watch_stop_requests(
             slices.clone(),
@@ -162,7 +164,8 @@ impl riverqueue::Worker<SliceOfJob> for SliceWorker {
         entry: Job<SliceOfJob>,
     ) -> Result<WorkOutcome, StoreError> {
         let job = entry.args.job;
-        match SliceWorker::work(self, job, entry.row.id).await {
+        let project = project_of(&entry.row.queue);
+        match SliceWorker::work(self, project, job, entry.row.id).await {
             Ok(After::Again) => Ok(WorkOutcome::Snooze(Duration::ZERO)),
             Ok(After::Later) => Ok(WorkOutcome::Snooze(LOOK_AGAIN_AFTER)),
             Ok(After::NotYet) => Ok(WorkOutcome::Snooze(NOT_YET_AFTER)),

@@ -13,13 +13,15 @@ use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
 use serde_json::Value;
-use tokio::sync::{Semaphore, SemaphorePermit, mpsc};
+use tokio::sync::mpsc;
 
 use super::active::{ActiveJob, ActiveJobs};
 use super::between_slices::{BetweenSlices, Left};
 use super::candidates::Candidates;
+use super::places::{Place, Places};
 use super::recorder::Recorder;
 use super::run::{Advance, Assignment, Method, Row, Run};
+use crate::access::Project;
 use crate::job::{DatasetId, Failure, JobId, Progress};
 use crate::recording::Recording;
 use crate::store::{Begin, Hold, JobRow, Lease, Slice, Store, StoreError};
@@ -59,7 +61,7 @@ pub(super) struct SliceWorker {
     pub(super) between_slices: BetweenSlices,
     /// Computations at the same time. More entries may have been taken from the queue: the next
     /// ones wait here, so that no place is empty while the queue is asked or an end is written.
-    pub(super) places: Arc<Semaphore>,
+    pub(super) places: Places,
     pub(super) slice_length: Duration,
     pub(super) max_candidates: u64,
 }
@@ -112,10 +114,14 @@ struct Unit {
 pub(super) type Computed = Result<(Box<dyn Run>, End), Failure>;
 
 impl SliceWorker {
-    /// Works a slice for a queue entry.
-    pub(super) async fn work(&self, id: JobId, entry: i64) -> Result<After, StoreError> {
-        let place = self.places.acquire().await;
-        let place = place.expect("the semaphore is never closed");
+    /// Works a slice for an entry of the project's queue.
+    pub(super) async fn work(
+        &self,
+        project: Project,
+        id: JobId,
+        entry: i64,
+    ) -> Result<After, StoreError> {
+        let place = self.places.take(project).await;
         if self.active.all_are_stopped() {
             return Ok(After::Again);
         }
@@ -139,7 +145,7 @@ impl SliceWorker {
     async fn slice(
         &self,
         id: JobId,
-        entry: Option<(i64, SemaphorePermit<'_>)>,
+        entry: Option<(i64, Place)>,
         job: &ActiveJob,
     ) -> Result<After, StoreError> {
         let (entry, place) = entry.unzip();

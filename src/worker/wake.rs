@@ -5,13 +5,14 @@
 //! therefore to change the interval by some nanoseconds. Several changes may be seen as one, so the
 //! interval does not come back to what it was before many more have been made.
 
+use std::collections::HashSet;
 use std::time::Duration;
 
-use riverqueue::{Client, EventKind, EventReceiver, EventRecvError, QueueConfig};
+use riverqueue::{Client, Event, EventKind, EventReceiver, EventRecvError, QueueConfig};
 use tokio_util::sync::CancellationToken;
 
 use crate::event::EventHub;
-use crate::store::{QUEUE, StoreError};
+use crate::store::{QUEUE, Store, StoreError, queue_of};
 
 /// How often the queue is looked at when nothing wakes it: for entries that are to be looked at
 /// again after a time. A look that finds nothing writes nothing.
@@ -32,6 +33,8 @@ pub(super) struct Wake {
     /// Slices that were handed on, once they are in the queue again.
     handed_on: EventReceiver,
     configuration: QueueConfig,
+    /// The queues that are worked: one for each project.
+    queues: HashSet<String>,
     /// How often the queue was woken.
     woken: u64,
 }
@@ -41,34 +44,50 @@ impl Wake {
         Ok(Self {
             handed_on: client.subscribe(&[EventKind::JobSnoozed])?,
             configuration: configuration(taken_at_once),
+            queues: HashSet::from([QUEUE.to_owned()]),
             woken: 0,
             client,
         })
     }
 
-    /// Wakes the queue when a job was submitted or resumed and when a slice was handed on.
-    pub(super) async fn run(mut self, hub: EventHub, closing: CancellationToken) {
+    /// Wakes a project's queue when one of its jobs was submitted or resumed and when a slice of one
+    /// was handed on.
+    pub(super) async fn run(mut self, store: Store, hub: EventHub, closing: CancellationToken) {
+        match store.projects_at_work().await {
+            Ok(projects) => self.wake_all(projects.iter().map(queue_of)),
+            Err(error) => tracing::error!(%error, "the projects with jobs could not be read"),
+        }
         loop {
             tokio::select! {
                 () = closing.cancelled() => return,
-                () = hub.slice_waits() => {}
+                projects = hub.slice_waits() => self.wake_all(projects.iter().map(queue_of)),
                 handed_on = self.handed_on.recv() => match handed_on {
-                    Ok(_) | Err(EventRecvError::Lagged(_)) => {}
+                    Ok(Event::Job(handed_on)) => self.wake_all([handed_on.job.queue]),
+                    Ok(_) => {}
+                    Err(EventRecvError::Lagged(_)) => self.wake_all(self.queues.clone()),
                     Err(_closed) => return,
                 }
-            }
-            if let Err(error) = self.wake() {
-                tracing::error!(%error, "the queue could not be woken; it is looked at later");
             }
         }
     }
 
-    fn wake(&mut self) -> Result<(), StoreError> {
+    fn wake_all(&mut self, queues: impl IntoIterator<Item = String>) {
+        for queue in queues {
+            if let Err(error) = self.wake(&queue) {
+                tracing::error!(queue, %error, "the queue could not be woken; it is looked at later");
+            }
+        }
+    }
+
+    fn wake(&mut self, queue: &str) -> Result<(), StoreError> {
         self.woken += 1;
         let variation = Duration::from_nanos(self.woken % VARIATIONS);
         let configuration = self.configuration.clone();
         let configuration = configuration.with_fetch_poll_interval(POLL_INTERVAL + variation);
         let queues = self.client.local_queues();
-        Ok(queues.update(QUEUE, configuration)?)
+        if self.queues.insert(queue.to_owned()) {
+            return Ok(queues.add(queue, configuration)?);
+        }
+        Ok(queues.update(queue, configuration)?)
     }
 }

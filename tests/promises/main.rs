@@ -13,8 +13,10 @@
 //! | P8 one key, one job | [`kill`], and `tests/service/idempotency.rs` |
 //! | P9 one bad job stops no other | [`isolation`], and `tests/service/slow.rs` |
 //! | the same for the windows of a monitor | [`watch`] |
+//! | events reach a receiver at least once | [`deliveries`] |
 //! | P10 no request makes a 500 | `tests/service/faults.rs` |
 
+mod deliveries;
 mod disk;
 mod follower;
 mod isolation;

@@ -32,6 +32,13 @@ impl Server {
         Self::start_by(program, folder, options)
     }
 
+    /// Starts the program so that it delivers events to this machine.
+    pub fn start_delivering(folder: &Path, options: Options) -> Self {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_greybox"));
+        program.env("GREYBOX_WEBHOOK_TO", "127.0.0.1");
+        Self::start_by(program, folder, options)
+    }
+
     /// Starts the program so that it outlives writes beyond a limit of the size of files, which the
     /// system else ends a process for.
     #[cfg(target_os = "linux")]

@@ -1,9 +1,13 @@
 //! A server on a free port with an empty database, and a client that talks to it.
 
 use std::net::Ipv4Addr;
+use std::path::PathBuf;
 
+use greybox::access::{Scope, Secret};
 use greybox::app::App;
 use greybox::config::Settings;
+use greybox::store::tokens::{self, NewToken};
+use jiff::Timestamp;
 use reqwest::header::HeaderMap;
 use reqwest::{Method, RequestBuilder, StatusCode};
 use serde_json::{Value, json};
@@ -13,7 +17,7 @@ use tempfile::TempDir;
 pub struct TestApp {
     app: App,
     client: reqwest::Client,
-    _folder: TempDir,
+    folder: TempDir,
 }
 
 /// What the server answered.
@@ -70,19 +74,52 @@ impl TestApp {
 
     /// A server with an empty database that takes bodies of so many MiB.
     pub async fn taking_mib(max_body_mib: u16) -> Self {
+        Self::with(|settings| settings.max_body_mib = max_body_mib).await
+    }
+
+    /// A server with an empty database and other settings.
+    pub async fn with(change: impl FnOnce(&mut Settings)) -> Self {
+        Self::in_folder(tempfile::tempdir().unwrap(), change).await
+    }
+
+    /// A server that asks for tokens, and the secrets of some: name, scope and project of each.
+    pub async fn with_tokens<const N: usize>(
+        tokens: [(&str, Scope, &str); N],
+        change: impl FnOnce(&mut Settings),
+    ) -> (Self, [String; N]) {
         let folder = tempfile::tempdir().unwrap();
-        let database = format!("sqlite://{}", folder.path().join("greybox.db").display());
-        let settings = Settings {
+        let mut secrets = Vec::new();
+        for (name, scope, project) in tokens {
+            let expires_at = None;
+            secrets.push(make_token(&folder, (name, scope, project), expires_at).await);
+        }
+        let app = Self::in_folder(folder, change).await;
+        (app, secrets.try_into().unwrap())
+    }
+
+    async fn in_folder(folder: TempDir, change: impl FnOnce(&mut Settings)) -> Self {
+        let mut settings = Settings {
             listen: (Ipv4Addr::LOCALHOST, 0).into(),
-            database: Some(database),
-            max_body_mib,
+            database: Some(format!("sqlite://{}", database(&folder).display())),
+            max_body_mib: 1,
             ..Settings::default()
         };
+        change(&mut settings);
         Self {
             app: App::start(settings).await.unwrap(),
             client: reqwest::Client::new(),
-            _folder: folder,
+            folder,
         }
+    }
+
+    /// Makes one more token and answers its secret.
+    pub async fn token(&self, token: (&str, Scope, &str), expires_at: Option<Timestamp>) -> String {
+        make_token(&self.folder, token, expires_at).await
+    }
+
+    /// The database file.
+    pub fn database(&self) -> PathBuf {
+        database(&self.folder)
     }
 
     /// Where the server listens.
@@ -168,6 +205,27 @@ impl TestApp {
     pub async fn shutdown(self) {
         self.app.shutdown().await;
     }
+}
+
+fn database(folder: &TempDir) -> PathBuf {
+    folder.path().join("greybox.db")
+}
+
+async fn make_token(
+    folder: &TempDir,
+    (name, scope, project): (&str, Scope, &str),
+    expires_at: Option<Timestamp>,
+) -> String {
+    let secret = Secret::new().unwrap();
+    let new = NewToken {
+        name: name.to_owned(),
+        digest: secret.digest(),
+        scope,
+        project: project.parse().unwrap(),
+        expires_at,
+    };
+    assert!(tokens::create(&database(folder), new).await.unwrap());
+    secret.expose().to_owned()
 }
 
 /// A drive of 100 kg with 200 N·s/m of friction, pushed by ±50 N that turn every half second:

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
 
+mod access;
 mod app;
 mod candidates;
 mod comparisons;
@@ -36,4 +37,8 @@ mod streams;
 
 mod origin;
 
+mod quotas;
+
 mod slow;
+
+mod webhooks;

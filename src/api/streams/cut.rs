@@ -6,6 +6,7 @@ use sha2::Digest;
 use utoipa::ToSchema;
 
 use super::{StreamName, invalid, stream, too_few, window};
+use crate::access::Project;
 use crate::api::ApiState;
 use crate::api::body::JsonDocument;
 use crate::api::datasets::{Dataset, stored};
@@ -119,6 +120,7 @@ pub async fn cut(
             recording.name.as_deref().unwrap_or_default()
         ));
         Ok(NewDataset {
+            project: Project::default(),
             name: recording.name.clone(),
             digest: format!("sha256:{}", hex(&digest.finalize())),
             summary,

@@ -7,6 +7,7 @@ use sqlx::SqliteConnection;
 
 use super::{Advance, AdvanceWindow, MonitorRow, NewMonitor, fetch};
 use crate::job::{DatasetId, JobId, MonitorId};
+use crate::store::Quotas;
 use crate::store::submit::batch::{self, Known};
 use crate::store::submit::{Idempotency, Submitted};
 use crate::store::writer::Tx;
@@ -49,12 +50,15 @@ pub(super) async fn insert(
     .execute(&mut **tx)
     .await?;
     if let Some(idempotency) = &new.idempotency {
-        sqlx::query("insert into idempotency (key, body_digest, made) values (?, ?, ?)")
-            .bind(&idempotency.key)
-            .bind(&idempotency.body_digest)
-            .bind(id.to_string())
-            .execute(&mut **tx)
-            .await?;
+        sqlx::query(
+            "insert into idempotency (project, key, body_digest, made) values (?, ?, ?, ?)",
+        )
+        .bind(idempotency.project.as_str())
+        .bind(&idempotency.key)
+        .bind(&idempotency.body_digest)
+        .bind(id.to_string())
+        .execute(&mut **tx)
+        .await?;
     }
     tx.announce(Change::Stream);
     Ok(fetch(tx, id).await?.map(Submitted::Created))
@@ -66,7 +70,8 @@ pub(super) async fn earlier(
     idempotency: &Idempotency,
 ) -> Result<Option<Submitted<MonitorRow>>, StoreError> {
     let earlier: Option<(String, String)> =
-        sqlx::query_as("select body_digest, made from idempotency where key = ?")
+        sqlx::query_as("select body_digest, made from idempotency where project = ? and key = ?")
+            .bind(idempotency.project.as_str())
             .bind(&idempotency.key)
             .fetch_optional(&mut *connection)
             .await?;
@@ -167,7 +172,12 @@ async fn put_window(
     let (mut id, mut dataset) = (None, None);
     if let Some(new) = job {
         if let Some((name, recording)) = new.dataset {
-            dataset = Some(datasets::insert_as(tx, name, recording).await?.0.id);
+            dataset = Some(
+                datasets::insert_as(tx, name, recording, Quotas::default())
+                    .await?
+                    .0
+                    .id,
+            );
         }
         let all = vec![new.job];
         let known = Known::look_up(tx, &all).await?;

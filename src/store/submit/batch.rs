@@ -2,19 +2,23 @@
 //! the rows of all in one statement.
 
 use std::collections::{HashMap, HashSet};
+use std::hash::Hash;
 
 use jiff::Timestamp;
 use riverqueue::Client;
+use serde::Serialize;
 use sqlx::query_builder::Separated;
 use sqlx::{QueryBuilder, Sqlite};
 
 use super::{Idempotency, NewJob, Submitted, answer_again};
+use crate::access::Project;
 use crate::job::{Event, JobId, Status};
 use crate::store::jobs::{JobRow, json};
+use crate::store::quotas::{JobRoom, Quotas};
 use crate::store::writer::Tx;
 use crate::store::{Change, StoreError, queue};
 
-/// Rows in one statement; SQLite takes 32766 values in one, and no row has more than 8.
+/// Rows in one statement; SQLite takes 32766 values in one, and no row has more than 9.
 const ROWS_PER_STATEMENT: usize = 4000;
 
 /// A job that is new.
@@ -28,6 +32,7 @@ struct Fresh {
 /// Writes all that can be written and says, in order, what became of each.
 pub(super) async fn write(
     queue: &Client,
+    quotas: Quotas,
     tx: &mut Tx,
     jobs: Vec<NewJob>,
 ) -> Result<Vec<Submitted>, StoreError> {
@@ -35,15 +40,28 @@ pub(super) async fn write(
     let mut verdicts = Vec::with_capacity(jobs.len());
     let mut accepted = Vec::with_capacity(jobs.len());
     let mut keys = HashMap::new();
+    let mut room = JobRoom::new(quotas);
     for job in jobs {
         let verdict = known.refusal(tx, &job).await?;
         let verdict = verdict.map_or_else(
             || same_key(&mut keys, &accepted, &job),
             |refusal| Verdict::Final(Box::new(refusal)),
         );
-        if let Verdict::Fresh(_) = verdict {
-            accepted.push(job);
-        }
+        let verdict = match verdict {
+            Verdict::Fresh(_) => match room.take(tx, &job.project, 1).await? {
+                Ok(()) => {
+                    accepted.push(job);
+                    verdict
+                }
+                Err(exceeded) => {
+                    if let Some(idempotency) = &job.idempotency {
+                        keys.remove(&key_of(idempotency));
+                    }
+                    Verdict::Final(Box::new(Submitted::Refused(exceeded)))
+                }
+            },
+            known => known,
+        };
         verdicts.push(verdict);
     }
     let rows = store(queue, tx, accepted).await?;
@@ -78,12 +96,14 @@ enum Verdict {
 }
 
 /// Whether a submission that nothing speaks against is new, or has its key from one before it.
-fn same_key(keys: &mut HashMap<String, usize>, accepted: &[NewJob], job: &NewJob) -> Verdict {
-    let Some(Idempotency { key, body_digest }) = &job.idempotency else {
+fn same_key(keys: &mut HashMap<Key, usize>, accepted: &[NewJob], job: &NewJob) -> Verdict {
+    let Some(idempotency) = &job.idempotency else {
         return Verdict::Fresh(accepted.len());
     };
-    let Some(place) = keys.get(key) else {
-        keys.insert(key.clone(), accepted.len());
+    let key = key_of(idempotency);
+    let body_digest = &idempotency.body_digest;
+    let Some(place) = keys.get(&key) else {
+        keys.insert(key, accepted.len());
         return Verdict::Fresh(accepted.len());
     };
     let first = accepted[*place].idempotency.as_ref();
@@ -94,12 +114,20 @@ fn same_key(keys: &mut HashMap<String, usize>, accepted: &[NewJob], job: &NewJob
     }
 }
 
+/// A key, after the project that it is of.
+type Key = (String, String);
+
+fn key_of(idempotency: &Idempotency) -> Key {
+    (idempotency.project.to_string(), idempotency.key.clone())
+}
+
 /// What the database knows of the things that submissions refer to.
 pub(in crate::store) struct Known {
     /// The digest and the job that came with a key.
-    keys: HashMap<String, (String, String)>,
+    keys: HashMap<Key, (String, String)>,
     datasets: HashSet<String>,
-    models: HashSet<String>,
+    /// Their projects and references.
+    models: HashSet<(String, String)>,
 }
 
 impl Known {
@@ -108,28 +136,30 @@ impl Known {
         jobs: &[NewJob],
     ) -> Result<Self, StoreError> {
         let keys = jobs.iter().filter_map(|job| job.idempotency.as_ref());
-        let keys = distinct(keys.map(|idempotency| idempotency.key.clone()));
+        let keys = distinct(keys.map(key_of));
         let datasets = jobs.iter().flat_map(|job| &job.datasets);
         let datasets = distinct(datasets.map(ToString::to_string));
         // Models of the catalogue, whose names have no digest, are always there.
-        let models = jobs.iter().map(|job| &job.model);
-        let models = distinct(models.filter(|model| model.contains('@')).cloned());
+        let models = jobs.iter().filter(|job| job.model.contains('@'));
+        let models = distinct(models.map(|job| (job.project.to_string(), job.model.clone())));
         let mut known = Self {
             keys: HashMap::new(),
             datasets: HashSet::new(),
             models: HashSet::new(),
         };
         if let Some(keys) = keys {
-            let found: Vec<(String, String, String)> = sqlx::query_as(
-                "select key, body_digest, made from idempotency \
-                 where key in (select value from json_each(?))",
+            let found: Vec<(String, String, String, String)> = sqlx::query_as(
+                "select idempotency.project, idempotency.key, body_digest, made \
+                 from json_each(?) as asked join idempotency \
+                 on idempotency.project = asked.value ->> 0 \
+                 and idempotency.key = asked.value ->> 1",
             )
             .bind(keys)
             .fetch_all(&mut **tx)
             .await?;
             let found = found
                 .into_iter()
-                .map(|(key, digest, job)| (key, (digest, job)));
+                .map(|(project, key, digest, job)| ((project, key), (digest, job)));
             known.keys.extend(found);
         }
         if let Some(datasets) = datasets {
@@ -142,9 +172,11 @@ impl Known {
             known.datasets.extend(found);
         }
         if let Some(models) = models {
-            let found: Vec<String> = sqlx::query_scalar(
-                "select reference from models \
-                 where reference in (select value from json_each(?))",
+            let found: Vec<(String, String)> = sqlx::query_as(
+                "select models.project, models.reference \
+                 from json_each(?) as asked join models \
+                 on models.project = asked.value ->> 0 \
+                 and models.reference = asked.value ->> 1",
             )
             .bind(models)
             .fetch_all(&mut **tx)
@@ -157,7 +189,7 @@ impl Known {
     /// The answer to a submission that makes no new job, as far as the database says.
     async fn refusal(&self, tx: &mut Tx, job: &NewJob) -> Result<Option<Submitted>, StoreError> {
         if let Some(idempotency) = &job.idempotency
-            && let Some((digest, earlier)) = self.keys.get(&idempotency.key)
+            && let Some((digest, earlier)) = self.keys.get(&key_of(idempotency))
         {
             return answer_again(tx, idempotency, digest, earlier)
                 .await
@@ -172,7 +204,8 @@ impl Known {
         if let Some(dataset) = job.datasets.iter().find(gone) {
             return Some(Submitted::NoDataset(*dataset));
         }
-        if job.model.contains('@') && !self.models.contains(&job.model) {
+        let model = (job.project.to_string(), job.model.clone());
+        if job.model.contains('@') && !self.models.contains(&model) {
             return Some(Submitted::NoModel(job.model.clone()));
         }
         None
@@ -180,17 +213,19 @@ impl Known {
 }
 
 /// The different ones of many texts, as a JSON array; nothing where there are none.
-fn distinct(texts: impl Iterator<Item = String>) -> Option<String> {
-    let texts: HashSet<String> = texts.collect();
+fn distinct<T: Hash + Eq + Serialize>(texts: impl Iterator<Item = T>) -> Option<String> {
+    let texts: HashSet<T> = texts.collect();
     (!texts.is_empty()).then(|| json(&texts))
 }
 
 /// Gives each new job its identifier and its entry in the queue.
 async fn enter(queue: &Client, tx: &mut Tx, jobs: Vec<NewJob>) -> Result<Vec<Fresh>, StoreError> {
-    let ids: Vec<JobId> = jobs.iter().map(|_| JobId::new()).collect();
-    let entries = queue::enqueue_all(queue, tx, &ids).await?;
+    let named = jobs.iter().map(|job| (JobId::new(), job.project.clone()));
+    let named: Vec<(JobId, Project)> = named.collect();
+    let entries = queue::enqueue_all(queue, tx, &named).await?;
+    let ids = named.into_iter().map(|(id, _)| id);
     let created_at = Timestamp::now();
-    let fresh = jobs.into_iter().zip(ids.into_iter().zip(entries));
+    let fresh = jobs.into_iter().zip(ids.zip(entries));
     Ok(fresh
         .map(|(job, (id, entry))| Fresh {
             id,
@@ -212,12 +247,12 @@ async fn insert(tx: &mut Tx, jobs: &[Fresh]) -> Result<(), StoreError> {
 
 /// What inserts jobs and all that belongs to them, in the order of their references.
 fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder<Sqlite>>; 5] {
-    const JOBS: &str = "insert into jobs (id, name, labels, model, spec, status, queue_entry, \
+    const JOBS: &str = "insert into jobs (id, project, name, labels, model, spec, status, queue_entry, \
                         last_event, created_at) ";
     const LABELS: &str = "insert into job_labels (job, label, value) ";
     const DATASETS: &str = "insert or ignore into job_datasets (job, dataset) ";
     const EVENTS: &str = "insert into events (job, id, name, data) ";
-    const KEYS: &str = "insert into idempotency (key, body_digest, made) ";
+    const KEYS: &str = "insert into idempotency (project, key, body_digest, made) ";
     let labels = jobs.iter().flat_map(|fresh| {
         let labels = fresh.job.labels.iter();
         labels.map(|label| (fresh.id, label))
@@ -235,6 +270,7 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder<Sqlite>>; 5] {
     [
         rows(JOBS, jobs.iter(), |row, fresh| {
             row.push_bind(fresh.id.to_string())
+                .push_bind(fresh.job.project.to_string())
                 .push_bind(fresh.job.name.clone())
                 .push_bind(json(&fresh.job.labels))
                 .push_bind(fresh.job.model.clone())
@@ -260,7 +296,8 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder<Sqlite>>; 5] {
                 .push_bind(first.data());
         }),
         rows(KEYS, keys, |row, (job, idempotency)| {
-            row.push_bind(idempotency.key.clone())
+            row.push_bind(idempotency.project.to_string())
+                .push_bind(idempotency.key.clone())
                 .push_bind(idempotency.body_digest.clone())
                 .push_bind(job.to_string());
         }),
@@ -286,6 +323,7 @@ impl Fresh {
     fn into_row(self) -> JobRow {
         JobRow {
             id: self.id,
+            project: self.job.project,
             name: self.job.name,
             labels: self.job.labels,
             model: self.job.model,

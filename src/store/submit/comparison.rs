@@ -6,9 +6,11 @@ use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::batch::{self, Known};
 use super::{Idempotency, NewJob, Submitted};
+use crate::access::Project;
 use crate::job::{ComparisonId, JobId};
 use crate::store::jobs::{self, JobRow, Page, time};
 use crate::store::models::{self, ModelStored, NewModel};
+use crate::store::quotas::{JobRoom, Quotas};
 use crate::store::writer::Tx;
 use crate::store::{Store, StoreError, corrupt};
 
@@ -17,6 +19,8 @@ use crate::store::{Store, StoreError, corrupt};
 pub struct NewComparison {
     /// Its identifier.
     pub id: ComparisonId,
+    /// Whose it is.
+    pub project: Project,
     /// Its runs, in order. None has a key of its own.
     pub jobs: Vec<NewJob>,
     /// The model of all, where they bring a new one.
@@ -56,10 +60,10 @@ impl Store {
         &self,
         new: NewComparison,
     ) -> Result<Submitted<ComparisonRow>, StoreError> {
-        let queue = self.inner.queue.clone();
+        let (queue, quotas) = (self.inner.queue.clone(), self.inner.quotas);
         self.inner
             .writer
-            .write(move |tx| Box::pin(write(queue, tx, new)))
+            .write(move |tx| Box::pin(write((queue, quotas), tx, new)))
             .await
     }
 
@@ -72,26 +76,43 @@ impl Store {
         earlier(&mut connection, idempotency).await
     }
 
+    /// Whose a comparison is, if there is one.
+    pub async fn project_of_comparison(
+        &self,
+        id: ComparisonId,
+    ) -> Result<Option<Project>, StoreError> {
+        let key = id.to_string();
+        let name: Option<String> =
+            sqlx::query_scalar("select project from comparisons where id = ?")
+                .bind(&key)
+                .fetch_optional(self.readers())
+                .await?;
+        name.map(|name| jobs::project(&key, &name)).transpose()
+    }
+
     /// A comparison that has runs, if there is one.
     pub async fn comparison(&self, id: ComparisonId) -> Result<Option<ComparisonRow>, StoreError> {
         let mut connection = self.readers().acquire().await?;
         fetch(&mut connection, id).await
     }
 
-    /// Comparisons, newest first, older than `before`.
+    /// Comparisons of a project, newest first, older than `before`.
     pub async fn comparisons(
         &self,
+        project: &Project,
         before: Option<ComparisonId>,
         limit: u32,
     ) -> Result<Page<ComparisonSummary, ComparisonId>, StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new(
             "select comparisons.id, comparisons.created_at, count(*), \
              count(*) filter (where finished_at is not null) from comparisons \
-             join comparison_jobs on comparison = comparisons.id join jobs on jobs.id = job",
+             join comparison_jobs on comparison = comparisons.id join jobs on jobs.id = job \
+             where comparisons.project = ",
         );
+        query.push_bind(project.as_str());
         if let Some(before) = before {
             query
-                .push(" where comparisons.id < ")
+                .push(" and comparisons.id < ")
                 .push_bind(before.to_string());
         }
         query
@@ -116,7 +137,7 @@ impl Store {
 }
 
 async fn write(
-    queue: Client,
+    (queue, quotas): (Client, Quotas),
     tx: &mut Tx,
     new: NewComparison,
 ) -> Result<Submitted<ComparisonRow>, StoreError> {
@@ -132,11 +153,16 @@ async fn write(
     if let Some(missing) = new.jobs.iter().find_map(|job| known.missing(job)) {
         return Ok(missing);
     }
+    let mut room = JobRoom::new(quotas);
+    if let Err(exceeded) = room.take(tx, &new.project, new.jobs.len() as u64).await? {
+        return Err(exceeded.into());
+    }
     let jobs = batch::store(&queue, tx, new.jobs).await?;
     let created_at = Timestamp::now();
     let id = new.id.to_string();
-    sqlx::query("insert into comparisons (id, created_at) values (?, ?)")
+    sqlx::query("insert into comparisons (id, project, created_at) values (?, ?, ?)")
         .bind(&id)
+        .bind(new.project.as_str())
         .bind(created_at.to_string())
         .execute(&mut **tx)
         .await?;
@@ -149,12 +175,15 @@ async fn write(
             .await?;
     }
     if let Some(idempotency) = &new.idempotency {
-        sqlx::query("insert into idempotency (key, body_digest, made) values (?, ?, ?)")
-            .bind(&idempotency.key)
-            .bind(&idempotency.body_digest)
-            .bind(&id)
-            .execute(&mut **tx)
-            .await?;
+        sqlx::query(
+            "insert into idempotency (project, key, body_digest, made) values (?, ?, ?, ?)",
+        )
+        .bind(idempotency.project.as_str())
+        .bind(&idempotency.key)
+        .bind(&idempotency.body_digest)
+        .bind(&id)
+        .execute(&mut **tx)
+        .await?;
     }
     Ok(Submitted::Created(ComparisonRow {
         id: new.id,
@@ -169,7 +198,8 @@ async fn earlier(
     idempotency: &Idempotency,
 ) -> Result<Option<Submitted<ComparisonRow>>, StoreError> {
     let earlier: Option<(String, String)> =
-        sqlx::query_as("select body_digest, made from idempotency where key = ?")
+        sqlx::query_as("select body_digest, made from idempotency where project = ? and key = ?")
+            .bind(idempotency.project.as_str())
             .bind(&idempotency.key)
             .fetch_optional(&mut *connection)
             .await?;

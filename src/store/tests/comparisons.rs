@@ -5,6 +5,7 @@ use crate::job::{ComparisonId, DatasetId};
 
 fn comparison(key: Option<(&str, &str)>) -> NewComparison {
     NewComparison {
+        project: Default::default(),
         id: ComparisonId::new(),
         jobs: vec![job(None); 3],
         model: None,
@@ -43,7 +44,11 @@ async fn a_comparison_is_stored_whole_or_not_at_all() {
         fixture.store.comparison(id).await.expect("a read"),
         Some(stored)
     );
-    let page = fixture.store.comparisons(None, 10).await.expect("a page");
+    let page = fixture
+        .store
+        .comparisons(&Default::default(), None, 10)
+        .await
+        .expect("a page");
     let listed: Vec<_> = page
         .rows
         .iter()
@@ -100,6 +105,7 @@ async fn a_key_makes_one_comparison_or_one_job_and_nothing_with_another_body() {
 async fn whoever_brings_the_most_models_makes_room_for_others() {
     let fixture = Fixture::new().await;
     let model = |name: String, client: &str| NewModel {
+        project: Default::default(),
         reference: format!("{name}@0"),
         digest: name.clone(),
         name,
@@ -122,7 +128,11 @@ async fn whoever_brings_the_most_models_makes_room_for_others() {
         let stored = fixture.store.insert_model(one).await.expect("room");
         assert!(matches!(stored, ModelStored::Created(_)));
     }
-    let models = fixture.store.models().await.expect("a list");
+    let models = fixture
+        .store
+        .models(&Default::default())
+        .await
+        .expect("a list");
     assert_eq!(models.len() as i64, MAX_UNUSED_MODELS + 1);
     for kept in [&own, &used] {
         assert!(

@@ -29,6 +29,7 @@ fn recording(time: TimeAxis, values: Vec<f64>) -> Recording {
 
 fn new_dataset(digest: &str, recording: Recording) -> NewDataset {
     NewDataset {
+        project: Default::default(),
         name: Some("rig 4, run 3".to_owned()),
         digest: digest.to_owned(),
         summary: recording.summary(),
@@ -60,9 +61,17 @@ async fn the_same_recording_is_stored_once() {
     assert!(created && !created_again);
     assert_eq!(first, again);
     let (other, _) = insert(&fixture, "sha256:2").await;
-    let page = fixture.store.datasets(None, 1).await.expect("a page");
+    let page = fixture
+        .store
+        .datasets(&Default::default(), None, 1)
+        .await
+        .expect("a page");
     assert_eq!(page.rows, std::slice::from_ref(&other));
-    let page = fixture.store.datasets(page.next, 1).await.expect("a page");
+    let page = fixture
+        .store
+        .datasets(&Default::default(), page.next, 1)
+        .await
+        .expect("a page");
     assert_eq!((page.rows, page.next), (vec![first.clone()], None));
     let shown = fixture.store.dataset(first.id).await.expect("a read");
     assert_eq!(shown.as_deref(), Some(&first));
@@ -120,6 +129,7 @@ async fn a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_sc
     summary.source.format = "wide_csv".to_owned();
     assert_eq!(put_aside.summary().expect("a scratch"), summary);
     let put_aside = NewDataset {
+        project: Default::default(),
         name: None,
         digest: "sha256:2".to_owned(),
         summary,

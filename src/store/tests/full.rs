@@ -15,6 +15,7 @@ async fn execute(fixture: &Fixture, statement: &'static str) -> Result<(), Store
 /// A job that takes pages of its own.
 fn large() -> NewJob {
     NewJob {
+        project: Default::default(),
         spec: json!({"filler": "x".repeat(100_000)}),
         ..job(None)
     }

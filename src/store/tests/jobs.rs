@@ -17,7 +17,7 @@ async fn a_submitted_job_is_shown_listed_and_told_of() {
     assert_eq!(events[0].data, r#"{"status":"queued"}"#);
     assert_eq!(
         *fixture.changes.lock().expect("unpoisoned"),
-        [Change::SliceWaits, Change::Job(row.id)]
+        [Change::SliceWaits(row.project.clone()), Change::Job(row.id)]
     );
 }
 
@@ -76,10 +76,12 @@ async fn submissions_written_together_are_answered_each_for_itself() {
     let fixture = Fixture::new().await;
     let nowhere = DatasetId::new();
     let with_model = |model: &str| NewJob {
+        project: Default::default(),
         model: model.to_owned(),
         ..job(None)
     };
     let without_dataset = NewJob {
+        project: Default::default(),
         datasets: vec![nowhere],
         ..job(Some(("k", "sha256:1")))
     };
@@ -126,6 +128,7 @@ async fn as_many_submissions_as_may_wait_are_written_together_with_all_their_lab
     let submissions = (0..1000).map(|_| {
         let labels = labels.clone();
         fixture.store.submit(NewJob {
+            project: Default::default(),
             labels,
             ..job(None)
         })
@@ -220,6 +223,7 @@ async fn lists_are_narrowed_by_state_and_label() {
     fixture.begin(running).await;
     let list = |status, label: Option<(&str, Option<&str>)>| {
         let filter = JobFilter {
+            project: Default::default(),
             status,
             label: label.map(|(label, value)| (label.to_owned(), value.map(str::to_owned))),
             limit: 10,

@@ -7,6 +7,7 @@ mod datasets;
 mod full;
 mod jobs;
 mod life;
+mod retention;
 mod slices;
 
 use std::collections::BTreeMap;
@@ -116,12 +117,14 @@ async fn open(settings: &DatabaseSettings, changes: &Arc<Mutex<Vec<Change>>>) ->
 
 fn job(key: Option<(&str, &str)>) -> NewJob {
     NewJob {
+        project: Default::default(),
         name: Some("rig 4".to_owned()),
         labels: BTreeMap::from([("site".to_owned(), "hall 2".to_owned())]),
         model: "positioning_drive".to_owned(),
         spec: json!({"model": "positioning_drive", "parameters": {"mass": {"value": 1e-5}}}),
         datasets: Vec::new(),
         idempotency: key.map(|(key, body_digest)| Idempotency {
+            project: Default::default(),
             key: key.to_owned(),
             body_digest: body_digest.to_owned(),
         }),

@@ -67,6 +67,7 @@ fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
         .specification()
         .expect("a sound specification");
     JobRow {
+        project: Default::default(),
         id: JobId::new(),
         name: None,
         labels: Default::default(),

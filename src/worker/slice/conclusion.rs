@@ -9,11 +9,11 @@ use super::{After, Computed, Current, End, SliceWorker};
 use crate::job::{Failure, Status};
 use crate::store::{Checkpoint, Ending, Hold, Record, StopRequest, StoreError};
 use crate::worker::between_slices::Left;
+use crate::worker::places::Place;
 use crate::worker::recorder::Recorder;
 use crate::worker::run::{Run, StopReason};
 use jiff::Timestamp;
 use serde_json::Value;
-use tokio::sync::SemaphorePermit;
 use tokio::task::JoinError;
 
 /// How long the best estimate so far of a job that was stopped may be analysed.
@@ -25,7 +25,7 @@ const HURRY_INTERVAL: Duration = Duration::from_millis(20);
 pub(in crate::worker) struct Conclusion<'a> {
     pub(in crate::worker) worker: &'a SliceWorker,
     /// Given up when nothing is left to be computed.
-    pub(in crate::worker) place: Option<SemaphorePermit<'a>>,
+    pub(in crate::worker) place: Option<Place>,
     pub(in crate::worker) current: Current,
     pub(in crate::worker) recorder: Recorder,
 }

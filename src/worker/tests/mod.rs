@@ -60,6 +60,7 @@ impl Server {
 
     async fn submit(&self, orders: Value, limits: Value) -> JobId {
         let job = NewJob {
+            project: Default::default(),
             name: None,
             labels: BTreeMap::new(),
             model: "descent".to_owned(),

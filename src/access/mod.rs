@@ -1,0 +1,17 @@
+//! Who may do what.
+//!
+//! A *project* is a name space: jobs, recordings, models and comparisons of one are not seen from
+//! another. A program asks with a [`token`](Secret) that is bound to one project and one [`Scope`];
+//! people come through a proxy that knows them, and have the [`Role`] of one of their groups. A server
+//! without tokens and proxies listens to its own machine alone and lets everybody there do everything
+//! in the project `default`.
+
+mod project;
+mod role;
+mod scope;
+mod secret;
+
+pub use project::{InvalidProject, Project};
+pub use role::{InvalidRole, Role, Roles};
+pub use scope::{InvalidScope, Scope};
+pub use secret::{Digest, Secret, random_bytes};

@@ -1,0 +1,160 @@
+//! How fast a caller may ask, and how many of its requests may be under way at once.
+
+use std::collections::HashMap;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll};
+use std::time::{Duration, Instant};
+
+use axum::body::{Body, Bytes, HttpBody};
+use axum::response::Response;
+
+use super::error::{Answer, Kind, Problem};
+
+/// So many seconds' worth of requests may come at once.
+const BURST_S: f64 = 2.0;
+/// Callers that are remembered before those that are idle are forgotten.
+const REMEMBERED: usize = 10_000;
+
+/// What callers have asked lately, and have under way.
+#[derive(Clone)]
+pub(super) struct Rates {
+    per_second: f64,
+    at_once: u32,
+    callers: Arc<Mutex<HashMap<String, Caller>>>,
+}
+
+struct Caller {
+    /// Requests that may come now.
+    left: f64,
+    seen: Instant,
+    under_way: u32,
+}
+
+impl Rates {
+    /// So many requests a second, and so many under way, of each caller.
+    pub(super) fn new(per_second: f64, at_once: u32) -> Self {
+        Self {
+            per_second,
+            at_once,
+            callers: Arc::default(),
+        }
+    }
+
+    fn callers(&self) -> MutexGuard<'_, HashMap<String, Caller>> {
+        self.callers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Counts a request of a caller, which is under way until what is answered is dropped.
+    pub(super) fn count(&self, who: &str) -> Answer<UnderWay> {
+        let now = Instant::now();
+        let most = (self.per_second * BURST_S).max(1.0);
+        let mut callers = self.callers();
+        if callers.len() >= REMEMBERED && !callers.contains_key(who) {
+            let is_idle = Duration::from_secs_f64(BURST_S);
+            callers.retain(|_, caller| caller.under_way > 0 || caller.seen.elapsed() < is_idle);
+        }
+        let caller = callers.entry(who.to_owned()).or_insert(Caller {
+            left: most,
+            seen: now,
+            under_way: 0,
+        });
+        let passed = now.duration_since(caller.seen).as_secs_f64();
+        caller.left = (caller.left + passed * self.per_second).min(most);
+        caller.seen = now;
+        if caller.under_way >= self.at_once {
+            let detail = format!("{} requests of `{who}` are under way at once", self.at_once);
+            return Err(Problem::new(Kind::TooMany, detail).retry_after(1));
+        }
+        if caller.left < 1.0 {
+            let wait_s = ((1.0 - caller.left) / self.per_second).ceil();
+            let detail = format!(
+                "`{who}` may ask {} times a second; the next time in {wait_s} s",
+                self.per_second
+            );
+            return Err(Problem::new(Kind::TooMany, detail).retry_after(wait_s as u32));
+        }
+        caller.left -= 1.0;
+        caller.under_way += 1;
+        Ok(UnderWay {
+            rates: self.clone(),
+            who: who.to_owned(),
+        })
+    }
+}
+
+/// A request of a caller, from when it was counted to the end of its answer.
+pub(super) struct UnderWay {
+    rates: Rates,
+    who: String,
+}
+
+impl Drop for UnderWay {
+    fn drop(&mut self) {
+        if let Some(caller) = self.rates.callers().get_mut(&self.who) {
+            caller.under_way -= 1;
+        }
+    }
+}
+
+impl UnderWay {
+    /// The answer, which carries the count to its end.
+    pub(super) fn until_the_end_of(self, answer: Response) -> Response {
+        answer.map(|body| Body::new(Counted { body, _of: self }))
+    }
+}
+
+struct Counted {
+    body: Body,
+    _of: UnderWay,
+}
+
+impl HttpBody for Counted {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<http_body::Frame<Bytes>, axum::Error>>> {
+        Pin::new(&mut self.body).poll_frame(context)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> http_body::SizeHint {
+        self.body.size_hint()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::http::StatusCode;
+    use axum::response::IntoResponse;
+
+    use super::*;
+
+    #[test]
+    fn a_caller_that_asks_too_fast_waits_and_others_do_not() {
+        // One in an hour: time that the test takes counts for nothing.
+        let rates = Rates::new(1.0 / 3600.0, 10);
+        let first = rates.count("a");
+        assert!(first.is_ok());
+        let refused = rates.count("a").err().expect("too fast").into_response();
+        assert_eq!(refused.status(), StatusCode::TOO_MANY_REQUESTS);
+        assert!(rates.count("b").is_ok());
+    }
+
+    #[test]
+    fn a_request_is_under_way_until_its_answer_is_dropped() {
+        let rates = Rates::new(1e6, 1);
+        let answer = rates.count("a").expect("the first");
+        let answer = answer.until_the_end_of(Response::new(Body::from("x")));
+        assert_eq!(answer.body().size_hint().exact(), Some(1));
+        assert!(rates.count("a").is_err());
+        drop(answer);
+        assert!(rates.count("a").is_ok());
+    }
+}

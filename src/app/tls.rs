@@ -1,0 +1,307 @@
+//! TLS: the certificate and key of the server, read again when their files change, so that a renewed
+//! certificate is used without a restart.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, PoisonError, RwLock};
+use std::time::Duration;
+
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use rustls::server::WebPkiClientVerifier;
+use rustls::{RootCertStore, ServerConfig};
+use tokio_rustls::TlsAcceptor;
+use tokio_util::sync::CancellationToken;
+
+use crate::config::TlsFiles;
+
+/// How often it is looked whether the files have changed.
+const LOOK_INTERVAL: Duration = Duration::from_secs(5);
+
+/// Why the files make no TLS.
+#[derive(Debug, thiserror::Error)]
+pub enum TlsError {
+    /// A file cannot be read.
+    #[error("{} cannot be read: {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A file holds something else.
+    #[error("{} holds no {what} in PEM", path.display())]
+    Pem {
+        /// The file.
+        path: PathBuf,
+        /// What it should hold.
+        what: &'static str,
+    },
+    /// Certificate and key are not for each other, or for nothing.
+    #[error("the certificate and its key cannot be used: {0}")]
+    Unusable(String),
+}
+
+/// The TLS of a server, as its files say now.
+pub(super) struct Tls {
+    files: TlsFiles,
+    current: RwLock<Loaded>,
+}
+
+struct Loaded {
+    bytes: Vec<Vec<u8>>,
+    config: Arc<ServerConfig>,
+}
+
+impl Tls {
+    /// Reads the files.
+    pub(super) fn new(files: TlsFiles) -> Result<Self, TlsError> {
+        let bytes = read(&files)?;
+        let config = configure(&files, &bytes)?;
+        Ok(Self {
+            files,
+            current: RwLock::new(Loaded { bytes, config }),
+        })
+    }
+
+    /// What takes the next connection.
+    pub(super) fn acceptor(&self) -> TlsAcceptor {
+        let current = self.current.read().unwrap_or_else(PoisonError::into_inner);
+        TlsAcceptor::from(Arc::clone(&current.config))
+    }
+
+    /// Reads the files again where they have changed; says whether they had. Where they are of no use
+    /// what they said before holds on.
+    pub(super) fn reload(&self) -> Result<bool, TlsError> {
+        let bytes = read(&self.files)?;
+        let current = self.current.read().unwrap_or_else(PoisonError::into_inner);
+        if current.bytes == bytes {
+            return Ok(false);
+        }
+        drop(current);
+        let config = configure(&self.files, &bytes)?;
+        let mut current = self.current.write().unwrap_or_else(PoisonError::into_inner);
+        *current = Loaded { bytes, config };
+        Ok(true)
+    }
+
+    /// Looks after the files until the server goes down.
+    pub(super) async fn watch(self: Arc<Self>, closing: CancellationToken) {
+        let mut told = None;
+        loop {
+            tokio::select! {
+                () = closing.cancelled() => return,
+                () = tokio::time::sleep(LOOK_INTERVAL) => {}
+            }
+            match self.reload() {
+                Ok(false) => {}
+                Ok(true) => {
+                    tracing::info!("the certificate was read again");
+                    told = None;
+                }
+                Err(error) => {
+                    let error = error.to_string();
+                    if told.as_ref() != Some(&error) {
+                        tracing::error!(error, "the certificate was not read again");
+                        told = Some(error);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The bytes of all files: certificate, key, authority of clients.
+fn read(files: &TlsFiles) -> Result<Vec<Vec<u8>>, TlsError> {
+    let all = [
+        Some(&files.certificate),
+        Some(&files.key),
+        files.client_authority.as_ref(),
+    ];
+    let read = |path: &PathBuf| {
+        std::fs::read(path).map_err(|source| TlsError::File {
+            path: path.clone(),
+            source,
+        })
+    };
+    all.into_iter().flatten().map(read).collect()
+}
+
+fn configure(files: &TlsFiles, bytes: &[Vec<u8>]) -> Result<Arc<ServerConfig>, TlsError> {
+    let chain = certificates(&files.certificate, &bytes[0])?;
+    let key = PrivateKeyDer::from_pem_slice(&bytes[1]).map_err(|_| TlsError::Pem {
+        path: files.key.clone(),
+        what: "private key",
+    })?;
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let builder = ServerConfig::builder_with_provider(Arc::clone(&provider))
+        .with_safe_default_protocol_versions()
+        .map_err(unusable)?;
+    let builder = match &files.client_authority {
+        None => builder.with_no_client_auth(),
+        Some(path) => {
+            let mut roots = RootCertStore::empty();
+            for certificate in certificates(path, &bytes[2])? {
+                roots.add(certificate).map_err(unusable)?;
+            }
+            let verifier = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), provider);
+            builder.with_client_cert_verifier(verifier.build().map_err(unusable)?)
+        }
+    };
+    let mut config = builder.with_single_cert(chain, key).map_err(unusable)?;
+    config.alpn_protocols = vec![b"http/1.1".to_vec()];
+    Ok(Arc::new(config))
+}
+
+fn certificates(path: &Path, bytes: &[u8]) -> Result<Vec<CertificateDer<'static>>, TlsError> {
+    let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(bytes).collect();
+    let found = found.ok().filter(|found| !found.is_empty());
+    found.ok_or_else(|| TlsError::Pem {
+        path: path.to_owned(),
+        what: "certificate",
+    })
+}
+
+fn unusable(error: impl std::fmt::Display) -> TlsError {
+    TlsError::Unusable(error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use rcgen::{CertificateParams, CertifiedIssuer, KeyPair};
+    use rustls::ClientConfig;
+    use rustls::pki_types::ServerName;
+    use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream};
+    use tokio_rustls::TlsConnector;
+
+    use super::*;
+
+    struct Authority(CertifiedIssuer<'static, KeyPair>);
+
+    impl Authority {
+        fn new() -> Self {
+            let mut params = CertificateParams::new(Vec::new()).expect("parameters");
+            params.is_ca = rcgen::IsCa::Ca(rcgen::BasicConstraints::Unconstrained);
+            let key = KeyPair::generate().expect("a key");
+            Self(CertifiedIssuer::self_signed(params, key).expect("an authority"))
+        }
+
+        /// A certificate for a name and its key, in PEM.
+        fn issue(&self, name: &str) -> (String, String) {
+            let params = CertificateParams::new(vec![name.to_owned()]).expect("parameters");
+            let key = KeyPair::generate().expect("a key");
+            let certificate = params.signed_by(&key, &self.0).expect("a certificate");
+            (certificate.pem(), key.serialize_pem())
+        }
+
+        fn roots(&self) -> RootCertStore {
+            let mut roots = RootCertStore::empty();
+            roots.add(self.0.der().clone()).expect("a certificate");
+            roots
+        }
+    }
+
+    fn put(folder: &Path, (certificate, key): &(String, String)) {
+        std::fs::write(folder.join("cert.pem"), certificate).expect("a file");
+        std::fs::write(folder.join("key.pem"), key).expect("a file");
+    }
+
+    fn files(folder: &Path) -> TlsFiles {
+        TlsFiles {
+            certificate: folder.join("cert.pem"),
+            key: folder.join("key.pem"),
+            client_authority: None,
+        }
+    }
+
+    /// Whether a client that trusts the authority takes the server for the one of this name, and is
+    /// taken for one itself.
+    async fn speaks(
+        tls: &Tls,
+        authority: &Authority,
+        name: &'static str,
+        client: Option<(String, String)>,
+    ) -> bool {
+        let provider = Arc::new(rustls::crypto::ring::default_provider());
+        let config = ClientConfig::builder_with_provider(provider)
+            .with_safe_default_protocol_versions()
+            .expect("versions")
+            .with_root_certificates(authority.roots());
+        let config = match client {
+            None => config.with_no_client_auth(),
+            Some((certificate, key)) => {
+                let chain =
+                    vec![CertificateDer::from_pem_slice(certificate.as_bytes()).expect("one")];
+                let key = PrivateKeyDer::from_pem_slice(key.as_bytes()).expect("a key");
+                config.with_client_auth_cert(chain, key).expect("a pair")
+            }
+        };
+        let (near, far) = tokio::io::duplex(1 << 16);
+        let connector = TlsConnector::from(Arc::new(config));
+        let asks = async move {
+            let name = ServerName::try_from(name).expect("a name");
+            let mut stream = connector.connect(name, near).await?;
+            stream.write_all(b"x").await?;
+            stream.read_u8().await
+        };
+        let acceptor = tls.acceptor();
+        let answers = async move {
+            let mut stream: tokio_rustls::server::TlsStream<DuplexStream> =
+                acceptor.accept(far).await?;
+            let byte = stream.read_u8().await?;
+            stream.write_u8(byte).await?;
+            stream.shutdown().await
+        };
+        let (asked, answered) = tokio::join!(asks, answers);
+        asked.is_ok() && answered.is_ok()
+    }
+
+    #[tokio::test]
+    async fn a_renewed_certificate_is_used_and_a_broken_one_is_not() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let authority = Authority::new();
+        put(folder.path(), &authority.issue("old.example"));
+        let tls = Tls::new(files(folder.path())).expect("sound files");
+        assert!(speaks(&tls, &authority, "old.example", None).await);
+        assert!(!tls.reload().expect("the same files"));
+        put(folder.path(), &authority.issue("new.example"));
+        assert!(tls.reload().expect("sound files"));
+        assert!(speaks(&tls, &authority, "new.example", None).await);
+        assert!(!speaks(&tls, &authority, "old.example", None).await);
+        // The key of another certificate, as it is while files are replaced one by one.
+        let (certificate, _) = authority.issue("third.example");
+        std::fs::write(folder.path().join("cert.pem"), certificate).expect("a file");
+        assert!(matches!(tls.reload(), Err(TlsError::Unusable(_))));
+        assert!(speaks(&tls, &authority, "new.example", None).await);
+    }
+
+    #[tokio::test]
+    async fn only_clients_of_the_authority_are_taken_where_one_is_given() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (authority, stranger) = (Authority::new(), Authority::new());
+        put(folder.path(), &authority.issue("a.example"));
+        let path = folder.path().join("clients.pem");
+        std::fs::write(&path, authority.0.pem()).expect("a file");
+        let files = TlsFiles {
+            client_authority: Some(path),
+            ..files(folder.path())
+        };
+        let tls = Tls::new(files).expect("sound files");
+        let own = authority.issue("client");
+        assert!(speaks(&tls, &authority, "a.example", Some(own)).await);
+        let other = stranger.issue("client");
+        assert!(!speaks(&tls, &authority, "a.example", Some(other)).await);
+        assert!(!speaks(&tls, &authority, "a.example", None).await);
+    }
+
+    #[test]
+    fn files_that_hold_something_else_are_named() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let text = |files| Tls::new(files).err().expect("a refusal").to_string();
+        let missing = text(files(folder.path()));
+        assert!(missing.contains("cert.pem cannot be read"), "{missing}");
+        put(folder.path(), &("x".to_owned(), "y".to_owned()));
+        let empty = text(files(folder.path()));
+        assert!(empty.contains("cert.pem holds no certificate"), "{empty}");
+    }
+}

@@ -1,0 +1,26 @@
+//! What is wrong with settings.
+
+use crate::delivery::InvalidDestination;
+
+/// A setting that cannot be.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SettingsError {
+    /// The database is not given as a SQLite file.
+    #[error("the database `{0}` is not of the form sqlite://<path to a file>")]
+    Database(String),
+    /// There is no place for the default database.
+    #[error("the user has no data folder; say where the database is with --database")]
+    NoDataFolder,
+    /// The hours of work in a day are not a time.
+    #[error("{0} hours of work in a day are not a time")]
+    WorkHours(f64),
+    /// A destination is none.
+    #[error(transparent)]
+    Destination(InvalidDestination),
+    /// A network is not given as an address or a range of them.
+    #[error("`{0}` is neither an address nor a network of the form 10.0.0.0/8")]
+    Network(String),
+    /// The length of a slice is not a time.
+    #[error("a slice of {0} s is not between 0 and 3600 s")]
+    Slice(f64),
+}

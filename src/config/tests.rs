@@ -1,0 +1,87 @@
+//! Flags into settings.
+
+use clap::Parser;
+
+use super::*;
+
+#[derive(Parser)]
+struct Command {
+    #[command(flatten)]
+    settings: Settings,
+}
+
+fn parse(flags: &[&str]) -> Settings {
+    let command = std::iter::once("greybox").chain(flags.iter().copied());
+    Command::try_parse_from(command).expect("flags").settings
+}
+
+#[test]
+fn flags_say_how_the_server_runs() {
+    let settings = parse(&[
+        "--listen=127.0.0.1:0",
+        "--database=sqlite:///var/lib/greybox/jobs.db",
+        "--threads=3",
+        "--slice-s=0.005",
+        "--max-body-mib=1",
+        "--max-candidates=7",
+    ]);
+    let database = settings.database().expect("a path");
+    assert_eq!(database.path, PathBuf::from("/var/lib/greybox/jobs.db"));
+    let worker = settings.worker().expect("a slice");
+    assert_eq!(worker.slice_length, Duration::from_millis(5));
+    assert_eq!(worker.jobs_at_once, 3);
+    assert_eq!(worker.max_candidates, 7);
+    assert_eq!(settings.limits().dataset_bytes, 1 << 20);
+}
+
+#[test]
+fn the_defaults_of_the_flags_are_those_of_the_program() {
+    let (flags, program) = (parse(&[]), Settings::default());
+    assert_eq!(format!("{flags:?}"), format!("{program:?}"));
+    assert_eq!(program.listen.to_string(), "127.0.0.1:8080");
+}
+
+#[test]
+fn what_is_no_database_file_is_refused() {
+    for url in [
+        "postgres://localhost/greybox",
+        "sqlite::memory:",
+        "sqlite://:memory:",
+        "sqlite://",
+        "sqlite:///var/lib/",
+        "jobs.db",
+    ] {
+        let settings = parse(&[&format!("--database={url}")]);
+        let refused = settings.database().err();
+        assert_eq!(refused, Some(SettingsError::Database(url.to_owned())));
+    }
+}
+
+#[test]
+fn proxies_and_roles_are_read() {
+    let settings = parse(&[
+        "--trusted-proxy=10.0.0.7,fd00::/8",
+        "--role=plant it=admin",
+        "--role=operators=read:hall-2",
+        "--proxy-user-header=Remote-User",
+    ]);
+    let access = settings.access().expect("settings");
+    assert_eq!(access.proxies.len(), 2);
+    assert!(access.proxies[0].contains(&IpAddr::from([10, 0, 0, 7])));
+    assert_eq!(access.user_header, "remote-user");
+    assert!(access.roles.of("operators").is_some());
+    let settings = parse(&["--trusted-proxy=gateway"]);
+    let refused = settings.access().expect_err("a name is no address");
+    assert_eq!(refused, SettingsError::Network("gateway".to_owned()));
+}
+
+#[test]
+fn a_slice_that_is_no_time_is_refused() {
+    for slice_s in [-1.0, f64::NAN, 1e9] {
+        let settings = Settings {
+            slice_s,
+            ..Settings::default()
+        };
+        assert!(matches!(settings.worker(), Err(SettingsError::Slice(_))));
+    }
+}

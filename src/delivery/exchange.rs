@@ -1,0 +1,199 @@
+//! One request to a receiver: its name is resolved once, every address that it stands for is looked
+//! at, and the connection goes to one of those. Redirects are not followed.
+
+use std::net::SocketAddr;
+use std::sync::{Arc, LazyLock};
+use std::time::Duration;
+
+use hyper::Request;
+use hyper::client::conn::http1;
+use hyper::header::{CONTENT_TYPE, HOST, USER_AGENT};
+use hyper_util::rt::TokioIo;
+use rustls::pki_types::ServerName;
+use rustls::{ClientConfig, RootCertStore};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::TcpStream;
+use tokio_rustls::TlsConnector;
+use url::Url;
+
+use super::destination::{Destinations, RefusedDestination};
+
+/// How long a receiver may take to take the connection.
+const LONGEST_CONNECT: Duration = Duration::from_secs(5);
+
+/// What is sent.
+pub(super) struct Message {
+    pub(super) id: String,
+    /// When `[s since 1970]`.
+    pub(super) at: i64,
+    pub(super) signature: String,
+    pub(super) body: String,
+}
+
+/// Why the receiver has not taken it.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Failure {
+    /// It may not be sent there.
+    #[error(transparent)]
+    Refused(RefusedDestination),
+    /// The receiver sends elsewhere.
+    #[error("the receiver answered {0}; redirects are not followed")]
+    Redirect(u16),
+    /// The receiver does not take it.
+    #[error("the receiver answered {0}")]
+    Status(u16),
+    /// There was no answer.
+    #[error("{0}")]
+    Other(String),
+}
+
+impl Failure {
+    /// The status that the receiver answered.
+    pub(super) fn status(&self) -> Option<u16> {
+        match self {
+            Self::Redirect(status) | Self::Status(status) => Some(*status),
+            Self::Refused(_) | Self::Other(_) => None,
+        }
+    }
+}
+
+fn other(error: impl std::fmt::Display) -> Failure {
+    Failure::Other(error.to_string())
+}
+
+/// Sends to receivers. Cheap to clone.
+#[derive(Clone)]
+pub(super) struct Exchange {
+    destinations: Arc<Destinations>,
+}
+
+/// Receivers are trusted whom the system trusts: a plant's own authority is one of these.
+static TRUSTED: LazyLock<Arc<ClientConfig>> = LazyLock::new(|| {
+    let mut roots = RootCertStore::empty();
+    let found = rustls_native_certs::load_native_certs();
+    for error in found.errors {
+        tracing::warn!(%error, "a certificate of the system cannot be used");
+    }
+    let (added, _ignored) = roots.add_parsable_certificates(found.certs);
+    if added == 0 {
+        tracing::warn!("the system trusts no authority: no delivery over https will be made");
+    }
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let config = ClientConfig::builder_with_provider(provider)
+        .with_safe_default_protocol_versions()
+        .expect("the provider speaks the versions of TLS that are safe");
+    Arc::new(config.with_root_certificates(roots).with_no_client_auth())
+});
+
+impl Exchange {
+    pub(super) fn new(destinations: Arc<Destinations>) -> Self {
+        Self { destinations }
+    }
+
+    /// Sends a message; answers the status with which it was taken.
+    pub(super) async fn post(&self, url: &Url, message: Message) -> Result<u16, Failure> {
+        let host = url.host_str().unwrap_or_default();
+        let bare = host.trim_start_matches('[').trim_end_matches(']');
+        let port = url.port_or_known_default().unwrap_or(443);
+        let addresses = self.resolve(bare, port).await?;
+        let connecting = TcpStream::connect(&addresses[..]);
+        let stream = tokio::time::timeout(LONGEST_CONNECT, connecting).await;
+        let stream = stream.map_err(|_| other("the receiver takes no connection"))?;
+        let stream = stream.map_err(other)?;
+        let request = request(url, host, message)?;
+        if url.scheme() == "https" {
+            let name = ServerName::try_from(bare.to_owned()).map_err(other)?;
+            let connector = TlsConnector::from(Arc::clone(&TRUSTED));
+            let stream = connector.connect(name, stream).await.map_err(other)?;
+            answered(stream, request).await
+        } else {
+            answered(stream, request).await
+        }
+    }
+
+    /// The addresses that a name stands for now. One of the inside among others is a trap, too.
+    async fn resolve(&self, name: &str, port: u16) -> Result<Vec<SocketAddr>, Failure> {
+        let found = tokio::net::lookup_host((name, port)).await.map_err(other)?;
+        let found: Vec<SocketAddr> = found.collect();
+        for address in &found {
+            let checked = self.destinations.check_address(address.ip());
+            checked.map_err(Failure::Refused)?;
+        }
+        Ok(found)
+    }
+}
+
+fn request(url: &Url, host: &str, message: Message) -> Result<Request<String>, Failure> {
+    let authority = match url.port() {
+        Some(port) => format!("{host}:{port}"),
+        None => host.to_owned(),
+    };
+    let path = match url.query() {
+        Some(query) => format!("{}?{query}", url.path()),
+        None => url.path().to_owned(),
+    };
+    Request::post(path)
+        .header(HOST, authority)
+        .header(USER_AGENT, concat!("greybox/", env!("CARGO_PKG_VERSION")))
+        .header(CONTENT_TYPE, "application/json")
+        .header("webhook-id", message.id)
+        .header("webhook-timestamp", message.at)
+        .header("webhook-signature", message.signature)
+        .body(message.body)
+        .map_err(other)
+}
+
+async fn answered<S>(stream: S, request: Request<String>) -> Result<u16, Failure>
+where
+    S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
+{
+    let (mut sender, connection) = http1::handshake(TokioIo::new(stream))
+        .await
+        .map_err(other)?;
+    let answer = sender.send_request(request);
+    tokio::pin!(connection, answer);
+    // What the receiver says beside its status is not read.
+    let answer = tokio::select! {
+        answer = &mut answer => answer.map_err(other)?,
+        ended = &mut connection => match ended {
+            Ok(()) => answer.await.map_err(other)?,
+            Err(error) => return Err(other(error)),
+        },
+    };
+    let status = answer.status();
+    if status.is_success() {
+        Ok(status.as_u16())
+    } else if status.is_redirection() {
+        Err(Failure::Redirect(status.as_u16()))
+    } else {
+        Err(Failure::Status(status.as_u16()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_name_that_stands_for_a_private_address_is_not_asked() {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0")
+            .await
+            .expect("a port");
+        let port = listener.local_addr().expect("an address").port();
+        let destinations = Arc::new(Destinations::new(["localhost"]).expect("a name"));
+        let url = destinations.check(&format!("http://localhost:{port}/"));
+        let exchange = Exchange::new(Arc::clone(&destinations));
+        let message = Message {
+            id: "msg_1".to_owned(),
+            at: 0,
+            signature: "v1,x".to_owned(),
+            body: "{}".to_owned(),
+        };
+        let refused = exchange.post(&url.expect("a destination"), message).await;
+        let is_refused = matches!(
+            refused,
+            Err(Failure::Refused(RefusedDestination::NotPublic(_)))
+        );
+        assert!(is_refused, "{refused:?}");
+    }
+}

@@ -1,0 +1,56 @@
+//! A few figures of the database, for those who watch the server.
+
+use std::time::Duration;
+
+use jiff::Timestamp;
+
+use super::jobs::time;
+use super::{Store, StoreError};
+
+/// How the database is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Figures {
+    /// How long the oldest job that is queued has been.
+    pub queue_age: Duration,
+    /// The size of the file.
+    pub bytes: u64,
+    /// What of it holds nothing.
+    pub free_bytes: u64,
+    /// Deliveries that are to be sent.
+    pub deliveries_waiting: u64,
+}
+
+impl Store {
+    /// The figures as they are now.
+    pub async fn figures(&self) -> Result<Figures, StoreError> {
+        let mut connection = self.readers().acquire().await?;
+        let oldest: Option<(String, String)> = sqlx::query_as(
+            "select id, created_at from jobs where status = 'queued' order by id limit 1",
+        )
+        .fetch_optional(&mut *connection)
+        .await?;
+        let queue_age = match oldest {
+            None => Duration::ZERO,
+            Some((id, created_at)) => {
+                let age = Timestamp::now().duration_since(time(&id, &created_at)?);
+                Duration::try_from(age).unwrap_or_default()
+            }
+        };
+        let (pages, free, page_bytes): (i64, i64, i64) = sqlx::query_as(
+            "select page_count, freelist_count, page_size \
+             from pragma_page_count, pragma_freelist_count, pragma_page_size",
+        )
+        .fetch_one(&mut *connection)
+        .await?;
+        let deliveries_waiting: i64 =
+            sqlx::query_scalar("select count(*) from deliveries where state = 'waiting'")
+                .fetch_one(&mut *connection)
+                .await?;
+        Ok(Figures {
+            queue_age,
+            bytes: (pages * page_bytes).unsigned_abs(),
+            free_bytes: (free * page_bytes).unsigned_abs(),
+            deliveries_waiting: deliveries_waiting.unsigned_abs(),
+        })
+    }
+}

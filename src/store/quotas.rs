@@ -1,0 +1,241 @@
+//! How much a project may have. It is counted in the transaction that adds to it.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use jiff::{Timestamp, ToSpan, civil::Date, tz::TimeZone};
+
+use super::writer::Tx;
+use super::{Store, StoreError};
+use crate::access::Project;
+
+/// What each project may have at the most.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Quotas {
+    /// Recordings.
+    pub datasets: u64,
+    /// The bytes of their samples.
+    pub dataset_bytes: u64,
+    /// Jobs that are queued, running or paused.
+    pub unfinished_jobs: u64,
+    /// The time that its jobs are at work in a day (UTC); nothing for no limit.
+    pub work_per_day: Option<Duration>,
+}
+
+impl Default for Quotas {
+    /// No limits.
+    fn default() -> Self {
+        Self {
+            datasets: u64::MAX,
+            dataset_bytes: u64::MAX,
+            unfinished_jobs: u64::MAX,
+            work_per_day: None,
+        }
+    }
+}
+
+/// A project has as much as it may.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum QuotaExceeded {
+    /// Of recordings.
+    #[error("the project has as many recordings as it may, {0}; remove some first")]
+    Datasets(u64),
+    /// Of the bytes of recordings.
+    #[error(
+        "the recordings of the project have {has} bytes and this one {adds}; together they may have \
+         {limit}; remove some first"
+    )]
+    DatasetBytes {
+        /// Bytes that it has.
+        has: u64,
+        /// Bytes of the one more.
+        adds: u64,
+        /// Bytes that it may have.
+        limit: u64,
+    },
+    /// Of jobs.
+    #[error("the project has as many unfinished jobs as it may, {0}; wait until some have ended")]
+    UnfinishedJobs(u64),
+    /// Of time.
+    #[error(
+        "the jobs of the project were at work for the {limit_s} s that they may be in a day; this \
+         begins anew at {until}"
+    )]
+    Work {
+        /// Seconds in a day.
+        limit_s: u64,
+        /// When the next day begins.
+        until: Timestamp,
+    },
+}
+
+impl QuotaExceeded {
+    /// When the same request may be served, where that is a matter of time.
+    #[must_use]
+    pub fn retry_after(self, now: Timestamp) -> Option<Duration> {
+        match self {
+            Self::Datasets(_) | Self::DatasetBytes { .. } => None,
+            Self::UnfinishedJobs(_) => Some(Duration::from_secs(60)),
+            Self::Work { until, .. } => {
+                let left = until.duration_since(now);
+                Some(Duration::try_from(left).unwrap_or_default())
+            }
+        }
+    }
+}
+
+/// What is left for new jobs, of each project that asked.
+pub(super) struct JobRoom {
+    quotas: Quotas,
+    left: HashMap<Project, Result<u64, QuotaExceeded>>,
+}
+
+impl JobRoom {
+    pub(super) fn new(quotas: Quotas) -> Self {
+        Self {
+            quotas,
+            left: HashMap::new(),
+        }
+    }
+
+    /// Takes room for so many more jobs of a project, all of them or none.
+    pub(super) async fn take(
+        &mut self,
+        tx: &mut Tx,
+        project: &Project,
+        jobs: u64,
+    ) -> Result<Result<(), QuotaExceeded>, StoreError> {
+        let left = match self.left.get(project) {
+            Some(left) => *left,
+            None => job_room(tx, &self.quotas, project).await?,
+        };
+        let taken = left.and_then(|left| {
+            let limit = self.quotas.unfinished_jobs;
+            let rest = left.checked_sub(jobs);
+            rest.ok_or(QuotaExceeded::UnfinishedJobs(limit))
+        });
+        let left = taken.or(left);
+        self.left.insert(project.clone(), left);
+        Ok(taken.map(drop))
+    }
+}
+
+async fn job_room(
+    tx: &mut Tx,
+    quotas: &Quotas,
+    project: &Project,
+) -> Result<Result<u64, QuotaExceeded>, StoreError> {
+    if let Some(limit) = quotas.work_per_day {
+        let now = Timestamp::now();
+        let worked = worked_on(tx, project, day_of(now)).await?;
+        if worked >= limit {
+            return Ok(Err(QuotaExceeded::Work {
+                limit_s: limit.as_secs(),
+                until: end_of_day(now),
+            }));
+        }
+    }
+    if quotas.unfinished_jobs == u64::MAX {
+        return Ok(Ok(u64::MAX));
+    }
+    let unfinished: i64 = sqlx::query_scalar(
+        "select count(*) from jobs where project = ? \
+         and status in ('queued', 'running', 'paused')",
+    )
+    .bind(project.as_str())
+    .fetch_one(&mut **tx)
+    .await?;
+    Ok(Ok(quotas
+        .unfinished_jobs
+        .saturating_sub(unfinished.unsigned_abs())))
+}
+
+/// Whether a project has room for one more recording of so many bytes.
+pub(super) async fn check_dataset(
+    tx: &mut Tx,
+    quotas: &Quotas,
+    project: &Project,
+    adds: u64,
+) -> Result<(), StoreError> {
+    let (datasets, bytes): (i64, i64) =
+        sqlx::query_as("select count(*), coalesce(sum(bytes), 0) from datasets where project = ?")
+            .bind(project.as_str())
+            .fetch_one(&mut **tx)
+            .await?;
+    let (datasets, has) = (datasets.unsigned_abs(), bytes.unsigned_abs());
+    if datasets >= quotas.datasets {
+        return Err(QuotaExceeded::Datasets(quotas.datasets).into());
+    }
+    let limit = quotas.dataset_bytes;
+    if has.saturating_add(adds) > limit {
+        return Err(QuotaExceeded::DatasetBytes { has, adds, limit }.into());
+    }
+    Ok(())
+}
+
+/// Adds the time that a slice of a job was at work to that of its project.
+pub(super) async fn note_work(tx: &mut Tx, job: &str, worked_ms: u64) -> Result<(), StoreError> {
+    sqlx::query(
+        "insert into project_days (project, day, worked_ms) \
+         select project, ?, ? from jobs where id = ? \
+         on conflict do update set worked_ms = worked_ms + excluded.worked_ms",
+    )
+    .bind(day_of(Timestamp::now()).to_string())
+    .bind(i64::try_from(worked_ms).unwrap_or(i64::MAX))
+    .bind(job)
+    .execute(&mut **tx)
+    .await?;
+    Ok(())
+}
+
+async fn worked_on(tx: &mut Tx, project: &Project, day: Date) -> Result<Duration, StoreError> {
+    let worked_ms: Option<i64> =
+        sqlx::query_scalar("select worked_ms from project_days where project = ? and day = ?")
+            .bind(project.as_str())
+            .bind(day.to_string())
+            .fetch_optional(&mut **tx)
+            .await?;
+    Ok(Duration::from_millis(worked_ms.unwrap_or(0).unsigned_abs()))
+}
+
+fn day_of(at: Timestamp) -> Date {
+    at.to_zoned(TimeZone::UTC).date()
+}
+
+fn end_of_day(at: Timestamp) -> Timestamp {
+    let next = day_of(at).saturating_add(1.day());
+    let midnight = next.to_zoned(TimeZone::UTC);
+    midnight.map_or(at, |midnight| midnight.timestamp())
+}
+
+impl Store {
+    /// The time that the jobs of each project were at work so far.
+    pub async fn work_by_project(&self) -> Result<Vec<(Project, Duration)>, StoreError> {
+        let rows: Vec<(String, i64)> =
+            sqlx::query_as("select project, sum(worked_ms) from project_days group by project")
+                .fetch_all(self.readers())
+                .await?;
+        let rows = rows.into_iter().map(|(name, worked_ms)| {
+            let worked = Duration::from_millis(worked_ms.unsigned_abs());
+            Ok((super::jobs::project("a day", &name)?, worked))
+        });
+        rows.collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_day_ends_at_midnight() {
+        let at: Timestamp = "2026-03-01T23:59:58.5Z".parse().expect("a time");
+        let exceeded = QuotaExceeded::Work {
+            limit_s: 3600,
+            until: end_of_day(at),
+        };
+        assert_eq!(exceeded.retry_after(at), Some(Duration::from_millis(1500)));
+        let told = exceeded.to_string();
+        assert!(told.contains("2026-03-02T00:00:00Z"), "{told}");
+    }
+}

@@ -1,0 +1,97 @@
+//! What goes when it is older than it is kept for, and what stays.
+
+use std::time::Duration;
+
+use super::*;
+use crate::job::Status;
+use crate::store::{AuditEntry, Retention, Tidied};
+
+async fn ended(fixture: &Fixture) -> JobId {
+    let id = fixture.submit().await.id;
+    fixture.store.request_cancel(id).await.expect("a write");
+    id
+}
+
+async fn is_there(fixture: &Fixture, id: JobId) -> bool {
+    fixture.store.job(id).await.expect("a read").is_some()
+}
+
+#[tokio::test]
+async fn jobs_go_with_age_or_number_and_never_before_their_end() {
+    let fixture = Fixture::new().await;
+    let first = ended(&fixture).await;
+    let unfinished = fixture.submit().await.id;
+    let second = ended(&fixture).await;
+    let third = ended(&fixture).await;
+    let day = Some(Duration::from_hours(24));
+    let keep = |jobs, most_jobs| Retention {
+        jobs,
+        most_jobs,
+        ..Retention::default()
+    };
+    let young = fixture
+        .store
+        .tidy(keep(day, Some(3)))
+        .await
+        .expect("a write");
+    assert_eq!(young, Tidied::default());
+    let tidied = fixture
+        .store
+        .tidy(keep(None, Some(2)))
+        .await
+        .expect("a write");
+    assert_eq!(tidied.jobs, 1);
+    assert!(!is_there(&fixture, first).await);
+    assert!(is_there(&fixture, second).await && is_there(&fixture, third).await);
+    let tidied = fixture
+        .store
+        .tidy(keep(Some(Duration::ZERO), None))
+        .await
+        .expect("a write");
+    assert_eq!(tidied.jobs, 2);
+    assert!(is_there(&fixture, unfinished).await);
+    let row = fixture
+        .store
+        .job(unfinished)
+        .await
+        .expect("a read")
+        .expect("the job");
+    assert_eq!(row.status, Status::Queued);
+}
+
+#[tokio::test]
+async fn the_audit_log_never_changes_and_goes_with_age_alone() {
+    let fixture = Fixture::new().await;
+    let entry = AuditEntry {
+        who: "token mes".to_owned(),
+        project: Some(Default::default()),
+        address: "10.0.0.1".to_owned(),
+        method: "POST".to_owned(),
+        path: "/v1/jobs".to_owned(),
+        status: 202,
+        request_id: "r-1".to_owned(),
+        left_out: 0,
+    };
+    fixture.store.audit(entry.clone()).await.expect("a write");
+    let read = async || {
+        let page = fixture
+            .store
+            .audit_log(&Default::default(), true, None, 10)
+            .await;
+        page.expect("a page").rows
+    };
+    assert_eq!(read().await[0].entry, entry);
+    let pool = fixture.store.queue_pool();
+    for change in ["update audit set who = 'nobody'", "delete from audit"] {
+        let refused = sqlx::query(change).execute(&pool).await;
+        assert!(refused.is_err(), "{change}");
+    }
+    let all = Retention {
+        audit: Some(Duration::ZERO),
+        ..Retention::default()
+    };
+    // Nothing younger than 30 days goes, whatever is asked.
+    let tidied = fixture.store.tidy(all).await.expect("a write");
+    assert_eq!(tidied.audit, 0);
+    assert_eq!(read().await.len(), 1);
+}

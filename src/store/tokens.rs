@@ -1,0 +1,215 @@
+//! Tokens: made, listed and revoked on the database itself, whether a server works with it or not.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use jiff::Timestamp;
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{Connection, FromRow, SqliteConnection};
+
+use super::jobs::{project, time};
+use super::{DatabaseSettings, Store, StoreError, corrupt, schema_version};
+use crate::access::{Digest, Project, Scope};
+
+/// How long a statement waits for the server's lock.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// A token to be made.
+#[derive(Clone, Debug)]
+pub struct NewToken {
+    /// What it is called; no other token that is not revoked has the name.
+    pub name: String,
+    /// What is kept of its secret.
+    pub digest: Digest,
+    /// How much it allows.
+    pub scope: Scope,
+    /// Where.
+    pub project: Project,
+    /// When it ends by itself.
+    pub expires_at: Option<Timestamp>,
+}
+
+/// A token as it is kept.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TokenRow {
+    /// Its number.
+    pub id: i64,
+    /// What it is called.
+    pub name: String,
+    /// How much it allows.
+    pub scope: Scope,
+    /// Where.
+    pub project: Project,
+    /// When it was made.
+    pub created_at: Timestamp,
+    /// When it ends by itself.
+    pub expires_at: Option<Timestamp>,
+    /// When it was revoked.
+    pub revoked_at: Option<Timestamp>,
+    /// When it was used last, to the minute.
+    pub last_used_at: Option<Timestamp>,
+}
+
+impl TokenRow {
+    /// Whether it still counts.
+    #[must_use]
+    pub fn is_valid_at(&self, now: Timestamp) -> bool {
+        self.revoked_at.is_none() && self.expires_at.is_none_or(|end| now < end)
+    }
+}
+
+#[derive(FromRow)]
+struct Columns {
+    id: i64,
+    name: String,
+    scope: String,
+    project: String,
+    created_at: String,
+    expires_at: Option<String>,
+    revoked_at: Option<String>,
+    last_used_at: Option<String>,
+}
+
+impl Columns {
+    fn read(self) -> Result<TokenRow, StoreError> {
+        let of = &self.name;
+        let optional = |at: Option<String>| at.map(|at| time(of, &at)).transpose();
+        Ok(TokenRow {
+            id: self.id,
+            scope: self
+                .scope
+                .parse()
+                .map_err(|why| corrupt("scope", of, why))?,
+            project: project(of, &self.project)?,
+            created_at: time(of, &self.created_at)?,
+            expires_at: optional(self.expires_at)?,
+            revoked_at: optional(self.revoked_at)?,
+            last_used_at: optional(self.last_used_at)?,
+            name: self.name,
+        })
+    }
+}
+
+impl Store {
+    /// Whether a token was ever made: from then on everybody is asked for one, also when none is
+    /// valid any more.
+    pub async fn has_tokens(&self) -> Result<bool, StoreError> {
+        Ok(sqlx::query_scalar("select exists (select 1 from tokens)")
+            .fetch_one(self.readers())
+            .await?)
+    }
+
+    /// The token of a secret, valid or not.
+    pub async fn token(&self, digest: &Digest) -> Result<Option<TokenRow>, StoreError> {
+        let row: Option<Columns> = sqlx::query_as(
+            "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
+             from tokens where digest = ?",
+        )
+        .bind(digest.as_str())
+        .fetch_optional(self.readers())
+        .await?;
+        row.map(Columns::read).transpose()
+    }
+
+    /// Notes that a token was used now.
+    pub async fn note_use(&self, token: i64) -> Result<(), StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    sqlx::query("update tokens set last_used_at = ? where id = ?")
+                        .bind(Timestamp::now().to_string())
+                        .bind(token)
+                        .execute(&mut **tx)
+                        .await?;
+                    Ok(())
+                })
+            })
+            .await
+    }
+}
+
+/// Makes a token. Says whether it was made: not where its name is taken.
+///
+/// # Errors
+/// The database cannot be opened or written.
+pub async fn create(database: &Path, new: NewToken) -> Result<bool, StoreError> {
+    let mut connection = open(database).await?;
+    let made = sqlx::query(
+        "insert into tokens (name, digest, scope, project, created_at, expires_at) \
+         values (?, ?, ?, ?, ?, ?) on conflict do nothing",
+    )
+    .bind(&new.name)
+    .bind(new.digest.as_str())
+    .bind(new.scope.as_str())
+    .bind(new.project.as_str())
+    .bind(Timestamp::now().to_string())
+    .bind(new.expires_at.map(|at| at.to_string()))
+    .execute(&mut connection)
+    .await?;
+    connection.close().await?;
+    Ok(made.rows_affected() == 1)
+}
+
+/// All tokens, the newest last.
+///
+/// # Errors
+/// The database cannot be opened or read.
+pub async fn list(database: &Path) -> Result<Vec<TokenRow>, StoreError> {
+    let mut connection = open(database).await?;
+    let rows: Vec<Columns> = sqlx::query_as(
+        "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
+         from tokens order by id",
+    )
+    .fetch_all(&mut connection)
+    .await?;
+    connection.close().await?;
+    rows.into_iter().map(Columns::read).collect()
+}
+
+/// Ends the token of a name. Says whether there was one.
+///
+/// # Errors
+/// The database cannot be opened or written.
+pub async fn revoke(database: &Path, name: &str) -> Result<bool, StoreError> {
+    let mut connection = open(database).await?;
+    let revoked =
+        sqlx::query("update tokens set revoked_at = ? where name = ? and revoked_at is null")
+            .bind(Timestamp::now().to_string())
+            .bind(name)
+            .execute(&mut connection)
+            .await?;
+    connection.close().await?;
+    Ok(revoked.rows_affected() == 1)
+}
+
+/// A connection to a database that is there and up to date. One that no server works with is made
+/// or brought up to date first; one that a server works with has that server's schema.
+async fn open(path: &Path) -> Result<SqliteConnection, StoreError> {
+    let settings = DatabaseSettings {
+        path: path.to_owned(),
+        readers: 1,
+        busy_timeout: BUSY_TIMEOUT,
+    };
+    match Store::open(&settings, Arc::new(|_| {})).await {
+        Ok(store) => store.close().await,
+        Err(StoreError::Locked { .. }) => {}
+        Err(error) => return Err(error),
+    }
+    let options = SqliteConnectOptions::new()
+        .filename(path)
+        .busy_timeout(BUSY_TIMEOUT);
+    let mut connection = SqliteConnection::connect_with(&options).await?;
+    let newest: i64 = sqlx::query_scalar("select max(version) from _sqlx_migrations")
+        .fetch_one(&mut connection)
+        .await?;
+    if newest == schema_version() {
+        return Ok(connection);
+    }
+    let why = format!(
+        "the server has schema {newest}, this program {}",
+        schema_version()
+    );
+    Err(corrupt("schema", path.display(), why))
+}

@@ -1,0 +1,464 @@
+//! Where events are delivered and what is on its way there: stored in the transaction of what it
+//! tells of, and sent after.
+
+use std::time::Duration;
+
+use jiff::Timestamp;
+use serde_json::{Value, json};
+use sqlx::{FromRow, QueryBuilder, Sqlite};
+
+use super::jobs::{self, Page, from_json, project, time};
+use super::writer::Tx;
+use super::{Change, Store, StoreError, corrupt};
+use crate::access::Project;
+use crate::job::{DeliveryId, JobId, WebhookId};
+
+/// A delivery is tried for so long.
+const TRIED_FOR: Duration = Duration::from_hours(72);
+/// The wait after the first attempt; it doubles with each.
+const FIRST_WAIT: Duration = Duration::from_secs(5);
+/// The longest wait.
+const LONGEST_WAIT: Duration = Duration::from_hours(6);
+
+/// A place that events are delivered to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WebhookRow {
+    /// Its identifier.
+    pub id: WebhookId,
+    /// Whose it is: events of that project go there.
+    pub project: Project,
+    /// The address.
+    pub url: String,
+    /// The types of events that it wants.
+    pub events: Vec<String>,
+    /// What its deliveries are signed with.
+    pub secret: String,
+    /// When it was made.
+    pub created_at: Timestamp,
+}
+
+/// How far a delivery has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeliveryState {
+    /// It is to be sent.
+    Waiting,
+    /// The receiver has taken it.
+    Delivered,
+    /// It was tried for three days.
+    GivenUp,
+}
+
+impl DeliveryState {
+    /// The word for it.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Waiting => "waiting",
+            Self::Delivered => "delivered",
+            Self::GivenUp => "given_up",
+        }
+    }
+}
+
+/// An event on its way to one place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeliveryRow {
+    /// Its identifier, the same at each attempt.
+    pub id: DeliveryId,
+    /// Where it goes.
+    pub webhook: WebhookId,
+    /// The type of the event.
+    pub event: String,
+    /// What is sent.
+    pub payload: String,
+    /// How far it has come.
+    pub state: DeliveryState,
+    /// Attempts so far.
+    pub attempts: u32,
+    /// When the next attempt is due.
+    pub due_at: Timestamp,
+    /// The status that the receiver answered last.
+    pub last_status: Option<u16>,
+    /// Why the last attempt failed.
+    pub last_error: Option<String>,
+    /// When the event happened.
+    pub created_at: Timestamp,
+    /// When the receiver took it.
+    pub delivered_at: Option<Timestamp>,
+}
+
+/// What came of an attempt.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Attempt {
+    /// The status that the receiver answered.
+    pub status: Option<u16>,
+    /// Why it failed; nothing where the receiver has taken it.
+    pub error: Option<String>,
+}
+
+#[derive(FromRow)]
+struct WebhookColumns {
+    id: String,
+    project: String,
+    url: String,
+    events: String,
+    secret: String,
+    created_at: String,
+}
+
+impl WebhookColumns {
+    fn read(self) -> Result<WebhookRow, StoreError> {
+        let of = &self.id;
+        Ok(WebhookRow {
+            project: project(of, &self.project)?,
+            events: from_json("events", of, &self.events)?,
+            created_at: time(of, &self.created_at)?,
+            id: of.parse().map_err(|why| corrupt("identifier", of, why))?,
+            url: self.url,
+            secret: self.secret,
+        })
+    }
+}
+
+#[derive(FromRow)]
+struct DeliveryColumns {
+    id: String,
+    webhook: String,
+    event: String,
+    payload: String,
+    state: String,
+    attempts: u32,
+    due_at_ms: i64,
+    last_status: Option<u16>,
+    last_error: Option<String>,
+    created_at: String,
+    delivered_at: Option<String>,
+}
+
+impl DeliveryColumns {
+    fn read(self) -> Result<DeliveryRow, StoreError> {
+        let of = &self.id;
+        let all = [
+            DeliveryState::Waiting,
+            DeliveryState::Delivered,
+            DeliveryState::GivenUp,
+        ];
+        let state = all.into_iter().find(|state| state.as_str() == self.state);
+        let webhook = self.webhook.parse();
+        let due_at = Timestamp::from_millisecond(self.due_at_ms);
+        Ok(DeliveryRow {
+            webhook: webhook.map_err(|why| corrupt("identifier", of, why))?,
+            state: state.ok_or_else(|| corrupt("state", of, "it is none"))?,
+            due_at: due_at.map_err(|why| corrupt("time", of, why))?,
+            created_at: time(of, &self.created_at)?,
+            delivered_at: self.delivered_at.map(|at| time(of, &at)).transpose()?,
+            id: of.parse().map_err(|why| corrupt("identifier", of, why))?,
+            event: self.event,
+            payload: self.payload,
+            attempts: self.attempts,
+            last_status: self.last_status,
+            last_error: self.last_error,
+        })
+    }
+}
+
+const WEBHOOK: &str = "select id, project, url, events, secret, created_at from webhooks";
+const DELIVERY: &str = "select id, webhook, event, payload, state, attempts, due_at_ms, \
+                        last_status, last_error, created_at, delivered_at from deliveries";
+
+/// Stores an event for each place of a project that wants events of its type, as part of the
+/// caller's transaction: it is delivered when that is on disk, at least once.
+pub(super) async fn tell(
+    tx: &mut Tx,
+    project: &Project,
+    event: &str,
+    data: &Value,
+) -> Result<(), StoreError> {
+    let places: Vec<String> = sqlx::query_scalar(
+        "select id from webhooks where project = ? \
+         and exists (select 1 from json_each(events) where value = ?)",
+    )
+    .bind(project.as_str())
+    .bind(event)
+    .fetch_all(&mut **tx)
+    .await?;
+    if places.is_empty() {
+        return Ok(());
+    }
+    let now = Timestamp::now();
+    let payload = json!({"type": event, "timestamp": now.to_string(), "data": data}).to_string();
+    for place in places {
+        sqlx::query(
+            "insert into deliveries (id, webhook, event, payload, state, due_at_ms, \
+             tried_from_ms, created_at) values (?, ?, ?, ?, 'waiting', ?, ?, ?)",
+        )
+        .bind(DeliveryId::new().to_string())
+        .bind(place)
+        .bind(event)
+        .bind(&payload)
+        .bind(now.as_millisecond())
+        .bind(now.as_millisecond())
+        .bind(now.to_string())
+        .execute(&mut **tx)
+        .await?;
+    }
+    tx.announce(Change::DeliveryWaits);
+    Ok(())
+}
+
+/// Tells that a job came to its end.
+pub(super) async fn tell_of_end(tx: &mut Tx, id: JobId) -> Result<(), StoreError> {
+    let key = id.to_string();
+    let wanted: bool = sqlx::query_scalar(
+        "select exists (select 1 from webhooks join jobs on jobs.project = webhooks.project \
+         where jobs.id = ?)",
+    )
+    .bind(&key)
+    .fetch_one(&mut **tx)
+    .await?;
+    if !wanted {
+        return Ok(());
+    }
+    let Some(row) = jobs::fetch(&mut *tx, id).await? else {
+        return Ok(());
+    };
+    let data = json!({
+        "job": key,
+        "name": row.name,
+        "labels": row.labels,
+        "model": row.model,
+        "status": row.status,
+        "error": row.error,
+        "created_at": row.created_at.to_string(),
+        "finished_at": row.finished_at.map(|at| at.to_string()),
+        "links": {"self": format!("/v1/jobs/{key}"), "result": format!("/v1/jobs/{key}/result")},
+    });
+    tell(tx, &row.project, "job.ended", &data).await
+}
+
+impl Store {
+    /// Stores a place that events are delivered to.
+    pub async fn insert_webhook(&self, new: WebhookRow) -> Result<(), StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    sqlx::query(
+                        "insert into webhooks (id, project, url, events, secret, created_at) \
+                         values (?, ?, ?, ?, ?, ?)",
+                    )
+                    .bind(new.id.to_string())
+                    .bind(new.project.as_str())
+                    .bind(new.url)
+                    .bind(jobs::json(&new.events))
+                    .bind(new.secret)
+                    .bind(new.created_at.to_string())
+                    .execute(&mut **tx)
+                    .await?;
+                    Ok(())
+                })
+            })
+            .await
+    }
+
+    /// The places of a project, the oldest first.
+    pub async fn webhooks(&self, project: &Project) -> Result<Vec<WebhookRow>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new(WEBHOOK);
+        query.push(" where project = ").push_bind(project.as_str());
+        query.push(" order by id");
+        let rows: Vec<WebhookColumns> = query.build_query_as().fetch_all(self.readers()).await?;
+        rows.into_iter().map(WebhookColumns::read).collect()
+    }
+
+    /// A place, if there is one.
+    pub async fn webhook(&self, id: WebhookId) -> Result<Option<WebhookRow>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new(WEBHOOK);
+        query.push(" where id = ").push_bind(id.to_string());
+        let row: Option<WebhookColumns> = query
+            .build_query_as()
+            .fetch_optional(self.readers())
+            .await?;
+        row.map(WebhookColumns::read).transpose()
+    }
+
+    /// Forgets a place and what is on its way there. Says whether there was one.
+    pub async fn delete_webhook(&self, id: WebhookId) -> Result<bool, StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    let removed = sqlx::query("delete from webhooks where id = ?")
+                        .bind(id.to_string())
+                        .execute(&mut **tx)
+                        .await?;
+                    Ok(removed.rows_affected() == 1)
+                })
+            })
+            .await
+    }
+
+    /// Deliveries to a place, newest first, older than `before`.
+    pub async fn deliveries(
+        &self,
+        webhook: WebhookId,
+        before: Option<DeliveryId>,
+        limit: u32,
+    ) -> Result<Page<DeliveryRow, DeliveryId>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new(DELIVERY);
+        query
+            .push(" where webhook = ")
+            .push_bind(webhook.to_string());
+        if let Some(before) = before {
+            query.push(" and id < ").push_bind(before.to_string());
+        }
+        query.push(" order by id desc limit ");
+        query.push_bind(i64::from(limit) + 1);
+        let rows: Vec<DeliveryColumns> = query.build_query_as().fetch_all(self.readers()).await?;
+        let rows = rows.into_iter().map(DeliveryColumns::read);
+        Ok(Page::cut(rows.collect::<Result<_, _>>()?, limit, |row| {
+            row.id
+        }))
+    }
+
+    /// A delivery, if there is one.
+    pub async fn delivery(&self, id: DeliveryId) -> Result<Option<DeliveryRow>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new(DELIVERY);
+        query.push(" where id = ").push_bind(id.to_string());
+        let row: Option<DeliveryColumns> = query
+            .build_query_as()
+            .fetch_optional(self.readers())
+            .await?;
+        row.map(DeliveryColumns::read).transpose()
+    }
+
+    /// Whose a delivery is, if there is one.
+    pub async fn project_of_delivery(&self, id: DeliveryId) -> Result<Option<Project>, StoreError> {
+        let key = id.to_string();
+        let name: Option<String> = sqlx::query_scalar(
+            "select project from deliveries join webhooks on webhooks.id = webhook \
+             where deliveries.id = ?",
+        )
+        .bind(&key)
+        .fetch_optional(self.readers())
+        .await?;
+        name.map(|name| project(&key, &name)).transpose()
+    }
+
+    /// Has a delivery sent once more, now. Says whether there is one.
+    pub async fn resend(&self, id: DeliveryId) -> Result<bool, StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(resend(tx, id)))
+            .await
+    }
+
+    /// The delivery to each place that is due first, where that is by now, and when the next is.
+    /// A wait that is longer than any can be is one for a clock that was set back.
+    pub async fn due_deliveries(
+        &self,
+        now: Timestamp,
+    ) -> Result<(Vec<DeliveryRow>, Option<Timestamp>), StoreError> {
+        let now_ms = now.as_millisecond();
+        let longest = i64::try_from(LONGEST_WAIT.as_millis()).unwrap_or(i64::MAX);
+        // With `min` the other columns are those of the row that has it.
+        let rows: Vec<DeliveryColumns> = sqlx::query_as(
+            "select id, webhook, event, payload, state, attempts, \
+             min(iif(due_at_ms > ?1, 0, due_at_ms)) as due_at_ms, \
+             last_status, last_error, created_at, delivered_at from deliveries \
+             where state = 'waiting' group by webhook",
+        )
+        .bind(now_ms.saturating_add(longest))
+        .fetch_all(self.readers())
+        .await?;
+        let rows = rows.into_iter().map(DeliveryColumns::read);
+        let rows: Vec<DeliveryRow> = rows.collect::<Result<_, _>>()?;
+        let (due, later): (Vec<_>, Vec<_>) = rows.into_iter().partition(|row| row.due_at <= now);
+        Ok((due, later.iter().map(|row| row.due_at).min()))
+    }
+
+    /// Notes what came of an attempt.
+    pub async fn note_attempt(&self, id: DeliveryId, attempt: Attempt) -> Result<(), StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(note(tx, id, attempt)))
+            .await
+    }
+}
+
+async fn resend(tx: &mut Tx, id: DeliveryId) -> Result<bool, StoreError> {
+    let now = Timestamp::now().as_millisecond();
+    let found = sqlx::query(
+        "update deliveries set state = 'waiting', due_at_ms = ?1, tried_from_ms = ?1, \
+         attempts = 0, delivered_at = null where id = ?2",
+    )
+    .bind(now)
+    .bind(id.to_string())
+    .execute(&mut **tx)
+    .await?;
+    tx.announce(Change::DeliveryWaits);
+    Ok(found.rows_affected() == 1)
+}
+
+async fn note(tx: &mut Tx, id: DeliveryId, attempt: Attempt) -> Result<(), StoreError> {
+    let key = id.to_string();
+    let before: Option<(u32, i64)> =
+        sqlx::query_as("select attempts, tried_from_ms from deliveries where id = ?")
+            .bind(&key)
+            .fetch_optional(&mut **tx)
+            .await?;
+    // The place may have been forgotten meanwhile.
+    let Some((attempts, tried_from_ms)) = before else {
+        return Ok(());
+    };
+    let now = Timestamp::now();
+    let tried_ms = now.as_millisecond().saturating_sub(tried_from_ms);
+    let state = match &attempt.error {
+        None => DeliveryState::Delivered,
+        Some(_) if u128::from(tried_ms.unsigned_abs()) >= TRIED_FOR.as_millis() => {
+            DeliveryState::GivenUp
+        }
+        Some(_) => DeliveryState::Waiting,
+    };
+    let wait = i64::try_from(wait_after(attempts).as_millis()).unwrap_or(i64::MAX);
+    sqlx::query(
+        "update deliveries set state = ?, attempts = attempts + 1, due_at_ms = ?, \
+         last_status = ?, last_error = ?, delivered_at = ? where id = ?",
+    )
+    .bind(state.as_str())
+    .bind(now.as_millisecond().saturating_add(wait))
+    .bind(attempt.status)
+    .bind(&attempt.error)
+    .bind((state == DeliveryState::Delivered).then(|| now.to_string()))
+    .bind(&key)
+    .execute(&mut **tx)
+    .await?;
+    tx.announce(Change::DeliveryWaits);
+    Ok(())
+}
+
+/// How long a delivery waits after so many attempts and one more.
+fn wait_after(attempts: u32) -> Duration {
+    FIRST_WAIT
+        .saturating_mul(1 << attempts.min(20))
+        .min(LONGEST_WAIT)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_delivery_is_tried_often_at_first_and_for_three_days() {
+        let waits = (0..).map(wait_after);
+        let mut tried = Duration::ZERO;
+        let attempts = waits.take_while(|wait| {
+            let goes_on = tried < TRIED_FOR;
+            tried += *wait;
+            goes_on
+        });
+        let attempts: Vec<u64> = attempts.map(|wait| wait.as_secs()).collect();
+        assert_eq!(attempts[..4], [5, 10, 20, 40]);
+        assert_eq!(*attempts.last().expect("some"), 6 * 3600);
+        assert_eq!(attempts.len(), 24);
+    }
+}
