@@ -203,9 +203,8 @@ impl App {
         }
         let ended = tokio::time::timeout(LAST_WORDS, async {
             while let Some(ended) = tasks.join_next().await {
-                if let Err(error) = ended {
-                    tracing::error!(%error, "a task beside the server ended badly");
-                }
+                let note = |error| tracing::error!(%error, "a task beside the server ended badly");
+                ended.unwrap_or_else(note);
             }
         });
         if ended.await.is_err() {

@@ -149,9 +149,9 @@ impl Callers {
         if self.is_to_be_noted(&digest) {
             let (store, id) = (state.store.clone(), row.id);
             tokio::spawn(async move {
-                if let Err(error) = store.note_use(id).await {
-                    tracing::warn!(%error, "it could not be noted that a token was used");
-                }
+                let noted = store.note_use(id).await;
+                let warn = |error| tracing::warn!(%error, "it was not noted that a token was used");
+                noted.unwrap_or_else(warn);
             });
         }
         Ok(row)

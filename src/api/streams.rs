@@ -290,11 +290,9 @@ impl FromQuery for StreamQuery {
         let mut instant = |name| {
             query.parsed(name, |text| {
                 let shown: String = text.chars().take(60).collect();
-                text.parse::<Timestamp>().map_err(|_| {
-                    format!(
-                        "`{shown}` is not an instant with its offset, such as 2026-03-02T08:15:00Z"
-                    )
-                })
+                let refusal = "is not an instant with its offset, such as 2026-03-02T08:15:00Z";
+                let instant = text.parse::<Timestamp>();
+                instant.map_err(|_| format!("`{shown}` {refusal}"))
             })
         };
         let (from, to) = (instant("from"), instant("to"));

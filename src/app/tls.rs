@@ -99,12 +99,10 @@ impl Tls {
                     tracing::info!("the certificate was read again");
                     told = None;
                 }
+                Err(error) if told.as_ref() == Some(&error.to_string()) => {}
                 Err(error) => {
-                    let error = error.to_string();
-                    if told.as_ref() != Some(&error) {
-                        tracing::error!(error, "the certificate was not read again");
-                        told = Some(error);
-                    }
+                    tracing::error!(%error, "the certificate was not read again");
+                    told = Some(error.to_string());
                 }
             }
         }

@@ -57,12 +57,7 @@ impl Sender {
         loop {
             let wait = match self.store.due_deliveries(Timestamp::now()).await {
                 Ok((due, next)) => {
-                    for delivery in due {
-                        if !busy.contains(&delivery.webhook) {
-                            busy.push(delivery.webhook);
-                            under_way.spawn(self.clone().deliver(delivery));
-                        }
-                    }
+                    self.begin(due, &mut busy, &mut under_way);
                     until(next)
                 }
                 Err(error) => {
@@ -86,6 +81,21 @@ impl Sender {
     }
 
     /// Makes one attempt and notes what came of it.
+    /// Begins those that are due, one at a time for each place.
+    fn begin(
+        &self,
+        due: Vec<DeliveryRow>,
+        busy: &mut Vec<WebhookId>,
+        under_way: &mut JoinSet<WebhookId>,
+    ) {
+        for delivery in due {
+            if !busy.contains(&delivery.webhook) {
+                busy.push(delivery.webhook);
+                under_way.spawn(self.clone().deliver(delivery));
+            }
+        }
+    }
+
     async fn deliver(self, delivery: DeliveryRow) -> WebhookId {
         if let Err(error) = self.attempt(&delivery).await {
             tracing::error!(delivery = %delivery.id, %error, "an attempt could not be noted");

@@ -70,8 +70,8 @@ impl Thresholds {
     pub fn of_rate(rate: f64) -> Self {
         let run_length = 2.0 / rate;
         Self {
-            cusum: solve(|threshold| cusum_run_length(threshold), run_length),
-            glr: solve(|threshold| glr_run_length(threshold), run_length),
+            cusum: solve(cusum_run_length, run_length),
+            glr: solve(glr_run_length, run_length),
         }
     }
 }

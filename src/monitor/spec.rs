@@ -298,11 +298,10 @@ fn template(field: &Field<'_>) -> Option<Value> {
                 experiment.fault("too_many_experiments", detail);
             }
             let mut experiment = experiment.object()?;
-            for name in ["dataset", "window"] {
-                if let Some(given) = experiment.optional(name) {
-                    let detail = "the windows of the stream are the recordings; leave it out";
-                    given.fault("unknown_field", detail);
-                }
+            let given = ["dataset", "window"].map(|name| experiment.optional(name));
+            for given in given.into_iter().flatten() {
+                let detail = "the windows of the stream are the recordings; leave it out";
+                given.fault("unknown_field", detail);
             }
         }
     }

@@ -203,11 +203,9 @@ impl Rows {
             match (own, other) {
                 (Some(own), Some(other)) if own == other => {
                     merged.push(&self, mine);
-                    if merged.say_last(later, theirs) {
-                        told.changed += 1;
-                    } else {
-                        told.repeated += 1;
-                    }
+                    let is_changed = u64::from(merged.say_last(later, theirs));
+                    told.changed += is_changed;
+                    told.repeated += 1 - is_changed;
                     (mine, theirs) = (mine + 1, theirs + 1);
                 }
                 (Some(own), other) if other.is_none_or(|other| own < other) => {

@@ -110,15 +110,23 @@ impl Events {
         }
     }
 
+    /// The first event that has come whole.
+    fn arrived(&mut self) -> Option<(u64, String, Value)> {
+        while let Some((block, rest)) = self.text.split_once("\n\n") {
+            let (event, rest) = (parsed(block), rest.to_owned());
+            self.text = rest;
+            if event.is_some() {
+                return event;
+            }
+        }
+        None
+    }
+
     /// The next event: its id, its name and its data.
     async fn next(&mut self) -> (u64, String, Value) {
         loop {
-            while let Some((block, rest)) = self.text.split_once("\n\n") {
-                let (event, rest) = (parsed(block), rest.to_owned());
-                self.text = rest;
-                if let Some(event) = event {
-                    return event;
-                }
+            if let Some(event) = self.arrived() {
+                return event;
             }
             let chunk = self.response.chunk().await.unwrap();
             let chunk = chunk.expect("the stream goes on");

@@ -33,7 +33,7 @@ fn derivatives(levels: [f64; 4], [u1, u2]: [f64; 2], outlet: f64) -> [f64; 4] {
 /// The pumps: square waves of 200 s, a quarter of a period apart.
 fn pumps(second: usize) -> [f64; 2] {
     let high = |shift: usize| {
-        if ((second + shift) / 100) % 2 == 0 {
+        if ((second + shift) / 100).is_multiple_of(2) {
             0.5
         } else {
             0.0
