@@ -26,7 +26,7 @@ macro_rules! guide {
 }
 
 /// All guides, in the order of the navigation.
-pub static GUIDES: [Guide; 8] = [
+pub static GUIDES: [Guide; 9] = [
     guide!("start", "First job"),
     guide!("import", "Recordings and units"),
     guide!("models", "Models"),
@@ -35,6 +35,7 @@ pub static GUIDES: [Guide; 8] = [
     guide!("monitors", "Monitors"),
     guide!("verdicts", "Verdicts"),
     guide!("method", "Method"),
+    guide!("running", "Running it for others"),
 ];
 
 /// The guide as a page without a script.

@@ -33,7 +33,7 @@ pub struct OutputFit {
     /// Residuals.
     pub samples: usize,
     /// The mean square of the residuals, each as large as if all samples had the same noise
-    /// [SI²]: what likelihoods are made of.
+    /// `[SI²]`: what likelihoods are made of.
     pub weighted_square: Option<f64>,
 }
 
