@@ -350,7 +350,7 @@ fn shells_and_manuals_are_told_the_commands() {
 #[test]
 fn a_job_without_a_document_is_said_on_the_command_line() {
     let complaint = complaints(&["estimate", "a.csv"]).join("\n");
-    assert!(complaint.contains("--model"), "{complaint}");
+    assert!(complaint.contains("<JOB>"), "{complaint}");
     let complaint = complaints(&["estimate", "a.csv", "--model", "x", "--set", "mass"]).join("\n");
     assert!(complaint.contains("mass=50..70"), "{complaint}");
 }

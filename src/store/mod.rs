@@ -269,7 +269,8 @@ async fn writer_pool(settings: &DatabaseSettings) -> Result<SqlitePool, StoreErr
                 Ok(!connection.is_in_transaction())
             })
         })
-        .connect_with(connection(settings))
+        // Of a file that is new: what is removed can be given back to the disk.
+        .connect_with(connection(settings).auto_vacuum(SqliteAutoVacuum::Incremental))
         .await?;
     Ok(pool)
 }
@@ -286,8 +287,6 @@ fn connection(settings: &DatabaseSettings) -> SqliteConnectOptions {
     SqliteConnectOptions::new()
         .filename(&settings.path)
         .create_if_missing(true)
-        // Of a file that is new: what is removed can be given back to the disk.
-        .auto_vacuum(SqliteAutoVacuum::Incremental)
         .journal_mode(SqliteJournalMode::Wal)
         .synchronous(SqliteSynchronous::Full)
         .foreign_keys(true)
