@@ -52,7 +52,7 @@ fn the_jittered_recording_is_resampled_to_its_nominal_rate() {
     assert_eq!(experiment.notes[0].code, "resampled");
     let angle = &experiment.signals[0].1;
     let missing = angle.iter().filter(|angle| angle.is_nan()).count();
-    assert!(missing * 200 < angle.len(), "{missing} of {}", angle.len());
+    assert!(missing * 100 < angle.len(), "{missing} of {}", angle.len());
 }
 
 #[test]

@@ -157,6 +157,6 @@ async fn a_list_in_short_tells_jobs_apart_and_is_narrowed_by_what_it_shows() {
         [second]
     );
     let problem = app.get("/v1/jobs?trust=good&view=short&text=a").await;
-    let problem = problem.problem(400);
+    let problem = problem.problem(422);
     assert_eq!(problem["errors"].as_array().unwrap().len(), 2, "{problem}");
 }

@@ -246,7 +246,7 @@ async fn the_report_comes_as_markdown_and_as_json_too() {
     for part in ["Sign-off", "Taken as fixed", "not said", digest] {
         assert!(page.contains(part), "{part}");
     }
-    app.get(&format!("{path}?format=pdf")).await.problem(400);
+    app.get(&format!("{path}?format=pdf")).await.problem(422);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -278,7 +278,7 @@ async fn a_part_of_a_trajectory_has_every_sample_of_it() {
         .await
         .expect(200);
     assert_eq!(csv.text.lines().count(), 1 + 51);
-    app.get(&format!("{path}?from=2&to=1")).await.problem(400);
+    app.get(&format!("{path}?from=2&to=1")).await.problem(422);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -117,10 +117,23 @@ async fn a_slice_that_lost_its_job_keeps_no_candidates_and_a_deleted_job_has_non
 const AS_BEFORE: &str = "drop table candidates; drop table candidate_records; \
      drop table comparison_jobs; drop table comparisons; drop table server_life; \
      drop table write_probes; drop index jobs_at_work; drop index jobs_with_deaths; \
-     alter table jobs drop column deaths; alter table jobs drop column at_work_in; \
-     alter table models drop column client; drop index results_by_trust; \
-     alter table results drop column trust; alter table jobs drop column method; \
-     alter table idempotency rename column made to job; \
+     drop table monitor_events; drop table monitor_alarms; drop table monitor_windows; \
+     drop table monitors; drop table stream_batches; drop table stream_blocks; \
+     drop table streams; drop table deliveries; drop table webhooks; drop table project_days; \
+     drop table audit; drop table tokens; drop index jobs_by_project; \
+     drop index jobs_by_project_and_status; drop index jobs_by_project_and_model; \
+     alter table jobs drop column project; alter table jobs drop column deaths; \
+     alter table jobs drop column at_work_in; alter table jobs drop column method; \
+     drop index datasets_by_project; alter table datasets drop column bytes; \
+     update datasets set identity = digest; alter table datasets drop column digest; \
+     alter table datasets rename column identity to digest; \
+     alter table datasets drop column project; \
+     drop index results_by_trust; alter table results drop column trust; \
+     drop table models; create table models (reference text not null primary key, \
+         name text not null, digest text not null unique, document text not null, \
+         created_at text not null) strict; \
+     drop table idempotency; create table idempotency (key text not null primary key, \
+         body_digest text not null, job text not null) strict, without rowid; \
      delete from _sqlx_migrations where version >= 4; \
      insert into job_labels (job, label, value) \
          select id, 'comparison', 'cmp_0192d3a4b5c67d8e9f00112233445566' from jobs";
