@@ -42,6 +42,13 @@ pub fn openapi() -> Value {
     let mut description = serde_json::to_value(openapi).expect("a description has only text keys");
     names::name_all(&mut description);
     names::name_files(&mut description);
+    // An empty page of jobs is one of both kinds.
+    let page = description.pointer_mut("/components/schemas/JobsPage");
+    if let Some(page) = page.and_then(Value::as_object_mut)
+        && let Some(forms) = page.remove("oneOf")
+    {
+        page.insert("anyOf".to_owned(), forms);
+    }
     description
 }
 
