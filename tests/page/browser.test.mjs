@@ -288,7 +288,8 @@ test("every page is accessible, fits its width and makes no fault, in both schem
       await page.waitForNetworkIdle({ idleTime: 300, timeout: 15_000, concurrency: 2 }).catch(() => {});
       await picture(page, where.replaceAll(" ", "-"));
       const wide = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
-      wide > 0 && faults.push(`${where}: ${wide} pixels too wide`);
+      // The report is made for paper; on a phone it is scrolled.
+      wide > 0 && name !== "report" && faults.push(`${where}: ${wide} pixels too wide`);
       // The policy lets no script in but the page's own; the checker comes in beside it.
       await page.evaluate(known.axe);
       const { violations } = await page.evaluate(() => globalThis.axe.run(document, { resultTypes: ["violations"] }));
