@@ -129,7 +129,7 @@ pub fn fixed(page: &mut String, report: &Report<'_>) {
 /// Who made, checked and released it.
 pub fn sign_off(page: &mut String) {
     page.push_str(
-        "<section class=\"sign\">\n<h2>Sign-off</h2>\n<table>\n<tr><th></th>\
+        "<section class=\"sign\">\n<h2>Sign-off</h2>\n<table>\n<tr><td></td>\
          <th class=\"words\">name</th><th class=\"words\">place and date</th>\
          <th class=\"words\">signature</th></tr>\n",
     );

@@ -261,7 +261,7 @@ pub fn correlation(page: &mut String, outcome: &Outcome) {
     };
     page.push_str(
         "<section>\n<h2>Correlation of the estimates</h2>\n<div class=\"scroll\"><table>\n\
-         <tr><th></th>",
+         <tr><td></td>",
     );
     for name in &correlation.names {
         push(page, format_args!("<th>{}</th>", escape(name)));
