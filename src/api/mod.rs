@@ -37,6 +37,7 @@ pub mod streams;
 pub mod submit;
 pub mod trajectory;
 mod unpacking;
+mod watched_body;
 pub mod webhooks;
 mod work;
 

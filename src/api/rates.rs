@@ -1,15 +1,13 @@
 //! How fast a caller may ask, and how many of its requests may be under way at once.
 
 use std::collections::HashMap;
-use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
-use axum::body::{Body, Bytes, HttpBody};
 use axum::response::Response;
 
 use super::error::{Answer, Kind, Problem};
+use super::watched_body::watched;
 
 /// So many seconds' worth of requests may come at once.
 const BURST_S: f64 = 2.0;
@@ -100,37 +98,19 @@ impl Drop for UnderWay {
 impl UnderWay {
     /// The answer, which carries the count to its end.
     pub(super) fn until_the_end_of(self, answer: Response) -> Response {
-        answer.map(|body| Body::new(Counted { body, _of: self }))
-    }
-}
-
-struct Counted {
-    body: Body,
-    _of: UnderWay,
-}
-
-impl HttpBody for Counted {
-    type Data = Bytes;
-    type Error = axum::Error;
-
-    fn poll_frame(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-    ) -> Poll<Option<Result<http_body::Frame<Bytes>, axum::Error>>> {
-        Pin::new(&mut self.body).poll_frame(context)
-    }
-
-    fn is_end_stream(&self) -> bool {
-        self.body.is_end_stream()
-    }
-
-    fn size_hint(&self) -> http_body::SizeHint {
-        self.body.size_hint()
+        answer.map(|body| {
+            watched(body, move |_| {
+                // Dropped with the body.
+                let _counted = &self;
+                Ok(())
+            })
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use axum::body::{Body, HttpBody};
     use axum::http::StatusCode;
     use axum::response::IntoResponse;
 

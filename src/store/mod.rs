@@ -16,6 +16,7 @@ mod error;
 mod events;
 mod figures;
 mod generations;
+mod idempotency;
 mod job_summaries;
 mod jobs;
 mod life;
@@ -55,6 +56,7 @@ pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
 pub use error::{Meaning, StoreError};
 pub use events::StoredEvent;
 pub use figures::Figures;
+pub use idempotency::Idempotency;
 pub use job_summaries::{JobSummaryRow, NamedDataset};
 pub use jobs::{JobFilter, JobRemoval, JobRow, Page};
 pub use models::{MAX_UNUSED_MODELS, ModelRemoval, ModelRow, ModelStored, NewModel};
@@ -67,7 +69,7 @@ pub use streams::{
     Appended, BatchOutcome, DEFAULT_KEEP_MIB, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,
 };
 pub use submit::comparison::{ComparisonRow, ComparisonSummary, NewComparison};
-pub use submit::{Idempotency, NewJob, Submitted};
+pub use submit::{NewJob, Submitted};
 pub use tokens::TokenRow;
 pub use webhooks::{Attempt, DeliveryRow, DeliveryState, WebhookRow};
 

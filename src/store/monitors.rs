@@ -15,8 +15,9 @@ use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
 use super::datasets::NewDataset;
 use super::events::StoredEvent;
+use super::idempotency::Idempotency;
 use super::jobs::{self, Page, from_json, time};
-use super::submit::{Idempotency, NewJob, Submitted};
+use super::submit::{NewJob, Submitted};
 use super::{Store, StoreError, corrupt};
 use crate::job::{DatasetId, JobId, MonitorId};
 
@@ -190,10 +191,10 @@ impl Store {
 
     /// Takes a step; says whether it was taken.
     pub async fn advance_monitor(&self, step: Advance) -> Result<bool, StoreError> {
-        let queue = self.inner.queue.clone();
+        let (queue, quotas) = (self.inner.queue.clone(), self.inner.quotas);
         self.inner
             .writer
-            .write(move |tx| Box::pin(step::advance(queue, tx, step)))
+            .write(move |tx| Box::pin(step::advance((queue, quotas), tx, step)))
             .await
     }
 

@@ -14,8 +14,8 @@ use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
+use super::idempotency::{self, Idempotency};
 use super::jobs::{Page, from_json, json, time};
-use super::submit::Idempotency;
 use super::writer::Tx;
 use super::{Change, Store, StoreError, corrupt};
 use crate::recording::{MAX_SIGNALS, Merged, RowSignal, Rows};
@@ -416,26 +416,19 @@ async fn earlier(
     tx: &mut Tx,
     idempotency: &Idempotency,
 ) -> Result<Option<BatchOutcome>, StoreError> {
-    let earlier: Option<(String, String)> =
-        sqlx::query_as("select body_digest, made from idempotency where project = ? and key = ?")
-            .bind(idempotency.project.as_str())
-            .bind(&idempotency.key)
-            .fetch_optional(&mut **tx)
-            .await?;
-    let Some((digest, made)) = earlier else {
+    let Some(earlier) = idempotency::earlier(tx, idempotency).await? else {
         return Ok(None);
     };
+    let made = earlier.made;
     let answer: Option<String> =
         sqlx::query_scalar("select answer from stream_batches where id = ?")
             .bind(&made)
             .fetch_optional(&mut **tx)
             .await?;
-    Ok(Some(
-        match answer.filter(|_| digest == idempotency.body_digest) {
-            Some(answer) => BatchOutcome::Replayed(from_json("batch", &made, &answer)?),
-            None => BatchOutcome::KeyReused,
-        },
-    ))
+    Ok(Some(match answer.filter(|_| earlier.is_same_body) {
+        Some(answer) => BatchOutcome::Replayed(from_json("batch", &made, &answer)?),
+        None => BatchOutcome::KeyReused,
+    }))
 }
 
 async fn remember(
@@ -449,14 +442,7 @@ async fn remember(
         .bind(json(appended))
         .execute(&mut **tx)
         .await?;
-    sqlx::query("insert into idempotency (project, key, body_digest, made) values (?, ?, ?, ?)")
-        .bind(idempotency.project.as_str())
-        .bind(&idempotency.key)
-        .bind(&idempotency.body_digest)
-        .bind(&id)
-        .execute(&mut **tx)
-        .await?;
-    Ok(())
+    idempotency::remember(tx, idempotency, &id).await
 }
 
 async fn delete(tx: &mut Tx, name: String) -> Result<StreamRemoval, StoreError> {

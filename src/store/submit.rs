@@ -15,6 +15,7 @@ use serde_json::Value;
 use sqlx::SqliteConnection;
 use tokio::sync::oneshot;
 
+use super::idempotency::{self, Earlier, Idempotency};
 use super::jobs::{self, JobRow};
 use super::writer::Tx;
 use super::{QuotaExceeded, Quotas, Store, StoreError};
@@ -38,17 +39,6 @@ pub struct NewJob {
     pub datasets: Vec<DatasetId>,
     /// Makes the submission safe to repeat.
     pub idempotency: Option<Idempotency>,
-}
-
-/// What makes two submissions the same one.
-#[derive(Clone, Debug)]
-pub struct Idempotency {
-    /// Whose the key is.
-    pub project: Project,
-    /// The client's key.
-    pub key: String,
-    /// A digest of the body that came with it.
-    pub body_digest: String,
 }
 
 /// What became of a submission.
@@ -96,18 +86,9 @@ impl Store {
         idempotency: &Idempotency,
     ) -> Result<Option<Submitted>, StoreError> {
         let mut connection = self.readers().acquire().await?;
-        let earlier: Option<(String, String)> = sqlx::query_as(
-            "select body_digest, made from idempotency where project = ? and key = ?",
-        )
-        .bind(idempotency.project.as_str())
-        .bind(&idempotency.key)
-        .fetch_optional(&mut *connection)
-        .await?;
-        match earlier {
+        match idempotency::earlier(&mut connection, idempotency).await? {
             None => Ok(None),
-            Some((digest, job)) => answer_again(&mut connection, idempotency, &digest, &job)
-                .await
-                .map(Some),
+            Some(earlier) => answer_again(&mut connection, earlier).await.map(Some),
         }
     }
 }
@@ -205,15 +186,13 @@ fn answer_each(replies: Vec<Reply>, outcome: Result<Vec<Submitted>, StoreError>)
 /// The answer to a submission whose key came before.
 async fn answer_again(
     connection: &mut SqliteConnection,
-    idempotency: &Idempotency,
-    body_digest: &str,
-    job: &str,
+    earlier: Earlier,
 ) -> Result<Submitted, StoreError> {
     // Another body, or one that made something else than a job.
-    if body_digest != idempotency.body_digest || !job.starts_with(JobId::PREFIX) {
+    if !earlier.is_same_body || !earlier.made.starts_with(JobId::PREFIX) {
         return Ok(Submitted::KeyReused);
     }
-    let id = jobs::parse_id(job)?;
+    let id = jobs::parse_id(&earlier.made)?;
     Ok(match jobs::fetch(connection, id).await? {
         Some(row) => Submitted::Replayed(row.into_submitted()),
         None => Submitted::Forgotten(id.to_string()),

@@ -12,13 +12,13 @@ const LENGTH_S: f64 = SAMPLES as f64 * SAMPLE_TIME;
 const NOISE: f64 = 0.02;
 
 /// A lag of first order under a square wave, window after window.
-struct Plant {
+pub(super) struct Plant {
     output: f64,
     random: u64,
 }
 
 impl Plant {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             output: 0.0,
             random: 1,
@@ -38,7 +38,7 @@ impl Plant {
     }
 
     /// A window, as a batch: of this gain, and with an input of this size.
-    fn window(&mut self, number: usize, gain: f64, size: f64) -> Value {
+    pub(super) fn window(&mut self, number: usize, gain: f64, size: f64) -> Value {
         let decay = f64::exp(-SAMPLE_TIME / 1.5);
         let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
         for k in 0..SAMPLES {
@@ -55,7 +55,7 @@ impl Plant {
     }
 }
 
-fn monitor() -> Value {
+pub(super) fn monitor() -> Value {
     json!({
         "name": "a lag",
         "stream": "lag",
@@ -150,7 +150,7 @@ impl Events {
     }
 }
 
-async fn append(app: &TestApp, window: &Value) -> Answer {
+pub(super) async fn append(app: &TestApp, window: &Value) -> Answer {
     app.post_json("/v1/streams/lag", window).await
 }
 

@@ -14,6 +14,7 @@ use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 
 use crate::app::{TestApp, drive_job};
+use crate::monitors::{Plant, append, monitor};
 
 /// What came to a receiver.
 struct Came {
@@ -105,6 +106,25 @@ async fn the_end_of_a_job_is_delivered_signed() {
     assert_eq!(again.headers["webhook-id"], first.headers["webhook-id"]);
     assert_eq!(again.body, first.body);
     app.get(&path).await.expect(200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_alarm_of_a_monitor_is_delivered() {
+    let app = TestApp::with(to_this_machine).await;
+    let (url, mut came) = receiver(Vec::new()).await;
+    let wanted = json!({"url": url, "events": ["monitor.alarm"]});
+    app.post_json("/v1/webhooks", &wanted).await.expect(201);
+    let batch = Plant::new().window(0, 2.0, 1.0);
+    append(&app, &batch).await.expect(201);
+    let mut document = monitor();
+    document["alarms"]["data_stopped_after_s"] = json!(0.01);
+    let made = app.post_json("/v1/monitors", &document).await.expect(201);
+    // The job of the first window ends too, and is not asked for.
+    let event: Value = serde_json::from_slice(&came.recv().await.unwrap().body).unwrap();
+    assert_eq!(event["type"], "monitor.alarm");
+    assert_eq!(event["data"]["monitor"], made.json()["id"]);
+    assert_eq!(event["data"]["alarm"]["kind"], "data_stopped");
+    app.shutdown().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -2,16 +2,17 @@
 
 use jiff::Timestamp;
 use riverqueue::Client;
-use serde_json::Value;
+use serde_json::{Value, json};
 use sqlx::SqliteConnection;
 
 use super::{Advance, AdvanceWindow, MonitorRow, NewMonitor, fetch};
+use crate::access::Project;
 use crate::job::{DatasetId, JobId, MonitorId};
-use crate::store::Quotas;
+use crate::store::idempotency::{self, Idempotency};
+use crate::store::submit::Submitted;
 use crate::store::submit::batch::{self, Known};
-use crate::store::submit::{Idempotency, Submitted};
 use crate::store::writer::Tx;
-use crate::store::{Change, StoreError, corrupt, datasets, jobs};
+use crate::store::{Change, Quotas, StoreError, corrupt, datasets, jobs, webhooks};
 
 /// Monitors that there can be.
 const MAX_MONITORS: i64 = 1000;
@@ -50,15 +51,7 @@ pub(super) async fn insert(
     .execute(&mut **tx)
     .await?;
     if let Some(idempotency) = &new.idempotency {
-        sqlx::query(
-            "insert into idempotency (project, key, body_digest, made) values (?, ?, ?, ?)",
-        )
-        .bind(idempotency.project.as_str())
-        .bind(&idempotency.key)
-        .bind(&idempotency.body_digest)
-        .bind(id.to_string())
-        .execute(&mut **tx)
-        .await?;
+        idempotency::remember(tx, idempotency, &id.to_string()).await?;
     }
     tx.announce(Change::Stream);
     Ok(fetch(tx, id).await?.map(Submitted::Created))
@@ -69,16 +62,11 @@ pub(super) async fn earlier(
     connection: &mut SqliteConnection,
     idempotency: &Idempotency,
 ) -> Result<Option<Submitted<MonitorRow>>, StoreError> {
-    let earlier: Option<(String, String)> =
-        sqlx::query_as("select body_digest, made from idempotency where project = ? and key = ?")
-            .bind(idempotency.project.as_str())
-            .bind(&idempotency.key)
-            .fetch_optional(&mut *connection)
-            .await?;
-    let Some((digest, made)) = earlier else {
+    let Some(earlier) = idempotency::earlier(connection, idempotency).await? else {
         return Ok(None);
     };
-    if digest != idempotency.body_digest || !made.starts_with(MonitorId::PREFIX) {
+    let made = earlier.made;
+    if !earlier.is_same_body || !made.starts_with(MonitorId::PREFIX) {
         return Ok(Some(Submitted::KeyReused));
     }
     let id = made
@@ -100,7 +88,11 @@ pub(super) async fn delete(tx: &mut Tx, id: MonitorId) -> Result<bool, StoreErro
     Ok(removed > 0)
 }
 
-pub(super) async fn advance(queue: Client, tx: &mut Tx, step: Advance) -> Result<bool, StoreError> {
+pub(super) async fn advance(
+    (queue, quotas): (Client, Quotas),
+    tx: &mut Tx,
+    step: Advance,
+) -> Result<bool, StoreError> {
     let Advance {
         from,
         state,
@@ -120,7 +112,7 @@ pub(super) async fn advance(queue: Client, tx: &mut Tx, step: Advance) -> Result
     };
     let mut job = now.job;
     if let Some(window) = window {
-        let (works, row) = put_window(&queue, tx, from.id, window).await?;
+        let (works, row) = put_window((&queue, quotas), tx, from.id, window).await?;
         job = works;
         told.tell(tx, "window", &row).await?;
     }
@@ -151,7 +143,7 @@ pub(super) async fn advance(queue: Client, tx: &mut Tx, step: Advance) -> Result
 
 /// Writes what there is to say of a window, with the job that works it from now on.
 async fn put_window(
-    queue: &Client,
+    (queue, quotas): (&Client, Quotas),
     tx: &mut Tx,
     monitor: MonitorId,
     window: AdvanceWindow,
@@ -171,22 +163,29 @@ async fn put_window(
     let before = before.as_ref().map(super::window).transpose()?;
     let (mut id, mut dataset) = (None, None);
     if let Some(new) = job {
-        if let Some((name, recording)) = new.dataset {
-            dataset = Some(
-                datasets::insert_as(tx, name, recording, Quotas::default())
-                    .await?
-                    .0
-                    .id,
-            );
-        }
+        let refused = match new.dataset {
+            None => None,
+            Some((name, recording)) => {
+                match datasets::insert_as(tx, name, recording, quotas).await {
+                    Ok((stored, _)) => {
+                        dataset = Some(stored.id);
+                        None
+                    }
+                    Err(StoreError::Quota(exceeded)) => Some(exceeded.to_string()),
+                    Err(other) => return Err(other),
+                }
+            }
+        };
         let all = vec![new.job];
         let known = Known::look_up(tx, &all).await?;
-        if all.iter().all(|job| known.missing::<()>(job).is_none()) {
+        let is_gone = all.iter().any(|job| known.missing::<()>(job).is_some());
+        let gone = is_gone.then(|| "its model or its recording was removed".to_owned());
+        if let Some(reason) = refused.or(gone) {
+            row["status"] = "failed".into();
+            row["reason"] = reason.into();
+        } else {
             let stored = batch::store(queue, tx, all).await?;
             id = stored.first().map(|job| job.id);
-        } else {
-            row["status"] = "failed".into();
-            row["reason"] = "its model or its recording was removed".into();
         }
     }
     sqlx::query(
@@ -262,7 +261,8 @@ async fn insert_alarm(
         .bind(alarm.to_string())
         .execute(&mut **tx)
         .await?;
-    Ok(())
+    let data = json!({"monitor": monitor.to_string(), "alarm": alarm});
+    webhooks::tell(tx, &Project::default(), "monitor.alarm", &data).await
 }
 
 /// Events of a monitor, as they are stored.

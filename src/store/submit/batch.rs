@@ -10,9 +10,10 @@ use serde::Serialize;
 use sqlx::query_builder::Separated;
 use sqlx::{QueryBuilder, Sqlite};
 
-use super::{Idempotency, NewJob, Submitted, answer_again};
+use super::{NewJob, Submitted, answer_again};
 use crate::access::Project;
 use crate::job::{Event, JobId, Status};
+use crate::store::idempotency::{Earlier, Idempotency};
 use crate::store::jobs::{JobRow, json};
 use crate::store::quotas::{JobRoom, Quotas};
 use crate::store::writer::Tx;
@@ -191,9 +192,11 @@ impl Known {
         if let Some(idempotency) = &job.idempotency
             && let Some((digest, earlier)) = self.keys.get(&key_of(idempotency))
         {
-            return answer_again(tx, idempotency, digest, earlier)
-                .await
-                .map(Some);
+            let earlier = Earlier {
+                is_same_body: *digest == idempotency.body_digest,
+                made: earlier.clone(),
+            };
+            return answer_again(tx, earlier).await.map(Some);
         }
         Ok(self.missing(job))
     }

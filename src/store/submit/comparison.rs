@@ -5,9 +5,10 @@ use riverqueue::Client;
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::batch::{self, Known};
-use super::{Idempotency, NewJob, Submitted};
+use super::{NewJob, Submitted};
 use crate::access::Project;
 use crate::job::{ComparisonId, JobId};
+use crate::store::idempotency::{self, Idempotency};
 use crate::store::jobs::{self, JobRow, Page, time};
 use crate::store::models::{self, ModelStored, NewModel};
 use crate::store::quotas::{JobRoom, Quotas};
@@ -175,15 +176,7 @@ async fn write(
             .await?;
     }
     if let Some(idempotency) = &new.idempotency {
-        sqlx::query(
-            "insert into idempotency (project, key, body_digest, made) values (?, ?, ?, ?)",
-        )
-        .bind(idempotency.project.as_str())
-        .bind(&idempotency.key)
-        .bind(&idempotency.body_digest)
-        .bind(&id)
-        .execute(&mut **tx)
-        .await?;
+        idempotency::remember(tx, idempotency, &id).await?;
     }
     Ok(Submitted::Created(ComparisonRow {
         id: new.id,
@@ -197,17 +190,12 @@ async fn earlier(
     connection: &mut SqliteConnection,
     idempotency: &Idempotency,
 ) -> Result<Option<Submitted<ComparisonRow>>, StoreError> {
-    let earlier: Option<(String, String)> =
-        sqlx::query_as("select body_digest, made from idempotency where project = ? and key = ?")
-            .bind(idempotency.project.as_str())
-            .bind(&idempotency.key)
-            .fetch_optional(&mut *connection)
-            .await?;
-    let Some((body_digest, made)) = earlier else {
+    let Some(earlier) = idempotency::earlier(connection, idempotency).await? else {
         return Ok(None);
     };
+    let made = earlier.made;
     // Another body, or one that made something else than a comparison.
-    if body_digest != idempotency.body_digest || !made.starts_with(ComparisonId::PREFIX) {
+    if !earlier.is_same_body || !made.starts_with(ComparisonId::PREFIX) {
         return Ok(Some(Submitted::KeyReused));
     }
     let id: ComparisonId = made
