@@ -10,7 +10,9 @@ mod published;
 
 use greybox::estimation::Problem;
 use greybox::estimation::objective::Objective;
-use greybox::simulation::Accuracy;
+use greybox::numerics::lanes::Lanes;
+use greybox::simulation::batch::{self, Run, Sink};
+use greybox::simulation::{Accuracy, Candidate, Excitation};
 use published::Published;
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
@@ -36,7 +38,13 @@ const SPREAD: f64 = 0.0005;
 fn main() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let pool = pool.expect("a thread can be started");
-    let figures = PROBLEMS.into_iter().filter_map(|name| {
+    // Only those that a word on the command line stands in, if there is one.
+    let words: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|word| !word.starts_with('-'))
+        .collect();
+    let asked = |name: &&str| words.is_empty() || words.iter().any(|word| name.contains(word));
+    let figures = PROBLEMS.into_iter().filter(asked).filter_map(|name| {
         let published = Published::new(name)?;
         let problem = published.problem();
         let nominal = published.nominal(&problem);
@@ -64,6 +72,8 @@ fn figures(problem: &Problem, nominal: &[f64]) -> Value {
         "of_thirty_full_ms": of(&many, Accuracy::Full),
         "one_ranking_ms": of(&one, Accuracy::Ranking),
         "of_thirty_ranking_ms": of(&many, Accuracy::Ranking),
+        "full_derivatives": derivatives(problem, nominal, Accuracy::Full),
+        "ranking_derivatives": derivatives(problem, nominal, Accuracy::Ranking),
     })
 }
 
@@ -83,6 +93,45 @@ fn is_simulated(problem: &Problem, candidate: &[f64]) -> bool {
     let objective = Objective::new(problem, usize::MAX);
     let judged = objective.evaluate(problem, &[candidate.to_vec()], Accuracy::Ranking, &never);
     judged.is_some_and(|judged| judged[0].cost.is_finite())
+}
+
+/// Derivatives that a candidate takes over all experiments.
+fn derivatives(problem: &Problem, candidate: &[f64], accuracy: Accuracy) -> u64 {
+    let filled: Vec<_> = (0..problem.experiments.len())
+        .map(|experiment| problem.fill(experiment, candidate))
+        .collect();
+    let runs = problem.experiments.iter().zip(&filled);
+    let runs = runs.map(|(experiment, filled)| Run {
+        excitation: Excitation {
+            sample_time: experiment.sample_time,
+            instants: experiment.instants.as_deref(),
+            samples: experiment.samples,
+            input_set: experiment.input_set,
+            inputs: &experiment.inputs,
+            accuracy,
+        },
+        candidates: vec![Candidate {
+            parameters: &filled.parameters,
+            initial_state: &filled.initial_state,
+        }],
+        in_step: 0,
+    });
+    let runs: Vec<Run<'_>> = runs.collect();
+    let plant = problem.plant();
+    let never = AtomicBool::new(false);
+    let pieces = batch::simulate(plant.as_ref(), &runs, &never, |_run| Unread);
+    let pieces = pieces.expect("nobody interrupts");
+    pieces
+        .iter()
+        .map(|piece| piece.derivative_evaluations)
+        .sum()
+}
+
+/// Outputs that nobody reads.
+struct Unread;
+
+impl Sink for Unread {
+    fn consume(&mut self, _first_sample: usize, _outputs: &[Lanes]) {}
 }
 
 /// The shortest time in which candidates are judged [s].

@@ -348,7 +348,7 @@ impl Problem {
     #[must_use]
     pub fn fastest_rate(&self, positions: &[f64]) -> f64 {
         let plant = self.plant();
-        let rate = |experiment| plant.work_rate(&self.fill(experiment, positions).parameters);
+        let rate = |experiment| plant.fastest_rate(&self.fill(experiment, positions).parameters);
         (0..self.experiments.len()).map(rate).fold(0.0, f64::max)
     }
 

@@ -181,25 +181,26 @@ pub fn execute<R: Real, const N: usize>(
         Operation::Above => r[to] = r[b].select_ge(r[a], R::splat(0.0), R::splat(1.0)),
         Operation::Select => r[to] = r[a].select_ge(R::splat(0.5), r[b], r[c]),
         Operation::Sign => r[to] = each(r[a], sign),
-        Operation::Logarithm => r[to] = each(r[a], libm::log),
+        Operation::Logarithm => r[to] = Real::ln(r[a]),
         Operation::Sine => r[to] = each(r[a], libm::sin),
         Operation::Cosine => r[to] = each(r[a], libm::cos),
         Operation::Tangent => r[to] = each(r[a], libm::tan),
         Operation::ArcTangent => r[to] = each(r[a], libm::atan),
         Operation::ArcTangent2 => r[to] = each_pair(r[a], r[b], libm::atan2),
-        Operation::Power => r[to] = each_pair(r[a], r[b], libm::pow),
+        Operation::Power => r[to] = Real::pow(r[a], r[b]),
         Operation::Table(number) => {
             r[to] = each(r[a], |x| tables[usize::from(number)].value(x));
         }
     }
 }
 
-/// The derivatives of an operation by a, b and c, at numbers whose result is `result`.
+/// The derivatives of an operation by a, b and c, at numbers whose result is `result`. That of a
+/// power by its exponent, which costs a logarithm, is 0 unless it is asked for.
 #[inline(always)]
 pub fn partials<R: Real>(
     operation: Operation,
-    [a, b, _]: [R; 3],
-    result: R,
+    ([a, b, _], result): ([R; 3], R),
+    by_exponent: bool,
     tables: &[Table],
 ) -> [R; 3] {
     let (zero, one) = (R::splat(0.0), R::splat(1.0));
@@ -229,20 +230,17 @@ pub fn partials<R: Real>(
         }
         Operation::HyperbolicTangent => by_a(one - result * result),
         Operation::Power => {
-            let by_base = each_pair(a, b, |a, b| {
-                if b == 0.0 {
-                    0.0
-                } else {
-                    b * libm::pow(a, b - 1.0)
-                }
-            });
-            let by_exponent = each_pair(a, b, |a, b| {
-                if a > 0.0 {
-                    libm::pow(a, b) * libm::log(a)
-                } else {
-                    0.0
-                }
-            });
+            let least = R::splat(f64::MIN_POSITIVE);
+            let mut slope = b * (result / a);
+            if a.any(|a| a < f64::MIN_POSITIVE) {
+                slope = a.select_ge(least, slope, b * Real::pow(a, b - one));
+            }
+            // 0 where the exponent is 0, and by the exponent where the base is not positive.
+            let by_base = Real::abs(b).select_ge(least, slope, zero);
+            let by_exponent = match by_exponent {
+                true => zero.select_ge(a, zero, result * Real::ln(a)),
+                false => zero,
+            };
             [by_base, by_exponent, zero]
         }
         Operation::Select => {
@@ -338,7 +336,7 @@ mod tests {
             for operation in ALL {
                 let at = [a, b, 0.7];
                 let result = apply(operation, at, &tables());
-                let slopes = partials(operation, at, result, &tables());
+                let slopes = partials(operation, (at, result), true, &tables());
                 for (place, slope) in slopes.into_iter().enumerate() {
                     let moved = |by: f64| {
                         let mut at = at;

@@ -1,6 +1,8 @@
 //! Random streams, statistics, interpolation, linear algebra, and rows of numbers side by side.
 
 pub mod dimension;
+pub mod eigenvalues;
+mod elementary;
 pub mod interpolation;
 pub mod lanes;
 pub mod least_squares;

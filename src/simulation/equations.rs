@@ -36,6 +36,9 @@ pub trait Equations<R: Real>: Send {
     /// The share of the tolerance that a step of the explicit method may err. Oscillations that
     /// nothing damps keep every error, so that equations of which nothing is known need care.
     const EXPLICIT_SHARE: f64;
+    /// Whether a method of eighth order may be worth its twelve derivatives a step, where nothing is
+    /// held.
+    const MAY_BE_SMOOTH: bool = false;
 
     /// The states at the first sample where the job does not say otherwise.
     fn initial_states(&self) -> Self::States;

@@ -7,6 +7,8 @@
 //! slopes are taken at the same instant, so that they also show the fastest rate of the plant
 //! (E. Hairer, G. Wanner, *Solving Ordinary Differential Equations II*, 1996, section IV.2).
 
+pub mod eighth;
+
 use super::equations::Equations;
 use crate::numerics::lanes::Real;
 
@@ -132,6 +134,24 @@ impl<S> Stages<S> {
         set(self.end.as_mut(), end.as_ref());
         let excess = self.next_excess.as_mut().iter_mut();
         excess.for_each(|excess| excess.set_lane(lane, 0.0));
+    }
+
+    /// Lets the steps of some candidates, 1 in `which` and 0 elsewhere, lead to where the method of
+    /// eighth order has taken them.
+    #[inline(always)]
+    pub fn take_where<R: Real>(&mut self, which: R, stages: &eighth::Stages<S>)
+    where
+        S: AsRef<[R]> + AsMut<[R]>,
+    {
+        let one = R::splat(1.0);
+        let take = |rows: &mut S, from: &S| {
+            let rows = rows.as_mut().iter_mut().zip(from.as_ref());
+            rows.for_each(|(to, from)| *to = which.select_ge(one, *from, *to));
+        };
+        take(&mut self.next, &stages.next);
+        take(&mut self.end, &stages.end);
+        take(&mut self.point, &stages.point);
+        take(&mut self.last, stages.last());
     }
 
     /// The square of the step's estimated error, each state's times its weight: the mean over the

@@ -153,6 +153,11 @@ pub trait Plant: Send + Sync {
     fn work_rate(&self, _parameters: &[f64]) -> f64 {
         0.0
     }
+    /// The rate of the plant's fastest mode `[1/s]`, where it starts and with inputs of 0; 0 where
+    /// it cannot be told.
+    fn fastest_rate(&self, parameters: &[f64]) -> f64 {
+        self.work_rate(parameters)
+    }
     /// The same plant for candidates that have these parameters in common, where it is faster:
     /// what they make 0 need not be computed. To the bit, but that what is multiplied by 0 counts
     /// as 0 where it is no number.

@@ -9,16 +9,20 @@
 //! H. G. Bock, "Numerical treatment of inverse problems in chemical reaction kinetics", 1981).
 //!
 //! A candidate whose steps are limited by stability, and not by accuracy, goes on with the stiff
-//! method until its steps are short against its fastest rate again.
+//! method until its steps are short against its fastest rate again. One that nothing jolts and that
+//! takes many steps from sample to sample goes on with the method of eighth order.
 
 mod exact;
+mod smooth;
 
 use super::equations::{Equations, Held, System};
+use super::explicit::eighth;
 use super::explicit::{self, Stages, Sum};
 use super::{Accuracy, Failure};
 use crate::numerics::lanes::{Lanes, Real, SINGLE_LANES};
 use crate::numerics::width::Width;
 use exact::Exact;
+use smooth::{Smooth, SmoothRow};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Candidates in a row at the most.
@@ -34,19 +38,26 @@ const SAFETY: f64 = 0.85;
 /// Sizes that errors are measured against shrink by this a step, where a state does.
 const SIZE_MEMORY: f64 = 0.9;
 
-/// After so many trials in one stretch candidates are looked at, and then at every eighth.
+/// After so many trials in one stretch candidates are looked at, and then at every eighth: sooner
+/// where nothing acts from outside, because there a stretch is a large part of the recording.
 const FIRST_LOOK: u32 = 48;
+const FIRST_LOOK_WHERE_UNDISTURBED: u32 = 16;
 const LOOK_EVERY: u32 = 8;
 
 /// Steps are limited by stability where their length times the fastest rate is beyond this: the
 /// explicit method ends to be stable at 2.78.
 const STIFF: f64 = 1.5;
 
-/// A candidate is stiff that shows it at so many looks in a row.
+/// A candidate is stiff that shows it at so many looks in a row, twice as many each time that it
+/// has left the stiff method, up to a limit.
 const STIFF_LOOKS: u8 = 3;
+const MOST_STIFF_LOOKS: u8 = 96;
 
-/// The stiff method is left where its steps times the fastest rate stay below this ...
+/// The stiff method is left where this part of its derivatives would do for the explicit ones, ...
 const NOT_STIFF: f64 = 0.5;
+
+/// ... which take so many, limited by stability, in one over the fastest rate, ...
+const EXPLICIT_DERIVATIVES: f64 = 2.2;
 
 /// ... so many steps in a row.
 const CALM_STEPS: u8 = 8;
@@ -106,11 +117,13 @@ pub struct Integrator<'a, P: System + 'a, R: Real> {
     /// Whether there is a candidate that has failed.
     pub has_failed: bool,
     stiff_looks: [u8; MOST],
+    stiff_looks_needed: [u8; MOST],
     is_stiff: [bool; MOST],
     /// Whether there is a candidate for which the stiff method is used.
     has_stiff: bool,
     calm_steps: [u8; MOST],
     exact: Vec<Exact<P::Row<'a, Lanes>>>,
+    smooth: Option<Box<SmoothRow<P::Row<'a, R>, R>>>,
 }
 
 /// A stretch of time over which the held quantities do not jump.
@@ -152,6 +165,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         for weight in weights.as_mut() {
             *weight = per_tolerance / *weight;
         }
+        let smooth = Smooth::of(equations, &states);
         Integrator {
             source,
             stages: Stages::like(&states),
@@ -167,10 +181,12 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             failures: [None; MOST],
             has_failed: false,
             stiff_looks: [0; MOST],
+            stiff_looks_needed: [STIFF_LOOKS; MOST],
             is_stiff: [false; MOST],
             has_stiff: false,
             calm_steps: [0; MOST],
             exact: Vec::new(),
+            smooth,
         }
     }
 
@@ -216,6 +232,10 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         if self.has_new {
             self.choose_first_lengths(duration);
         }
+        let first_look = match self.smooth {
+            Some(_) => FIRST_LOOK_WHERE_UNDISTURBED,
+            None => FIRST_LOOK,
+        };
         let mut trials = 0_u32;
         while stretch.remaining.any_above(0.0) {
             let mut trial = Trial {
@@ -224,14 +244,17 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             };
             let elapsed = stretch.duration - stretch.remaining;
             if !self.has_stiff || self.has_explicit(&stretch) {
-                self.try_explicit(equations, (elapsed, &mut trial));
+                self.try_explicit(equations, (elapsed, &mut trial), &stretch);
             }
             if self.has_stiff {
                 self.try_stiff(&mut stretch, (elapsed, &mut trial));
             }
             self.accept(&mut stretch, &mut trial);
             trials += 1;
-            let is_looked_at = trials >= FIRST_LOOK && trials.is_multiple_of(LOOK_EVERY);
+            if self.smooth.is_some() {
+                self.choose_order(&stretch, &trial, trials);
+            }
+            let is_looked_at = trials >= first_look && trials.is_multiple_of(LOOK_EVERY);
             if (is_looked_at || self.has_stiff) && stop.load(Ordering::Relaxed) {
                 return None;
             }
@@ -284,15 +307,19 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         &mut self,
         equations: &mut P::Row<'a, R>,
         (elapsed, trial): (R, &mut Trial<R>),
+        stretch: &Stretch<'_, R>,
     ) {
-        let from = Sum {
-            states: &self.states,
-            excess: &self.excess,
-        };
-        explicit::step(equations, from, &mut self.stages, (elapsed, trial.taken));
-        let share = 1.0 / <P::Row<'a, R>>::EXPLICIT_SHARE;
-        let squared_error = self.stages.squared_error(&self.weights, trial.taken);
-        trial.squared_error = squared_error * R::splat(share * share);
+        if self.has_fourth_order(stretch) {
+            let from = Sum {
+                states: &self.states,
+                excess: &self.excess,
+            };
+            explicit::step(equations, from, &mut self.stages, (elapsed, trial.taken));
+            let share = 1.0 / <P::Row<'a, R>>::EXPLICIT_SHARE;
+            let squared_error = self.stages.squared_error(&self.weights, trial.taken);
+            trial.squared_error = squared_error * R::splat(share * share);
+        }
+        self.try_smooth(equations, (elapsed, trial));
     }
 
     /// Takes over the states of the candidates whose error is small enough, and chooses the
@@ -312,7 +339,13 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         let error = stretch
             .remaining
             .select_ge(least, trial.squared_error, one + one);
-        let derivatives = R::splat(explicit::STAGES);
+        let mut derivatives = R::splat(explicit::STAGES);
+        let mut factor = trial.squared_error.inverse_eighth_root_estimate();
+        if let Some(smooth) = self.smooth_in_use() {
+            let of_eighth = R::splat(eighth::STAGES as f64);
+            derivatives = smooth.candidates.select_ge(one, of_eighth, derivatives);
+            factor = smooth.candidates.select_ge(one, factor.sqrt(), factor);
+        }
         self.derivatives += stretch.remaining.select_ge(least, derivatives, zero);
         replace(&mut self.states, &self.stages.next, error);
         if R::IS_SINGLE {
@@ -322,8 +355,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         if !<P::Row<'a, R>>::SIZES_ARE_FIXED {
             self.follow_sizes(error);
         }
-        let factor = (trial.squared_error.inverse_eighth_root_estimate() * R::splat(SAFETY))
-            .clamp(SMALLEST_FACTOR, LARGEST_FACTOR);
+        let factor = (factor * R::splat(SAFETY)).clamp(SMALLEST_FACTOR, LARGEST_FACTOR);
         let scaled = trial.taken * factor;
         // A step that was cut short, and whose error is far below the tolerance, says nothing
         // against the length before.
@@ -397,14 +429,16 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
                 self.fail(lane, failure);
                 stretch.remaining.set_lane(lane, 0.0);
             } else if !self.is_stiff[lane] {
-                let shows_it = u8::from(rates.lane(lane) > STIFF * STIFF);
+                let limit = STIFF * self.stable_for(lane);
+                let shows_it = u8::from(rates.lane(lane) > limit * limit);
                 self.stiff_looks[lane] = shows_it * (self.stiff_looks[lane] + 1);
-                self.is_stiff[lane] = self.stiff_looks[lane] >= STIFF_LOOKS;
+                self.is_stiff[lane] = self.stiff_looks[lane] >= self.stiff_looks_needed[lane];
                 self.calm_steps[lane] = 0;
             }
         }
         self.follow_the_first(stretch);
         self.has_stiff = self.is_stiff.contains(&true);
+        self.leave_to_the_stiff();
     }
 
     /// Those that follow the first use its method, and fail with it.

@@ -104,6 +104,8 @@ pub struct Rosenbrock {
     /// The direction in which the Jacobian stretches most, found by going on with it (power
     /// iteration).
     direction: Vec<Lanes>,
+    /// Where the Jacobian takes it.
+    image: Vec<Lanes>,
     /// By how much it stretched before.
     stretch_before: Lanes,
 }
@@ -141,6 +143,7 @@ impl Rosenbrock {
             stages: std::array::from_fn(|_| zeros()),
             by_time: zeros(),
             direction: direction.collect(),
+            image: zeros(),
             stretch_before: Lanes::splat(0.0),
         }
     }
@@ -166,7 +169,8 @@ impl Rosenbrock {
         let matrix = self.factors.matrix_mut();
         equations.jacobian(states, elapsed, &rates, matrix);
         let moves = equations.rates_by_time(&mut self.by_time);
-        let rate = stretch(matrix, &mut self.direction, weights.as_ref());
+        let vectors = (&mut self.direction[..], &mut self.image[..]);
+        let rate = stretch(matrix, vectors, weights.as_ref());
         for (place, entry) in matrix.iter_mut().enumerate() {
             *entry = -*entry;
             if place % (n + 1) == 0 {
@@ -214,18 +218,19 @@ impl Rosenbrock {
 /// By how much a matrix stretches a direction, which is replaced by where the matrix takes it, in
 /// the norm of the weights.
 #[inline(always)]
-fn stretch(matrix: &[Lanes], direction: &mut [Lanes], weights: &[Lanes]) -> Lanes {
+fn stretch(
+    matrix: &[Lanes],
+    (direction, image): (&mut [Lanes], &mut [Lanes]),
+    weights: &[Lanes],
+) -> Lanes {
     let n = direction.len();
-    let image: Vec<Lanes> = matrix
-        .chunks_exact(n)
-        .map(|row| {
-            let mut sum = Lanes::splat(0.0);
-            for (entry, part) in row.iter().zip(&*direction) {
-                sum += *entry * *part;
-            }
-            sum
-        })
-        .collect();
+    for (image, row) in image.iter_mut().zip(matrix.chunks_exact(n)) {
+        let mut sum = Lanes::splat(0.0);
+        for (entry, part) in row.iter().zip(&*direction) {
+            sum += *entry * *part;
+        }
+        *image = sum;
+    }
     let size = |vector: &[Lanes]| {
         let mut sum = Lanes::splat(0.0);
         for (part, weight) in vector.iter().zip(weights) {
@@ -234,10 +239,10 @@ fn stretch(matrix: &[Lanes], direction: &mut [Lanes], weights: &[Lanes]) -> Lane
         }
         sum.sqrt()
     };
-    let (before, after) = (size(direction), size(&image));
+    let (before, after) = (size(direction), size(image));
     let (zero, least) = (Lanes::splat(0.0), Lanes::splat(f64::MIN_POSITIVE));
     let rate = before.select_ge(least, after / before, zero);
-    for (part, image) in direction.iter_mut().zip(&image) {
+    for (part, image) in direction.iter_mut().zip(&*image) {
         // Where there is nothing to follow, the direction stays.
         *part = after.select_ge(least, *image / after, *part);
     }

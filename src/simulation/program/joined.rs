@@ -171,7 +171,11 @@ fn each<R: Real>(
 ) {
     let place = |register: Register| usize::from(register) & (MAX_NODES - 1);
     for Places { to, on: [a, b, c] } in places {
-        let [a, b, c] = [*a, *b, *c].map(|register| registers[place(register)]);
+        let (a, b, c) = (
+            registers[place(*a)],
+            registers[place(*b)],
+            registers[place(*c)],
+        );
         registers[place(*to)] = function(a, b, c);
     }
 }

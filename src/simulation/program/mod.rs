@@ -14,14 +14,16 @@ mod tangents;
 pub use rewrite::{Equations as EquationGraph, Roots};
 
 use super::block::Block;
-use super::equations::{Equations, System};
+use super::equations::{Equations, Held, System};
 use super::{BlockSimulator, Candidates, Excitation, Plant};
 use crate::language::graph::Leaf;
 use crate::language::operation::Table;
+use crate::numerics::eigenvalues::spectral_radius;
 use crate::numerics::lanes::{LANES, Real};
 use crate::numerics::width::Width;
 use instruction::Register;
 use lists::Lists;
+use nalgebra::DMatrix;
 use row::ProgramRow;
 use std::sync::Arc;
 use tangents::Tangents;
@@ -151,8 +153,32 @@ impl Plant for Program {
 
     /// What the document hints at.
     fn work_rate(&self, parameters: &[f64]) -> f64 {
+        if self.lists.roots.fastest_rate.is_none() {
+            return 0.0;
+        }
         let rate = self.row(parameters, 1.0).rate_hint();
         if rate.is_finite() { rate } else { 0.0 }
+    }
+
+    /// What the document hints at, or the largest eigenvalue of its Jacobian.
+    fn fastest_rate(&self, parameters: &[f64]) -> f64 {
+        let hint = self.work_rate(parameters);
+        if hint > 0.0 {
+            return hint;
+        }
+        let mut row = self.row(parameters, 1.0);
+        row.act(&Held {
+            values: vec![0.0; row.n_held()],
+            slopes: Vec::new(),
+        });
+        let states: Vec<f64> = row.initial_states();
+        let mut matrix = vec![0.0; states.len() * states.len()];
+        row.jacobian(&states, 0.0, &states, &mut matrix);
+        spectral_radius(&DMatrix::from_row_slice(
+            states.len(),
+            states.len(),
+            &matrix,
+        ))
     }
 
     fn specialised(&self, fixed: &[Option<f64>]) -> Option<Arc<dyn Plant>> {

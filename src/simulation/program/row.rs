@@ -87,6 +87,7 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
     type States = Vec<R>;
     const SIZES_ARE_FIXED: bool = false;
     const EXPLICIT_SHARE: f64 = 0.05;
+    const MAY_BE_SMOOTH: bool = true;
 
     fn initial_states(&self) -> Vec<R> {
         let initial = self.program.lists.roots.initial.iter();
@@ -170,7 +171,8 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
             lists, tangents, ..
         } = self.program;
         let room = self.tangents.get_or_insert_with(|| tangents.room());
-        tangents.by_states(lists, (&mut self.registers, room), matrix);
+        let rows = (&mut self.registers, room);
+        tangents.by_states(lists, rows, (matrix, self.width));
     }
 
     fn rates_by_time(&mut self, by_time: &mut [R]) -> bool {

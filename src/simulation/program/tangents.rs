@@ -8,6 +8,7 @@ use super::lists::Lists;
 use crate::language::graph::MAX_NODES;
 use crate::language::operation;
 use crate::numerics::lanes::Real;
+use crate::numerics::width::{Wide, Width};
 
 /// Which instructions of the rates a direction reaches, by their place in the list.
 #[derive(Debug)]
@@ -24,6 +25,8 @@ struct Reach {
 pub struct Tangents {
     states: Vec<Reach>,
     inputs: Reach,
+    /// For each instruction whether a direction reaches its second number.
+    reaches_second: Vec<bool>,
     /// The register of each input, where the equations use it.
     input_registers: Vec<Option<Register>>,
 }
@@ -71,9 +74,26 @@ impl Tangents {
     ) -> Tangents {
         let of_state =
             |register: &Option<Register>| Reach::of(lists, register.iter().copied().collect());
+        let states: Vec<Reach> = states.iter().map(of_state).collect();
+        let inputs_reach = Reach::of(lists, inputs.iter().copied().flatten().collect());
+        let instructions = lists.rates.instructions();
+        let mut is_reached = vec![false; MAX_NODES];
+        for reach in states.iter().chain([&inputs_reach]) {
+            let written = reach
+                .instructions
+                .iter()
+                .map(|place| instructions[*place].to);
+            for register in written.chain(reach.from.iter().copied()) {
+                is_reached[usize::from(register)] = true;
+            }
+        }
+        let seconds = instructions.iter().map(|instruction| instruction.on[1]);
         Tangents {
-            states: states.iter().map(of_state).collect(),
-            inputs: Reach::of(lists, inputs.iter().copied().flatten().collect()),
+            states,
+            inputs: inputs_reach,
+            reaches_second: seconds
+                .map(|register| is_reached[usize::from(register)])
+                .collect(),
             input_registers: inputs.to_vec(),
         }
     }
@@ -91,15 +111,33 @@ impl Tangents {
         &self,
         lists: &Lists,
         (registers, room): (&mut Registers<R>, &mut Room<R>),
+        (matrix, width): (&mut [R], Width),
+    ) {
+        width.does(ByStates {
+            tangents: self,
+            lists,
+            registers,
+            room,
+            matrix,
+        });
+    }
+
+    #[inline(always)]
+    fn write_by_states<R: Real>(
+        &self,
+        lists: &Lists,
+        (registers, room): (&mut Registers<R>, &mut Room<R>),
         matrix: &mut [R],
     ) {
         let n = self.states.len();
         room.partials.clear();
-        for Instruction { operation, to, on } in lists.rates.instructions() {
+        let instructions = lists.rates.instructions().iter();
+        for (Instruction { operation, to, on }, second) in instructions.zip(&self.reaches_second) {
             operation::execute(*operation, registers, (*on, *to), lists.tables());
             let values = on.map(|register| registers[usize::from(register)]);
             let result = registers[usize::from(*to)];
-            let partials = operation::partials(*operation, values, result, lists.tables());
+            let at = (values, result);
+            let partials = operation::partials(*operation, at, *second, lists.tables());
             room.partials.push(partials);
         }
         matrix.fill(R::splat(0.0));
@@ -139,8 +177,27 @@ impl Tangents {
     }
 }
 
+/// The derivatives by the states as work that is compiled for each width of registers.
+struct ByStates<'a, R> {
+    tangents: &'a Tangents,
+    lists: &'a Lists,
+    registers: &'a mut Registers<R>,
+    room: &'a mut Room<R>,
+    matrix: &'a mut [R],
+}
+
+impl<R: Real> Wide for ByStates<'_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn work(self) {
+        let rows = (self.registers, self.room);
+        self.tangents.write_by_states(self.lists, rows, self.matrix);
+    }
+}
+
 impl Reach {
     /// Carries the derivatives from the registers that the direction starts from to the rates.
+    #[inline(always)]
     fn follow<R: Real>(&self, lists: &Lists, room: &mut Room<R>) {
         let least = R::splat(f64::from(f32::MIN_POSITIVE));
         for place in &self.instructions {
@@ -159,6 +216,7 @@ impl Reach {
     }
 
     /// Leaves zeros for the next direction.
+    #[inline(always)]
     fn clear<R: Real>(&self, lists: &Lists, room: &mut Room<R>) {
         let zero = R::splat(0.0);
         for register in &self.from {

@@ -1,7 +1,10 @@
 //! The candidates of a row that use the stiff method: eight at once, in double precision whatever
 //! the row's is.
 
-use super::{CALM_STEPS, Integrator, NOT_STIFF, Source, Stretch, Trial};
+use super::{
+    CALM_STEPS, EXPLICIT_DERIVATIVES, Integrator, MOST_STIFF_LOOKS, NOT_STIFF, Source, Stretch,
+    Trial,
+};
 use crate::numerics::lanes::{LANES, Lanes, Real};
 use crate::numerics::width::Width;
 use crate::simulation::equations::{Equations, System, lanes_from};
@@ -71,7 +74,8 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             self.is_stiff[lane] = self.is_stiff[0];
             return;
         }
-        let is_calm = rate_times_length < NOT_STIFF;
+        let of_explicit = EXPLICIT_DERIVATIVES * rate_times_length;
+        let is_calm = of_explicit < NOT_STIFF * stiff::derivatives(n);
         self.calm_steps[lane] = if is_calm {
             self.calm_steps[lane] + 1
         } else {
@@ -80,6 +84,8 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         if self.calm_steps[lane] >= CALM_STEPS {
             self.is_stiff[lane] = false;
             self.stiff_looks[lane] = 0;
+            let needed = self.stiff_looks_needed[lane];
+            self.stiff_looks_needed[lane] = MOST_STIFF_LOOKS.min(2 * needed);
         }
     }
 
