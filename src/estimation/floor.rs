@@ -30,6 +30,8 @@ const EXACT: f64 = 1e-8;
 const NOISE: f64 = 1.05;
 /// Where no noise is declared, the share of a signal's variance that may be left without doubt.
 const SMALL_SHARE: f64 = 0.01;
+/// Residuals of a record that costs next to nothing to search again.
+const FEW: usize = 1000;
 /// Exchanges that are followed at the most.
 const MOST_EXCHANGES: usize = 3;
 /// Parameters closer than this, as a share of their range, are not exchanged.
@@ -94,12 +96,20 @@ impl Landmarks {
         cost > PLATEAU_SHARE * self.plateau
     }
 
-    /// Whether two costs, the lower one first, are the same: as large as the residuals' noise is
-    /// by declaration, or else by what is left.
+    /// Whether two costs, the lower one first and both coarsely simulated, are the same: as large
+    /// as the residuals' noise is by declaration, or else by what is left.
     pub(super) fn is_same(&self, lowest: f64, cost: f64) -> bool {
+        self.is_same_fine(lowest, cost) || self.excess(lowest, cost) <= SAME_COST
+    }
+
+    fn excess(&self, lowest: f64, cost: f64) -> f64 {
         let noise = lowest.max(if self.declares_noise { 1.0 } else { EXACT });
-        let excess = (cost - lowest) / noise;
-        excess * self.residuals as f64 <= SAME_CHI_SQUARE || excess <= SAME_COST
+        (cost - lowest) / noise
+    }
+
+    /// Whether two minima, finely simulated, cost the same, the lower one first.
+    pub(super) fn is_same_fine(&self, lowest: f64, cost: f64) -> bool {
+        self.excess(lowest, cost) * self.residuals as f64 <= SAME_CHI_SQUARE
     }
 
     /// Whether what is left is no more than noise.
@@ -154,10 +164,13 @@ pub fn is_doubtful(landmarks: &Landmarks, descents: &[Descent]) -> bool {
     let (Some(lowest), Some(floor)) = (lowest(descents), Floor::of(landmarks, descents)) else {
         return true;
     };
-    let found_once = floor.at_floor == 1 && floor.starts > 1;
+    let found_once = floor.at_floor <= 1 && floor.starts > 1;
     let is_explained = landmarks.is_explained(lowest);
     match landmarks.declares_noise {
-        true if is_explained => false,
+        // What few residuals leave says little, and costs little to find again.
+        true if is_explained => {
+            floor.starts > 0 && (floor.at_floor == 0 || (found_once && landmarks.residuals <= FEW))
+        }
         _ => floor.is_plateau || (floor.searches < 2 && (found_once || !is_explained)),
     }
 }
@@ -283,16 +296,17 @@ fn differs(one: &[f64], other: &[f64]) -> bool {
 
 /// The positions of those among the rivals that are another minimum than the best, each once.
 #[must_use]
-pub fn twins(best: &[f64], here: &Linearisation, rivals: &[&Descent]) -> Vec<Vec<f64>> {
+pub fn twins<'a>(
+    best: &[f64],
+    here: &Linearisation,
+    rivals: impl Iterator<Item = &'a [f64]>,
+) -> Vec<Vec<f64>> {
     let is_apart = |one: &[f64], other: &[f64]| here.distance(one, other) > TWIN_DISTANCE;
     let mut found: Vec<Vec<f64>> = Vec::new();
     for rival in rivals {
         let known = found.iter().map(Vec::as_slice).chain([best]);
-        if known
-            .into_iter()
-            .all(|known| is_apart(&rival.positions, known))
-        {
-            found.push(rival.positions.clone());
+        if known.into_iter().all(|known| is_apart(rival, known)) {
+            found.push(rival.to_vec());
         }
     }
     found

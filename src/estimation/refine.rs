@@ -56,6 +56,10 @@ fn polished(rows: usize) -> f64 {
 const NEAR: f64 = 1e-2;
 /// Where the cost cannot tell any more, steps are taken as long as they shrink by this.
 const STILL_SHRINKING: f64 = 0.7;
+/// The fine descent of a record that is not short ends when so many iterations in a row have gained
+/// less of χ² than this: by then derivatives by differences have no digits left to tell the way.
+const IDLE_ITERATIONS: u32 = 3;
+const IDLE_GAIN: f64 = 1e-6;
 /// Two minima that are fewer standard errors apart are one.
 const SAME_MINIMUM: f64 = 1.0;
 /// The dampings that are tried, relative to the last good one: the first always, of the others as
@@ -264,6 +268,9 @@ pub struct Descent {
     linearisation: Option<Linearisation>,
     /// Whether its candidates are among the evaluations.
     is_counted: bool,
+    /// Iterations in a row, up to the last, that have gained next to nothing.
+    #[serde(default)]
+    idle: u32,
 }
 
 impl Descent {
@@ -286,6 +293,7 @@ impl Descent {
             shrinkage: 1.0,
             linearisation: None,
             is_counted: false,
+            idle: 0,
         }
     }
 
@@ -433,7 +441,10 @@ impl Descent {
             .map(|(new, old)| (new - old).abs())
             .fold(0.0, f64::max);
         let (gain, shift) = smallest_progress(self.accuracy);
-        if before - step.cost < gain * before || distance < shift {
+        let is_idle = (before - step.cost) * (rows as f64) < IDLE_GAIN * before;
+        self.idle = if is_idle { self.idle + 1 } else { 0 };
+        let is_done = self.is_polished() && rows > SHORT && self.idle >= IDLE_ITERATIONS;
+        if is_done || before - step.cost < gain * before || distance < shift {
             self.end = Some(DescentEnd::Converged);
         } else if self.iterations >= most_iterations(self.accuracy, rows) {
             self.end = Some(DescentEnd::IterationLimit);

@@ -138,11 +138,27 @@ impl Estimation {
         if rivals.is_empty() {
             return Some(Vec::new());
         }
-        match refine::linearise(problem, &best.positions, Accuracy::Screening, stop) {
-            Ok(here) => Some(floor::twins(&best.positions, &here, &rivals)),
-            Err(SensitivityError::Interrupted) => None,
-            Err(SensitivityError::Failed(_)) => Some(Vec::new()),
-        }
+        let here = match refine::linearise(problem, &best.positions, Accuracy::Screening, stop) {
+            Ok(here) => here,
+            Err(SensitivityError::Interrupted) => return None,
+            Err(SensitivityError::Failed(_)) => return Some(Vec::new()),
+        };
+        let rivals = rivals.into_iter().map(|rival| &rival.positions[..]);
+        let apart = floor::twins(&best.positions, &here, rivals);
+        // Where simulation is coarse one minimum has dents of its own: what is left of a rival when
+        // it is finely simulated counts.
+        let polished: Option<Vec<Descent>> = apart
+            .into_par_iter()
+            .map(|positions| refine::descend(problem, positions, Accuracy::Full, stop))
+            .collect();
+        let polished = polished?;
+        let lowest = best.cost.unwrap_or(f64::INFINITY);
+        let as_low = polished.iter().filter_map(|rival| {
+            let cost = rival.cost.filter(|_| best.is_polished());
+            let is_as_low = cost.is_none_or(|cost| self.landmarks.is_same_fine(lowest, cost));
+            is_as_low.then_some(&rival.positions[..])
+        });
+        Some(floor::twins(&best.positions, &here, as_low))
     }
 
     /// Takes the lowest descent up again, simulated finely; false where that is done, or none is

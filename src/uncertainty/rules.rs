@@ -7,6 +7,7 @@ use super::verdict::{Trust, Verdict};
 use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::estimation::report::Report;
 use crate::estimation::stop_reason::StopReason;
+use std::collections::BTreeSet;
 
 /// chi²/n above which the model is wrong.
 const MISFIT: f64 = 1.5;
@@ -52,7 +53,7 @@ fn check(verdict: &mut Verdict, problem: &Problem, report: &Report, analysis: &A
     correlation(verdict, problem, report, analysis);
     validation(verdict, problem, analysis);
     starts(verdict, report);
-    minima(verdict, problem, report);
+    minima(verdict, problem, report, analysis);
 }
 
 fn completion(verdict: &mut Verdict, report: &Report) {
@@ -269,9 +270,13 @@ fn starts(verdict: &mut Verdict, report: &Report) {
                       found that follows them; look at the search ranges and the initial states, \
                       or search longer with a larger `population`";
         verdict.lower(Trust::Low, "plateau", detail.to_owned());
-    } else if floor.starts > 1 && floor.at_floor == 1 {
+    } else if floor.starts > 1 && floor.at_floor <= 1 {
+        let reached = match floor.at_floor {
+            0 => "none",
+            _ => "only one",
+        };
         let detail = format!(
-            "only one of {} starts of the refinement, in {} searches, reached the lowest cost: \
+            "{reached} of {} starts of the refinement, in {} searches, reached the lowest cost: \
              there may be better minima; ask for more `further_searches`, or a larger `population`",
             floor.starts,
             report.searches.len().max(1)
@@ -280,27 +285,39 @@ fn starts(verdict: &mut Verdict, report: &Report) {
     }
 }
 
-/// Other minima as low, by what noise allows.
-fn minima(verdict: &mut Verdict, problem: &Problem, report: &Report) {
-    for twin in &report.twins {
+/// Other minima as low, by what noise allows. What differs only in what the data do not fix is a
+/// point of the same valley, which has its own reason.
+fn minima(verdict: &mut Verdict, problem: &Problem, report: &Report, analysis: &Analysis) {
+    let is_fixed =
+        |index: &usize| !is_flat(analysis, *index) && analysis.coordinates[*index].identifiable;
+    let elsewhere = |twin: &[(String, f64)]| -> Vec<usize> {
         let pairs = problem.coordinates.iter().zip(twin).enumerate();
         let elsewhere = pairs.filter(|(index, (coordinate, (_, value)))| {
             let Coordinate { lower, upper, .. } = **coordinate;
             let position = coordinate.scale.position(*value, lower, upper);
             (position - report.positions[*index]).abs() > ELSEWHERE
         });
-        let concerned: Vec<usize> = elsewhere.map(|(index, _)| index).collect();
-        let values: Vec<String> = twin
-            .iter()
-            .map(|(name, value)| format!("{name} {}", short(*value)))
-            .collect();
-        let detail = format!(
-            "another minimum explains the data as well ({}): two answers; say in the search ranges \
-             or with a prior which one is meant",
-            values.join(", ")
-        );
-        verdict.lower_some(Trust::Low, (concerned, 1.0), ("twin_minima", detail));
-    }
+        elsewhere.map(|(index, _)| index).collect()
+    };
+    let twins = report.twins.iter().map(|twin| (twin, elsewhere(twin)));
+    let twins = twins.filter(|(_, concerned)| concerned.iter().any(is_fixed));
+    let twins: Vec<_> = twins.collect();
+    let Some((first, _)) = twins.first() else {
+        return;
+    };
+    let values: Vec<String> = first
+        .iter()
+        .map(|(name, value)| format!("{name} {}", short(*value)))
+        .collect();
+    let values = values.join(", ");
+    let others = match twins.len() {
+        1 => format!("another minimum explains the data as well ({values}): two answers"),
+        n => format!("{n} other minima explain the data as well (one at {values})"),
+    };
+    let detail = format!("{others}; say in the search ranges or with a prior which one is meant");
+    let concerned: BTreeSet<usize> = twins.iter().flat_map(|(_, own)| own).copied().collect();
+    let concerned = concerned.into_iter().collect();
+    verdict.lower_some(Trust::Low, (concerned, 1.0), ("twin_minima", detail));
 }
 
 /// A number with three significant digits.

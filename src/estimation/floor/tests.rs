@@ -44,7 +44,15 @@ fn a_poor_fit_is_believed_when_a_second_search_comes_to_it() {
 #[test]
 fn what_only_noise_is_left_of_is_believed_at_once() {
     let found = ended(&[(0, 1.02), (0, 7.0), (0, 8.0)]);
-    assert!(!is_doubtful(&landmarks(true), &found));
+    let long = Landmarks {
+        residuals: 5000,
+        ..landmarks(true)
+    };
+    assert!(!is_doubtful(&long, &found));
+    assert!(
+        is_doubtful(&landmarks(true), &found),
+        "few residuals: found once"
+    );
     // A tenth of the spread, squared, is as small where no noise is declared; but found once.
     let found = [(0, 0.004), (0, 0.02)];
     assert!(is_doubtful(&landmarks(false), &ended(&found)));
@@ -52,6 +60,19 @@ fn what_only_noise_is_left_of_is_believed_at_once() {
         &landmarks(false),
         &ended(&[found[0], found[0]])
     ));
+}
+
+#[test]
+fn what_only_an_exchange_came_to_is_looked_for_again() {
+    let mut found = ended(&[(0, 0.74), (0, 0.74), (0, 0.31)]);
+    found[2].search = None;
+    let landmarks = Landmarks {
+        residuals: 13,
+        ..landmarks(true)
+    };
+    let floor = Floor::of(&landmarks, &found).expect("costs");
+    assert_eq!((floor.starts, floor.at_floor), (2, 0));
+    assert!(is_doubtful(&landmarks, &found));
 }
 
 #[test]
