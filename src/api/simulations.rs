@@ -1,8 +1,6 @@
 //! Simulating one parameter set, while the client waits.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::sync::atomic::AtomicBool;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -22,10 +20,8 @@ use crate::intake;
 use crate::job::fault::Fault;
 use crate::job::spec::simulation::{SimulationSpec, Source};
 use crate::job::spec::{InitialStateSpec, ModelOfJob, WindowSpec};
-use crate::job::{DatasetId, spec::FixedValue};
-use crate::model::{InitialState, Model};
-use crate::recording::{Mapped, Recording, SampledSignal, Selection, Signal, TimeAxis, Window};
-use crate::simulation::{Accuracy, Candidate, Excitation, single};
+use crate::job::{DatasetId, simulation, spec::FixedValue};
+use crate::recording::{Recording, SampledSignal};
 
 /// Points of the answer at the most.
 const MAX_POINTS: u64 = 100_000;
@@ -127,8 +123,9 @@ pub async fn simulate(
 
     let name = spec.model.clone();
     let simulated = state.compute(move |stop| {
-        let run = SimulationRun::new(&spec, &model, &recording)?;
-        Ok((run.outputs(stop)?, permit))
+        let outputs = simulation::simulate(&spec, &model, &recording, stop);
+        let outputs = outputs.ok_or_else(stopped)?;
+        Ok((outputs.map_err(Problem::of_document)?, permit))
     });
     let (outputs, permit) = simulated.await?;
     if prefers(&headers, "text/csv") {
@@ -189,127 +186,4 @@ fn inline(inputs: &Value) -> Answer<Recording> {
         });
         Problem::of_document(faults.collect())
     })
-}
-
-/// All that one simulation needs.
-struct SimulationRun<'m> {
-    model: &'m Model,
-    sample_time: f64,
-    /// When the samples were taken, where they are not uniform, from the recording's first `[s]`.
-    instants: Option<Vec<f64>>,
-    samples: usize,
-    /// When the first sample was taken `[s]`.
-    from: f64,
-    input_set: usize,
-    inputs: Vec<Vec<f64>>,
-    parameters: Vec<f64>,
-    initial_state: Vec<Option<f64>>,
-}
-
-impl<'m> SimulationRun<'m> {
-    fn new(spec: &SimulationSpec, model: &'m Model, recording: &Recording) -> Answer<Self> {
-        let description = model.description();
-        let window = spec.window.map(|window| Window {
-            from_s: window.from_s,
-            to_s: window.to_s,
-        });
-        let mapped = spec.signals.iter();
-        let mapped = mapped.map(|(model, recorded)| Mapped::held(model, recorded));
-        let mapped: Vec<Mapped> = mapped.collect();
-        let selection = Selection {
-            window,
-            ..Selection::default()
-        };
-        let data = recording.experiment(&mapped, selection);
-        let data = data.map_err(|error| {
-            let fault = Fault::new("", "experiment_not_possible", error.to_string());
-            Problem::of_document(vec![fault])
-        })?;
-        let mapped = |set: &Vec<Cow<'static, str>>| {
-            set.iter().all(|name| spec.signals.contains_key(&**name))
-        };
-        let input_set = description.input_sets.iter().position(mapped);
-        let input_set = input_set.expect("a specification that exists maps one set of inputs");
-        let mut inputs = Vec::new();
-        for name in &description.input_sets[input_set] {
-            let values = data.signal(name).unwrap_or_default().to_vec();
-            refuse_missing(name, &values)?;
-            inputs.push(values);
-        }
-        let first = |name: &str| {
-            let values = data.signal(name).unwrap_or_default().iter();
-            values.copied().find(|value| !value.is_nan())
-        };
-        let initial_state =
-            description
-                .states
-                .iter()
-                .map(|state| match spec.initial_state.get(&*state.name) {
-                    Some(InitialStateSpec::Fixed(FixedValue { value, .. })) => Some(*value),
-                    Some(InitialStateSpec::Number(value)) => Some(*value),
-                    Some(InitialStateSpec::Measured(_)) => first(&state.name),
-                    Some(InitialStateSpec::Free(_)) => None,
-                    None => match state.initial {
-                        InitialState::FirstSample { output } => {
-                            first(&description.outputs[output].name)
-                        }
-                        _ => None,
-                    },
-                });
-        Ok(Self {
-            model,
-            sample_time: data.sample_time,
-            instants: data.instants.clone(),
-            samples: data.samples,
-            from: spec.window.and_then(|window| window.from_s).unwrap_or(0.0),
-            input_set,
-            inputs,
-            parameters: spec.parameters.clone(),
-            initial_state: initial_state.collect(),
-        })
-    }
-
-    /// The outputs as a recording.
-    fn outputs(&self, stop: &AtomicBool) -> Answer<Recording> {
-        let excitation = Excitation {
-            sample_time: self.sample_time,
-            instants: self.instants.as_deref(),
-            samples: self.samples,
-            input_set: self.input_set,
-            inputs: &self.inputs,
-            accuracy: Accuracy::Full,
-        };
-        let candidate = Candidate {
-            parameters: &self.parameters,
-            initial_state: &self.initial_state,
-        };
-        let simulated = single::outputs(self.model.plant(), &[(excitation, candidate)], stop);
-        let outputs = simulated.ok_or_else(stopped)?.map_err(|failure| {
-            let detail = format!("the simulation fails: {}", failure.name());
-            Problem::of_document(vec![Fault::new("/parameters", "simulation_fails", detail)])
-        })?;
-        let described = self.model.description().outputs.iter();
-        let signals = described
-            .zip(outputs.into_iter().flatten())
-            .map(|(output, values)| Signal::new(&*output.name, &*output.unit, values));
-        let instants = (0..self.samples).map(|k| match &self.instants {
-            Some(instants) => instants[k],
-            None => self.from + k as f64 * self.sample_time,
-        });
-        Ok(Recording::new(
-            TimeAxis::Instants(instants.collect()),
-            signals.collect(),
-        ))
-    }
-}
-
-/// An input must be known at every instant.
-fn refuse_missing(name: &str, values: &[f64]) -> Answer<()> {
-    let missing = values.iter().filter(|value| value.is_nan()).count();
-    if missing == 0 {
-        return Ok(());
-    }
-    let detail = format!("{missing} samples of the input `{name}` are missing");
-    let fault = Fault::new("/signals", "input_missing", detail);
-    Err(Problem::of_document(vec![fault]))
 }

@@ -32,6 +32,8 @@ const NOISE: f64 = 1.05;
 const SMALL_SHARE: f64 = 0.01;
 /// Residuals of a record that costs next to nothing to search again.
 const FEW: usize = 1000;
+/// So few that chi-square hardly tells a wrong minimum from noise.
+const VERY_FEW: usize = 100;
 /// Exchanges that are followed at the most.
 const MOST_EXCHANGES: usize = 3;
 /// Parameters closer than this, as a share of their range, are not exchanged.
@@ -169,7 +171,9 @@ pub fn is_doubtful(landmarks: &Landmarks, descents: &[Descent]) -> bool {
     match landmarks.declares_noise {
         // What few residuals leave says little, and costs little to find again.
         true if is_explained => {
-            floor.starts > 0 && (floor.at_floor == 0 || (found_once && landmarks.residuals <= FEW))
+            let n = landmarks.residuals;
+            let is_unsure = (found_once && n <= FEW) || (floor.searches < 2 && n <= VERY_FEW);
+            floor.at_floor == 0 || is_unsure
         }
         _ => floor.is_plateau || (floor.searches < 2 && (found_once || !is_explained)),
     }

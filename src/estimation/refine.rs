@@ -8,14 +8,15 @@
 //! is coarsely simulated first; the one that came lowest is then polished, simulated finely.
 
 mod end;
+mod linearisation;
 
 pub use end::DescentEnd;
+pub use linearisation::{Linearisation, Outlook, linearise};
 
 use super::problem::Problem;
 use super::sensitivity::{Neighbourhood, SensitivityError, Sides};
 use crate::numerics::lanes::LANES;
-use crate::numerics::least_squares::{Rows, Triangle};
-use crate::simulation::{Accuracy, Failure};
+use crate::simulation::Accuracy;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 
@@ -76,95 +77,6 @@ const SMALLEST_DAMPING: f64 = 1e-14;
 const DAMPING_RISE: f64 = 1e5;
 /// The largest damping that is raised.
 const LARGEST_DAMPING: f64 = 1e6;
-
-/// The residuals linearised at a candidate.
-#[derive(Clone, Debug)]
-pub struct Linearisation {
-    /// The triangle of `[J | r]`.
-    pub triangle: Triangle,
-    /// The mean square of the residuals, those of the priors among them.
-    pub cost: f64,
-}
-
-/// Linearises the residuals at a candidate.
-///
-/// # Errors
-/// When the stop flag was raised, or a simulation failed.
-pub fn linearise(
-    problem: &Problem,
-    positions: &[f64],
-    accuracy: Accuracy,
-    stop: &AtomicBool,
-) -> Result<Linearisation, SensitivityError> {
-    let middle = (positions, sides(problem, accuracy));
-    Neighbourhood::along_axes(problem, middle, &[], (accuracy, stop))
-        .ok_or(SensitivityError::Interrupted)
-        .and_then(|around| Linearisation::of(&around).map_err(SensitivityError::Failed))
-}
-
-impl Linearisation {
-    fn of(around: &Neighbourhood<'_>) -> Result<Linearisation, Failure> {
-        let mut rows = Rows::new(around.n_columns());
-        let mut sum = 0.0;
-        let loss = around.loss();
-        around.visit(|row| {
-            let (residual, slope) = (loss.bent(row.residual), loss.slope(row.residual));
-            rows.add(row.derivatives.iter().map(|d| d * slope), residual);
-            sum += residual * residual;
-        })?;
-        for (index, residual, slope) in around.prior_rows() {
-            let row =
-                (0..around.n_columns()).map(|column| if column == index { slope } else { 0.0 });
-            rows.add(row, residual);
-            sum += residual * residual;
-        }
-        let triangle = rows.finish();
-        let cost = sum / triangle.rows() as f64;
-        if !cost.is_finite() || !triangle.is_usable() {
-            return Err(Failure::Diverged);
-        }
-        Ok(Linearisation { triangle, cost })
-    }
-
-    /// The coordinates that a step may move: not those at a bound that are drawn beyond it.
-    fn free(&self, positions: &[f64]) -> Vec<bool> {
-        let gradient = self.triangle.gradient();
-        let pairs = positions.iter().zip(gradient.iter());
-        let held =
-            |(z, slope): (&f64, &f64)| (*z <= 0.0 && *slope > 0.0) || (*z >= 1.0 && *slope < 0.0);
-        pairs.map(|pair| !held(pair)).collect()
-    }
-
-    /// Where the linear model has its minimum, and how much of the cost, as a share, is gained
-    /// there. Nothing where the data do not fix it.
-    #[must_use]
-    pub fn outlook(&self, positions: &[f64]) -> Option<Outlook> {
-        let step = self
-            .triangle
-            .damped_step(SMALLEST_DAMPING, &self.free(positions))?;
-        let sum = self.cost * self.triangle.rows() as f64;
-        let moved = positions.iter().zip(step.iter());
-        Some(Outlook {
-            positions: moved.map(|(z, d)| (z + d).clamp(0.0, 1.0)).collect(),
-            gain: self.triangle.reduction(&step) / sum,
-        })
-    }
-
-    /// How far two candidates are apart, in standard errors.
-    pub fn distance(&self, one: &[f64], other: &[f64]) -> f64 {
-        let step: Vec<f64> = one.iter().zip(other).map(|(a, b)| a - b).collect();
-        (self.triangle.movement(&step) / self.cost).sqrt()
-    }
-}
-
-/// What the linear model promises.
-#[derive(Clone, Debug)]
-pub struct Outlook {
-    /// Its minimum.
-    pub positions: Vec<f64>,
-    /// The share of the cost that is gained there.
-    pub gain: f64,
-}
 
 /// The candidates that the dampings lead to, with their dampings.
 #[must_use]

@@ -9,6 +9,7 @@ pub mod failure;
 
 pub mod id;
 pub mod outcome;
+pub mod simulation;
 pub mod spec;
 pub mod state;
 

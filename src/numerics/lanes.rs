@@ -66,7 +66,7 @@ pub trait Real:
     fn exp(self) -> Self;
     /// The natural logarithm, accurate to 2 units in the last place.
     fn ln(self) -> Self;
-    /// `self` to the power of `exponent`, accurate to 3 units in the last place.
+    /// `self` to the power of `exponent`, accurate to 2 units in the last place.
     fn pow(self, exponent: Self) -> Self;
     /// x^(−⅛) of a positive number, within a tenth of it: a step control needs no more. What is not
     /// a number gives one below 1e-4.

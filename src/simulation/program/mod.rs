@@ -23,7 +23,6 @@ use crate::numerics::lanes::{LANES, Real};
 use crate::numerics::width::Width;
 use instruction::Register;
 use lists::Lists;
-use nalgebra::DMatrix;
 use row::ProgramRow;
 use std::sync::Arc;
 use tangents::Tangents;
@@ -174,11 +173,7 @@ impl Plant for Program {
         let states: Vec<f64> = row.initial_states();
         let mut matrix = vec![0.0; states.len() * states.len()];
         row.jacobian(&states, 0.0, &states, &mut matrix);
-        spectral_radius(&DMatrix::from_row_slice(
-            states.len(),
-            states.len(),
-            &matrix,
-        ))
+        spectral_radius(states.len(), &matrix)
     }
 
     fn specialised(&self, fixed: &[Option<f64>]) -> Option<Arc<dyn Plant>> {
