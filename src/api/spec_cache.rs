@@ -40,6 +40,7 @@ impl SpecKey {
             experiments,
             parameters,
             outputs,
+            clock_tolerance,
             validation,
             // How the parameters are looked for, what is said of them, and how the job is called.
             method: _,
@@ -50,7 +51,8 @@ impl SpecKey {
             name: _,
             labels: _,
         } = spec;
-        Self::digest(&(model, experiments, parameters, outputs, validation))
+        let data = (experiments, outputs, clock_tolerance, validation);
+        Self::digest(&(model, parameters, data))
     }
 
     fn digest(what: &impl Serialize) -> Self {

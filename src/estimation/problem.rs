@@ -186,7 +186,34 @@ impl Prior {
     }
 }
 
-/// A number that is taken as known, and how well it is.
+/// What an assumption stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Assumed {
+    /// A number of the model.
+    Model(Target),
+    /// A number of the sensor of an output, by the output's place among the compared ones.
+    Sensor {
+        /// The output.
+        output: usize,
+        /// Which number.
+        number: SensorNumber,
+    },
+    /// The clock that the samples of all recordings are taken by.
+    Clock,
+}
+
+/// The numbers of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SensorNumber {
+    /// What it multiplies its signal by.
+    Gain,
+    /// What it adds.
+    Offset,
+    /// How late it is `[s]`.
+    Lag,
+}
+
+/// A number that is taken as known, and how well it is: those of the model stand first.
 #[derive(Clone, Debug)]
 pub struct Assumption {
     /// Its name, which no other assumption has.
@@ -194,7 +221,7 @@ pub struct Assumption {
     /// Its SI unit.
     pub unit: String,
     /// What it stands for.
-    pub target: Target,
+    pub target: Assumed,
     /// The value that is taken, SI.
     pub value: f64,
     /// One standard deviation of what is not known of it, above zero, SI.

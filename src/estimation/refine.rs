@@ -36,7 +36,7 @@ const SHORT: usize = 1000;
 /// recording A within 2e-6 of its chi-square (`benches/README.md`); a short record affords both.
 fn sides(problem: &Problem, accuracy: Accuracy) -> Sides {
     match accuracy {
-        Accuracy::Full if problem.n_residuals() <= SHORT => Sides::Both,
+        Accuracy::Full if problem.n_residuals() <= SHORT => Sides::Twice,
         _ => Sides::One,
     }
 }
@@ -105,11 +105,22 @@ pub fn descend(
     accuracy: Accuracy,
     stop: &AtomicBool,
 ) -> Option<Descent> {
+    descend_at_most(problem, start, (accuracy, HARD_LIMIT), stop)
+}
+
+/// The same for so many iterations at the most; then it has no end.
+#[must_use]
+pub fn descend_at_most(
+    problem: &Problem,
+    start: Vec<f64>,
+    (accuracy, iterations): (Accuracy, u32),
+    stop: &AtomicBool,
+) -> Option<Descent> {
     let mut descent = Descent::from(start);
     if accuracy == Accuracy::Full {
         descent.polish();
     }
-    while descent.end.is_none() {
+    while descent.end.is_none() && descent.iterations < iterations {
         if !descent.iterate(problem, &[], stop) {
             return None;
         }

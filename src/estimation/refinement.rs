@@ -9,6 +9,9 @@ use crate::simulation::Accuracy;
 use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
 
+/// Iterations after which a rival that is finely simulated is where it is going, or none.
+const RIVAL_ITERATIONS: u32 = 10;
+
 impl Estimation {
     /// Goes over to the refinement.
     pub(super) fn refine(&mut self, reason: StopReason) {
@@ -149,7 +152,10 @@ impl Estimation {
         // it is finely simulated counts.
         let polished: Option<Vec<Descent>> = apart
             .into_par_iter()
-            .map(|positions| refine::descend(problem, positions, Accuracy::Full, stop))
+            .map(|positions| {
+                let polished = (Accuracy::Full, RIVAL_ITERATIONS);
+                refine::descend_at_most(problem, positions, polished, stop)
+            })
             .collect();
         let polished = polished?;
         let lowest = best.cost.unwrap_or(f64::INFINITY);

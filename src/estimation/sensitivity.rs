@@ -6,16 +6,19 @@
 //! are shifted: what comes out is ∂residual/∂position.
 
 use super::loss::Loss;
-use super::problem::{Extent, Problem, Spelled};
-use crate::numerics::lanes::Lanes;
-use crate::simulation::batch::{self, Sink};
+mod recorded;
+
+use super::problem::Problem;
 use crate::simulation::{Accuracy, Failure};
+use recorded::{Columns, record};
 use std::sync::atomic::AtomicBool;
 
 /// How far a difference goes to a side, as a share of the search range. All lanes take the same
-/// steps, so that only rounding counts against a short one; a long one sees where commands
-/// saturate and ports open, and errs with the root of its length.
+/// steps, so that only rounding, and a kink that falls between two of them, count against a short
+/// one; a long one sees the curvature and where commands saturate and ports open.
 pub const SHIFT: f64 = 1e-6;
+/// The same where it is taken twice, so that it may be longer: the curvature and the next term cancel.
+const SHIFT_TWICE: f64 = 4e-6;
 
 /// One residual and its derivatives.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +55,9 @@ pub enum Sides {
     Both,
     /// To the side with more room: half as many candidates.
     One,
+    /// To both sides, once as far again: twice as many candidates, and the error of the fourth order
+    /// (L. F. Richardson, 1911).
+    Twice,
 }
 
 impl Sides {
@@ -60,6 +66,7 @@ impl Sides {
     #[must_use]
     pub fn candidates(self, directions: usize) -> u64 {
         let neighbours = match self {
+            Sides::Twice => 4,
             Sides::Both => 2,
             Sides::One => 1,
         };
@@ -143,6 +150,8 @@ pub struct Neighbourhood<'a> {
     differences: Vec<Difference>,
     /// The neighbours that each difference is between.
     ends: Vec<(usize, usize)>,
+    /// The differences of twice the length and their neighbours; empty where there are none.
+    wide: Vec<(Difference, (usize, usize))>,
     first_other: usize,
     /// The candidate first, then its neighbours, then the others.
     candidates: Vec<Vec<f64>>,
@@ -163,7 +172,10 @@ impl<'a> Neighbourhood<'a> {
         let axes = Directions {
             from: positions,
             vectors: &axes,
-            shift: SHIFT,
+            shift: match sides {
+                Sides::Twice => SHIFT_TWICE,
+                Sides::Both | Sides::One => SHIFT,
+            },
             sides,
         };
         Neighbourhood::simulate(problem, axes, others, simulated)
@@ -189,6 +201,22 @@ impl<'a> Neighbourhood<'a> {
             .map(|direction| Difference::along(direction, positions, (shift, sides)))
             .collect();
         let (mut candidates, ends) = shifted_candidates(positions, vectors, &differences);
+        let mut wide = Vec::new();
+        if sides == Sides::Twice {
+            let along = |direction: &Vec<f64>| {
+                Difference::along(direction, positions, (2.0 * shift, sides))
+            };
+            let differences: Vec<Difference> = vectors.iter().map(along).collect();
+            let (others, ends) = shifted_candidates(positions, vectors, &differences);
+            // The candidate in the middle stands first in both.
+            let moved = candidates.len() - 1;
+            let place = |end: usize| if end == 0 { 0 } else { end + moved };
+            let ends = ends
+                .into_iter()
+                .map(|(low, high)| (place(low), place(high)));
+            wide = differences.into_iter().zip(ends).collect();
+            candidates.extend(others.into_iter().skip(1));
+        }
         let first_other = candidates.len();
         candidates.extend_from_slice(others);
         let recorded = record(problem, (&candidates, first_other), accuracy, stop)?;
@@ -196,6 +224,7 @@ impl<'a> Neighbourhood<'a> {
             problem,
             differences,
             ends,
+            wide,
             first_other,
             candidates,
             recorded,
@@ -222,8 +251,14 @@ impl<'a> Neighbourhood<'a> {
     /// Whether a neighbour along a direction cannot be simulated.
     #[must_use]
     pub fn fails_along(&self, direction: usize) -> bool {
-        let (low, high) = self.ends[direction];
-        self.failure(low).or(self.failure(high)).is_some()
+        let mut ends = self.ends_along(direction);
+        ends.any(|end| self.failure(end).is_some())
+    }
+
+    fn ends_along(&self, direction: usize) -> impl Iterator<Item = usize> {
+        let wide = self.wide.get(direction).map(|(_, ends)| *ends);
+        let pairs = [self.ends[direction]].into_iter().chain(wide);
+        pairs.flat_map(|(low, high)| [low, high])
     }
 
     /// Visits every residual of the candidate, sample by sample, with its derivatives.
@@ -244,9 +279,7 @@ impl<'a> Neighbourhood<'a> {
         needed: usize,
         mut visit: impl FnMut(Row<'_>),
     ) -> Result<(), Failure> {
-        let neighbours = self.ends[..needed]
-            .iter()
-            .flat_map(|(low, high)| [*low, *high]);
+        let neighbours = (0..needed).flat_map(|direction| self.ends_along(direction));
         let mut members = std::iter::once(0).chain(neighbours);
         if let Some(failure) = members.find_map(|member| self.failure(member)) {
             return Err(failure);
@@ -259,9 +292,16 @@ impl<'a> Neighbourhood<'a> {
             let (experiment, sample, output) = place;
             let scale = self.scale(place);
             let at = |member| self.recorded[experiment].value(member, sample, output);
+            let quotient = |difference: Difference, (low, high): (usize, usize)| {
+                (at(low) - at(high)) / difference.length() / scale
+            };
             let columns = self.differences.iter().zip(&self.ends);
-            for (derivative, (difference, (low, high))) in derivatives.iter_mut().zip(columns) {
-                *derivative = (at(*low) - at(*high)) / difference.length() / scale;
+            for (derivative, (difference, ends)) in derivatives.iter_mut().zip(columns) {
+                *derivative = quotient(*difference, *ends);
+            }
+            for (derivative, (difference, ends)) in derivatives.iter_mut().zip(&self.wide) {
+                let correction = (*derivative - quotient(*difference, *ends)) / 3.0;
+                *derivative += correction * difference.evenness();
             }
             let derivatives = &derivatives;
             visit(Row {
@@ -308,7 +348,8 @@ impl<'a> Neighbourhood<'a> {
     }
 
     /// What a residual is divided by.
-    fn scale(&self, (experiment, sample, output): (usize, usize, usize)) -> f64 {
+    #[must_use]
+    pub fn scale(&self, (experiment, sample, output): (usize, usize, usize)) -> f64 {
         let weight = self.problem.experiments[experiment].weight(output, sample);
         self.problem.outputs[output].residual_scale / weight
     }
@@ -360,7 +401,7 @@ impl Difference {
         };
         let (back, ahead) = (room(-1.0), room(1.0));
         match sides {
-            Sides::Both => Difference { back, ahead },
+            Sides::Both | Sides::Twice => Difference { back, ahead },
             Sides::One if ahead >= back => Difference { back: 0.0, ahead },
             Sides::One => Difference { back, ahead: 0.0 },
         }
@@ -368,6 +409,11 @@ impl Difference {
 
     fn length(self) -> f64 {
         self.back + self.ahead
+    }
+
+    /// 1 where it goes as far to one side as to the other, so that errors cancel; else 0.
+    fn evenness(self) -> f64 {
+        f64::from((self.back - self.ahead).abs() <= 1e-9 * self.length())
     }
 }
 
@@ -391,69 +437,4 @@ fn shifted_candidates(
         ends.push((neighbour(-difference.back), neighbour(difference.ahead)));
     }
     (candidates, ends)
-}
-
-/// The outputs of all candidates over one experiment.
-#[derive(Debug)]
-struct Columns {
-    /// For each candidate the piece that holds it and its lane there.
-    places: Vec<(usize, usize)>,
-    failures: Vec<Option<Failure>>,
-    pieces: Vec<Vec<Lanes>>,
-    n_outputs: usize,
-}
-
-impl Columns {
-    fn value(&self, candidate: usize, sample: usize, output: usize) -> f64 {
-        let (piece, lane) = self.places[candidate];
-        self.pieces[piece][sample * self.n_outputs + output].0[lane]
-    }
-}
-
-fn record(
-    problem: &Problem,
-    (candidates, in_step): (&[Vec<f64>], usize),
-    accuracy: Accuracy,
-    stop: &AtomicBool,
-) -> Option<Vec<Columns>> {
-    let spelled = Spelled::new(problem, candidates).in_step(in_step);
-    let runs = spelled.runs(problem, Extent::Estimation, accuracy);
-    let recorder = |run: usize| Recorder {
-        chosen: problem.outputs.iter().map(|output| output.index).collect(),
-        n_outputs: problem.model.description().outputs.len(),
-        rows: Vec::with_capacity(runs[run].excitation.samples * problem.outputs.len()),
-    };
-    let pieces = batch::simulate(problem.plant().as_ref(), &runs, stop, recorder)?;
-    let empty = || Columns {
-        places: vec![(0, 0); candidates.len()],
-        failures: vec![None; candidates.len()],
-        pieces: Vec::new(),
-        n_outputs: problem.outputs.len(),
-    };
-    let mut columns: Vec<Columns> = problem.experiments.iter().map(|_| empty()).collect();
-    for piece in pieces {
-        let of_experiment = &mut columns[piece.run];
-        for (lane, &member) in piece.members.iter().enumerate() {
-            of_experiment.places[member] = (of_experiment.pieces.len(), lane);
-            of_experiment.failures[member] = piece.failures[lane];
-        }
-        of_experiment.pieces.push(piece.sink.rows);
-    }
-    Some(columns)
-}
-
-/// Keeps the outputs that are compared.
-struct Recorder {
-    chosen: Vec<usize>,
-    n_outputs: usize,
-    rows: Vec<Lanes>,
-}
-
-impl Sink for Recorder {
-    fn consume(&mut self, _first_sample: usize, outputs: &[Lanes]) {
-        for row in outputs.chunks_exact(self.n_outputs) {
-            self.rows
-                .extend(self.chosen.iter().map(|&output| row[output]));
-        }
-    }
 }

@@ -79,6 +79,7 @@ pub fn problem(
         .flat_map(|cut| std::mem::take(&mut cut.findings))
         .collect();
     let experiments = Arc::new(cuts.into_iter().map(|cut| cut.experiment).collect());
+    let assumptions = assumption::assumptions(spec, description, &outputs);
     let problem = Problem {
         model: Arc::clone(model),
         parameters,
@@ -89,7 +90,7 @@ pub fn problem(
             .method
             .huber_threshold
             .map_or(Loss::Squared, Loss::Huber),
-        assumptions: Arc::new(assumption::assumptions(spec, description)),
+        assumptions: Arc::new(assumptions),
     };
     if problem.n_residuals() <= problem.coordinates.len() {
         let detail = format!(

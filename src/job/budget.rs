@@ -9,7 +9,8 @@ use utoipa::ToSchema;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[non_exhaustive]
 pub struct BudgetLine {
-    /// The parameter, or the state whose start is given.
+    /// The parameter, the state whose start is given, a number of a sensor such as
+    /// `position.gain`, or `clock`.
     #[schema(example = "supply_pressure")]
     pub assumption: String,
     /// What kind of assumption.
@@ -46,6 +47,10 @@ pub enum AssumptionKind {
     Tolerance,
     /// An effect of the model that is left out.
     AbsentEffect,
+    /// The gain, the offset or the lag of an output's sensor.
+    Sensor,
+    /// The clock that samples are taken by.
+    Clock,
 }
 
 /// A value that would explain the residuals.

@@ -106,6 +106,11 @@ pub struct JobSpec {
     /// By the model's name, what is known about each measured output.
     #[serde(default)]
     pub outputs: BTreeMap<String, OutputSpec>,
+    /// How well the clock is known that all recordings are sampled by: one standard deviation as a
+    /// share, e.g. `"0.01 %"`; left out, it is taken as exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<ToleranceText>, nullable = false, example = "0.01 %")]
+    pub clock_tolerance: Option<Tolerance>,
     /// How the parameters are looked for.
     #[serde(default)]
     #[schema(required = false)]
@@ -318,6 +323,19 @@ pub struct OutputSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false, example = "position_std")]
     pub noise_signal: Option<String>,
+    /// How well the gain of its sensor is known: one standard deviation, e.g. `"0.2 %"`; left out, it
+    /// is taken as exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<ToleranceText>, nullable = false, example = "0.2 %")]
+    pub gain_tolerance: Option<Tolerance>,
+    /// How well the offset of its sensor is known: one standard deviation, SI.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0, nullable = false, example = 1e-5)]
+    pub offset_tolerance: Option<f64>,
+    /// How late its sensor may be: one standard deviation `[s]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0, nullable = false, example = 1e-4)]
+    pub lag_tolerance_s: Option<f64>,
 }
 
 impl OutputSpec {
@@ -395,6 +413,9 @@ impl JobSpec {
     }
 }
 
+const NOTHING_TO_ESTIMATE: &str = "every parameter and every initial state is fixed: there is nothing \
+                                   to estimate; free one with {\"estimate\": {}}";
+
 /// Every section is read even when an earlier one is wrong; only a section that cannot be
 /// understood without another (signals without the model) is left out.
 fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
@@ -423,6 +444,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let outputs = root.optional("outputs");
     let outputs =
         outputs.map(|field| outputs::read(&field, model, experiments.as_deref(), context.datasets));
+    let clock_tolerance = outputs::tolerance(root.optional("clock_tolerance"));
     let method = root.optional("method").map(|field| method::read(&field));
     let uncertainty = root
         .optional("uncertainty")
@@ -439,9 +461,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     if let (Some(experiments), Some(parameters)) = (&experiments, &parameters) {
         own_parameters::check(&root, experiments, parameters, model_search.as_ref());
         if model.is_some_and(|model| !anything_free(model, parameters, experiments)) {
-            let detail = "every parameter and every initial state is fixed: there is nothing to \
-                          estimate; free one with {\"estimate\": {}}";
-            root.fault("nothing_to_estimate", detail);
+            root.fault("nothing_to_estimate", NOTHING_TO_ESTIMATE);
         }
     }
     let complete = || {
@@ -452,6 +472,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
             experiments: experiments?,
             parameters: parameters?,
             outputs: outputs.unwrap_or_default(),
+            clock_tolerance,
             method: method.unwrap_or_default(),
             model_search,
             uncertainty: uncertainty.unwrap_or_default(),

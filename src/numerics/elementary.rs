@@ -38,7 +38,7 @@ fn exp_of_sum(x: f64, rest: f64) -> f64 {
     const ROUND: f64 = 6_755_399_441_055_744.0;
     let shifted = x * std::f64::consts::LOG2_E + ROUND;
     let k = shifted - ROUND;
-    let (high, low) = (x - k * LN_2_HIGH, k * LN_2_LOW);
+    let (high, low) = (x - k * LN_2_HIGH, k * LN_2_LOW - rest);
     let r = high - low;
     let lost = (high - r) - low;
     let mut series = 1.0 / 6_227_020_800.0;
@@ -57,7 +57,7 @@ fn exp_of_sum(x: f64, rest: f64) -> f64 {
     ] {
         series = series * r + inverse_factorial;
     }
-    let sum = 1.0 + (r + (r * r * series + (lost + rest)));
+    let sum = 1.0 + (r + (r * r * series + lost));
     let exponent = shifted.to_bits().wrapping_add(1023) << 52;
     sum * f64::from_bits(exponent)
 }

@@ -1,6 +1,7 @@
 //! When the samples of a recording were taken.
 
 use super::columns::Series;
+use super::resample::{JITTER, STRAY};
 use std::io;
 use std::ops::Range;
 
@@ -95,12 +96,13 @@ impl TimeAxis {
         matches!(self, Self::Uniform { .. })
     }
 
-    /// The sample time `[s]`; the median interval where the samples are not uniform.
+    /// The sample time `[s]`; where the samples are not uniform that of the grid that they are of
+    /// but for jitter and gaps, or else the median interval.
     #[must_use]
     pub fn sample_time(&self) -> f64 {
         match self {
             Self::Uniform { sample_time, .. } => *sample_time,
-            Self::Instants(instants) => median_interval(instants),
+            Self::Instants(instants) => usual_interval(instants),
         }
     }
 
@@ -177,14 +179,36 @@ fn shortest_decimal(value: f64, tolerance: f64) -> f64 {
         .unwrap_or(value)
 }
 
-fn median_interval(instants: &[f64]) -> f64 {
-    let mut intervals: Vec<f64> = instants.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    if intervals.is_empty() {
+/// The time from one sample to the next: that of the grid which the instants are of but for jitter
+/// and gaps, or else the median. The median alone is off by a part of the jitter, which adds up over
+/// a recording; the time from the first sample of a grid to its last is not.
+fn usual_interval(instants: &[f64]) -> f64 {
+    let intervals = || instants.windows(2).map(|pair| pair[1] - pair[0]);
+    let mut sorted: Vec<f64> = intervals().collect();
+    if sorted.is_empty() {
         return 0.0;
     }
-    let middle = intervals.len() / 2;
-    let (_, median, _) = intervals.select_nth_unstable_by(middle, f64::total_cmp);
-    shortest_decimal(*median, 1e-9 * *median)
+    let middle = sorted.len() / 2;
+    let (_, median, _) = sorted.select_nth_unstable_by(middle, f64::total_cmp);
+    let median = *median;
+    let is_whole = |interval: &f64| {
+        let times = interval / median;
+        times > 0.5 && (times - times.round()).abs() <= JITTER
+    };
+    let (mut time, mut times, mut squares, mut whole) = (0.0, 0.0, 0.0, 0);
+    for interval in intervals().filter(is_whole) {
+        let own = (interval / median).round();
+        time += interval;
+        times += own;
+        squares += (interval - own * median).powi(2);
+        whole += 1;
+    }
+    if (whole as f64) < (1.0 - STRAY) * sorted.len() as f64 {
+        return shortest_decimal(median, 1e-9 * median);
+    }
+    // What the jitter of the first and of the last instant leaves open.
+    let jitter = (squares / f64::from(whole)).sqrt();
+    shortest_decimal(time / times, (1e-9 * median).max(0.1 * jitter / times))
 }
 
 #[cfg(test)]
@@ -223,6 +247,17 @@ mod tests {
     #[test]
     fn the_sample_time_of_a_non_uniform_axis_is_its_median_interval() {
         assert_eq!(axis(&[0.0, 1.0, 2.0, 10.0]).sample_time(), 1.0);
+    }
+
+    #[test]
+    fn jitter_does_not_add_up_over_a_grid() {
+        // Each instant is off by up to 1 % of the sample time, one in seven is missing.
+        let jitter = |k: i32| 1e-4 * (f64::from(k * k * 7919 % 2001) / 1000.0 - 1.0);
+        let kept = (0..2000).filter(|k| k % 7 != 3);
+        let instants: Vec<f64> = kept.map(|k| f64::from(k) * 0.01 + jitter(k)).collect();
+        let found = TimeAxis::Instants(instants).sample_time();
+        // Over the whole recording it comes to less than the jitter of one instant.
+        assert!((found - 0.01).abs() * 2000.0 < 2e-4, "{found}");
     }
 
     #[test]

@@ -60,7 +60,8 @@ fn non_uniform(instants: &[f64], sample_time: f64) -> Warning {
     let shortest = intervals().fold(f64::INFINITY, f64::min);
     let longest = intervals().fold(0.0, f64::max);
     let detail = format!(
-        "intervals between {} s and {} s; an experiment resamples them to the median, {} s",
+        "intervals between {} s and {} s; where they are of a grid but for jitter and single gaps, \
+         an experiment takes that, {} s",
         shown(shortest),
         shown(longest),
         shown(sample_time)

@@ -23,10 +23,10 @@ const OF_GRID: f64 = 0.5;
 
 /// How far intervals may be from whole sample times on a grid, in sample times: the jitter of a
 /// logger.
-const JITTER: f64 = 0.2;
+pub(super) const JITTER: f64 = 0.2;
 
 /// The share of the intervals of a grid that may be further off.
-const STRAY: f64 = 0.05;
+pub(super) const STRAY: f64 = 0.05;
 
 /// The most samples of a grid for each that is there, where instants are those of a grid with
 /// gaps: with more, a grid would mean to invent samples.

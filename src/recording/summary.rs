@@ -29,7 +29,8 @@ pub struct Summary {
     pub samples: usize,
     /// The time from the first to the last sample `[s]`.
     pub duration_s: f64,
-    /// The sample time `[s]`; the median interval where `uniform` is false.
+    /// The sample time `[s]`; where `uniform` is false that of the grid that the samples are of but for
+    /// jitter and gaps, or else the median interval.
     pub sample_time_s: f64,
     /// Whether the samples lie on a uniform grid.
     pub uniform: bool,

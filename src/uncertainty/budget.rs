@@ -6,10 +6,11 @@
 //! rows from which assumptions are judged are filtered first ([`super::whitening`]).
 
 use super::covariance::{Linear, NoiseLevels};
-use super::joint::{Joint, Score};
+use super::joint::{Joint, LARGEST_SCORE, Score};
 use super::residuals::{self, ResidualReport};
+use super::sensors::Sensors;
 use super::whitening::{Filter, Whitening};
-use crate::estimation::problem::{Assumption, Coordinate, Problem, Target};
+use crate::estimation::problem::{Assumed, Assumption, Coordinate, Problem, Target};
 use crate::estimation::sensitivity::{Directions, Neighbourhood, Row, SHIFT, Sides};
 use crate::model::Scale;
 use crate::numerics::least_squares::Rows;
@@ -18,6 +19,12 @@ use crate::simulation::{Accuracy, Failure};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+/// An unknown is moved by this share of its range: far enough that a kink of the plant between two
+/// neighbours moves a derivative by no more than a thousandth, which shorter steps did not ensure
+/// (`benches/false_high.py`: two of 230 jobs with one derivative off by up to 5 %).
+const MOVE: f64 = 1e-4;
+/// Where there are fewer residuals, curvature over that step may show.
+const FEW_RESIDUALS: usize = 1000;
 /// An assumption is moved by this share of its tolerance,
 const STEP: f64 = 0.1;
 /// within this many tolerances of its value.
@@ -25,8 +32,6 @@ const ROOM: f64 = 5.0;
 /// Simulated values that are held and gone through at once at the most, so that a stop is heard in
 /// time; a record that takes more has no budget.
 const MOST_VALUES: usize = 20_000_000;
-/// A score beyond this is no chance, among some twenty of them.
-pub const LARGEST_SCORE: f64 = 4.0;
 /// What knowing an assumption so many times better would bring is told.
 pub const BETTER: f64 = 5.0;
 
@@ -138,12 +143,15 @@ impl Extended {
             return extended;
         }
         for assumption in problem.assumptions.iter() {
-            let coordinate = coordinate(assumption);
+            let Assumed::Model(target) = assumption.target else {
+                continue;
+            };
+            let coordinate = coordinate(assumption, target);
             let (lower, upper) = (coordinate.lower, coordinate.upper);
             let position = coordinate.scale.position(assumption.value, lower, upper);
             extended.positions.push(position);
             extended.problem.coordinates.push(coordinate);
-            if let Target::InitialState { experiment, state } = assumption.target {
+            if let Target::InitialState { experiment, state } = target {
                 // A start that is given stands before a coordinate.
                 let experiments = Arc::make_mut(&mut extended.problem.experiments);
                 experiments[experiment].initial_state[state] = None;
@@ -154,14 +162,14 @@ impl Extended {
 
     /// Simulates the candidate with all neighbours. Answers nothing when `stop` was raised.
     #[must_use]
-    pub fn around(&self, accuracy: Accuracy, stop: &AtomicBool) -> Option<Neighbourhood<'_>> {
+    pub fn around(&self, accuracy: Accuracy, stop: &AtomicBool) -> Option<Around<'_>> {
         let n = self.positions.len();
         let length = |index: usize| match index.checked_sub(self.unknowns) {
             None => 1.0,
             Some(assumption) => {
                 let coordinate = &self.problem.coordinates[index];
                 let tolerance = self.assumptions()[assumption].tolerance;
-                STEP * tolerance / (coordinate.upper - coordinate.lower) / SHIFT
+                STEP * tolerance / (coordinate.upper - coordinate.lower) / self.step()
             }
         };
         let vectors: Vec<Vec<f64>> = (0..n)
@@ -174,21 +182,49 @@ impl Extended {
         let directions = Directions {
             from: &self.positions,
             vectors: &vectors,
-            shift: SHIFT,
+            shift: self.step(),
             sides: match accuracy {
                 Accuracy::Ranking | Accuracy::Screening => Sides::One,
                 Accuracy::Full | Accuracy::Reference => Sides::Both,
             },
         };
-        Neighbourhood::simulate(&self.problem, directions, &[], (accuracy, stop))
+        let simulated = (accuracy, stop);
+        Some(Around {
+            neighbourhood: Neighbourhood::simulate(&self.problem, directions, &[], simulated)?,
+            sensors: Sensors::simulate(&self.problem, &self.positions, stop)?,
+        })
     }
 
     fn assumptions(&self) -> &[Assumption] {
         &self.problem.assumptions
     }
+
+    /// How far an unknown is moved.
+    fn step(&self) -> f64 {
+        match self.problem.n_residuals() {
+            ..=FEW_RESIDUALS => SHIFT,
+            _ => MOVE,
+        }
+    }
 }
 
-fn coordinate(assumption: &Assumption) -> Coordinate {
+/// A candidate with all that is assumed moved a little.
+#[derive(Debug)]
+pub struct Around<'a> {
+    /// Moved along the unknowns and what is assumed of the model.
+    pub neighbourhood: Neighbourhood<'a>,
+    sensors: Sensors,
+}
+
+impl Around<'_> {
+    /// Whether nothing can be said of an assumption, by its place.
+    fn fails(&self, extended: &Extended, place: usize) -> bool {
+        let is_simulated = matches!(extended.assumptions()[place].target, Assumed::Model(_));
+        is_simulated && self.neighbourhood.fails_along(extended.unknowns + place)
+    }
+}
+
+fn coordinate(assumption: &Assumption, target: Target) -> Coordinate {
     let [least, most] = assumption.limits;
     let (value, room) = (assumption.value, ROOM * assumption.tolerance);
     Coordinate {
@@ -196,7 +232,7 @@ fn coordinate(assumption: &Assumption) -> Coordinate {
         quantity: assumption.name.clone(),
         symbol: String::new(),
         unit: assumption.unit.clone(),
-        target: assumption.target,
+        target,
         lower: least.map_or(value - room, |least| least.max(value - room)),
         upper: most.map_or(value + room, |most| most.min(value + room)),
         scale: Scale::Linear,
@@ -220,11 +256,7 @@ impl Budget {
     ///
     /// # Errors
     /// How the estimate or a neighbour along an unknown failed.
-    pub fn of(
-        extended: &Extended,
-        around: &Neighbourhood<'_>,
-        seen: Seen<'_>,
-    ) -> Result<Budget, Failure> {
+    pub fn of(extended: &Extended, around: &Around<'_>, seen: Seen<'_>) -> Result<Budget, Failure> {
         let unknowns = extended.unknowns;
         let noise: Vec<Option<f64>> = (0..unknowns)
             .map(|index| seen.linear.deviation(index).map(|own| own * own))
@@ -253,7 +285,7 @@ impl Budget {
     /// As for [`Budget::of`].
     pub fn foretold(
         extended: &Extended,
-        around: &Neighbourhood<'_>,
+        around: &Around<'_>,
         weights: &[f64],
         deviations: &[f64],
     ) -> Result<Budget, Failure> {
@@ -278,7 +310,7 @@ impl Budget {
 
     fn from(
         extended: &Extended,
-        around: &Neighbourhood<'_>,
+        around: &Around<'_>,
         (joint, noise): (Option<&Joint>, &[Option<f64>]),
         has_residuals: bool,
     ) -> Budget {
@@ -296,7 +328,7 @@ impl Budget {
         };
         let totals: Vec<Option<f64>> = (0..extended.unknowns).map(total).collect();
         let line = |(place, assumption): (usize, &Assumption)| {
-            let joint = joint.filter(|_| !around.fails_along(extended.unknowns + place));
+            let joint = joint.filter(|_| !around.fails(extended, place));
             let score = joint.and_then(|joint| joint.score(place));
             let score = score.filter(|_| has_residuals);
             let size = assumption.tolerance;
@@ -380,19 +412,25 @@ impl Weighing {
 /// The triangles of the rows of all columns; none without assumptions.
 fn gather(
     extended: &Extended,
-    around: &Neighbourhood<'_>,
+    around: &Around<'_>,
     mut weighing: Weighing,
 ) -> Result<Option<Joint>, Failure> {
-    let (unknowns, n) = (extended.unknowns, extended.positions.len());
+    let Around {
+        neighbourhood,
+        sensors,
+    } = around;
+    let assumptions = extended.assumptions();
+    let (unknowns, n) = (extended.unknowns, extended.unknowns + assumptions.len());
     if n == unknowns {
         return Ok(None);
     }
-    let loss = around.loss();
-    let is_white = weighing.is_white(around.prior_rows().next().is_some());
+    let beside_the_model = &assumptions[extended.positions.len() - unknowns..];
+    let loss = neighbourhood.loss();
+    let is_white = weighing.is_white(neighbourhood.prior_rows().next().is_some());
     let (mut plain, mut white) = (Rows::new(n), Rows::new(n));
     // The derivatives by assumptions are made those by standard deviations of their tolerances.
-    let per_tolerance = SHIFT / STEP;
-    around.visit_along(unknowns, |row: Row<'_>| {
+    let per_tolerance = extended.step() / STEP;
+    neighbourhood.visit_along(unknowns, |row: Row<'_>| {
         let columns = row.derivatives.iter().enumerate();
         let columns = columns.map(|(index, derivative)| match index < unknowns {
             true => *derivative,
@@ -400,7 +438,13 @@ fn gather(
             false if derivative.is_nan() => 0.0,
             false => derivative * per_tolerance,
         });
-        let mut values: Vec<f64> = columns.collect();
+        let place = (row.experiment, row.sample, row.output);
+        let scale = neighbourhood.scale(place);
+        let others = beside_the_model.iter().map(|own| {
+            let by_value = sensors.derivative(&extended.problem, own.target, place);
+            -by_value * own.tolerance / scale
+        });
+        let mut values: Vec<f64> = columns.chain(others).collect();
         values.push(loss.score(row.residual));
         let weight = weighing.plain[row.output];
         let (columns, residual) = (&values[..n], values[n]);
@@ -422,7 +466,7 @@ fn gather(
             white.add(filtered, residual);
         }
     })?;
-    for (index, residual, slope) in around.prior_rows() {
+    for (index, residual, slope) in neighbourhood.prior_rows() {
         let part = |column: usize| if column == index { slope } else { 0.0 };
         let weight = weighing.prior;
         plain.add(

@@ -10,6 +10,9 @@
 //!
 //! `T = C + K·V·Kᵀ + (K·V·g)²`, C the covariance of noise alone.
 //!
+//! Where the residuals contradict an assumption the linear model is not to be relied on so far away,
+//! and the error has at least the mean square `C + K·Kᵀ`.
+//!
 //! Where the data say nothing of an assumption this is the propagation of uncertainty of JCGM 100,
 //! `C + K·Kᵀ`; where they say all, it is that of an estimate with all of them free. All of it is
 //! read off the triangle of `[S | P | r]`.
@@ -21,6 +24,9 @@ use nalgebra::{DMatrix, DVector};
 /// An assumption of which less than this share of its effect stands beside those of the unknowns
 /// is not seen apart from them.
 const APART: f64 = 1e-6;
+
+/// A score beyond this is no chance, among some twenty of them.
+pub const LARGEST_SCORE: f64 = 4.0;
 
 /// The unknowns and the assumptions.
 #[derive(Clone, Debug)]
@@ -130,7 +136,12 @@ impl Joint {
         let moves = self.moves(unknown)?;
         let spread = moves.dot(&(&self.posterior * &moves));
         let shift = moves.dot(&self.middle);
-        Some(noise + spread + shift * shift)
+        let told = spread + shift * shift;
+        let assumed = match self.is_contradicted() {
+            true => told.max(moves.norm_squared()),
+            false => told,
+        };
+        Some(noise + assumed)
     }
 
     /// What an assumption contributes to an unknown: the standard deviation, and its share of the
@@ -157,6 +168,12 @@ impl Joint {
         deviations[assumption] = factor;
         let (changed, _) = posterior(&self.apart, &self.gradient, &deviations)?;
         Some(noise + moves.dot(&(changed * &moves)))
+    }
+
+    /// Whether the residuals contradict an assumption.
+    fn is_contradicted(&self) -> bool {
+        let mut scores = (0..self.seen.len()).filter_map(|place| self.score(place));
+        scores.any(|score| score.t.abs() > LARGEST_SCORE)
     }
 
     fn moves(&self, unknown: usize) -> Option<DVector<f64>> {

@@ -22,6 +22,7 @@ pub mod residuals;
 pub mod reweighting;
 mod rules;
 pub mod selection;
+mod sensors;
 pub mod settings;
 pub mod validation_start;
 pub mod verdict;
@@ -34,12 +35,12 @@ pub use settings::{Intervals, Settings};
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::{Coordinate, Problem};
 use crate::estimation::report::Report;
-use crate::estimation::sensitivity::{Neighbourhood, SensitivityError};
+use crate::estimation::sensitivity::SensitivityError;
 use crate::estimation::trajectory;
 use crate::simulation::Accuracy;
 use crate::simulation::single::Outputs;
 use bootstrap::Bootstrap;
-use budget::{Budget, Extended, Seen};
+use budget::{Around, Budget, Extended, Seen};
 use covariance::{Covariance, Linear, NoiseLevels};
 use fit::{Criteria, OutputFit};
 use identifiability::FlatDirection;
@@ -264,12 +265,12 @@ struct Estimate<'a> {
 impl Estimate<'_> {
     fn linearised(
         &self,
-        (extended, around): (&Extended, &Neighbourhood<'_>),
+        (extended, around): (&Extended, &Around<'_>),
         request: &Request,
         (refits, stop): (&Refits, &AtomicBool),
     ) -> Result<Linearised, SensitivityError> {
         let (problem, positions) = (self.problem, &self.report.positions[..]);
-        let linear = covariance::linearise(problem, around, self.residuals)
+        let linear = covariance::linearise(problem, &around.neighbourhood, self.residuals)
             .map_err(SensitivityError::Failed)?;
         let seen = Seen {
             trajectories: self.trajectories,

@@ -1,13 +1,18 @@
 //! What a job takes as known, with how well it is known.
 
 use super::experiment;
-use crate::estimation::problem::{Assumption, Target};
-use crate::job::spec::{FixedValue, InitialStateSpec, JobSpec, ParameterSpec};
+use crate::estimation::problem::{Assumed, Assumption, MeasuredOutput, SensorNumber, Target};
+use crate::job::spec::{FixedValue, InitialStateSpec, JobSpec, OutputSpec, ParameterSpec};
 use crate::model::{ModelDescription, ParameterDescription};
 
 /// Every number of a specification that is taken as known, but not exactly: parameters that
-/// experiments share, those of single experiments, and where states start.
-pub(super) fn assumptions(spec: &JobSpec, description: &ModelDescription) -> Vec<Assumption> {
+/// experiments share, those of single experiments, and where states start; then those of the sensors
+/// and the clock.
+pub(super) fn assumptions(
+    spec: &JobSpec,
+    description: &ModelDescription,
+    outputs: &[MeasuredOutput],
+) -> Vec<Assumption> {
     let mut found = Vec::new();
     let described = || description.parameters.iter().enumerate();
     for (index, parameter) in described() {
@@ -36,7 +41,7 @@ pub(super) fn assumptions(spec: &JobSpec, description: &ModelDescription) -> Vec
                 found.push(Assumption {
                     name: experiment::name_of_start(&description.name, experiment),
                     unit: description.unit.to_string(),
-                    target: Target::InitialState { experiment, state },
+                    target: Assumed::Model(Target::InitialState { experiment, state }),
                     value: fixed.value,
                     tolerance,
                     is_absent_effect: false,
@@ -45,7 +50,61 @@ pub(super) fn assumptions(spec: &JobSpec, description: &ModelDescription) -> Vec
             }
         }
     }
+    found.extend(outputs.iter().enumerate().flat_map(|(place, output)| {
+        let said = spec.outputs.get(&output.name);
+        said.into_iter()
+            .flat_map(move |said| of_sensor(said, place, output))
+    }));
+    let clock = spec.clock_tolerance.map(|tolerance| tolerance.of(1.0));
+    found.extend(
+        clock
+            .filter(|tolerance| *tolerance > 0.0)
+            .map(|tolerance| Assumption {
+                name: "clock".to_owned(),
+                unit: String::new(),
+                target: Assumed::Clock,
+                value: 1.0,
+                tolerance,
+                is_absent_effect: false,
+                limits: [Some(0.0), None],
+            }),
+    );
     found
+}
+
+/// What is known of an output's sensor.
+fn of_sensor(
+    said: &OutputSpec,
+    place: usize,
+    output: &MeasuredOutput,
+) -> impl Iterator<Item = Assumption> {
+    let gain = said.gain_tolerance.map(|tolerance| tolerance.of(1.0));
+    let numbers = [
+        (SensorNumber::Gain, "gain", "", 1.0, gain),
+        (
+            SensorNumber::Offset,
+            "offset",
+            &*output.unit,
+            0.0,
+            said.offset_tolerance,
+        ),
+        (SensorNumber::Lag, "lag", "s", 0.0, said.lag_tolerance_s),
+    ];
+    let known = numbers.map(|(number, word, unit, value, tolerance)| {
+        Some(Assumption {
+            name: format!("{}.{word}", output.name),
+            unit: unit.to_owned(),
+            target: Assumed::Sensor {
+                output: place,
+                number,
+            },
+            value,
+            tolerance: tolerance.filter(|tolerance| *tolerance > 0.0)?,
+            is_absent_effect: false,
+            limits: [(number == SensorNumber::Lag).then_some(0.0), None],
+        })
+    });
+    known.into_iter().flatten()
 }
 
 /// The tolerance, where the value is not exact.
@@ -62,7 +121,7 @@ fn of_parameter(
     Some(Assumption {
         name: super::name_of(parameter, target),
         unit: parameter.unit.to_string(),
-        target,
+        target: Assumed::Model(target),
         value: fixed.value,
         tolerance: size(fixed)?,
         is_absent_effect: parameter.default == 0.0 && fixed.value == 0.0,

@@ -1,6 +1,6 @@
 //! The budget of the method as that of the result document.
 
-use crate::estimation::problem::Problem;
+use crate::estimation::problem::{Assumed, Problem};
 use crate::job::budget::{AssumptionKind, BudgetContribution, BudgetLine, Suggested};
 use crate::uncertainty::budget::{Budget, Line};
 
@@ -27,10 +27,11 @@ pub(super) fn lines(problem: &Problem, positions: &[f64], budget: &Budget) -> Ve
         });
         BudgetLine {
             assumption: assumption.name.clone(),
-            kind: if assumption.is_absent_effect {
-                AssumptionKind::AbsentEffect
-            } else {
-                AssumptionKind::Tolerance
+            kind: match assumption.target {
+                Assumed::Sensor { .. } => AssumptionKind::Sensor,
+                Assumed::Clock => AssumptionKind::Clock,
+                Assumed::Model(_) if assumption.is_absent_effect => AssumptionKind::AbsentEffect,
+                Assumed::Model(_) => AssumptionKind::Tolerance,
             },
             value: assumption.value,
             tolerance: assumption.tolerance,

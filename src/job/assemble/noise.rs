@@ -28,6 +28,7 @@ pub(super) fn settle(
                 noise_std,
                 noise_share: None,
                 noise_signal: None,
+                ..
             }) => *noise_std,
             Some(said) => match of_each_sample(said, (place, &output.name), cuts) {
                 Ok(noise) => Some(noise),

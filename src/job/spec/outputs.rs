@@ -6,7 +6,7 @@ use super::experiment::Link;
 use super::{ExperimentSpec, OutputSpec};
 use crate::document::reader::{Field, did_you_mean, listed};
 use crate::job::id::DatasetId;
-use crate::model::ModelDescription;
+use crate::model::{ModelDescription, Tolerance};
 use crate::recording::Summary;
 
 /// What the section says about each output; every name must be one that is measured.
@@ -39,15 +39,28 @@ pub(super) fn read(
             links.for_each(|link| link.check_noise(&field, name, signal));
             Some(signal.to_owned())
         });
+        let gain_tolerance = tolerance(object.optional("gain_tolerance"));
+        let offset_tolerance = object.optional("offset_tolerance");
+        let offset_tolerance = offset_tolerance.and_then(|field| field.positive());
+        let lag_tolerance_s = object.optional("lag_tolerance_s");
+        let lag_tolerance_s = lag_tolerance_s.and_then(|field| field.positive());
         object.finish();
         let said = OutputSpec {
             noise_std,
             noise_share,
             noise_signal,
+            gain_tolerance,
+            offset_tolerance,
+            lag_tolerance_s,
         };
         outputs.insert(name.to_owned(), said);
     }
     outputs
+}
+
+/// How well something is known, where that is said.
+pub(super) fn tolerance(field: Option<Field<'_>>) -> Option<Tolerance> {
+    field.and_then(|field| Tolerance::read(&field))
 }
 
 /// An output that is described must be one of the model, and be measured.

@@ -1,7 +1,7 @@
 //! What the budget and the priors say against a result.
 
 use super::{own_share, short};
-use crate::estimation::problem::{Coordinate, Problem};
+use crate::estimation::problem::{Assumed, Coordinate, Problem};
 use crate::estimation::report::Report;
 use crate::uncertainty::budget::{BETTER, Line};
 use crate::uncertainty::verdict::{Trust, Verdict};
@@ -91,9 +91,13 @@ fn contradiction_in_words(lines: &[&Line]) -> Option<String> {
         let by = (per_cent(value - own.value), per_cent(error));
         format!("`{}` {word} by {} ± {} %", own.name, by.0, by.1)
     };
+    let advice = match own.target {
+        Assumed::Model(_) => "free it with {\"estimate\": {}}, or measure it",
+        Assumed::Sensor { .. } => "calibrate the sensor, or correct the recording for it",
+        Assumed::Clock => "compare the clock with another, or correct the sample time for it",
+    };
     Some(format!(
-        "{words} would explain what is left ({:.0} standard deviations of noise{or}): free it with \
-         {{\"estimate\": {{}}}}, or measure it",
+        "{words} would explain what is left ({:.0} standard deviations of noise{or}): {advice}",
         likeliest.score?.abs(),
     ))
 }
