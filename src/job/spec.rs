@@ -20,6 +20,7 @@ use crate::model::{ModelDescription, Scale, Tolerance, ToleranceText};
 use crate::recording::{Exclude, Instants, Summary};
 use crate::uncertainty;
 
+pub mod design;
 mod exclude;
 mod experiment;
 mod labels;

@@ -18,9 +18,11 @@ use crate::simulation::{Accuracy, Failure};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// An assumption is moved by this share of its tolerance,
+/// An assumption is moved by this share of its tolerance.
 const STEP: f64 = 0.1;
-/// within this many tolerances of its value.
+/// What makes a derivative along that one by a standard deviation of the tolerance.
+const PER_TOLERANCE: f64 = SHIFT / STEP;
+/// It is moved within this many tolerances of its value.
 const ROOM: f64 = 5.0;
 /// Simulated values that are held and gone through at once at the most, so that a stop is heard in
 /// time; a record that takes more has no budget.
@@ -145,8 +147,9 @@ impl Extended {
             extended.problem.coordinates.push(coordinate);
             if let Target::InitialState { experiment, state } = assumption.target {
                 // A start that is given stands before a coordinate.
-                let experiments = Arc::make_mut(&mut extended.problem.experiments);
-                experiments[experiment].initial_state[state] = None;
+                let experiments = Arc::make_mut(&mut extended.problem.experiments).iter_mut();
+                let own = experiments.filter(|own| own.place == experiment);
+                own.for_each(|own| own.initial_state[state] = None);
             }
         }
         extended
@@ -181,6 +184,19 @@ impl Extended {
             },
         };
         Neighbourhood::simulate(&self.problem, directions, &[], (accuracy, stop))
+    }
+
+    /// The derivatives of a row: those by the unknowns, then those by standard deviations of the
+    /// assumptions' tolerances.
+    pub fn columns<'r>(&self, row: &Row<'r>) -> impl Iterator<Item = f64> + use<'r> {
+        let unknowns = self.unknowns;
+        let columns = row.derivatives.iter().enumerate();
+        columns.map(move |(index, derivative)| match index < unknowns {
+            true => *derivative,
+            // A neighbour that cannot be simulated says nothing.
+            false if derivative.is_nan() => 0.0,
+            false => derivative * PER_TOLERANCE,
+        })
     }
 
     fn assumptions(&self) -> &[Assumption] {
@@ -390,17 +406,8 @@ fn gather(
     let loss = around.loss();
     let is_white = weighing.is_white(around.prior_rows().next().is_some());
     let (mut plain, mut white) = (Rows::new(n), Rows::new(n));
-    // The derivatives by assumptions are made those by standard deviations of their tolerances.
-    let per_tolerance = SHIFT / STEP;
     around.visit_along(unknowns, |row: Row<'_>| {
-        let columns = row.derivatives.iter().enumerate();
-        let columns = columns.map(|(index, derivative)| match index < unknowns {
-            true => *derivative,
-            // A neighbour that cannot be simulated says nothing.
-            false if derivative.is_nan() => 0.0,
-            false => derivative * per_tolerance,
-        });
-        let mut values: Vec<f64> = columns.collect();
+        let mut values: Vec<f64> = extended.columns(&row).collect();
         values.push(loss.score(row.residual));
         let weight = weighing.plain[row.output];
         let (columns, residual) = (&values[..n], values[n]);

@@ -51,7 +51,7 @@ pub(super) fn read(
 }
 
 /// An output that is described must be one of the model, and be measured.
-fn check_output(
+pub(super) fn check_output(
     name: &str,
     field: &Field<'_>,
     model: Option<&ModelDescription>,
