@@ -12,7 +12,7 @@ use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::jobs::{no_job, retry_after};
 use super::work::stopped;
-use crate::job::assemble::{self, ExperimentTrajectory};
+use crate::job::assemble::{self, ExperimentTrajectory, PastResult};
 use crate::job::{Fault, JobId, JobSpec, Outcome, Status};
 use crate::model::Model;
 use crate::recording::Recording;
@@ -59,6 +59,20 @@ impl FinishedJob {
     /// The model that it was made with.
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// The same, for whoever keeps it.
+    pub fn shared_model(&self) -> Arc<Model> {
+        Arc::clone(&self.model)
+    }
+
+    /// What the design of a next experiment begins from.
+    pub fn as_past(&self) -> PastResult<'_> {
+        PastResult {
+            spec: &self.spec,
+            outcome: &self.outcome,
+            recordings: &self.recordings,
+        }
     }
 
     /// The experiments measured and simulated at the estimate: computing, not for the runtime's

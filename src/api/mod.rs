@@ -11,6 +11,7 @@ pub mod candidates;
 pub mod changes;
 pub mod comparisons;
 pub mod datasets;
+pub mod designs;
 pub mod error;
 pub mod events;
 pub mod extract;
@@ -243,6 +244,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(monitors::alarms))
         .routes(routes!(monitors::events::events))
         .routes(routes!(simulations::simulate))
+        .routes(routes!(designs::design))
         .routes(routes!(comparisons::submit_comparison, comparisons::list))
         .routes(routes!(comparisons::show))
         .routes(routes!(submit::submit, job_list::list))

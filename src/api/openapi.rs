@@ -268,9 +268,9 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 14,
-            "three forms of a recording and of a batch, two of a model, a simulation, a job, a \
-             comparison, a part of a stream, a monitor and a webhook"
+            n_bodies, 15,
+            "three forms of a recording and of a batch, two of a model, a simulation, a design, \
+             a job, a comparison, a part of a stream, a monitor and a webhook"
         );
     }
 }

@@ -26,13 +26,14 @@ macro_rules! guide {
 }
 
 /// All guides, in the order of the navigation.
-pub static GUIDES: [Guide; 9] = [
+pub static GUIDES: [Guide; 10] = [
     guide!("start", "First job"),
     guide!("import", "Recordings and units"),
     guide!("models", "Models"),
     guide!("equations", "Equations"),
     guide!("jobs", "Jobs"),
     guide!("monitors", "Monitors"),
+    guide!("designs", "Which experiment next"),
     guide!("verdicts", "Verdicts"),
     guide!("method", "Method"),
     guide!("running", "Running it for others"),

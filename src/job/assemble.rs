@@ -3,6 +3,7 @@
 
 mod assumption;
 mod budget;
+mod design;
 mod experiment;
 mod forecast;
 mod noise;
@@ -11,6 +12,7 @@ mod preflight;
 mod trajectory;
 
 pub use crate::estimation::Finding;
+pub use design::{PastResult, design};
 pub use forecast::{Identifiability, Prediction, flat_directions, forecast, unseen};
 pub use outcome::{Origin, outcome};
 pub use preflight::{Preflight, findings, preflight};

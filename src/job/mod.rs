@@ -4,6 +4,7 @@ pub mod assemble;
 pub mod budget;
 pub mod candidate;
 pub mod comparison;
+pub mod design;
 pub mod event;
 pub mod failure;
 

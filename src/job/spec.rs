@@ -20,6 +20,7 @@ use crate::model::{ModelDescription, Scale, Tolerance, ToleranceText};
 use crate::recording::{Exclude, Instants, Summary};
 use crate::uncertainty;
 
+pub mod design;
 mod exclude;
 mod experiment;
 mod labels;
@@ -42,6 +43,7 @@ pub use limits::LimitsSpec;
 pub use model::ModelOfJob;
 use model::read_model;
 pub use model_search::ModelSearch;
+pub use outputs::OutputSpec;
 pub use prior::PriorSpec;
 pub use validation::ValidationSpec;
 
@@ -304,46 +306,6 @@ pub struct SearchRange {
     /// How the range is laid out.
     #[schema(required = false)]
     pub scale: Scale,
-}
-
-/// What is known about a measured output.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct OutputSpec {
-    /// The standard deviation of its measurement noise, SI; left out, it is estimated, unless one
-    /// of the next two says it. Where more than one is given their squares add up.
-    #[schema(exclusive_minimum = 0, example = 1e-5)]
-    pub noise_std: Option<f64>,
-    /// The standard deviation of its noise as a share of each measured value, e.g. 0.05 for 5 %.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(exclusive_minimum = 0, nullable = false, example = 0.05)]
-    pub noise_share: Option<f64>,
-    /// The recorded signal that holds the standard deviation of each sample's noise, in a unit of
-    /// the output; a sample for which it is missing or not above 0 is left out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false, example = "position_std")]
-    pub noise_signal: Option<String>,
-    /// How well the gain of its sensor is known: one standard deviation, e.g. `"0.2 %"`; left out, it
-    /// is taken as exact.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<ToleranceText>, nullable = false, example = "0.2 %")]
-    pub gain_tolerance: Option<Tolerance>,
-    /// How well the offset of its sensor is known: one standard deviation, SI.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(exclusive_minimum = 0, nullable = false, example = 1e-5)]
-    pub offset_tolerance: Option<f64>,
-    /// How late its sensor may be: one standard deviation `[s]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(exclusive_minimum = 0, nullable = false, example = 1e-4)]
-    pub lag_tolerance_s: Option<f64>,
-}
-
-impl OutputSpec {
-    /// Whether anything is said of its noise.
-    #[must_use]
-    pub fn declares_noise(&self) -> bool {
-        self.noise_std.is_some() || self.noise_share.is_some() || self.noise_signal.is_some()
-    }
 }
 
 /// What a document is read against.

@@ -31,6 +31,8 @@ pub enum Purpose {
     Noise = 7,
     /// Residuals for the refits of a bootstrap.
     Bootstrap = 8,
+    /// Points at which the design of an experiment is looked at.
+    Design = 9,
 }
 
 /// The stream of a seed, a generation and a purpose.

@@ -25,9 +25,9 @@ use std::sync::atomic::AtomicBool;
 const MOVE: f64 = 1e-4;
 /// Where there are fewer residuals, curvature over that step may show.
 const FEW_RESIDUALS: usize = 1000;
-/// An assumption is moved by this share of its tolerance,
+/// An assumption is moved by this share of its tolerance.
 const STEP: f64 = 0.1;
-/// within this many tolerances of its value.
+/// It is moved within this many tolerances of its value.
 const ROOM: f64 = 5.0;
 /// Simulated values that are held and gone through at once at the most, so that a stop is heard in
 /// time; a record that takes more has no budget.
@@ -153,8 +153,9 @@ impl Extended {
             extended.problem.coordinates.push(coordinate);
             if let Target::InitialState { experiment, state } = target {
                 // A start that is given stands before a coordinate.
-                let experiments = Arc::make_mut(&mut extended.problem.experiments);
-                experiments[experiment].initial_state[state] = None;
+                let experiments = Arc::make_mut(&mut extended.problem.experiments).iter_mut();
+                let own = experiments.filter(|own| own.place == experiment);
+                own.for_each(|own| own.initial_state[state] = None);
             }
         }
         extended
@@ -217,6 +218,33 @@ pub struct Around<'a> {
 }
 
 impl Around<'_> {
+    /// The derivatives of a row: those by the unknowns, then those by standard deviations of the
+    /// assumptions' tolerances.
+    pub fn columns<'r>(
+        &'r self,
+        extended: &'r Extended,
+        row: &'r Row<'_>,
+    ) -> impl Iterator<Item = f64> + 'r {
+        let (unknowns, per_tolerance) = (extended.unknowns, extended.step() / STEP);
+        let columns = row.derivatives.iter().enumerate();
+        let columns = columns.map(move |(index, derivative)| match index < unknowns {
+            true => *derivative,
+            // A neighbour that cannot be simulated says nothing.
+            false if derivative.is_nan() => 0.0,
+            false => derivative * per_tolerance,
+        });
+        let place = (row.experiment, row.sample, row.output);
+        let scale = self.neighbourhood.scale(place);
+        let simulated = extended.positions.len() - unknowns;
+        let others = extended.assumptions()[simulated..].iter().map(move |own| {
+            let by_value = self
+                .sensors
+                .derivative(&extended.problem, own.target, place);
+            -by_value * own.tolerance / scale
+        });
+        columns.chain(others)
+    }
+
     /// Whether nothing can be said of an assumption, by its place.
     fn fails(&self, extended: &Extended, place: usize) -> bool {
         let is_simulated = matches!(extended.assumptions()[place].target, Assumed::Model(_));
@@ -415,36 +443,17 @@ fn gather(
     around: &Around<'_>,
     mut weighing: Weighing,
 ) -> Result<Option<Joint>, Failure> {
-    let Around {
-        neighbourhood,
-        sensors,
-    } = around;
-    let assumptions = extended.assumptions();
-    let (unknowns, n) = (extended.unknowns, extended.unknowns + assumptions.len());
+    let neighbourhood = &around.neighbourhood;
+    let unknowns = extended.unknowns;
+    let n = unknowns + extended.assumptions().len();
     if n == unknowns {
         return Ok(None);
     }
-    let beside_the_model = &assumptions[extended.positions.len() - unknowns..];
     let loss = neighbourhood.loss();
     let is_white = weighing.is_white(neighbourhood.prior_rows().next().is_some());
     let (mut plain, mut white) = (Rows::new(n), Rows::new(n));
-    // The derivatives by assumptions are made those by standard deviations of their tolerances.
-    let per_tolerance = extended.step() / STEP;
     neighbourhood.visit_along(unknowns, |row: Row<'_>| {
-        let columns = row.derivatives.iter().enumerate();
-        let columns = columns.map(|(index, derivative)| match index < unknowns {
-            true => *derivative,
-            // A neighbour that cannot be simulated says nothing.
-            false if derivative.is_nan() => 0.0,
-            false => derivative * per_tolerance,
-        });
-        let place = (row.experiment, row.sample, row.output);
-        let scale = neighbourhood.scale(place);
-        let others = beside_the_model.iter().map(|own| {
-            let by_value = sensors.derivative(&extended.problem, own.target, place);
-            -by_value * own.tolerance / scale
-        });
-        let mut values: Vec<f64> = columns.chain(others).collect();
+        let mut values: Vec<f64> = around.columns(extended, &row).collect();
         values.push(loss.score(row.residual));
         let weight = weighing.plain[row.output];
         let (columns, residual) = (&values[..n], values[n]);

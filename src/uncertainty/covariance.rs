@@ -31,7 +31,7 @@ const LARGEST_CONDITION: f64 = 1e8;
 
 /// An unknown that changes no more than this over its whole range, in units of the noise of all
 /// residuals together, has no effect that others could be mistaken for.
-const NO_EFFECT: f64 = 1e-3;
+pub(super) const NO_EFFECT: f64 = 1e-3;
 /// Levels that differ by less than this share are one.
 const SAME_LEVEL: f64 = 1e-3;
 

@@ -8,11 +8,13 @@
 //! looks at what the model leaves unexplained ([`residuals`], [`fit`]), and says in words what
 //! follows ([`verdict`]). A fit per cent alone certifies
 //! nothing: a wrong structure can fit 99 % with parameters wrong by factors. What the data could
-//! fix at all is forecast by [`identifiability`].
+//! fix at all is forecast by [`identifiability`], and which experiment would fix it better by
+//! [`design`].
 
 pub mod bootstrap;
 pub mod budget;
 pub mod covariance;
+pub mod design;
 pub mod fit;
 pub mod identifiability;
 pub mod joint;

@@ -9,6 +9,8 @@ mod comparisons;
 
 mod datasets;
 
+mod designs;
+
 mod problems;
 
 mod submission;

@@ -45,10 +45,10 @@ pub(super) struct Cut {
 
 /// A state whose initial value is estimated.
 pub(super) struct FreeState {
-    state: usize,
-    lower: f64,
-    upper: f64,
-    prior: Option<Prior>,
+    pub state: usize,
+    pub lower: f64,
+    pub upper: f64,
+    pub prior: Option<Prior>,
 }
 
 /// What the start of a state is called.

@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use utoipa::ToSchema;
 
 /// Derivatives that may be spent on looking ahead: some seconds.
-const BUDGET: f64 = 1e9;
+pub(super) const BUDGET: f64 = 1e9;
 
 /// What the data could fix, by the sensitivities of the outputs at several points of the box.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]

@@ -51,18 +51,7 @@ pub fn trajectory(
     outcome: &Outcome,
     stop: &AtomicBool,
 ) -> Result<Option<Vec<ExperimentTrajectory>>, Vec<Fault>> {
-    let mut problem = super::problem(spec, model, recordings)?.problem;
-    for start in &outcome.validation_starts {
-        let state = model.description().state_index(&start.state);
-        let experiments = Arc::make_mut(&mut problem.experiments);
-        if let (Some(state), Some(own)) = (state, experiments.get_mut(start.experiment)) {
-            own.initial_state[state] = Some(start.value);
-        }
-    }
-    problem
-        .coordinates
-        .retain(|coordinate| is_estimated(coordinate, outcome));
-    let positions = positions(&problem, outcome);
+    let (problem, positions) = at_estimate(spec, model, recordings, outcome)?;
     let Some(simulated) = trajectory::simulate(&problem, &positions, stop) else {
         return Ok(None);
     };
@@ -94,6 +83,31 @@ pub fn trajectory(
         }
     });
     Ok(Some(shown.collect()))
+}
+
+/// The problem of a result, without the effects that it left out, and where its estimate lies.
+///
+/// # Errors
+/// When the recordings do not fit the specification any more.
+pub(super) fn at_estimate(
+    spec: &JobSpec,
+    model: &Arc<Model>,
+    recordings: &[Recording],
+    outcome: &Outcome,
+) -> Result<(Problem, Vec<f64>), Vec<Fault>> {
+    let mut problem = super::problem(spec, model, recordings)?.problem;
+    for start in &outcome.validation_starts {
+        let state = model.description().state_index(&start.state);
+        let experiments = Arc::make_mut(&mut problem.experiments);
+        if let (Some(state), Some(own)) = (state, experiments.get_mut(start.experiment)) {
+            own.initial_state[state] = Some(start.value);
+        }
+    }
+    problem
+        .coordinates
+        .retain(|coordinate| is_estimated(coordinate, outcome));
+    let positions = positions(&problem, outcome);
+    Ok((problem, positions))
 }
 
 /// Whether the result has an estimate of it: an effect that the data do not support has none.

@@ -2,12 +2,54 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use super::ExperimentSpec;
 use super::experiment::Link;
-use super::{ExperimentSpec, OutputSpec};
 use crate::document::reader::{Field, did_you_mean, listed};
 use crate::job::id::DatasetId;
-use crate::model::{ModelDescription, Tolerance};
+use crate::model::{ModelDescription, Tolerance, ToleranceText};
 use crate::recording::Summary;
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// What is known about a measured output.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OutputSpec {
+    /// The standard deviation of its measurement noise, SI; left out, it is estimated, unless one
+    /// of the next two says it. Where more than one is given their squares add up.
+    #[schema(exclusive_minimum = 0, example = 1e-5)]
+    pub noise_std: Option<f64>,
+    /// The standard deviation of its noise as a share of each measured value, e.g. 0.05 for 5 %.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0, nullable = false, example = 0.05)]
+    pub noise_share: Option<f64>,
+    /// The recorded signal that holds the standard deviation of each sample's noise, in a unit of
+    /// the output; a sample for which it is missing or not above 0 is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false, example = "position_std")]
+    pub noise_signal: Option<String>,
+    /// How well the gain of its sensor is known: one standard deviation, e.g. `"0.2 %"`; left out, it
+    /// is taken as exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<ToleranceText>, nullable = false, example = "0.2 %")]
+    pub gain_tolerance: Option<Tolerance>,
+    /// How well the offset of its sensor is known: one standard deviation, SI.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0, nullable = false, example = 1e-5)]
+    pub offset_tolerance: Option<f64>,
+    /// How late its sensor may be: one standard deviation `[s]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0, nullable = false, example = 1e-4)]
+    pub lag_tolerance_s: Option<f64>,
+}
+
+impl OutputSpec {
+    /// Whether anything is said of its noise.
+    #[must_use]
+    pub fn declares_noise(&self) -> bool {
+        self.noise_std.is_some() || self.noise_share.is_some() || self.noise_signal.is_some()
+    }
+}
 
 /// What the section says about each output; every name must be one that is measured.
 pub(super) fn read(
@@ -64,7 +106,7 @@ pub(super) fn tolerance(field: Option<Field<'_>>) -> Option<Tolerance> {
 }
 
 /// An output that is described must be one of the model, and be measured.
-fn check_output(
+pub(super) fn check_output(
     name: &str,
     field: &Field<'_>,
     model: Option<&ModelDescription>,
