@@ -36,7 +36,7 @@ const SHORT: usize = 1000;
 /// recording A within 2e-6 of its chi-square (`benches/README.md`); a short record affords both.
 fn sides(problem: &Problem, accuracy: Accuracy) -> Sides {
     match accuracy {
-        Accuracy::Full if problem.n_residuals() <= SHORT => Sides::Twice,
+        Accuracy::Full if problem.n_residuals() <= SHORT => Sides::Both,
         _ => Sides::One,
     }
 }

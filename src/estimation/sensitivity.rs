@@ -17,8 +17,6 @@ use std::sync::atomic::AtomicBool;
 /// steps, so that only rounding, and a kink that falls between two of them, count against a short
 /// one; a long one sees the curvature and where commands saturate and ports open.
 pub const SHIFT: f64 = 1e-6;
-/// The same where it is taken twice, so that it may be longer: the curvature and the next term cancel.
-const SHIFT_TWICE: f64 = 4e-6;
 
 /// One residual and its derivatives.
 #[derive(Clone, Copy, Debug)]
@@ -55,9 +53,6 @@ pub enum Sides {
     Both,
     /// To the side with more room: half as many candidates.
     One,
-    /// To both sides, once as far again: twice as many candidates, and the error of the fourth order
-    /// (L. F. Richardson, 1911).
-    Twice,
 }
 
 impl Sides {
@@ -66,7 +61,6 @@ impl Sides {
     #[must_use]
     pub fn candidates(self, directions: usize) -> u64 {
         let neighbours = match self {
-            Sides::Twice => 4,
             Sides::Both => 2,
             Sides::One => 1,
         };
@@ -150,8 +144,6 @@ pub struct Neighbourhood<'a> {
     differences: Vec<Difference>,
     /// The neighbours that each difference is between.
     ends: Vec<(usize, usize)>,
-    /// The differences of twice the length and their neighbours; empty where there are none.
-    wide: Vec<(Difference, (usize, usize))>,
     first_other: usize,
     /// The candidate first, then its neighbours, then the others.
     candidates: Vec<Vec<f64>>,
@@ -172,10 +164,7 @@ impl<'a> Neighbourhood<'a> {
         let axes = Directions {
             from: positions,
             vectors: &axes,
-            shift: match sides {
-                Sides::Twice => SHIFT_TWICE,
-                Sides::Both | Sides::One => SHIFT,
-            },
+            shift: SHIFT,
             sides,
         };
         Neighbourhood::simulate(problem, axes, others, simulated)
@@ -201,22 +190,6 @@ impl<'a> Neighbourhood<'a> {
             .map(|direction| Difference::along(direction, positions, (shift, sides)))
             .collect();
         let (mut candidates, ends) = shifted_candidates(positions, vectors, &differences);
-        let mut wide = Vec::new();
-        if sides == Sides::Twice {
-            let along = |direction: &Vec<f64>| {
-                Difference::along(direction, positions, (2.0 * shift, sides))
-            };
-            let differences: Vec<Difference> = vectors.iter().map(along).collect();
-            let (others, ends) = shifted_candidates(positions, vectors, &differences);
-            // The candidate in the middle stands first in both.
-            let moved = candidates.len() - 1;
-            let place = |end: usize| if end == 0 { 0 } else { end + moved };
-            let ends = ends
-                .into_iter()
-                .map(|(low, high)| (place(low), place(high)));
-            wide = differences.into_iter().zip(ends).collect();
-            candidates.extend(others.into_iter().skip(1));
-        }
         let first_other = candidates.len();
         candidates.extend_from_slice(others);
         let recorded = record(problem, (&candidates, first_other), accuracy, stop)?;
@@ -224,7 +197,6 @@ impl<'a> Neighbourhood<'a> {
             problem,
             differences,
             ends,
-            wide,
             first_other,
             candidates,
             recorded,
@@ -251,14 +223,8 @@ impl<'a> Neighbourhood<'a> {
     /// Whether a neighbour along a direction cannot be simulated.
     #[must_use]
     pub fn fails_along(&self, direction: usize) -> bool {
-        let mut ends = self.ends_along(direction);
-        ends.any(|end| self.failure(end).is_some())
-    }
-
-    fn ends_along(&self, direction: usize) -> impl Iterator<Item = usize> {
-        let wide = self.wide.get(direction).map(|(_, ends)| *ends);
-        let pairs = [self.ends[direction]].into_iter().chain(wide);
-        pairs.flat_map(|(low, high)| [low, high])
+        let (low, high) = self.ends[direction];
+        self.failure(low).or(self.failure(high)).is_some()
     }
 
     /// Visits every residual of the candidate, sample by sample, with its derivatives.
@@ -279,7 +245,9 @@ impl<'a> Neighbourhood<'a> {
         needed: usize,
         mut visit: impl FnMut(Row<'_>),
     ) -> Result<(), Failure> {
-        let neighbours = (0..needed).flat_map(|direction| self.ends_along(direction));
+        let neighbours = self.ends[..needed]
+            .iter()
+            .flat_map(|(low, high)| [*low, *high]);
         let mut members = std::iter::once(0).chain(neighbours);
         if let Some(failure) = members.find_map(|member| self.failure(member)) {
             return Err(failure);
@@ -292,16 +260,9 @@ impl<'a> Neighbourhood<'a> {
             let (experiment, sample, output) = place;
             let scale = self.scale(place);
             let at = |member| self.recorded[experiment].value(member, sample, output);
-            let quotient = |difference: Difference, (low, high): (usize, usize)| {
-                (at(low) - at(high)) / difference.length() / scale
-            };
             let columns = self.differences.iter().zip(&self.ends);
-            for (derivative, (difference, ends)) in derivatives.iter_mut().zip(columns) {
-                *derivative = quotient(*difference, *ends);
-            }
-            for (derivative, (difference, ends)) in derivatives.iter_mut().zip(&self.wide) {
-                let correction = (*derivative - quotient(*difference, *ends)) / 3.0;
-                *derivative += correction * difference.evenness();
+            for (derivative, (difference, (low, high))) in derivatives.iter_mut().zip(columns) {
+                *derivative = (at(*low) - at(*high)) / difference.length() / scale;
             }
             let derivatives = &derivatives;
             visit(Row {
@@ -401,7 +362,7 @@ impl Difference {
         };
         let (back, ahead) = (room(-1.0), room(1.0));
         match sides {
-            Sides::Both | Sides::Twice => Difference { back, ahead },
+            Sides::Both => Difference { back, ahead },
             Sides::One if ahead >= back => Difference { back: 0.0, ahead },
             Sides::One => Difference { back, ahead: 0.0 },
         }
@@ -409,11 +370,6 @@ impl Difference {
 
     fn length(self) -> f64 {
         self.back + self.ahead
-    }
-
-    /// 1 where it goes as far to one side as to the other, so that errors cancel; else 0.
-    fn evenness(self) -> f64 {
-        f64::from((self.back - self.ahead).abs() <= 1e-9 * self.length())
     }
 }
 

@@ -1,7 +1,7 @@
 //! When the samples of a recording were taken.
 
 use super::columns::Series;
-use super::resample::{JITTER, STRAY};
+use super::resample::{JITTER, ON_GRID, STRAY};
 use std::io;
 use std::ops::Range;
 
@@ -203,7 +203,11 @@ fn usual_interval(instants: &[f64]) -> f64 {
         squares += (interval - own * median).powi(2);
         whole += 1;
     }
-    if (whole as f64) < (1.0 - STRAY) * sorted.len() as f64 {
+    // Where half of them are the median to the last digit it is what the source intends, and the
+    // others came late.
+    let same = intervals().filter(|own| (own - median).abs() <= ON_GRID * median);
+    let is_intended = 2 * same.count() >= sorted.len();
+    if is_intended || (whole as f64) < (1.0 - STRAY) * sorted.len() as f64 {
         return shortest_decimal(median, 1e-9 * median);
     }
     // What the jitter of the first and of the last instant leaves open.

@@ -16,7 +16,7 @@ pub const LONGEST_BRIDGE: f64 = 2.0;
 const MOST_GRID_SAMPLES: usize = 20;
 
 /// How far an instant may be from a grid point to be on it, in sample times. It covers rounding.
-const ON_GRID: f64 = 1e-6;
+pub(super) const ON_GRID: f64 = 1e-6;
 
 /// How far a sample may be from a grid point to be of it, in sample times.
 const OF_GRID: f64 = 0.5;
