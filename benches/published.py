@@ -15,9 +15,9 @@ import os
 import re
 import subprocess
 import sys
-import tempfile
 import time
-import venv
+
+import served
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 FOLDER = os.path.join(HERE, "..", "..", "shared", "reference", "benchmarks")
@@ -31,16 +31,6 @@ PROBLEMS = [
 PACKAGES = ["numpy", "scipy", "numba", "copasi-basico", "pydiffsol"]
 RUNS = 30
 ASKED = 3e-5
-
-
-def in_own_environment():
-    """Starts itself again where the other programs are installed."""
-    folder = os.path.join(tempfile.gettempdir(), "greybox-published")
-    python = os.path.join(folder, "bin", "python")
-    if not os.path.exists(python):
-        venv.create(folder, with_pip=True)
-        subprocess.run([python, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
-    sys.exit(subprocess.run([python, *sys.argv], env={**os.environ, "IN_OWN": "1"}).returncode)
 
 
 def names_in(text):
@@ -266,4 +256,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main() if os.environ.get("IN_OWN") else in_own_environment()
+    main() if os.environ.get("IN_OWN") else served.in_own_environment(PACKAGES, "greybox-published")

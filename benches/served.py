@@ -1,6 +1,6 @@
 """A server of this program for measurements over HTTP, and what goes to and fro.
 
-Not a command: `false_high.py` and `floors.py` use it. It needs nothing beyond Python itself, but
+Not a command: `false_high.py` and `floors.py` use it, `published.py` its environment. It needs nothing beyond Python itself, but
 for `in_own_environment`, which starts a script again where its packages are installed.
 """
 
@@ -19,13 +19,13 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 PACKAGES = ["numpy", "scipy", "numba"]
 
 
-def in_own_environment():
+def in_own_environment(packages=PACKAGES, name="greybox-measurements"):
     """Starts the script again in a folder of its own where the packages are installed."""
-    folder = os.path.join(tempfile.gettempdir(), "greybox-measurements")
+    folder = os.path.join(tempfile.gettempdir(), name)
     python = os.path.join(folder, "bin", "python")
     if not os.path.exists(python):
         venv.create(folder, with_pip=True)
-        subprocess.run([python, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
+        subprocess.run([python, "-m", "pip", "install", "--quiet", *packages], check=True)
     sys.exit(subprocess.run([python, *sys.argv], env={**os.environ, "IN_OWN": "1"}).returncode)
 
 

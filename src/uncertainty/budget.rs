@@ -19,9 +19,9 @@ use crate::simulation::{Accuracy, Failure};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// An unknown is moved by this share of its range: far enough that a kink of the plant between two
-/// neighbours moves a derivative by no more than a thousandth, which shorter steps did not ensure
-/// (`benches/false_high.py`: two of 230 jobs with one derivative off by up to 5 %).
+/// An unknown is moved by this share of its range: where a kink of the plant falls between two
+/// neighbours, its jump is divided by the way between them, and with a hundredth of this way one
+/// derivative was off by up to 5 % in two of 240 jobs (`benches/false_high.py`).
 const MOVE: f64 = 1e-4;
 /// Where there are fewer residuals, curvature over that step may show.
 const FEW_RESIDUALS: usize = 1000;

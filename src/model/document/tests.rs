@@ -375,3 +375,23 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn the_fastest_mode_is_found_where_the_document_does_not_say_it() {
+    // It swings at 30 and creeps at 0.5 [1/s].
+    let document = json!({
+        "name": "swing",
+        "parameters": {
+            "rate": {"symbol": "r", "unit": "1/s", "default": 30},
+            "creep": {"symbol": "c", "unit": "1/s", "default": 0.5}
+        },
+        "states": {
+            "x": {"unit": "", "derivative": "rate*v", "initial": 1},
+            "v": {"unit": "", "derivative": "-rate*x", "initial": 0},
+            "slow": {"unit": "", "derivative": "(x - slow)*creep", "initial": 0}
+        },
+        "outputs": {"y": {"unit": "", "expression": "x"}}
+    });
+    let rate = model(&document).plant().fastest_rate(&[30.0, 0.5]);
+    assert!((rate - 30.0).abs() < 1e-9, "{rate}");
+}
