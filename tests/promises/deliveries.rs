@@ -1,13 +1,14 @@
 //! What a receiver is told through kills and failures: each event at least once, and signed.
 
-use std::collections::{HashMap, HashSet};
-use std::sync::{Arc, Mutex};
+use std::collections::HashSet;
+use std::sync::{Arc, Mutex, OnceLock};
 
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use serde_json::{Value, json};
+use standardwebhooks::Webhook;
 use tokio::net::TcpListener;
 use tokio::sync::Notify;
 
@@ -19,25 +20,40 @@ const KILLS: usize = 5;
 /// Jobs that are submitted to each life of it.
 const JOBS: usize = 4;
 
-/// A receiver that fails at every other attempt, whatever it is sent.
+/// A receiver that fails at the first attempt of each event.
 #[derive(Clone, Default)]
 struct Receiver {
-    came: Arc<Mutex<Vec<(HeaderMap, Bytes)>>>,
+    /// Checks signatures, once the secret is known. An attempt is checked when it comes: its time is signed too, and one
+    /// of more than five minutes ago would be refused as a repetition.
+    verifier: Arc<OnceLock<Webhook>>,
+    /// Identifiers of the events whose first attempt came.
+    came: Arc<Mutex<HashSet<String>>>,
+    /// What was wrong with an attempt.
+    refused: Arc<Mutex<Vec<String>>>,
     /// Jobs whose end it has taken.
-    taken: Arc<Mutex<HashMap<String, String>>>,
+    taken: Arc<Mutex<HashSet<String>>>,
     news: Arc<Notify>,
 }
 
 async fn take(State(receiver): State<Receiver>, headers: HeaderMap, body: Bytes) -> StatusCode {
-    let mut came = receiver.came.lock().expect("unpoisoned");
-    came.push((headers.clone(), body.clone()));
-    if came.len() % 2 == 1 {
+    let verifier = receiver
+        .verifier
+        .get()
+        .expect("a secret before the first job");
+    if let Err(error) = verifier.verify(&body, &headers) {
+        receiver
+            .refused
+            .lock()
+            .expect("unpoisoned")
+            .push(error.to_string());
+    }
+    let id = headers["webhook-id"].to_str().expect("text").to_owned();
+    if receiver.came.lock().expect("unpoisoned").insert(id) {
         return StatusCode::INTERNAL_SERVER_ERROR;
     }
     let event: Value = serde_json::from_slice(&body).expect("a document");
-    let id = headers["webhook-id"].to_str().expect("text").to_owned();
     let mut taken = receiver.taken.lock().expect("unpoisoned");
-    taken.insert(text(&event["data"]["job"]), id);
+    taken.insert(text(&event["data"]["job"]));
     receiver.news.notify_one();
     StatusCode::OK
 }
@@ -69,13 +85,13 @@ async fn every_end_of_a_job_is_delivered_through_kills_and_a_receiver_that_fails
     let receiver = Receiver::default();
     let url = receiver.start().await;
     let mut jobs = HashSet::new();
-    let mut secret = String::new();
     for life in 0..=KILLS {
         let server = Server::start_delivering(folder.path(), options);
         if life == 0 {
             let request = server.post("/v1/webhooks").json(&json!({"url": url}));
             let (_, made) = crate::server::answer(request).await.expect("an answer");
-            secret = text(&made["secret"]);
+            let verifier = Webhook::new(&text(&made["secret"])).expect("a secret");
+            assert!(receiver.verifier.set(verifier).is_ok(), "one secret");
         }
         let dataset = server.store(&plant::recording(200)).await;
         for number in 0..JOBS {
@@ -90,13 +106,7 @@ async fn every_end_of_a_job_is_delivered_through_kills_and_a_receiver_that_fails
             receiver.has_taken(jobs.len()).await;
         }
     }
-    let taken: HashSet<String> = {
-        let taken = receiver.taken.lock().expect("unpoisoned");
-        taken.keys().cloned().collect()
-    };
-    assert_eq!(taken, jobs);
-    let verifier = standardwebhooks::Webhook::new(&secret).expect("a secret");
-    for (headers, body) in receiver.came.lock().expect("unpoisoned").iter() {
-        verifier.verify(body, headers).expect("a signature");
-    }
+    assert_eq!(*receiver.taken.lock().expect("unpoisoned"), jobs);
+    let refused = receiver.refused.lock().expect("unpoisoned");
+    assert!(refused.is_empty(), "{refused:?}");
 }
