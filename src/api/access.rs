@@ -19,9 +19,9 @@ use ipnet::IpNet;
 use jiff::Timestamp;
 
 use super::ApiState;
+use super::client::{Client, PeerAddress};
 use super::error::{Answer, Kind, Problem};
-use super::extract::{Client, PeerAddress};
-use crate::access::{Digest, Project, Roles, Scope, Secret};
+use crate::access::{Digest, Roles, Scope, Secret};
 use crate::store::TokenRow;
 
 /// How long what the database says of a token is believed.
@@ -288,12 +288,6 @@ pub(super) async fn authorise(
     };
     response.extensions_mut().insert(client);
     response
-}
-
-/// What belongs to another project than the caller's.
-pub(super) fn of_another_project(project: &Project) -> Problem {
-    let detail = format!("this belongs to another project than `{project}`, which you ask for");
-    Problem::new(Kind::Forbidden, detail)
 }
 
 #[cfg(test)]

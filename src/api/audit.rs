@@ -11,8 +11,8 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::ApiState;
+use super::client::Client;
 use super::error::Answer;
-use super::extract::Client;
 use super::http_headers::prefers;
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, Params, QueryReader};

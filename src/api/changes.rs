@@ -16,9 +16,9 @@ use tokio::sync::OwnedSemaphorePermit;
 use utoipa::ToSchema;
 
 use super::ApiState;
+use super::client::Client;
 use super::error::Answer;
 use super::events::{COMMENT, KEEP_ALIVE, RETRY, streamed};
-use super::extract::Client;
 use super::job_list::JobSummary;
 use super::query::{NoQuery, Params};
 use crate::access::Project;

@@ -16,8 +16,9 @@ use utoipa::ToSchema;
 
 use super::ApiState;
 use super::body::JsonDocument;
+use super::client::Client;
 use super::error::{Answer, Problem};
-use super::extract::{Client, Named};
+use super::extract::Named;
 use super::http_headers::{idempotency_key, json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};

@@ -17,8 +17,9 @@ pub use document::{RecordedSignal, RecordingDocument};
 
 use super::ApiState;
 use super::body::{content_type, parse_received, receive, scratch_failed, unsupported};
+use super::client::Client;
 use super::error::{Answer, Kind, Problem, ProblemFault};
-use super::extract::{Client, Named};
+use super::extract::Named;
 use super::http_headers::{hex, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};

@@ -8,8 +8,8 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::body::JsonDocument;
+use super::client::Client;
 use super::error::{Answer, Problem};
-use super::extract::Client;
 use super::finished_job::FinishedJob;
 use super::http_headers::json;
 use super::query::{NoQuery, Params};

@@ -1,17 +1,15 @@
-//! What a path names, as a type (a name that is not one names nothing: 404), and who asks.
+//! What a path names, as a type: a name that is not one names nothing (404).
 
 use std::convert::Infallible;
-use std::net::IpAddr;
 use std::str::FromStr;
 
 use axum::extract::{FromRequestParts, RawPathParams};
-use axum::http::StatusCode;
 use axum::http::request::Parts;
 
 use super::ApiState;
-use super::access::of_another_project;
-use super::error::{Answer, Kind, Problem};
-use crate::access::{Project, Scope};
+use super::client::Client;
+use super::error::{Answer, Problem};
+use crate::access::Project;
 use crate::job::{ComparisonId, DatasetId, DeliveryId, JobId, MonitorId, WebhookId};
 use crate::store::StoreError;
 
@@ -116,78 +114,8 @@ impl<T: PathName + Send> FromRequestParts<ApiState> for Named<T> {
             && let Some(project) = named.project(state).await?
             && project != client.project
         {
-            return Err(of_another_project(&client.project));
+            return Err(client.refuse_another_project());
         }
         Ok(Named(named))
-    }
-}
-
-/// The address at the other end of a connection, which whoever takes it notes.
-#[derive(Clone, Copy, Debug)]
-pub struct PeerAddress(pub IpAddr);
-
-impl PeerAddress {
-    /// The address as it is written down.
-    #[must_use]
-    pub fn to_text(&self) -> String {
-        self.0.to_canonical().to_string()
-    }
-}
-
-/// Who asks.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Client {
-    /// The address that the request comes from; empty where there is none.
-    pub address: String,
-    /// What the caller is called: `token <name>`, `person <name>`, or `local`.
-    pub who: String,
-    /// The project that it asks in.
-    pub project: Project,
-    /// How much it may do there.
-    pub scope: Scope,
-    /// Whether it said who it is; not where nobody has to.
-    pub is_known: bool,
-}
-
-impl Client {
-    /// A caller of a server that asks nobody who they are.
-    #[must_use]
-    pub fn local(address: String) -> Self {
-        Self {
-            address,
-            who: "local".to_owned(),
-            project: Project::default(),
-            scope: Scope::Admin,
-            is_known: false,
-        }
-    }
-
-    /// Refuses a caller of another project than `default`: what is watched belongs to that one alone.
-    ///
-    /// # Errors
-    /// That refusal.
-    pub fn asks_in_default_project(&self, what: &str) -> Answer<()> {
-        if self.project == Project::default() {
-            return Ok(());
-        }
-        let detail = format!(
-            "{what} are those of the project `default` alone, and you ask for `{}`",
-            self.project
-        );
-        Err(Problem::new(Kind::Forbidden, detail))
-    }
-
-    /// Who asks a request. Nothing is answered to one that came past the layer which says so.
-    fn of(parts: &Parts) -> Answer<&Self> {
-        let client = parts.extensions.get::<Self>();
-        client.ok_or_else(|| Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR))
-    }
-}
-
-impl<S: Send + Sync> FromRequestParts<S> for Client {
-    type Rejection = Problem;
-
-    async fn from_request_parts(parts: &mut Parts, _state: &S) -> Answer<Self> {
-        Self::of(parts).cloned()
     }
 }

@@ -10,8 +10,8 @@ use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
+use super::client::Client;
 use super::error::Answer;
-use super::extract::Client;
 use super::jobs::Job;
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, Params, QueryReader};

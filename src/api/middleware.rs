@@ -16,8 +16,8 @@ use tower_http::decompression::RequestDecompressionLayer;
 use uuid::Uuid;
 
 use super::audit::{Asked, Audit};
+use super::client::{Client, PeerAddress};
 use super::error::{PROBLEM_JSON, Problem};
-use super::extract::{Client, PeerAddress};
 use super::http_headers::GZIP_TAG_END;
 use super::origin::{self, Names};
 use super::unpacking;

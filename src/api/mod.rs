@@ -9,6 +9,7 @@ pub mod audit;
 pub mod body;
 pub mod candidates;
 pub mod changes;
+pub mod client;
 pub mod comparisons;
 pub mod datasets;
 pub mod designs;

@@ -11,8 +11,9 @@ use utoipa::ToSchema;
 
 use super::ApiState;
 use super::body::ModelDocument;
+use super::client::Client;
 use super::error::{Answer, Kind, Problem};
-use super::extract::{Client, ModelName, Named};
+use super::extract::{ModelName, Named};
 use super::http_headers::{json, tagged_json};
 use super::query::{NoQuery, Params};
 use crate::job::Fault;

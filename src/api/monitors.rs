@@ -13,8 +13,9 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::body::JsonDocument;
+use super::client::Client;
 use super::error::{Answer, Kind, Problem};
-use super::extract::{Client, Named};
+use super::extract::Named;
 use super::http_headers::{idempotency_key, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};

@@ -9,9 +9,9 @@ use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
 use super::body::JsonDocument;
+use super::client::Client;
 use super::datasets::{RecordingDocument, csv_answer};
 use super::error::{Answer, Problem};
-use super::extract::Client;
 use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
 use super::work::stopped;

@@ -13,9 +13,10 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
 use super::body::{parse_received, receive, scratch_failed};
+use super::client::Client;
 use super::datasets::{ReadingQuery, RecordingDocument, csv_answer, digest, kind_of, reading};
 use super::error::{Answer, Kind, Problem, ProblemFault};
-use super::extract::{Client, Named, PathName};
+use super::extract::{Named, PathName};
 use super::http_headers::{idempotency_key, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};

@@ -12,8 +12,8 @@ use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
 use super::body::JsonDocument;
+use super::client::Client;
 use super::error::{Answer, Kind, Problem};
-use super::extract::Client;
 use super::http_headers::{idempotency_key, json, preferred_wait};
 use super::jobs::{self, Job};
 use super::query::{FromQuery, Params, QueryReader};

@@ -10,8 +10,9 @@ use utoipa::ToSchema;
 
 use super::ApiState;
 use super::body::JsonDocument;
+use super::client::Client;
 use super::error::{Answer, Kind, Problem};
-use super::extract::{Client, Named};
+use super::extract::Named;
 use super::http_headers::json;
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};

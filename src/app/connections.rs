@@ -24,7 +24,7 @@ use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
 use super::tls::Tls;
-use crate::api::extract::PeerAddress;
+use crate::api::client::PeerAddress;
 
 /// How long a client may take for the head of a request, counted from the answer before it.
 const HEAD_TIME: Duration = Duration::from_secs(30);

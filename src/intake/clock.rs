@@ -4,10 +4,11 @@
 //! The unit of numbers is that of the option, else that of the header, else what the size of
 //! the numbers leaves no doubt about; else it is asked for.
 
-use super::cell::{Cell, number};
+use super::cell::Cell;
 use super::options::{Options, TimeUnit};
 use super::stamp::{self, Stamp};
 use super::units;
+use super::value::number;
 use crate::recording::Warning;
 use jiff::Timestamp;
 use jiff::tz::TimeZone;

@@ -1,9 +1,10 @@
 //! The values of one signal on their way in: to SI, with what was met among them.
 
-use super::cell::{Cell, Value};
+use super::cell::Cell;
 use super::error::{Fault, Faults, excerpt};
 use super::options::Options;
 use super::units::{self, Unit};
+use super::value::Value;
 use crate::recording::{Interpolation, Warning, shown};
 
 /// What loggers write where they have no value. A value is told as a likely one when it is far

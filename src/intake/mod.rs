@@ -24,6 +24,7 @@ mod quality;
 mod stamp;
 mod tags;
 pub mod units;
+mod value;
 
 pub use error::{Fault, MAX_FAULTS, ReadError};
 pub use format::{Format, Kind};

@@ -97,6 +97,9 @@ pub fn step<R: Real, E: Equations<R>>(
     {
         let step = ((*first + *last) + (*middle + *middle)) * sixth;
         if R::IS_SINGLE {
+            // Stops the compiler from filling registers with one lane of each state, gathered from
+            // all over memory, instead of the lanes of one state.
+            std::hint::black_box(());
             let part = step - *excess;
             *next = *start + part;
             *next_excess = (*next - *start) - part;

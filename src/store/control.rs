@@ -4,43 +4,11 @@
 //! worker sees the request, ends the slice and writes the state together with the best estimate.
 
 use super::jobs::{self, JobRow};
+use super::stop_request::StopRequest;
 use super::writer::Tx;
-use super::{Change, Store, StoreError, corrupt, queue, results, slices};
+use super::{Change, Store, StoreError, queue, results, slices};
 use crate::access::Project;
 use crate::job::{Event, JobId, Status};
-
-/// What a running job is asked to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StopRequest {
-    /// End, and keep the best estimate so far.
-    Cancel,
-    /// Hold, and keep the best estimate so far.
-    Pause,
-}
-
-impl StopRequest {
-    fn as_str(self) -> &'static str {
-        match self {
-            StopRequest::Cancel => "cancel",
-            StopRequest::Pause => "pause",
-        }
-    }
-
-    /// The state that the request leads to.
-    pub fn leads_to(self) -> Status {
-        match self {
-            StopRequest::Cancel => Status::Cancelled,
-            StopRequest::Pause => Status::Paused,
-        }
-    }
-
-    pub(super) fn read(word: &str, of: &str) -> Result<Self, StoreError> {
-        [StopRequest::Cancel, StopRequest::Pause]
-            .into_iter()
-            .find(|request| request.as_str() == word)
-            .ok_or_else(|| corrupt("request", of, format!("`{word}` is no request")))
-    }
-}
 
 /// The answer to a wish to cancel, pause or resume.
 #[derive(Clone, Debug, PartialEq)]

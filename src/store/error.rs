@@ -5,8 +5,59 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
-use super::quotas::QuotaExceeded;
+use jiff::Timestamp;
+
+/// A project has as much as it may.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum QuotaExceeded {
+    /// Of recordings.
+    #[error("the project has as many recordings as it may, {0}; remove some first")]
+    Datasets(u64),
+    /// Of the bytes of recordings.
+    #[error(
+        "the recordings of the project have {has} bytes and this one {adds}; together they may have \
+         {limit}; remove some first"
+    )]
+    DatasetBytes {
+        /// Bytes that it has.
+        has: u64,
+        /// Bytes of the one more.
+        adds: u64,
+        /// Bytes that it may have.
+        limit: u64,
+    },
+    /// Of jobs.
+    #[error("the project has as many unfinished jobs as it may, {0}; wait until some have ended")]
+    UnfinishedJobs(u64),
+    /// Of time.
+    #[error(
+        "the jobs of the project were at work for the {limit_s} s that they may be in a day; this \
+         begins anew at {until}"
+    )]
+    Work {
+        /// Seconds in a day.
+        limit_s: u64,
+        /// When the next day begins.
+        until: Timestamp,
+    },
+}
+
+impl QuotaExceeded {
+    /// When the same request may be served, where that is a matter of time.
+    #[must_use]
+    pub fn retry_after(self, now: Timestamp) -> Option<Duration> {
+        match self {
+            Self::Datasets(_) | Self::DatasetBytes { .. } => None,
+            Self::UnfinishedJobs(_) => Some(Duration::from_secs(60)),
+            Self::Work { until, .. } => {
+                let left = until.duration_since(now);
+                Some(Duration::try_from(left).unwrap_or_default())
+            }
+        }
+    }
+}
 
 /// A failure of the store.
 #[derive(Debug, thiserror::Error)]

@@ -10,7 +10,7 @@ use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
-use super::control::StopRequest;
+use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{Store, StoreError, corrupt};
 use crate::access::Project;

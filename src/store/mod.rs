@@ -29,6 +29,7 @@ mod recent;
 mod results;
 mod retention;
 mod slices;
+mod stop_request;
 mod streams;
 mod submit;
 #[cfg(test)]
@@ -51,9 +52,9 @@ use crate::job::{DatasetId, JobId, MonitorId};
 
 pub use audit::{AuditEntry, AuditRow};
 pub use candidates::{CandidatePage, NewCandidates};
-pub use control::{Control, StopRequest};
+pub use control::Control;
 pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
-pub use error::{Meaning, StoreError};
+pub use error::{Meaning, QuotaExceeded, StoreError};
 pub use events::StoredEvent;
 pub use figures::Figures;
 pub use idempotency::Idempotency;
@@ -62,9 +63,10 @@ pub use jobs::{JobFilter, JobRemoval, JobRow, Page};
 pub use models::{MAX_UNUSED_MODELS, ModelRemoval, ModelRow, ModelStored, NewModel};
 pub use monitors::{Advance, AdvanceWindow, MonitorRow, NewMonitor, NewWindowJob, StoredWindow};
 pub use queue::{QUEUE, SliceOfJob, project_of, queue_of};
-pub use quotas::{QuotaExceeded, Quotas};
+pub use quotas::Quotas;
 pub use retention::{Retention, Tidied};
 pub use slices::{Begin, Checkpoint, Ending, Hold, Lease, Record, Reported, Slice};
+pub use stop_request::StopRequest;
 pub use streams::{
     Appended, BatchOutcome, DEFAULT_KEEP_MIB, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,
 };

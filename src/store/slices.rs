@@ -8,9 +8,9 @@ use std::time::Duration;
 use jiff::Timestamp;
 use serde_json::Value;
 
-use super::control::StopRequest;
 use super::jobs::{self, JobRow};
 use super::life::{SUSPECT_FROM, wait_after};
+use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{
     Change, NewCandidates, Store, StoreError, candidates, events, generations, quotas, results,

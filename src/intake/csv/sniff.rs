@@ -1,8 +1,8 @@
 //! What the first lines of a CSV tell: its delimiter, its kind, and how it writes numbers.
 
 use super::super::Format;
-use super::super::cell;
 use super::super::options::Decimal;
+use super::super::value;
 use super::long;
 use ::csv::ReaderBuilder;
 
@@ -83,11 +83,11 @@ impl Sniff {
         }
         let mut found = false;
         for field in self.rows.iter().skip(1).flatten() {
-            if field.contains('.') && cell::number(field, None).is_some() {
+            if field.contains('.') && value::number(field, None).is_some() {
                 return false;
             }
             let fraction = field.split_once(',').map(|(_, fraction)| fraction);
-            let is_number = cell::number(field, Some(Decimal::Comma)).is_some();
+            let is_number = value::number(field, Some(Decimal::Comma)).is_some();
             // `1,234` may be a thousand and more.
             let is_clear = |fraction: &str| fraction.len() != 3 || field.starts_with("0,");
             found |= is_number && fraction.is_some_and(is_clear);

@@ -3,7 +3,7 @@
 use super::super::error::Faults;
 use super::super::units::{self, Unit};
 use super::super::{Fault, ReadError};
-use super::node::Scalar;
+use super::scalar::Scalar;
 use crate::recording::{
     MAX_SIGNALS, MIN_SAMPLES, Recording, Signal, TimeAxis, Warning, name_fault,
 };

@@ -12,6 +12,7 @@
 
 mod document;
 mod node;
+mod scalar;
 
 use super::{Fault, ReadError};
 use crate::recording::Recording;
