@@ -14,8 +14,8 @@ pub use description::Identification;
 pub use experiment::Experiment;
 pub use run::{Checkpoint, Run};
 
-use crate::document::Fault;
 use crate::estimation::{CheckpointError, Finding};
+use crate::parsing::Fault;
 use std::fmt;
 
 /// Why an identification comes to no result.

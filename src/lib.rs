@@ -104,7 +104,7 @@ pub mod intake;
 
 pub mod recording;
 
-pub mod document;
+pub mod parsing;
 
 pub mod numerics;
 

@@ -18,13 +18,13 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[(&str, &[&str])] = &[
     // The command line starts servers, runs the method without one, and looks after the database of
     // one that does not run.
-    ("cli", &["app", "config", "api", "access", "store", "identification", "job", "document", "estimation", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording"]),
+    ("cli", &["app", "config", "api", "access", "store", "identification", "job", "parsing", "estimation", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording"]),
     // The composition root; only the command line imports it.
     ("app", &["config", "api", "dashboard", "delivery", "job", "store", "event", "monitor", "worker", "model"]),
     // Settings are handed to the parts as the parts' own types.
     ("config", &["api", "access", "delivery", "store", "worker"]),
     // Simulation stands behind `/v1/simulations` only.
-    ("api", &["access", "dashboard", "delivery", "report", "event", "monitor", "store", "job", "intake", "recording", "model", "simulation", "document"]),
+    ("api", &["access", "dashboard", "delivery", "report", "event", "monitor", "store", "job", "intake", "recording", "model", "simulation", "parsing"]),
     // Names of projects, scopes and secrets: nothing of ours.
     ("access", &[]),
     ("dashboard", &[]),
@@ -32,16 +32,16 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("report", &["job", "recording", "model"]),
     // The settings of the method and the forms of its results are part of a job; a problem is
     // assembled, and looked over beforehand, from the statistics of its recordings.
-    ("job", &["estimation", "uncertainty", "model", "simulation", "recording", "document", "numerics"]),
+    ("job", &["estimation", "uncertainty", "model", "simulation", "recording", "parsing", "numerics"]),
     ("store", &["access", "job", "recording"]),
     ("delivery", &["access", "event", "store", "job"]),
     ("event", &["access", "store", "job"]),
     // A window of a stream becomes a job that is read as any other.
-    ("monitor", &["access", "event", "store", "job", "model", "document", "recording"]),
+    ("monitor", &["access", "event", "store", "job", "model", "parsing", "recording"]),
     ("worker", &["access", "event", "store", "identification", "job", "estimation", "model", "recording"]),
     // What a program asks for is what a client asks for: a specification, and the problem that is
     // assembled from it.
-    ("identification", &["job", "uncertainty", "estimation", "model", "intake", "recording", "document"]),
+    ("identification", &["job", "uncertainty", "estimation", "model", "intake", "recording", "parsing"]),
     ("estimation", &["credit", "genetic", "model", "simulation", "recording", "numerics"]),
     ("credit", &["numerics"]),
     ("genetic", &["numerics"]),
@@ -49,13 +49,13 @@ const LAYERS: &[(&str, &[&str])] = &[
     // Recordings that the program makes are simulated ones.
     ("demo", &["model", "simulation", "recording", "numerics"]),
     // A model may be a document that a user wrote.
-    ("model", &["simulation", "language", "document", "numerics"]),
+    ("model", &["simulation", "language", "parsing", "numerics"]),
     // The program of a document is made from the graph of its equations.
     ("simulation", &["language", "numerics"]),
     ("language", &["numerics"]),
-    ("intake", &["recording", "document", "numerics"]),
+    ("intake", &["recording", "parsing", "numerics"]),
     ("recording", &["numerics"]),
-    ("document", &[]),
+    ("parsing", &[]),
     ("numerics", &[]),
 ];
 
@@ -76,7 +76,7 @@ const SERVICE: &[&str] = &[
 /// The half that is synchronous and seeded.
 #[rustfmt::skip]
 const METHOD: &[&str] = &[
-    "identification", "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording", "document", "numerics",
+    "identification", "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording", "parsing", "numerics",
 ];
 
 /// What the method half does without.
@@ -133,8 +133,8 @@ const PLACES: &[(&str, &[&str])] = &[
     // "Did you mean" belongs to the reading of documents and of queries.
     // Texts of plants come in the encodings of their country.
     ("encoding_rs", &["intake"]),
-    ("strsim", &["document", "api"]),
-    ("saphyr_parser", &["document"]),
+    ("strsim", &["parsing", "api"]),
+    ("saphyr_parser", &["parsing"]),
     ("nalgebra", &["numerics", "uncertainty"]),
     ("rand", &["numerics/rng.rs"]),
     ("rand_chacha", &["numerics/rng.rs"]),

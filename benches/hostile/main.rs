@@ -7,7 +7,7 @@
 mod bodies;
 
 use bodies::{Body, bodies};
-use greybox::document::{Fault, json, yaml};
+use greybox::parsing::{Fault, json, yaml};
 use greybox::model::document;
 use std::time::Instant;
 

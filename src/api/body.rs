@@ -18,8 +18,8 @@ use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::http_headers::hex;
 use super::spool::Spool;
-use crate::document::{json as document, yaml};
 use crate::intake::ReadError;
+use crate::parsing::{json, yaml};
 use crate::store::Meaning;
 
 /// A client that sends a body brings so much of it …
@@ -292,7 +292,7 @@ fn not_yaml(error: &yaml::Error) -> Problem {
 }
 
 fn parse_json(text: &[u8]) -> Result<Value, Problem> {
-    document::parse(text).map_err(|error| not_json(&error))
+    json::parse(text).map_err(|error| not_json(&error))
 }
 
 /// A document is small and much faster to parse whole.

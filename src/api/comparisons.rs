@@ -23,10 +23,10 @@ use super::http_headers::{idempotency_key, json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use super::submit;
-use crate::document::reader::{Faults, Field};
 use crate::job::comparison::{self, Comparison, Trial};
 use crate::job::spec::MethodName;
 use crate::job::{ComparisonId, Fault, JobId, JobSpec, Outcome, Status};
+use crate::parsing::reader::{Faults, Field};
 use crate::store::{
     ComparisonRow, ComparisonSummary, Idempotency, JobRow, NewComparison, Submitted,
 };

@@ -17,8 +17,8 @@ use super::http_headers::json;
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::delivery::{RefusedDestination, SigningSecret};
-use crate::document::reader::{Faults, Field};
 use crate::job::{DeliveryId, Fault, WebhookId};
+use crate::parsing::reader::{Faults, Field};
 use crate::store::{DeliveryRow, WebhookRow};
 
 /// The types of events that are delivered.

@@ -1,10 +1,10 @@
 //! Reading and writing the files that commands are given.
 
 use super::error::CommandError;
-use crate::document::{json as document, yaml};
 use crate::intake;
 use crate::model::document as model_document;
 use crate::model::{Catalogue, Model};
+use crate::parsing::{json, yaml};
 use crate::recording::Recording;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -58,7 +58,7 @@ fn parsed(path: &Path, text: impl Read, time: Option<&str>) -> Result<Recording,
 pub fn document(path: &Path) -> Result<Value, CommandError> {
     let text = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
     if !ends_with(path, &["yaml", "yml"]) {
-        return document::parse(&text).map_err(|error| unreadable(path, &error));
+        return json::parse(&text).map_err(|error| unreadable(path, &error));
     }
     let text = std::str::from_utf8(&text).map_err(|error| unreadable(path, &error))?;
     yaml::parse(text).map_err(|error| unreadable(path, &error))

@@ -2,12 +2,12 @@
 
 use super::experiment::{Experiment, estimated};
 use super::{IdentificationError, Run};
-use crate::document::Fault;
 use crate::estimation::{Observer, Problem, Settings};
 use crate::job::assemble::{self, Assembly};
 use crate::job::spec::{Context, ParameterSpec};
 use crate::job::{DatasetId, JobSpec, Outcome};
 use crate::model::{Catalogue, Model, document};
+use crate::parsing::Fault;
 use crate::recording::Recording;
 use crate::uncertainty;
 use serde_json::{Value, json};

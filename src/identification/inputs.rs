@@ -1,8 +1,8 @@
 //! What an identification is made of, from vectors and texts.
 
-use crate::document::{Fault, json, yaml};
 use crate::intake::{ReadError, csv};
 use crate::model::{Catalogue, Model, document};
+use crate::parsing::{Fault, json, yaml};
 use crate::recording::{Recording, Signal, TimeAxis};
 use std::io::Read;
 use std::sync::Arc;
@@ -89,7 +89,7 @@ impl Model {
     ///     }"#,
     /// )?;
     /// assert_eq!(lag.description().states.len(), 1);
-    /// # Ok::<(), Vec<greybox::document::Fault>>(())
+    /// # Ok::<(), Vec<greybox::parsing::Fault>>(())
     /// ```
     pub fn from_text(text: &str) -> Result<Arc<Model>, Vec<Fault>> {
         let unreadable = |error: String| vec![Fault::new("", "not_a_document", error)];

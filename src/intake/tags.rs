@@ -406,7 +406,7 @@ pub(super) fn check_options(options: &Options, names: &[&str], faults: &mut Faul
     for (option, name) in options.named_signals() {
         let renamed = options.rename.values().any(|new| new == name);
         if !names.contains(&name.as_str()) && !renamed {
-            let hint = crate::document::reader::did_you_mean(name, names.iter().copied());
+            let hint = crate::parsing::reader::did_you_mean(name, names.iter().copied());
             let detail = format!("there is no signal `{name}`{hint}");
             faults.invalid(Fault::of_option("unknown_signal", option, detail));
         }

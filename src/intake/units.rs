@@ -6,8 +6,8 @@
 //! has, with SI prefixes: `kN/mm`, `l/(min·bar)`. Factors are exact by definition (BIPM, *The
 //! International System of Units*, 9th edition, 2019; NIST SP 811, 2008, appendix B.8).
 
-use crate::document::reader::did_you_mean;
 use crate::numerics::dimension::{Dimension, Scaled, parse_scaled};
+use crate::parsing::reader::did_you_mean;
 use std::borrow::Cow;
 use std::f64::consts::PI;
 

@@ -19,11 +19,11 @@ pub use preflight::{Preflight, findings, preflight};
 pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};
 
 use super::spec::{FreeParameter, JobSpec, ParameterSpec};
-use crate::document::fault::{Fault, pointer_to};
 use crate::estimation::Problem;
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::{Coordinate, MeasuredOutput, Target};
 use crate::model::{Model, ModelDescription, ParameterDescription};
+use crate::parsing::fault::{Fault, pointer_to};
 use crate::recording::Recording;
 use std::sync::Arc;
 

@@ -14,8 +14,8 @@ pub mod simulation;
 pub mod spec;
 pub mod state;
 
-pub use crate::document::fault::{self, Fault};
 pub use crate::estimation::{Phase, Progress};
+pub use crate::parsing::fault::{self, Fault};
 pub use candidate::{Candidate, CandidateColumn};
 pub use event::{Event, GenerationEvent};
 pub use failure::Failure;

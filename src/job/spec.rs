@@ -13,10 +13,10 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use super::id::DatasetId;
-use crate::document::Fault;
 use crate::estimation::Settings;
 pub use crate::estimation::settings::MethodName;
 use crate::model::{ModelDescription, Scale, Tolerance, ToleranceText};
+use crate::parsing::Fault;
 use crate::recording::{Exclude, Instants, Summary};
 use crate::uncertainty;
 
@@ -47,7 +47,7 @@ pub use outputs::OutputSpec;
 pub use prior::PriorSpec;
 pub use validation::ValidationSpec;
 
-use crate::document::reader::{Faults, Field};
+use crate::parsing::reader::{Faults, Field};
 
 /// The experiments of one job at the most.
 pub const MAX_EXPERIMENTS: usize = 32;

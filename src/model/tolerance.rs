@@ -1,6 +1,6 @@
 //! How well a number is known that is taken as known.
 
-use crate::document::reader::Field;
+use crate::parsing::reader::Field;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 

@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use utoipa::ToSchema;
 
-use crate::document::reader::{Faults, Field};
 use crate::job::spec::MAX_NAME_CHARS;
 use crate::job::{DatasetId, Fault};
+use crate::parsing::reader::{Faults, Field};
 
 /// A window is so long at the least `[s]`.
 const LEAST_LENGTH_S: f64 = 1e-3;

@@ -14,8 +14,8 @@ use crate::api::error::{Answer, Problem};
 use crate::api::extract::Named;
 use crate::api::http_headers::hex;
 use crate::api::query::{NoQuery, Params};
-use crate::document::reader::{Faults, Field};
 use crate::job::Fault;
+use crate::parsing::reader::{Faults, Field};
 use crate::recording::Rows;
 use crate::store::NewDataset;
 

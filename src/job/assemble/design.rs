@@ -8,10 +8,10 @@ mod subject;
 
 pub use subject::PastResult;
 
-use crate::document::fault::Fault;
 use crate::job::design::Design;
 use crate::job::spec::design::{DesignSpec, Plan};
 use crate::model::Model;
+use crate::parsing::fault::Fault;
 use crate::uncertainty::design::Present;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;

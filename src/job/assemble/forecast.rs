@@ -1,9 +1,9 @@
 //! What a job's data could fix, said before the job runs.
 
 use super::{Assembly, Finding, Preflight};
-use crate::document::fault::pointer_to;
 use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::job::budget::BudgetLine;
+use crate::parsing::fault::pointer_to;
 use crate::simulation::Accuracy;
 use crate::uncertainty::identifiability::{self, CoordinateForecast, FlatDirection};
 use serde::{Deserialize, Serialize};

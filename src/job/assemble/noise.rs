@@ -3,10 +3,10 @@
 use super::Finding;
 use super::experiment::Cut;
 use super::signal_pointer;
-use crate::document::fault::{Fault, pointer_to};
 use crate::estimation::problem::MeasuredOutput;
 use crate::job::spec::{JobSpec, OutputSpec};
 use crate::numerics::statistics;
+use crate::parsing::fault::{Fault, pointer_to};
 
 /// Settles what the residuals of each output count in: its declared noise, else the spread of the
 /// measured signal.

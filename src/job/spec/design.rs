@@ -18,11 +18,11 @@ use super::{
     ExperimentRole, ExperimentSpec, InitialStateSpec, JobSpec, LimitsSpec, MAX_SEED, OutputSpec,
     ParameterSpec, parameter, read_model,
 };
-use crate::document::reader::{Faults, Field, Object, did_you_mean, listed};
 use crate::estimation::Settings;
 use crate::job::fault::Fault;
 use crate::job::id::{DatasetId, JobId};
 use crate::model::ModelDescription;
+use crate::parsing::reader::{Faults, Field, Object, did_you_mean, listed};
 use crate::uncertainty;
 
 /// Points of what is known at present that experiments are looked at, at the most.

@@ -1,7 +1,7 @@
 //! The `exclude` of an experiment: what of its recording is left out.
 
 use super::window::inside;
-use crate::document::reader::{Field, did_you_mean};
+use crate::parsing::reader::{Field, did_you_mean};
 use crate::recording::{Exclude, ExcludedClass, ExcludedSpan, Summary};
 
 /// The most spans of one experiment.

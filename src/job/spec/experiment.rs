@@ -6,10 +6,10 @@ use super::{
     ExperimentRole, ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec,
     MAX_EXPERIMENTS, ParameterSpec, StateRange, exclude, parameter, prior, window,
 };
-use crate::document::reader::{Field, Object, did_you_mean, listed};
 use crate::job::id::DatasetId;
 use crate::model::{ModelDescription, SignalDescription, Tolerance};
 use crate::numerics::dimension::Dimension;
+use crate::parsing::reader::{Field, Object, did_you_mean, listed};
 use crate::recording::{Instants, Summary};
 
 /// Values that the experiments of one job read at the most: recorded samples times signals.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{MAX_LABELS, MAX_NAME_CHARS};
-use crate::document::reader::Field;
+use crate::parsing::reader::Field;
 
 /// The labels; faults where there are too many, or one is too long.
 pub(super) fn read(field: &Field<'_>) -> BTreeMap<String, String> {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::DEFAULT_MAX_DURATION_S;
-use crate::document::reader::Field;
+use crate::parsing::reader::Field;
 
 /// When to stop at the latest.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]

@@ -5,9 +5,9 @@ use serde::de::IntoDeserializer;
 use serde::de::value::StrDeserializer;
 
 use super::{JobSpec, OutputSpec};
-use crate::document::reader::{Field, Object};
 use crate::estimation::Settings;
 use crate::model::ModelDescription;
+use crate::parsing::reader::{Field, Object};
 use crate::uncertainty;
 use crate::uncertainty::settings::Intervals;
 

@@ -4,8 +4,8 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::MAX_NAME_CHARS;
-use crate::document::reader::{Field, did_you_mean, listed};
 use crate::model::ModelDescription;
+use crate::parsing::reader::{Field, did_you_mean, listed};
 
 /// A model by its name, or the model document itself.
 #[derive(ToSchema)]

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::{FreeParameter, ParameterSpec, SearchRange};
-use crate::document::reader::{Field, did_you_mean};
 use crate::model::ModelDescription;
+use crate::parsing::reader::{Field, did_you_mean};
 
 /// The effects that the data decide about at the most.
 const MOST_EFFECTS: usize = 10;

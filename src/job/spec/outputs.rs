@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::ExperimentSpec;
 use super::experiment::Link;
-use crate::document::reader::{Field, did_you_mean, listed};
 use crate::job::id::DatasetId;
 use crate::model::{ModelDescription, Tolerance, ToleranceText};
+use crate::parsing::reader::{Field, did_you_mean, listed};
 use crate::recording::Summary;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;

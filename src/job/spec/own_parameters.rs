@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{ExperimentRole, ExperimentSpec, ModelSearch, ParameterSpec};
-use crate::document::reader::Object;
+use crate::parsing::reader::Object;
 
 /// Whether an experiment that is estimated from takes the job's value of a parameter, and not one
 /// of its own.

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::{FixedValue, FreeParameter, ParameterSpec, SearchRange, prior};
-use crate::document::reader::{Field, did_you_mean};
 use crate::model::{ModelDescription, ParameterDescription, Scale, Tolerance};
+use crate::parsing::reader::{Field, did_you_mean};
 
 /// One entry for each parameter of the model; what the section leaves out is the model's.
 pub(super) fn read_all(

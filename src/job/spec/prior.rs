@@ -1,8 +1,8 @@
 //! What is known of a free number before the recording is looked at.
 
-use crate::document::reader::Field;
 use crate::estimation::problem::Prior;
 use crate::model::Scale;
+use crate::parsing::reader::Field;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 

@@ -7,10 +7,10 @@ use serde_json::Value;
 use super::experiment::{Link, read_initial_state};
 use super::window;
 use super::{InitialStateSpec, WindowSpec, parameter, read_model};
-use crate::document::reader::{Faults, Field};
 use crate::job::fault::Fault;
 use crate::job::id::DatasetId;
 use crate::model::ModelDescription;
+use crate::parsing::reader::{Faults, Field};
 use crate::recording::Summary;
 
 /// A simulation that can run.

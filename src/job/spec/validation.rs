@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::MAX_VALIDATION_FRACTION;
-use crate::document::reader::Field;
+use crate::parsing::reader::Field;
 
 /// Which data are held back to check the result.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]

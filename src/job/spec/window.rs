@@ -1,7 +1,7 @@
 //! The `window` of an experiment: which part of its recording is used.
 
 use super::WindowSpec;
-use crate::document::reader::Field;
+use crate::parsing::reader::Field;
 use crate::recording::Summary;
 
 /// The part between two instants, given in seconds or as times of day.

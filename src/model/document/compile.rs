@@ -4,12 +4,12 @@
 //! faulted once is not faulted again through the names that use it.
 
 use super::definition::{Declared, Definition, Text};
-use crate::document::fault::Fault;
-use crate::document::reader::{Faults, did_you_mean};
 use crate::language::graph::{Full, Graph, Leaf, MAX_NODES, NodeId};
 use crate::language::operation::Operation;
 use crate::language::syntax::{Expression, Kind, Span};
 use crate::language::unit::Unit;
+use crate::parsing::fault::Fault;
+use crate::parsing::reader::{Faults, did_you_mean};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 mod operations;

@@ -1,10 +1,10 @@
 //! What a document's model says of itself in the catalogue.
 
 use super::definition::{Declared, Definition, Formula, Initial, Measured};
-use crate::document::reader::{Faults, did_you_mean};
 use crate::model::{
     InitialState, ModelDescription, ParameterDescription, SignalDescription, StateDescription,
 };
+use crate::parsing::reader::{Faults, did_you_mean};
 use std::borrow::Cow;
 
 /// The catalogue's entry; faults where an initial value names no output.

@@ -15,10 +15,10 @@ mod reference;
 pub use reference::{Referenced, referenced};
 
 use super::Model;
-use crate::document::fault::Fault;
-use crate::document::reader::{Faults, Field};
 use crate::language::graph::NodeId;
 use crate::language::unit::Unit;
+use crate::parsing::fault::Fault;
+use crate::parsing::reader::{Faults, Field};
 use crate::simulation::program::{EquationGraph, Program, Roots};
 use compile::{Compiler, Context};
 use definition::{Definition, Initial};

@@ -6,12 +6,12 @@ use super::definition::{
     Declared, Definition, Formula, Initial, Measured, NamedTable, Options, Parameter, Sampled,
     State, Text,
 };
-use crate::document::fault::Fault;
-use crate::document::reader::{Faults, Field, Object};
 use crate::language::operation::Table;
 use crate::language::syntax;
 use crate::language::unit::Unit;
 use crate::model::{Scale, Tolerance};
+use crate::parsing::fault::Fault;
+use crate::parsing::reader::{Faults, Field, Object};
 
 /// The names of one kind (states, quantities …) in a model at the most.
 const MAX_STATES: usize = 32;

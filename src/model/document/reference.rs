@@ -1,8 +1,8 @@
 //! Documents by reference: `name@digest` means one document for ever.
 
 use super::Read;
-use crate::document::fault::Fault;
 use crate::model::Model;
+use crate::parsing::fault::Fault;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::sync::Arc;

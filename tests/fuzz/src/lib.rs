@@ -5,8 +5,8 @@
 pub mod credit;
 #[path = "../../../src/demo/mod.rs"]
 pub mod demo;
-#[path = "../../../src/document/mod.rs"]
-pub mod document;
+#[path = "../../../src/parsing/mod.rs"]
+pub mod parsing;
 #[path = "../../../src/estimation/mod.rs"]
 pub mod estimation;
 #[path = "../../../src/genetic/mod.rs"]

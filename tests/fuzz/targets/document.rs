@@ -2,11 +2,11 @@
 
 #![no_main]
 
-use greybox_fuzz::{document, read_and_run};
+use greybox_fuzz::{parsing, read_and_run};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
-    if let Ok(document) = document::json::parse(bytes) {
+    if let Ok(document) = parsing::json::parse(bytes) {
         read_and_run(&document);
     }
 });

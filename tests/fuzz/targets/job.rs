@@ -4,7 +4,7 @@
 
 use greybox_fuzz::recording::Summary;
 use greybox_fuzz::demo::{self, Demo};
-use greybox_fuzz::document;
+use greybox_fuzz::parsing;
 use greybox_fuzz::job::DatasetId;
 use greybox_fuzz::job::spec::{Context, JobSpec};
 use greybox_fuzz::model::Catalogue;
@@ -22,7 +22,7 @@ static DATASETS: LazyLock<HashMap<DatasetId, Summary>> = LazyLock::new(|| {
 });
 
 fuzz_target!(|bytes: &[u8]| {
-    let Ok(document) = document::json::parse(bytes) else {
+    let Ok(document) = parsing::json::parse(bytes) else {
         return;
     };
     let _ = JobSpec::datasets_named(&document);

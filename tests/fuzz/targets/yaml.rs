@@ -2,11 +2,11 @@
 
 #![no_main]
 
-use greybox_fuzz::{document, read_and_run};
+use greybox_fuzz::{parsing, read_and_run};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|text: &str| {
-    if let Ok(document) = document::yaml::parse(text) {
+    if let Ok(document) = parsing::yaml::parse(text) {
         read_and_run(&document);
     }
 });

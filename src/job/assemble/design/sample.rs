@@ -2,10 +2,10 @@
 
 use super::report::{self, Candidate};
 use super::subject::{Subject, simulated};
-use crate::document::fault::Fault;
 use crate::estimation::problem::Experiment;
 use crate::job::design::Design;
 use crate::job::spec::design::{DesignSpec, InstantsPlan};
+use crate::parsing::fault::Fault;
 use crate::uncertainty::design::instants::{Candidates, Choice};
 use crate::uncertainty::design::{Excitation, Present};
 use std::sync::atomic::AtomicBool;

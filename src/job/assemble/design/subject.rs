@@ -3,7 +3,6 @@
 use super::super::forecast::BUDGET;
 use super::super::trajectory::at_estimate;
 use super::super::{assumption, experiment, parameters};
-use crate::document::fault::Fault;
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Problem, Target};
 use crate::estimation::sensitivity::{SensitivityError, Sides};
@@ -12,6 +11,7 @@ use crate::job::outcome::{Estimate, Outcome};
 use crate::job::spec::design::{DesignSpec, Plan};
 use crate::job::spec::{InitialStateSpec, JobSpec};
 use crate::model::{Model, ModelDescription, Scale};
+use crate::parsing::fault::Fault;
 use crate::recording::Recording;
 use crate::uncertainty::design::Past;
 use std::sync::Arc;

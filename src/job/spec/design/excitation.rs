@@ -1,6 +1,6 @@
 //! One proposed excitation: a kind with its numbers, or samples.
 
-use crate::document::reader::{Field, Object, listed};
+use crate::parsing::reader::{Field, Object, listed};
 use crate::uncertainty::design::excitation::{BITS, MOST_LEVELS, MOST_LINES};
 use crate::uncertainty::design::{Excitation, Grid, Limits};
 

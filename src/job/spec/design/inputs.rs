@@ -1,8 +1,8 @@
 //! How the inputs of a design may be driven: their limits, the time grid, and what is proposed.
 
 use super::excitation::{self, Proposal};
-use crate::document::reader::{Field, Object, did_you_mean, listed};
 use crate::model::ModelDescription;
+use crate::parsing::reader::{Field, Object, did_you_mean, listed};
 use crate::uncertainty::design::search::Family;
 use crate::uncertainty::design::{Excitation, Grid, Limits};
 

@@ -1,7 +1,7 @@
 //! The `instants` of a design: when a plant that nothing drives may be measured.
 
-use crate::document::reader::{Field, listed};
 use crate::model::ModelDescription;
+use crate::parsing::reader::{Field, listed};
 
 /// Instants to choose from at the most.
 const MAX_CANDIDATES: usize = 500;

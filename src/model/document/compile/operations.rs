@@ -2,12 +2,12 @@
 
 use super::super::expansion;
 use super::{Compiler, Place, Symbol, Value};
-use crate::document::reader::did_you_mean;
 use crate::language::function;
 use crate::language::graph::Leaf;
 use crate::language::operation::Operation;
 use crate::language::syntax::{Expression, Operator, Span};
 use crate::language::unit::Unit;
+use crate::parsing::reader::did_you_mean;
 
 impl Compiler<'_> {
     /// A sampled quantity in its own expression is its value at the sample before.

@@ -1,4 +1,4 @@
-//! Submitted documents of any kind: JSON or YAML text to a value, a value to types, and what is wrong.
+//! What is submitted, of any kind: JSON or YAML text to a value, a value to types, and what is wrong.
 //!
 //! Reading never stops at the first fault: all of them come back at once, each with its place.
 
