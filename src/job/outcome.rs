@@ -8,8 +8,10 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+mod monte_carlo;
 mod search;
 
+pub use monte_carlo::MonteCarlo;
 pub use search::{FloorReport, SearchEnd, SearchReport, StartReport};
 
 use super::budget::BudgetLine;
@@ -225,6 +227,10 @@ pub struct Estimate {
     /// what was taken as known within its tolerances.
     #[serde(default)]
     pub total_interval: Option<TotalInterval>,
+    /// The same by drawing, where `uncertainty.monte_carlo_samples` asks for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub monte_carlo: Option<MonteCarlo>,
     /// How far the total interval can be relied on.
     #[serde(default)]
     pub trust: Option<Trust>,
@@ -462,6 +468,7 @@ mod tests {
                     lower: Some(56.4),
                     upper: None,
                 }),
+                monte_carlo: None,
                 trust: Some(Trust::High),
                 prior_shift: None,
                 lower: 20.0,

@@ -33,6 +33,8 @@ pub enum Purpose {
     Bootstrap = 8,
     /// Points at which the design of an experiment is looked at.
     Design = 9,
+    /// What is taken as known, for the fits of a Monte Carlo analysis.
+    Assumptions = 10,
 }
 
 /// The stream of a seed, a generation and a purpose.

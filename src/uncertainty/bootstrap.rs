@@ -68,7 +68,7 @@ impl Bootstrap<'_> {
     }
 
     /// A recording that might have been.
-    fn resampled(&self, sample: u32) -> Problem {
+    pub(super) fn resampled(&self, sample: u32) -> Problem {
         let mut problem = self.problem.clone();
         let mut rng = rng::stream(self.seed, u64::from(sample), Purpose::Bootstrap);
         // A prior is one more measurement, and might have come out otherwise.
@@ -153,7 +153,7 @@ fn block_length(count: usize, report: &ResidualReport) -> usize {
 }
 
 /// The point below which a share of the sorted values lies.
-fn quantile(sorted: &[f64], share: f64) -> f64 {
+pub(super) fn quantile(sorted: &[f64], share: f64) -> f64 {
     let place = share * (sorted.len() - 1) as f64;
     let (below, part) = (place.floor() as usize, place.fract());
     let above = (below + 1).min(sorted.len() - 1);

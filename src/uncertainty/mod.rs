@@ -18,6 +18,7 @@ pub mod design;
 pub mod fit;
 pub mod identifiability;
 pub mod joint;
+pub mod monte_carlo;
 pub mod profile;
 pub mod refits;
 pub mod residuals;
@@ -46,6 +47,7 @@ use budget::{Around, Budget, Extended, Seen};
 use covariance::{Covariance, Linear, NoiseLevels};
 use fit::{Criteria, OutputFit};
 use identifiability::FlatDirection;
+use monte_carlo::Spread;
 use profile::Ends;
 use residuals::ResidualReport;
 use std::sync::atomic::AtomicBool;
@@ -67,6 +69,8 @@ pub struct CoordinateUncertainty {
     pub total_error: Option<f64>,
     /// The 95 % interval with all that is taken as known, SI.
     pub total_interval: Option<(Option<f64>, Option<f64>)>,
+    /// How the fits of a Monte Carlo analysis lie about the estimate, where one was asked for.
+    pub monte_carlo: Option<Spread>,
     /// How many standard deviations of its prior the estimate is off its middle.
     pub prior_shift: Option<f64>,
     /// How far its total interval can be relied on.
@@ -291,6 +295,7 @@ impl Estimate<'_> {
             let total = budget.totals[index].zip(deviations[index]);
             known.widen(&problem.coordinates[index], positions[index], total);
         }
+        self.draw_totals(&mut coordinates, request, (refits, stop))?;
         let unfixed = || "the data do not fix all of the unknowns".to_owned();
         Ok(Linearised {
             coordinates,
@@ -319,14 +324,7 @@ impl Estimate<'_> {
                 ("profile", ends)
             }
             Intervals::Bootstrap => {
-                let bootstrap = Bootstrap {
-                    problem: self.problem,
-                    positions,
-                    trajectories: self.trajectories,
-                    residuals: self.residuals,
-                    samples: request.settings.bootstrap_samples,
-                    seed: request.seed,
-                };
+                let bootstrap = self.bootstrap(request.settings.bootstrap_samples, request.seed);
                 let found = bootstrap.intervals(refits, stop);
                 match found.ok_or(SensitivityError::Interrupted)? {
                     Some(intervals) => (
@@ -346,6 +344,39 @@ impl Estimate<'_> {
             known.interval = Some((lower.map(value), upper.map(value)));
             known.ends = Some((lower, upper));
             known.method = method;
+        }
+        Ok(())
+    }
+}
+
+impl<'a> Estimate<'a> {
+    fn bootstrap(&self, samples: u32, seed: u64) -> Bootstrap<'a> {
+        Bootstrap {
+            problem: self.problem,
+            positions: &self.report.positions,
+            trajectories: self.trajectories,
+            residuals: self.residuals,
+            samples,
+            seed,
+        }
+    }
+
+    /// Puts what a Monte Carlo analysis says beside the totals, where one was asked for.
+    fn draw_totals(
+        &self,
+        coordinates: &mut [CoordinateUncertainty],
+        request: &Request,
+        (refits, stop): (&Refits, &AtomicBool),
+    ) -> Result<(), SensitivityError> {
+        let samples = request.settings.monte_carlo_samples;
+        if samples == 0 {
+            return Ok(());
+        }
+        let bootstrap = self.bootstrap(samples, request.seed);
+        let found = monte_carlo::spreads(&bootstrap, refits, stop);
+        let spreads = found.ok_or(SensitivityError::Interrupted)?;
+        for (known, spread) in coordinates.iter_mut().zip(spreads.into_iter().flatten()) {
+            known.monte_carlo = Some(spread);
         }
         Ok(())
     }
@@ -407,6 +438,7 @@ fn coordinates(
                 ends,
                 total_error: None,
                 total_interval: None,
+                monte_carlo: None,
                 prior_shift: prior.map(|prior| prior.residual(coordinate.value(position))),
                 trust: Trust::default(),
                 method: covariance.map_or("fisher", |covariance| covariance.method()),

@@ -55,6 +55,9 @@ pub struct Settings {
     pub intervals: Intervals,
     /// Refits of a bootstrap, 40 to 10 000.
     pub bootstrap_samples: u32,
+    /// Fits in which the noise and all that is taken as known are drawn anew, 100 to 100 000, to check
+    /// the total uncertainty by (JCGM 101); 0: none.
+    pub monte_carlo_samples: u32,
     /// What to do where the data do not see a change of an unknown, or of a combination of unknowns.
     pub flat_directions: FlatDirections,
 }
@@ -64,6 +67,7 @@ impl Default for Settings {
         Settings {
             intervals: Intervals::default(),
             bootstrap_samples: 200,
+            monte_carlo_samples: 0,
             flat_directions: FlatDirections::default(),
         }
     }

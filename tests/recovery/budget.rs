@@ -253,6 +253,29 @@ const UNKNOWNS: [(&str, f64); 4] = [
     ("bulk_modulus", 1.6009e9),
 ];
 
+/// What the fits to drawn noise and drawn assumptions come to is the linear total: a model that is
+/// linear has no other.
+#[test]
+fn drawing_comes_to_the_total_where_the_model_is_linear() {
+    let (recording, ..) = lag(2);
+    let lever = json!({"value": 1, "tolerance": "5 %"});
+    let mut job = job(&json!({"gain": gain(json!({})), "lever": lever}));
+    job["uncertainty"] = json!({"monte_carlo_samples": 2000});
+    let known = run(job, recording).parameters[0].estimate.clone();
+    let drawn = known.monte_carlo.expect("it was asked for");
+    let total = known.total_standard_error.expect("a total");
+    assert_eq!(drawn.samples, 2000);
+    // Known themselves to 1.6 % and, the ends, to 6 % of a standard deviation.
+    let ratio = drawn.standard_error / total;
+    assert!((ratio - 1.0).abs() < 0.06, "{ratio}");
+    let interval = known.total_interval.expect("an interval");
+    let ends = [(drawn.lower, interval.lower), (drawn.upper, interval.upper)];
+    for (drawn, linear) in ends {
+        let off = (drawn - linear.expect("closed")) / total;
+        assert!(off.abs() < 0.25, "{off} standard errors");
+    }
+}
+
 /// The nominal servo's job on a rig that differs from it, refined from near the truth.
 fn servo(differs: &[(&str, f64)], more: &Value, seed: u64) -> Outcome {
     let reference = demo::excitation::textbook(seed, SERVO_SAMPLES);

@@ -4,7 +4,7 @@ use crate::estimation::problem::{Coordinate, Experiment, Problem, Target};
 use crate::estimation::report::{self, Refinement, Report};
 use crate::job::outcome::{
     ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, FloorReport,
-    InitialStateEstimate, InputCorrelation, ModelSearchReport, Outcome, OutputFit,
+    InitialStateEstimate, InputCorrelation, ModelSearchReport, MonteCarlo, Outcome, OutputFit,
     ParameterEstimate, Reason, ResidualReport, SearchEnd, SearchReport, StartReport, TotalInterval,
     TriedModel, Trust, ValidationStart, Verdict,
 };
@@ -205,6 +205,7 @@ fn estimate(
             lower: lower.and_then(finite),
             upper: upper.and_then(finite),
         }),
+        monte_carlo: known.monte_carlo.map(MonteCarlo::of),
         trust: Some(trust_of(known.trust)),
         prior_shift: known.prior_shift.and_then(finite),
         lower: coordinate.lower,

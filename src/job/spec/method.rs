@@ -125,6 +125,16 @@ pub(super) fn read_uncertainty(field: &Field<'_>) -> uncertainty::Settings {
         40..=10_000,
         &mut settings.bootstrap_samples,
     );
+    if let Some(field) = section.0.optional("monte_carlo_samples") {
+        let value = field.integer(0, 100_000);
+        match value.and_then(|value| u32::try_from(value).ok()) {
+            Some(few @ 1..100) => field.fault(
+                "out_of_range",
+                format!("{few} fits say nothing of an interval: 0 for none, or 100 at the least"),
+            ),
+            value => settings.monte_carlo_samples = value.unwrap_or_default(),
+        }
+    }
     section.word("flat_directions", &mut settings.flat_directions);
     object.finish();
     settings
@@ -191,6 +201,29 @@ fn variant<T: DeserializeOwned>(field: &Field<'_>) -> Option<T> {
         Err(error) => {
             field.fault("unknown_choice", error.to_string());
             None
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parsing::reader::Faults;
+    use serde_json::json;
+
+    #[test]
+    fn too_few_fits_for_an_interval_are_refused_where_they_are_asked_for() {
+        for (asked, is_refused) in [(0, false), (3, true), (100, false), (100_001, true)] {
+            let document = json!({"monte_carlo_samples": asked});
+            let faults = Faults::default();
+            read_uncertainty(&Field::root(&document, &faults));
+            let faults = faults.into_vec();
+            assert_eq!(!faults.is_empty(), is_refused, "{asked}: {faults:?}");
+            assert!(
+                faults
+                    .iter()
+                    .all(|own| own.pointer == "/monte_carlo_samples")
+            );
         }
     }
 }
