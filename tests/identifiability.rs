@@ -195,3 +195,158 @@ fn a_box_that_is_mostly_unstable_is_looked_at_to_the_end_and_its_failures_are_to
     let raised = AtomicBool::new(true);
     assert!(assemble::flat_directions(&assembly.problem, &raised).is_none());
 }
+
+/// A model in which some unknowns can be scaled together without an output that shows it.
+struct Symmetric {
+    name: &'static str,
+    /// The unknowns that the symmetry moves.
+    together: &'static [&'static str],
+    /// Those that it does not.
+    apart: &'static [&'static str],
+    /// Names, derivatives and initial values.
+    states: &'static [[&'static str; 3]],
+    output: &'static str,
+}
+
+const SYMMETRIC: [Symmetric; 10] = [
+    Symmetric {
+        name: "heated_body",
+        together: &["mass", "heat_capacity"],
+        apart: &["loss"],
+        states: &[["T", "(10*u - loss*T)/(mass*heat_capacity)", "0"]],
+        output: "T",
+    },
+    Symmetric {
+        name: "lever_and_gain",
+        together: &["gain", "lever"],
+        apart: &["lag"],
+        states: &[["x", "(gain*lever*u - x)/lag", "0"]],
+        output: "x",
+    },
+    Symmetric {
+        name: "oscillator_without_a_known_force",
+        together: &["force", "mass", "damping", "stiffness"],
+        apart: &[],
+        states: &[
+            ["x", "v", "0"],
+            ["v", "(force*u - damping*v - stiffness*x)/mass", "0"],
+        ],
+        output: "x",
+    },
+    Symmetric {
+        name: "decay_of_unknown_size_and_sensitivity",
+        together: &["size", "sensitivity"],
+        apart: &["rate"],
+        states: &[["x", "-rate*x", "size"]],
+        output: "sensitivity*x",
+    },
+    Symmetric {
+        name: "enzyme_in_unknown_units",
+        together: &["vmax", "km", "size", "sensitivity"],
+        apart: &[],
+        states: &[["s", "-vmax*s/(km + s)", "size"]],
+        output: "sensitivity*s",
+    },
+    Symmetric {
+        name: "predators_that_nobody_counts",
+        together: &["appetite", "predators"],
+        apart: &["birth", "yield_rate"],
+        states: &[
+            ["prey", "birth*prey - appetite*prey*hunters", "1"],
+            ["hunters", "yield_rate*prey*hunters - hunters", "predators"],
+        ],
+        output: "prey",
+    },
+    Symmetric {
+        name: "tank_by_its_level",
+        together: &["pump", "outlet", "area"],
+        apart: &[],
+        states: &[["h", "(pump*(u + 2) - outlet*h)/area", "1"]],
+        output: "h",
+    },
+    Symmetric {
+        name: "resistor_and_capacitor",
+        together: &["resistance", "capacity"],
+        apart: &["divider"],
+        states: &[["v", "(divider*u - v)/(resistance*capacity)", "0"]],
+        output: "v",
+    },
+    Symmetric {
+        name: "motor_by_its_speed",
+        together: &["torque_constant", "friction", "inertia"],
+        apart: &[],
+        states: &[["w", "(torque_constant*u - friction*w)/inertia", "0"]],
+        output: "w",
+    },
+    Symmetric {
+        name: "a_square_in_it",
+        together: &["radius", "speed"],
+        apart: &["size"],
+        states: &[["x", "-radius^2*speed*x + 0.1*u", "size"]],
+        output: "x",
+    },
+];
+
+impl Symmetric {
+    /// The flat directions that are forecast where every unknown has a range of 0.4 to 2.5, on the two
+    /// scales by turns.
+    fn flat(&self, scales: [&str; 2]) -> Vec<String> {
+        let names = self.together.iter().chain(self.apart);
+        let free = |(place, name): (usize, &&str)| {
+            let free = json!({
+                "default": 1, "lower": 0.4, "upper": 2.5, "scale": scales[place % 2], "unknown": true,
+            });
+            ((*name).to_owned(), free)
+        };
+        let state = |[name, derivative, initial]: &[&str; 3]| {
+            let state = json!({"derivative": derivative, "initial": initial});
+            ((*name).to_owned(), state)
+        };
+        let states: serde_json::Map<String, Value> = self.states.iter().map(state).collect();
+        let parameters: serde_json::Map<String, Value> = names.enumerate().map(free).collect();
+        let job = json!({
+            "model": {
+                "name": self.name, "inputs": {"u": {}}, "parameters": parameters, "states": states,
+                "outputs": {"y": {"expression": self.output}},
+            },
+            "experiments": [{}], "outputs": {"y": {"noise_std": 0.01}},
+            "validation": {"fraction": 0}, "seed": 1,
+        });
+        let sine = |rate: f64| (0..300).map(|k| (rate * f64::from(k)).sin()).collect();
+        let time = TimeAxis::Uniform {
+            sample_time: 0.05,
+            samples: 300,
+        };
+        let signals = vec![
+            Signal::new("u", "1", sine(0.05)),
+            Signal::new("y", "1", sine(0.07)),
+        ];
+        let identification = Identification::of_job(job, Recording::new(time, signals));
+        let (assembly, spec) = identification
+            .assembly()
+            .unwrap_or_else(|error| panic!("{}: {error}", self.name));
+        let never = AtomicBool::new(false);
+        let mut preflight = assemble::preflight(&assembly, &spec.method, &never);
+        assemble::forecast(&assembly, &mut preflight, &never).flat_directions
+    }
+}
+
+#[test]
+fn every_exact_scale_symmetry_is_named_whatever_the_scales_of_its_unknowns() {
+    const SCALES: [(&str, [&str; 2]); 3] = [
+        ("log", ["log", "log"]),
+        ("linear", ["linear", "linear"]),
+        ("mixed", ["linear", "log"]),
+    ];
+    let mut unseen = Vec::new();
+    for symmetric in &SYMMETRIC {
+        for (name, scales) in SCALES {
+            let flat = symmetric.flat(scales);
+            let names = |words: &String| symmetric.together.iter().all(|own| words.contains(own));
+            if !flat.iter().any(names) {
+                unseen.push(format!("{} ({name}): {flat:?}", symmetric.name));
+            }
+        }
+    }
+    assert!(unseen.is_empty(), "{}", unseen.join("\n"));
+}

@@ -7,8 +7,8 @@
 mod bodies;
 
 use bodies::{Body, bodies};
-use greybox::parsing::{Fault, json, yaml};
 use greybox::model::document;
+use greybox::parsing::{Fault, json, yaml};
 use std::time::Instant;
 
 /// Runs of which the shortest counts.

@@ -5,17 +5,20 @@
 //! `(JᵀJ)⁻¹` (the Cramér–Rao bound; L. Ljung, *System Identification*, 1999, ch. 7): so much is
 //! predicted of each unknown. A direction v along which `1/|J·v|` exceeds half the box at every
 //! point is *flat*: the unknowns may move along it together and the outputs stay as they are.
-//! A direction is straight in the box: a product of powers on log scales, a sum on linear ones.
+//! A direction is straight in the box, or one of powers: unknowns that are only seen as a product
+//! move along a hyperbola where their scales are linear ([`direction`]).
 //! Where large effects of single unknowns cancel, J·v is all rounding: so the directions that J
 //! proposes are tried at each point by going along them.
+
+mod direction;
 
 use super::budget::{Budget, Extended};
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{self, SensitivityError, Sides};
-use crate::model::Scale;
 use crate::numerics::least_squares::Rows;
 use crate::numerics::singular_values::{SingularValues, singular_values};
 use crate::simulation::{Accuracy, Failure};
+use direction::Direction;
 use nalgebra::DMatrix;
 use std::sync::atomic::AtomicBool;
 
@@ -28,11 +31,11 @@ const ASSUMED_NOISE: f64 = 0.01;
 /// A direction with a larger standard deviation than this share of the box is flat.
 const FLAT: f64 = 0.5;
 
+/// Derivatives by differences have an error of this share of the largest.
+const ROUNDING: f64 = 1e-5;
+
 /// How far a proposed direction is gone to both sides, as a share of the search range.
 const TRIED: f64 = 1e-2;
-
-/// Unknowns with a smaller part in a direction than this share of the largest are left out of it.
-const SMALLEST_PART: f64 = 0.05;
 
 /// What is forecast of one coordinate.
 #[derive(Clone, Debug)]
@@ -48,8 +51,8 @@ pub struct CoordinateForecast {
 /// A direction that the data do not see.
 #[derive(Clone, Debug)]
 pub struct FlatDirection {
-    /// The coordinates that take part, by their places, with their exponents (on a log scale) or
-    /// their shares of the range (on a linear one); the largest is 1.
+    /// The coordinates that take part, by their places, with their exponents or (on a linear scale,
+    /// where the direction is straight) their shares of the range; the largest is 1.
     pub parts: Vec<(usize, f64)>,
     /// In words, e.g. what a ratio keeps fixed.
     pub words: String,
@@ -103,7 +106,8 @@ pub fn forecast(problem: &Problem, accuracy: Accuracy, stop: &AtomicBool) -> Opt
         }
     }
     let points: Vec<Vec<f64>> = seen.iter().map(|(point, _)| position(*point, n)).collect();
-    let flat = match flat_directions(&view, &points, proposed(&seen)) {
+    let proposed = proposed(problem, &seen);
+    let flat = match flat_directions(&view, &points, proposed) {
         Ok(directions) => directions,
         Err(SensitivityError::Interrupted) => return None,
         Err(SensitivityError::Failed(_)) => Vec::new(),
@@ -133,7 +137,7 @@ pub fn forecast(problem: &Problem, accuracy: Accuracy, stop: &AtomicBool) -> Opt
         coordinates,
         flat: flat
             .iter()
-            .map(|direction| named(problem, direction))
+            .map(|direction| direction.named(problem))
             .collect(),
     })
 }
@@ -158,10 +162,13 @@ pub fn flat_at(
         stop,
     };
     let proposed = singular_values(factor).map_or_else(Vec::new, |found| flat_in(&found));
-    let directions = flat_directions(&view, &points, proposed)?;
+    let proposed = proposed
+        .iter()
+        .map(|own| vec![Direction::likely(problem, positions, own)]);
+    let directions = flat_directions(&view, &points, proposed.collect())?;
     Ok(directions
         .iter()
-        .map(|direction| named(problem, direction))
+        .map(|direction| direction.named(problem))
         .collect())
 }
 
@@ -252,38 +259,49 @@ fn deviations(information: &SingularValues) -> Vec<f64> {
         .collect()
 }
 
-/// The directions that are flat at the point that has most of them.
-fn proposed(seen: &[(usize, SingularValues)]) -> Vec<Vec<f64>> {
-    let mut most = Vec::new();
-    for (_, information) in seen {
-        let flat = flat_in(information);
-        if flat.len() > most.len() {
-            most = flat;
-        }
-    }
-    most
+/// The directions that are flat at the point that has fewest of them, each in all its forms: an
+/// equilibrium, such as the middle of the box may be, has some that are none elsewhere. Points that
+/// have none at all may only lack the digits to see one.
+fn proposed(problem: &Problem, seen: &[(usize, SingularValues)]) -> Vec<Vec<Direction>> {
+    let flat = seen.iter().map(|(point, seen)| (*point, flat_in(seen)));
+    let some = flat.filter(|(_, flat)| !flat.is_empty());
+    let Some((point, flat)) = some.min_by_key(|(_, flat)| flat.len()) else {
+        return Vec::new();
+    };
+    let at = position(point, problem.coordinates.len());
+    flat.iter()
+        .map(|vector| Direction::forms(problem, &at, vector))
+        .collect()
 }
 
-/// The directions that are flat by the singular values of the derivatives.
+/// The directions that are flat by the singular values of the derivatives, or would be if those had
+/// more digits.
 fn flat_in(information: &SingularValues) -> Vec<Vec<f64>> {
+    let largest = information.sizes.iter().copied().fold(0.0, f64::max);
     let pairs = information.sizes.iter().zip(&information.directions);
     pairs
-        .filter(|(size, _)| **size * FLAT < 1.0)
+        .filter(|(size, _)| **size * FLAT < 1.0 || **size < ROUNDING * largest)
         .map(|(_, direction)| direction.clone())
         .collect()
 }
 
-/// Those of the proposed directions along which the outputs stay as they are at every point.
+/// The proposed directions along which the outputs stay as they are at every point: of each the
+/// first form that does.
 fn flat_directions(
     view: &View<'_>,
     points: &[Vec<f64>],
-    mut directions: Vec<Vec<f64>>,
-) -> Result<Vec<Vec<f64>>, SensitivityError> {
+    mut proposed: Vec<Vec<Direction>>,
+) -> Result<Vec<Direction>, SensitivityError> {
     for positions in points {
-        if directions.is_empty() {
+        let vectors: Vec<Vec<f64>> = proposed
+            .iter()
+            .flatten()
+            .map(|direction| direction.at(view.problem, positions))
+            .collect();
+        if vectors.is_empty() {
             break;
         }
-        let mut squares = vec![0.0; directions.len()];
+        let mut squares = vec![0.0; vectors.len()];
         let gather = |row: sensitivity::Row<'_>| {
             for (square, derivative) in squares.iter_mut().zip(row.derivatives) {
                 *square += (derivative * view.weights[row.output]).powi(2);
@@ -291,80 +309,22 @@ fn flat_directions(
         };
         let along = sensitivity::Directions {
             from: positions,
-            vectors: &directions,
+            vectors: &vectors,
             shift: TRIED,
             sides: Sides::Both,
         };
         sensitivity::visit_directions(view.problem, along, view.accuracy, view.stop, gather)?;
         for (index, _, slope) in view.problem.prior_rows(positions) {
-            for (square, direction) in squares.iter_mut().zip(&directions) {
-                *square += (direction[index] * slope).powi(2);
+            for (square, vector) in squares.iter_mut().zip(&vectors) {
+                *square += (vector[index] * slope).powi(2);
             }
         }
         let mut sizes = squares.iter().map(|square| square.sqrt());
-        directions.retain(|_| sizes.next().is_some_and(|size| size * FLAT < 1.0));
-    }
-    Ok(directions)
-}
-
-/// A direction in the parameters' own terms: what moves, and what stays fixed meanwhile.
-fn named(problem: &Problem, direction: &[f64]) -> FlatDirection {
-    let step = |index: usize| {
-        let coordinate = &problem.coordinates[index];
-        match coordinate.scale {
-            Scale::Log => direction[index] * libm::log(coordinate.upper / coordinate.lower),
-            Scale::Linear => direction[index],
+        let mut is_flat = |_: &Direction| sizes.next().is_some_and(|size| size * FLAT < 1.0);
+        for forms in &mut proposed {
+            forms.retain(&mut is_flat);
         }
-    };
-    let steps: Vec<f64> = (0..direction.len()).map(step).collect();
-    let largest = steps
-        .iter()
-        .copied()
-        .max_by(|a, b| a.abs().total_cmp(&b.abs()))
-        .unwrap_or(1.0);
-    let parts: Vec<(usize, f64)> = steps
-        .iter()
-        .map(|step| step / largest)
-        .enumerate()
-        .filter(|(_, part)| part.abs() >= SMALLEST_PART)
-        .collect();
-    let words = words(problem, &parts);
-    FlatDirection { parts, words }
-}
-
-fn words(problem: &Problem, parts: &[(usize, f64)]) -> String {
-    let name = |index: usize| format!("`{}`", problem.coordinates[index].name);
-    let on_log_scale = |index: usize| matches!(problem.coordinates[index].scale, Scale::Log);
-    if let &[(only, _)] = parts {
-        return format!("the data hardly depend on {}: give its value", name(only));
     }
-    let all_log = parts.iter().all(|(index, _)| on_log_scale(*index));
-    if let (true, &[(first, a), (second, b)]) = (all_log, parts) {
-        let kept = match b / a {
-            ratio if (ratio - 1.0).abs() < 0.1 => format!("{}/{}", name(first), name(second)),
-            ratio if (ratio + 1.0).abs() < 0.1 => format!("{}*{}", name(first), name(second)),
-            ratio => format!("{}^{:.2}/{}", name(first), ratio, name(second)),
-        };
-        return format!("the data fix {kept}, not both: give one of them");
-    }
-    let moves: Vec<String> = parts
-        .iter()
-        .map(|&(index, part)| {
-            if on_log_scale(index) {
-                format!("{}^{part:.2}", name(index))
-            } else {
-                format!("{part:+.2} of the range of {}", name(index))
-            }
-        })
-        .collect();
-    format!(
-        "{} can change together ({}) and the outputs stay as they are: give one of them, or \
-         measure one more output",
-        parts
-            .iter()
-            .map(|(index, _)| name(*index))
-            .collect::<Vec<_>>()
-            .join(", "),
-        moves.join(", ")
-    )
+    let first = |forms: Vec<Direction>| forms.into_iter().next();
+    Ok(proposed.into_iter().filter_map(first).collect())
 }

@@ -2,9 +2,9 @@
 //! they ask for is built. How long it takes is measured by `cargo bench --bench hostile`.
 
 use crate::bodies::{Body, LIMIT, bodies};
+use greybox::model::document;
 use greybox::parsing::reader::MAX_FAULTS;
 use greybox::parsing::{Fault, json, yaml};
-use greybox::model::document;
 
 /// What a body is told, nothing where it is sound.
 fn told(body: &Body) -> Vec<String> {
