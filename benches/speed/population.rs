@@ -166,10 +166,11 @@ const EFFECTS: [(&str, f64); 7] = [
     ("supply_droop", 1e8),
 ];
 
-/// A derivative of the servo in Rust, and of the servo that a user has written, on one core.
+/// The servo in Rust, and the servo that a user has written, on one core at full accuracy: the time,
+/// the derivatives that their steps take, and how far both are from finer steps.
 pub fn documents() -> Value {
     let compared = |effects: &[(&str, f64)]| {
-        let nanoseconds = [Bench::new(), Bench::written()].map(|bench| {
+        let [rust, document] = [Bench::new(), Bench::written()].map(|bench| {
             let place = |name: &str| bench.model.description().parameter_index(name);
             let place = |name: &str| place(name).expect("a parameter of the servo");
             let mut candidates = bench.candidates(CANDIDATES);
@@ -178,18 +179,34 @@ pub fn documents() -> Value {
                     .iter()
                     .for_each(|(name, value)| candidate[place(name)] = *value);
             }
-            let work = Work {
+            let work = |accuracy| Work {
                 candidates: &candidates,
                 samples: bench.reference[0].len(),
-                accuracy: Accuracy::Full,
+                accuracy,
             };
-            let (seconds, derivatives) = bench.timed(&work, 1);
-            1e9 * seconds / derivatives as f64
+            let (seconds, derivatives) = bench.timed(&work(Accuracy::Full), 1);
+            let [own, reference] = [Accuracy::Full, Accuracy::Reference];
+            let [own, reference] = [own, reference].map(|at| bench.positions(&work(at)));
+            [
+                1e3 * seconds,
+                1e9 * seconds / derivatives as f64,
+                derivatives as f64 / (bench.reference[0].len() * CANDIDATES) as f64,
+                1e6 * root_mean_square(&own, &reference),
+            ]
         });
+        let figures = |[milliseconds, nanoseconds, derivatives, error]: [f64; 4]| {
+            json!({
+                "milliseconds": milliseconds,
+                "nanoseconds_per_derivative": nanoseconds,
+                "derivatives_per_sample": derivatives,
+                "position_error_rms_micrometres": error,
+            })
+        };
         json!({
-            "rust_nanoseconds_per_derivative": nanoseconds[0],
-            "document_nanoseconds_per_derivative": nanoseconds[1],
-            "ratio": nanoseconds[1] / nanoseconds[0],
+            "rust": figures(rust),
+            "document": figures(document),
+            "times_as_long": document[0] / rust[0],
+            "times_as_long_per_derivative": document[1] / rust[1],
         })
     };
     json!({"every_effect": compared(&EFFECTS), "effects_of_recording_a": compared(&[])})

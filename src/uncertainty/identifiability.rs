@@ -6,7 +6,7 @@
 //! predicted of each unknown. A direction v along which `1/|J·v|` exceeds half the box at every
 //! point is *flat*: the unknowns may move along it together and the outputs stay as they are.
 //! A direction is straight in the box, or one of powers: unknowns that are only seen as a product
-//! move along a hyperbola where their scales are linear ([`direction`]).
+//! move along a hyperbola where their scales are linear.
 //! Where large effects of single unknowns cancel, J·v is all rounding: so the directions that J
 //! proposes are tried at each point by going along them.
 
