@@ -41,6 +41,8 @@ impl SpecKey {
             parameters,
             outputs,
             clock_tolerance,
+            constraints,
+            priors,
             validation,
             // How the parameters are looked for, what is said of them, and how the job is called.
             method: _,
@@ -52,7 +54,7 @@ impl SpecKey {
             labels: _,
         } = spec;
         let data = (experiments, outputs, clock_tolerance, validation);
-        Self::digest(&(model, parameters, data))
+        Self::digest(&(model, (parameters, constraints, priors), data))
     }
 
     fn digest(what: &impl Serialize) -> Self {

@@ -8,6 +8,7 @@
 //! The twins of models in which two parameters can change their places (absorption and
 //! elimination, two time constants in a row) are looked for where they would be ([`exchanged`]).
 
+use super::feasible;
 use super::problem::{Experiment, Problem, Target};
 use super::refine::{self, Descent, DescentEnd, Linearisation};
 use crate::numerics::statistics;
@@ -197,7 +198,7 @@ pub struct Exchange {
     pub positions: Vec<f64>,
 }
 
-/// The exchanges of two parameters of one unit that the search ranges allow.
+/// The exchanges of two parameters of one unit that the search ranges and the constraints allow.
 #[must_use]
 pub fn exchanged(problem: &Problem, positions: &[f64]) -> Vec<Exchange> {
     let coordinates = &problem.coordinates;
@@ -217,10 +218,12 @@ pub fn exchanged(problem: &Problem, positions: &[f64]) -> Vec<Exchange> {
             if let Some((at_b, at_a)) = both.filter(|_| alike && is_shared(a) && is_shared(b)) {
                 let mut candidate = positions.to_vec();
                 (candidate[a], candidate[b]) = (at_a, at_b);
-                found.push(Exchange {
-                    pair: [a, b],
-                    positions: candidate,
-                });
+                if feasible::holds(problem, &candidate) {
+                    found.push(Exchange {
+                        pair: [a, b],
+                        positions: candidate,
+                    });
+                }
             }
         }
     }

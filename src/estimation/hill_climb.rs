@@ -33,7 +33,7 @@ impl HillClimb {
             Err(SensitivityError::Interrupted) => return None,
             Err(SensitivityError::Failed(_)) => return Some(HillClimb::default()),
         };
-        let steps = refine::trial_steps(&linearisation, positions, HillClimb::DAMPINGS);
+        let steps = refine::trial_steps(problem, &linearisation, positions, HillClimb::DAMPINGS);
         Some(HillClimb {
             to: steps.into_iter().map(|(_, moved)| moved).collect(),
             at_floor: HillClimb::is_at_floor(problem, &linearisation, positions),
@@ -46,7 +46,7 @@ impl HillClimb {
     fn is_at_floor(problem: &Problem, linearisation: &Linearisation, positions: &[f64]) -> bool {
         let is_noise = problem.declares_noise()
             && statistics::is_unit_mean_square(linearisation.cost, linearisation.triangle.rows());
-        let outlook = || linearisation.outlook(positions);
+        let outlook = || linearisation.outlook(problem, positions);
         is_noise && outlook().is_some_and(|outlook| outlook.gain < HillClimb::FLOOR_GAIN)
     }
 }

@@ -18,12 +18,14 @@
 //! clock, no I/O; a candidate that fails is a value.
 
 pub mod evaluation_cache;
+pub mod feasible;
 pub mod floor;
 pub mod hill_climb;
 pub mod leaders;
 pub mod loss;
 pub mod objective;
 pub mod observer;
+pub mod prior;
 pub mod problem;
 mod progress;
 pub mod refine;
@@ -126,8 +128,10 @@ impl Estimation {
         let n = problem.coordinates.len();
         if settings.name == MethodName::MultistartLm {
             let mut rng = rng::stream(seed, 0, rng::Purpose::Population);
+            let inside = feasible::inside_of_constraints(problem);
             for start in 0..settings.refine_candidates * settings.restarts {
                 let positions = (0..n).map(|_| rng::unit(&mut rng)).collect();
+                let positions = feasible::mirrored(problem, inside.as_deref(), positions);
                 run.descend(Some(start), positions);
             }
             run.refine(StopReason::GenerationLimit);
@@ -265,7 +269,7 @@ impl Estimation {
     fn positions(&self, problem: &Problem, chromosome: &crate::genetic::Chromosome) -> Vec<f64> {
         let found = self
             .search
-            .positions(chromosome)
+            .positions(problem, chromosome)
             .into_iter()
             .zip(&problem.coordinates);
         let unjudged = |coordinate: &problem::Coordinate| {
@@ -309,7 +313,7 @@ impl Estimation {
     pub fn report(&self, problem: &Problem, stopped: Option<StopReason>) -> Option<Report> {
         let positions = match self.best_descent() {
             Some(descent) => descent.positions.clone(),
-            None => self.search.positions(&self.search.champion()?.chromosome),
+            None => self.search.positions(problem, &self.search.champion()?.chromosome),
         };
         Some(Report::new(problem, self, positions, stopped))
     }

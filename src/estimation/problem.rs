@@ -6,6 +6,8 @@
 //! one for each coordinate, from 0 (lower bound) to 1 (upper bound) along the coordinate's scale.
 
 use super::loss::Loss;
+use super::prior::{JointPrior, Prior, PriorRow};
+use crate::model::document::Condition;
 use crate::model::{Model, Scale};
 use crate::simulation::batch::Run;
 use crate::simulation::{Accuracy, Candidate, Excitation, Plant};
@@ -154,38 +156,6 @@ pub struct Coordinate {
     pub prior: Option<Prior>,
 }
 
-/// A normal distribution of a value, or of its logarithm.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Prior {
-    /// Its mean.
-    pub middle: f64,
-    /// Its standard deviation.
-    pub deviation: f64,
-    /// Whether it is that of the value or of the logarithm.
-    pub scale: Scale,
-}
-
-impl Prior {
-    /// How many standard deviations a value is off: one more residual of unit noise.
-    #[must_use]
-    pub fn residual(self, value: f64) -> f64 {
-        let value = match self.scale {
-            Scale::Linear => value,
-            Scale::Log => libm::log(value),
-        };
-        (value - self.middle) / self.deviation
-    }
-
-    /// The derivative of that by the value.
-    #[must_use]
-    pub fn slope(self, value: f64) -> f64 {
-        match self.scale {
-            Scale::Linear => 1.0 / self.deviation,
-            Scale::Log => 1.0 / (self.deviation * value),
-        }
-    }
-}
-
 /// What an assumption stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Assumed {
@@ -266,6 +236,10 @@ pub struct Problem {
     pub loss: Loss,
     /// What is taken as known, but not exactly.
     pub assumptions: Arc<Vec<Assumption>>,
+    /// What is known of several parameters together beside the data.
+    pub joint_priors: Arc<Vec<JointPrior>>,
+    /// Conditions that the parameters keep.
+    pub constraints: Arc<Vec<Condition>>,
 }
 
 /// A candidate spelled out for one experiment.
@@ -286,25 +260,61 @@ impl Problem {
         self.outputs.iter().all(declares)
     }
 
-    /// The residuals of the priors at a candidate's positions, each with its coordinate and the
-    /// derivative by its position.
-    pub fn prior_rows(&self, positions: &[f64]) -> impl Iterator<Item = (usize, f64, f64)> {
+    /// The residuals of the priors at a candidate's positions.
+    pub fn prior_rows(&self, positions: &[f64]) -> Vec<PriorRow> {
         let pairs = self.coordinates.iter().zip(positions).enumerate();
-        pairs.filter_map(|(index, (coordinate, position))| {
+        let own = pairs.filter_map(|(index, (coordinate, position))| {
             let prior = coordinate.prior?;
             let value = coordinate.value(*position);
             let slope = prior.slope(value) * coordinate.slope(*position);
-            Some((index, prior.residual(value), slope))
-        })
+            Some(PriorRow {
+                residual: prior.residual(value),
+                slopes: vec![(index, slope)],
+            })
+        });
+        let mut rows: Vec<PriorRow> = own.collect();
+        for joint in self.joint_priors.iter() {
+            let places = |parameter: &usize| self.place_of(*parameter);
+            let places: Vec<Option<usize>> = joint.parameters.iter().map(places).collect();
+            let members = joint.parameters.iter().zip(&places);
+            let members = members.map(|(parameter, place)| match place {
+                None => (self.parameters[*parameter], 0.0),
+                Some(place) => {
+                    let (own, position) = (&self.coordinates[*place], positions[*place]);
+                    (own.value(position), own.slope(position))
+                }
+            });
+            rows.extend(joint.rows(&members.collect::<Vec<_>>(), &places));
+        }
+        rows
+    }
+
+    /// The coordinate of a parameter that experiments share, by its place; none where it is known.
+    #[must_use]
+    pub fn place_of(&self, parameter: usize) -> Option<usize> {
+        let mut coordinates = self.coordinates.iter();
+        coordinates.position(|own| own.target == Target::Parameter(parameter))
+    }
+
+    /// What is known of a coordinate before the data are looked at: its own prior, or its share of
+    /// a joint one.
+    #[must_use]
+    pub fn prior_of(&self, coordinate: usize) -> Option<Prior> {
+        let own = &self.coordinates[coordinate];
+        let Target::Parameter(parameter) = own.target else {
+            return own.prior;
+        };
+        let mut joint = self.joint_priors.iter();
+        own.prior
+            .or_else(|| joint.find_map(|joint| joint.marginal(parameter)))
     }
 
     /// The sum of squares of the priors' residuals, and how many they are.
     #[must_use]
     pub fn prior_sum(&self, positions: &[f64]) -> (f64, usize) {
         let rows = self.prior_rows(positions);
-        rows.fold((0.0, 0), |(sum, count), (_, residual, _)| {
-            (sum + residual * residual, count + 1)
-        })
+        let squares = rows.iter().map(|row| row.residual * row.residual);
+        (squares.sum(), rows.len())
     }
 
     /// The value of each coordinate at a candidate's positions, SI.

@@ -4,7 +4,8 @@
 //! ([`super::sensitivity`]); the damped least-squares steps for several dampings are simulated
 //! together and the best of them is taken (K. Levenberg 1944, D. W. Marquardt 1963; with a triangle
 //! instead of normal equations: J. J. Moré, "The Levenberg–Marquardt algorithm", Lecture Notes in
-//! Mathematics 630, 1978). A coordinate at a bound that is drawn beyond it is held there. A descent
+//! Mathematics 630, 1978). A coordinate at a bound that is drawn beyond it is held there; under constraints
+//! ([`super::feasible`]) the steps are the least squares within them. A descent
 //! is coarsely simulated first; the one that came lowest is then polished, simulated finely.
 
 mod end;
@@ -13,6 +14,7 @@ mod linearisation;
 pub use end::DescentEnd;
 pub use linearisation::{Linearisation, Outlook, linearise};
 
+use super::feasible;
 use super::problem::Problem;
 use super::sensitivity::{Neighbourhood, SensitivityError, Sides};
 use crate::numerics::lanes::LANES;
@@ -81,18 +83,14 @@ const LARGEST_DAMPING: f64 = 1e6;
 /// The candidates that the dampings lead to, with their dampings.
 #[must_use]
 pub fn trial_steps(
+    problem: &Problem,
     linearisation: &Linearisation,
     positions: &[f64],
     dampings: impl IntoIterator<Item = f64>,
 ) -> Vec<(f64, Vec<f64>)> {
-    let free = linearisation.free(positions);
     let trial = |damping: f64| {
-        let step = linearisation.triangle.damped_step(damping, &free)?;
-        let moved = positions
-            .iter()
-            .zip(step.iter())
-            .map(|(z, d)| (z + d).clamp(0.0, 1.0));
-        Some((damping, moved.collect()))
+        let outlook = linearisation.moved(problem, positions, damping)?;
+        Some((damping, outlook.positions))
     };
     dampings.into_iter().filter_map(trial).collect()
 }
@@ -238,6 +236,11 @@ impl Descent {
     /// One iteration; `found` are the minima that others have found. Answers false, with nothing
     /// changed, when `stop` was raised.
     pub fn iterate(&mut self, problem: &Problem, found: &[Minimum], stop: &AtomicBool) -> bool {
+        let Some(allowed) = feasible::nearest(problem, self.positions.clone()) else {
+            self.end = Some(DescentEnd::Failed);
+            return true;
+        };
+        self.positions = allowed;
         let linearisation = match self.linearisation.take() {
             Some(known) => known,
             None => match linearise(problem, &self.positions, self.accuracy, stop) {
@@ -255,7 +258,7 @@ impl Descent {
             },
         };
         self.start_cost.get_or_insert(linearisation.cost);
-        if let Some((end, minimum)) = self.predicted_end(&linearisation, found) {
+        if let Some((end, minimum)) = self.predicted_end(problem, &linearisation, found) {
             self.positions = minimum.positions;
             self.cost = Some(minimum.cost);
             self.end = Some(end);
@@ -274,7 +277,7 @@ impl Descent {
         }
         if !gains && self.is_near() {
             // The cost has no digits left for so short a step; its derivatives have.
-            match linearisation.outlook(&self.positions) {
+            match linearisation.outlook(problem, &self.positions) {
                 Some(outlook) if self.shrinkage < STILL_SHRINKING => {
                     self.positions = outlook.positions;
                     self.is_counted = false;
@@ -318,7 +321,7 @@ impl Descent {
         let others = FEWEST_OTHERS + least.next_multiple_of(LANES) - least;
         let factors = DAMPING_FACTORS.iter().take(1 + others);
         let dampings = factors.map(|factor| (self.damping * factor).max(SMALLEST_DAMPING));
-        let trials = trial_steps(linearisation, &self.positions, dampings);
+        let trials = trial_steps(problem, linearisation, &self.positions, dampings);
         let Some((boldest, others)) = trials.split_first() else {
             return Some(Step::nowhere());
         };
@@ -383,10 +386,11 @@ impl Descent {
     /// linear model leads there, or here, where it promises no gain that counts.
     fn predicted_end(
         &mut self,
+        problem: &Problem,
         linearisation: &Linearisation,
         found: &[Minimum],
     ) -> Option<(DescentEnd, Minimum)> {
-        let outlook = linearisation.outlook(&self.positions)?;
+        let outlook = linearisation.outlook(problem, &self.positions)?;
         let distance = linearisation.distance(&outlook.positions, &self.positions);
         if self.is_polished() {
             // What is left after the next step, if it shrinks as it did last.

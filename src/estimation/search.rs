@@ -10,6 +10,7 @@ pub mod differential_evolution;
 pub(super) mod icra_genetic;
 pub(super) mod proposer;
 
+use super::feasible;
 use super::evaluation_cache::EvaluationCache;
 use super::floor::Landmarks;
 use super::hill_climb::HillClimb;
@@ -90,6 +91,8 @@ pub struct Search {
     cache: EvaluationCache,
     /// What is known of the cost beforehand, where the search judges the free run.
     pub(super) landmarks: Option<Landmarks>,
+    /// Where all constraints hold, if there are any.
+    inside: Option<Vec<f64>>,
     /// Simulated candidates that are in no row yet.
     simulated: Vec<Simulated>,
     /// What a checkpoint saves.
@@ -145,6 +148,7 @@ impl Search {
             objective: Objective::new(problem, settings.block_samples as usize),
             cache: EvaluationCache::default(),
             landmarks: None,
+            inside: feasible::inside_of_constraints(problem),
             simulated: Vec::new(),
             state,
         }
@@ -171,22 +175,25 @@ impl Search {
         both.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    /// The positions of a candidate.
+    /// The positions of a candidate: where its string breaks a constraint, those of its mirror
+    /// image on the other side.
     #[must_use]
-    pub fn positions(&self, chromosome: &Chromosome) -> Vec<f64> {
-        self.encoding.decode(chromosome)
+    pub fn positions(&self, problem: &Problem, chromosome: &Chromosome) -> Vec<f64> {
+        let decoded = self.encoding.decode(chromosome);
+        feasible::mirrored(problem, self.inside.as_deref(), decoded)
     }
 
     /// Judges one generation and breeds the next. Answers nothing, with nothing changed, when
     /// `stop` was raised.
     pub fn generation(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<Generation> {
         let population = self.state.population.clone();
-        let (proposer, encoding) = (self.proposer, self.encoding);
+        let proposer = self.proposer;
         let climber = proposer.climber(self);
+        let climber_at = climber.as_ref().map(|from| self.positions(problem, from));
         let (evaluations, climb) = rayon::join(
             || self.evaluate(problem, &population, stop),
-            || match &climber {
-                Some(from) => HillClimb::from(problem, &encoding.decode(from), stop),
+            || match &climber_at {
+                Some(from) => HillClimb::from(problem, from, stop),
                 None => Some(HillClimb::default()),
             },
         );
@@ -229,7 +236,7 @@ impl Search {
             .enumerate()
             .filter(|(_, one)| self.cache.recall(one).is_none() && known.insert(one))
             .unzip();
-        let positions: Vec<Vec<f64>> = fresh.iter().map(|c| self.encoding.decode(c)).collect();
+        let positions: Vec<Vec<f64>> = fresh.iter().map(|c| self.positions(problem, c)).collect();
         let evaluations = self
             .objective
             .evaluate(problem, &positions, Accuracy::Ranking, stop)?;
@@ -322,7 +329,7 @@ impl Search {
             entropy: credits.map_or(f64::NAN, |credits| credits.entropy),
             credit_updates: credits.map_or(0, |credits| credits.updates as u32),
             best: champion.map_or_else(Vec::new, |champion| {
-                problem.named_values(&self.encoding.decode(&champion.chromosome))
+                problem.named_values(&self.positions(problem, &champion.chromosome))
             }),
             simulated,
         }

@@ -5,9 +5,11 @@
 //! differences are those of the equations and not of the step control. Positions, not values,
 //! are shifted: what comes out is ∂residual/∂position.
 
-use super::loss::Loss;
 mod recorded;
 
+use super::feasible::{self, Limit};
+use super::loss::Loss;
+use super::prior::PriorRow;
 use super::problem::Problem;
 use crate::simulation::{Accuracy, Failure};
 use recorded::{Columns, record};
@@ -216,8 +218,14 @@ impl<'a> Neighbourhood<'a> {
     }
 
     /// The residuals of the priors at the candidate ([`Problem::prior_rows`]).
-    pub fn prior_rows(&self) -> impl Iterator<Item = (usize, f64, f64)> {
+    pub fn prior_rows(&self) -> Vec<PriorRow> {
         self.problem.prior_rows(&self.candidates[0])
+    }
+
+    /// The constraints linearised at the candidate.
+    #[must_use]
+    pub fn limits(&self) -> Vec<Limit> {
+        feasible::limits(self.problem, &self.candidates[0])
     }
 
     /// Whether a neighbour along a direction cannot be simulated.

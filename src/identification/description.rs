@@ -145,6 +145,17 @@ impl Identification {
         )
     }
 
+    /// A condition that the parameters keep, such as `tau1 < tau2`, in SI units.
+    #[must_use]
+    pub fn constraint(mut self, condition: &str) -> Identification {
+        let sections = self.job.as_object_mut();
+        let section = sections.map(|job| job.entry("constraints").or_insert_with(|| json!([])));
+        if let Some(section) = section.and_then(Value::as_array_mut) {
+            section.push(json!(condition));
+        }
+        self
+    }
+
     /// Parameters that stand for effects about which the data shall decide.
     #[must_use]
     pub fn effects(self, parameters: &[&str]) -> Identification {

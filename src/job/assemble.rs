@@ -3,12 +3,14 @@
 
 mod assumption;
 mod budget;
+mod constraints;
 mod design;
 mod experiment;
 mod forecast;
 mod noise;
 mod outcome;
 mod preflight;
+mod priors;
 mod trajectory;
 
 pub use crate::estimation::Finding;
@@ -93,7 +95,10 @@ pub fn problem(
             .huber_threshold
             .map_or(Loss::Squared, Loss::Huber),
         assumptions: Arc::new(assumptions),
+        joint_priors: Arc::new(priors::joint(spec, description)),
+        constraints: Arc::new(constraints::compiled(spec, description)),
     };
+    constraints::check(&problem)?;
     if problem.n_residuals() <= problem.coordinates.len() {
         let detail = format!(
             "{} measured samples cannot fix {} unknowns",

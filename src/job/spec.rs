@@ -20,9 +20,11 @@ use crate::parsing::Fault;
 use crate::recording::{Exclude, Instants, Summary};
 use crate::uncertainty;
 
+mod constraints;
 pub mod design;
 mod exclude;
 mod experiment;
+mod joint_prior;
 mod labels;
 mod limits;
 mod method;
@@ -39,6 +41,7 @@ pub mod simulation;
 #[cfg(test)]
 mod tests;
 
+pub use joint_prior::JointPriorSpec;
 pub use limits::LimitsSpec;
 pub use model::ModelOfJob;
 use model::read_model;
@@ -113,6 +116,15 @@ pub struct JobSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<ToleranceText>, nullable = false, example = "0.01 %")]
     pub clock_tolerance: Option<Tolerance>,
+    /// Conditions that the parameters keep, up to 16: comparisons of expressions in the language of
+    /// model documents, numbers in SI units.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schema(required = false, max_items = 16, example = json!(["tau1 < tau2", "k1 + k2 <= 1"]))]
+    pub constraints: Vec<String>,
+    /// What is known of several parameters together.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schema(required = false, max_items = 16)]
+    pub priors: Vec<JointPriorSpec>,
     /// How the parameters are looked for.
     #[serde(default)]
     #[schema(required = false)]
@@ -407,6 +419,15 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let outputs =
         outputs.map(|field| outputs::read(&field, model, experiments.as_deref(), context.datasets));
     let clock_tolerance = outputs::tolerance(root.optional("clock_tolerance"));
+    let constraints = root.optional("constraints");
+    let priors = root.optional("priors");
+    let (constraints, priors) = match (model, &parameters, &experiments) {
+        (Some(model), Some(parameters), Some(experiments)) => (
+            constraints.map(|field| constraints::read(&field, model, (parameters, experiments))),
+            priors.map(|field| joint_prior::read(&field, model, (parameters, experiments))),
+        ),
+        _ => (None, None),
+    };
     let method = root.optional("method").map(|field| method::read(&field));
     let uncertainty = root
         .optional("uncertainty")
@@ -435,6 +456,8 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
             parameters: parameters?,
             outputs: outputs.unwrap_or_default(),
             clock_tolerance,
+            constraints: constraints.unwrap_or_default(),
+            priors: priors.unwrap_or_default(),
             method: method.unwrap_or_default(),
             model_search,
             uncertainty: uncertainty.unwrap_or_default(),

@@ -4,6 +4,7 @@
 //! neither the condition of J is squared (as normal equations would) nor the memory grows with
 //! the number of rows (G. H. Golub, C. F. Van Loan, *Matrix Computations*, 2013, ch. 5 and 6.3).
 
+use super::inequalities::{self, Inequality};
 use super::singular_values::has_finite_squares;
 use nalgebra::{DMatrix, DVector};
 
@@ -133,6 +134,26 @@ impl Triangle {
     /// singular.
     #[must_use]
     pub fn damped_step(&self, damping: f64, free: &[bool]) -> Option<DVector<f64>> {
+        self.damped(damping, free, &[])
+    }
+
+    /// The same over all unknowns, with a step that meets the inequalities; none where no step
+    /// does.
+    #[must_use]
+    pub fn damped_step_within(
+        &self,
+        damping: f64,
+        inequalities: &[Inequality],
+    ) -> Option<DVector<f64>> {
+        self.damped(damping, &vec![true; self.columns], inequalities)
+    }
+
+    fn damped(
+        &self,
+        damping: f64,
+        free: &[bool],
+        inequalities: &[Inequality],
+    ) -> Option<DVector<f64>> {
         let factor = self.factor();
         let projected = self.projected();
         let norms: Vec<f64> = factor.column_iter().map(|column| column.norm()).collect();
@@ -153,7 +174,12 @@ impl Triangle {
         let triangle = stacked.qr().unpack_r();
         let upper = triangle.view((0, 0), (n, n)).into_owned();
         let right = triangle.view((0, n), (n, 1)).column(0).into_owned();
-        let solution = upper.solve_upper_triangular(&right)?;
+        let among_chosen = |own: &Inequality| Inequality {
+            row: chosen.iter().map(|column| own.row[*column]).collect(),
+            least: own.least,
+        };
+        let inequalities: Vec<Inequality> = inequalities.iter().map(among_chosen).collect();
+        let solution = inequalities::least_squares(&upper, &right, &inequalities)?;
         let mut step = DVector::zeros(self.columns);
         for (place, &column) in chosen.iter().enumerate() {
             step[column] = solution[place];

@@ -3,6 +3,7 @@
 pub mod dimension;
 pub mod eigenvalues;
 mod elementary;
+pub mod inequalities;
 pub mod interpolation;
 pub mod lanes;
 pub mod least_squares;

@@ -35,6 +35,8 @@ pub enum Purpose {
     Design = 9,
     /// What is taken as known, for the fits of a Monte Carlo analysis.
     Assumptions = 10,
+    /// Points where the constraints of a problem may hold.
+    Constraints = 11,
 }
 
 /// The stream of a seed, a generation and a purpose.

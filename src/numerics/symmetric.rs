@@ -1,4 +1,4 @@
-//! The principal axes of a symmetric matrix.
+//! The principal axes of a symmetric matrix, and what makes a covariance one of unit size.
 
 use super::singular_values::has_finite_squares;
 use nalgebra::{DMatrix, SymmetricEigen};
@@ -37,6 +37,28 @@ pub fn axes(rows: &[Vec<f64>]) -> Vec<Axis> {
             direction: direction.iter().copied().collect(),
         })
         .collect()
+}
+
+/// A pivot below this share of its variance is rounding.
+const ROUNDING: f64 = 1e-12;
+
+/// W with WᵀW the inverse of a covariance, given row by row; none where that is not positive
+/// definite.
+#[must_use]
+pub fn whitening(rows: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+    let n = rows.len();
+    let matrix = DMatrix::from_fn(n, n, |row, column| rows[row][column]);
+    let lower = matrix.clone().cholesky()?.unpack();
+    let is_sound = |index: usize| {
+        let pivot = lower[(index, index)];
+        pivot * pivot > ROUNDING * matrix[(index, index)]
+    };
+    if !(0..n).all(is_sound) {
+        return None;
+    }
+    let inverse = lower.solve_lower_triangular(&DMatrix::identity(n, n))?;
+    let row = |row: usize| inverse.row(row).iter().copied().collect();
+    Some((0..n).map(row).collect())
 }
 
 #[cfg(test)]

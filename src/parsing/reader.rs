@@ -77,6 +77,11 @@ impl<'v> Field<'v> {
         self.faults.add(&*self.pointer, code, detail);
     }
 
+    /// Records a fault that is spelled out already.
+    pub fn push(&self, fault: Fault) {
+        self.faults.push(fault);
+    }
+
     fn wrong_type<T>(&self, expected: &str) -> Option<T> {
         self.fault(
             "wrong_type",

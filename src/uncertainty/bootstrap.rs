@@ -79,6 +79,17 @@ impl Bootstrap<'_> {
                 prior.middle += prior.deviation * (prior.residual(value) + rng::normal(&mut rng));
             }
         }
+        for joint in Arc::make_mut(&mut problem.joint_priors) {
+            let value = |parameter: &usize| {
+                let place = self.problem.place_of(*parameter);
+                place.map_or(self.problem.parameters[*parameter], |place| {
+                    self.problem.coordinates[place].value(self.positions[place])
+                })
+            };
+            let values: Vec<f64> = joint.parameters.iter().map(value).collect();
+            let noise = values.iter().map(|_| rng::normal(&mut rng)).collect();
+            joint.draw_about(&values, noise);
+        }
         let experiments = Arc::make_mut(&mut problem.experiments);
         let outputs = self.problem.outputs.iter().zip(self.residuals).enumerate();
         for (output, (measured, report)) in outputs {

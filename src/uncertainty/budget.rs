@@ -3,18 +3,14 @@
 //! Every assumption ([`Assumption`]) is moved like an unknown, by a tenth of its tolerance, in the
 //! same batch of simulations; an effect that is off can only be moved to the side on which it is
 //! possible. What follows is linear algebra ([`super::joint`]); where residuals have a memory, the
-//! rows from which assumptions are judged are filtered first ([`super::whitening`]).
+//! rows from which assumptions are judged are filtered first ([`super::weighing`]).
 
-use super::covariance::{Linear, NoiseLevels};
 use super::joint::{Joint, LARGEST_SCORE, Score};
-use super::residuals::{self, ResidualReport};
 use super::sensors::Sensors;
-use super::whitening::{Filter, Whitening};
+use super::weighing::{Seen, Weighing};
 use crate::estimation::problem::{Assumed, Assumption, Coordinate, Problem, Target};
 use crate::estimation::sensitivity::{Directions, Neighbourhood, Row, SHIFT, Sides};
 use crate::model::Scale;
-use crate::numerics::least_squares::Rows;
-use crate::simulation::single::Outputs;
 use crate::simulation::{Accuracy, Failure};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -268,17 +264,6 @@ fn coordinate(assumption: &Assumption, target: Target) -> Coordinate {
     }
 }
 
-/// What the residuals look like, where there are some.
-#[derive(Clone, Copy, Debug)]
-pub struct Seen<'a> {
-    /// The simulation at the estimate.
-    pub trajectories: &'a [Outputs],
-    /// Its residuals.
-    pub residuals: &'a [ResidualReport],
-    /// What follows for noise alone.
-    pub linear: &'a Linear,
-}
-
 impl Budget {
     /// The budget of an estimate.
     ///
@@ -289,14 +274,7 @@ impl Budget {
         let noise: Vec<Option<f64>> = (0..unknowns)
             .map(|index| seen.linear.deviation(index).map(|own| own * own))
             .collect();
-        let levels = NoiseLevels::of(&extended.problem, seen.residuals);
-        let white = levels.weights();
-        let weighing = Weighing {
-            plain: vec![levels.weight; white.len()],
-            prior: levels.weight,
-            filters: filters(extended, seen, &white),
-            white,
-        };
+        let weighing = Weighing::of(&extended.problem, seen);
         let joint = gather(extended, around, weighing)?;
         Ok(Budget::from(
             extended,
@@ -317,13 +295,7 @@ impl Budget {
         weights: &[f64],
         deviations: &[f64],
     ) -> Result<Budget, Failure> {
-        let weighing = Weighing {
-            plain: weights.to_vec(),
-            white: weights.to_vec(),
-            prior: 1.0,
-            filters: vec![None; weights.len()],
-        };
-        let joint = gather(extended, around, weighing)?;
+        let joint = gather(extended, around, Weighing::of_noise_alone(weights))?;
         let noise: Vec<Option<f64>> = deviations
             .iter()
             .map(|own| Some(own * own).filter(|square| square.is_finite()))
@@ -395,100 +367,18 @@ impl Budget {
     }
 }
 
-/// For each output the filter that its residuals need.
-fn filters(extended: &Extended, seen: Seen<'_>, weights: &[f64]) -> Vec<Option<Filter>> {
-    let problem = &extended.problem;
-    let reports = seen.residuals.iter().zip(&problem.outputs).enumerate();
-    reports
-        .map(|(output, (report, measured))| {
-            if report.white != Some(false) {
-                return None;
-            }
-            let weighted = |experiment: usize| -> Vec<f64> {
-                let own = &seen.trajectories[experiment];
-                let series = residuals::series(problem, own, experiment, output);
-                let scale = weights[output] / measured.residual_scale;
-                series.iter().map(|residual| residual * scale).collect()
-            };
-            let series: Vec<Vec<f64>> = (0..problem.experiments.len()).map(weighted).collect();
-            Whitening::of(&series).map(Filter::new)
-        })
-        .collect()
-}
-
-/// How residuals are weighed.
-struct Weighing {
-    /// As in the estimate, for each output.
-    plain: Vec<f64>,
-    /// And those of priors there.
-    prior: f64,
-    /// By the noise, for each output.
-    white: Vec<f64>,
-    /// What makes an output's residuals white, where they are not.
-    filters: Vec<Option<Filter>>,
-}
-
-impl Weighing {
-    /// Whether the estimate's own rows are white ones.
-    fn is_white(&self, has_priors: bool) -> bool {
-        self.filters.iter().all(Option::is_none)
-            && self.plain == self.white
-            && (!has_priors || self.prior == 1.0)
-    }
-}
-
-/// The triangles of the rows of all columns; none without assumptions.
+/// The unknowns and the assumptions, linearised; none without assumptions.
 fn gather(
     extended: &Extended,
     around: &Around<'_>,
-    mut weighing: Weighing,
+    weighing: Weighing,
 ) -> Result<Option<Joint>, Failure> {
-    let neighbourhood = &around.neighbourhood;
     let unknowns = extended.unknowns;
     let n = unknowns + extended.assumptions().len();
     if n == unknowns {
         return Ok(None);
     }
-    let loss = neighbourhood.loss();
-    let is_white = weighing.is_white(neighbourhood.prior_rows().next().is_some());
-    let (mut plain, mut white) = (Rows::new(n), Rows::new(n));
-    neighbourhood.visit_along(unknowns, |row: Row<'_>| {
-        let mut values: Vec<f64> = around.columns(extended, &row).collect();
-        values.push(loss.score(row.residual));
-        let weight = weighing.plain[row.output];
-        let (columns, residual) = (&values[..n], values[n]);
-        plain.add(
-            columns.iter().map(|value| value * weight),
-            residual * weight,
-        );
-        if is_white {
-            return;
-        }
-        let weight = weighing.white[row.output];
-        values.iter_mut().for_each(|value| *value *= weight);
-        let filtered = match &mut weighing.filters[row.output] {
-            Some(filter) => filter.take((row.experiment, row.sample), values),
-            None => Some(values),
-        };
-        if let Some(mut filtered) = filtered {
-            let residual = filtered.pop().unwrap_or_default();
-            white.add(filtered, residual);
-        }
-    })?;
-    for (index, residual, slope) in neighbourhood.prior_rows() {
-        let part = |column: usize| if column == index { slope } else { 0.0 };
-        let weight = weighing.prior;
-        plain.add(
-            (0..n).map(|column| part(column) * weight),
-            residual * weight,
-        );
-        white.add((0..n).map(part), residual);
-    }
-    let plain = plain.finish();
-    let white = if is_white {
-        plain.clone()
-    } else {
-        white.finish()
-    };
+    let columns = |row: &Row<'_>| around.columns(extended, row).collect();
+    let (plain, white) = weighing.triangles(&around.neighbourhood, (unknowns, n), columns)?;
     Ok(Joint::new(&plain, &white, unknowns))
 }

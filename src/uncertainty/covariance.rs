@@ -15,6 +15,8 @@
 //! Huber's loss the score of a residual stands in the place of the residual (see `residuals`).
 
 use super::residuals::ResidualReport;
+use crate::estimation::feasible::Limit;
+use crate::estimation::prior::PriorRow;
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::Neighbourhood;
 use crate::numerics::least_squares::Rows;
@@ -99,6 +101,10 @@ pub struct Linear {
     pub slopes: Vec<Vec<f64>>,
     /// The mean square of the noise in the units of the residuals.
     pub mean_square_noise: f64,
+    /// The constraints.
+    pub limits: Vec<Limit>,
+    /// The step to where the data alone would have the unknowns, where there are constraints.
+    pub unconstrained: Option<DVector<f64>>,
 }
 
 impl Linear {
@@ -183,8 +189,8 @@ pub fn linearise(
         slopes.add(row.output, derivatives);
     })?;
     let mut has_priors = false;
-    for (index, residual, slope) in around.prior_rows() {
-        gathered.add_prior((index, slope), residual, levels.weight);
+    for prior in around.prior_rows() {
+        gathered.add_prior(&prior, levels.weight);
         has_priors = true;
     }
     let Gathered {
@@ -201,6 +207,10 @@ pub fn linearise(
     let enough = triangle.rows() >= unknowns && condition <= LARGEST_CONDITION;
     let coloured = residuals.iter().any(|report| report.white == Some(false));
     let middle = levels.are_others(has_priors).then_some(middle);
+    let mut limits = around.limits();
+    limits
+        .iter_mut()
+        .for_each(|limit| limit.slopes.truncate(unknowns));
     Ok(Linear {
         covariance: inverse(&reduced).filter(|_| enough).map(|inverse| {
             let curvature = among(&(&inverse * inverse.transpose()), &fixed, unknowns);
@@ -220,6 +230,10 @@ pub fn linearise(
         condition,
         slopes: slopes.finish(problem),
         mean_square_noise: levels.mean_square(),
+        unconstrained: (!limits.is_empty())
+            .then(|| triangle.damped_step(0.0, &vec![true; unknowns]))
+            .flatten(),
+        limits,
     })
 }
 
@@ -366,15 +380,15 @@ impl Gathered {
     }
 
     /// A prior has unit noise before it is weighted, and is a block of its own.
-    fn add_prior(&mut self, (index, slope): (usize, f64), residual: f64, weight: f64) {
+    fn add_prior(&mut self, prior: &PriorRow, weight: f64) {
         let columns = self.middle.ncols();
-        let part = |column: usize| if column == index { slope * weight } else { 0.0 };
-        self.rows.add((0..columns).map(part), residual * weight);
-        self.middle[(index, index)] += (slope * weight * weight).powi(2);
+        let part = |column: usize| prior.slope(column) * weight;
+        self.rows
+            .add((0..columns).map(part), prior.residual * weight);
+        let sum = DVector::from_fn(columns, |column, _| part(column) * weight);
+        self.middle += &sum * sum.transpose();
         for sums in &mut self.sums {
-            let mut sum = DVector::zeros(columns);
-            sum[index] = slope * weight * weight;
-            sums.push(sum);
+            sums.push(sum.clone());
         }
     }
 }

@@ -13,6 +13,7 @@
 mod direction;
 
 use super::budget::{Budget, Extended};
+use crate::estimation::feasible;
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{self, SensitivityError, Sides};
 use crate::numerics::least_squares::Rows;
@@ -97,15 +98,17 @@ pub fn forecast(problem: &Problem, accuracy: Accuracy, stop: &AtomicBool) -> Opt
         accuracy,
         stop,
     };
+    let inside = feasible::inside_of_constraints(problem);
+    let place = |point| feasible::mirrored(problem, inside.as_deref(), position(point, n));
     let mut seen = Vec::with_capacity(POINTS);
     for point in 0..POINTS {
-        match information(&view, &position(point, n)) {
+        match information(&view, &place(point)) {
             Ok(information) => seen.push((point, information)),
             Err(SensitivityError::Interrupted) => return None,
             Err(SensitivityError::Failed(_)) => {}
         }
     }
-    let points: Vec<Vec<f64>> = seen.iter().map(|(point, _)| position(*point, n)).collect();
+    let points: Vec<Vec<f64>> = seen.iter().map(|(point, _)| place(*point)).collect();
     let proposed = proposed(problem, &seen);
     let flat = match flat_directions(&view, &points, proposed) {
         Ok(directions) => directions,
@@ -230,9 +233,8 @@ fn information(view: &View<'_>, positions: &[f64]) -> Result<SingularValues, Sen
             0.0,
         );
     })?;
-    for (index, _, slope) in view.problem.prior_rows(positions) {
-        let part = |column: usize| if column == index { slope } else { 0.0 };
-        rows.add((0..positions.len()).map(part), 0.0);
+    for prior in view.problem.prior_rows(positions) {
+        rows.add((0..positions.len()).map(|column| prior.slope(column)), 0.0);
     }
     singular_values(&rows.finish().factor()).ok_or(SensitivityError::Failed(Failure::Diverged))
 }
@@ -314,9 +316,13 @@ fn flat_directions(
             sides: Sides::Both,
         };
         sensitivity::visit_directions(view.problem, along, view.accuracy, view.stop, gather)?;
-        for (index, _, slope) in view.problem.prior_rows(positions) {
+        for prior in view.problem.prior_rows(positions) {
+            let along = |vector: &Vec<f64>| -> f64 {
+                let parts = prior.slopes.iter();
+                parts.map(|(index, slope)| vector[*index] * slope).sum()
+            };
             for (square, vector) in squares.iter_mut().zip(&vectors) {
-                *square += (vector[index] * slope).powi(2);
+                *square += along(vector).powi(2);
             }
         }
         let mut sizes = squares.iter().map(|square| square.sqrt());

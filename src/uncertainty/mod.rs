@@ -4,17 +4,19 @@
 //! out what the data do not support, where that is asked for ([`selection`]); [`analyse`]
 //! linearises the residuals at the estimate and derives standard errors and intervals
 //! ([`covariance`]; on request better ones, [`profile`] and [`bootstrap`]), says what the numbers
-//! that are taken as known add to them and whether the residuals contradict one ([`budget`]),
-//! looks at what the model leaves unexplained ([`residuals`], [`fit`]), and says in words what
-//! follows ([`verdict`]). A fit per cent alone certifies
-//! nothing: a wrong structure can fit 99 % with parameters wrong by factors. What the data could
-//! fix at all is forecast by [`identifiability`], and which experiment would fix it better by
-//! [`design`].
+//! that are taken as known add to them and whether the residuals contradict one ([`budget`]) or ask
+//! for an unknown that changes within the record ([`drift`]), looks at what the model leaves
+//! unexplained ([`residuals`], [`fit`]), and says in words what follows ([`verdict`]). A fit per
+//! cent alone certifies nothing: a wrong structure can fit 99 % with parameters wrong by factors.
+//! What the data could fix at all is forecast by [`identifiability`], and which experiment would
+//! fix it better by [`design`].
 
 pub mod bootstrap;
 pub mod budget;
+pub mod constrained;
 pub mod covariance;
 pub mod design;
+pub mod drift;
 pub mod fit;
 pub mod identifiability;
 pub mod joint;
@@ -29,6 +31,7 @@ mod sensors;
 pub mod settings;
 pub mod validation_start;
 pub mod verdict;
+pub mod weighing;
 pub mod whitening;
 
 pub use refits::Refits;
@@ -43,8 +46,10 @@ use crate::estimation::trajectory;
 use crate::simulation::Accuracy;
 use crate::simulation::single::Outputs;
 use bootstrap::Bootstrap;
-use budget::{Around, Budget, Extended, Seen};
+use budget::{Around, Budget, Extended};
+use constrained::{Binding, Constrained};
 use covariance::{Covariance, Linear, NoiseLevels};
+use drift::Drift;
 use fit::{Criteria, OutputFit};
 use identifiability::FlatDirection;
 use monte_carlo::Spread;
@@ -52,6 +57,7 @@ use profile::Ends;
 use residuals::ResidualReport;
 use std::sync::atomic::AtomicBool;
 use verdict::{Trust, Verdict};
+use weighing::Seen;
 
 /// What is known of one coordinate beside its value.
 #[derive(Clone, Debug)]
@@ -110,6 +116,10 @@ pub struct Analysis {
     pub deviations: Vec<Option<f64>>,
     /// What is taken as known, and what it does.
     pub budget: Budget,
+    /// Unknowns that the residuals say to change within the record.
+    pub drifts: Vec<Drift>,
+    /// Constraints that keep the estimate from where the data would have it.
+    pub bindings: Vec<Binding>,
     /// Whether the numbers can be trusted.
     pub verdict: Verdict,
 }
@@ -184,6 +194,8 @@ pub fn analyse(
         criteria,
         deviations: linearised.deviations,
         budget: linearised.budget,
+        drifts: linearised.drifts,
+        bindings: linearised.bindings,
         verdict: Verdict::default(),
     };
     analysis.judge(rules::judge(problem, report, &analysis));
@@ -229,6 +241,8 @@ fn unknown(problem: &Problem, report: &Report, code: &'static str, reason: Strin
         criteria: None,
         deviations: vec![None; problem.coordinates.len()],
         budget: Budget::default(),
+        drifts: Vec::new(),
+        bindings: Vec::new(),
         verdict: Verdict::default(),
     };
     analysis.judge(Verdict::low(problem, code, reason));
@@ -244,6 +258,8 @@ struct Linearised {
     missing: Option<String>,
     deviations: Vec<Option<f64>>,
     budget: Budget,
+    drifts: Vec<Drift>,
+    bindings: Vec<Binding>,
 }
 
 impl Linearised {
@@ -256,6 +272,8 @@ impl Linearised {
             missing: Some(reason),
             deviations: vec![None; problem.coordinates.len()],
             budget: Budget::default(),
+            drifts: Vec::new(),
+            bindings: Vec::new(),
         }
     }
 }
@@ -284,6 +302,8 @@ impl Estimate<'_> {
             linear: &linear,
         };
         let budget = Budget::of(extended, around, seen).map_err(SensitivityError::Failed)?;
+        let drifts = drift::of(problem, &around.neighbourhood, seen);
+        let drifts = drifts.map_err(SensitivityError::Failed)?;
         let weights = NoiseLevels::of(problem, self.residuals).weights();
         let flat = identifiability::flat_at(problem, positions, &linear.factor, &weights, stop)?;
         let mut coordinates = coordinates(problem, self.report, Some(&linear));
@@ -295,6 +315,18 @@ impl Estimate<'_> {
             let total = budget.totals[index].zip(deviations[index]);
             known.widen(&problem.coordinates[index], positions[index], total);
         }
+        let constrained = Constrained::of(&linear);
+        if let Some(constrained) = &constrained {
+            let totals = budget.totals.iter().zip(&deviations);
+            let factors: Option<Vec<f64>> = totals
+                .map(|(total, noise)| Some((*total)? / (*noise)?))
+                .collect();
+            let ends = factors.and_then(|factors| constrained.ends(positions, &factors));
+            for (index, ends) in ends.into_iter().flatten().enumerate() {
+                let value = |end: Option<f64>| value_near(&problem.coordinates[index], end?);
+                coordinates[index].total_interval = Some((value(ends.0), value(ends.1)));
+            }
+        }
         self.draw_totals(&mut coordinates, request, (refits, stop))?;
         let unfixed = || "the data do not fix all of the unknowns".to_owned();
         Ok(Linearised {
@@ -305,6 +337,8 @@ impl Estimate<'_> {
             missing: linear.covariance.is_none().then(unfixed),
             deviations,
             budget,
+            drifts,
+            bindings: constrained.map_or_else(Vec::new, |own| own.bindings()),
         })
     }
 
@@ -317,8 +351,16 @@ impl Estimate<'_> {
         (refits, stop): (&Refits, &AtomicBool),
     ) -> Result<(), SensitivityError> {
         let positions = &self.report.positions;
+        let n = positions.len();
         let (method, ends) = match request.settings.intervals {
-            Intervals::Fisher => return Ok(()),
+            Intervals::Fisher => {
+                let constrained = Constrained::of(linear);
+                let found = constrained.and_then(|own| own.ends(positions, &vec![1.0; n]));
+                match found {
+                    Some(ends) => ("constrained", ends),
+                    None => return Ok(()),
+                }
+            }
             Intervals::Profile => {
                 let ends = profile::intervals(self.problem, positions, linear, (refits, stop))?;
                 ("profile", ends)
@@ -429,7 +471,7 @@ fn coordinates(
                 let half = NORMAL_95 * deviation;
                 (Some(position - half), Some(position + half))
             });
-            let prior = coordinate.prior;
+            let prior = problem.prior_of(index);
             let relative = coordinate.value(position).abs() / slope;
             let slopes = linear.map(|linear| linear.slopes[index].iter());
             CoordinateUncertainty {

@@ -63,7 +63,8 @@ pub fn reweighted(
 
 fn is_needed(problem: &Problem) -> bool {
     let has_unknown_noise = problem.outputs.iter().any(|own| own.noise_std.is_none());
-    let has_priors = problem.coordinates.iter().any(|own| own.prior.is_some());
+    let has_own = problem.coordinates.iter().any(|own| own.prior.is_some());
+    let has_priors = has_own || !problem.joint_priors.is_empty();
     let has_rivals = problem.outputs.len() > 1;
     has_unknown_noise && (has_priors || has_rivals) && problem.loss == Loss::Squared
 }

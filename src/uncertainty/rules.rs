@@ -47,9 +47,11 @@ fn check(verdict: &mut Verdict, problem: &Problem, report: &Report, analysis: &A
     colour(verdict, problem, analysis);
     inputs(verdict, problem, analysis);
     assumptions::contradictions(verdict, problem, report, analysis);
+    assumptions::drifts(verdict, problem, report, analysis);
     assumptions::left_out(verdict, analysis);
     assumptions::dominance(verdict, problem, report, analysis);
     assumptions::priors(verdict, problem, analysis);
+    assumptions::constraints(verdict, problem, analysis);
     correlation(verdict, problem, report, analysis);
     validation(verdict, problem, analysis);
     starts(verdict, report);

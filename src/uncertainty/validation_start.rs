@@ -91,6 +91,8 @@ fn alone(problem: &Problem, place: usize, positions: &[f64]) -> Problem {
         coordinates,
         experiments: Arc::new(vec![experiment]),
         assumptions: Arc::default(),
+        joint_priors: Arc::default(),
+        constraints: Arc::default(),
         ..problem.clone()
     }
 }

@@ -14,9 +14,12 @@
 //! | `misfit` | low | chi²/n above 1.5; or residuals far from white and no noise declared |
 //! | `opposite_sign` | low | an output is simulated against what was measured |
 //! | `assumption_contradicted` | by how far it moves a parameter | the residuals pull at what is taken as known, beyond four standard deviations |
+//! | `drift` | by how far it moves a parameter | the residuals ask for an unknown that changes within the record, beyond four standard deviations |
 //! | `assumptions_dominate` | low, or a remark | the total interval is wider than the search range; its standard error beyond 10 % of the value |
 //! | `no_budget` | moderate | what is taken as known was not looked at |
 //! | `prior_contradicted` | moderate | the data moved it by more than three standard deviations of its prior |
+//! | `constraint_contradicted` | low, for those in it | the data would go beyond a constraint by more than three standard deviations |
+//! | `constraint_binds` | a remark | the data would go beyond a constraint, by less |
 //! | `slight_misfit` | moderate | chi²/n between 1.15 and 1.5 |
 //! | `residuals_not_white` | moderate | residuals with a memory: the model misses dynamics |
 //! | `residuals_follow_input` | moderate | residuals correlated with what an input was |

@@ -6,6 +6,7 @@
 //! modulus 0.13 %); on D about three times the standard errors that come with the estimate.
 
 mod budget;
+mod constraints;
 mod dead_time;
 mod effects;
 mod intervals;

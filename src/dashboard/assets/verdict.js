@@ -77,6 +77,7 @@ const ACTIONS = {
   not_identifiable: fixOne, correlated: fixOne, at_bound: widen, misfit: freeEffects, slight_misfit: freeEffects, residuals_not_white: freeEffects,
   residuals_follow_input: freeEffects, assumption_contradicted: freeAssumption, noise_unknown: giveNoise, worse_on_validation: useAll,
   starts_disagree: searchOn, plateau: searchOn, twin_minima: excludeTwin, prior_contradicted: forgetPrior, not_finished: longer, no_budget: shorter,
+  drift: shorter,
   assumptions_dominate: sayBetter,
 };
 

@@ -1,6 +1,7 @@
 //! The residuals linearised at a candidate, and what the linear model promises.
 
 use super::{SMALLEST_DAMPING, sides};
+use crate::estimation::feasible::{self, Limit};
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{Neighbourhood, SensitivityError};
 use crate::numerics::least_squares::{Rows, Triangle};
@@ -14,6 +15,8 @@ pub struct Linearisation {
     pub triangle: Triangle,
     /// The mean square of the residuals, those of the priors among them.
     pub cost: f64,
+    /// The constraints.
+    pub limits: Vec<Limit>,
 }
 
 /// Linearises the residuals at a candidate.
@@ -42,18 +45,47 @@ impl Linearisation {
             rows.add(row.derivatives.iter().map(|d| d * slope), residual);
             sum += residual * residual;
         })?;
-        for (index, residual, slope) in around.prior_rows() {
-            let row =
-                (0..around.n_columns()).map(|column| if column == index { slope } else { 0.0 });
-            rows.add(row, residual);
-            sum += residual * residual;
+        for prior in around.prior_rows() {
+            let row = (0..around.n_columns()).map(|column| prior.slope(column));
+            rows.add(row, prior.residual);
+            sum += prior.residual * prior.residual;
         }
         let triangle = rows.finish();
         let cost = sum / triangle.rows() as f64;
         if !cost.is_finite() || !triangle.is_usable() {
             return Err(Failure::Diverged);
         }
-        Ok(Linearisation { triangle, cost })
+        let limits = around.limits();
+        Ok(Linearisation {
+            triangle,
+            cost,
+            limits,
+        })
+    }
+
+    /// Where a damped step leads, which breaks no constraint, and what the linear model promises of
+    /// it. None where there is none.
+    pub(super) fn moved(
+        &self,
+        problem: &Problem,
+        positions: &[f64],
+        damping: f64,
+    ) -> Option<Outlook> {
+        let step = if self.limits.is_empty() {
+            let free = self.free(positions);
+            self.triangle.damped_step(damping, &free)?
+        } else {
+            let inequalities = feasible::inequalities(&self.limits, positions);
+            self.triangle.damped_step_within(damping, &inequalities)?
+        };
+        let pairs = positions.iter().zip(step.iter());
+        let moved = pairs.map(|(z, d)| (z + d).clamp(0.0, 1.0)).collect();
+        let sum = self.cost * self.triangle.rows() as f64;
+        Some(Outlook {
+            // Constraints that are not linear are broken a little.
+            positions: feasible::nearest(problem, moved)?,
+            gain: self.triangle.reduction(&step) / sum,
+        })
     }
 
     /// The coordinates that a step may move: not those at a bound that are drawn beyond it.
@@ -68,16 +100,8 @@ impl Linearisation {
     /// Where the linear model has its minimum, and how much of the cost, as a share, is gained
     /// there. Nothing where the data do not fix it.
     #[must_use]
-    pub fn outlook(&self, positions: &[f64]) -> Option<Outlook> {
-        let step = self
-            .triangle
-            .damped_step(SMALLEST_DAMPING, &self.free(positions))?;
-        let sum = self.cost * self.triangle.rows() as f64;
-        let moved = positions.iter().zip(step.iter());
-        Some(Outlook {
-            positions: moved.map(|(z, d)| (z + d).clamp(0.0, 1.0)).collect(),
-            gain: self.triangle.reduction(&step) / sum,
-        })
+    pub fn outlook(&self, problem: &Problem, positions: &[f64]) -> Option<Outlook> {
+        self.moved(problem, positions, SMALLEST_DAMPING)
     }
 
     /// How far two candidates are apart, in standard errors.
@@ -87,10 +111,10 @@ impl Linearisation {
     }
 }
 
-/// What the linear model promises.
+/// What the linear model promises of a step.
 #[derive(Clone, Debug)]
 pub struct Outlook {
-    /// Its minimum.
+    /// Where it leads.
     pub positions: Vec<f64>,
     /// The share of the cost that is gained there.
     pub gain: f64,

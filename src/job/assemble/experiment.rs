@@ -1,8 +1,9 @@
 //! One experiment: cut out of its recording, its inputs without holes, its start settled.
 
 use super::{Finding, signal_pointer};
+use crate::estimation::prior::Prior;
 use crate::estimation::problem::{
-    Coordinate, Experiment, MeasuredOutput, Prior, Target, UnknownStart,
+    Coordinate, Experiment, MeasuredOutput, Target, UnknownStart,
 };
 use crate::job::fault::Fault;
 use crate::job::spec::{

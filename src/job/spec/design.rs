@@ -319,6 +319,8 @@ fn job_to_come(
         parameters: subject.parameters.clone(),
         outputs: outputs.collect(),
         clock_tolerance: None,
+        constraints: past.map_or_else(Vec::new, |past| past.spec.constraints.clone()),
+        priors: past.map_or_else(Vec::new, |past| past.spec.priors.clone()),
         method: Settings::default(),
         model_search: None,
         uncertainty: uncertainty::Settings::default(),

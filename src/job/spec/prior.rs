@@ -1,6 +1,6 @@
 //! What is known of a free number before the recording is looked at.
 
-use crate::estimation::problem::Prior;
+use crate::estimation::prior::Prior;
 use crate::model::Scale;
 use crate::parsing::reader::Field;
 use serde::{Deserialize, Serialize};

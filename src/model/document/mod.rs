@@ -6,12 +6,14 @@
 //! another.
 
 mod compile;
+mod condition;
 mod definition;
 mod describe;
 mod expansion;
 mod reading;
 mod reference;
 
+pub use condition::Condition;
 pub use reference::{Referenced, referenced};
 
 use super::Model;

@@ -2,7 +2,7 @@
 //! where they are; and points drawn from it.
 
 use super::information::{Known, NOT_FIXED, deviations, sum, triangle, visit, with_zero_right};
-use crate::estimation::problem::{Coordinate, Experiment, Problem};
+use crate::estimation::problem::{Experiment, Problem};
 use crate::estimation::sensitivity::SensitivityError;
 use crate::numerics::least_squares::{Rows, Triangle};
 use crate::numerics::rng::{self, Purpose, Rng};
@@ -120,8 +120,8 @@ impl Present {
                     pairs.map(|(middle, moved)| middle + moved).collect()
                 }
                 None => {
-                    let coordinates = next.coordinates.iter().zip(&middle);
-                    let drawn = coordinates.map(|(own, middle)| alone(own, *middle, &mut rng));
+                    let places = middle.iter().enumerate();
+                    let drawn = places.map(|place| alone(next, place, &mut rng));
                     drawn.collect()
                 }
             };
@@ -206,8 +206,9 @@ impl Present {
 }
 
 /// A position of one unknown, drawn from its prior about the middle, else from its range.
-fn alone(coordinate: &Coordinate, middle: f64, rng: &mut impl Rng) -> f64 {
-    let Some(prior) = coordinate.prior else {
+fn alone(next: &Problem, (index, &middle): (usize, &f64), rng: &mut impl Rng) -> f64 {
+    let coordinate = &next.coordinates[index];
+    let Some(prior) = next.prior_of(index) else {
         return INNER + (1.0 - 2.0 * INNER) * rng::unit(rng);
     };
     let slope = prior.slope(coordinate.value(middle)) * coordinate.slope(middle);
@@ -225,8 +226,8 @@ fn beside_data(next: &Problem, positions: &[f64]) -> Triangle {
     };
     (0..unknowns).for_each(|index| add(index, NO_EFFECT));
     (unknowns..columns).for_each(|index| add(index, 1.0));
-    for (index, _, slope) in next.prior_rows(positions) {
-        add(index, slope);
+    for prior in next.prior_rows(positions) {
+        rows.add((0..columns).map(|column| prior.slope(column)), 0.0);
     }
     rows.finish()
 }

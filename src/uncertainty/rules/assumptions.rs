@@ -1,14 +1,17 @@
-//! What the budget and the priors say against a result.
+//! What the budget, changes within the record and the priors say against a result.
 
 use super::{own_share, short};
-use crate::estimation::problem::{Assumed, Coordinate, Problem};
+use crate::estimation::problem::{Assumed, Coordinate, Problem, Target};
 use crate::estimation::report::Report;
 use crate::uncertainty::budget::{BETTER, Line};
+use crate::uncertainty::drift::{Change, Drift};
 use crate::uncertainty::verdict::{Trust, Verdict};
 use crate::uncertainty::{Analysis, NORMAL_95};
 
 /// Standard deviations of a prior beyond which the data contradict it.
 const LARGEST_PRIOR_SHIFT: f64 = 3.0;
+/// Standard deviations by which the data may go beyond a constraint by chance.
+const LARGEST_CONTRADICTION: f64 = 3.0;
 /// A total standard error beyond this share of the value is worth a word.
 const LARGE_TOTAL: f64 = 0.1;
 /// A contradicted assumption that would move a parameter by more than so many standard errors of
@@ -33,12 +36,25 @@ pub(super) fn contradictions(
     let Some(detail) = contradiction_in_words(&lines) else {
         return;
     };
-    // How far any of the explanations would move a coordinate, in standard errors of noise and as
-    // a share of its value.
+    let moved = |index: usize| {
+        let moves = lines.iter().filter_map(|line| line.suggested_move(index));
+        moves.map(f64::abs).fold(0.0, f64::max)
+    };
+    let reason = ("assumption_contradicted", detail);
+    lower_by_moves(verdict, (problem, report, analysis), moved, reason);
+}
+
+/// Lowers the trust in each coordinate by how far it would be moved, as a position, in standard
+/// errors of noise and as a share of its value.
+fn lower_by_moves(
+    verdict: &mut Verdict,
+    (problem, report, analysis): (&Problem, &Report, &Analysis),
+    moved: impl Fn(usize) -> f64,
+    reason: (&'static str, String),
+) {
     let moves = |index: usize| -> Option<(f64, f64)> {
         let deviation = analysis.deviations.get(index).copied().flatten()?;
-        let moves = lines.iter().filter_map(|line| line.suggested_move(index));
-        let moved = moves.map(f64::abs).fold(0.0, f64::max);
+        let moved = moved(index);
         Some((moved / deviation, moved / own_share(problem, report, index)))
     };
     let trust = |index: usize| match moves(index) {
@@ -56,7 +72,50 @@ pub(super) fn contradictions(
         .iter()
         .filter_map(|(index, _)| Some(moves(*index)?.1));
     let at_stake = shares.fold(0.0, f64::max);
-    verdict.lower_each(concerned, at_stake, ("assumption_contradicted", detail));
+    verdict.lower_each(concerned, at_stake, reason);
+}
+
+/// The residuals ask for unknowns that change within the record: one reason, because a change of
+/// one may look like that of another.
+pub(super) fn drifts(
+    verdict: &mut Verdict,
+    problem: &Problem,
+    report: &Report,
+    analysis: &Analysis,
+) {
+    let Some((likeliest, others)) = analysis.drifts.split_first() else {
+        return;
+    };
+    let moved = |index: usize| {
+        let of_drift = |drift: &Drift| {
+            let own = if drift.coordinate == index { 0.5 * drift.size.0 } else { 0.0 };
+            drift.moves[index].unwrap_or_default().abs().max(own.abs())
+        };
+        analysis.drifts.iter().map(of_drift).fold(0.0, f64::max)
+    };
+    let name = |drift: &Drift| format!("`{}`", problem.coordinates[drift.coordinate].name);
+    let named: Vec<String> = others.iter().take(MOST_NAMED).map(name).collect();
+    let or = match named.is_empty() {
+        true => String::new(),
+        false => format!("; or it is {}", named.join(", ")),
+    };
+    let share = own_share(problem, report, likeliest.coordinate);
+    let per_cent = |part: f64| short(100.0 * (part / share).abs());
+    let word = if likeliest.size.0 < 0.0 { "smaller" } else { "larger" };
+    let parts = match likeliest.change {
+        Change::Halves => "in the second half of the record than in the first",
+        Change::MiddleThird => "in the middle third of the record than in the others",
+    };
+    let detail = format!(
+        "{} {word} by {} ± {} % {parts} would explain what is left ({:.0} standard deviations of \
+         noise{or}): something changes within the record; estimate from a shorter window, or from \
+         parts of it one by one",
+        name(likeliest),
+        per_cent(likeliest.size.0),
+        per_cent(likeliest.size.1),
+        likeliest.score.abs(),
+    );
+    lower_by_moves(verdict, (problem, report, analysis), moved, ("drift", detail));
 }
 
 /// What the residuals ask for, the likeliest explanation first; none where there is none.
@@ -169,6 +228,35 @@ fn dominance_in_words(
         short(own.tolerance),
         100.0 * share * then / total
     )
+}
+
+/// Constraints that keep the estimate from where the data would have it.
+pub(super) fn constraints(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {
+    for binding in &analysis.bindings {
+        let constraint = &problem.constraints[binding.constraint];
+        let is_in_it = |own: &Coordinate| match own.target {
+            Target::Parameter(parameter) | Target::ExperimentParameter { parameter, .. } => {
+                constraint.parameters().contains(&parameter)
+            }
+            Target::InitialState { .. } => false,
+        };
+        let coordinates = problem.coordinates.iter().enumerate();
+        let concerned = coordinates.filter(|(_, own)| is_in_it(own));
+        let concerned: Vec<usize> = concerned.map(|(index, _)| index).collect();
+        let (text, deviations) = (constraint.text(), binding.deviations);
+        let (trust, code, advice) = if deviations > LARGEST_CONTRADICTION {
+            let advice = "either it is wrong, or the model misses an effect";
+            (Trust::Low, "constraint_contradicted", advice)
+        } else {
+            let advice = "noise alone can do that, and the intervals end there";
+            (Trust::High, "constraint_binds", advice)
+        };
+        let detail = format!(
+            "`{text}` holds with equality: the data would go beyond it by {deviations:.1} standard \
+             deviations of noise; {advice}"
+        );
+        verdict.lower_some(trust, (concerned, 0.0), (code, detail));
+    }
 }
 
 pub(super) fn priors(verdict: &mut Verdict, problem: &Problem, analysis: &Analysis) {

@@ -2,7 +2,7 @@
 
 use super::super::forecast::BUDGET;
 use super::super::trajectory::at_estimate;
-use super::super::{assumption, experiment, parameters};
+use super::super::{assumption, constraints, experiment, parameters, priors};
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Problem, Target};
 use crate::estimation::sensitivity::{SensitivityError, Sides};
@@ -112,6 +112,8 @@ impl Subject {
             loss: Loss::Squared,
             // Of sensors nothing is assumed: which of them there will be may be the question.
             assumptions: Arc::new(assumption::assumptions(&spec.job, description, &[])),
+            joint_priors: Arc::new(priors::joint(&spec.job, description)),
+            constraints: Arc::new(constraints::compiled(&spec.job, description)),
             coordinates: coordinates.clone(),
         };
         let wants = |own: &Coordinate| {
