@@ -79,7 +79,11 @@ pub fn limits(problem: &Problem, positions: &[f64]) -> Vec<Limit> {
 #[must_use]
 pub fn holds(problem: &Problem, positions: &[f64]) -> bool {
     let is_met = |(constraint, experiment): (usize, usize)| {
-        slack(problem, (&problem.constraints[constraint], experiment), positions) >= 0.0
+        slack(
+            problem,
+            (&problem.constraints[constraint], experiment),
+            positions,
+        ) >= 0.0
     };
     let limits = || limits(problem, positions);
     places(problem).all(is_met) || limits().iter().all(|limit| limit.distance() >= -TOLERANCE)
@@ -90,9 +94,7 @@ fn places(problem: &Problem) -> impl Iterator<Item = (usize, usize)> {
     let own = |parameter: &usize| {
         let coordinates = problem.coordinates.iter();
         let mut targets = coordinates.map(|coordinate| coordinate.target);
-        let is_own = |target: Target| {
-            matches!(target, Target::ExperimentParameter { parameter: own, .. } if own == *parameter)
-        };
+        let is_own = |target: Target| matches!(target, Target::ExperimentParameter { parameter: own, .. } if own == *parameter);
         let mut said = problem.experiments.iter().flat_map(|own| &own.parameters);
         targets.any(is_own) || said.any(|(own, _)| own == parameter)
     };

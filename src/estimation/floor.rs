@@ -218,15 +218,14 @@ pub fn exchanged(problem: &Problem, positions: &[f64]) -> Vec<Exchange> {
             if let Some((at_b, at_a)) = both.filter(|_| alike && is_shared(a) && is_shared(b)) {
                 let mut candidate = positions.to_vec();
                 (candidate[a], candidate[b]) = (at_a, at_b);
-                if feasible::holds(problem, &candidate) {
-                    found.push(Exchange {
-                        pair: [a, b],
-                        positions: candidate,
-                    });
-                }
+                found.push(Exchange {
+                    pair: [a, b],
+                    positions: candidate,
+                });
             }
         }
     }
+    found.retain(|exchange| feasible::holds(problem, &exchange.positions));
     found
 }
 

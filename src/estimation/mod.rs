@@ -313,7 +313,9 @@ impl Estimation {
     pub fn report(&self, problem: &Problem, stopped: Option<StopReason>) -> Option<Report> {
         let positions = match self.best_descent() {
             Some(descent) => descent.positions.clone(),
-            None => self.search.positions(problem, &self.search.champion()?.chromosome),
+            None => self
+                .search
+                .positions(problem, &self.search.champion()?.chromosome),
         };
         Some(Report::new(problem, self, positions, stopped))
     }

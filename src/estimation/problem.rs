@@ -277,12 +277,12 @@ impl Problem {
             let places = |parameter: &usize| self.place_of(*parameter);
             let places: Vec<Option<usize>> = joint.parameters.iter().map(places).collect();
             let members = joint.parameters.iter().zip(&places);
-            let members = members.map(|(parameter, place)| match place {
-                None => (self.parameters[*parameter], 0.0),
-                Some(place) => {
-                    let (own, position) = (&self.coordinates[*place], positions[*place]);
-                    (own.value(position), own.slope(position))
-                }
+            let members = members.map(|(parameter, place)| {
+                let slope = |place: usize| self.coordinates[place].slope(positions[place]);
+                (
+                    self.shared_value(*parameter, positions),
+                    place.map_or(0.0, slope),
+                )
             });
             rows.extend(joint.rows(&members.collect::<Vec<_>>(), &places));
         }
@@ -294,6 +294,15 @@ impl Problem {
     pub fn place_of(&self, parameter: usize) -> Option<usize> {
         let mut coordinates = self.coordinates.iter();
         coordinates.position(|own| own.target == Target::Parameter(parameter))
+    }
+
+    /// The value of a parameter that experiments share at a candidate's positions, SI.
+    #[must_use]
+    pub fn shared_value(&self, parameter: usize, positions: &[f64]) -> f64 {
+        match self.place_of(parameter) {
+            Some(place) => self.coordinates[place].value(positions[place]),
+            None => self.parameters[parameter],
+        }
     }
 
     /// What is known of a coordinate before the data are looked at: its own prior, or its share of

@@ -10,8 +10,8 @@ pub mod differential_evolution;
 pub(super) mod icra_genetic;
 pub(super) mod proposer;
 
-use super::feasible;
 use super::evaluation_cache::EvaluationCache;
+use super::feasible;
 use super::floor::Landmarks;
 use super::hill_climb::HillClimb;
 use super::leaders::{self, Judged};

@@ -15,7 +15,7 @@ use uuid::Uuid;
 use super::id::DatasetId;
 use crate::estimation::Settings;
 pub use crate::estimation::settings::MethodName;
-use crate::model::{ModelDescription, Scale, Tolerance, ToleranceText};
+use crate::model::{ModelDescription, Tolerance, ToleranceText};
 use crate::parsing::Fault;
 use crate::recording::{Exclude, Instants, Summary};
 use crate::uncertainty;
@@ -47,10 +47,11 @@ pub use model::ModelOfJob;
 use model::read_model;
 pub use model_search::ModelSearch;
 pub use outputs::OutputSpec;
+pub use parameter::{FixedValue, FreeParameter, ParameterSpec, SearchRange};
 pub use prior::PriorSpec;
 pub use validation::ValidationSpec;
 
-use crate::parsing::reader::{Faults, Field};
+use crate::parsing::reader::{Faults, Field, Object};
 
 /// The experiments of one job at the most.
 pub const MAX_EXPERIMENTS: usize = 32;
@@ -268,58 +269,6 @@ pub struct StateRange {
     pub upper: f64,
 }
 
-/// What is known about a parameter: its value, or a range to look in.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(untagged)]
-pub enum ParameterSpec {
-    /// Known.
-    Fixed(FixedValue),
-    /// Unknown: estimated between two bounds.
-    Free(FreeParameter),
-}
-
-/// A known value, SI.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct FixedValue {
-    /// The value, SI.
-    #[schema(example = 7e6)]
-    pub value: f64,
-    /// How well it is known: one standard deviation, a number in its unit or a share such as
-    /// `"1 %"`; left out, what the model says.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<ToleranceText>, nullable = false, example = "1 %")]
-    pub tolerance: Option<Tolerance>,
-}
-
-/// An unknown parameter.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct FreeParameter {
-    /// The range of the search; what is left out is the model's.
-    pub estimate: SearchRange,
-    /// What is known of it before.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
-    pub prior: Option<PriorSpec>,
-}
-
-/// The search range of a parameter, SI.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-#[schema(example = json!({"lower": 2e8, "upper": 2.4e9, "scale": "log"}))]
-pub struct SearchRange {
-    /// The lower bound.
-    #[schema(required = false)]
-    pub lower: f64,
-    /// The upper bound.
-    #[schema(required = false)]
-    pub upper: f64,
-    /// How the range is laid out.
-    #[schema(required = false)]
-    pub scale: Scale,
-}
-
 /// What a document is read against.
 pub struct Context<'a> {
     /// The models that there are.
@@ -394,9 +343,8 @@ const NOTHING_TO_ESTIMATE: &str = "every parameter and every initial state is fi
 /// understood without another (signals without the model) is left out.
 fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let mut root = document.object()?;
-    let name = root
-        .optional("name")
-        .and_then(|field| labels::short_text(&field).map(str::to_owned));
+    let name = root.optional("name");
+    let name = name.and_then(|field| labels::short_text(&field).map(str::to_owned));
     let labels = root.optional("labels").map(|field| labels::read(&field));
     let model = root
         .required("model")
@@ -419,31 +367,21 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let outputs =
         outputs.map(|field| outputs::read(&field, model, experiments.as_deref(), context.datasets));
     let clock_tolerance = outputs::tolerance(root.optional("clock_tolerance"));
-    let constraints = root.optional("constraints");
-    let priors = root.optional("priors");
-    let (constraints, priors) = match (model, &parameters, &experiments) {
-        (Some(model), Some(parameters), Some(experiments)) => (
-            constraints.map(|field| constraints::read(&field, model, (parameters, experiments))),
-            priors.map(|field| joint_prior::read(&field, model, (parameters, experiments))),
-        ),
-        _ => (None, None),
-    };
+    let said = parameters.as_ref().zip(experiments.as_deref());
+    let known = model.zip(said);
+    let (constraints, priors) = read_together(&mut root, known);
     let method = root.optional("method").map(|field| method::read(&field));
-    let uncertainty = root
-        .optional("uncertainty")
-        .map(|field| method::read_uncertainty(&field));
-    let validation = root
-        .optional("validation")
-        .map(|field| validation::read(&field));
-    let limits = root
-        .optional("limits")
-        .map(|field| limits::read(&field, context.max_duration_s));
-    let seed = root
-        .optional("seed")
-        .map_or_else(|| Some(drawn_seed()), |field| field.integer(0, MAX_SEED));
-    if let (Some(experiments), Some(parameters)) = (&experiments, &parameters) {
+    let uncertainty = root.optional("uncertainty");
+    let uncertainty = uncertainty.map(|field| method::read_uncertainty(&field));
+    let validation = root.optional("validation");
+    let validation = validation.map(|field| validation::read(&field));
+    let limits = root.optional("limits");
+    let limits = limits.map(|field| limits::read(&field, context.max_duration_s));
+    let seed = root.optional("seed");
+    let seed = seed.map_or_else(|| Some(drawn_seed()), |field| field.integer(0, MAX_SEED));
+    if let Some((model, (parameters, experiments))) = known {
         own_parameters::check(&root, experiments, parameters, model_search.as_ref());
-        if model.is_some_and(|model| !anything_free(model, parameters, experiments)) {
+        if !anything_free(model, parameters, experiments) {
             root.fault("nothing_to_estimate", NOTHING_TO_ESTIMATE);
         }
     }
@@ -456,8 +394,8 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
             parameters: parameters?,
             outputs: outputs.unwrap_or_default(),
             clock_tolerance,
-            constraints: constraints.unwrap_or_default(),
-            priors: priors.unwrap_or_default(),
+            constraints,
+            priors,
             method: method.unwrap_or_default(),
             model_search,
             uncertainty: uncertainty.unwrap_or_default(),
@@ -475,6 +413,24 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     root.finish();
     spec
 }
+
+/// What is said of several parameters together: constraints and priors. Without a model, or
+/// parameters that are understood, nothing can be said of them.
+fn read_together(
+    root: &mut Object<'_>,
+    known: Option<(&ModelDescription, Said<'_>)>,
+) -> (Vec<String>, Vec<JointPriorSpec>) {
+    let (constraints, priors) = (root.optional("constraints"), root.optional("priors"));
+    let Some((model, said)) = known else {
+        return (Vec::new(), Vec::new());
+    };
+    let constraints = constraints.map(|field| constraints::read(&field, model, said));
+    let priors = priors.map(|field| joint_prior::read(&field, model, said));
+    (constraints.unwrap_or_default(), priors.unwrap_or_default())
+}
+
+/// What a job says of its parameters, and its experiments of theirs.
+type Said<'a> = (&'a BTreeMap<String, ParameterSpec>, &'a [ExperimentSpec]);
 
 fn anything_free(
     model: &ModelDescription,

@@ -33,11 +33,7 @@ pub trait Equations<R: Real>: Send {
     type States: States<R>;
     /// Whether errors are measured against [`Equations::sizes`] alone, however large a state is.
     const SIZES_ARE_FIXED: bool;
-    /// The share of the tolerance that a step of the explicit method may err. Oscillations that
-    /// nothing damps keep every error, so that equations of which nothing is known need care.
-    const EXPLICIT_SHARE: f64;
-    /// Whether a method of eighth order may be worth its twelve derivatives a step, where nothing is
-    /// held.
+    /// Whether a method of eighth order may be worth its twelve derivatives a step.
     const MAY_BE_SMOOTH: bool = false;
 
     /// The states at the first sample where the job does not say otherwise.
@@ -46,6 +42,8 @@ pub trait Equations<R: Real>: Send {
     fn sizes(&self) -> Self::States;
     /// How long the held quantities take to act `[s]`.
     fn input_delay(&self) -> Option<R>;
+    /// What the steps of the explicit methods may err.
+    fn shares(&self) -> Shares;
     /// How many quantities are held.
     fn n_held(&self) -> usize;
     /// What the inputs of a sample become.
@@ -68,6 +66,15 @@ pub trait Equations<R: Real>: Send {
     fn outputs(&mut self, states: &Self::States, outputs: &mut [R]);
     /// At least 0 where the equations hold at the states whose outputs were taken last.
     fn validity(&mut self, states: &Self::States) -> R;
+}
+
+/// The share of the tolerance that a step of an explicit method may err.
+#[derive(Clone, Copy, Debug)]
+pub struct Shares {
+    /// Of the method of fourth order.
+    pub fourth: f64,
+    /// Of that of eighth order.
+    pub eighth: f64,
 }
 
 /// The inputs at one sample and at the next, and the time between them.

@@ -152,6 +152,10 @@ impl<S> Stages<S> {
             rows.for_each(|(to, from)| *to = which.select_ge(one, *from, *to));
         };
         take(&mut self.next, &stages.next);
+        let zero = R::splat(0.0);
+        for excess in self.next_excess.as_mut() {
+            *excess = which.select_ge(one, zero, *excess);
+        }
         take(&mut self.end, &stages.end);
         take(&mut self.point, &stages.point);
         take(&mut self.last, stages.last());

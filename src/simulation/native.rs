@@ -1,7 +1,7 @@
 //! Plants whose equations are written in Rust.
 
 use super::block;
-use super::equations::{Equations, Held, Sample, System};
+use super::equations::{Equations, Held, Sample, Shares, System};
 use super::{Accuracy, BlockSimulator, Candidates, Excitation, Plant};
 use crate::numerics::lanes::{Real, RealArray};
 
@@ -128,7 +128,6 @@ const SHARE: f64 = 1e-8;
 impl<D: Dynamics, R: Real> Equations<R> for NativeRow<'_, D, R> {
     type States = D::State<R>;
     const SIZES_ARE_FIXED: bool = true;
-    const EXPLICIT_SHARE: f64 = 1.0;
 
     fn initial_states(&self) -> D::State<R> {
         self.dynamics.initial_state(&self.constants)
@@ -140,6 +139,14 @@ impl<D: Dynamics, R: Real> Equations<R> for NativeRow<'_, D, R> {
 
     fn input_delay(&self) -> Option<R> {
         self.dynamics.input_delay(&self.constants)
+    }
+
+    /// The sizes of the states are chosen with the method.
+    fn shares(&self) -> Shares {
+        Shares {
+            fourth: 1.0,
+            eighth: 1.0,
+        }
     }
 
     fn n_held(&self) -> usize {

@@ -9,13 +9,13 @@
 //! H. G. Bock, "Numerical treatment of inverse problems in chemical reaction kinetics", 1981).
 //!
 //! A candidate whose steps are limited by stability, and not by accuracy, goes on with the stiff
-//! method until its steps are short against its fastest rate again. One that nothing jolts and that
-//! takes many steps from sample to sample goes on with the method of eighth order.
+//! method until its steps are short against its fastest rate again. One whose accuracy limits its
+//! steps, and that takes many of them from sample to sample, goes on with the method of eighth order.
 
 mod exact;
 mod smooth;
 
-use super::equations::{Equations, Held, System};
+use super::equations::{Equations, Held, Shares, System};
 use super::explicit::eighth;
 use super::explicit::{self, Stages, Sum};
 use super::{Accuracy, Failure};
@@ -124,6 +124,8 @@ pub struct Integrator<'a, P: System + 'a, R: Real> {
     calm_steps: [u8; MOST],
     exact: Vec<Exact<P::Row<'a, Lanes>>>,
     smooth: Option<Box<SmoothRow<P::Row<'a, R>, R>>>,
+    shares: Shares,
+    first_look: u32,
 }
 
 /// A stretch of time over which the held quantities do not jump.
@@ -165,7 +167,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         for weight in weights.as_mut() {
             *weight = per_tolerance / *weight;
         }
-        let smooth = Smooth::of(equations, &states);
+        let is_undisturbed = equations.n_held() == 0;
         Integrator {
             source,
             stages: Stages::like(&states),
@@ -173,7 +175,6 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             excess,
             sizes,
             least_sizes,
-            weights,
             length: R::splat(0.0),
             has_new: true,
             derivatives: R::splat(0.0),
@@ -186,7 +187,13 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             has_stiff: false,
             calm_steps: [0; MOST],
             exact: Vec::new(),
-            smooth,
+            smooth: Smooth::of::<P::Row<'a, R>>(&weights),
+            shares: equations.shares(),
+            first_look: match is_undisturbed {
+                true => FIRST_LOOK_WHERE_UNDISTURBED,
+                false => FIRST_LOOK,
+            },
+            weights,
         }
     }
 
@@ -232,10 +239,6 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         if self.has_new {
             self.choose_first_lengths(duration);
         }
-        let first_look = match self.smooth {
-            Some(_) => FIRST_LOOK_WHERE_UNDISTURBED,
-            None => FIRST_LOOK,
-        };
         let mut trials = 0_u32;
         while stretch.remaining.any_above(0.0) {
             let mut trial = Trial {
@@ -254,7 +257,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             if self.smooth.is_some() {
                 self.choose_order(&stretch, &trial, trials);
             }
-            let is_looked_at = trials >= first_look && trials.is_multiple_of(LOOK_EVERY);
+            let is_looked_at = trials >= self.first_look && trials.is_multiple_of(LOOK_EVERY);
             if (is_looked_at || self.has_stiff) && stop.load(Ordering::Relaxed) {
                 return None;
             }
@@ -315,9 +318,9 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
                 excess: &self.excess,
             };
             explicit::step(equations, from, &mut self.stages, (elapsed, trial.taken));
-            let share = 1.0 / <P::Row<'a, R>>::EXPLICIT_SHARE;
+            let share = self.shares.fourth;
             let squared_error = self.stages.squared_error(&self.weights, trial.taken);
-            trial.squared_error = squared_error * R::splat(share * share);
+            trial.squared_error = squared_error * R::splat(1.0 / (share * share));
         }
         self.try_smooth(equations, (elapsed, trial));
     }
@@ -431,7 +434,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             } else if !self.is_stiff[lane] {
                 let limit = STIFF * self.stable_for(lane);
                 let shows_it = u8::from(rates.lane(lane) > limit * limit);
-                self.stiff_looks[lane] = shows_it * (self.stiff_looks[lane] + 1);
+                self.stiff_looks[lane] = shows_it * self.stiff_looks[lane].saturating_add(1);
                 self.is_stiff[lane] = self.stiff_looks[lane] >= self.stiff_looks_needed[lane];
                 self.calm_steps[lane] = 0;
             }

@@ -80,12 +80,7 @@ impl Bootstrap<'_> {
             }
         }
         for joint in Arc::make_mut(&mut problem.joint_priors) {
-            let value = |parameter: &usize| {
-                let place = self.problem.place_of(*parameter);
-                place.map_or(self.problem.parameters[*parameter], |place| {
-                    self.problem.coordinates[place].value(self.positions[place])
-                })
-            };
+            let value = |parameter: &usize| self.problem.shared_value(*parameter, self.positions);
             let values: Vec<f64> = joint.parameters.iter().map(value).collect();
             let noise = values.iter().map(|_| rng::normal(&mut rng)).collect();
             joint.draw_about(&values, noise);

@@ -10,18 +10,18 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 
-const SAMPLES: usize = 300;
-const SAMPLE_TIME: f64 = 0.1;
-const NOISE: f64 = 0.05;
+pub const SAMPLES: usize = 300;
+pub const SAMPLE_TIME: f64 = 0.1;
+pub const NOISE: f64 = 0.05;
 const TIME_CONSTANT: f64 = 0.5;
 
 /// Normal numbers, near enough: the sum of twelve.
-fn normal(random: &mut ChaCha8Rng) -> f64 {
+pub fn normal(random: &mut ChaCha8Rng) -> f64 {
     (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
 }
 
 /// What a random input does through a lag.
-fn response(random: &mut ChaCha8Rng) -> (Vec<f64>, Vec<f64>) {
+pub fn response(random: &mut ChaCha8Rng) -> (Vec<f64>, Vec<f64>) {
     let decay = (-SAMPLE_TIME / TIME_CONSTANT).exp();
     let mut state = 0.0;
     let step = |_| {
@@ -33,7 +33,7 @@ fn response(random: &mut ChaCha8Rng) -> (Vec<f64>, Vec<f64>) {
     (0..SAMPLES).map(step).unzip()
 }
 
-fn recording(signals: Vec<Signal>, sample_time: f64, samples: usize) -> Recording {
+pub fn recording(signals: Vec<Signal>, sample_time: f64, samples: usize) -> Recording {
     Recording::new(
         TimeAxis::Uniform {
             sample_time,
@@ -60,7 +60,7 @@ fn lag(seed: u64) -> (Recording, f64, f64) {
 }
 
 /// The job of the lag, refined from the middle of its range.
-fn job(parameters: &Value) -> Value {
+pub fn job(parameters: &Value) -> Value {
     json!({
         "model": {
             "name": "lag",
@@ -83,7 +83,7 @@ fn job(parameters: &Value) -> Value {
     })
 }
 
-fn gain(more: Value) -> Value {
+pub fn gain(more: Value) -> Value {
     let mut free = json!({"estimate": {"lower": 0.1, "upper": 2, "scale": "linear"}});
     for (name, value) in more.as_object().expect("an object") {
         free[name] = value.clone();
@@ -132,58 +132,6 @@ fn a_prior_that_the_data_contradict_is_told() {
         "{reasons:?}"
     );
     assert_ne!(outcome.parameters[0].estimate.trust, Some(Trust::High));
-}
-
-/// The least-squares gain of some samples, and the root of their power.
-fn fitted(input: &[f64], output: &[f64]) -> (f64, f64) {
-    let power: f64 = input.iter().map(|x| x * x).sum();
-    let product: f64 = input.iter().zip(output).map(|(x, y)| x * y).sum();
-    (product / power, power.sqrt())
-}
-
-/// A gain that changes by `by` in the middle of the record, and what a fit to each half of it finds
-/// the change to be, with its standard error.
-fn changing_gain(by: f64, seed: u64) -> (Recording, f64, f64) {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let (input, regressor) = response(&mut random);
-    let gain = |sample: usize| if 2 * sample < SAMPLES { 0.8 } else { 0.8 + by };
-    let output: Vec<f64> = regressor
-        .iter()
-        .enumerate()
-        .map(|(sample, x)| gain(sample) * x + NOISE * normal(&mut random))
-        .collect();
-    let [first, second] = [0..SAMPLES / 2, SAMPLES / 2..SAMPLES]
-        .map(|half| fitted(&regressor[half.clone()], &output[half]));
-    let error = 1.2 * NOISE * (first.1.powi(-2) + second.1.powi(-2)).sqrt();
-    let signals = vec![Signal::new("u", "1", input), Signal::new("y", "1", output)];
-    let recording = recording(signals, SAMPLE_TIME, SAMPLES);
-    (recording, second.0 - first.0, error)
-}
-
-#[test]
-fn an_unknown_that_changes_within_the_record_is_told_with_its_size() {
-    let told = |by: f64, seed: u64| {
-        let (recording, change, error) = changing_gain(by, seed);
-        let outcome = run(job(&json!({"gain": gain(json!({}))})), recording);
-        let value = outcome.parameters[0].estimate.estimate;
-        let trust = outcome.parameters[0].estimate.trust;
-        let mut reasons = outcome.verdict.reasons.into_iter();
-        let detail = reasons.find(|own| own.code == "drift").map(|own| own.detail);
-        (detail, trust, 100.0 * change / value, (change / error).abs())
-    };
-    for (by, word) in [(0.15, "larger"), (-0.15, "smaller")] {
-        let (detail, trust, per_cent, score) = told(by, 5);
-        let detail = detail.expect("a reason");
-        println!("{detail}");
-        let size = format!("`gain` {word} by {:.1} ", per_cent.abs());
-        assert!(detail.starts_with(&size), "{detail}: {per_cent}");
-        assert!(detail.contains(&format!("({score:.0} standard")), "{score}");
-        assert_eq!(trust, Some(Trust::Low));
-    }
-    for seed in 0..40 {
-        let (detail, ..) = told(0.0, seed);
-        assert_eq!(detail, None, "seed {seed}");
-    }
 }
 
 #[test]

@@ -8,6 +8,7 @@
 mod budget;
 mod constraints;
 mod dead_time;
+mod drift;
 mod effects;
 mod intervals;
 mod joint;

@@ -2,9 +2,7 @@
 
 use super::{Finding, signal_pointer};
 use crate::estimation::prior::Prior;
-use crate::estimation::problem::{
-    Coordinate, Experiment, MeasuredOutput, Target, UnknownStart,
-};
+use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Target, UnknownStart};
 use crate::job::fault::Fault;
 use crate::job::spec::{
     ExperimentRole, ExperimentSpec, InitialStateSpec, OutputSpec, ParameterSpec,

@@ -1,10 +1,9 @@
 //! The `constraints` section: conditions that the parameters keep.
 
-use super::{ExperimentSpec, ParameterSpec};
+use super::{ParameterSpec, Said};
 use crate::model::ModelDescription;
 use crate::model::document::Condition;
 use crate::parsing::reader::Field;
-use std::collections::BTreeMap;
 
 /// The constraints of one job at the most.
 pub const MAX_CONSTRAINTS: usize = 16;
@@ -13,10 +12,12 @@ pub const MAX_CONSTRAINTS: usize = 16;
 pub(super) fn read(
     field: &Field<'_>,
     model: &ModelDescription,
-    (parameters, experiments): (&BTreeMap<String, ParameterSpec>, &[ExperimentSpec]),
+    (parameters, experiments): Said<'_>,
 ) -> Vec<String> {
     let is_free = |name: &str| {
-        let own = experiments.iter().filter_map(|own| own.parameters.get(name));
+        let own = experiments
+            .iter()
+            .filter_map(|own| own.parameters.get(name));
         let mut said = parameters.get(name).into_iter().chain(own);
         said.any(|said| matches!(said, ParameterSpec::Free(_)))
     };
@@ -42,4 +43,54 @@ pub(super) fn read(
         texts.extend(entry.value.as_str().map(str::to_owned));
     }
     texts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parameter;
+    use super::*;
+    use crate::model::Catalogue;
+    use crate::parsing::reader::Faults;
+    use serde_json::{Value, json};
+
+    fn faults(document: &Value) -> Vec<(String, String)> {
+        let model = Catalogue::built_in();
+        let model = model
+            .get("single_rod_servo")
+            .expect("a model")
+            .description();
+        let found = Faults::default();
+        let parameters = parameter::read_all(None, model);
+        read(&Field::root(document, &found), model, (&parameters, &[]));
+        let found = found.into_vec().into_iter();
+        found
+            .map(|own| (own.pointer, own.code.into_owned()))
+            .collect()
+    }
+
+    #[test]
+    fn what_cannot_be_kept_is_refused_at_its_place() {
+        let fine = json!(["mass < 90", "0.1*mass < damping and damping < 1e5"]);
+        assert_eq!(faults(&fine), []);
+        for (document, pointer, code) in [
+            (json!(["mass"]), "/0", "not_a_condition"),
+            (
+                json!(["mass < 90", "mass <"]),
+                "/1",
+                "expression_not_understood",
+            ),
+            (json!(["mass == 90"]), "/0", "expression_not_understood"),
+            (
+                json!(["supply_pressure < 8e6"]),
+                "/0",
+                "nothing_to_constrain",
+            ),
+            (json!(["mass < 90", 3]), "/1", "wrong_type"),
+            (json!("mass < 90"), "", "wrong_type"),
+            (json!(vec!["mass < 90"; 17]), "", "too_many"),
+        ] {
+            let expected = (pointer.to_owned(), code.to_owned());
+            assert_eq!(faults(&document), [expected], "{document}");
+        }
+    }
 }

@@ -1,12 +1,11 @@
 //! The `priors` section: what is known of several parameters together.
 
 use super::own_parameters::shares;
-use super::{ExperimentSpec, ParameterSpec};
+use super::{ParameterSpec, Said};
 use crate::estimation::prior::JointPrior;
 use crate::model::{ModelDescription, Scale};
 use crate::parsing::reader::{Field, did_you_mean};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use utoipa::ToSchema;
 
 /// The joint priors of one job at the most.
@@ -41,7 +40,7 @@ pub struct JointPriorSpec {
 pub(super) fn read(
     field: &Field<'_>,
     model: &ModelDescription,
-    (parameters, experiments): (&BTreeMap<String, ParameterSpec>, &[ExperimentSpec]),
+    (parameters, experiments): Said<'_>,
 ) -> Vec<JointPriorSpec> {
     let free = |name: &str| match parameters.get(name) {
         Some(ParameterSpec::Free(free)) => Some(free),
@@ -59,7 +58,7 @@ pub(super) fn read(
     let mut priors: Vec<JointPriorSpec> = Vec::new();
     for entry in entries.take(MAX_PRIORS) {
         let known = |name: &str| has_prior(name) || is_named(&priors, name);
-        priors.extend(read_one(&entry, model, (&is_shared, &known)));
+        priors.extend(read_one(&entry, model, (is_shared, known)));
     }
     priors
 }
@@ -72,7 +71,7 @@ fn is_named(priors: &[JointPriorSpec], name: &str) -> bool {
 fn read_one(
     field: &Field<'_>,
     model: &ModelDescription,
-    (is_shared, has_prior): (&dyn Fn(&str) -> bool, &dyn Fn(&str) -> bool),
+    (is_shared, has_prior): (impl Fn(&str) -> bool, impl Fn(&str) -> bool),
 ) -> Option<JointPriorSpec> {
     let mut object = field.object()?;
     let mut parameters: Vec<String> = Vec::new();
@@ -181,4 +180,84 @@ fn scaled(correlation: &[Vec<f64>], std: &[f64]) -> Vec<Vec<f64>> {
         pairs.map(|(entry, other)| entry * own * other).collect()
     };
     rows.map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parameter;
+    use super::*;
+    use crate::model::Catalogue;
+    use crate::parsing::reader::Faults;
+    use serde_json::{Value, json};
+
+    fn faults(document: &Value) -> Vec<(String, String)> {
+        let model = Catalogue::built_in();
+        let model = model
+            .get("single_rod_servo")
+            .expect("a model")
+            .description();
+        let found = Faults::default();
+        let parameters = parameter::read_all(None, model);
+        read(&Field::root(document, &found), model, (&parameters, &[]));
+        let found = found.into_vec().into_iter();
+        found
+            .map(|own| (own.pointer, own.code.into_owned()))
+            .collect()
+    }
+
+    #[test]
+    fn what_is_no_distribution_of_unknowns_is_refused_at_its_place() {
+        let with = |changed: &[(&str, Value)]| {
+            let mut prior = json!({
+                "parameters": ["mass", "damping"], "mean": [58, 420], "std": [2, 9],
+                "correlation": [[1, 0.5], [0.5, 1]]
+            });
+            for (name, value) in changed {
+                prior[name] = value.clone();
+            }
+            json!([prior])
+        };
+        assert_eq!(faults(&with(&[])), []);
+        assert_eq!(faults(&with(&[("scale", json!("log"))])), []);
+        let correlation = |value: f64| json!([[1, value], [value, 1]]);
+        for (changed, pointer, code) in [
+            (
+                ("parameters", json!(["mass", "dampng"])),
+                "/0/parameters/1",
+                "unknown_parameter",
+            ),
+            (
+                ("parameters", json!(["mass", "supply_pressure"])),
+                "/0/parameters/1",
+                "not_estimated",
+            ),
+            (
+                ("parameters", json!(["mass", "mass"])),
+                "/0/parameters/1",
+                "duplicate",
+            ),
+            (("mean", json!([58])), "/0/mean", "wrong_length"),
+            (("correlation", correlation(1.2)), "/0", "not_a_covariance"),
+            (
+                ("correlation", json!([[1, 0.5], [0.4, 1]])),
+                "/0",
+                "not_a_covariance",
+            ),
+            (
+                ("covariance", json!([[4, 3], [3, 9]])),
+                "/0",
+                "missing_field",
+            ),
+        ] {
+            let expected = (pointer.to_owned(), code.to_owned());
+            assert_eq!(
+                faults(&with(std::slice::from_ref(&changed))),
+                [expected],
+                "{changed:?}"
+            );
+        }
+        let twice = [with(&[])[0].clone(), with(&[])[0].clone()];
+        let duplicate = |place| (format!("/1/parameters/{place}"), "duplicate".to_owned());
+        assert_eq!(faults(&json!(twice)), [duplicate(0), duplicate(1)]);
+    }
 }

@@ -2,9 +2,63 @@
 
 use std::collections::BTreeMap;
 
-use super::{FixedValue, FreeParameter, ParameterSpec, SearchRange, prior};
-use crate::model::{ModelDescription, ParameterDescription, Scale, Tolerance};
+use super::prior::{self, PriorSpec};
+use crate::model::{ModelDescription, ParameterDescription, Scale, Tolerance, ToleranceText};
 use crate::parsing::reader::{Field, did_you_mean};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// What is known about a parameter: its value, or a range to look in.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum ParameterSpec {
+    /// Known.
+    Fixed(FixedValue),
+    /// Unknown: estimated between two bounds.
+    Free(FreeParameter),
+}
+
+/// A known value, SI.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FixedValue {
+    /// The value, SI.
+    #[schema(example = 7e6)]
+    pub value: f64,
+    /// How well it is known: one standard deviation, a number in its unit or a share such as
+    /// `"1 %"`; left out, what the model says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<ToleranceText>, nullable = false, example = "1 %")]
+    pub tolerance: Option<Tolerance>,
+}
+
+/// An unknown parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FreeParameter {
+    /// The range of the search; what is left out is the model's.
+    pub estimate: SearchRange,
+    /// What is known of it before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub prior: Option<PriorSpec>,
+}
+
+/// The search range of a parameter, SI.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"lower": 2e8, "upper": 2.4e9, "scale": "log"}))]
+pub struct SearchRange {
+    /// The lower bound.
+    #[schema(required = false)]
+    pub lower: f64,
+    /// The upper bound.
+    #[schema(required = false)]
+    pub upper: f64,
+    /// How the range is laid out.
+    #[schema(required = false)]
+    pub scale: Scale,
+}
 
 /// One entry for each parameter of the model; what the section leaves out is the model's.
 pub(super) fn read_all(

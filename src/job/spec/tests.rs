@@ -5,7 +5,9 @@ use std::collections::HashMap;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::model::{InitialState, ParameterDescription, SignalDescription, StateDescription};
+use crate::model::{
+    InitialState, ParameterDescription, Scale, SignalDescription, StateDescription,
+};
 
 const DATASET: &str = "ds_0192d3a4b5c67d8e9f00112233445566";
 

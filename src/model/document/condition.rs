@@ -54,10 +54,15 @@ impl Condition {
             vec![Fault::new(pointer, code, detail).within(span.place(text))]
         };
         let tree = syntax::parse(text);
-        let tree = tree.map_err(|error| fault("expression_not_understood", error.detail, error.span))?;
+        let tree =
+            tree.map_err(|error| fault("expression_not_understood", error.detail, error.span))?;
         let mut differences = Vec::new();
         if comparisons(&tree, &mut differences).is_none() {
-            return Err(fault("not_a_condition", NO_COMPARISON.to_owned(), tree.span));
+            return Err(fault(
+                "not_a_condition",
+                NO_COMPARISON.to_owned(),
+                tree.span,
+            ));
         }
         let faults = Faults::default();
         let definition = definition_of(model);

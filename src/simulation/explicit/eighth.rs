@@ -1,5 +1,5 @@
-//! A Runge–Kutta method of eighth order, for equations that nothing jolts: where the tolerance is
-//! small its steps are so much longer than those of fourth order that their twelve derivatives pay.
+//! A Runge–Kutta method of eighth order: where the tolerance is small its steps are so much longer
+//! than those of fourth order that their twelve derivatives pay.
 //!
 //! DOP853 of J. R. Dormand and P. J. Prince with the weights of E. Hairer, S. P. Nørsett and
 //! G. Wanner, *Solving Ordinary Differential Equations I*, 1993, sections II.5 and II.10, whose
@@ -210,7 +210,8 @@ impl<S> Stages<S> {
             third += b * b;
         }
         // Not 0, and then the error is 0.
-        let both = (fifth + third * R::splat(0.01)).max(R::splat(f64::MIN_POSITIVE));
+        let least = R::splat(f64::from(f32::MIN_POSITIVE));
+        let both = (fifth + third * R::splat(0.01)).max(least);
         let n = R::splat(1.0 / weights.as_ref().len() as f64);
         fifth * (fifth / both) * (length * length) * n
     }

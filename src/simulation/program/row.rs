@@ -5,7 +5,7 @@ use super::instruction::{Register, Registers};
 use super::lists::List;
 use crate::numerics::lanes::Real;
 use crate::numerics::width::Width;
-use crate::simulation::equations::{Equations, Held, Sample};
+use crate::simulation::equations::{Equations, Held, Sample, Shares};
 
 /// The equations with their registers.
 pub struct ProgramRow<'a, R> {
@@ -86,7 +86,6 @@ impl<'a, R: Real> ProgramRow<'a, R> {
 impl<R: Real> Equations<R> for ProgramRow<'_, R> {
     type States = Vec<R>;
     const SIZES_ARE_FIXED: bool = false;
-    const EXPLICIT_SHARE: f64 = 0.05;
     const MAY_BE_SMOOTH: bool = true;
 
     fn initial_states(&self) -> Vec<R> {
@@ -105,6 +104,23 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
     fn input_delay(&self) -> Option<R> {
         let delay = self.program.lists.roots.delay;
         delay.map(|register| self.get(register))
+    }
+
+    /// What starts once and is then left alone keeps every error, and most where nothing damps it:
+    /// with these shares six digits hold in the test set for initial value problems. What is driven
+    /// forgets its errors or takes them from its inputs: outputs of the documents in
+    /// `tests/documents` err by less than a ten-millionth of their range.
+    fn shares(&self) -> Shares {
+        match self.n_held() {
+            0 => Shares {
+                fourth: 0.05,
+                eighth: 0.01,
+            },
+            _ => Shares {
+                fourth: 0.5,
+                eighth: 1.0,
+            },
+        }
     }
 
     fn n_held(&self) -> usize {

@@ -1,5 +1,5 @@
-//! The candidates of a row that use the method of eighth order: those on which nothing acts that
-//! jumps or bends at each sample, and that take many steps from one sample to the next.
+//! The candidates of a row that use the method of eighth order: those that take many steps from one
+//! sample to the next.
 
 use super::{Integrator, LARGEST_FACTOR, Stretch, Trial};
 use crate::numerics::lanes::Real;
@@ -13,9 +13,6 @@ const MANY_TRIALS: u32 = 4;
 /// ... where the last step of the method of fourth order times the fastest rate was below this: its
 /// accuracy limits it.
 const ACCURACY_LIMITS: f64 = 1.0;
-
-/// The share of the tolerance that a step may err: oscillations that nothing damps keep every error.
-const SHARE: f64 = 0.01;
 
 /// How much longer its first step is tried than the last of the method of fourth order.
 const FIRST_FACTOR: f64 = 5.0;
@@ -33,10 +30,9 @@ pub(super) struct Smooth<S, R> {
 pub(super) type SmoothRow<E, R> = Smooth<<E as Equations<R>>::States, R>;
 
 impl<S: Clone, R: Real> Smooth<S, R> {
-    /// Room for the candidates of a row, where nothing acts on them from outside.
-    pub fn of<E: Equations<R, States = S>>(equations: &E, states: &S) -> Option<Box<Self>> {
-        let is_undisturbed = const { E::MAY_BE_SMOOTH } && equations.n_held() == 0;
-        is_undisturbed.then(|| {
+    /// Room for the candidates of a row, where their equations may be worth it.
+    pub fn of<E: Equations<R, States = S>>(states: &S) -> Option<Box<Self>> {
+        const { E::MAY_BE_SMOOTH }.then(|| {
             Box::new(Smooth {
                 stages: Stages::like(states),
                 candidates: R::splat(0.0),
@@ -85,7 +81,8 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         let stages = &mut smooth.stages;
         eighth::step(equations, from, stages, (elapsed, trial.taken));
         let squared_error = stages.squared_error(&self.weights, trial.taken);
-        let squared_error = squared_error * R::splat(1.0 / (SHARE * SHARE));
+        let share = self.shares.eighth;
+        let squared_error = squared_error * R::splat(1.0 / (share * share));
         let (is_eighth, one) = (smooth.candidates, R::splat(1.0));
         trial.squared_error = is_eighth.select_ge(one, squared_error, trial.squared_error);
         self.stages.take_where(is_eighth, stages);

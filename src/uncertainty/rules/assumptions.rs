@@ -88,7 +88,11 @@ pub(super) fn drifts(
     };
     let moved = |index: usize| {
         let of_drift = |drift: &Drift| {
-            let own = if drift.coordinate == index { 0.5 * drift.size.0 } else { 0.0 };
+            let own = if drift.coordinate == index {
+                0.5 * drift.size.0
+            } else {
+                0.0
+            };
             drift.moves[index].unwrap_or_default().abs().max(own.abs())
         };
         analysis.drifts.iter().map(of_drift).fold(0.0, f64::max)
@@ -101,7 +105,11 @@ pub(super) fn drifts(
     };
     let share = own_share(problem, report, likeliest.coordinate);
     let per_cent = |part: f64| short(100.0 * (part / share).abs());
-    let word = if likeliest.size.0 < 0.0 { "smaller" } else { "larger" };
+    let word = if likeliest.size.0 < 0.0 {
+        "smaller"
+    } else {
+        "larger"
+    };
     let parts = match likeliest.change {
         Change::Halves => "in the second half of the record than in the first",
         Change::MiddleThird => "in the middle third of the record than in the others",
@@ -115,7 +123,12 @@ pub(super) fn drifts(
         per_cent(likeliest.size.1),
         likeliest.score.abs(),
     );
-    lower_by_moves(verdict, (problem, report, analysis), moved, ("drift", detail));
+    lower_by_moves(
+        verdict,
+        (problem, report, analysis),
+        moved,
+        ("drift", detail),
+    );
 }
 
 /// What the residuals ask for, the likeliest explanation first; none where there is none.
