@@ -198,7 +198,13 @@ mod tests {
             .description();
         let found = Faults::default();
         let parameters = parameter::read_all(None, model);
-        read(&Field::root(document, &found), model, (&parameters, &[]));
+        let experiment = json!({"dataset": "ds_0192d3a4b5c67d8e9f00112233445566", "window": null});
+        let experiment = serde_json::from_value(experiment).expect("an experiment");
+        read(
+            &Field::root(document, &found),
+            model,
+            (&parameters, &[experiment]),
+        );
         let found = found.into_vec().into_iter();
         found
             .map(|own| (own.pointer, own.code.into_owned()))

@@ -5,9 +5,7 @@ use std::collections::HashMap;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::model::{
-    InitialState, ParameterDescription, Scale, SignalDescription, StateDescription,
-};
+use crate::model::{InitialState, ParameterDescription, SignalDescription, StateDescription};
 
 const DATASET: &str = "ds_0192d3a4b5c67d8e9f00112233445566";
 
@@ -33,7 +31,7 @@ fn parameter(name: &'static str, unknown_by_default: bool) -> ParameterDescripti
         default: 58.0,
         lower: 20.0,
         upper: 120.0,
-        scale: Scale::Log,
+        scale: crate::model::Scale::Log,
         unknown_by_default,
         minimum: Some(0.0),
         maximum: Some(1e4),

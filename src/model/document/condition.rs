@@ -56,8 +56,8 @@ impl Condition {
         let tree = syntax::parse(text);
         let tree =
             tree.map_err(|error| fault("expression_not_understood", error.detail, error.span))?;
-        let mut differences = Vec::new();
-        if comparisons(&tree, &mut differences).is_none() {
+        let mut found = Vec::new();
+        if comparisons(&tree, &mut found).is_none() {
             return Err(fault(
                 "not_a_condition",
                 NO_COMPARISON.to_owned(),
@@ -67,15 +67,17 @@ impl Condition {
         let faults = Faults::default();
         let definition = definition_of(model);
         let mut compiler = Compiler::new(&definition, &faults);
-        let nodes: Vec<Option<NodeId>> = differences
+        let spelled = |tree| Text {
+            pointer: pointer.to_owned(),
+            text: text.to_owned(),
+            tree: Some(tree),
+        };
+        let nodes: Vec<Option<NodeId>> = found
             .into_iter()
-            .map(|tree| {
-                let text = Text {
-                    pointer: pointer.to_owned(),
-                    text: text.to_owned(),
-                    tree: Some(tree),
-                };
-                compiler.number(&text, Context::Setup, Unit::Any)
+            .map(|own| {
+                // What does not fit together is told of the comparison, not of the difference.
+                compiler.condition(&spelled(own.comparison))?;
+                compiler.number(&spelled(own.difference), Context::Setup, Unit::Any)
             })
             .collect();
         let graph = Arc::new(compiler.graph);
@@ -128,9 +130,16 @@ impl Condition {
     }
 }
 
-/// The differences, larger side less smaller one, of the comparisons of a tree; the last operand
-/// of a chain is what the next comparison goes on from. None where it is something else.
-fn comparisons(tree: &Expression, found: &mut Vec<Expression>) -> Option<()> {
+/// One comparison of a text.
+struct Comparison {
+    comparison: Expression,
+    /// The larger side less the smaller one.
+    difference: Expression,
+}
+
+/// The comparisons of a tree; the last operand of a chain is what the next comparison goes on from.
+/// None where it is something else.
+fn comparisons(tree: &Expression, found: &mut Vec<Comparison>) -> Option<()> {
     let Kind::Binary(operator, sides) = &tree.kind else {
         return None;
     };
@@ -151,12 +160,14 @@ fn comparisons(tree: &Expression, found: &mut Vec<Expression>) -> Option<()> {
         Operator::Greater | Operator::GreaterOrEqual => (left, right),
         _ => return None,
     };
-    found.push(Expression {
-        span: left.span.to(right.span),
-        kind: Kind::Binary(
-            Operator::Subtract,
-            Box::new([larger.clone(), smaller.clone()]),
-        ),
+    let span = left.span.to(right.span);
+    let joined = |operator: Operator, sides: [&Expression; 2]| Expression {
+        span,
+        kind: Kind::Binary(operator, Box::new(sides.map(Expression::clone))),
+    };
+    found.push(Comparison {
+        comparison: joined(*operator, [left, right]),
+        difference: joined(Operator::Subtract, [larger, smaller]),
     });
     Some(())
 }
@@ -239,7 +250,7 @@ mod tests {
 
     #[test]
     fn the_slack_is_what_the_larger_side_has_more() {
-        let changed = [("mass", 60.0), ("viscous_damping", 400.0)];
+        let changed = [("mass", 60.0)];
         for (text, expected) in [
             ("mass < 70", vec![10.0]),
             ("mass >= 70", vec![-10.0]),
