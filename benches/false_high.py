@@ -21,7 +21,6 @@ PyPI into a folder of its own. `--seeds 17,23` repeats single jobs.
 """
 
 import collections
-import json
 import math
 import os
 import sys
@@ -440,10 +439,7 @@ def main():
                   f"{job['seconds']:.1f} s", flush=True)
             for parameter in filter(is_false_high, job["parameters"]):
                 show_false_high(job, parameter)
-            if options.json:
-                with open(options.json, "w") as file:
-                    json.dump({"figures": summary(jobs), "failed": failed, "jobs": jobs}, file,
-                              indent=1)
+            served.keep(options, {"figures": summary(jobs), "failed": failed, "jobs": jobs})
     print(in_words(summary(jobs)))
     print(f"{len(failed)} failed; the slowest of {len(jobs)} jobs took "
           f"{max((job['seconds'] for job in jobs), default=0):.1f} s")

@@ -547,9 +547,7 @@ def main():
         print(name, flush=True)
         with served.Server(options) as server:
             parts[name] = PARTS[name](server, options)
-        if options.json:
-            with open(options.json, "w") as file:
-                json.dump(parts, file, indent=1)
+        served.keep(options, parts)
     print(in_words(parts))
 
 

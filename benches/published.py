@@ -136,30 +136,38 @@ def _as_array(compiled):
     return rhs
 
 
-def copasi(problem):
-    """Trajectories of COPASI's LSODA by tolerance: every state a quantity with a rate."""
+def copasi_model(problem):
+    """The problem in COPASI: every state and every quantity one of its global quantities."""
     import basico
 
     model = basico.new_model(name="problem", time_unit="1")
     known = {**problem.parameters, **problem.constants}
-    everything = list(known) + [n for n, _ in problem.quantities] + problem.states
+    derived = {**dict(problem.quantities), **problem.outputs}
 
-    def spelled(text):
+    def spelled(text, when=""):
         text = re.sub(r"\bclock\b", "{Time}", text)
-        place = lambda m: f"{{Values[{m.group(0)}]}}" if m.group(0) in everything else m.group(0)
+        everything = [*known, *derived, *problem.states]
+        place = lambda m: f"{{Values[{m.group(0)}]{when}}}" if m.group(0) in everything else m.group(0)
         return re.sub(r"(?<![\w{\[])[A-Za-z_]\w*(?![\w(\]])", place, text)
 
-    space = {}
-    exec(problem.python(), space)
-    start = space["initial"](list(problem.parameters.values()))
     for name, value in known.items():
         basico.add_parameter(name, initial_value=value, model=model)
-    for name, value in zip(problem.states, start):
-        basico.add_parameter(name, initial_value=value, model=model)
-    for name, text in problem.quantities:
+    for name in problem.states:
+        basico.add_parameter(name, initial_value=0, model=model)
+    for name, text in derived.items():
         basico.add_parameter(name, type="assignment", expression=spelled(text), model=model)
     for name, text in problem.rates.items():
-        basico.set_parameters(name, exact=True, status="ode", expression=spelled(text), model=model)
+        start = spelled(problem.initial[name], ".InitialValue")
+        basico.set_parameters(name, exact=True, status="ode", expression=spelled(text),
+                              initial_expression=start, model=model)
+    return model
+
+
+def copasi(problem):
+    """Trajectories of COPASI's LSODA by tolerance."""
+    import basico
+
+    model = copasi_model(problem)
     columns = [f"Values[{name}]" for name in problem.states]
 
     def run(tolerance):

@@ -1,7 +1,7 @@
 """A server of this program for measurements over HTTP, and what goes to and fro.
 
-Not a command: `false_high.py` and `floors.py` use it, `published.py` its environment. It needs nothing beyond Python itself, but
-for `in_own_environment`, which starts a script again where its packages are installed.
+Not a command: the other scripts of this folder use it. It needs nothing beyond Python itself, but for
+`in_own_environment`, which starts a script again where its packages are installed.
 """
 
 import argparse
@@ -77,12 +77,12 @@ class Server:
         minutes = self.options.minutes
         return minutes is not None and time.monotonic() - self.began > 60 * minutes
 
-    def ask(self, path, body=None, method=None):
+    def ask(self, path, body=None, method=None, headers=None):
         """The answer as JSON; a refusal is an answer too."""
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(
             self.address + "/v1/" + path, data=data, method=method,
-            headers={"content-type": "application/json"},
+            headers={"content-type": "application/json", **(headers or {})},
         )
         try:
             with urllib.request.urlopen(request, timeout=120) as answer:
@@ -148,6 +148,13 @@ def seconds(shown):
 
     read = lambda text: datetime.fromisoformat(text.replace("Z", "+00:00"))
     return (read(shown["finished_at"]) - read(shown["started_at"])).total_seconds()
+
+
+def keep(options, figures):
+    """Writes all figures to the file that was asked for, if one was."""
+    if options.json:
+        with open(options.json, "w") as file:
+            json.dump(figures, file, indent=1)
 
 
 def table(rows):

@@ -1,9 +1,11 @@
 //! Puts a server together (store, events, worker, router) and takes it apart in order.
 
+mod addresses;
 mod connections;
 mod tls;
 
 use std::net::SocketAddr;
+use std::num::NonZeroUsize;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
@@ -23,8 +25,9 @@ use crate::model::Catalogue;
 use crate::monitor::Monitors;
 use crate::store::{Retention, Store, StoreError};
 use crate::worker::Worker;
-use crate::worker::identification::Identification;
+use crate::worker::method::Methods;
 use crate::worker::run::Method;
+use addresses::Addresses;
 use tls::Tls;
 pub use tls::TlsError;
 
@@ -88,7 +91,7 @@ pub struct App {
 impl App {
     /// Starts a server: when this returns it answers, and works the jobs that wait.
     pub async fn start(settings: Settings) -> Result<Self, StartError> {
-        let method = Identification::new(Catalogue::built_in());
+        let method = Methods::new(Catalogue::built_in());
         Self::start_with(settings, Arc::new(method)).await
     }
 
@@ -100,6 +103,7 @@ impl App {
         let worker_settings = settings.worker()?;
         let access = settings.access()?;
         let tls = settings.tls().map(Tls::new).transpose()?.map(Arc::new);
+        let proxies = access.proxies.clone();
         let destinations = Arc::new(settings.destinations()?);
         share_threads(settings.threads());
         let hub = EventHub::new();
@@ -133,10 +137,14 @@ impl App {
         if let Some(tls) = &tls {
             tasks.spawn(Arc::clone(tls).watch(closing.clone()));
         }
+        let at_once = most_connections();
+        let of_each = settings.connections_per_address;
+        let of_each = of_each.map_or(at_once / 2, NonZeroUsize::get);
         let listening = connections::Listening {
             listener,
             tls,
-            at_once: most_connections(),
+            at_once,
+            addresses: Addresses::new(of_each, &proxies),
         };
         let server = tokio::spawn(connections::serve(listening, routes, closing.clone()));
         let sender = Sender::new(store.clone(), destinations);

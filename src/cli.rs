@@ -11,6 +11,7 @@ mod error;
 mod estimate;
 mod event_stream;
 mod files;
+mod health;
 mod manual;
 mod progress;
 mod record;
@@ -18,6 +19,7 @@ mod said;
 mod serve;
 mod simulate;
 mod table;
+mod telemetry;
 mod token;
 
 use crate::config::{DatabaseArguments, Settings};
@@ -59,7 +61,7 @@ enum Command {
     /// Print the description of the HTTP API, OpenAPI 3.1
     Openapi,
     /// Ask a server whether it is ready
-    Health(serve::HealthArguments),
+    Health(health::HealthArguments),
     /// Print what makes a shell complete the commands
     Completions(manual::CompletionArguments),
     /// Write the pages of the manual
@@ -91,7 +93,7 @@ fn run(command: Command) -> Result<(), CommandError> {
         Command::Check(arguments) => database::check(&arguments),
         Command::Token(command) => token::run(&command),
         Command::Openapi => files::write(None, &openapi()),
-        Command::Health(arguments) => serve::health(arguments),
+        Command::Health(arguments) => health::health(arguments),
         Command::Completions(arguments) => manual::completions(&arguments),
         Command::Man(arguments) => manual::man(&arguments),
     }

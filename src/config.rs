@@ -2,6 +2,7 @@
 //!
 //! A setting is a flag or a `GREYBOX_*` variable; the flag wins.
 
+mod database;
 mod error;
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -11,7 +12,6 @@ use std::time::Duration;
 
 use axum::http::HeaderName;
 use clap::Args;
-use directories::ProjectDirs;
 use ipnet::IpNet;
 
 use crate::access::{Role, Roles};
@@ -22,10 +22,10 @@ use crate::delivery::Destinations;
 use crate::store::{DatabaseSettings, Quotas, Retention};
 use crate::worker::WorkerSettings;
 
+pub use database::DatabaseArguments;
+use database::database_path;
 pub use error::SettingsError;
 
-/// The database file's name in the user's data folder.
-const DATABASE_FILE: &str = "greybox.db";
 /// Connections that read the database at the same time.
 const READERS: u32 = 4;
 /// How long a statement waits for another connection's lock.
@@ -48,21 +48,6 @@ pub const MAX_CONNECTIONS: u64 = 10_000;
 pub const FILES_KEPT: u64 = 128;
 /// How long an ordered shutdown may take.
 pub const SHUTDOWN_LIMIT: Duration = Duration::from_millis(4300);
-
-/// Which database, for a command that runs no server.
-#[derive(Clone, Debug, Args)]
-pub struct DatabaseArguments {
-    /// Database file, `sqlite://<path>` [default: greybox.db in the user's data folder]
-    #[arg(long, env = "GREYBOX_DATABASE", value_name = "URL")]
-    database: Option<String>,
-}
-
-impl DatabaseArguments {
-    /// The file.
-    pub fn path(&self) -> Result<PathBuf, SettingsError> {
-        database_path(self.database.as_deref())
-    }
-}
 
 /// How a server runs.
 #[derive(Clone, Debug, Args)]
@@ -140,6 +125,11 @@ pub struct Settings {
     )]
     pub requests_at_once: u32,
 
+    /// Connections that one address has open at once; a trusted proxy may have all [default: half of
+    /// those that may be open]
+    #[arg(long, env = "GREYBOX_CONNECTIONS_PER_ADDRESS", value_name = "N")]
+    pub connections_per_address: Option<NonZeroUsize>,
+
     /// Recordings that a project keeps at the most
     #[arg(
         long,
@@ -149,7 +139,7 @@ pub struct Settings {
     )]
     pub max_datasets: u64,
 
-    /// The size of the samples of a project's recordings, all together `[MiB]`
+    /// The size of the samples of a project's recordings and streams, all together `[MiB]`
     #[arg(
         long,
         env = "GREYBOX_MAX_STORED_MIB",
@@ -300,6 +290,10 @@ pub struct Settings {
         default_value = "info"
     )]
     pub log: String,
+
+    /// A collector of OpenTelemetry that takes OTLP over HTTP, e.g. `http://127.0.0.1:4318`
+    #[arg(long, env = "GREYBOX_OTLP_ENDPOINT", value_name = "URL")]
+    pub otlp_endpoint: Option<String>,
 }
 
 /// The files of a server's TLS, each in PEM.
@@ -331,6 +325,7 @@ impl Default for Settings {
             names: Vec::new(),
             requests_per_second: Limits::default().requests_per_second,
             requests_at_once: Limits::default().requests_at_once,
+            connections_per_address: None,
             max_datasets: DEFAULT_MAX_DATASETS,
             max_stored_mib: DEFAULT_MAX_STORED_MIB,
             max_unfinished_jobs: DEFAULT_MAX_UNFINISHED_JOBS,
@@ -350,6 +345,7 @@ impl Default for Settings {
             tls_key: None,
             tls_client_ca: None,
             log: "info".to_owned(),
+            otlp_endpoint: None,
         }
     }
 }
@@ -437,6 +433,7 @@ impl Settings {
             user_header: self.proxy_user_header.clone(),
             groups_header: self.proxy_groups_header.clone(),
             roles: Roles::new(self.roles.clone()),
+            speaks_tls: self.tls_cert.is_some(),
         })
     }
 
@@ -457,27 +454,6 @@ fn network(text: &str) -> Result<IpNet, SettingsError> {
     let one = text.parse::<IpAddr>().map(IpNet::from);
     one.or_else(|_| text.parse())
         .map_err(|_| SettingsError::Network(text.to_owned()))
-}
-
-fn database_path(url: Option<&str>) -> Result<PathBuf, SettingsError> {
-    url.map_or_else(default_database, path_of)
-}
-
-/// The file that a `sqlite://` address names. A database in memory would lose jobs.
-fn path_of(url: &str) -> Result<PathBuf, SettingsError> {
-    let path = url.strip_prefix("sqlite://").unwrap_or_default();
-    let is_file = !path.is_empty() && !path.starts_with(':') && !path.contains('?');
-    if is_file && !path.ends_with('/') {
-        Ok(PathBuf::from(path))
-    } else {
-        Err(SettingsError::Database(url.to_owned()))
-    }
-}
-
-fn default_database() -> Result<PathBuf, SettingsError> {
-    ProjectDirs::from("", "", "greybox")
-        .map(|folders| folders.data_dir().join(DATABASE_FILE))
-        .ok_or(SettingsError::NoDataFolder)
 }
 
 #[cfg(test)]

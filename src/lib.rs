@@ -78,6 +78,8 @@ pub mod delivery;
 
 pub mod event;
 
+pub mod span;
+
 pub mod monitor;
 
 pub mod worker;

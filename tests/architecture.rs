@@ -18,13 +18,13 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[(&str, &[&str])] = &[
     // The command line starts servers, runs the method without one, and looks after the database of
     // one that does not run.
-    ("cli", &["app", "config", "api", "access", "store", "identification", "job", "parsing", "estimation", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording"]),
+    ("cli", &["app", "config", "api", "access", "delivery", "store", "span", "identification", "job", "parsing", "estimation", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording"]),
     // The composition root; only the command line imports it.
     ("app", &["config", "api", "dashboard", "delivery", "job", "store", "event", "monitor", "worker", "model"]),
     // Settings are handed to the parts as the parts' own types.
     ("config", &["api", "access", "delivery", "store", "worker"]),
     // Simulation stands behind `/v1/simulations` only.
-    ("api", &["access", "dashboard", "delivery", "report", "event", "monitor", "store", "job", "intake", "recording", "model", "simulation", "parsing"]),
+    ("api", &["access", "dashboard", "delivery", "report", "event", "span", "monitor", "store", "job", "intake", "recording", "model", "simulation", "parsing"]),
     // Names of projects, scopes and secrets: nothing of ours.
     ("access", &[]),
     ("dashboard", &[]),
@@ -36,9 +36,11 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("store", &["access", "job", "recording"]),
     ("delivery", &["access", "event", "store", "job"]),
     ("event", &["access", "store", "job"]),
+    // What a collector is told: requests and slices.
+    ("span", &["access", "job"]),
     // A window of a stream becomes a job that is read as any other.
-    ("monitor", &["access", "event", "store", "job", "model", "parsing", "recording"]),
-    ("worker", &["access", "event", "store", "identification", "job", "estimation", "model", "recording"]),
+    ("monitor", &["access", "event", "store", "job", "model", "parsing", "recording", "numerics"]),
+    ("worker", &["access", "event", "span", "store", "identification", "job", "estimation", "model", "recording"]),
     // What a program asks for is what a client asks for: a specification, and the problem that is
     // assembled from it.
     ("identification", &["job", "uncertainty", "estimation", "model", "intake", "recording", "parsing"]),
@@ -69,6 +71,7 @@ const SERVICE: &[&str] = &[
     "store",
     "delivery",
     "event",
+    "span",
     "monitor",
     "worker",
 ];
@@ -88,19 +91,21 @@ const OUTSIDE_WORLD: &[&str] = &[
 /// Where each third party may be used: modules or files.
 #[rustfmt::skip]
 const PLACES: &[(&str, &[&str])] = &[
-    // Settings name headers.
-    ("axum", &["api", "dashboard", "app", "config"]),
-    ("hyper", &["app", "delivery"]),
-    ("hyper_util", &["app", "delivery"]),
+    // Settings name headers, and spans come from them.
+    ("axum", &["api", "dashboard", "app", "config", "span.rs"]),
+    ("hyper", &["app", "cli", "delivery"]),
+    ("hyper_util", &["app", "cli", "delivery"]),
     ("url", &["delivery"]),
-    ("rustls", &["app", "delivery"]),
-    ("tokio_rustls", &["app", "delivery"]),
+    ("rustls", &["app", "cli", "delivery"]),
+    ("tokio_rustls", &["app", "cli", "delivery"]),
     ("rustls_native_certs", &["delivery"]),
     ("hmac", &["delivery"]),
     ("base64", &["delivery"]),
     ("tokio_io_timeout", &["app"]),
     ("http_body", &["api"]),
-    ("ipnet", &["api", "config", "delivery"]),
+    // A command reads the answer of a server over TLS.
+    ("http_body_util", &["cli"]),
+    ("ipnet", &["api", "app", "config", "delivery"]),
     ("getrandom", &["access", "delivery"]),
     // Connections are files.
     ("rlimit", &["app"]),
@@ -113,12 +118,17 @@ const PLACES: &[(&str, &[&str])] = &[
     ("tokio_stream", SERVICE),
     ("tokio_util", SERVICE),
     ("futures_util", SERVICE),
-    ("bytes", SERVICE),
     ("tracing", SERVICE),
     ("tracing_subscriber", &["cli"]),
+    ("tracing_appender", &["cli/telemetry.rs"]),
     ("metrics", &["api", "app", "delivery", "store", "worker"]),
     ("metrics_exporter_prometheus", &["api", "app"]),
     ("reqwest", &["cli"]),
+    // Spans are made in one place and sent from another.
+    ("opentelemetry", &["span.rs", "cli/telemetry.rs"]),
+    ("opentelemetry_otlp", &["cli/telemetry.rs"]),
+    ("opentelemetry_sdk", &["cli/telemetry.rs"]),
+    ("tracing_opentelemetry", &["span.rs", "cli/telemetry.rs"]),
     // Where samples are put aside on their way into the database.
     ("tempfile", &["store"]),
     // Settings are flags as well as variables.
@@ -130,9 +140,13 @@ const PLACES: &[(&str, &[&str])] = &[
     ("directories", &["config"]),
     ("indicatif", &["cli"]),
     ("comfy_table", &["cli"]),
-    // "Did you mean" belongs to the reading of documents and of queries.
-    // Texts of plants come in the encodings of their country.
+    // Texts of plants come in the encodings of their country, and tables in files that are no text.
     ("encoding_rs", &["intake"]),
+    ("calamine", &["intake/binary/excel.rs"]),
+    ("zip", &["intake/binary/excel.rs"]),
+    ("parquet", &["intake/binary/mod.rs", "intake/binary/parquet"]),
+    ("zmij", &["intake/binary/mod.rs"]),
+    // "Did you mean" belongs to the reading of documents and of queries.
     ("strsim", &["parsing", "api"]),
     ("saphyr_parser", &["parsing"]),
     ("nalgebra", &["numerics", "uncertainty"]),
@@ -151,7 +165,7 @@ const PLACES: &[(&str, &[&str])] = &[
 /// say everything twice.
 #[rustfmt::skip]
 const ANYWHERE: &[&str] = &[
-    "serde", "serde_json", "thiserror", "utoipa", "uuid", "jiff", "csv", "sha2", "libm",
+    "serde", "serde_json", "thiserror", "utoipa", "uuid", "jiff", "csv", "sha2", "libm", "bytes",
 ];
 
 fn package() -> &'static Path {

@@ -9,7 +9,7 @@ use greybox::intake::csv;
 use greybox::job::{JobId, Status};
 use greybox::model::Catalogue;
 use greybox::store::JobRow;
-use greybox::worker::identification::Identification;
+use greybox::worker::method::Methods;
 use greybox::worker::run::{Advance, Assignment, Method};
 use jiff::Timestamp;
 use serde_json::Value;
@@ -95,7 +95,7 @@ async fn completed_spec(connection: &mut Connection) -> Outcome<Value> {
 
 /// Works the same jobs, as many at once as the server does, without a service.
 fn work_alone(spec: &Value) -> Duration {
-    let method = Identification::new(Catalogue::built_in());
+    let method = Methods::new(Catalogue::built_in());
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let started = Instant::now();
@@ -107,19 +107,20 @@ fn work_alone(spec: &Value) -> Duration {
     started.elapsed()
 }
 
-fn work_until_none_is_left(method: &Identification, spec: &Value, next: &AtomicUsize) {
+fn work_until_none_is_left(method: &Methods, spec: &Value, next: &AtomicUsize) {
     while next.fetch_add(1, Ordering::Relaxed) < JOBS {
         work_one(method, spec.clone());
     }
 }
 
-fn work_one(method: &Identification, spec: Value) {
+fn work_one(method: &Methods, spec: Value) {
     let recording = csv::read(drive_csv(FEW).as_bytes(), &csv::Options::default());
     let assignment = Assignment {
         job: row(spec),
         model: None,
         datasets: vec![(String::new(), recording.expect("a recording"))],
         checkpoint: None,
+        past: None,
     };
     let mut run = method.begin(assignment).expect("a run");
     let stop = AtomicBool::new(false);

@@ -1,4 +1,4 @@
-//! The secret of a token: 256 random bits, shown once. What is kept is a digest of it; of so many
+//! The secret of a token, or of a session that one began: 256 random bits, shown once. What is kept is a digest of it; of so many
 //! random bits a plain one is enough, for nobody can try them.
 
 use std::fmt;
@@ -37,6 +37,20 @@ impl Secret {
     #[must_use]
     pub fn digest(&self) -> Digest {
         Digest(hex(&Sha256::digest(&self.0)))
+    }
+
+    /// What is kept of a session's secret: never the digest of a token's, so that neither stands for
+    /// the other.
+    #[must_use]
+    pub fn session_digest(&self) -> Digest {
+        Digest(hex(&Sha256::digest(format!("session {}", self.0))))
+    }
+
+    /// What a page of this server sends beside a session's cookie. Pages of other sites cannot know
+    /// it: they see neither the cookie nor an answer.
+    #[must_use]
+    pub fn csrf_token(&self) -> String {
+        hex(&Sha256::digest(format!("csrf {}", self.0)))
     }
 }
 
@@ -92,6 +106,8 @@ mod tests {
         assert_ne!(secret.expose(), other.expose());
         let read: Secret = secret.expose().parse().expect("its form");
         assert_eq!(read.digest(), secret.digest());
+        assert_ne!(read.session_digest(), secret.digest());
+        assert_ne!(read.csrf_token(), read.session_digest().as_str());
         assert!(!format!("{secret:?}").contains(&secret.expose()[4..]));
         for text in [
             "",

@@ -11,25 +11,34 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use futures_util::StreamExt;
 use ipnet::IpNet;
 use jiff::Timestamp;
 
-use super::ApiState;
 use super::client::{Client, PeerAddress};
 use super::error::{Answer, Kind, Problem};
+use super::events::EVENT_STREAM;
+use super::places::as_caller;
+use super::{ApiState, session_cookie};
 use crate::access::{Digest, Roles, Scope, Secret};
 use crate::store::TokenRow;
 
+/// What a request brings that brings another text than the secret of a token.
+pub(super) const NO_TOKEN: &str = "no token of this server";
 /// How long what the database says of a token is believed.
 const BELIEVED: Duration = Duration::from_secs(1);
 /// Tokens that are remembered at the most.
 const REMEMBERED: usize = 1000;
 /// How often at the most it is noted that a token was used.
 const NOTED_EVERY: Duration = Duration::from_secs(60);
+
+/// How often it is looked whether the reader of a stream may still ask.
+const LOOKED_AGAIN: Duration = Duration::from_secs(2);
 
 /// Who may ask, as the server is set up; its tokens stand in the database.
 #[derive(Clone, Debug)]
@@ -42,6 +51,8 @@ pub struct AccessSettings {
     pub groups_header: HeaderName,
     /// What the groups may do.
     pub roles: Roles,
+    /// Whether the server speaks TLS, so that cookies are for nothing else.
+    pub speaks_tls: bool,
 }
 
 impl Default for AccessSettings {
@@ -51,6 +62,7 @@ impl Default for AccessSettings {
             user_header: HeaderName::from_static("x-forwarded-user"),
             groups_header: HeaderName::from_static("x-forwarded-groups"),
             roles: Roles::default(),
+            speaks_tls: false,
         }
     }
 }
@@ -111,35 +123,42 @@ impl Callers {
             return Ok(Client::local(address));
         }
         if let Some(given) = headers.get(header::AUTHORIZATION) {
-            let row = self.token(state, given).await?;
-            return Ok(Client {
-                address,
-                who: format!("token {}", row.name),
-                project: row.project,
-                scope: row.scope,
-                is_known: true,
-            });
+            let secret = bearer(given).ok_or_else(|| refused(NO_TOKEN))?;
+            let row = self.token(state, &secret).await?;
+            return Ok(Client::of_token(row, address));
         }
-        self.person(peer, headers, address)
+        if let Some(person) = self.person(peer, headers, &address)? {
+            return Ok(person);
+        }
+        let secret = session_cookie::cookie(headers);
+        let secret = secret.ok_or_else(|| refused("nothing that says who asks"))?;
+        let digest = secret.session_digest();
+        let row = match self.remembered(&digest) {
+            Some(row) => Some(row),
+            None => state.store.session(&digest).await?,
+        };
+        let row = row.ok_or_else(|| refused("a session that is over"))?;
+        let row = self.checked(state, digest, row)?;
+        Ok(Client {
+            has_session: true,
+            ..Client::of_token(row, address)
+        })
     }
 
-    async fn token(&self, state: &ApiState, given: &HeaderValue) -> Answer<TokenRow> {
-        let text = given.to_str().unwrap_or_default();
-        let secret = text.split_once(' ').and_then(|(scheme, secret)| {
-            let is_bearer = scheme.eq_ignore_ascii_case("bearer");
-            is_bearer.then(|| secret.trim().parse::<Secret>().ok())?
-        });
-        let digest = secret.ok_or_else(|| refused("no token of this server"))?;
-        let digest = digest.digest();
+    /// The token of a secret, where it counts.
+    pub(super) async fn token(&self, state: &ApiState, secret: &Secret) -> Answer<TokenRow> {
+        let digest = secret.digest();
         let row = match self.remembered(&digest) {
-            Some(row) => row,
-            None => {
-                let row = state.store.token(&digest).await?;
-                let row = row.ok_or_else(|| refused("no token of this server"))?;
-                self.remember(digest.clone(), &row);
-                row
-            }
+            Some(row) => Some(row),
+            None => state.store.token(&digest).await?,
         };
+        let row = row.ok_or_else(|| refused(NO_TOKEN))?;
+        self.checked(state, digest, row)
+    }
+
+    /// What stands for a caller, where it still counts; that it was used is noted.
+    fn checked(&self, state: &ApiState, digest: Digest, row: TokenRow) -> Answer<TokenRow> {
+        self.remember(digest.clone(), &row);
         if row.revoked_at.is_some() {
             return Err(refused("a token that was revoked"));
         }
@@ -163,8 +182,17 @@ impl Callers {
         (known.read.elapsed() < BELIEVED).then(|| known.row.clone())
     }
 
+    /// Forgets a session, so that it ends at once.
+    pub(super) fn forget(&self, digest: &Digest) {
+        lock(&self.tokens).remove(digest);
+    }
+
     fn remember(&self, digest: Digest, row: &TokenRow) {
         let mut tokens = lock(&self.tokens);
+        let is_fresh = |known: &Remembered| known.read.elapsed() < BELIEVED;
+        if tokens.get(&digest).is_some_and(is_fresh) {
+            return;
+        }
         if tokens.len() >= REMEMBERED && !tokens.contains_key(&digest) {
             tokens.clear();
         }
@@ -187,8 +215,13 @@ impl Callers {
         })
     }
 
-    /// Who a trusted proxy says that asks.
-    fn person(&self, peer: Option<IpAddr>, headers: &HeaderMap, address: String) -> Answer<Client> {
+    /// Who a trusted proxy says that asks, where one does.
+    fn person(
+        &self,
+        peer: Option<IpAddr>,
+        headers: &HeaderMap,
+        address: &str,
+    ) -> Answer<Option<Client>> {
         let is_trusted = |peer: IpAddr| self.settings.proxies.iter().any(|net| net.contains(&peer));
         let one = |name: &HeaderName| {
             let mut values = headers.get_all(name).iter();
@@ -197,28 +230,38 @@ impl Callers {
         };
         let user = peer.filter(|peer| is_trusted(*peer));
         let user = user.and_then(|_| one(&self.settings.user_header));
-        let user = user.ok_or_else(|| refused("nothing that says who asks"))?;
+        let Some(user) = user else {
+            return Ok(None);
+        };
         let groups = one(&self.settings.groups_header).unwrap_or_default();
         let role = self.settings.roles.of(groups).ok_or_else(|| {
             let detail = "no group of this person has a role here";
             Problem::new(Kind::Forbidden, detail)
         })?;
         let user: String = user.chars().filter(|c| !c.is_control()).take(80).collect();
-        Ok(Client {
-            address,
+        Ok(Some(Client {
+            address: address.to_owned(),
             who: format!("person {user}"),
             project: role.project.clone(),
             scope: role.scope,
             is_known: true,
-        })
+            has_session: false,
+        }))
     }
+}
+
+/// The secret that `Authorization` brings.
+fn bearer(given: &HeaderValue) -> Option<Secret> {
+    let (scheme, secret) = given.to_str().ok()?.split_once(' ')?;
+    let is_bearer = scheme.eq_ignore_ascii_case("bearer");
+    is_bearer.then(|| secret.trim().parse().ok())?
 }
 
 fn lock<T>(what: &Mutex<T>) -> MutexGuard<'_, T> {
     what.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn refused(what: &str) -> Problem {
+pub(super) fn refused(what: &str) -> Problem {
     let detail = format!("the request brings {what}; `Authorization: Bearer gbx_…` carries one");
     let bearer = HeaderValue::from_static("Bearer realm=\"greybox\"");
     Problem::new(Kind::Unauthorised, detail).with_header(header::WWW_AUTHENTICATE, bearer)
@@ -233,8 +276,10 @@ fn needed(method: &Method, path: &str) -> Option<Scope> {
     };
     if path == "/metrics" {
         Some(Scope::Read)
-    } else if !below("/v1") {
+    } else if !below("/v1") || (path == session_cookie::PATH && *method == Method::POST) {
         None
+    } else if path == session_cookie::PATH {
+        Some(Scope::Read)
     } else if ["/v1/audit", "/v1/webhooks", "/v1/deliveries"]
         .into_iter()
         .any(below)
@@ -267,9 +312,13 @@ pub(super) async fn authorise(
         Ok(client) => client,
         Err(problem) => return problem.into_response(),
     };
+    let forgeable = client.has_session && !matches!(*request.method(), Method::GET | Method::HEAD);
     let counted = client.is_known.then(|| state.0.rates.count(&client.who));
     let mut response = match counted.transpose() {
         Err(problem) => problem.into_response(),
+        Ok(_) if forgeable && !session_cookie::brings_csrf_token(request.headers()) => {
+            session_cookie::no_csrf_token().into_response()
+        }
         Ok(_) if client.scope < needed => {
             let detail = format!(
                 "this takes the scope `{needed}`; yours is `{}`",
@@ -279,15 +328,47 @@ pub(super) async fn authorise(
         }
         Ok(counted) => {
             request.extensions_mut().insert(client.clone());
-            let response = next.run(request).await;
+            let who = match client.is_known {
+                true => &client.who,
+                false => &client.address,
+            };
+            let headers = request.headers().clone();
+            let response = as_caller(who, next.run(request)).await;
             match counted {
-                Some(under_way) => under_way.until_the_end_of(response),
+                Some(under_way) => {
+                    let response = until_refused(response, state, peer, headers);
+                    under_way.until_the_end_of(response)
+                }
                 None => response,
             }
         }
     };
     response.extensions_mut().insert(client);
     response
+}
+
+/// The answer, which ends if it is a stream of events and whoever asked for it may ask no more.
+fn until_refused(
+    answer: Response,
+    state: ApiState,
+    peer: Option<PeerAddress>,
+    headers: HeaderMap,
+) -> Response {
+    let kind = answer.headers().get(header::CONTENT_TYPE);
+    if kind.is_none_or(|kind| kind != EVENT_STREAM) {
+        return answer;
+    }
+    let refused = async move {
+        loop {
+            tokio::time::sleep(LOOKED_AGAIN).await;
+            let client = state.0.callers.client(&state, peer, &headers).await;
+            let kind = client.err().map(|problem| problem.kind());
+            if let Some(Kind::Unauthorised | Kind::Forbidden) = kind {
+                return;
+            }
+        }
+    };
+    answer.map(|body| Body::from_stream(body.into_data_stream().take_until(Box::pin(refused))))
 }
 
 #[cfg(test)]
@@ -306,6 +387,9 @@ mod tests {
             (Method::DELETE, "/v1/jobs/x", Some(Scope::Submit)),
             (Method::OPTIONS, "/v1/anything", Some(Scope::Submit)),
             (Method::GET, "/v1/audit", Some(Scope::Admin)),
+            (Method::POST, "/v1/session", None),
+            (Method::GET, "/v1/session", Some(Scope::Read)),
+            (Method::DELETE, "/v1/session", Some(Scope::Read)),
             (Method::GET, "/v1/webhooks/x/deliveries", Some(Scope::Admin)),
         ] {
             assert_eq!(needed(&method, path), expected, "{method} {path}");

@@ -17,6 +17,7 @@ use super::http_headers::prefers;
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, Params, QueryReader};
 use super::results::csv;
+use super::session_cookie;
 use crate::access::Project;
 use crate::store::{AuditEntry, AuditRow, Store};
 
@@ -85,7 +86,8 @@ impl Audit {
     /// Writes down what is to be: who was refused, and, where callers have to say who they are,
     /// what changes something.
     pub(super) async fn note(&self, asked: Asked<'_>) {
-        let refused = matches!(asked.status, 401 | 403 | 421);
+        let guesses = asked.status == 429 && asked.path == session_cookie::PATH;
+        let refused = guesses || matches!(asked.status, 401 | 403 | 421);
         let is_known = asked.client.as_ref().is_some_and(|client| client.is_known);
         let changes = !matches!(*asked.method, Method::GET | Method::HEAD | Method::OPTIONS);
         let left_out = if refused {

@@ -12,7 +12,6 @@ use std::time::Duration;
 use axum::body::{Body, Bytes};
 use axum::extract::State;
 use futures_util::stream;
-use tokio::sync::OwnedSemaphorePermit;
 use utoipa::ToSchema;
 
 use super::ApiState;
@@ -20,6 +19,7 @@ use super::client::Client;
 use super::error::Answer;
 use super::events::{COMMENT, KEEP_ALIVE, RETRY, streamed};
 use super::job_list::JobSummary;
+use super::places::Place;
 use super::query::{NoQuery, Params};
 use crate::access::Project;
 use crate::event::ChangedJobs;
@@ -80,7 +80,7 @@ struct Follower {
     /// Whose jobs are followed.
     project: Project,
     greeted: bool,
-    _permit: OwnedSemaphorePermit,
+    _permit: Place,
 }
 
 impl Follower {

@@ -8,6 +8,7 @@ use axum::http::request::Parts;
 
 use super::error::{Answer, Kind, Problem};
 use crate::access::{Project, Scope};
+use crate::store::TokenRow;
 
 /// The address at the other end of a connection, which whoever takes it notes.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +35,8 @@ pub struct Client {
     pub scope: Scope,
     /// Whether it said who it is; not where nobody has to.
     pub is_known: bool,
+    /// Whether a session's cookie says so, which a browser sends with every request.
+    pub has_session: bool,
 }
 
 impl Client {
@@ -46,22 +49,20 @@ impl Client {
             project: Project::default(),
             scope: Scope::Admin,
             is_known: false,
+            has_session: false,
         }
     }
 
-    /// Refuses a caller of another project than `default`: what is watched belongs to that one alone.
-    ///
-    /// # Errors
-    /// That refusal.
-    pub fn asks_in_default_project(&self, what: &str) -> Answer<()> {
-        if self.project == Project::default() {
-            return Ok(());
+    /// The caller that a token stands for.
+    pub(super) fn of_token(token: TokenRow, address: String) -> Self {
+        Self {
+            address,
+            who: format!("token {}", token.name),
+            project: token.project,
+            scope: token.scope,
+            is_known: true,
+            has_session: false,
         }
-        let detail = format!(
-            "{what} are those of the project `default` alone, and you ask for `{}`",
-            self.project
-        );
-        Err(Problem::new(Kind::Forbidden, detail))
     }
 
     /// The refusal of what belongs to another project than the caller's.

@@ -10,10 +10,9 @@ use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
-use tokio::sync::OwnedSemaphorePermit;
 use utoipa::{IntoParams, ToSchema};
 
-pub use document::{RecordedSignal, RecordingDocument};
+pub use document::{FileBytes, RecordedSignal, RecordingDocument};
 
 use super::ApiState;
 use super::body::{content_type, parse_received, receive, scratch_failed, unsupported};
@@ -22,6 +21,7 @@ use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::extract::Named;
 use super::http_headers::{hex, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
+use super::places::Place;
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::intake::{self, Options};
 use crate::job::DatasetId;
@@ -84,7 +84,7 @@ pub struct ReadingQuery {
     /// How the body is written, where that is not told from its type and its first lines:
     /// `wide_csv`, `long_csv`, `senseye`, `simulink_csv`, `influx_csv`, `influx_line_protocol`,
     /// `pi_web_api`, `omf`, `aveva_odata`, `aveva_sql`, `canary`, `ignition`, `opc_ua_json`, `cognite`,
-    /// `pandas_records`, `pandas_split`, `pandas_table` or `json`.
+    /// `pandas_records`, `pandas_split`, `pandas_table`, `excel`, `parquet` or `json`.
     pub format: Option<String>,
     /// The zone of times without an offset, by its IANA name.
     #[param(example = "Europe/Berlin")]
@@ -117,6 +117,9 @@ pub struct ReadingQuery {
     /// The instants for signals that have different ones: a sample time (`10ms`), a rate
     /// (`100Hz`), or `none` for those of all of them together.
     pub grid: Option<String>,
+    /// The worksheet of a workbook; the first that can be seen and has anything in it when absent.
+    #[param(example = "Data")]
+    pub sheet: Option<String>,
 }
 
 /// The options of a recording, understood, and as they came.
@@ -162,9 +165,10 @@ pub(super) fn reading(query: &mut QueryReader, given: &mut Vec<(&'static str, St
 /// CSV: a header row, first column the time, units in brackets, an empty field is a missing
 /// sample. JSON: `sample_time_s` (or `time`) and `signals`, `null` is a missing sample. Answers of
 /// historians are taken as they are: PI Web API, OMF, AVEVA, Canary, OPC UA, Cognite, InfluxDB,
-/// Ignition, Simulink and pandas, told from the type and the first lines of the body. Everything is
-/// converted to SI; what was assumed or left out stands in the report. All formats but a CSV with a
-/// column for each signal are held in memory, 16 million samples at the most.
+/// Ignition, Simulink and pandas, told from the type and the first lines of the body; so are Excel
+/// workbooks (`.xlsx`) and Apache Parquet. Everything is converted to SI; what was assumed or left out
+/// stands in the report. All formats but those with a column for each signal are held in memory, 16
+/// million samples at the most; of a workbook and of Parquet the file is, 256 MiB at the most.
 #[utoipa::path(
     post, path = "/v1/datasets", operation_id = "create_dataset", tag = "datasets",
     params(
@@ -180,7 +184,10 @@ pub(super) fn reading(query: &mut QueryReader, given: &mut Vec<(&'static str, St
              example = "time [s],reference [m],position [mm]\n0,0.03,0\n0.01,0.03,1.2\n"),
             (RecordingDocument = "application/json"),
             (String = "text/plain",
-             example = "rig,hall=2 position=0.1012,pressure=8.31e6 1465839830100400200\n")
+             example = "rig,hall=2 position=0.1012,pressure=8.31e6 1465839830100400200\n"),
+            (FileBytes = "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet"),
+            (FileBytes = "application/vnd.apache.parquet"),
+            (FileBytes = "application/octet-stream")
         )
     ),
     responses(
@@ -456,11 +463,7 @@ fn csv(mut recording: Recording, query: SamplesQuery) -> Answer<Recording> {
 
 /// A recording as CSV: written to disk at once and from there as fast as its client reads, so that
 /// nothing in memory waits for a slow one. The permit is for the recording.
-pub(super) async fn csv_answer(
-    state: &ApiState,
-    recording: Recording,
-    permit: OwnedSemaphorePermit,
-) -> Answer {
+pub(super) async fn csv_answer(state: &ApiState, recording: Recording, permit: Place) -> Answer {
     let (store, room) = (state.store.clone(), state.0.spool_room.clone());
     let written = state.convert(move || {
         let (_permit, recording) = (permit, recording);

@@ -1,25 +1,29 @@
-//! Designing the next experiment, while the client waits.
+//! Designing the next experiment, while the client waits or as a job.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use axum::extract::State;
-use axum::http::StatusCode;
+use axum::http::{HeaderMap, StatusCode};
 use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::body::JsonDocument;
 use super::client::Client;
-use super::error::{Answer, Problem};
+use super::error::{Answer, Kind, Problem};
 use super::finished_job::FinishedJob;
-use super::http_headers::json;
+use super::http_headers::{json, prefers_job};
+use super::jobs::Job;
 use super::query::{NoQuery, Params};
 use super::work::stopped;
-use super::{ApiState, models};
+use super::{ApiState, models, submit};
 use crate::job::JobId;
 use crate::job::assemble;
 use crate::job::design::Design;
-use crate::job::spec::design::{DesignSpec, PastJob};
-use crate::job::spec::{InitialStateSpec, ModelOfJob, ParameterSpec};
+use crate::job::spec::design::{DesignSpec, DesignTask, PastJob};
+use crate::job::spec::{InitialStateSpec, LimitsSpec, ModelOfJob, ParameterSpec};
+use crate::model::Model;
+use crate::store::{Idempotency, NewJob, NewModel};
 
 /// What a design is asked for: a model with what is known of its parameters, or a finished job to go
 /// on from; what is measured; and what may be played.
@@ -133,34 +137,75 @@ pub struct PlannedInstants {
 ///
 /// Answers the excitation that most shrinks the total uncertainty of what is wanted, with what is
 /// predicted of each unknown before and after, and a ranking. It is looked for while the client
-/// waits; where the time for that is up, the answer is the best so far and says so.
+/// waits; where the time for that is up, the answer is the best so far and says so. With `Prefer:
+/// respond-async` it is stored as a job instead: worked like any other, with `design` events, and
+/// this answer as its result.
 #[utoipa::path(
     post, path = "/v1/designs", operation_id = "design", tag = "models",
+    params(
+        ("Prefer" = Option<String>, Header, example = "respond-async",
+         description = "`respond-async`: make it a job; with `wait=N` the answer comes when that \
+                        has ended, or after N seconds (at most 60)"),
+        ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
+         description = "Makes a job of its own safe to submit again: the same key and body give \
+                        the same answer")
+    ),
     request_body(content = DesignDocument, content_type = "application/json"),
     responses((status = 200, description = "The experiment", body = Design),
-              (status = 409, description = "The job has no result, or not yet, or its recording is gone"))
+              (status = 202, description = "With `respond-async`: the job is stored", body = Job,
+               headers(("Location" = String, description = "Where the job is"),
+                       ("Retry-After" = u32,
+                        description = "When to ask again, on unfinished jobs"),
+                       ("Preference-Applied" = String,
+                        description = "The wait that was applied"),
+                       ("Idempotent-Replayed" = String,
+                        description = "`true` when this answers an earlier submission again"))),
+              (status = 409, description = "The job has no result, or not yet, or its recording is \
+                                            gone; or the job that this key made has been deleted"))
 )]
 pub async fn design(
     State(state): State<ApiState>,
     _: Params<NoQuery>,
+    headers: HeaderMap,
     client: Client,
     document: JsonDocument,
 ) -> Answer {
-    let past = past(&state, &client, &document.value).await?;
-    let asked = models::asked(&state, &document.value, &client).await?;
-    let mut models = asked.descriptions(&state);
+    let idempotency = submit::idempotency(&headers, &client, &document)?;
+    if prefers_job(&headers) {
+        return submit(state, client, &headers, document, idempotency).await;
+    }
+    let Ready {
+        past, spec, model, ..
+    } = ready(&state, &client, &document.value).await?;
+    let designed = state.compute(move |stop| {
+        let past = past.as_ref().map(FinishedJob::as_past);
+        let design = assemble::design(spec, &model, past, stop);
+        let design = design.map_err(Problem::of_document)?.ok_or_else(stopped)?;
+        Ok(json(StatusCode::OK, &design))
+    });
+    designed.await
+}
+
+/// A design that has been read.
+struct Ready {
+    past: Option<FinishedJob>,
+    spec: DesignSpec,
+    model: Arc<Model>,
+    /// Its model, where it brings a new one.
+    new: Option<NewModel>,
+    /// The document, with the model's name in the place of the model.
+    document: Value,
+}
+
+/// Reads a design, or says everything that is wrong with it.
+async fn ready(state: &ApiState, client: &Client, document: &Value) -> Answer<Ready> {
+    let past = past(state, client, document).await?;
+    let asked = models::asked(state, document, client).await?;
+    let mut models = asked.descriptions(state);
     if let Some(past) = &past {
         models.push(past.model().description());
     }
-    let before = past.as_ref().map(|past| PastJob {
-        spec: &past.spec,
-        noise: past
-            .outcome
-            .residuals
-            .iter()
-            .map(|(output, residuals)| (output.clone(), residuals.noise_std))
-            .collect(),
-    });
+    let before = past.as_ref().map(before);
     let spec = DesignSpec::read(&asked.document, &models, before.as_ref());
     let spec = spec.map_err(Problem::of_document)?;
     let model = match (&past, asked.model) {
@@ -168,13 +213,68 @@ pub async fn design(
         (None, Some(model)) => model,
         (None, None) => state.model(&client.project, &spec.job.model).await?,
     };
-    let designed = state.compute(move |stop| {
+    Ok(Ready {
+        spec,
+        model,
+        new: asked.new,
+        document: asked.document,
+        past,
+    })
+}
+
+/// Stores a design as a job.
+async fn submit(
+    state: ApiState,
+    client: Client,
+    headers: &HeaderMap,
+    document: JsonDocument,
+    idempotency: Option<Idempotency>,
+) -> Answer {
+    if let Some(earlier) = submit::earlier(&state, idempotency.as_ref()).await? {
+        return submit::answer(&state, earlier, headers).await;
+    }
+    let ready = ready(&state, &client, &document.value).await?;
+    if let Some(past) = ready
+        .past
+        .as_ref()
+        .filter(|past| !past.row.status.is_terminal())
+    {
+        let detail = format!(
+            "the job {} may go on and change its result; end it first",
+            past.row.id
+        );
+        return Err(Problem::new(Kind::WrongState, detail));
+    }
+    let before = ready.past.as_ref().map(before);
+    let longest = LimitsSpec::default().max_duration_s;
+    let longest = longest.min(state.limits.max_duration_s);
+    let task = DesignTask::new(ready.document, before.as_ref(), longest);
+    let job = NewJob {
+        project: client.project,
+        name: Some(format!("design for {}", ready.spec.wanted.join(", "))),
+        labels: BTreeMap::new(),
+        model: ready.spec.job.model.clone(),
+        datasets: task.datasets(),
+        spec: serde_json::to_value(task).expect("a task has only text keys"),
+        idempotency,
+    };
+    let (past, spec, model) = (ready.past, ready.spec, ready.model);
+    let checked = state.compute(move |stop| {
         let past = past.as_ref().map(FinishedJob::as_past);
-        let design = assemble::design(&spec, &model, past, stop);
-        let design = design.map_err(Problem::of_document)?.ok_or_else(stopped)?;
-        Ok(json(StatusCode::OK, &design))
+        let checked = assemble::check_design(&spec, &model, past, assemble::COST_OF_JOB, stop);
+        let is_whole = checked.map_err(Problem::of_document)?;
+        is_whole.then_some(()).ok_or_else(stopped)
     });
-    designed.await
+    checked.await?;
+    if let Some(new) = ready.new {
+        state.store.insert_model(new).await?;
+    }
+    submit::answer(&state, state.store.submit(job).await?, headers).await
+}
+
+/// What a design reads of the job that it goes on from.
+fn before(past: &FinishedJob) -> PastJob<'_> {
+    PastJob::new(&past.spec, &past.outcome)
 }
 
 /// The finished job that a document names, if it is there for this client.

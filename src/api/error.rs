@@ -208,6 +208,11 @@ impl Problem {
         Self::new(Kind::NotFound, format!("there is no {what} `{name}`"))
     }
 
+    /// What kind of problem it is.
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
     /// The body is larger than `limit` bytes.
     pub fn too_large(limit: u64) -> Self {
         let detail = format!("the body has more than {limit} bytes, the limit here");

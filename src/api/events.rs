@@ -14,7 +14,6 @@ use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
-use tokio::sync::OwnedSemaphorePermit;
 use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
@@ -22,17 +21,23 @@ use super::error::Answer;
 use super::extract::Named;
 use super::http_headers::header_fault;
 use super::jobs::no_job;
+use super::places::Place;
 use super::query::{FromQuery, Params, QueryReader};
 use crate::event::Feed;
 use crate::job::JobId;
 use crate::store::{StoreError, StoredEvent};
 
+/// What the answer is called.
+pub(super) const EVENT_STREAM: HeaderValue = HeaderValue::from_static("text/event-stream");
 /// After so long without an event a comment shows that the stream lives.
 pub(super) const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// How soon a client that lost its stream comes back.
 pub(super) const RETRY: &str = "retry: 2000\n\n";
 /// What shows that the stream lives.
 pub(super) const COMMENT: &str = ": alive\n\n";
+
+/// The largest id of an event that a client may name: what every client's numbers hold exactly.
+const MAX_EVENT_ID: u64 = (1 << 53) - 1;
 
 /// Where to go on.
 #[derive(IntoParams)]
@@ -45,7 +50,7 @@ pub struct EventsQuery {
 
 impl FromQuery for EventsQuery {
     fn read(query: &mut QueryReader) -> Self {
-        let last = query.integer("last_event_id", 0, crate::job::spec::MAX_SEED);
+        let last = query.integer("last_event_id", 0, MAX_EVENT_ID);
         Self {
             last_event_id: last.map(u64::cast_signed),
         }
@@ -103,7 +108,7 @@ impl Follow for Feed {
 }
 
 /// Streams the events of what has this identifier.
-pub(super) fn follow(feed: impl Follow, of: String, permit: OwnedSemaphorePermit) -> Response {
+pub(super) fn follow(feed: impl Follow, of: String, permit: Place) -> Response {
     let replay = Replay {
         feed,
         of,
@@ -138,11 +143,11 @@ pub(super) fn last_event_id(headers: &HeaderMap) -> Answer<Option<i64>> {
     let number = value
         .to_str()
         .ok()
-        .and_then(|text| text.parse::<i64>().ok());
-    match number.filter(|number| *number >= 0) {
-        Some(number) => Ok(Some(number)),
+        .and_then(|text| text.parse::<u64>().ok());
+    match number.filter(|number| *number <= MAX_EVENT_ID) {
+        Some(number) => Ok(Some(number.cast_signed())),
         None => {
-            let detail = "an event's id is a whole number from 1".to_owned();
+            let detail = format!("an event's id is a whole number from 1 to {MAX_EVENT_ID}");
             Err(header_fault("Last-Event-ID", detail))
         }
     }
@@ -153,7 +158,7 @@ struct Replay<F> {
     feed: F,
     of: String,
     greeted: bool,
-    _permit: OwnedSemaphorePermit,
+    _permit: Place,
 }
 
 impl<F: Follow> Replay<F> {
@@ -186,8 +191,7 @@ impl<F: Follow> Replay<F> {
 pub(super) fn streamed(body: Body) -> Response {
     let mut response = Response::new(body);
     let headers = response.headers_mut();
-    let event_stream = HeaderValue::from_static("text/event-stream");
-    headers.insert(header::CONTENT_TYPE, event_stream);
+    headers.insert(header::CONTENT_TYPE, EVENT_STREAM);
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
     headers.insert("x-accel-buffering", HeaderValue::from_static("no"));
     response

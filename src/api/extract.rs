@@ -48,8 +48,8 @@ impl PathName for ComparisonId {
 impl PathName for MonitorId {
     const WHAT: &'static str = "monitor";
 
-    async fn project(&self, _state: &ApiState) -> Result<Option<Project>, StoreError> {
-        Ok(Some(Project::default()))
+    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
+        state.store.project_of_monitor(*self).await
     }
 }
 

@@ -6,14 +6,14 @@ use std::sync::atomic::AtomicBool;
 use axum::http::{StatusCode, header};
 use serde::Deserialize;
 use serde_json::Value;
-use tokio::sync::OwnedSemaphorePermit;
 
 use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::jobs::{no_job, retry_after};
+use super::places::Place;
 use super::work::stopped;
 use crate::job::assemble::{self, ExperimentTrajectory, PastResult};
-use crate::job::{Fault, JobId, JobSpec, Outcome, Status};
+use crate::job::{Fault, JobId, JobKind, JobSpec, Outcome, Status};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::store::JobRow;
@@ -29,7 +29,7 @@ pub struct FinishedJob {
     recordings: Vec<Recording>,
     model: Arc<Model>,
     /// Recordings take memory: only so many at once.
-    _permit: OwnedSemaphorePermit,
+    _permit: Place,
 }
 
 impl FinishedJob {
@@ -37,9 +37,14 @@ impl FinishedJob {
     ///
     /// # Errors
     ///
-    /// There is no such job, it has no result or not yet, or its recording has been removed.
+    /// There is no such job, it is a design, it has no result or not yet, or its recording has been
+    /// removed.
     pub async fn read(state: &ApiState, id: JobId) -> Answer<FinishedJob> {
         let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
+        if JobKind::of(&row.spec) == JobKind::Design {
+            let detail = "the job designs an experiment: it estimates nothing";
+            return Err(Problem::new(Kind::WrongState, detail));
+        }
         let outcome = result_of(state, &row).await?;
         let permit = state.recording_permit().await?;
         let spec = JobSpec::deserialize(&row.spec).map_err(unreadable)?;

@@ -115,7 +115,7 @@ pub async fn metrics(State(state): State<ApiState>) -> Answer {
     metrics::gauge!("greybox_database_bytes").set(figures.bytes as f64);
     metrics::gauge!("greybox_database_free_bytes").set(figures.free_bytes as f64);
     metrics::gauge!("greybox_deliveries_waiting").set(figures.deliveries_waiting as f64);
-    let streams = state.0.streams.taken(state.limits.streams_at_once);
+    let streams = state.limits.streams_at_once - state.0.streams.free();
     metrics::gauge!("greybox_streams_open").set(streams as f64);
     for (project, worked) in state.store.work_by_project().await? {
         let project = project.to_string();

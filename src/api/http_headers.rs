@@ -16,13 +16,22 @@ pub const MAX_WAIT_S: u64 = 60;
 /// The characters of an idempotency key at the most.
 const MAX_KEY_CHARS: usize = 255;
 
-/// `Prefer: wait=N` (RFC 7240), at most [`MAX_WAIT_S`]; other preferences are ignored.
-pub fn preferred_wait(headers: &HeaderMap) -> Option<Duration> {
+/// What a client prefers (RFC 7240), each preference by itself.
+fn preferences(headers: &HeaderMap) -> impl Iterator<Item = &str> {
     let values = headers.get_all("prefer").iter();
-    let mut preferences = values
+    values
         .filter_map(|value| value.to_str().ok())
-        .flat_map(|value| value.split([',', ';']));
-    preferences.find_map(|preference| {
+        .flat_map(|value| value.split([',', ';']))
+}
+
+/// Whether the client would rather have a job than wait: `Prefer: respond-async`.
+pub fn prefers_job(headers: &HeaderMap) -> bool {
+    preferences(headers).any(|own| own.trim().eq_ignore_ascii_case("respond-async"))
+}
+
+/// `Prefer: wait=N`, at most [`MAX_WAIT_S`]; other preferences are ignored.
+pub fn preferred_wait(headers: &HeaderMap) -> Option<Duration> {
+    preferences(headers).find_map(|preference| {
         let (name, value) = preference.split_once('=')?;
         if !name.trim().eq_ignore_ascii_case("wait") {
             return None;

@@ -18,7 +18,8 @@ use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
 use super::http_headers::{MAX_WAIT_S, json, tagged};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use crate::job::{Failure, IllegalTransition, JobId, JobSpec, Phase, Progress, Status};
+use crate::job::spec::design::DesignTask;
+use crate::job::{Failure, IllegalTransition, JobId, JobKind, JobSpec, Phase, Progress, Status};
 use crate::store::{Control, JobRemoval, JobRow, StoreError};
 
 /// When a client may ask again if nothing better is known `[s]`.
@@ -35,13 +36,15 @@ pub struct Job {
     name: Option<String>,
     /// Words to find it by.
     labels: BTreeMap<String, String>,
+    /// What it does.
+    kind: JobKind,
     /// Where it is in its life.
     status: Status,
     /// The model whose parameters it estimates.
     #[schema(example = "single_rod_servo")]
     model: String,
-    /// What it was asked to do, with every default completed.
-    #[schema(value_type = JobSpec)]
+    /// What it was asked to do; an identification's with every default completed.
+    #[schema(value_type = SpecOfJob)]
     spec: Value,
     /// How far it came.
     progress: Progress,
@@ -61,6 +64,17 @@ pub struct Job {
     finished_at: Option<Timestamp>,
     /// Where its other resources are.
     links: Links,
+}
+
+/// What a job was asked to do.
+#[derive(Serialize, ToSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "a shape for the description of the API alone")]
+enum SpecOfJob {
+    /// Of an identification.
+    Identification(Box<JobSpec>),
+    /// Of a design.
+    Design(DesignTask),
 }
 
 /// Where the resources of a job are.
@@ -99,6 +113,7 @@ impl From<&JobRow> for Job {
             id: row.id,
             name: row.name.clone(),
             labels: row.labels.clone(),
+            kind: JobKind::of(&row.spec),
             status: row.status,
             model: row.model.clone(),
             progress: row

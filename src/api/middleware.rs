@@ -13,6 +13,7 @@ use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 use tower_http::decompression::RequestDecompressionLayer;
+use tracing::Instrument as _;
 use uuid::Uuid;
 
 use super::audit::{Asked, Audit};
@@ -21,6 +22,7 @@ use super::error::{PROBLEM_JSON, Problem};
 use super::http_headers::GZIP_TAG_END;
 use super::origin::{self, Names};
 use super::unpacking;
+use crate::span;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// The characters of a client's request id at the most; a longer one is replaced.
@@ -68,7 +70,11 @@ async fn answer(State(audit): State<Option<Audit>>, request: Request, next: Next
     let route = request.extensions().get::<MatchedPath>().cloned();
     let address = request.extensions().get::<PeerAddress>();
     let address = address.map_or_else(String::new, PeerAddress::to_text);
-    let mut response = next.run(request).await;
+    let span = {
+        let route = route.as_ref().map_or("", MatchedPath::as_str);
+        span::request(&method, route, (&path, &id), request.headers())
+    };
+    let mut response = next.run(request).instrument(span.clone()).await;
     let client = response.extensions_mut().remove::<Client>();
     let mut response = with_problem(response, &path, &id);
     mark_compressed(response.headers_mut());
@@ -76,6 +82,7 @@ async fn answer(State(audit): State<Option<Audit>>, request: Request, next: Next
     response.headers_mut().insert(REQUEST_ID, value);
 
     let status = response.status().as_u16();
+    span::answered(&span, status);
     let duration_s = begun.elapsed().as_secs_f64();
     let duration_ms = duration_s * 1e3;
     let who = client.as_ref().map_or("unknown", |client| &client.who);

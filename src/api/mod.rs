@@ -27,10 +27,13 @@ pub mod monitors;
 pub mod openapi;
 pub mod origin;
 pub mod page;
+mod places;
 pub mod query;
 mod rates;
 pub mod report;
 pub mod results;
+pub mod session;
+mod session_cookie;
 mod simulated;
 pub mod simulations;
 mod spec_cache;
@@ -48,7 +51,6 @@ use std::sync::Arc;
 use axum::Router;
 use axum::middleware::from_fn_with_state;
 use metrics_exporter_prometheus::PrometheusHandle;
-use tokio::sync::OwnedSemaphorePermit;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -64,11 +66,14 @@ use access::{AccessSettings, Callers};
 use error::{Answer, Problem};
 pub use middleware::{Around, with_middleware};
 pub use openapi::openapi;
+use places::{Place, Places};
 use rates::Rates;
 use simulated::SimulatedCache;
 use spec_cache::SpecCache;
 use spool::SpoolRoom;
-use work::Places;
+
+/// So many seconds' worth of a caller's requests may come together.
+const BURST_S: f64 = 2.0;
 
 /// What the service lets one client ask for.
 #[derive(Clone, Debug)]
@@ -151,6 +156,7 @@ pub struct Shared {
     streams: Places,
     callers: Callers,
     rates: Rates,
+    sign_ins: Rates,
 }
 
 impl ApiState {
@@ -164,7 +170,12 @@ impl ApiState {
             spool_room: SpoolRoom::new(limits.spool_bytes),
             checked: SpecCache::default(),
             simulated: SimulatedCache::default(),
-            rates: Rates::new(limits.requests_per_second, limits.requests_at_once),
+            rates: Rates::new(
+                limits.requests_per_second,
+                limits.requests_per_second * BURST_S,
+                limits.requests_at_once,
+            ),
+            sign_ins: session::sign_ins(),
             callers: Callers::new(parts.access.clone()),
             streams: Places::new(limits.streams_at_once, "too many event streams are open"),
             parts,
@@ -172,7 +183,7 @@ impl ApiState {
     }
 
     /// A whole recording takes memory: only so many at once, others wait.
-    async fn recording_permit(&self) -> Answer<OwnedSemaphorePermit> {
+    async fn recording_permit(&self) -> Answer<Place> {
         self.0.recordings.take().await
     }
 
@@ -210,7 +221,7 @@ impl ApiState {
     }
 
     /// An event stream takes a connection and a place: only so many at once.
-    fn stream_permit(&self) -> Answer<OwnedSemaphorePermit> {
+    fn stream_permit(&self) -> Answer<Place> {
         self.0.streams.try_take()
     }
 }
@@ -260,6 +271,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(results::result))
         .routes(routes!(trajectory::trajectory))
         .routes(routes!(report::report))
+        .routes(routes!(session::sign_in, session::show, session::sign_out))
         .routes(routes!(audit::list))
         .routes(routes!(webhooks::create, webhooks::list))
         .routes(routes!(webhooks::show, webhooks::remove))

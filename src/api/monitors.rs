@@ -139,7 +139,6 @@ pub async fn create(
     client: Client,
     document: JsonDocument,
 ) -> Answer {
-    client.asks_in_default_project("monitors")?;
     let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
         project: client.project.clone(),
         key,
@@ -152,7 +151,7 @@ pub async fn create(
         return created(row, replayed);
     }
     let mut spec = MonitorSpec::read(&document.value).map_err(Problem::of_document)?;
-    let Some(stream) = state.store.stream(&spec.stream).await? else {
+    let Some(stream) = state.store.stream(&client.project, &spec.stream).await? else {
         let detail = format!("there is no stream `{}`", spec.stream);
         let fault = Fault::new("/stream", "unknown_stream", detail);
         return Err(Problem::of_document(vec![fault]));
@@ -165,6 +164,7 @@ pub async fn create(
     })?;
     let knows = MonitorState::new(origin_ns);
     let new = NewMonitor {
+        project: client.project,
         name: spec.name.clone(),
         stream: spec.stream.clone(),
         spec: serde_json::to_value(&spec).expect("a specification has only text keys"),
@@ -307,8 +307,10 @@ pub async fn list(
     Params(WhichMonitors(cursor)): Params<WhichMonitors>,
     uri: Uri,
 ) -> Answer {
-    client.asks_in_default_project("monitors")?;
-    let page = state.store.monitors(cursor.before, cursor.limit).await?;
+    let page = state
+        .store
+        .monitors(&client.project, cursor.before, cursor.limit)
+        .await?;
     let items = page.rows.into_iter().map(Monitor::new);
     let items = items.collect::<Answer<Vec<_>>>()?;
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))

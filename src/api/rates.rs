@@ -9,8 +9,8 @@ use axum::response::Response;
 use super::error::{Answer, Kind, Problem};
 use super::watched_body::watched;
 
-/// So many seconds' worth of requests may come at once.
-const BURST_S: f64 = 2.0;
+/// A caller that has asked nothing for so long is forgotten first.
+const IDLE: Duration = Duration::from_secs(60);
 /// Callers that are remembered before those that are idle are forgotten.
 const REMEMBERED: usize = 10_000;
 
@@ -18,6 +18,7 @@ const REMEMBERED: usize = 10_000;
 #[derive(Clone)]
 pub(super) struct Rates {
     per_second: f64,
+    burst: f64,
     at_once: u32,
     callers: Arc<Mutex<HashMap<String, Caller>>>,
 }
@@ -30,10 +31,12 @@ struct Caller {
 }
 
 impl Rates {
-    /// So many requests a second, and so many under way, of each caller.
-    pub(super) fn new(per_second: f64, at_once: u32) -> Self {
+    /// So many requests a second of each caller, of which so many may come together, and so many may
+    /// be under way.
+    pub(super) fn new(per_second: f64, burst: f64, at_once: u32) -> Self {
         Self {
             per_second,
+            burst: burst.max(1.0),
             at_once,
             callers: Arc::default(),
         }
@@ -46,11 +49,10 @@ impl Rates {
     /// Counts a request of a caller, which is under way until what is answered is dropped.
     pub(super) fn count(&self, who: &str) -> Answer<UnderWay> {
         let now = Instant::now();
-        let most = (self.per_second * BURST_S).max(1.0);
+        let most = self.burst;
         let mut callers = self.callers();
         if callers.len() >= REMEMBERED && !callers.contains_key(who) {
-            let is_idle = Duration::from_secs_f64(BURST_S);
-            callers.retain(|_, caller| caller.under_way > 0 || caller.seen.elapsed() < is_idle);
+            callers.retain(|_, caller| caller.under_way > 0 || caller.seen.elapsed() < IDLE);
         }
         let caller = callers.entry(who.to_owned()).or_insert(Caller {
             left: most,
@@ -119,7 +121,7 @@ mod tests {
     #[test]
     fn a_caller_that_asks_too_fast_waits_and_others_do_not() {
         // One in an hour: time that the test takes counts for nothing.
-        let rates = Rates::new(1.0 / 3600.0, 10);
+        let rates = Rates::new(1.0 / 3600.0, 1.0, 10);
         let first = rates.count("a");
         assert!(first.is_ok());
         let refused = rates.count("a").err().expect("too fast").into_response();
@@ -129,7 +131,7 @@ mod tests {
 
     #[test]
     fn a_request_is_under_way_until_its_answer_is_dropped() {
-        let rates = Rates::new(1e6, 1);
+        let rates = Rates::new(1e6, 1e6, 1);
         let answer = rates.count("a").expect("the first");
         let answer = answer.until_the_end_of(Response::new(Body::from("x")));
         assert_eq!(answer.body().size_hint().exact(), Some(1));

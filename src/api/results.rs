@@ -3,7 +3,7 @@
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
@@ -13,7 +13,8 @@ use super::finished_job::{result_of, unreadable};
 use super::http_headers::{json, prefers, tagged_json};
 use super::jobs::no_job;
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use crate::job::{GenerationEvent, JobId, Outcome};
+use crate::job::design::Design;
+use crate::job::{GenerationEvent, JobId, JobKind, Outcome};
 
 /// Rows of the history in one answer when the client does not say.
 const DEFAULT_ROWS: u64 = 1000;
@@ -89,8 +90,9 @@ pub fn csv(text: String) -> Response {
     ([(header::CONTENT_TYPE, csv_type)], text).into_response()
 }
 
-/// Read the estimate: final when the job succeeded, the best so far when it was paused or
-/// cancelled. As JSON in full, or the estimates alone as CSV.
+/// Read the estimate, or the experiment of a design: final when the job succeeded, the best so far
+/// when it was paused or cancelled. As JSON in full, or as CSV: the estimates alone, or what a design
+/// plays.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/result", operation_id = "read_result", tag = "jobs",
     params(
@@ -99,7 +101,7 @@ pub fn csv(text: String) -> Response {
     ),
     responses(
         (status = 200, description = "The result",
-         content((Outcome = "application/json"), (String = "text/csv")),
+         content((ResultOfJob = "application/json"), (String = "text/csv")),
          headers(("ETag" = String, description = "Changes with the answer"))),
         (status = 304, description = "The client has this already"),
         (status = 409, description = "There is no result, or not yet")
@@ -114,10 +116,25 @@ pub async fn result(
     let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
     let outcome = result_of(&state, &row).await?;
     if prefers(&headers, "text/csv") {
+        if JobKind::of(&row.spec) == JobKind::Design {
+            let design = Design::deserialize(outcome).map_err(unreadable)?;
+            return Ok(csv(design.csv()));
+        }
         let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
         return Ok(csv(estimates_csv(&outcome)));
     }
     Ok(tagged_json(&headers, &outcome))
+}
+
+/// What came of a job.
+#[derive(Serialize, ToSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "a shape for the description of the API alone")]
+enum ResultOfJob {
+    /// Of an identification.
+    Identification(Box<Outcome>),
+    /// Of a design.
+    Design(Box<Design>),
 }
 
 fn estimates_csv(outcome: &Outcome) -> String {

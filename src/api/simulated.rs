@@ -47,7 +47,7 @@ impl SimulatedCache {
 
 fn numbers(simulated: &Simulated) -> usize {
     let of = |experiment: &ExperimentTrajectory| {
-        experiment.time.len() * (1 + 3 * experiment.outputs.len())
+        experiment.time.len() * (1 + 4 * experiment.outputs.len())
     };
     simulated.iter().map(of).sum()
 }

@@ -14,7 +14,9 @@ use utoipa::{IntoParams, ToSchema};
 use super::ApiState;
 use super::body::{parse_received, receive, scratch_failed};
 use super::client::Client;
-use super::datasets::{ReadingQuery, RecordingDocument, csv_answer, digest, kind_of, reading};
+use super::datasets::{
+    FileBytes, ReadingQuery, RecordingDocument, csv_answer, digest, kind_of, reading,
+};
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::extract::{Named, PathName};
 use super::http_headers::{idempotency_key, json, prefers, tagged_json};
@@ -55,7 +57,7 @@ impl PathName for StreamName {
                                 them at the most) called";
 
     async fn project(&self, _state: &ApiState) -> Result<Option<Project>, StoreError> {
-        Ok(Some(Project::default()))
+        Ok(None)
     }
 }
 
@@ -129,7 +131,10 @@ impl FromQuery for BatchQuery {
             (RecordingDocument = "application/json"),
             (String = "text/plain",
              example = "rig,hall=2 position=0.1012,pressure=8.31e6 1465839830100400200\n\
-                        rig,hall=2 position=0.1013,pressure=8.30e6 1465839831100400200\n")
+                        rig,hall=2 position=0.1013,pressure=8.30e6 1465839831100400200\n"),
+            (FileBytes = "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet"),
+            (FileBytes = "application/vnd.apache.parquet"),
+            (FileBytes = "application/octet-stream")
         )
     ),
     responses(
@@ -139,11 +144,12 @@ impl FromQuery for BatchQuery {
          headers(("Location" = String, description = "Where the stream is"),
                  ("Idempotent-Replayed" = String,
                   description = "`true` when this answers an earlier batch again"))),
-        (status = 409, description = "There are as many streams as there may be")
+        (status = 409, description = "The project has as many streams as it may")
     )
 )]
 pub async fn append(
     State(state): State<ApiState>,
+    client: Client,
     Named(StreamName(name)): Named<StreamName>,
     Params(query): Params<BatchQuery>,
     request: Request,
@@ -172,13 +178,14 @@ pub async fn append(
     let body_digest = digest(parsed.digest, &given);
     let (signals, rows, zone) = parsed.value;
     let batch = NewBatch {
+        project: client.project.clone(),
         stream: name.clone(),
         signals,
         rows,
         zone,
         keep,
         idempotency: key.map(|key| Idempotency {
-            project: Project::default(),
+            project: client.project,
             key,
             body_digest,
         }),
@@ -228,7 +235,7 @@ fn answered(name: &str, outcome: BatchOutcome) -> Answer {
             return Err(invalid("too_many_signals", detail));
         }
         BatchOutcome::TooManyStreams => {
-            let detail = format!("there are {MAX_STREAMS} streams already; remove one");
+            let detail = format!("the project has {MAX_STREAMS} streams already; remove one");
             return Err(Problem::new(Kind::WrongState, detail));
         }
     };
@@ -266,8 +273,10 @@ pub async fn list(
     Params(WhichStreams(cursor)): Params<WhichStreams>,
     uri: Uri,
 ) -> Answer {
-    client.asks_in_default_project("streams")?;
-    let page = state.store.streams(cursor.before, cursor.limit).await?;
+    let page = state
+        .store
+        .streams(&client.project, cursor.before, cursor.limit)
+        .await?;
     Ok(Page::new(page.rows, page.next).answer(&uri))
 }
 
@@ -343,11 +352,12 @@ pub struct StreamSamples {
 )]
 pub async fn show(
     State(state): State<ApiState>,
+    client: Client,
     Named(StreamName(name)): Named<StreamName>,
     Params(query): Params<StreamQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let stream = stream(&state, &name).await?;
+    let stream = stream(&state, &client, &name).await?;
     let wants_csv = prefers(&headers, "text/csv");
     if query.from.is_none() && query.to.is_none() && !wants_csv {
         let shown = ShownStream {
@@ -387,8 +397,8 @@ fn too_few() -> String {
     "there are fewer than two samples in it".to_owned()
 }
 
-async fn stream(state: &ApiState, name: &str) -> Answer<StreamRow> {
-    let stream = state.store.stream(name).await?;
+async fn stream(state: &ApiState, client: &Client, name: &str) -> Answer<StreamRow> {
+    let stream = state.store.stream(&client.project, name).await?;
     stream.ok_or_else(|| Problem::not_found("stream", name))
 }
 
@@ -438,10 +448,11 @@ async fn window(
 )]
 pub async fn remove(
     State(state): State<ApiState>,
+    client: Client,
     Named(StreamName(name)): Named<StreamName>,
     _query: Params<NoQuery>,
 ) -> Answer<Response> {
-    match state.store.delete_stream(name.clone()).await? {
+    match state.store.delete_stream(&client.project, &name).await? {
         StreamRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
         StreamRemoval::NotFound => Err(Problem::not_found("stream", &name)),
         StreamRemoval::InUse(monitors) => {

@@ -129,14 +129,9 @@ pub async fn submit(
     client: Client,
     document: JsonDocument,
 ) -> Answer {
-    let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
-        project: client.project.clone(),
-        key,
-        body_digest: document.digest.clone(),
-    });
-    if let Some(idempotency) = idempotency.as_ref().filter(|_| !query.validate_only)
-        && let Some(earlier) = state.store.earlier_submission(idempotency).await?
-    {
+    let idempotency = idempotency(&headers, &client, &document)?;
+    let asked_before = idempotency.as_ref().filter(|_| !query.validate_only);
+    if let Some(earlier) = earlier(&state, asked_before).await? {
         return answer(&state, earlier, &headers).await;
     }
     let Ready {
@@ -168,6 +163,31 @@ pub async fn submit(
         state.store.insert_model(new).await?;
     }
     answer(&state, state.store.submit(job).await?, &headers).await
+}
+
+/// What makes a submission safe to repeat, where the client asks for it.
+pub(super) fn idempotency(
+    headers: &HeaderMap,
+    client: &Client,
+    document: &JsonDocument,
+) -> Answer<Option<Idempotency>> {
+    let key = idempotency_key(headers)?;
+    Ok(key.map(|key| Idempotency {
+        project: client.project.clone(),
+        key,
+        body_digest: document.digest.clone(),
+    }))
+}
+
+/// What became of the submission that came with this key before, if one did.
+pub(super) async fn earlier(
+    state: &ApiState,
+    idempotency: Option<&Idempotency>,
+) -> Answer<Option<Submitted>> {
+    match idempotency {
+        Some(idempotency) => Ok(state.store.earlier_submission(idempotency).await?),
+        None => Ok(None),
+    }
 }
 
 /// A job that has been read.
@@ -222,7 +242,8 @@ impl Ready {
     }
 }
 
-async fn answer(state: &ApiState, submitted: Submitted, headers: &HeaderMap) -> Answer {
+/// 202 for what was stored, or why it was not.
+pub(super) async fn answer(state: &ApiState, submitted: Submitted, headers: &HeaderMap) -> Answer {
     let (row, replayed) = stored(submitted)?;
     accepted(state, row, replayed, headers).await
 }

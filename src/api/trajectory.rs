@@ -121,6 +121,11 @@ struct Output {
     simulated: Vec<Option<f64>>,
     /// measured − simulated; `null` where a sample is missing.
     residual: Vec<Option<f64>>,
+    /// One standard deviation of the simulated samples through the errors of the estimates; absent where
+    /// these are not known, or where there are too many samples.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    deviation: Option<Vec<Option<f64>>>,
 }
 
 /// Compare measured and simulated outputs of a result: decimated for plots as JSON, or every
@@ -197,6 +202,7 @@ fn decimated(
         measured: pick(&output.measured),
         simulated: pick(&output.simulated),
         residual: pick(&output.residual),
+        deviation: output.deviation.as_deref().map(pick),
     };
     let ends = [experiment.time.first(), experiment.time.last()];
     let held_back = experiment.time.get(experiment.estimation_samples);

@@ -10,58 +10,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use axum::http::StatusCode;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::ApiState;
 use super::error::{Answer, Kind, Problem};
 
-/// How long a request waits for its turn.
-const LONGEST_QUEUE: Duration = Duration::from_secs(10);
 /// How long a client may let the server compute.
 const LONGEST_COMPUTATION: Duration = Duration::from_secs(20);
 /// How long a computation whose time is up may take to say what it has.
 const LAST_ANSWER: Duration = Duration::from_secs(2);
-
-/// Places for something that there may be only so much of at once.
-#[derive(Clone)]
-pub(super) struct Places {
-    places: Arc<Semaphore>,
-    /// What there was too much of, in a sentence.
-    too_many: &'static str,
-}
-
-impl Places {
-    pub(super) fn new(places: usize, too_many: &'static str) -> Self {
-        Self {
-            places: Arc::new(Semaphore::new(places)),
-            too_many,
-        }
-    }
-
-    /// A place, as soon as there is one.
-    pub(super) async fn take(&self) -> Answer<OwnedSemaphorePermit> {
-        let waiting = self.places.clone().acquire_owned();
-        match tokio::time::timeout(LONGEST_QUEUE, waiting).await {
-            Ok(Ok(place)) => Ok(place),
-            _ => Err(self.refusal()),
-        }
-    }
-
-    /// A place, if there is one now.
-    pub(super) fn try_take(&self) -> Answer<OwnedSemaphorePermit> {
-        let place = self.places.clone().try_acquire_owned();
-        place.map_err(|_| self.refusal())
-    }
-
-    /// Places that are taken.
-    pub(super) fn taken(&self, of: usize) -> usize {
-        of.saturating_sub(self.places.available_permits())
-    }
-
-    fn refusal(&self) -> Problem {
-        Problem::new(Kind::Busy, self.too_many).retry_after(2)
-    }
-}
 
 /// Raises a stop flag when it goes out of scope.
 struct StopOnDrop(Arc<AtomicBool>);
@@ -164,7 +120,7 @@ mod tests {
         let (state, _folder) = state().await;
         let (told, stopped) = mpsc::channel();
         let client = tokio::spawn(ask(state.clone(), told));
-        while state.0.computations.places.available_permits() == 2 {
+        while state.0.computations.free() == 2 {
             tokio::task::yield_now().await;
         }
         client.abort();

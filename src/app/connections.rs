@@ -23,6 +23,7 @@ use tokio_rustls::TlsAcceptor;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
+use super::addresses::Addresses;
 use super::tls::Tls;
 use crate::api::client::PeerAddress;
 
@@ -40,12 +41,14 @@ const BACK_OFF: Duration = Duration::from_secs(1);
 /// Answers until `closing` is cancelled, then returns when the last connection has ended.
 /// Dropping the future cuts the connections.
 ///
-/// At most `at_once` connections are open; others wait for one of them to end.
+/// At most `at_once` connections are open; others wait for one of them to end. What an address opens
+/// beyond what it may is closed at once.
 pub(super) async fn serve(listening: Listening, routes: Router, closing: CancellationToken) {
     let Listening {
         listener,
         tls,
         at_once,
+        addresses,
     } = listening;
     // Built once; each connection shares them.
     let routes: Router = routes.with_state(());
@@ -54,13 +57,19 @@ pub(super) async fn serve(listening: Listening, routes: Router, closing: Cancell
         tokio::select! {
             () = closing.cancelled() => break,
             taken = take(&listener), if connections.len() < at_once => {
-                let (routes, closing) = (routes.clone(), closing.clone());
-                match tls.as_ref().map(|tls| tls.acceptor()) {
-                    None => connections.spawn(answer(taken, routes, TIMES, closing)),
-                    Some(tls) => {
-                        connections.spawn(answer_over_tls(tls, taken, routes, TIMES, closing))
-                    }
+                let Some(place) = addresses.place(taken.1.ip()) else {
+                    metrics::counter!("greybox_connections_refused_total").increment(1);
+                    continue;
                 };
+                let (routes, closing) = (routes.clone(), closing.clone());
+                let tls = tls.as_ref().map(|tls| tls.acceptor());
+                connections.spawn(async move {
+                    let _place = place;
+                    match tls {
+                        None => answer(taken, routes, TIMES, closing).await,
+                        Some(tls) => answer_over_tls(tls, taken, routes, TIMES, closing).await,
+                    }
+                });
             }
             Some(ended) = connections.join_next() => {
                 if let Err(error) = ended {
@@ -80,6 +89,8 @@ pub(super) struct Listening {
     pub(super) tls: Option<Arc<Tls>>,
     /// Connections that are open at the same time at the most.
     pub(super) at_once: usize,
+    /// How many of them one address may have.
+    pub(super) addresses: Addresses,
 }
 
 /// How long a client is waited for.
@@ -196,6 +207,7 @@ mod tests {
             listener,
             tls: None,
             at_once,
+            addresses: Addresses::new(2, &[]),
         };
         server.spawn(serve(listening, routes, closing.clone()));
         (address, closing, server)
@@ -255,6 +267,18 @@ mod tests {
         let mut received = Vec::new();
         second.read_to_end(&mut received).await.expect("an answer");
         assert!(received.ends_with(b"here"));
+    }
+
+    #[tokio::test]
+    async fn what_an_address_opens_beyond_its_places_is_closed() {
+        let (address, _closing, _server) = server(10).await;
+        let _first = TcpStream::connect(address).await.expect("a connection");
+        let _second = TcpStream::connect(address).await.expect("a connection");
+        let mut third = TcpStream::connect(address).await.expect("a connection");
+        let mut received = Vec::new();
+        // It was closed with nothing, or cut.
+        let _ = third.read_to_end(&mut received).await;
+        assert!(received.is_empty());
     }
 
     #[tokio::test]

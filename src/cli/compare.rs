@@ -16,7 +16,7 @@ use std::time::Instant;
 /// What `compare` is given.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The recording, CSV or JSON
+    /// The recording, in any format that the service reads
     recording: PathBuf,
 
     /// The job, JSON or YAML; its own method's settings hold for all of them

@@ -5,6 +5,7 @@ use super::client::Client;
 use super::error::CommandError;
 use super::progress::{self, Progress};
 use super::record::Letter;
+use super::telemetry::Telemetry;
 use super::{files, serve, table};
 use crate::app::App;
 use crate::config::Settings;
@@ -44,8 +45,8 @@ pub fn demo(arguments: Arguments) -> Result<(), CommandError> {
         // The live line and a log would write over each other.
         "warn".clone_into(&mut settings.log);
     }
-    serve::log(&settings.log)?;
-    serve::block_on(async {
+    let telemetry = Telemetry::begin(&settings)?;
+    let shown = serve::block_on(async {
         let app = start(settings).await?;
         let base = format!("http://{}", app.local_addr());
         let watched = std::io::stdout().is_terminal();
@@ -63,7 +64,9 @@ pub fn demo(arguments: Arguments) -> Result<(), CommandError> {
         }
         app.shutdown().await;
         shown
-    })
+    });
+    telemetry.end();
+    shown
 }
 
 /// A server at the address of the settings or, where that is taken and nobody asked for it, at a

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 /// What `estimate` is given.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The recording, CSV or JSON, `-` for standard input; every experiment of the job is cut from it
+    /// The recording, in any format that the service reads, `-` for standard input; every experiment of the job is cut from it
     recording: PathBuf,
 
     /// The job as it is submitted to a server, JSON or YAML; the datasets that it names are not used.

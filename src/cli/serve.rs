@@ -1,45 +1,25 @@
-//! `greybox serve` and `greybox health`.
+//! `greybox serve`.
 
-use super::client::Client;
 use super::error::CommandError;
+use super::telemetry::Telemetry;
 use crate::app::{App, StartError};
 use crate::config::Settings;
-use clap::Args;
 use std::future::Future;
-use std::io::{ErrorKind, IsTerminal};
+use std::io::ErrorKind;
 use std::net::SocketAddr;
-use tracing_subscriber::filter::Targets;
-use tracing_subscriber::fmt;
-use tracing_subscriber::layer::SubscriberExt as _;
-use tracing_subscriber::util::SubscriberInitExt as _;
-
-/// What `health` is given.
-#[derive(Debug, Args)]
-pub struct HealthArguments {
-    /// The server
-    #[arg(default_value = "http://127.0.0.1:8080")]
-    url: String,
-}
 
 /// Serves until the process is asked to end.
 pub fn serve(settings: Settings) -> Result<(), CommandError> {
-    log(&settings.log)?;
-    block_on(async {
+    let telemetry = Telemetry::begin(&settings)?;
+    let served = block_on(async {
         let app = start(settings).await?;
         println!("listening on {}", app.url());
         let asked = app.wait_for_signal().await;
         app.shutdown().await;
         asked.map_err(CommandError::failed)
-    })
-}
-
-/// Succeeds when the server says that it is ready.
-pub fn health(arguments: HealthArguments) -> Result<(), CommandError> {
-    block_on(async {
-        let answer = Client::new(&arguments.url)?.get("/readyz").await?;
-        println!("{}", answer["status"].as_str().unwrap_or("answered"));
-        Ok(())
-    })
+    });
+    telemetry.end();
+    served
 }
 
 /// A server at work.
@@ -65,22 +45,4 @@ pub fn block_on<T>(work: impl Future<Output = Result<T, CommandError>>) -> Resul
     // What still computes has no one to compute for.
     runtime.shutdown_background();
     done
-}
-
-/// Logs to standard error, as text for people and as JSON for programs.
-pub fn log(filter: &str) -> Result<(), CommandError> {
-    let targets: Targets = filter
-        .parse()
-        .map_err(|error| CommandError::input(format!("--log {filter}: {error}")))?;
-    let log = tracing_subscriber::registry().with(targets);
-    // A log on a disk that is full is lost; to say so there too would end the thread that logs.
-    let lines = fmt::layer()
-        .log_internal_errors(false)
-        .with_writer(std::io::stderr);
-    if std::io::stderr().is_terminal() {
-        log.with(lines).init();
-    } else {
-        log.with(lines.json()).init();
-    }
-    Ok(())
 }

@@ -15,7 +15,7 @@ const PARAMETERS: &str = "/parameters";
 /// What `simulate` is given.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The recording with the model's inputs under the model's names, CSV or JSON
+    /// The recording with the model's inputs under the model's names, in any format that the service reads
     recording: PathBuf,
 
     /// Values of parameters, a JSON object {"mass": 58, …}; what is not named has its default

@@ -9,14 +9,15 @@ use hyper::Request;
 use hyper::client::conn::http1;
 use hyper::header::{CONTENT_TYPE, HOST, USER_AGENT};
 use hyper_util::rt::TokioIo;
+use rustls::ClientConfig;
 use rustls::pki_types::ServerName;
-use rustls::{ClientConfig, RootCertStore};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 use tokio_rustls::TlsConnector;
 use url::Url;
 
 use super::destination::{Destinations, RefusedDestination};
+use super::trust;
 
 /// How long a receiver may take to take the connection.
 const LONGEST_CONNECT: Duration = Duration::from_secs(5);
@@ -69,20 +70,11 @@ pub(super) struct Exchange {
 
 /// Receivers are trusted whom the system trusts: a plant's own authority is one of these.
 static TRUSTED: LazyLock<Arc<ClientConfig>> = LazyLock::new(|| {
-    let mut roots = RootCertStore::empty();
-    let found = rustls_native_certs::load_native_certs();
-    for error in found.errors {
-        tracing::warn!(%error, "a certificate of the system cannot be used");
-    }
-    let (added, _ignored) = roots.add_parsable_certificates(found.certs);
-    if added == 0 {
+    let roots = trust::of_the_system();
+    if roots.is_empty() {
         tracing::warn!("the system trusts no authority: no delivery over https will be made");
     }
-    let provider = Arc::new(rustls::crypto::ring::default_provider());
-    let config = ClientConfig::builder_with_provider(provider)
-        .with_safe_default_protocol_versions()
-        .expect("the provider speaks the versions of TLS that are safe");
-    Arc::new(config.with_root_certificates(roots).with_no_client_auth())
+    Arc::new(trust::client(roots).with_no_client_auth())
 });
 
 impl Exchange {

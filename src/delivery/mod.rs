@@ -8,6 +8,7 @@
 mod destination;
 mod exchange;
 mod signature;
+pub mod trust;
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -6,6 +6,7 @@
 use super::problem::{Problem, Target};
 use crate::model::document::Condition;
 use crate::numerics::inequalities::{Inequality, shortest};
+use crate::numerics::least_squares::Triangle;
 use crate::numerics::rng::{self, Purpose, stream};
 
 /// A constraint holds that is broken by less than this share of a search range.
@@ -213,6 +214,16 @@ pub fn nearest(problem: &Problem, positions: Vec<f64>) -> Option<Vec<f64>> {
     let inside = inside(problem)?;
     let border = border(problem, &inside, &positions);
     Some(on_line(&positions, &inside, border))
+}
+
+/// The coordinates that a step may move: not those at a bound that are drawn beyond it.
+#[must_use]
+pub fn movable(triangle: &Triangle, positions: &[f64]) -> Vec<bool> {
+    let gradient = triangle.gradient();
+    let pairs = positions.iter().zip(gradient.iter());
+    let is_held =
+        |(z, slope): (&f64, &f64)| (*z <= 0.0 && *slope > 0.0) || (*z >= 1.0 && *slope < 0.0);
+    pairs.map(|pair| !is_held(pair)).collect()
 }
 
 /// By the shortest steps to where the linearised constraints hold.

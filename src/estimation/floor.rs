@@ -176,8 +176,22 @@ pub fn is_doubtful(landmarks: &Landmarks, descents: &[Descent]) -> bool {
             let is_unsure = (found_once && n <= FEW) || (floor.searches < 2 && n <= VERY_FEW);
             floor.at_floor == 0 || is_unsure
         }
-        _ => floor.is_plateau || (floor.searches < 2 && (found_once || !is_explained)),
+        _ => {
+            // Of few residuals and unknown noise a wrong minimum is as likely to be found twice.
+            let enough = if landmarks.residuals <= VERY_FEW {
+                3
+            } else {
+                2
+            };
+            floor.is_plateau || (floor.searches < enough && (found_once || !is_explained))
+        }
     }
+}
+
+/// Whether the lowest minimum leaves more than noise.
+#[must_use]
+pub fn is_poor(landmarks: &Landmarks, descents: &[Descent]) -> bool {
+    lowest(descents).is_none_or(|lowest| !landmarks.is_explained(lowest))
 }
 
 fn cost(descent: &Descent) -> Option<f64> {

@@ -35,6 +35,7 @@ pub mod search;
 pub mod segments;
 pub mod sensitivity;
 pub mod settings;
+pub mod shooting;
 pub mod stop_reason;
 pub mod trajectory;
 
@@ -51,6 +52,7 @@ use refine::Descent;
 use search::Search;
 use serde::{Deserialize, Serialize};
 use settings::MethodName;
+use shooting::Shooting;
 use std::sync::atomic::AtomicBool;
 
 /// Where a run is saved to go on from. Serialises to about 1 kB for each 10 candidates and leader.
@@ -60,6 +62,11 @@ pub struct Checkpoint {
     #[serde(default)]
     searches: Vec<FinishedSearch>,
     descents: Vec<Descent>,
+    #[serde(default)]
+    shootings: Vec<Shooting>,
+    /// Of how many searches the best have gone over segments.
+    #[serde(default)]
+    shot_searches: usize,
     /// Whether parameters that could change their places have.
     #[serde(default)]
     exchanged: bool,
@@ -99,6 +106,8 @@ pub struct Estimation {
     landmarks: Landmarks,
     searches: Vec<FinishedSearch>,
     descents: Vec<Descent>,
+    shootings: Vec<Shooting>,
+    shot_searches: usize,
     exchanged: bool,
     twins: Vec<Vec<f64>>,
     phase: Phase,
@@ -120,6 +129,8 @@ impl Estimation {
             landmarks,
             searches: Vec::new(),
             descents: Vec::new(),
+            shootings: Vec::new(),
+            shot_searches: 0,
             exchanged: false,
             twins: Vec::new(),
             phase: Phase::Search,
@@ -174,6 +185,8 @@ impl Estimation {
             landmarks,
             searches: checkpoint.searches,
             descents: checkpoint.descents,
+            shootings: checkpoint.shootings,
+            shot_searches: checkpoint.shot_searches,
             exchanged: checkpoint.exchanged,
             twins: checkpoint.twins,
             phase: checkpoint.phase,
@@ -300,6 +313,8 @@ impl Estimation {
             search: self.search.state.clone(),
             searches: self.searches.clone(),
             descents: self.descents.clone(),
+            shootings: self.shootings.clone(),
+            shot_searches: self.shot_searches,
             exchanged: self.exchanged,
             twins: self.twins.clone(),
             phase: self.phase,

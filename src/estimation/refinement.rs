@@ -1,9 +1,11 @@
 //! The refinement of a run: descents side by side, and what follows when they have ended.
 
 use super::floor;
+use super::leaders::Judged;
 use super::objective::Objective;
 use super::refine::{self, Descent, Minimum};
 use super::sensitivity::SensitivityError;
+use super::shooting::Shooting;
 use super::{Advance, Estimation, Observer, Phase, Problem, RefinementRow, StopReason};
 use crate::simulation::Accuracy;
 use rayon::prelude::*;
@@ -35,6 +37,9 @@ impl Estimation {
         if !self.settings.refine {
             self.phase = Phase::Analyse;
             return Advance::Finished;
+        }
+        if !self.shootings.is_empty() {
+            return self.advance_shootings(problem, stop);
         }
         if self.descents.iter().all(|descent| descent.end.is_some()) {
             match self.after_descents(problem, stop) {
@@ -77,12 +82,64 @@ impl Estimation {
         Advance::Working
     }
 
-    /// What follows when all descents have ended: another search where the floor is in doubt, then
+    /// Lets the best of a search go over segments, side by side; when all have ended, descents of the
+    /// free run go on from where they came to.
+    fn advance_shootings(&mut self, problem: &Problem, stop: &AtomicBool) -> Advance {
+        let iterate = |shooting: &Shooting| {
+            let mut next = shooting.clone();
+            let done = next.has_ended || next.iterate(problem, stop);
+            done.then_some(next)
+        };
+        let next: Option<Vec<Shooting>> = self.shootings.par_iter().map(iterate).collect();
+        let Some(next) = next else {
+            return Advance::Interrupted;
+        };
+        let total =
+            |shootings: &[Shooting]| -> u64 { shootings.iter().map(|own| own.evaluations).sum() };
+        let done = total(&next) - total(&self.shootings);
+        self.search.state.counters.evaluations += done;
+        self.search.state.counters.distinct_evaluations += done;
+        self.shootings = next;
+        if self.shootings.iter().all(|own| own.has_ended) {
+            for ended in std::mem::take(&mut self.shootings) {
+                self.descend(ended.search, ended.positions);
+            }
+        }
+        Advance::Working
+    }
+
+    /// Lets the best of the last search go over segments, once for each search; whether there is
+    /// something to be hoped for. A search over segments whose starts were measured needs it not.
+    fn shoot(&mut self, problem: &Problem) -> bool {
+        let number = self.searches.len();
+        if self.segmented.is_some() || self.shot_searches == number {
+            return false;
+        }
+        self.shot_searches = number;
+        if !Shooting::is_possible(problem) {
+            return false;
+        }
+        let leaders = self.searches.last().map(|search| &search.leaders);
+        let begin = |leader: &Judged| {
+            let positions = self.positions(problem, &leader.chromosome);
+            Shooting::from(Some(number as u32 - 1), positions)
+        };
+        self.shootings = leaders.into_iter().flatten().map(begin).collect();
+        !self.shootings.is_empty()
+    }
+
+    /// What follows when all descents have ended: segments and then another search where the floor is
+    /// in doubt, then
     /// descents from where a twin would be, then the lowest descent again, simulated finely; then
     /// it is compared with those that came as low. Nothing when `stop` was raised.
     fn after_descents(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<Phase> {
         if !self.descents.iter().any(Descent::is_polished) {
-            if self.searches_further() && floor::is_doubtful(&self.landmarks, &self.descents) {
+            let is_doubtful = floor::is_doubtful(&self.landmarks, &self.descents);
+            let is_poor = floor::is_poor(&self.landmarks, &self.descents);
+            if is_doubtful && is_poor && self.shoot(problem) {
+                return Some(Phase::Refine);
+            }
+            if self.searches_further() && is_doubtful {
                 self.search.restart();
                 self.phase = Phase::Search;
                 return Some(Phase::Search);

@@ -95,25 +95,8 @@ fn cut(
     if start.iter().any(|value| value.is_nan()) {
         return None;
     }
-    let part = |values: &Vec<f64>| values[from..from + length].to_vec();
     Some(Experiment {
-        place: experiment.place,
-        sample_time: experiment.sample_time,
-        instants: experiment.instants.as_ref().map(part),
-        samples: length,
-        estimation_samples: length,
-        scored_from: length,
-        input_set: experiment.input_set,
-        inputs: experiment.inputs.iter().map(part).collect(),
-        measured: experiment.measured.iter().map(part).collect(),
-        weights: experiment
-            .weights
-            .iter()
-            .map(|weights| weights.as_ref().map(part))
-            .collect(),
         initial_state: start.into_iter().map(Some).collect(),
-        parameters: experiment.parameters.clone(),
-        unknown_starts: Vec::new(),
-        start_samples: None,
+        ..experiment.part(from, length)
     })
 }

@@ -12,7 +12,8 @@ use super::loss::Loss;
 use super::prior::PriorRow;
 use super::problem::Problem;
 use crate::simulation::{Accuracy, Failure};
-use recorded::{Columns, record};
+use recorded::record;
+pub use recorded::{Columns, record_runs};
 use std::sync::atomic::AtomicBool;
 
 /// How far a difference goes to a side, as a share of the search range. All lanes take the same

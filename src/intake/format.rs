@@ -34,11 +34,11 @@ pub enum Format {
     PandasSplit,
     /// `pandas.to_json(orient="table")`.
     PandasTable,
-    /// Apache Parquet; recognised, not read.
+    /// Apache Parquet.
     Parquet,
     /// Apache Arrow IPC and Feather; recognised, not read.
     Arrow,
-    /// A workbook of Excel; recognised, not read.
+    /// A workbook of Excel.
     Excel,
 }
 
@@ -100,7 +100,10 @@ impl Kind {
     }
 
     /// The media types that are understood, for messages.
-    pub const MEDIA_TYPES: &'static str = "text/csv, application/json and text/plain";
+    pub const MEDIA_TYPES: &'static str = "text/csv, application/json, text/plain, \
+         application/vnd.apache.parquet, \
+         application/vnd.openxmlformats-officedocument.spreadsheetml.sheet and \
+         application/octet-stream";
 }
 
 impl Format {
@@ -138,9 +141,9 @@ impl Format {
     /// What to send instead of a format that is known and not read.
     pub(super) fn instead(self) -> Option<&'static str> {
         match self {
-            Self::Parquet => Some("Apache Parquet"),
-            Self::Arrow => Some("Apache Arrow"),
-            Self::Excel => Some("an Excel workbook"),
+            Self::Arrow => Some(
+                "this is Apache Arrow (Feather): recognised, and not read here; send Parquet or CSV",
+            ),
             _ => None,
         }
     }

@@ -4,11 +4,12 @@
 //! its first lines or named by an option (`options`). Cells (`cell`) become times (`clock`),
 //! SI values ([`column`], [`units`]) and classes of quality (`quality`).
 //!
-//! A CSV with a column for each signal goes straight into a recording, however long it is. All
-//! other formats become tags (`tags`), each with its own instants, which are held in memory, up
+//! A CSV with a column for each signal goes straight into a recording, however long it is; so do the
+//! rows of workbooks and of Parquet (`binary`), which are turned into CSV. All other formats become tags (`tags`), each with its own instants, which are held in memory, up
 //! to [`MAX_HELD_SAMPLES`], and then put on common instants. The rest of the program sees
 //! [`Recording`]s only.
 
+mod binary;
 mod cell;
 mod clock;
 mod column;
@@ -62,11 +63,14 @@ pub fn receive(
 ) -> Result<Received, ReadError> {
     let mut source = BufReader::with_capacity(HEAD_BYTES as usize, source);
     let format = options.format.or(Format::of_magic(source.fill_buf()?));
-    if let Some(what) = format.and_then(Format::instead) {
-        return Err(ReadError::Unsupported(format!(
-            "this is {what}: recognised, and not read here; send CSV ({}) or JSON",
-            "a column for each signal, or a row for each sample"
-        )));
+    if let Some(instead) = format.and_then(Format::instead) {
+        return Err(ReadError::Unsupported(instead.to_owned()));
+    }
+    if format != Some(Format::Excel) {
+        options.refuse(&["sheet"], format.map_or("this format", Format::name))?;
+    }
+    if let Some(format @ (Format::Excel | Format::Parquet)) = format {
+        return binary::receive(format, source, options, scratch);
     }
     if format.is_none() && kind == Kind::Binary {
         return Err(ReadError::Unsupported(

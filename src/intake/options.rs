@@ -30,6 +30,8 @@ pub struct Options {
     /// For signals that `interpolation` does not name.
     pub(super) all_interpolation: Option<Interpolation>,
     pub(super) grid: Option<Grid>,
+    /// The worksheet of a workbook.
+    pub(super) sheet: Option<String>,
     pub(super) given: BTreeMap<String, String>,
 }
 
@@ -69,7 +71,7 @@ pub(super) enum Grid {
 
 impl Options {
     /// The options by their names, in the order in which a digest counts them.
-    pub const NAMES: [&'static str; 12] = [
+    pub const NAMES: [&'static str; 13] = [
         "format",
         "tz",
         "time_unit",
@@ -82,6 +84,7 @@ impl Options {
         "quality_scheme",
         "interpolation",
         "grid",
+        "sheet",
     ];
 
     /// Sets the option of that name.
@@ -114,6 +117,7 @@ impl Options {
             "quality_scheme" => self.quality_scheme = Some(Scheme::named(text)?),
             "interpolation" => self.set_interpolation(text)?,
             "grid" => self.grid = Some(grid(text)?),
+            "sheet" => self.sheet = Some(text.to_owned()),
             _ => return Err(format!("there is no option `{option}`")),
         }
         self.given.insert(option.to_owned(), text.to_owned());

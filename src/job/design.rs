@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::estimation::Finding;
@@ -10,7 +10,7 @@ use crate::recording::SampledSignal;
 use crate::uncertainty::design::Excitation;
 
 /// Which experiment next.
-#[derive(Clone, Debug, Serialize, ToSchema)]
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 pub struct Design {
     /// The model.
     #[schema(example = "single_rod_servo")]
@@ -33,7 +33,7 @@ pub struct Design {
     pub proposals: Vec<RankedProposal>,
     /// The inputs of the best, to be played: as `POST /v1/simulations` takes them. Absent where
     /// nothing drives the model.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub inputs: Option<PlayedInputs>,
     /// What one sensor more would bring in the best experiment, the best first.
@@ -43,7 +43,7 @@ pub struct Design {
 }
 
 /// One unknown and how well it would be known.
-#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PredictedParameter {
     /// The parameter, or the state whose start is estimated.
     #[schema(example = "mass")]
@@ -64,7 +64,7 @@ pub struct PredictedParameter {
 }
 
 /// One experiment and what it would bring.
-#[derive(Clone, Debug, Serialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct RankedProposal {
     /// The family, or what the proposal is called.
     #[schema(example = "prbs")]
@@ -87,7 +87,7 @@ pub struct RankedProposal {
 }
 
 /// One sensor more and what it would bring.
-#[derive(Clone, Debug, Serialize, ToSchema)]
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 pub struct RankedSensor {
     /// The output.
     #[schema(example = "chamber_pressure_1")]
@@ -100,10 +100,43 @@ pub struct RankedSensor {
 }
 
 /// Samples of inputs on a uniform grid.
-#[derive(Clone, Debug, Serialize, ToSchema)]
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 pub struct PlayedInputs {
     /// The time from one sample to the next `[s]`; each is held until then.
     pub sample_time_s: f64,
     /// By the model's names.
     pub signals: BTreeMap<String, SampledSignal>,
+}
+
+impl Design {
+    /// What is to be done, as a table in CSV: the samples of the inputs, or when to measure.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        if let Some(inputs) = &self.inputs {
+            return inputs.csv();
+        }
+        let mut text = "time_s\n".to_owned();
+        let instants = self.proposals.first().map(|best| &best.excitation);
+        if let Some(Excitation::Instants { instants_s }) = instants {
+            text.extend(instants_s.iter().map(|instant| format!("{instant}\n")));
+        }
+        text
+    }
+}
+
+impl PlayedInputs {
+    fn csv(&self) -> String {
+        let names: Vec<&str> = self.signals.keys().map(String::as_str).collect();
+        let mut text = format!("time_s,{}\n", names.join(","));
+        let samples = self.signals.values().map(|signal| signal.values.len());
+        for sample in 0..samples.min().unwrap_or(0) {
+            text.push_str(&(sample as f64 * self.sample_time_s).to_string());
+            for signal in self.signals.values() {
+                let value = signal.values[sample].unwrap_or_default();
+                text.push_str(&format!(",{value}"));
+            }
+            text.push('\n');
+        }
+        text
+    }
 }

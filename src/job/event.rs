@@ -7,6 +7,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::Status;
+use super::design::{Design, RankedProposal};
 use super::outcome::{Fit, ParameterEstimate};
 use crate::estimation::{Finding, GenerationRow};
 
@@ -24,6 +25,8 @@ pub enum Event {
     Finding(Finding),
     /// `generation`: the search finished a generation.
     Generation(GenerationEvent),
+    /// `design`: a better experiment was found.
+    Design(DesignEvent),
     /// `refinement`: the refinement finished an iteration.
     #[schema(title = "RefinementEvent")]
     Refinement {
@@ -42,12 +45,39 @@ pub enum Event {
         #[schema(value_type = Fit)]
         fit: Value,
     },
+    /// `result` of a design: the experiment.
+    #[schema(title = "DesignResultEvent")]
+    DesignResult {
+        /// The `proposals` of the result.
+        #[schema(value_type = Vec<RankedProposal>)]
+        proposals: Value,
+    },
     /// `end`: the last event; nothing follows.
     #[schema(title = "EndEvent")]
     End {
         /// The terminal state.
         status: Status,
     },
+}
+
+/// The best experiment of a design so far.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct DesignEvent {
+    /// Experiments that were looked at.
+    pub assessed: u64,
+    /// The best of them.
+    pub best: RankedProposal,
+}
+
+impl DesignEvent {
+    /// The event of a design that has an experiment.
+    #[must_use]
+    pub fn of(design: &Design) -> Option<DesignEvent> {
+        Some(DesignEvent {
+            assessed: design.assessed,
+            best: design.proposals.first()?.clone(),
+        })
+    }
 }
 
 /// What a generation of the search came to. The same row is kept in the job's history.
@@ -130,6 +160,19 @@ impl GenerationEvent {
 }
 
 impl Event {
+    /// The event of a result document: of an estimate, or of a design.
+    pub fn of_result(outcome: &Value) -> Event {
+        match outcome.get("proposals") {
+            Some(proposals) => Event::DesignResult {
+                proposals: proposals.clone(),
+            },
+            None => Event::Result {
+                parameters: outcome["parameters"].clone(),
+                fit: outcome["fit"].clone(),
+            },
+        }
+    }
+
     /// The name of the event in the stream.
     pub fn name(&self) -> &'static str {
         match self {
@@ -137,7 +180,8 @@ impl Event {
             Event::Finding(_) => "finding",
             Event::Generation(_) => "generation",
             Event::Refinement { .. } => "refinement",
-            Event::Result { .. } => "result",
+            Event::Design(_) => "design",
+            Event::Result { .. } | Event::DesignResult { .. } => "result",
             Event::End { .. } => "end",
         }
     }

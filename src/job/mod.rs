@@ -7,8 +7,8 @@ pub mod comparison;
 pub mod design;
 pub mod event;
 pub mod failure;
-
 pub mod id;
+pub mod kind;
 pub mod outcome;
 pub mod simulation;
 pub mod spec;
@@ -20,6 +20,7 @@ pub use candidate::{Candidate, CandidateColumn};
 pub use event::{Event, GenerationEvent};
 pub use failure::Failure;
 pub use id::{ComparisonId, DatasetId, DeliveryId, InvalidId, JobId, MonitorId, WebhookId};
+pub use kind::JobKind;
 pub use outcome::Outcome;
 pub use spec::JobSpec;
 pub use state::{IllegalTransition, Status};

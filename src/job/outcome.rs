@@ -8,9 +8,11 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+mod interval;
 mod monte_carlo;
 mod search;
 
+pub use interval::{ConfidenceInterval, Correlation, ProfilePoint, TotalInterval};
 pub use monte_carlo::MonteCarlo;
 pub use search::{FloorReport, SearchEnd, SearchReport, StartReport};
 
@@ -218,6 +220,10 @@ pub struct Estimate {
     /// Why there is no confidence interval.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence_interval_reason: Option<String>,
+    /// The likelihood profile from which the interval is, where `uncertainty.intervals` asks for it:
+    /// all other estimates fitted again while this one is held.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub profile: Vec<ProfilePoint>,
     /// One standard deviation of the estimate's error with all that was taken as known, and not
     /// of noise alone.
     #[serde(default)]
@@ -254,50 +260,6 @@ pub struct Estimate {
     #[serde(default)]
     #[schema(example = json!({"position": 4.8e-5}))]
     pub output_change: BTreeMap<String, f64>,
-}
-
-/// A confidence interval; an end that the data leave open is `null`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[non_exhaustive]
-pub struct ConfidenceInterval {
-    /// The probability that the interval holds the true value.
-    #[schema(example = 0.95)]
-    pub level: f64,
-    /// The lower end.
-    pub lower: Option<f64>,
-    /// The upper end.
-    pub upper: Option<f64>,
-    /// How it was made: `fisher` (curvature at the estimate), `fisher_coloured` (that, widened for
-    /// residuals with a memory), `profile` (likelihood profile) or `bootstrap`.
-    #[schema(example = "fisher")]
-    pub method: String,
-}
-
-/// An interval with all that was taken as known; an end that is left open is `null`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[non_exhaustive]
-pub struct TotalInterval {
-    /// The probability that the interval holds the true value.
-    #[schema(example = 0.95)]
-    pub level: f64,
-    /// The lower end.
-    pub lower: Option<f64>,
-    /// The upper end.
-    pub upper: Option<f64>,
-}
-
-/// The correlation of the estimates' errors.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[non_exhaustive]
-pub struct Correlation {
-    /// The rows' and columns' names.
-    pub names: Vec<String>,
-    /// Row by row; `null` where a variance is zero or unknown.
-    pub matrix: Vec<Vec<Option<f64>>>,
-    /// The condition number of the outputs' derivatives, each scaled to the same length: how much
-    /// worse the worst combination is known than the best.
-    #[serde(default)]
-    pub condition_number: Option<f64>,
 }
 
 /// The fit over the data used for estimation, and over the data held back.
@@ -468,6 +430,7 @@ mod tests {
                     lower: Some(56.4),
                     upper: None,
                 }),
+                profile: Vec::new(),
                 monte_carlo: None,
                 trust: Some(Trust::High),
                 prior_shift: None,

@@ -10,7 +10,7 @@ use super::record::{
     Alarm, AlarmKind, MonitorWindow, ParameterChange, Start, WatchedEstimate, WindowStatus,
 };
 use super::spec::{MonitorSpec, WindowPlan};
-use super::warm::{self, Known, WarmPrior};
+use super::warm::{self, Alone, Errors, Known};
 use crate::job::outcome::{Outcome, Trust};
 use crate::job::spec::SearchRange;
 use crate::recording::{RowSignal, Rows, shown};
@@ -27,8 +27,9 @@ pub struct State {
     pub next: i64,
     /// The least and the largest value of signals that should move, over all windows.
     pub ranges: BTreeMap<String, [f64; 2]>,
-    /// When the last window that was estimated began, and what it found out.
-    pub last: Option<(i64, BTreeMap<String, Known>)>,
+    /// When the last window that was estimated began, and what is known since.
+    #[serde(default)]
+    pub known: Option<(i64, Known)>,
     /// How far estimates can be trusted.
     pub trust: Option<Trust>,
     /// Whether the last estimate could be trusted less than that.
@@ -46,8 +47,9 @@ pub struct State {
 pub struct Worked {
     /// Where its search began.
     pub start: Start,
-    /// With which priors.
-    pub priors: BTreeMap<String, WarmPrior>,
+    /// With which prior.
+    #[serde(default)]
+    pub prior: Option<Known>,
     /// The ranges of the parameters, as the monitor's job has them.
     pub ranges: BTreeMap<String, SearchRange>,
 }
@@ -60,7 +62,7 @@ impl State {
             origin_ns,
             next: 0,
             ranges: BTreeMap::new(),
-            last: None,
+            known: None,
             trust: None,
             doubted: false,
             failing: false,
@@ -163,11 +165,14 @@ impl State {
         window.doubts = reasons.map(|reason| reason.code.clone()).collect();
         if let Some(worked) = self.worked.take() {
             window.start = Some(worked.start);
-            for (own, change) in self.changes(spec, &window, &worked) {
+            let correlation = outcome.correlation.as_ref();
+            let known =
+                |errors| warm::known(&window.parameters, correlation, &worked.ranges, errors);
+            let alone = Alone::new(known(Errors::Statistical), worked.prior.as_ref());
+            for (own, change) in self.changes(spec, &window, (&worked, &alone)) {
                 alarms.push(self.changed(spec, (own, &worked), &change, now));
             }
-            let known = warm::known(&window.parameters, &worked.ranges);
-            self.last = Some((self.span(&spec.window).0, known));
+            self.known = Some((self.span(&spec.window).0, known(Errors::Total)));
         }
         alarms.extend(self.trusted(&window, outcome.verdict.trust, now));
         self.failing = false;
@@ -204,18 +209,14 @@ impl State {
         &mut self,
         spec: &MonitorSpec,
         window: &'w MonitorWindow,
-        worked: &Worked,
+        (worked, alone): (&Worked, &Alone<'_>),
     ) -> Vec<(&'w WatchedEstimate, Change)> {
         let watched = worked.ranges.len().max(1);
         let rate = spec.alarms.false_alarm_rate / watched as f64;
         let thresholds = Thresholds::of_rate(rate);
         let mut changes = Vec::new();
         for own in &window.parameters {
-            let Some(range) = worked.ranges.get(&own.name) else {
-                continue;
-            };
-            let Some((value, variance)) = warm::alone(own, range, worked.priors.get(&own.name))
-            else {
+            let Some((value, variance)) = alone.of(&own.name) else {
                 continue;
             };
             let point = Point {

@@ -1,6 +1,6 @@
 //! One step of a monitor.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use jiff::Timestamp;
@@ -9,10 +9,9 @@ use serde_json::{Value, json};
 use super::record::{Alarm, MonitorWindow, Start, WindowStatus};
 use super::spec::MonitorSpec;
 use super::state::{State, Worked, instant, silence};
-use super::warm;
-use crate::access::Project;
+use super::warm::{self, Known};
 use crate::job::outcome::Outcome;
-use crate::job::spec::Context;
+use crate::job::spec::{Context, SearchRange};
 use crate::job::{DatasetId, Fault, JobId, JobSpec, Status};
 use crate::model::{Catalogue, Model, document};
 use crate::recording::{Recording, RowSignal, Rows, Source};
@@ -49,7 +48,7 @@ impl Steps {
 
     /// Takes a step; says whether there was one to take.
     async fn take(&self, row: MonitorRow) -> Result<bool, StoreError> {
-        let Some(stream) = self.store.stream(&row.stream).await? else {
+        let Some(stream) = self.store.stream(&row.project, &row.stream).await? else {
             return Ok(false);
         };
         let id = row.id.to_string();
@@ -99,7 +98,7 @@ impl Steps {
             return Ok(step.fails(reason));
         };
         if rows.rows() < 2 {
-            let resumes = self.store.stream_next(&step.stream.name, span.1).await?;
+            let resumes = self.store.stream_next(&step.stream, span.1).await?;
             let window = step.state.window(&plan, WindowStatus::NoData);
             step.state.go_on(&plan, resumes);
             return Ok(step.advance(Some((window, None)), Vec::new()));
@@ -269,21 +268,18 @@ impl Step {
     fn works(
         mut self,
         start: Start,
-        ranges: std::collections::BTreeMap<String, crate::job::spec::SearchRange>,
+        ranges: BTreeMap<String, SearchRange>,
         job: NewWindowJob,
     ) -> Advance {
         let mut window = self.state.window(&self.spec.window, WindowStatus::Running);
         window.start = Some(start);
-        let priors = match (start, &self.state.last) {
-            (Start::Warm, Some((begun, known))) => {
-                let after = (self.state.span(&self.spec.window).0 - begun) as f64 * 1e-9;
-                warm::priors(&self.spec, known, &ranges, after)
-            }
-            _ => Default::default(),
+        let prior = match start {
+            Start::Warm => self.prior(&ranges),
+            Start::Cold => None,
         };
         self.state.worked = Some(Worked {
             start,
-            priors,
+            prior,
             ranges,
         });
         self.advance(Some((window, Some(job))), Vec::new())
@@ -330,7 +326,7 @@ impl Step {
     fn new_job(&self, spec: &JobSpec, dataset: Option<(DatasetId, NewDataset)>) -> NewWindowJob {
         NewWindowJob {
             job: NewJob {
-                project: Project::default(),
+                project: self.row.project.clone(),
                 name: spec.name.clone(),
                 labels: spec.labels.clone(),
                 model: spec.model.clone(),
@@ -373,7 +369,7 @@ impl Step {
         let ranges = warm::searched(&job);
         let (start, job) = self.warm(&window, document, job);
         let dataset = NewDataset {
-            project: Project::default(),
+            project: self.row.project.clone(),
             name: recording.name.clone(),
             digest,
             summary: summary.clone(),
@@ -408,20 +404,24 @@ impl Step {
         (recording, format!("sha256:{digest}"))
     }
 
+    /// What is known of the window's parameters before it is looked at; nothing before the first estimate,
+    /// or where nothing is looked for.
+    fn prior(&self, ranges: &BTreeMap<String, SearchRange>) -> Option<Known> {
+        let (begun, known) = self.state.known.as_ref()?;
+        let after = (self.state.span(&self.spec.window).0 - begun) as f64 * 1e-9;
+        (!ranges.is_empty()).then(|| warm::prior(&self.spec, known, ranges, after))
+    }
+
     /// The job that begins where the one before ended, where there was one and where it can.
     fn warm(&self, window: &Window<'_>, document: Value, cold: JobSpec) -> (Start, JobSpec) {
-        let Some((begun, known)) = &self.state.last else {
+        let ranges = warm::searched(&cold);
+        let prior = self.prior(&ranges);
+        // Every parameter that is looked for must be known; what is not has nowhere to begin.
+        let Some(prior) = prior.filter(|prior| ranges.keys().all(|name| prior.holds(name))) else {
             return (Start::Cold, cold);
         };
-        let ranges = warm::searched(&cold);
-        // Every parameter that is looked for must be known; what is not has nowhere to begin.
-        if ranges.is_empty() || ranges.keys().any(|name| !known.contains_key(name)) {
-            return (Start::Cold, cold);
-        }
-        let after = (self.state.span(&self.spec.window).0 - begun) as f64 * 1e-9;
-        let priors = warm::priors(&self.spec, known, &ranges, after);
         let mut document = document;
-        warm::begin_warm(&mut document, &ranges, &priors);
+        warm::begin_warm(&mut document, &ranges, &prior);
         match window.read(&document) {
             Ok(job) => (Start::Warm, job),
             Err(_) => (Start::Cold, cold),

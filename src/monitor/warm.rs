@@ -10,9 +10,11 @@ use serde_json::{Value, json};
 use super::record::WatchedEstimate;
 use super::spec::MonitorSpec;
 use crate::job::JobSpec;
-use crate::job::outcome::{Outcome, Trust};
+use crate::job::outcome::{Correlation, Outcome, Trust};
 use crate::job::spec::{ParameterSpec, SearchRange};
 use crate::model::Scale;
+use crate::numerics::normal::Normal;
+use crate::numerics::symmetric;
 
 /// Without a drift, the prior of the next window is so many standard errors wider: the window then
 /// has nine tenths of the weight.
@@ -25,23 +27,48 @@ const LEAST_REACH: f64 = 0.01;
 const CONTRADICTED: f64 = 3.0;
 /// Half the width of a 95 % range in standard deviations.
 const NORMAL_95: f64 = 1.959_964;
-/// A window that tells less than this share of what is known says nothing of its own.
+/// A window that has less than this share of the weight of what is known says nothing of its own.
 const LEAST_NEWS: f64 = 1e-3;
 
-/// What a window found out about a parameter, as the next one sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// What is known of parameters together: a normal distribution of their coordinates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Known {
-    /// The estimate.
-    pub value: f64,
-    /// One standard deviation of its error, with all that was taken as known.
-    pub deviation: f64,
+    /// The parameters.
+    names: Vec<String>,
+    /// Their coordinates.
+    #[serde(flatten)]
+    normal: Normal,
 }
 
-/// A normal prior in the parameter's coordinate.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct WarmPrior {
-    middle: f64,
-    deviation: f64,
+impl Known {
+    /// Whether it says something of this parameter.
+    #[must_use]
+    pub fn holds(&self, name: &str) -> bool {
+        self.place(name).is_some()
+    }
+
+    fn place(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|own| own == name)
+    }
+
+    /// The mean of a parameter's coordinate and its variance.
+    #[must_use]
+    pub fn of(&self, name: &str) -> Option<(f64, f64)> {
+        let place = self.place(name)?;
+        Some((
+            self.normal.mean[place],
+            self.normal.covariance[place][place],
+        ))
+    }
+}
+
+/// The errors of which a distribution is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Errors {
+    /// Those of the data, and of what was known before.
+    Statistical,
+    /// Those of all that was taken as known too.
+    Total,
 }
 
 /// The coordinate of a value.
@@ -90,60 +117,86 @@ pub fn searched(spec: &JobSpec) -> BTreeMap<String, SearchRange> {
         .collect()
 }
 
-/// What a result hands on.
+/// What an estimate says of the parameters that were looked for, with the correlations of their errors;
+/// without them where these are not known.
 #[must_use]
 pub fn known(
     estimates: &[WatchedEstimate],
+    correlation: Option<&Correlation>,
     ranges: &BTreeMap<String, SearchRange>,
-) -> BTreeMap<String, Known> {
-    let known = estimates.iter().filter_map(|own| {
+    errors: Errors,
+) -> Known {
+    let each = estimates.iter().filter_map(|own| {
         let range = ranges.get(&own.name)?;
-        let deviation = own.total_standard_error.or(own.standard_error)?;
+        let total = own.total_standard_error.filter(|_| errors == Errors::Total);
+        let deviation = total.or(own.standard_error)?;
         let deviation = deviation_at(range.scale, own.estimate, deviation);
-        let known = Known {
-            value: coordinate(range.scale, own.estimate),
-            deviation,
-        };
-        (known.value.is_finite() && deviation > 0.0).then(|| (own.name.clone(), known))
+        let mean = coordinate(range.scale, own.estimate);
+        (mean.is_finite() && deviation > 0.0).then(|| (own.name.clone(), mean, deviation))
     });
-    known.collect()
+    let each: Vec<(String, f64, f64)> = each.collect();
+    let places = each.iter().map(|(name, ..)| {
+        let mut names = correlation?.names.iter();
+        names.position(|own| own == name)
+    });
+    let places: Vec<Option<usize>> = places.collect();
+    let between = |a: usize, b: usize| {
+        let (row, column) = (places[a]?, places[b]?);
+        correlation?.matrix[row][column]
+    };
+    let covariance = |with_correlations: bool| -> Vec<Vec<f64>> {
+        let entry = |a: usize, b: usize| match a == b {
+            true => each[a].2 * each[a].2,
+            false if with_correlations => between(a, b).unwrap_or(0.0) * each[a].2 * each[b].2,
+            false => 0.0,
+        };
+        let row = |a| (0..each.len()).map(|b| entry(a, b)).collect();
+        (0..each.len()).map(row).collect()
+    };
+    // Rounding may have made of a nearly flat direction none at all.
+    let joint = Some(covariance(true)).filter(|own| symmetric::whitening(own).is_some());
+    Known {
+        normal: Normal {
+            mean: each.iter().map(|(_, mean, _)| *mean).collect(),
+            covariance: joint.unwrap_or_else(|| covariance(false)),
+        },
+        names: each.into_iter().map(|(name, ..)| name).collect(),
+    }
 }
 
-/// The priors of a window that begins so long after the one before `[s]`.
+/// The prior of a window that begins so long after the one before `[s]`.
 #[must_use]
-pub fn priors(
+pub fn prior(
     spec: &MonitorSpec,
-    known: &BTreeMap<String, Known>,
+    known: &Known,
     ranges: &BTreeMap<String, SearchRange>,
     after_s: f64,
-) -> BTreeMap<String, WarmPrior> {
-    let prior = |(name, known): (&String, &Known)| {
-        let scale = ranges.get(name)?.scale;
-        let growth = match spec.drift.get(name) {
-            Some(drift) => {
-                let value = value_at(scale, known.value);
-                deviation_at(scale, value, drift.std) * (after_s / drift.per_s).sqrt()
-            }
-            None => OWN_WEIGHT * known.deviation,
-        };
-        let prior = WarmPrior {
-            middle: known.value,
-            deviation: known.deviation.hypot(growth),
-        };
-        Some((name.clone(), prior))
+) -> Known {
+    let growth = |place: usize| {
+        let name = &known.names[place];
+        let (drift, range) = (spec.drift.get(name)?, ranges.get(name)?);
+        let value = value_at(range.scale, known.normal.mean[place]);
+        Some(deviation_at(range.scale, value, drift.std).powi(2) * (after_s / drift.per_s))
     };
-    known.iter().filter_map(prior).collect()
+    let growth: Vec<Option<f64>> = (0..known.names.len()).map(growth).collect();
+    let mut prior = known.clone();
+    for (a, row) in prior.normal.covariance.iter_mut().enumerate() {
+        for (b, entry) in row.iter_mut().enumerate() {
+            match (growth[a], growth[b]) {
+                (Some(own), Some(_)) if a == b => *entry += own,
+                (None, None) => *entry *= 1.0 + OWN_WEIGHT * OWN_WEIGHT,
+                _ => {}
+            }
+        }
+    }
+    prior
 }
 
-/// Has a job begin at its priors: a search of no generations refines the middle of ranges that lie
-/// around them.
-pub fn begin_warm(
-    document: &mut Value,
-    ranges: &BTreeMap<String, SearchRange>,
-    priors: &BTreeMap<String, WarmPrior>,
-) {
-    for (name, prior) in priors {
-        let Some(range) = ranges.get(name) else {
+/// Has a job begin at its prior: a search of no generations refines the middle of ranges that lie
+/// around it.
+pub fn begin_warm(document: &mut Value, ranges: &BTreeMap<String, SearchRange>, prior: &Known) {
+    for name in &prior.names {
+        let (Some(range), Some((middle, variance))) = (ranges.get(name), prior.of(name)) else {
             continue;
         };
         let scale = range.scale;
@@ -151,29 +204,67 @@ pub fn begin_warm(
             coordinate(scale, range.lower),
             coordinate(scale, range.upper),
         );
-        let reach = (REACH * prior.deviation).max(LEAST_REACH * (high - low));
+        let reach = (REACH * variance.sqrt()).max(LEAST_REACH * (high - low));
         // The middle is the prior's where the whole range has room for it.
-        let reach = reach.min(f64::max(high - prior.middle, prior.middle - low));
-        let lower = f64::max(prior.middle - reach, low);
-        let upper = f64::min(prior.middle + reach, high);
-        let ends = |half: f64| {
-            let ends = [prior.middle - half, prior.middle + half];
-            ends.map(|u| value_at(scale, u))
-        };
+        let reach = reach.min(f64::max(high - middle, middle - low));
+        let lower = f64::max(middle - reach, low);
+        let upper = f64::min(middle + reach, high);
         document["parameters"][name] = json!({
             "estimate": {
                 "lower": value_at(scale, lower).max(range.lower),
                 "upper": value_at(scale, upper).min(range.upper),
                 "scale": scale,
             },
-            "prior": {"range_95": ends(NORMAL_95 * prior.deviation), "scale": scale},
         });
+    }
+    let scale_of = |name: &String| ranges.get(name).map(|range| range.scale);
+    match &prior.names[..] {
+        [name] => {
+            if let (Some(scale), Some((middle, variance))) = (scale_of(name), prior.of(name)) {
+                let half = NORMAL_95 * variance.sqrt();
+                let ends = [middle - half, middle + half].map(|u| value_at(scale, u));
+                let own = json!({"range_95": ends, "scale": scale});
+                document["parameters"][name]["prior"] = own;
+            }
+        }
+        names => {
+            let scales: Vec<Scale> = names.iter().filter_map(scale_of).collect();
+            document["priors"] = json!([of_values(prior, &scales)]);
+        }
     }
     let huber = document.pointer("/method/huber_threshold").cloned();
     document["method"] = json!({"generations": 0, "further_searches": 0, "refine_candidates": 1});
     if let Some(huber) = huber {
         document["method"]["huber_threshold"] = huber;
     }
+}
+
+/// A prior as jobs take it: means and covariance of the values. Where each has a log scale, it is
+/// one of logarithms; where only some have, their values are taken to be normal, as near as their
+/// spread is small.
+fn of_values(prior: &Known, scales: &[Scale]) -> Value {
+    let (mean, covariance) = (&prior.normal.mean, &prior.normal.covariance);
+    let all_log = scales.iter().all(|scale| *scale == Scale::Log);
+    let value = |a: usize| match scales[a] {
+        Scale::Log if all_log => libm::exp(mean[a] + 0.5 * covariance[a][a]),
+        scale => value_at(scale, mean[a]),
+    };
+    let entry = |a: usize, b: usize| {
+        let slope = |place: usize| deviation_of_value(scales[place], value(place), 1.0);
+        let own = covariance[a][b];
+        slope(a) * slope(b) * if all_log { libm::expm1(own) } else { own }
+    };
+    let places = 0..scales.len();
+    let rows = places.clone().map(|a| {
+        let row = places.clone().map(|b| entry(a, b));
+        row.collect::<Vec<f64>>()
+    });
+    json!({
+        "parameters": prior.names,
+        "mean": places.clone().map(value).collect::<Vec<f64>>(),
+        "covariance": rows.collect::<Vec<_>>(),
+        "scale": if all_log { Scale::Log } else { Scale::Linear },
+    })
 }
 
 /// Whether what a warm search came to is better looked for again without what was known before.
@@ -186,31 +277,37 @@ pub fn is_in_doubt(outcome: &Outcome) -> bool {
         })
 }
 
-/// What a window itself says of a parameter, without its prior: the estimate and its variance, in the
-/// parameter's coordinate. Nothing where it says next to nothing.
-///
-/// A prior `N(m, M)` and what the window says, `N(z, R)`, make the estimate `N(x, P)` with
-/// `1/P = 1/M + 1/R` and `x/P = m/M + z/R`.
-#[must_use]
-pub fn alone(
-    own: &WatchedEstimate,
-    range: &SearchRange,
-    prior: Option<&WarmPrior>,
-) -> Option<(f64, f64)> {
-    let x = coordinate(range.scale, own.estimate);
-    let p = deviation_at(range.scale, own.estimate, own.standard_error?).powi(2);
-    let (z, r) = match prior {
-        None => (x, p),
-        Some(prior) => {
-            let m = prior.deviation.powi(2);
-            let news = 1.0 - p / m;
-            if news < LEAST_NEWS {
-                return None;
+/// What a window itself says of its parameters, without its prior. Nothing where it says
+/// next to nothing.
+#[derive(Clone, Debug)]
+pub struct Alone<'p> {
+    own: Option<Known>,
+    prior: Option<&'p Known>,
+}
+
+impl<'p> Alone<'p> {
+    /// From what the window and its prior say together.
+    #[must_use]
+    pub fn new(together: Known, prior: Option<&'p Known>) -> Self {
+        let own = match prior {
+            None => Some(together),
+            Some(prior) if prior.names == together.names => {
+                let normal = together.normal.without(&prior.normal);
+                normal.map(|normal| Known { normal, ..together })
             }
-            (prior.middle + (x - prior.middle) / news, p / news)
-        }
-    };
-    (z.is_finite() && r.is_finite() && r > 0.0).then_some((z, r))
+            Some(_) => None,
+        };
+        Self { own, prior }
+    }
+
+    /// The estimate of a parameter and its variance, in its coordinate.
+    #[must_use]
+    pub fn of(&self, name: &str) -> Option<(f64, f64)> {
+        let (value, variance) = self.own.as_ref()?.of(name)?;
+        let before = self.prior.and_then(|prior| prior.of(name));
+        let says_something = before.is_none_or(|(_, known)| LEAST_NEWS * variance < known);
+        (value.is_finite() && variance > 0.0 && says_something).then_some((value, variance))
+    }
 }
 
 #[cfg(test)]
@@ -225,9 +322,9 @@ mod tests {
         }
     }
 
-    fn estimate(estimate: f64, standard_error: f64) -> WatchedEstimate {
+    fn estimate(name: &str, estimate: f64, standard_error: f64) -> WatchedEstimate {
         WatchedEstimate {
-            name: "a".to_owned(),
+            name: name.to_owned(),
             unit: String::new(),
             estimate,
             standard_error: Some(standard_error),
@@ -237,42 +334,124 @@ mod tests {
         }
     }
 
+    fn ranges(scale: Scale) -> BTreeMap<String, SearchRange> {
+        ["a", "b"]
+            .map(|name| (name.to_owned(), range(scale)))
+            .into()
+    }
+
+    fn correlated(names: &[&str], between: f64) -> Correlation {
+        serde_json::from_value(json!({
+            "names": names, "matrix": [[1, between], [between, 1]]
+        }))
+        .expect("a correlation")
+    }
+
+    fn monitor(drift: &Value) -> MonitorSpec {
+        MonitorSpec::read(&json!({
+            "stream": "s", "window": {"length_s": 1}, "job": {}, "drift": drift
+        }))
+        .expect("a specification")
+    }
+
+    fn two(scale: Scale, between: f64) -> Known {
+        let estimates = [estimate("a", 10.0, 0.4), estimate("b", 20.0, 0.6)];
+        let correlation = correlated(&["b", "a"], between);
+        known(
+            &estimates,
+            Some(&correlation),
+            &ranges(scale),
+            Errors::Total,
+        )
+    }
+
     #[test]
     fn what_a_window_says_alone_is_what_it_said_before_its_prior_was_added() {
         let (z, r, m, middle) = (10.0, 4.0, 9.0, 7.0);
         let p = 1.0 / (1.0 / r + 1.0 / m);
         let x = p * (z / r + middle / m);
-        let prior = WarmPrior {
-            middle,
-            deviation: f64::sqrt(m),
+        let of = |mean, deviation| {
+            let estimates = [estimate("a", mean, deviation)];
+            known(
+                &estimates,
+                None,
+                &ranges(Scale::Linear),
+                Errors::Statistical,
+            )
         };
-        let own = estimate(x, p.sqrt());
-        let (value, variance) = alone(&own, &range(Scale::Linear), Some(&prior)).expect("news");
+        let prior = of(middle, f64::sqrt(m));
+        let alone = Alone::new(of(x, p.sqrt()), Some(&prior));
+        let (value, variance) = alone.of("a").expect("news");
         assert!((value - z).abs() < 1e-9 && (variance - r).abs() < 1e-9);
+        let nothing_new = Alone::new(prior.clone(), Some(&prior));
+        assert_eq!(nothing_new.of("a"), None);
+        assert_eq!(Alone::new(of(x, 1.0), None).of("a"), Some((x, 1.0)));
     }
 
     #[test]
-    fn a_window_that_adds_nothing_to_its_prior_says_nothing() {
-        let prior = WarmPrior {
-            middle: 10.0,
-            deviation: 1.0,
+    fn parameters_whose_errors_hang_together_keep_that_in_the_prior() {
+        let known = two(Scale::Linear, 0.9);
+        // A drift of `a` of 0.3 in a second, for four seconds; `b` is to speak for itself.
+        let spec = monitor(&json!({"a": {"std": 0.3, "per_s": 1}}));
+        let prior = prior(&spec, &known, &ranges(Scale::Linear), 4.0);
+        let covariance = &prior.normal.covariance;
+        let expected = [[0.16 + 0.36, 0.216], [0.216, 3.6]];
+        for (row, expected) in covariance.iter().zip(expected) {
+            assert!(
+                row.iter()
+                    .zip(expected)
+                    .all(|(own, e)| (own - e).abs() < 1e-12)
+            );
+        }
+        let mut document = json!({"priors": "those of the job", "parameters": {}});
+        begin_warm(&mut document, &ranges(Scale::Linear), &prior);
+        assert_eq!(document["priors"][0]["parameters"], json!(["a", "b"]));
+        assert_eq!(document["priors"][0]["mean"], json!([10.0, 20.0]));
+        assert_eq!(document["priors"][0]["covariance"], json!(covariance));
+        // A matrix that rounding has made singular leaves each by itself.
+        let singular = two(Scale::Linear, 1.0);
+        assert_eq!(singular.normal.covariance[0][1], 0.0);
+    }
+
+    #[test]
+    fn a_prior_of_logarithms_is_that_of_the_values_which_jobs_take() {
+        let known = two(Scale::Log, 0.9);
+        let mut document = json!({"parameters": {}});
+        begin_warm(&mut document, &ranges(Scale::Log), &known);
+        let own = &document["priors"][0];
+        assert_eq!(own["scale"], "log");
+        let number = |place: &str| {
+            own.pointer(place)
+                .and_then(Value::as_f64)
+                .expect("a number")
         };
-        let own = estimate(10.0, 1.0);
-        assert_eq!(alone(&own, &range(Scale::Linear), Some(&prior)), None);
+        let [a, b] = [number("/mean/0"), number("/mean/1")];
+        // The logarithms again: log(1 + C/(m·m)).
+        let of_logarithms = [
+            (
+                number("/covariance/0/0") / (a * a),
+                known.normal.covariance[0][0],
+            ),
+            (
+                number("/covariance/0/1") / (a * b),
+                known.normal.covariance[0][1],
+            ),
+        ];
+        for (relative, expected) in of_logarithms {
+            assert!((libm::log1p(relative) / expected - 1.0).abs() < 1e-12);
+        }
+        let middle = libm::log(a) - 0.5 * known.normal.covariance[0][0];
+        assert!((middle - libm::log(10.0)).abs() < 1e-12);
     }
 
     #[test]
     fn a_warm_search_has_the_estimate_before_in_its_middle_and_stays_in_the_range() {
         for scale in [Scale::Linear, Scale::Log] {
             let ranges = BTreeMap::from([("a".to_owned(), range(scale))]);
-            let known = known(&[estimate(10.0, 0.1)], &ranges);
-            let spec = MonitorSpec::read(&json!({
-                "stream": "s", "window": {"length_s": 1}, "job": {}
-            }))
-            .expect("a specification");
-            let priors = priors(&spec, &known, &ranges, 1.0);
+            let known = known(&[estimate("a", 10.0, 0.1)], None, &ranges, Errors::Total);
+            let prior = prior(&monitor(&json!({})), &known, &ranges, 1.0);
             let mut document = json!({"parameters": {"b": {"value": 1}}});
-            begin_warm(&mut document, &ranges, &priors);
+            begin_warm(&mut document, &ranges, &prior);
             let own = &document["parameters"]["a"]["estimate"];
             let ends = ["lower", "upper"].map(|end| own[end].as_f64().expect("a number"));
             assert!(ends[0] >= 1.0 && ends[1] <= 100.0, "{ends:?}");

@@ -1,5 +1,7 @@
-//! Random streams, statistics, interpolation, linear algebra, and rows of numbers side by side.
+//! Random streams, statistics, normal distributions, interpolation, linear algebra, and rows of
+//! numbers side by side.
 
+pub mod chain;
 pub mod dimension;
 pub mod eigenvalues;
 mod elementary;
@@ -7,6 +9,7 @@ pub mod inequalities;
 pub mod interpolation;
 pub mod lanes;
 pub mod least_squares;
+pub mod normal;
 pub mod rng;
 pub mod singular_values;
 pub mod statistics;

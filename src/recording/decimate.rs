@@ -1,8 +1,8 @@
 //! Fewer samples for a plot, without losing a peak.
 
 use super::{Recording, Signal};
-use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use utoipa::ToSchema;
 
@@ -18,7 +18,7 @@ pub struct Samples {
 }
 
 /// One signal of [`Samples`].
-#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct SampledSignal {
     /// The SI unit.
     pub unit: String,

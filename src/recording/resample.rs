@@ -258,20 +258,47 @@ impl<'a> Grid<'a> {
     }
 
     /// The same, missing at grid points that no sample was taken near: nothing is measured there.
+    /// Where it is the stamps that jitter and not the samples, samples stand where the grid has them.
     pub(super) fn measured(&self, values: &[f64], rule: Rule) -> Vec<f64> {
-        let pairs = self.instants.iter().zip(values);
-        let own = pairs.filter(|(_, value)| !value.is_nan());
-        let own: Vec<f64> = own.map(|(instant, _)| *instant).collect();
+        let pairs = self.instants.iter().copied().zip(values.iter().copied());
+        let own: Vec<(f64, f64)> = pairs.filter(|(_, value)| !value.is_nan()).collect();
         let reach = OF_GRID * self.sample_time;
-        let is_near = |time: f64| {
-            let after = own.partition_point(|instant| *instant < time - reach);
-            own.get(after)
-                .is_some_and(|instant| *instant <= time + reach)
+        let nearest = |time: f64| {
+            let after = own.partition_point(|(instant, _)| *instant < time - reach);
+            let near = own[after..].iter();
+            let near = near.take_while(|(instant, _)| *instant <= time + reach);
+            let nearest = near.min_by(|a, b| (a.0 - time).abs().total_cmp(&(b.0 - time).abs()));
+            nearest.map_or(f64::NAN, |(_, value)| *value)
         };
-        let pairs = self.resample(values, rule).into_iter().zip(self.times());
+        let at_samples = self.times().map(nearest);
+        if self.is_straighter_on_grid(values) {
+            return at_samples.collect();
+        }
+        let pairs = self.resample(values, rule).into_iter().zip(at_samples);
         pairs
-            .map(|(value, time)| if is_near(time) { value } else { f64::NAN })
+            .map(|(value, near)| if near.is_nan() { f64::NAN } else { value })
             .collect()
+    }
+
+    /// Whether samples lie closer to the line through their neighbours when all are taken for those
+    /// of the grid than when they are taken for those of their stamps.
+    fn is_straighter_on_grid(&self, values: &[f64]) -> bool {
+        let is_single = |pair: &[f64]| {
+            let times = (pair[1] - pair[0]) / self.sample_time;
+            (times - 1.0).abs() <= JITTER
+        };
+        let (mut on_grid, mut as_stamped) = (0.0, 0.0);
+        for (instants, values) in self.instants.windows(3).zip(values.windows(3)) {
+            let is_whole = is_single(&instants[..2]) && is_single(&instants[1..]);
+            if !is_whole || values.iter().any(|value| value.is_nan()) {
+                continue;
+            }
+            let share = (instants[1] - instants[0]) / (instants[2] - instants[0]);
+            let beside = |share: f64| values[1] - values[0] - share * (values[2] - values[0]);
+            on_grid += beside(0.5).powi(2);
+            as_stamped += beside(share).powi(2);
+        }
+        on_grid < as_stamped
     }
 }
 
@@ -294,6 +321,29 @@ mod tests {
         assert_eq!(values[..5], [0.0, 1.0, 2.0, 3.0, 4.0]);
         assert!(values[5].is_nan() && values[6].is_nan());
         assert_eq!(values[7..], [7.0, 8.0]);
+    }
+
+    /// A sine, sampled at some instants.
+    fn sine(instants: &[f64]) -> Vec<f64> {
+        instants.iter().map(|time| (0.1 * time).sin()).collect()
+    }
+
+    #[test]
+    fn stamps_that_jitter_move_no_sample_and_samples_that_do_are_interpolated() {
+        let jitter = |k: usize| 0.05 * ((k * 7 % 11) as f64 / 5.0 - 1.0);
+        let grid: Vec<f64> = (0..60).map(|k| k as f64).collect();
+        let stamps: Vec<f64> = (0..60).map(|k| k as f64 + jitter(k) - jitter(0)).collect();
+        let placed = Grid::over(&stamps, 1.0).unwrap();
+        let values = placed.measured(&sine(&grid), LINE);
+        assert_eq!(values[..], sine(&grid)[..values.len()]);
+        let values = placed.measured(&sine(&stamps), LINE);
+        let moved = values
+            .iter()
+            .zip(sine(&grid))
+            .map(|(own, truth)| (own - truth).abs());
+        let stamped = sine(&stamps).into_iter().zip(sine(&grid));
+        let stamped: f64 = stamped.map(|(own, truth)| (own - truth).abs()).sum();
+        assert!(moved.sum::<f64>() < 0.2 * stamped);
     }
 
     #[test]

@@ -198,6 +198,7 @@ mod tests {
                 measured: residual.clone(),
                 simulated: vec![0.0; samples],
                 residual,
+                deviation: None,
             }],
         };
         diagnostics(&[experiment]).remove(0)

@@ -22,8 +22,8 @@ pub fn model(page: &mut String, report: &Report<'_>) {
         push(page, format_args!("{}\n", escape(line)));
     }
     page.push_str(
-        "</pre>\n<table>\n<tr><th>signal</th><th class=\"words\">is</th><th>unit</th>\
-         <th class=\"words\">recorded as</th><th class=\"words\">meaning</th></tr>\n",
+        "</pre>\n<table>\n<thead><tr><th>signal</th><th class=\"words\">is</th><th>unit</th>\
+         <th class=\"words\">recorded as</th><th class=\"words\">meaning</th></tr></thead>\n",
     );
     let used = |name: &str| {
         let experiments = report.spec.experiments.iter();
@@ -58,9 +58,9 @@ pub fn model(page: &mut String, report: &Report<'_>) {
 /// The recordings, an experiment after the other.
 pub fn recordings(page: &mut String, report: &Report<'_>) {
     page.push_str(
-        "<section>\n<h2>Recordings</h2>\n<table>\n<tr><th>experiment</th>\
+        "<section>\n<h2>Recordings</h2>\n<table>\n<thead><tr><th>experiment</th>\
          <th class=\"words\">recording</th><th class=\"words\">recorded</th><th>samples</th>\
-         <th>used [s]</th><th class=\"words\">for</th></tr>\n",
+         <th>used [s]</th><th class=\"words\">for</th></tr></thead>\n",
     );
     let experiments = report.spec.experiments.iter().zip(report.recordings);
     for (number, (experiment, recording)) in experiments.enumerate() {
@@ -97,12 +97,9 @@ pub fn recordings(page: &mut String, report: &Report<'_>) {
     page.push_str("</table>\n</section>\n");
 }
 
-/// The parameters that were not estimated, with how well each is known.
+/// The parameters that were not estimated, with how well each is known; nothing where all were.
 pub fn fixed(page: &mut String, report: &Report<'_>) {
-    page.push_str(
-        "<section>\n<h2>Taken as fixed</h2>\n<table>\n<tr><th>parameter</th><th>value</th>\
-         <th>± (one standard deviation)</th><th>unit</th></tr>\n",
-    );
+    let mut rows = String::new();
     for about in &report.model.parameters {
         let Some(ParameterSpec::Fixed(known)) = report.spec.parameters.get(&*about.name) else {
             continue;
@@ -113,7 +110,7 @@ pub fn fixed(page: &mut String, report: &Report<'_>) {
             Some(Tolerance::Percent(share)) => format!("{} %", significant(share, 3)),
         };
         push(
-            page,
+            &mut rows,
             format_args!(
                 "<tr><td>{} ({})</td><td>{}</td><td>{tolerance}</td><td>{}</td></tr>\n",
                 escape(&about.name),
@@ -123,7 +120,16 @@ pub fn fixed(page: &mut String, report: &Report<'_>) {
             ),
         );
     }
-    page.push_str("</table>\n</section>\n");
+    if rows.is_empty() {
+        return;
+    }
+    push(
+        page,
+        format_args!(
+            "<section>\n<h2>Taken as fixed</h2>\n<table>\n<thead><tr><th>parameter</th><th>value</th>\
+             <th>± (one standard deviation)</th><th>unit</th></tr></thead>\n{rows}</table>\n</section>\n"
+        ),
+    );
 }
 
 /// Who made, checked and released it.

@@ -12,10 +12,10 @@ const SMALLEST_SHARE: f64 = 0.01;
 /// The estimates and how well each is known.
 pub fn estimates(page: &mut String, outcome: &Outcome) {
     page.push_str(
-        "<section>\n<h2>Estimates</h2>\n<div class=\"scroll\"><table>\n<tr><th>parameter</th>\
+        "<section>\n<h2>Estimates</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>parameter</th>\
          <th>estimate</th><th>unit</th><th>± of noise alone</th><th>95 % interval</th>\
          <th>± with all that is assumed</th><th>95 % interval</th><th>trust</th>\
-         <th>searched</th></tr>\n",
+         <th>searched</th></tr></thead>\n",
     );
     for parameter in &outcome.parameters {
         let name = label(parameter);
@@ -137,8 +137,8 @@ pub fn budget(page: &mut String, outcome: &Outcome) {
     }
     page.push_str(
         "<section>\n<h2>What was taken as known</h2>\n<div class=\"scroll\"><table>\n\
-         <tr><th>assumption</th><th>value</th><th>tolerance</th><th>unit</th><th>score</th>\
-         <th>suggested</th><th>unnoticed up to</th><th>share of the total variance</th></tr>\n",
+         <thead><tr><th>assumption</th><th>value</th><th>tolerance</th><th>unit</th><th>score</th>\
+         <th>suggested</th><th>unnoticed up to</th><th>share of the total variance</th></tr></thead>\n",
     );
     let three =
         |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 3));
@@ -177,8 +177,8 @@ pub fn budget(page: &mut String, outcome: &Outcome) {
 /// How well the outputs are followed, and what the residuals look like.
 pub fn fit(page: &mut String, outcome: &Outcome) {
     page.push_str(
-        "<section>\n<h2>Fit</h2>\n<div class=\"scroll\"><table>\n<tr><th>output</th><th>data</th>\
-         <th>fit [%]</th><th>RMSE</th><th>largest error</th><th>samples</th></tr>\n",
+        "<section>\n<h2>Fit</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>output</th><th>data</th>\
+         <th>fit [%]</th><th>RMSE</th><th>largest error</th><th>samples</th></tr></thead>\n",
     );
     let parts = [
         ("estimated from", &outcome.fit.estimation),
@@ -190,9 +190,9 @@ pub fn fit(page: &mut String, outcome: &Outcome) {
         }
     }
     page.push_str(
-        "</table></div>\n<div class=\"scroll\"><table>\n<tr><th>residuals of</th><th>noise</th>\
+        "</table></div>\n<div class=\"scroll\"><table>\n<thead><tr><th>residuals of</th><th>noise</th>\
          <th>chi²/n</th><th>correlation with the next</th><th>white</th>\
-         <th class=\"words\">follow an input</th></tr>\n",
+         <th class=\"words\">follow an input</th></tr></thead>\n",
     );
     for (output, report) in &outcome.residuals {
         let white = match report.white {
@@ -303,8 +303,8 @@ pub fn model_search(page: &mut String, outcome: &Outcome) {
         page,
         format_args!(
             "<section>\n<h2>Effects</h2>\n<p>The data support: {}. Compared by the BIC of the \
-             {} data.</p>\n<div class=\"scroll\"><table>\n<tr><th>effects</th><th>unknowns</th>\
-             <th>cost</th><th>BIC</th></tr>\n",
+             {} data.</p>\n<div class=\"scroll\"><table>\n<thead><tr><th>effects</th><th>unknowns</th>\
+             <th>cost</th><th>BIC</th></tr></thead>\n",
             listed(&search.supported),
             escape(&search.compared_on)
         ),

@@ -16,6 +16,9 @@ pub const WINDOW_SAMPLES: usize = 512;
 pub trait Sink: Send {
     /// `outputs[sample · n_outputs + output]` from `first_sample` on.
     fn consume(&mut self, first_sample: usize, outputs: &[Lanes]);
+
+    /// The states at the last sample.
+    fn finish(&mut self, _states: &[Lanes]) {}
 }
 
 /// One recording, and the candidates that go through it.
@@ -182,6 +185,11 @@ impl Block<'_> {
         let groups = self.members.chunks(LANES);
         let mut sinks: Vec<S> = groups.clone().map(|_| new_sink(self.run)).collect();
         self.drive(simulator.as_mut(), stop, &mut sinks)?;
+        let states = simulator.states();
+        let n_states = states.len() / simulator.failures().len().div_ceil(LANES).max(1);
+        for (sink, states) in sinks.iter_mut().zip(states.chunks(n_states.max(1))) {
+            sink.finish(states);
+        }
         let failures = simulator.failures().chunks(LANES);
         let failure = |failures: &[Option<Failure>], lane| failures.get(lane).copied().flatten();
         let mut derivative_evaluations = simulator.derivative_evaluations();

@@ -310,6 +310,16 @@ impl<P: System, T: Scalar, const N: usize> BlockSimulator for Block<'_, P, T, N>
     fn derivative_evaluations(&self) -> u64 {
         self.integrator.derivatives(self.in_use)
     }
+
+    fn states(&self) -> Vec<Lanes> {
+        let states = self.integrator.states.as_ref();
+        let n_states = states.len();
+        let mut grouped = vec![Lanes::splat(0.0); n_states * N.div_ceil(LANES)];
+        for (group, states_of_group) in grouped.chunks_mut(n_states.max(1)).enumerate() {
+            write_group(states, group, states_of_group);
+        }
+        grouped
+    }
 }
 
 #[cfg(test)]

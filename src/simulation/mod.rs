@@ -188,4 +188,7 @@ pub trait BlockSimulator: Send {
     fn failures(&self) -> &[Option<Failure>];
     /// Derivatives evaluated so far, one lane each.
     fn derivative_evaluations(&self) -> u64;
+    /// The states at the next sample; after the last one, where they were at it. In groups like the
+    /// outputs: `states[group · n_states + state]`.
+    fn states(&self) -> Vec<Lanes>;
 }

@@ -15,10 +15,10 @@ pub enum QuotaExceeded {
     /// Of recordings.
     #[error("the project has as many recordings as it may, {0}; remove some first")]
     Datasets(u64),
-    /// Of the bytes of recordings.
+    /// Of the bytes of recordings and streams.
     #[error(
-        "the recordings of the project have {has} bytes and this one {adds}; together they may have \
-         {limit}; remove some first"
+        "the recordings and streams of the project have {has} bytes and this adds {adds}; together \
+         they may have {limit}; remove some first"
     )]
     DatasetBytes {
         /// Bytes that it has.

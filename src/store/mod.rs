@@ -28,6 +28,7 @@ mod quotas;
 mod recent;
 mod results;
 mod retention;
+mod sessions;
 mod slices;
 mod stop_request;
 mod streams;

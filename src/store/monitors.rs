@@ -19,11 +19,14 @@ use super::idempotency::Idempotency;
 use super::jobs::{self, Page, from_json, time};
 use super::submit::{NewJob, Submitted};
 use super::{Store, StoreError, corrupt};
+use crate::access::Project;
 use crate::job::{DatasetId, JobId, MonitorId};
 
 /// A monitor to be stored.
 #[derive(Clone, Debug)]
 pub struct NewMonitor {
+    /// Whose it is, and its stream.
+    pub project: Project,
     /// A name for people.
     pub name: Option<String>,
     /// The stream that it watches.
@@ -45,6 +48,8 @@ pub struct NewMonitor {
 pub struct MonitorRow {
     /// Its identifier.
     pub id: MonitorId,
+    /// Whose it is, and its stream.
+    pub project: Project,
     /// A name for people.
     pub name: Option<String>,
     /// The stream that it watches.
@@ -145,15 +150,29 @@ impl Store {
         fetch(&mut connection, id).await
     }
 
-    /// Monitors, newest first, older than `before`.
+    /// The project of a monitor, if there is one.
+    pub async fn project_of_monitor(&self, id: MonitorId) -> Result<Option<Project>, StoreError> {
+        let key = id.to_string();
+        let name: Option<String> = sqlx::query_scalar("select project from monitors where id = ?")
+            .bind(&key)
+            .fetch_optional(self.readers())
+            .await?;
+        name.map(|name| jobs::project(&key, &name)).transpose()
+    }
+
+    /// Monitors of a project, newest first, older than `before`.
     pub async fn monitors(
         &self,
+        project: &Project,
         before: Option<MonitorId>,
         limit: u32,
     ) -> Result<Page<MonitorRow, MonitorId>, StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new(SELECT);
+        query
+            .push(" where monitors.project = ")
+            .push_bind(project.as_str().to_owned());
         if let Some(before) = before {
-            query.push(" where id < ").push_bind(before.to_string());
+            query.push(" and id < ").push_bind(before.to_string());
         }
         query
             .push(" order by id desc limit ")
@@ -176,13 +195,13 @@ impl Store {
         let mut query = QueryBuilder::<Sqlite>::new(SELECT);
         query.push(
             " where case when job is null then \
-               exists (select 1 from streams where streams.name = monitors.stream \
+               exists (select 1 from streams where streams.identity = monitors.stream \
                 and last_ns >= due_ns) \
               else not exists (select 1 from jobs where jobs.id = monitors.job \
                 and finished_at is null) end \
              or silent = (select received_at >= \
                 strftime('%Y-%m-%dT%H:%M:%fZ', 'now', '-' || (patience_ms / 1000.0) || ' seconds') \
-                from streams where streams.name = monitors.stream) \
+                from streams where streams.identity = monitors.stream) \
              order by id",
         );
         let rows = query.build().fetch_all(self.readers()).await?;
@@ -278,8 +297,8 @@ impl Store {
     }
 }
 
-const SELECT: &str = "select id, name, stream, spec, state, due_ns, job, silent, revision, \
-                      last_event, last_alarm, created_at from monitors";
+const SELECT: &str = "select id, project, name, stream, spec, state, due_ns, job, silent, \
+                      revision, last_event, last_alarm, created_at from monitors";
 
 async fn fetch(
     connection: &mut SqliteConnection,
@@ -294,9 +313,12 @@ async fn fetch(
 fn read(row: &SqliteRow) -> Result<MonitorRow, StoreError> {
     let id: String = row.try_get("id")?;
     let job: Option<String> = row.try_get("job")?;
+    let stream: &str = row.try_get("stream")?;
     Ok(MonitorRow {
+        project: jobs::project(&id, row.try_get("project")?)?,
         name: row.try_get("name")?,
-        stream: row.try_get("stream")?,
+        // A stream's name has no slash; what stands before one is its project.
+        stream: stream.rsplit('/').next().unwrap_or_default().to_owned(),
         spec: from_json("specification", &id, row.try_get("spec")?)?,
         state: from_json("state", &id, row.try_get("state")?)?,
         due_ns: row.try_get("due_ns")?,

@@ -14,7 +14,7 @@ use crate::access::Project;
 pub struct Quotas {
     /// Recordings.
     pub datasets: u64,
-    /// The bytes of their samples.
+    /// The bytes of their samples, with those of its streams.
     pub dataset_bytes: u64,
     /// Jobs that are queued, running or paused.
     pub unfinished_jobs: u64,
@@ -107,15 +107,34 @@ pub(super) async fn check_dataset(
     project: &Project,
     adds: u64,
 ) -> Result<(), StoreError> {
-    let (datasets, bytes): (i64, i64) =
-        sqlx::query_as("select count(*), coalesce(sum(bytes), 0) from datasets where project = ?")
-            .bind(project.as_str())
-            .fetch_one(&mut **tx)
-            .await?;
-    let (datasets, has) = (datasets.unsigned_abs(), bytes.unsigned_abs());
-    if datasets >= quotas.datasets {
+    let datasets: i64 = sqlx::query_scalar("select count(*) from datasets where project = ?")
+        .bind(project.as_str())
+        .fetch_one(&mut **tx)
+        .await?;
+    if datasets.unsigned_abs() >= quotas.datasets {
         return Err(QuotaExceeded::Datasets(quotas.datasets).into());
     }
+    check_bytes(tx, quotas, project, adds).await
+}
+
+/// Whether a project has room for so many bytes more of samples, those of its streams counted.
+pub(super) async fn check_bytes(
+    tx: &mut Tx,
+    quotas: &Quotas,
+    project: &Project,
+    adds: u64,
+) -> Result<(), StoreError> {
+    if quotas.dataset_bytes == u64::MAX {
+        return Ok(());
+    }
+    let bytes: i64 = sqlx::query_scalar(
+        "select (select coalesce(sum(bytes), 0) from datasets where project = ?1) \
+         + (select coalesce(sum(bytes), 0) from streams where project = ?1)",
+    )
+    .bind(project.as_str())
+    .fetch_one(&mut **tx)
+    .await?;
+    let has = bytes.unsigned_abs();
     let limit = quotas.dataset_bytes;
     if has.saturating_add(adds) > limit {
         return Err(QuotaExceeded::DatasetBytes { has, adds, limit }.into());

@@ -77,7 +77,8 @@ pub struct Slice {
 /// How far the events of a job's search go.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reported {
-    /// The last generation with an event; 0 for none.
+    /// The last generation with an event, of a design how many experiments the last event told of;
+    /// 0 for none.
     pub generation: u32,
     /// Refinements with an event.
     pub refinements: u32,
@@ -379,10 +380,7 @@ async fn end(tx: &mut Tx, id: JobId, ending: &Ending) -> Result<(), StoreError> 
     if status.is_terminal()
         && let Some(outcome) = &ending.outcome
     {
-        reported.push(Event::Result {
-            parameters: outcome["parameters"].clone(),
-            fit: outcome["fit"].clone(),
-        });
+        reported.push(Event::of_result(outcome));
     }
     reported.push(Event::State { status });
     if status.is_terminal() {

@@ -4,6 +4,7 @@
 //! into and no others, so that one late sample costs as much as one that comes in time. What is older
 //! or more than a stream is to keep goes block by block, the oldest first.
 
+mod answers;
 mod blocks;
 
 use std::collections::HashMap;
@@ -12,26 +13,27 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use utoipa::ToSchema;
-use uuid::Uuid;
 
-use super::idempotency::{self, Idempotency};
-use super::jobs::{Page, from_json, json, time};
+use super::idempotency::Idempotency;
+use super::jobs::{self, Page, from_json, json, time};
+use super::quotas;
 use super::writer::Tx;
-use super::{Change, Store, StoreError, corrupt};
+use super::{Change, Quotas, Store, StoreError, corrupt};
+use crate::access::Project;
 use crate::recording::{MAX_SIGNALS, Merged, RowSignal, Rows};
 use blocks::Block;
 
 /// What a stream keeps when nobody says `[MiB]`.
 pub const DEFAULT_KEEP_MIB: u32 = 256;
-/// Streams that there can be.
+/// Streams that a project can have.
 pub const MAX_STREAMS: i64 = 1000;
-/// What the identifier of a batch begins with.
-const BATCH: &str = "batch_";
 /// Nanoseconds in a second.
 const NS: f64 = 1e9;
 
 /// Samples for a stream, which may be new.
 pub struct NewBatch {
+    /// Whose the stream is.
+    pub project: Project,
     /// The stream's name.
     pub stream: String,
     /// What the rows hold.
@@ -59,6 +61,9 @@ pub struct Keep {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[schema(as = Stream)]
 pub struct StreamRow {
+    /// Whose it is.
+    #[serde(skip)]
+    pub project: Project,
     /// Its name.
     #[schema(example = "rig-4")]
     pub name: String,
@@ -88,6 +93,22 @@ pub struct StreamRow {
     pub received_at: Timestamp,
 }
 
+impl StreamRow {
+    /// By what its blocks and its monitors name it.
+    fn identity(&self) -> String {
+        identity(&self.project, &self.name)
+    }
+}
+
+/// By what a stream is kept. Names of projects and of streams have no slash.
+pub(super) fn identity(project: &Project, name: &str) -> String {
+    if *project == Project::default() {
+        name.to_owned()
+    } else {
+        format!("{project}/{name}")
+    }
+}
+
 /// What became of a batch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Appended {
@@ -113,7 +134,7 @@ pub enum BatchOutcome {
     UnitsDiffer(String, String, String),
     /// The stream would have more than [`MAX_SIGNALS`].
     TooManySignals,
-    /// There are [`MAX_STREAMS`] already.
+    /// The project has [`MAX_STREAMS`] already.
     TooManyStreams,
 }
 
@@ -131,27 +152,36 @@ pub enum StreamRemoval {
 impl Store {
     /// Stores a batch. The answer means that it is on disk.
     pub async fn append(&self, batch: NewBatch) -> Result<BatchOutcome, StoreError> {
+        let quotas = self.inner.quotas;
         self.inner
             .writer
-            .write(move |tx| Box::pin(append(tx, batch)))
+            .write(move |tx| Box::pin(append(tx, batch, quotas)))
             .await
     }
 
-    /// A stream as it stands.
-    pub async fn stream(&self, name: &str) -> Result<Option<StreamRow>, StoreError> {
+    /// A stream of a project as it stands.
+    pub async fn stream(
+        &self,
+        project: &Project,
+        name: &str,
+    ) -> Result<Option<StreamRow>, StoreError> {
         let mut connection = self.readers().acquire().await?;
-        fetch(&mut connection, name).await
+        fetch(&mut connection, &identity(project, name)).await
     }
 
-    /// Streams by name, after `after`.
+    /// Streams of a project by name, after `after`.
     pub async fn streams(
         &self,
+        project: &Project,
         after: Option<String>,
         limit: u32,
     ) -> Result<Page<StreamRow, String>, StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new(SELECT);
+        query
+            .push(" where project = ")
+            .push_bind(project.as_str().to_owned());
         if let Some(after) = after {
-            query.push(" where name > ").push_bind(after);
+            query.push(" and name > ").push_bind(after);
         }
         query
             .push(" order by name limit ")
@@ -170,6 +200,7 @@ impl Store {
         most: usize,
     ) -> Result<Option<Rows>, StoreError> {
         let columns = stream.signals.len();
+        let identity = stream.identity();
         let mut all = Rows::of_columns(columns);
         let mut connection = self.readers().acquire().await?;
         let mut after = i64::MIN;
@@ -178,7 +209,7 @@ impl Store {
                 "select first_ns, rows, samples from stream_blocks where stream = ? \
                  and first_ns < ? and last_ns >= ? and first_ns > ? order by first_ns limit 1",
             )
-            .bind(&stream.name)
+            .bind(&identity)
             .bind(to)
             .bind(from)
             .bind(after)
@@ -187,7 +218,7 @@ impl Store {
             let Some((first, rows, samples)) = block else {
                 return Ok(Some(all));
             };
-            let block = blocks::decode(&stream.name, rows, &samples, columns)?;
+            let block = blocks::decode(&identity, rows, &samples, columns)?;
             let start = block.instants.partition_point(|instant| *instant < from);
             let end = block.instants.partition_point(|instant| *instant < to);
             if all.rows() + (end - start) > most {
@@ -199,40 +230,50 @@ impl Store {
     }
 
     /// The first instant of a stream at or after one, nanoseconds since 1970.
-    pub async fn stream_next(&self, name: &str, from: i64) -> Result<Option<i64>, StoreError> {
+    pub async fn stream_next(
+        &self,
+        stream: &StreamRow,
+        from: i64,
+    ) -> Result<Option<i64>, StoreError> {
+        let identity = stream.identity();
         let block: Option<(i64, Vec<u8>)> = sqlx::query_as(
             "select rows, samples from stream_blocks where stream = ? and last_ns >= ? \
              order by first_ns limit 1",
         )
-        .bind(name)
+        .bind(&identity)
         .bind(from)
         .fetch_optional(self.readers())
         .await?;
         let Some((rows, samples)) = block else {
             return Ok(None);
         };
-        let instants = blocks::instants(name, rows, &samples)?;
+        let instants = blocks::instants(&identity, rows, &samples)?;
         Ok(instants.into_iter().find(|instant| *instant >= from))
     }
 
-    /// Removes a stream that no monitor watches.
-    pub async fn delete_stream(&self, name: String) -> Result<StreamRemoval, StoreError> {
+    /// Removes a stream of a project that no monitor watches.
+    pub async fn delete_stream(
+        &self,
+        project: &Project,
+        name: &str,
+    ) -> Result<StreamRemoval, StoreError> {
+        let identity = identity(project, name);
         self.inner
             .writer
-            .write(move |tx| Box::pin(delete(tx, name)))
+            .write(move |tx| Box::pin(delete(tx, identity)))
             .await
     }
 }
 
-const SELECT: &str = "select name, signals, zone, samples, bytes, first_ns, last_ns, keep_s, \
+const SELECT: &str = "select project, name, signals, zone, samples, bytes, first_ns, last_ns, keep_s, \
                       keep_mib, created_at, received_at from streams";
 
 async fn fetch(
     connection: &mut SqliteConnection,
-    name: &str,
+    identity: &str,
 ) -> Result<Option<StreamRow>, StoreError> {
     let mut query = QueryBuilder::<Sqlite>::new(SELECT);
-    query.push(" where name = ").push_bind(name);
+    query.push(" where identity = ").push_bind(identity);
     let row = query.build().fetch_optional(connection).await?;
     row.as_ref().map(read).transpose()
 }
@@ -245,6 +286,7 @@ fn read(row: &sqlx::sqlite::SqliteRow) -> Result<StreamRow, StoreError> {
         Timestamp::from_nanosecond(ns.into()).map_err(|why| corrupt("stream", &name, why))
     };
     Ok(StreamRow {
+        project: jobs::project(&name, row.try_get("project")?)?,
         signals: from_json("signals", &name, row.try_get("signals")?)?,
         zone: row.try_get("zone")?,
         samples: count("samples")?,
@@ -259,16 +301,17 @@ fn read(row: &sqlx::sqlite::SqliteRow) -> Result<StreamRow, StoreError> {
     })
 }
 
-async fn append(tx: &mut Tx, batch: NewBatch) -> Result<BatchOutcome, StoreError> {
+async fn append(tx: &mut Tx, batch: NewBatch, allowed: Quotas) -> Result<BatchOutcome, StoreError> {
     if let Some(idempotency) = &batch.idempotency
-        && let Some(earlier) = earlier(tx, idempotency).await?
+        && let Some(earlier) = answers::earlier(tx, idempotency).await?
     {
         return Ok(earlier);
     }
-    let before = fetch(tx, &batch.stream).await?;
+    let before = fetch(tx, &identity(&batch.project, &batch.stream)).await?;
     let is_new = before.is_none();
     if is_new {
-        let streams: i64 = sqlx::query_scalar("select count(*) from streams")
+        let streams: i64 = sqlx::query_scalar("select count(*) from streams where project = ?")
+            .bind(batch.project.as_str())
             .fetch_one(&mut **tx)
             .await?;
         if streams >= MAX_STREAMS {
@@ -280,8 +323,11 @@ async fn append(tx: &mut Tx, batch: NewBatch) -> Result<BatchOutcome, StoreError
         Ok(placed) => placed,
         Err(refusal) => return Ok(refusal),
     };
+    let adds = blocks::bytes_of(&batch.rows);
+    quotas::check_bytes(tx, &allowed, &batch.project, adds).await?;
     let now = Timestamp::now();
     let mut row = before.unwrap_or_else(|| StreamRow {
+        project: batch.project.clone(),
         name: batch.stream.clone(),
         signals: Vec::new(),
         zone: None,
@@ -312,7 +358,7 @@ async fn append(tx: &mut Tx, batch: NewBatch) -> Result<BatchOutcome, StoreError
         stream: row,
     };
     if let Some(idempotency) = &batch.idempotency {
-        remember(tx, idempotency, &appended).await?;
+        answers::remember(tx, idempotency, &appended).await?;
     }
     Ok(BatchOutcome::Stored(Box::new(appended), is_new))
 }
@@ -353,13 +399,16 @@ fn places(
 /// Writes what a stream is, with the first and the last instant of it.
 async fn put(tx: &mut Tx, row: &StreamRow, (first, last): (i64, i64)) -> Result<(), StoreError> {
     sqlx::query(
-        "insert into streams (name, signals, zone, samples, bytes, first_ns, last_ns, keep_s, \
-         keep_mib, created_at, received_at) values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) \
-         on conflict (name) do update set signals = excluded.signals, zone = excluded.zone, \
+        "insert into streams (identity, project, name, signals, zone, samples, bytes, first_ns, \
+         last_ns, keep_s, keep_mib, created_at, received_at) \
+         values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) \
+         on conflict (identity) do update set signals = excluded.signals, zone = excluded.zone, \
          samples = excluded.samples, bytes = excluded.bytes, first_ns = excluded.first_ns, \
          last_ns = excluded.last_ns, keep_s = excluded.keep_s, keep_mib = excluded.keep_mib, \
          received_at = excluded.received_at",
     )
+    .bind(row.identity())
+    .bind(row.project.as_str())
     .bind(&row.name)
     .bind(json(&row.signals))
     .bind(&row.zone)
@@ -379,7 +428,7 @@ async fn put(tx: &mut Tx, row: &StreamRow, (first, last): (i64, i64)) -> Result<
 /// Removes what is older or more than is to be kept, and writes what the stream then is. Says how
 /// many samples went.
 async fn keep(tx: &mut Tx, row: &mut StreamRow) -> Result<u64, StoreError> {
-    let blocks = blocks::all(tx, &row.name).await?;
+    let blocks = blocks::all(tx, &row.identity()).await?;
     let last = blocks.last().map_or(0, |block| block.last);
     let oldest = row
         .keep_s
@@ -395,7 +444,7 @@ async fn keep(tx: &mut Tx, row: &mut StreamRow) -> Result<u64, StoreError> {
     let (gone, left) = blocks.split_at(blocks.len() - n_kept);
     if let Some(newest_gone) = gone.last() {
         sqlx::query("delete from stream_blocks where stream = ? and first_ns <= ?")
-            .bind(&row.name)
+            .bind(row.identity())
             .bind(newest_gone.first)
             .execute(&mut **tx)
             .await?;
@@ -411,51 +460,17 @@ async fn keep(tx: &mut Tx, row: &mut StreamRow) -> Result<u64, StoreError> {
     Ok(gone.iter().map(|block| block.rows).sum())
 }
 
-/// The answer to a batch whose key came before.
-async fn earlier(
-    tx: &mut Tx,
-    idempotency: &Idempotency,
-) -> Result<Option<BatchOutcome>, StoreError> {
-    let Some(earlier) = idempotency::earlier(tx, idempotency).await? else {
-        return Ok(None);
-    };
-    let made = earlier.made;
-    let answer: Option<String> =
-        sqlx::query_scalar("select answer from stream_batches where id = ?")
-            .bind(&made)
-            .fetch_optional(&mut **tx)
-            .await?;
-    Ok(Some(match answer.filter(|_| earlier.is_same_body) {
-        Some(answer) => BatchOutcome::Replayed(from_json("batch", &made, &answer)?),
-        None => BatchOutcome::KeyReused,
-    }))
-}
-
-async fn remember(
-    tx: &mut Tx,
-    idempotency: &Idempotency,
-    appended: &Appended,
-) -> Result<(), StoreError> {
-    let id = format!("{BATCH}{}", Uuid::now_v7().simple());
-    sqlx::query("insert into stream_batches (id, answer) values (?, ?)")
-        .bind(&id)
-        .bind(json(appended))
-        .execute(&mut **tx)
-        .await?;
-    idempotency::remember(tx, idempotency, &id).await
-}
-
-async fn delete(tx: &mut Tx, name: String) -> Result<StreamRemoval, StoreError> {
+async fn delete(tx: &mut Tx, identity: String) -> Result<StreamRemoval, StoreError> {
     let monitors: Vec<String> =
         sqlx::query_scalar("select id from monitors where stream = ? order by id")
-            .bind(&name)
+            .bind(&identity)
             .fetch_all(&mut **tx)
             .await?;
     if !monitors.is_empty() {
         return Ok(StreamRemoval::InUse(monitors));
     }
-    let removed = sqlx::query("delete from streams where name = ?")
-        .bind(&name)
+    let removed = sqlx::query("delete from streams where identity = ?")
+        .bind(&identity)
         .execute(&mut **tx)
         .await?
         .rows_affected();

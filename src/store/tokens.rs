@@ -60,7 +60,7 @@ impl TokenRow {
 }
 
 #[derive(FromRow)]
-struct Columns {
+pub(super) struct Columns {
     id: i64,
     name: String,
     scope: String,
@@ -72,7 +72,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn read(self) -> Result<TokenRow, StoreError> {
+    pub(super) fn read(self) -> Result<TokenRow, StoreError> {
         let of = &self.name;
         let optional = |at: Option<String>| at.map(|at| time(of, &at)).transpose();
         Ok(TokenRow {

@@ -71,6 +71,9 @@ pub struct CoordinateUncertainty {
     pub method: &'static str,
     /// Its ends as positions, before they are made values.
     ends: Option<Ends>,
+    /// The likelihood profile where one was made: values, SI, and how far the sum of squares rises
+    /// there, as a multiple of the rise at which the interval ends.
+    pub profile: Vec<(f64, f64)>,
     /// The standard error with all that is taken as known, SI.
     pub total_error: Option<f64>,
     /// The 95 % interval with all that is taken as known, SI.
@@ -362,20 +365,18 @@ impl Estimate<'_> {
                 }
             }
             Intervals::Profile => {
-                let ends = profile::intervals(self.problem, positions, linear, (refits, stop))?;
-                ("profile", ends)
+                let found = profile::intervals(self.problem, positions, linear, (refits, stop))?;
+                for (index, (known, own)) in coordinates.iter_mut().zip(&found).enumerate() {
+                    known.profile = own.values(&self.problem.coordinates[index], positions[index]);
+                }
+                ("profile", found.into_iter().map(|own| own.ends).collect())
             }
             Intervals::Bootstrap => {
                 let bootstrap = self.bootstrap(request.settings.bootstrap_samples, request.seed);
                 let found = bootstrap.intervals(refits, stop);
+                let closed = |(low, high)| (Some(low), Some(high));
                 match found.ok_or(SensitivityError::Interrupted)? {
-                    Some(intervals) => (
-                        "bootstrap",
-                        intervals
-                            .into_iter()
-                            .map(|(low, high)| (Some(low), Some(high)))
-                            .collect(),
-                    ),
+                    Some(found) => ("bootstrap", found.into_iter().map(closed).collect()),
                     None => return Ok(()),
                 }
             }
@@ -478,6 +479,7 @@ fn coordinates(
                 standard_error: deviation.map(|deviation| deviation * slope),
                 interval: ends.map(|(low, high)| (low.and_then(value), high.and_then(value))),
                 ends,
+                profile: Vec::new(),
                 total_error: None,
                 total_interval: None,
                 monte_carlo: None,

@@ -14,7 +14,7 @@ use super::NORMAL_95;
 use super::covariance::Linear;
 use super::refits::Refits;
 use crate::estimation::objective::Objective;
-use crate::estimation::problem::{Problem, Target};
+use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::estimation::refine;
 use crate::estimation::sensitivity::SensitivityError;
 use crate::numerics::least_squares::Triangle;
@@ -33,6 +33,37 @@ const FIRST_DISTANCE: f64 = 0.1;
 /// The ends of an interval as positions; none where the data leave it open within the range.
 pub type Ends = (Option<f64>, Option<f64>);
 
+/// A point of a profile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Where the coordinate was held.
+    pub position: f64,
+    /// The excess there, as a multiple of that at which the interval ends.
+    pub excess: f64,
+}
+
+/// What was found out of one coordinate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    /// The ends of its interval.
+    pub ends: Ends,
+    /// The fits on the way to them, in the order of their positions.
+    pub points: Vec<Point>,
+}
+
+impl Found {
+    /// The points as values, the estimate at its own position among them.
+    #[must_use]
+    pub fn values(&self, coordinate: &Coordinate, own: f64) -> Vec<(f64, f64)> {
+        let points = self.points.iter();
+        let points = points.map(|point| (point.position, point.excess));
+        let mut points: Vec<(f64, f64)> = points.chain([(own, 0.0)]).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let value = |(position, excess)| (coordinate.value(position), excess);
+        points.into_iter().map(value).collect()
+    }
+}
+
 /// The interval of each coordinate.
 ///
 /// # Errors
@@ -42,7 +73,7 @@ pub fn intervals(
     positions: &[f64],
     linear: &Linear,
     (refits, stop): (&Refits, &AtomicBool),
-) -> Result<Vec<Ends>, SensitivityError> {
+) -> Result<Vec<Found>, SensitivityError> {
     let bottom = refine::linearise(problem, positions, Accuracy::Full, stop)?;
     let inverse = information_inverse(&bottom.triangle);
     let sum = bottom.cost * bottom.triangle.rows() as f64;
@@ -63,14 +94,19 @@ pub fn intervals(
     let sides: Vec<(usize, f64)> = (0..positions.len())
         .flat_map(|coordinate| [(coordinate, -1.0), (coordinate, 1.0)])
         .collect();
-    let found: Vec<Option<f64>> = sides
+    let found: Vec<(Option<f64>, Vec<Point>)> = sides
         .into_par_iter()
         .map(ends)
         .collect::<Result<_, SensitivityError>>()?;
-    Ok(found
-        .chunks_exact(2)
-        .map(|ends| (ends[0], ends[1]))
-        .collect())
+    let both = found.chunks_exact(2).map(|sides| {
+        let mut points = [&sides[0].1[..], &sides[1].1].concat();
+        points.sort_by(|a, b| a.position.total_cmp(&b.position));
+        Found {
+            ends: (sides[0].0, sides[1].0),
+            points,
+        }
+    });
+    Ok(both.collect())
 }
 
 /// `(JᵀJ)⁻¹`; none where J is singular.
@@ -101,8 +137,10 @@ struct Profile<'a> {
 }
 
 impl Profile<'_> {
-    /// Where the excess reaches its level on one side; none where it does not within the range.
-    fn end(&self, side: f64) -> Result<Option<f64>, SensitivityError> {
+    /// Where the excess reaches its level on one side, none where it does not within the range; and
+    /// the points on the way.
+    fn end(&self, side: f64) -> Result<(Option<f64>, Vec<Point>), SensitivityError> {
+        let mut points = Vec::new();
         let start = self.positions[self.coordinate];
         let level = self.level();
         let mut reduced = without(self.problem, self.coordinate);
@@ -122,13 +160,19 @@ impl Profile<'_> {
                 Some((sum, fitted)) => (((sum - self.sum).max(0.0) / level).sqrt(), Some(fitted)),
                 None => (f64::INFINITY, None),
             };
+            if root.is_finite() {
+                points.push(Point {
+                    position,
+                    excess: root * root,
+                });
+            }
             if (root - 1.0).abs() < NEAR {
-                return Ok(Some(position));
+                return Ok((Some(position), points));
             }
             if root > 1.0 {
                 outside = Some((position, root));
             } else if position <= 0.0 || position >= 1.0 {
-                return Ok(None);
+                return Ok((None, points));
             } else {
                 inside = (position, root);
                 others = fitted.map_or(others, |positions| Others {
@@ -138,7 +182,7 @@ impl Profile<'_> {
             }
             next = between(start, inside, outside);
         }
-        Ok(Some(inside.0))
+        Ok((Some(inside.0), points))
     }
 
     /// The excess at the end of the interval. Near the estimate the excess of a distance d is

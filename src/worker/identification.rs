@@ -6,56 +6,37 @@ use std::sync::atomic::AtomicBool;
 
 use serde_json::Value;
 
-use super::run::{Advance, Assignment, Method, Row, Run, StopReason};
+use super::run::{Advance, Assignment, Row, Run, StopReason, unread};
 use crate::estimation::{Finding, GenerationRow, Observer, RefinementRow};
 use crate::identification::{self, IdentificationError};
 use crate::job::{Candidate, CandidateColumn, Failure, Fault, GenerationEvent, JobSpec, Progress};
-use crate::model::{Catalogue, Model, document};
+use crate::model::Model;
 use crate::recording::Recording;
 use crate::store::JobRow;
 
-/// The identification of a model's parameters from recordings.
-#[derive(Debug)]
-pub struct Identification {
-    catalogue: Catalogue,
-}
-
-impl Identification {
-    /// The identification of the models of a catalogue.
-    pub fn new(catalogue: Catalogue) -> Self {
-        Self { catalogue }
-    }
-}
-
-impl Method for Identification {
-    fn begin(&self, assignment: Assignment) -> Result<Box<dyn Run>, Failure> {
-        let Assignment {
-            job,
-            model,
-            datasets,
-            checkpoint,
-        } = assignment;
-        let spec = read_spec(&job)?;
-        let model = match model {
-            Some(document) => read_model(&document)?,
-            None => self.catalogue.get(&spec.model).cloned().ok_or_else(|| {
-                Failure::cannot_run(format!("there is no model `{}`", spec.model), Vec::new())
-            })?,
-        };
-        let (digests, recordings): (Vec<String>, Vec<Recording>) = datasets.into_iter().unzip();
-        let run = match checkpoint {
-            None => identification::Run::begin(&spec, &model, &recordings),
-            Some(bytes) => {
-                let checkpoint = serde_json::from_slice(&bytes).map_err(|error| unread(&error))?;
-                identification::Run::resume(&spec, &model, &recordings, checkpoint)
-            }
-        };
-        let run = run.map_err(failure)?.named(job.id.to_string(), digests);
-        Ok(Box::new(IdentificationRun {
-            columns: CandidateColumn::of(run.problem()).into(),
-            run,
-        }))
-    }
+/// Begins the identification of a model's parameters from recordings, or resumes it where it was
+/// saved.
+pub(super) fn begin(model: &Arc<Model>, assignment: Assignment) -> Result<Box<dyn Run>, Failure> {
+    let Assignment {
+        job,
+        datasets,
+        checkpoint,
+        ..
+    } = assignment;
+    let spec = read_spec(&job)?;
+    let (digests, recordings): (Vec<String>, Vec<Recording>) = datasets.into_iter().unzip();
+    let run = match checkpoint {
+        None => identification::Run::begin(&spec, model, &recordings),
+        Some(bytes) => {
+            let checkpoint = serde_json::from_slice(&bytes).map_err(|error| unread(&error))?;
+            identification::Run::resume(&spec, model, &recordings, checkpoint)
+        }
+    };
+    let run = run.map_err(failure)?.named(job.id.to_string(), digests);
+    Ok(Box::new(IdentificationRun {
+        columns: CandidateColumn::of(run.problem()).into(),
+        run,
+    }))
 }
 
 fn read_spec(job: &JobRow) -> Result<JobSpec, Failure> {
@@ -63,19 +44,6 @@ fn read_spec(job: &JobRow) -> Result<JobSpec, Failure> {
         let detail = format!("the stored specification does not read back: {error}");
         Failure::cannot_run(detail, Vec::new())
     })
-}
-
-fn read_model(document: &Value) -> Result<Arc<Model>, Failure> {
-    let read = document::referenced(document).map_err(|faults| {
-        let detail = "the stored model does not read back".to_owned();
-        Failure::cannot_run(detail, faults)
-    })?;
-    Ok(read.model)
-}
-
-fn unread(error: &dyn std::error::Error) -> Failure {
-    let detail = format!("the stored checkpoint does not read back: {error}");
-    Failure::cannot_run(detail, Vec::new())
 }
 
 fn failure(error: IdentificationError) -> Failure {

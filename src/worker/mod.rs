@@ -9,7 +9,9 @@
 mod active;
 mod between_slices;
 mod candidates;
-pub mod identification;
+mod design;
+mod identification;
+pub mod method;
 mod places;
 mod recorder;
 pub mod run;

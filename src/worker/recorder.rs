@@ -81,6 +81,14 @@ impl Recorder {
                 columns,
                 candidates,
             } => self.candidates.take(columns, candidates),
+            Row::Design(design) => {
+                let looked_at = u32::try_from(design.assessed).unwrap_or(u32::MAX);
+                if looked_at > self.reported.generation {
+                    self.report_findings();
+                    self.reported.generation = looked_at;
+                    self.events.push(Event::Design(design));
+                }
+            }
             Row::Refinement { iteration, cost } => {
                 self.report(now);
                 self.refinements += 1;

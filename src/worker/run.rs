@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use crate::estimation::Finding;
 pub use crate::estimation::{Advance, StopReason};
+use crate::job::event::DesignEvent;
 use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, Progress};
 use crate::recording::Recording;
 use crate::store::JobRow;
@@ -29,8 +30,25 @@ pub struct Assignment {
     pub model: Option<Value>,
     /// The recordings that the job reads, each with its digest, one for each experiment.
     pub datasets: Vec<(String, Recording)>,
+    /// The finished job that it goes on from, where it does.
+    pub past: Option<Past>,
     /// Where the run was saved; nothing when it begins.
     pub checkpoint: Option<Vec<u8>>,
+}
+
+/// A finished job, as it is stored.
+#[derive(Clone, Debug)]
+pub struct Past {
+    /// What it was asked.
+    pub spec: Value,
+    /// What came of it.
+    pub outcome: Value,
+}
+
+/// Something stored that the method wrote does not read back.
+pub(super) fn unread(error: &dyn std::error::Error) -> Failure {
+    let detail = format!("the stored checkpoint does not read back: {error}");
+    Failure::cannot_run(detail, Vec::new())
 }
 
 /// The run of one job.
@@ -69,6 +87,8 @@ pub enum Row {
         /// The candidates; after an interruption some may have been reported of before.
         candidates: Vec<Candidate>,
     },
+    /// The design of an experiment has a better one.
+    Design(DesignEvent),
     /// The refinement finished an iteration.
     Refinement {
         /// Counts from 1.

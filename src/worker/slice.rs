@@ -14,16 +14,19 @@ use std::time::{Duration, Instant};
 use jiff::Timestamp;
 use serde_json::Value;
 use tokio::sync::mpsc;
+use tracing::Instrument as _;
 
 use super::active::{ActiveJob, ActiveJobs};
 use super::between_slices::{BetweenSlices, Left};
 use super::candidates::Candidates;
 use super::places::{Place, Places};
 use super::recorder::Recorder;
-use super::run::{Advance, Assignment, Method, Row, Run};
+use super::run::{Advance, Assignment, Method, Past, Row, Run};
 use crate::access::Project;
+use crate::job::spec::design::DesignTask;
 use crate::job::{DatasetId, Failure, JobId, Progress};
 use crate::recording::Recording;
+use crate::span;
 use crate::store::{Begin, Hold, JobRow, Lease, Slice, Store, StoreError};
 use conclusion::{Conclusion, broke};
 
@@ -90,11 +93,12 @@ impl Current {
     }
 }
 
-/// What a job is worked from: the document of its model, where a user wrote it, and its
-/// recordings with their digests.
+/// What a job is worked from: the document of its model, where a user wrote it, its recordings with
+/// their digests, and the finished job that it goes on from.
 struct Materials {
     model: Option<Value>,
     datasets: Vec<(String, Recording)>,
+    past: Option<Past>,
 }
 
 /// What a slice works on.
@@ -102,7 +106,7 @@ enum Begun {
     /// The run that the slice before left.
     Left(Box<dyn Run>),
     /// A run that is begun, or resumed from its checkpoint, with what it is made of.
-    New(Materials),
+    New(Box<Materials>),
 }
 
 /// What a unit of work left behind.
@@ -121,12 +125,15 @@ impl SliceWorker {
         id: JobId,
         entry: i64,
     ) -> Result<After, StoreError> {
-        let place = self.places.take(project).await;
+        let place = self.places.take(project.clone()).await;
         if self.active.all_are_stopped() {
             return Ok(After::Again);
         }
         match self.active.take(id) {
-            Some(job) => self.slice(id, Some((entry, place)), &job).await,
+            Some(job) => {
+                let slice = self.slice(id, Some((entry, place)), &job);
+                slice.instrument(span::slice(id, &project)).await
+            }
             None => Ok(After::Later),
         }
     }
@@ -173,7 +180,10 @@ impl SliceWorker {
         let mut recorder = Recorder::new(&slice, candidates);
         let begun = match run {
             Some(run) => Ok(Begun::Left(run)),
-            None => self.materials(&slice.job).await?.map(Begun::New),
+            None => self
+                .materials(&slice.job)
+                .await?
+                .map(|own| Begun::New(Box::new(own))),
         };
         let computed = match begun {
             Ok(begun) => {
@@ -202,11 +212,31 @@ impl SliceWorker {
     /// What a job is worked from.
     async fn materials(&self, job: &JobRow) -> Result<Result<Materials, Failure>, StoreError> {
         let model = self.store.model(&job.model).await?;
-        let datasets = self.recordings(&job.spec).await?;
-        Ok(datasets.map(|datasets| Materials {
+        let datasets = match self.recordings(&job.spec).await? {
+            Ok(datasets) => datasets,
+            Err(failure) => return Ok(Err(failure)),
+        };
+        let past = self.past(&job.spec).await?;
+        Ok(past.map(|past| Materials {
             model: model.map(|row| row.document),
             datasets,
+            past,
         }))
+    }
+
+    /// The finished job that a job goes on from, where it does.
+    async fn past(&self, spec: &Value) -> Result<Result<Option<Past>, Failure>, StoreError> {
+        let Some(id) = DesignTask::past_job(spec) else {
+            return Ok(Ok(None));
+        };
+        let job = self.store.job(id).await?;
+        let outcome = self.store.result(id).await?;
+        let (Some(job), Some(outcome)) = (job, outcome) else {
+            let detail = format!("the job {id} or its result is no longer stored");
+            return Ok(Err(Failure::cannot_run(detail, Vec::new())));
+        };
+        let spec = job.spec.clone();
+        Ok(Ok(Some(Past { spec, outcome })))
     }
 
     /// The recordings that a job reads, with their digests.
@@ -245,10 +275,11 @@ impl SliceWorker {
         let computation = tokio::task::spawn_blocking(move || {
             let mut run = match begun {
                 Begun::Left(run) => run,
-                Begun::New(Materials { model, datasets }) => method.begin(Assignment {
+                Begun::New(materials) => method.begin(Assignment {
                     job: slice.job,
-                    model,
-                    datasets,
+                    model: materials.model,
+                    datasets: materials.datasets,
+                    past: materials.past,
                     checkpoint: slice.checkpoint.map(|checkpoint| checkpoint.state),
                 })?,
             };

@@ -19,8 +19,8 @@ const SIZES = [{ width: 1400, height: 900, scheme: "light" }, { width: 1400, hei
 
 const known = { folder: null, browser: null, axe: null, dataset: null, jobs: [] };
 
-async function post(address, body, type = "application/json") {
-  const answer = await fetch(base + address, { method: "POST", headers: { "content-type": type }, body: typeof body === "string" ? body : JSON.stringify(body) });
+async function post(address, body, type = "application/json", headers = {}) {
+  const answer = await fetch(base + address, { method: "POST", headers: { "content-type": type, ...headers }, body: typeof body === "string" ? body : JSON.stringify(body) });
   assert.ok(answer.ok, `${address}: ${answer.status} ${await answer.clone().text()}`);
   return answer.json();
 }
@@ -38,6 +38,13 @@ async function recording() {
 const JOB = (dataset, method) => ({ name: `drive ${method}`, labels: { site: "hall 2" }, model: "positioning_drive",
   experiments: [{ dataset, signals: { force: "drive_force", position: "position" } }], outputs: { position: { noise_std: 2e-5 } },
   method: { name: method, population: 12, generations: 10 }, validation: { fraction: 0.25 }, seed: 1 });
+
+// A design for the drive, as a job.
+const DESIGN = { model: "positioning_drive",
+  parameters: { mass: { estimate: {}, prior: { mean: 95, std: 10 } }, viscous_friction: { estimate: {}, prior: { mean: 200, std: 50 } } },
+  initial_state: { position: 0, velocity: 0 }, outputs: { position: { noise_std: 1e-4 } }, sensors: { velocity: { noise_std: 1e-3 } },
+  inputs: { force: { lower: -100, upper: 100, rate_per_s: 2000 } }, families: ["steps", "sine"], sample_time_s: 0.02, duration_s: 2, points: 2 };
+const designJob = () => post("/v1/designs", DESIGN, "application/json", { prefer: "respond-async" });
 
 async function ended(id) {
   for (;;) {
@@ -68,6 +75,18 @@ async function open(address, { width, height, scheme } = SIZES[0]) {
 
 const text = (page, selector) => page.$eval(selector, (element) => element.textContent);
 const says = (page, words) => page.waitForFunction((wanted) => document.body.innerText.includes(wanted), PATIENCE, words);
+
+const specification = (page) => page.$eval("#panel-json .editor", (editor) => JSON.parse(editor.getText()));
+
+// Other text in an editor, by keyboard.
+async function write(page, editor, text) {
+  await (await page.waitForSelector(`${editor} >>> .cm-content`, PATIENCE)).focus();
+  await page.keyboard.down("Control");
+  await page.keyboard.press("a");
+  await page.keyboard.up("Control");
+  await page.keyboard.press("Delete");
+  await page.keyboard.sendCharacter(text);
+}
 
 async function picture(page, name) {
   if (pictures) {
@@ -143,7 +162,7 @@ test("a window is chosen by dragging, and by keyboard; JSON follows and is follo
   await page.mouse.down();
   await page.mouse.move(box.x + 0.75 * box.width, box.y + 20, { steps: 5 });
   await page.mouse.up();
-  const spec = async () => JSON.parse(await page.$eval("#panel-json textarea", (area) => area.value));
+  const spec = () => specification(page);
   const dragged = (await spec()).experiments[0].window;
   assert.ok(Math.abs(dragged.from_s - 1.5) < 0.1 && Math.abs(dragged.to_s - 4.5) < 0.1, JSON.stringify(dragged));
 
@@ -157,12 +176,8 @@ test("a window is chosen by dragging, and by keyboard; JSON follows and is follo
   assert.deepEqual(typed, { from_s: 0.01 });
 
   await page.click("#tab-json");
-  await page.$eval("#panel-json textarea", (area) => {
-    const job = JSON.parse(area.value);
-    job.parameters = { mass: { value: 95, tolerance: "1 %" } };
-    area.value = JSON.stringify(job);
-    area.dispatchEvent(new Event("input", { bubbles: true }));
-  });
+  const job = await spec();
+  await write(page, "#panel-json .editor", JSON.stringify({ ...job, parameters: { mass: { value: 95, tolerance: "1 %" } } }));
   await page.click("#tab-guided");
   await page.waitForSelector("input[aria-label='mass, value']", PATIENCE);
   assert.equal(await page.$eval("input[aria-label='mass, tolerance']", (input) => input.value), "1 %");
@@ -170,19 +185,29 @@ test("a window is chosen by dragging, and by keyboard; JSON follows and is follo
   await page.close();
 });
 
-test("a job is put together and started by keyboard alone", { skip }, async () => {
-  const page = await open(`/#/new?dataset=${known.dataset}`);
-  await page.waitForSelector("[role=radio]", PATIENCE);
+test("from a file to a report by keyboard alone", { skip }, async () => {
+  const page = await open("/#/new");
+  await page.waitForSelector("input[type=file]", PATIENCE);
   const reach = async (words) => {
     for (let presses = 0; presses < 150; presses += 1) {
       await page.keyboard.press("Tab");
-      const here = await page.evaluate(() => `${document.activeElement.getAttribute("aria-label") ?? ""} ${document.activeElement.textContent}`);
+      const here = await page.evaluate(() => {
+        const { activeElement: own } = document;
+        return [own.getAttribute("aria-label"), own.labels?.[0]?.textContent, own.textContent].join(" ");
+      });
       if (here.includes(words)) {
         return;
       }
     }
     assert.fail(`${words} is not reached by Tab`);
   };
+  await reach("choose a file");
+  const [chooser] = await Promise.all([page.waitForFileChooser(), page.keyboard.press("Enter")]);
+  await chooser.accept([known.file]);
+  await reach("Upload");
+  await page.keyboard.press("Enter");
+  await says(page, "Experiment 1");
+  await page.waitForSelector("[role=radio]", PATIENCE);
   await reach("Positioning drive");
   await page.keyboard.press("Enter");
   await says(page, "The job can start.");
@@ -199,7 +224,65 @@ test("a job is put together and started by keyboard alone", { skip }, async () =
   await page.waitForFunction(() => location.hash.startsWith("#/jobs/job_"), PATIENCE);
   const id = await page.evaluate(() => location.hash.slice("#/jobs/".length));
   assert.equal((await ended(id)).spec.parameters.mass.estimate.lower, 50);
+  await page.waitForSelector(".verdict .grade", PATIENCE);
+  await reach("Report for the file");
+  const [report] = await Promise.all([
+    new Promise((resolve) => page.once("popup", resolve)),
+    page.keyboard.press("Enter"),
+  ]);
+  await says(report, "Sign-off");
+  await report.close();
   assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+const EQUATIONS = `name: sliding_mass
+inputs:
+  drive_force: {symbol: F, unit: N}
+parameters:
+  mass: {symbol: m, unit: kg, default: 80, lower: 20, upper: 300, scale: log, unknown: true}
+  friction: {symbol: d, unit: N*s/m, default: 150, lower: 10, upper: 1000, scale: log, unknown: true}
+  grip: {symbol: c, unit: N, default: 10, lower: 0, upper: 100, unknown: true}
+states:
+  place: {symbol: x, unit: m, derivative: v, initial: first sample of output position}
+  speed: {symbol: v, unit: m/s, derivative: "(F - d*v - c*soft_sign(v, 0.001))/m", initial: 0}
+outputs:
+  position: {unit: m, expression: x}
+`;
+
+test("own equations are checked as they are typed, tried and made a job, by keyboard, without JSON", { skip }, async () => {
+  const page = await open(`/#/equations?dataset=${known.dataset}`);
+  await says(page, "No fault");
+  await write(page, ".editor", EQUATIONS.replace("d*v -", "d*x -").replace("unit: kg", "unit: kgg"));
+  await says(page, "line 5, column 27");
+  await page.waitForFunction(() => document.querySelector(".editor").shadowRoot.querySelector(".cm-lintRange-error"), PATIENCE);
+  await write(page, ".editor", EQUATIONS.replace("d*v -", "d*x -"));
+  await says(page, "line 10, column 51");
+  assert.match(await text(page, ".faults"), /F is in N .* and d\*x is in kg·m·s\^-1/);
+  await write(page, ".editor", EQUATIONS);
+  await says(page, "No fault");
+  await page.waitForFunction(() => document.body.innerText.includes("position, measured and simulated"), PATIENCE);
+  assert.match(await text(page, "table"), /friction.*N\*s\/m/s);
+  // Completion names what is in scope, and the keyboard finds its way out.
+  await page.keyboard.sendCharacter("  extra: {unit: m, expression: so");
+  await page.keyboard.down("Control");
+  await page.keyboard.press("Space");
+  await page.keyboard.up("Control");
+  await page.waitForSelector(".editor >>> .cm-tooltip-autocomplete", PATIENCE);
+  assert.match(await page.$eval(".editor >>> .cm-tooltip-autocomplete", (list) => list.textContent), /soft_sign\(v, width\)/);
+  await page.keyboard.press("Escape");
+  await write(page, ".editor", EQUATIONS);
+  await says(page, "No fault");
+  await page.keyboard.press("Escape");
+  await page.keyboard.press("Tab");
+  assert.equal(await page.evaluate(() => document.activeElement.textContent), "Keep this model, and set up a job");
+  await page.keyboard.press("Enter");
+  await page.waitForFunction(() => location.hash.startsWith("#/new?"), PATIENCE);
+  await says(page, "The job can start.");
+  const { model, experiments } = await specification(page);
+  assert.match(model, /^sliding_mass@/);
+  assert.deepEqual(experiments, [{ dataset: known.dataset, signals: { drive_force: "drive_force", position: "position" } }]);
+  assert.deepEqual(page.faults.filter((fault) => !fault.includes("422")), []);
   await page.close();
 });
 
@@ -270,15 +353,52 @@ test("the verdict prepares the job to run next", { skip }, async () => {
   await page.close();
 });
 
+test("a design as a job shows what to play and what it would bring", { skip }, async () => {
+  const { id } = await designJob();
+  const page = await open(`/#/jobs/${id}`);
+  await says(page, "What it would bring");
+  await says(page, "Play force");
+  const after = await page.$$eval("table tbody tr", (rows) => rows.map((row) => row.innerText).filter((row) => row.startsWith("mass")));
+  assert.ok(after.length > 0);
+  assert.equal(await page.$("::-p-text(Use as template)"), null);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("conditions and an earlier job's estimate are said without JSON", { skip }, async () => {
+  const page = await open(`/#/new?dataset=${known.dataset}&model=positioning_drive`);
+  const spec = () => specification(page);
+  const type = async (hint, words) => {
+    await page.waitForSelector(`input[placeholder^="${hint}"]`, PATIENCE);
+    await page.type(`input[placeholder^="${hint}"]`, words);
+    await page.keyboard.press("Tab");
+  };
+  await type("tau1", "mass > 60; mass < 150");
+  assert.deepEqual((await spec()).constraints, ["mass > 60", "mass < 150"]);
+  await type("job_", known.jobs[0]);
+  await says(page, "Known beforehand");
+  const [prior] = (await spec()).priors;
+  assert.ok(prior.parameters.includes("mass") && prior.mean.length === prior.std.length);
+  assert.equal(prior.correlation.length, prior.parameters.length);
+  await (await page.waitForSelector("::-p-text(Forget)", PATIENCE)).click();
+  await page.waitForSelector('input[placeholder^="job_"]', PATIENCE);
+  assert.equal((await spec()).priors, undefined);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
 test("every page is accessible, fits its width and makes no fault, in both schemes", { skip }, async () => {
   const [one, other] = known.jobs;
-  const pages = { jobs: "/#/jobs", job: `/#/jobs/${one}`, compare: `/#/compare?jobs=${one},${other}`, comparisons: "/#/comparisons",
-    datasets: "/#/datasets", dataset: `/#/datasets/${known.dataset}`, models: "/#/models", model: "/#/models/positioning_drive",
+  const { id: design } = await designJob();
+  await ended(design);
+  const pages = { jobs: "/#/jobs", job: `/#/jobs/${one}`, design: `/#/jobs/${design}`, compare: `/#/compare?jobs=${one},${other}`, comparisons: "/#/comparisons",
+    datasets: "/#/datasets", dataset: `/#/datasets/${known.dataset}`, models: "/#/models", model: "/#/models/positioning_drive", own_equations: `/#/equations?dataset=${known.dataset}`,
     new: `/#/new?from=${one}`, start: "/docs/start", import: "/docs/import", equations: "/docs/equations", verdicts: "/docs/verdicts", method: "/docs/method",
-    guide_models: "/docs/models", guide_jobs: "/docs/jobs", report: `/v1/jobs/${one}/report` };
+    guide_models: "/docs/models", guide_jobs: "/docs/jobs", reference: "/docs", report: `/v1/jobs/${one}/report` };
   const faults = [];
   for (const [name, address] of Object.entries(pages)) {
-    for (const size of SIZES) {
+    // The reference is long: it is checked once.
+    for (const size of name === "reference" ? SIZES.slice(0, 1) : SIZES) {
       const page = await open(address, size);
       const where = `${name} ${size.width} ${size.scheme}`;
       await page.waitForNetworkIdle({ idleTime: 400, timeout: 15_000, concurrency: 2 }).catch(() => {});

@@ -4,10 +4,16 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 const part = (name) => import(new URL(`../../src/dashboard/assets/${name}`, import.meta.url));
-const { changed, entryOf, inputSet, labelText, labelsOf, likeness, numberOf, parameterRows, suggestSignals, withModel } = await part("job_draft.js");
+const { changed, conditionsOf, conditionText, entryOf, inputSet, labelText, labelsOf, likeness, numberOf, parameterRows, priorOfResult, suggestSignals, withModel } = await part("job_draft.js");
 const { arranged, fromQuery, matches, seconds, toQuery } = await part("job_filter.js");
 const { commonRange, differences, place, sideBySide } = await part("compare_diff.js");
 const { parse, parted } = await part("equation.js");
+const { describedBy, equationsOf, MODEL_WORDS, namesOf, wordsAt } = await part("model_language.js");
+const { asYaml, placed, readText } = await part("document_text.js");
+const { excitationOf, STEP_SAMPLES, stepOf } = await part("excitation.js");
+const { lineOf } = await part("model_picture.js");
+const { profileCurve } = await part("plot_math.js");
+const yaml = await part("vendor/codemirror-6.43.15.min.js");
 
 const MASS = { name: "mass", symbol: "M", unit: "kg", default: 50, lower: 20, upper: 120, scale: "linear", unknown_by_default: true };
 const SUPPLY = { name: "supply_pressure", symbol: "ps", unit: "Pa", default: 7e6, lower: 1e6, upper: 3e7, scale: "linear", unknown_by_default: false };
@@ -55,6 +61,25 @@ test("another model keeps the recordings and looks for its own signals", () => {
   const known = new Map([["ds", { id: "ds", signals: [{ name: "command", unit: "1" }, { name: "position", unit: "m" }] }]]);
   const spec = withModel({ name: "n", parameters: { old: {} }, experiments: [{ dataset: "ds", window: { to_s: 5 }, parameters: { old: {} } }] }, MODEL, known);
   assert.deepEqual(spec, { name: "n", model: "servo", experiments: [{ dataset: "ds", window: { to_s: 5 }, signals: { command: "command", position: "position" } }] });
+});
+
+test("conditions are parted by semicolons, and forgotten with the model", () => {
+  assert.deepEqual(conditionsOf(" tau1 < tau2 ; k1 + k2 <= 1;"), ["tau1 < tau2", "k1 + k2 <= 1"]);
+  assert.equal(conditionsOf(" ; "), undefined);
+  assert.equal(conditionText(["a < b", "b < c"]), "a < b; b < c");
+  const spec = { constraints: ["a < b"], priors: [{ parameters: ["a"] }], experiments: [] };
+  assert.deepEqual(withModel(spec, MODEL, new Map()), { model: "servo", experiments: [] });
+});
+
+test("what a job found is a prior with its total errors and correlations", () => {
+  const found = (name, estimate, rest) => ({ name, estimate, experiment: null, ...rest });
+  const result = {
+    parameters: [found("mass", 58, { standard_error: 1, total_standard_error: 2 }), found("damping", 400, { standard_error: 9 }),
+      found("offset", 3, { standard_error: null }), { ...found("mass", 4, { standard_error: 1 }), experiment: 1 }],
+    correlation: { names: ["mass", "offset", "damping"], matrix: [[1, 0.1, 0.3], [0.1, 1, null], [0.3, null, 1]] },
+  };
+  assert.deepEqual(priorOfResult(result), { parameters: ["mass", "damping"], mean: [58, 400], std: [2, 9], correlation: [[1, 0.3], [0.3, 1]] });
+  assert.equal(priorOfResult({ parameters: [found("offset", 3, { standard_error: null })] }), undefined);
 });
 
 test("labels and numbers are read as people type them", () => {
@@ -146,4 +171,98 @@ test("an estimate at its bound gets a wider range, within what is possible", () 
   assert.deepEqual(next({})[0].spec.parameters.mass, { estimate: { lower: 20, upper: 320, scale: "linear" } });
   assert.equal(next({ maximum: 200 })[0].spec.parameters.mass.estimate.upper, 200);
   assert.deepEqual(next({ maximum: 120 }), []);
+});
+
+const LAG = `name: lag
+inputs:
+  u: {unit: V}
+parameters:
+  time: {symbol: T, unit: s, default: 1, lower: 0.1, upper: 10, scale: log, unknown: true}
+states:
+  y: {unit: V, derivative: "(u - y)/T", initial: 0}
+outputs:
+  measured:
+    unit: V
+    expression: y
+`;
+
+test("what the server says of a document is shown at its line and column", () => {
+  const read = readText(yaml, LAG);
+  assert.deepEqual(read.faults, []);
+  assert.equal(read.value.states.y.derivative, "(u - y)/T");
+  const where = (fault) => placed(read, LAG, [{ detail: "", ...fault }], "/model").map(({ from, to, line, column }) => [line, column, LAG.slice(from, to)])[0];
+  assert.deepEqual(where({ pointer: "/model/states/y/derivative", line: 1, column: "9" }), [7, 37, "T"]);
+  assert.deepEqual(where({ pointer: "/model/outputs/measured/expression", line: 1, column: 1 }), [11, 17, "y"]);
+  assert.deepEqual(where({ pointer: "/model/states/y/scale" }), [7, 3, "y"]);
+  assert.deepEqual(where({ pointer: "/model/parameters/time/lower" }), [5, 49, "0.1"]);
+  assert.deepEqual(where({ pointer: "/model" }), [1, 1, "name: lag"]);
+  assert.equal(readText(yaml, "name: a\n  b: [\nc").faults.length > 0, true);
+  assert.deepEqual(readText(yaml, "{\"a\": [1, {\"b\": true}]}").value, { a: [1, { b: true }] });
+});
+
+test("a document is the same after it was written as YAML", () => {
+  const { value } = readText(yaml, LAG);
+  const text = asYaml(yaml, value);
+  assert.deepEqual(readText(yaml, text).value, value);
+  assert.match(text, /^ {2}time: \{symbol: T/m);
+});
+
+test("words are offered where they can stand", () => {
+  const { value } = readText(yaml, LAG);
+  const labels = (before) => wordsAt(before, value)?.options.map(({ label }) => label) ?? null;
+  const formula = labels("states:\n  y: {unit: V, derivative: (u - ");
+  ["u", "T", "time", "y", "pi", "soft_sign", "clip"].forEach((name) => assert.ok(formula.includes(name), name));
+  assert.ok(labels("states:\n  y: {unit: V, derivative: \"clip(u, ").includes("T"));
+  assert.ok(labels("states:\n  y: {unit: V, initial: f").includes("first sample of output measured"));
+  assert.deepEqual(labels("parameters:\n  a: {scale: l"), ["linear", "log"]);
+  assert.ok(labels("parameters:\n  a: {unit: m, def").includes("default"));
+  assert.ok(labels("states:\n  y:\n    der").includes("derivative"));
+  assert.ok(labels("name: a\nsta").includes("states"));
+  assert.equal(labels("states:\n  y"), null);
+  assert.deepEqual(wordsAt("outputs:\n  a: {expression: soft_s", value).from, 27);
+});
+
+test("a document is told as equations, names and parameters", () => {
+  const { value } = readText(yaml, LAG);
+  assert.deepEqual(equationsOf(value), ["y' = (u - y)/T", "measured = y"]);
+  assert.deepEqual(namesOf(value).filter(({ of }) => of === "time"), [{ name: "time", kind: "parameter", unit: "s", of: "time" }, { name: "T", kind: "parameter", unit: "s", of: "time" }]);
+  assert.deepEqual(describedBy(value).parameters.map(({ name, lower, unknown_by_default: unknown }) => [name, lower, unknown]), [["time", 0.1, true]]);
+  assert.deepEqual(equationsOf(null), []);
+  assert.deepEqual(describedBy({ parameters: "x" }).parameters, []);
+});
+
+test("each word of a document has its kind", () => {
+  const kinds = (line) => {
+    const parser = yaml.StreamLanguage.define(MODEL_WORDS).parser;
+    const found = [];
+    const tree = parser.parse(line);
+    tree.iterate({ enter: ({ name, from, to }) => { name !== "Document" && found.push([line.slice(from, to), name]); } });
+    return found;
+  };
+  const words = kinds("y: {derivative: \"(u - 2.5e-3*y)/soft_sign(T, 1)\", unit: m} # held");
+  const kind = (word) => words.find(([text]) => text === word)?.[1];
+  assert.equal(kind("derivative"), "propertyName");
+  assert.equal(kind("2.5e-3"), "number");
+  assert.equal(kind("u"), "variableName");
+  assert.match(kind("soft_sign"), /function/);
+  assert.equal(kind("m"), "string");
+  assert.equal(kind("# held"), "comment");
+});
+
+test("a model is shown under a step of one set of its inputs", () => {
+  const unknown = excitationOf(MODEL);
+  assert.deepEqual([unknown.seconds, unknown.before, unknown.after], [10, { reference: 0 }, { reference: 1 }]);
+  const { sample_time_s: every, signals } = stepOf(unknown);
+  assert.equal(every * STEP_SAMPLES, 10);
+  assert.deepEqual([signals.reference.unit, signals.reference.values[0], signals.reference.values.at(-1)], ["m", 0, 1]);
+  assert.equal(lineOf([0, 1], [2, 4], { width: 100, height: 20, edge: 0 }), "M0.0 20.0L100.0 0.0");
+  assert.equal(lineOf([0, 1], [2, 2], { width: 100, height: 20, edge: 0 }), "M0.0 10.0L100.0 10.0");
+});
+
+test("the profile of a linear model is drawn as the parabola that it is", () => {
+  const fits = [-1, -0.5, 0, 1].map((off) => ({ value: 5 + 2 * off, excess: off * off }));
+  const points = profileCurve(fits);
+  assert.deepEqual(points.filter(([, , fit]) => fit !== null).map(([value, rise]) => [value, rise]), fits.map(({ value, excess }) => [value, excess]));
+  assert.ok(points.length > 50);
+  points.forEach(([value, rise]) => assert.ok(Math.abs(rise - ((value - 5) / 2) ** 2) < 1e-12));
 });

@@ -34,7 +34,7 @@ fn expectations() -> Vec<PathBuf> {
 fn payload(expectation: &Path) -> Vec<u8> {
     let path = expectation.to_string_lossy();
     let stem = path.strip_suffix(".expected.json").unwrap();
-    let candidates = ["csv", "json", "txt"].map(|end| format!("{stem}.{end}"));
+    let candidates = ["csv", "json", "txt", "xlsx", "parquet"].map(|end| format!("{stem}.{end}"));
     let payload = candidates.iter().find_map(|path| std::fs::read(path).ok());
     payload.unwrap_or_else(|| panic!("nothing stands beside {path}"))
 }

@@ -3,8 +3,15 @@
 use greybox::intake::{self, Kind, Options};
 use greybox::recording::Recording;
 use jiff::{SignedDuration, Timestamp};
+use parquet::data_type::{DoubleType, Int64Type};
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
 use proptest::prelude::*;
 use serde_json::{Value, json};
+use std::io::{Cursor, Write};
+use std::sync::Arc;
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
 
 /// Two signals at common instants, in milliseconds from the start.
 #[derive(Debug)]
@@ -85,6 +92,98 @@ impl Source {
     }
 }
 
+/// Apache Parquet with a column for each signal.
+fn parquet(source: &Source) -> Vec<u8> {
+    let schema = parse_message_type(
+        "message recording {
+            required double a;
+            required int64 time (TIMESTAMP(MILLIS, true));
+            optional double b;
+        }",
+    );
+    let mut bytes = Vec::new();
+    let properties = Arc::default();
+    let mut file =
+        SerializedFileWriter::new(&mut bytes, Arc::new(schema.unwrap()), properties).unwrap();
+    let mut group = file.next_row_group().unwrap();
+    let times: Vec<i64> = source.stamps().iter().map(|t| t.as_millisecond()).collect();
+    let mut column = group.next_column().unwrap().unwrap();
+    let written = column
+        .typed::<DoubleType>()
+        .write_batch(&source.a, None, None);
+    assert_eq!(written.unwrap(), source.a.len());
+    column.close().unwrap();
+    let mut column = group.next_column().unwrap().unwrap();
+    column
+        .typed::<Int64Type>()
+        .write_batch(&times, None, None)
+        .unwrap();
+    column.close().unwrap();
+    let mut column = group.next_column().unwrap().unwrap();
+    let levels = vec![1; source.b.len()];
+    let b = column.typed::<DoubleType>();
+    b.write_batch(&source.b, Some(&levels), None).unwrap();
+    column.close().unwrap();
+    group.close().unwrap();
+    file.close().unwrap();
+    bytes
+}
+
+/// The parts of a workbook that do not depend on what is in its sheet.
+const WORKBOOK: [(&str, &str); 4] = [
+    (
+        "[Content_Types].xml",
+        r#"<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
+        <Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
+        <Default Extension="xml" ContentType="application/xml"/></Types>"#,
+    ),
+    (
+        "_rels/.rels",
+        r#"<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
+        <Relationship Id="r1" Target="xl/workbook.xml"
+        Type="http://schemas.openxmlformats.org/officeDocument/2006/relationships/officeDocument"/>
+        </Relationships>"#,
+    ),
+    (
+        "xl/workbook.xml",
+        r#"<workbook xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+        xmlns:r="http://schemas.openxmlformats.org/officeDocument/2006/relationships">
+        <sheets><sheet name="Data" sheetId="1" r:id="r1"/></sheets></workbook>"#,
+    ),
+    (
+        "xl/_rels/workbook.xml.rels",
+        r#"<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
+        <Relationship Id="r1" Target="worksheets/sheet1.xml"
+        Type="http://schemas.openxmlformats.org/officeDocument/2006/relationships/worksheet"/>
+        </Relationships>"#,
+    ),
+];
+
+/// A workbook of Excel with a column for each signal.
+fn workbook(source: &Source) -> Vec<u8> {
+    let text = |text: &str| format!(r#"<c t="inlineStr"><is><t>{text}</t></is></c>"#);
+    let header: String = ["time", "a", "b"].map(text).concat();
+    let rows = source.samples().map(|(t, a, b)| {
+        let time = text(&t.to_string());
+        format!("<row>{time}<c><v>{a:?}</v></c><c><v>{b:?}</v></c></row>")
+    });
+    let rows: String = rows.collect();
+    let sheet = format!(
+        r#"<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main">
+        <sheetData><row>{header}</row>{rows}</sheetData></worksheet>"#
+    );
+    let mut file = ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, part) in WORKBOOK
+        .into_iter()
+        .chain([("xl/worksheets/sheet1.xml", &*sheet)])
+    {
+        let options = SimpleFileOptions::default();
+        file.start_file(name, options).unwrap();
+        file.write_all(part.as_bytes()).unwrap();
+    }
+    file.finish().unwrap().into_inner()
+}
+
 fn read(text: &str, kind: Kind) -> Recording {
     intake::read(text.as_bytes(), kind, &Options::default())
         .unwrap_or_else(|error| panic!("{error}:\n{text}"))
@@ -119,6 +218,10 @@ proptest! {
             ("long_csv", read(&source.long(), Kind::Csv)),
             ("influx_line_protocol", read(&source.lines(), Kind::Text)),
         ];
+        for (format, bytes) in [("parquet", parquet(&source)), ("excel", workbook(&source))] {
+            let read = intake::read(&bytes[..], Kind::Binary, &Options::default());
+            others.push((format, read.unwrap_or_else(|error| panic!("{format}: {error}"))));
+        }
         for (format, document) in source.historians() {
             others.push((format, read(&document.to_string(), Kind::Json)));
         }

@@ -33,3 +33,20 @@ async fn p9_jobs_and_clients_that_go_wrong_stop_no_other_job() {
     let ended = server.ended(&hopeless).await;
     assert!(ended["status"] == "succeeded" || ended["error"]["detail"].is_string());
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_log_that_nobody_reads_holds_up_nobody() {
+    /// What a pipe holds until it is read is less than the lines of so many requests.
+    const REQUESTS: usize = 1000;
+    let folder = tempfile::tempdir().expect("a folder");
+    let options = Options {
+        threads: 1,
+        slice_s: 1.0,
+    };
+    let server = Server::start_unread(folder.path(), options);
+    for _ in 0..REQUESTS {
+        server.show("/v1/jobs?limit=1").await;
+    }
+    let (status, _) = server.terminate();
+    assert!(status.success());
+}

@@ -14,6 +14,7 @@
 //! | P9 one bad job stops no other | [`isolation`], and `tests/service/slow.rs` |
 //! | the same for the windows of a monitor | [`watch`] |
 //! | events reach a receiver at least once | [`deliveries`] |
+//! | spans reach a collector | [`traces`] |
 //! | P10 no request makes a 500 | `tests/service/faults.rs` |
 
 mod deliveries;
@@ -24,4 +25,5 @@ mod kill;
 mod plant;
 mod server;
 mod stop;
+mod traces;
 mod watch;

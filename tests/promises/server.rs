@@ -39,6 +39,20 @@ impl Server {
         Self::start_by(program, folder, options)
     }
 
+    /// Starts the program so that it sends its spans to a collector.
+    pub fn start_traced(folder: &Path, options: Options, collector: &str) -> Self {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_greybox"));
+        program.env("GREYBOX_OTLP_ENDPOINT", collector);
+        Self::start_by(program, folder, options)
+    }
+
+    /// Starts the program with a log of every request that nobody reads.
+    pub fn start_unread(folder: &Path, options: Options) -> Self {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_greybox"));
+        program.env("GREYBOX_LOG", "info").stderr(Stdio::piped());
+        Self::start_by(program, folder, options)
+    }
+
     /// Starts the program so that it outlives writes beyond a limit of the size of files, which the
     /// system else ends a process for.
     #[cfg(target_os = "linux")]
@@ -63,9 +77,12 @@ impl Server {
     }
 
     fn start_by(mut program: Command, folder: &Path, options: Options) -> Self {
+        if program.get_envs().all(|(name, _)| name != "GREYBOX_LOG") {
+            program.env("GREYBOX_LOG", "warn");
+        }
         let database = format!("sqlite://{}", folder.join("greybox.db").display());
         let mut process = program
-            .args(["serve", "--listen", "127.0.0.1:0", "--log", "warn"])
+            .args(["serve", "--listen", "127.0.0.1:0"])
             .args(["--database", &database])
             .args(["--threads", &options.threads.to_string()])
             .args(["--slice-s", &options.slice_s.to_string()])

@@ -107,6 +107,14 @@ fn a_profile_is_exact_where_the_curvature_is_not() {
         (upper - (estimate + 1.96 * error)).abs() < 0.02 * error,
         "{upper}"
     );
+    // The model is linear in its gain: the profile is a parabola.
+    let profile = &outcome.parameters[0].estimate.profile;
+    assert!(profile.len() > 2 && profile.is_sorted_by(|a, b| a.value <= b.value));
+    for point in profile {
+        let expected = ((point.value - estimate) / (1.96 * error)).powi(2);
+        let off = (point.excess - expected).abs();
+        assert!(off < 0.05 * expected.max(0.1), "{point:?}, not {expected}");
+    }
 }
 
 #[test]

@@ -8,7 +8,9 @@ use jiff::{SignedDuration, Timestamp};
 use reqwest::{Method, RequestBuilder};
 use serde_json::Value;
 
-use crate::app::{Answer, TestApp, drive_csv, drive_job};
+use crate::app::{Answer, TestApp, drive_csv, drive_job, endless_job};
+use crate::events::Stream;
+use crate::monitors::{Plant, monitor};
 
 /// A caller with a token.
 struct Caller<'a> {
@@ -214,6 +216,72 @@ async fn a_project_sees_nothing_of_another() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn what_is_watched_belongs_to_its_project() {
+    let tokens = [
+        ("a", Scope::Submit, "default"),
+        ("b", Scope::Submit, "hall-b"),
+    ];
+    let often = |settings: &mut Settings| settings.requests_per_second = 1e6;
+    let (app, [a, b]) = TestApp::with_tokens(tokens, often).await;
+    let [a, b] = [&a, &b].map(|secret| Caller { app: &app, secret });
+    let mut plant = Plant::new();
+    let window = plant.window(0, 1.0, 1.0);
+    // One name is two streams.
+    a.post("/v1/streams/lag", &window).await.expect(201);
+    a.get("/v1/streams/lag").await.expect(200);
+    b.get("/v1/streams/lag").await.problem(404);
+    let problem = b.post("/v1/monitors", &monitor()).await.problem(422);
+    assert_eq!(problem["errors"][0]["code"], "unknown_stream");
+    b.post("/v1/streams/lag", &window).await.expect(201);
+    b.post("/v1/streams/lag", &plant.window(1, 1.0, 1.0))
+        .await
+        .expect(200);
+    let shown = b.get("/v1/streams/lag").await.expect(200).json();
+    let (name, samples) = (&shown["name"], &shown["samples"]);
+    assert_eq!((name, samples), (&"lag".into(), &400.into()));
+    let other = a.get("/v1/streams/lag").await.expect(200).json();
+    assert_eq!(other["samples"], 200);
+
+    let made = b.post("/v1/monitors", &monitor()).await.expect(201).json();
+    assert_eq!(made["stream"], "lag");
+    let path = format!("/v1/monitors/{}", text(&made["id"]));
+    for path in [
+        path.clone(),
+        format!("{path}/windows"),
+        format!("{path}/alarms"),
+        format!("{path}/events"),
+    ] {
+        a.get(&path).await.problem(403);
+    }
+    a.delete(&path).await.problem(403);
+    let none = a.get("/v1/monitors").await.expect(200).json();
+    assert_eq!(none["items"].as_array().unwrap().len(), 0);
+    let own = b.get("/v1/monitors").await.expect(200).json();
+    assert_eq!(own["items"].as_array().unwrap().len(), 1);
+
+    // The job of its first window and its recording are of the same project.
+    let job = loop {
+        let windows = b.get(&format!("{path}/windows")).await.expect(200).json();
+        let last = windows["items"].as_array().unwrap().last().cloned();
+        match last.filter(|window| window["job"].is_string()) {
+            Some(window) => break text(&window["job"]),
+            None => tokio::task::yield_now().await,
+        }
+    };
+    let shown = b.get(&format!("/v1/jobs/{job}")).await.expect(200).json();
+    let dataset = text(&shown["spec"]["experiments"][0]["dataset"]);
+    a.get(&format!("/v1/jobs/{job}")).await.problem(403);
+    a.get(&format!("/v1/datasets/{dataset}")).await.problem(403);
+    b.get(&format!("/v1/datasets/{dataset}")).await.expect(200);
+
+    a.delete("/v1/streams/lag").await.expect(204);
+    b.get("/v1/streams/lag").await.expect(200);
+    b.delete("/v1/streams/lag").await.problem(409);
+    b.delete(&path).await.expect(204);
+    b.delete("/v1/streams/lag").await.expect(204);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_proxy_that_is_trusted_says_who_a_person_is() {
     let set = |settings: &mut Settings, proxy: &str| {
         settings.trusted_proxies = vec![proxy.to_owned()];
@@ -234,6 +302,31 @@ async fn a_proxy_that_is_trusted_says_who_a_person_is() {
 
     let app = TestApp::with(|settings| set(settings, "10.0.0.0/8")).await;
     app.send(person(&app, "operators")).await.problem(401);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stream_ends_with_the_token_that_it_was_opened_with() {
+    let tokens = [
+        ("mes", Scope::Submit, "default"),
+        ("screen", Scope::Read, "default"),
+    ];
+    let (app, [mes, screen]) = TestApp::with_tokens(tokens, |_settings| ()).await;
+    let [mes, screen] = [&mes, &screen].map(|secret| Caller { app: &app, secret });
+    let dataset = text(&mes.store_drive().await.expect(201).json()["id"]);
+    let job = mes
+        .post("/v1/jobs", &endless_job(&dataset))
+        .await
+        .expect(202);
+    let job = text(&job.json()["id"]);
+    let events = format!("/v1/jobs/{job}/events");
+    let ends = Stream::of(screen.request(Method::GET, &events)).await;
+    let mut goes_on = Stream::of(mes.request(Method::GET, &events)).await;
+    assert!(tokens::revoke(&app.database(), "screen").await.unwrap());
+    let seen = ends.rest().await;
+    assert!(seen.iter().all(|event| event.name != "end"));
+    let last = seen.last().map_or(0, |event| event.id);
+    while goes_on.next().await.expect("the job goes on").id <= last {}
+    app.shutdown().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -201,6 +201,12 @@ impl TestApp {
         panic!("the job did not end");
     }
 
+    /// The server after it was stopped and started again.
+    pub async fn restarted(self) -> Self {
+        self.app.shutdown().await;
+        Self::in_folder(self.folder, |_settings| ()).await
+    }
+
     /// Stops the server in order.
     pub async fn shutdown(self) {
         self.app.shutdown().await;

@@ -298,13 +298,19 @@ async fn a_format_that_is_known_and_not_read_is_named() {
     let app = TestApp::start().await;
     let request = app
         .request(Method::POST, "/v1/datasets")
-        .body(&b"PAR1\x15\x04"[..]);
-    let request = request.header("content-type", "application/vnd.apache.parquet");
+        .body(&b"ARROW1\0\0"[..]);
+    let request = request.header("content-type", "application/vnd.apache.arrow.file");
     let problem = app.send(request).await.problem(415);
     assert!(
-        problem["detail"].as_str().unwrap().contains("Parquet"),
+        problem["detail"].as_str().unwrap().contains("Arrow"),
         "{problem}"
     );
+    let request = app
+        .request(Method::POST, "/v1/datasets")
+        .body(&b"PAR1\x15\x04"[..]);
+    let request = request.header("content-type", "application/vnd.apache.parquet");
+    let problem = app.send(request).await.problem(400);
+    assert_eq!(problem["errors"][0]["code"], "not_parquet");
 }
 
 #[tokio::test(flavor = "multi_thread")]

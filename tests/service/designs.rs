@@ -1,8 +1,9 @@
-//! The next experiment is designed while the client waits.
+//! The next experiment is designed while the client waits, or as a job.
 
+use reqwest::Method;
 use serde_json::{Value, json};
 
-use crate::app::TestApp;
+use crate::app::{Answer, TestApp, endless_job};
 
 /// A push on a drive of which mass and viscous friction are to be known better.
 fn document() -> Value {
@@ -185,6 +186,15 @@ async fn a_design_goes_on_from_a_finished_job() {
     let after = &design["proposals"][0]["after"][0]["standard_error"];
     assert!(number(after) < number(&design["before"][0]["standard_error"]));
 
+    let job = submit(&app, &document, "next").await.expect(202).json();
+    let path = format!("/v1/jobs/{}", job["id"].as_str().unwrap());
+    app.ended(job["id"].as_str().unwrap()).await;
+    let result = app.get(&format!("{path}/result")).await.expect(200).json();
+    assert_eq!(
+        result, design,
+        "the job designs what is answered while one waits"
+    );
+
     document["model"] = json!("positioning_drive");
     let problem = app.post_json("/v1/designs", &document).await.problem(422);
     assert_eq!(problem["errors"][0]["pointer"], "/model");
@@ -192,4 +202,127 @@ async fn a_design_goes_on_from_a_finished_job() {
     document["job"] = json!("job_00000000000000000000000000000000");
     let problem = app.post_json("/v1/designs", &document).await.problem(422);
     assert_eq!(problem["errors"][0]["code"], "unknown_job");
+}
+
+/// Asks for a design as a job.
+async fn submit(app: &TestApp, document: &Value, key: &str) -> Answer {
+    let request = app.request(Method::POST, "/v1/designs").json(document);
+    let request = request.header("Prefer", "respond-async");
+    app.send(request.header("Idempotency-Key", key)).await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_design_is_a_job_where_the_client_prefers_that() {
+    let app = TestApp::start().await;
+    let waited = app.post_json("/v1/designs", &document()).await;
+    let waited = waited.expect(200).json();
+    let answer = submit(&app, &document(), "push").await.expect(202);
+    let job = answer.json();
+    assert_eq!(
+        (&job["kind"], &job["status"]),
+        (&json!("design"), &json!("queued"))
+    );
+    assert_eq!(job["name"], "design for mass, viscous_friction");
+    let id = job["id"].as_str().unwrap();
+    let path = format!("/v1/jobs/{id}");
+    assert_eq!(answer.header("location"), path);
+    let again = submit(&app, &document(), "push").await.expect(202);
+    assert_eq!(again.header("idempotent-replayed"), "true");
+    assert_eq!(again.json()["id"], job["id"]);
+
+    let ended = app.ended(id).await;
+    assert_eq!(ended["status"], "succeeded");
+    assert_eq!(
+        ended["progress"]["evaluations"],
+        waited["assessed"].as_u64().unwrap() + 1,
+        "and the sensor"
+    );
+    let result = app.get(&format!("{path}/result")).await.expect(200);
+    assert_eq!(result.json(), waited, "the same document, the same design");
+
+    let events = app.get(&format!("{path}/events")).await.text;
+    let names: Vec<&str> = events
+        .lines()
+        .filter_map(|line| line.strip_prefix("event: "))
+        .collect();
+    let designs = names.iter().filter(|name| **name == "design").count();
+    assert!(designs > 0, "{names:?}");
+    assert_eq!(names[names.len() - 3..], ["result", "state", "end"]);
+
+    let csv = app.request(Method::GET, &format!("{path}/result"));
+    let csv = app.send(csv.header("Accept", "text/csv")).await.text;
+    let first = &waited["inputs"]["signals"]["force"]["values"][0];
+    let lines: Vec<&str> = csv.lines().collect();
+    assert_eq!(lines[0], "time_s,force");
+    assert_eq!(lines[1], format!("0,{first}").replace(".0", ""));
+    assert_eq!(lines.len(), 101);
+
+    // It has no estimate to show, and is no experiment to go on from.
+    for shown in ["trajectory", "report"] {
+        let problem = app.get(&format!("{path}/{shown}")).await.problem(409);
+        assert!(
+            problem["detail"]
+                .as_str()
+                .unwrap()
+                .contains("designs an experiment")
+        );
+    }
+    let problem = app.post_json("/v1/designs", &json!({"job": id})).await;
+    problem.problem(409);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_design_that_is_cancelled_keeps_the_best_so_far() {
+    let app = TestApp::start().await;
+    let mut document = document();
+    document["sample_time_s"] = json!(0.001);
+    document["points"] = json!(16);
+    document["families"] = json!(["prbs", "multisine", "steps", "sine"]);
+    let job = submit(&app, &document, "long").await.expect(202).json();
+    let id = job["id"].as_str().unwrap();
+    let path = format!("/v1/jobs/{id}");
+    let mut looked_at = 0;
+    while looked_at < 8 {
+        let request = app.request(Method::GET, &path).header("Prefer", "wait=1");
+        looked_at = app.send(request).await.json()["progress"]["evaluations"]
+            .as_u64()
+            .unwrap();
+    }
+    app.post(&format!("{path}/cancel")).await.expect(200);
+    assert_eq!(app.ended(id).await["status"], "cancelled");
+    let result = app.get(&format!("{path}/result")).await.expect(200).json();
+    assert_eq!(result["finished"], false);
+    assert_eq!(result["findings"][0]["code"], "not_finished");
+    assert!(result["assessed"].as_u64().unwrap() >= 8);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_design_as_a_job_is_refused_like_one_that_is_waited_for() {
+    let app = TestApp::start().await;
+    let mut document = document();
+    document["wanted"] = json!(["offset"]);
+    let problem = submit(&app, &document, "wrong").await.problem(422);
+    assert_eq!(problem["errors"][0]["pointer"], "/wanted/0");
+    let waited_for = app
+        .request(Method::POST, "/v1/designs")
+        .json(&self::document());
+    let waited_for = waited_for.header("Idempotency-Key", "");
+    let problem = app.send(waited_for).await.problem(422);
+    assert_eq!(problem["errors"][0]["header"], "Idempotency-Key");
+    let dataset = app.store_drive().await;
+    let id = app.submit(&endless_job(&dataset)).await;
+    app.post(&format!("/v1/jobs/{id}/pause")).await;
+    let mut document = self::document();
+    for name in ["model", "parameters", "outputs", "sensors"] {
+        document.as_object_mut().unwrap().remove(name);
+    }
+    document["job"] = json!(id);
+    submit(&app, &document, "paused").await.problem(409);
+    assert_eq!(
+        app.get("/v1/jobs").await.json()["items"]
+            .as_array()
+            .unwrap()
+            .len(),
+        1
+    );
 }

@@ -31,7 +31,7 @@ impl Stream {
         Self::of(request).await
     }
 
-    async fn of(request: reqwest::RequestBuilder) -> Self {
+    pub async fn of(request: reqwest::RequestBuilder) -> Self {
         let response = request.send().await.unwrap();
         assert_eq!(response.status(), 200);
         assert_eq!(response.headers()["content-type"], "text/event-stream");
@@ -187,7 +187,7 @@ async fn a_last_event_that_is_no_number_is_refused() {
     let dataset = app.store_drive().await;
     let id = app.submit(&drive_job(&dataset)).await;
     let path = format!("/v1/jobs/{id}/events");
-    for bad in ["x", "-1", "1.5"] {
+    for bad in ["x", "-1", "1.5", "9007199254740992"] {
         let request = app.request(Method::GET, &path).header("last-event-id", bad);
         let problem = app.send(request).await.problem(422);
         assert_eq!(problem["errors"][0]["header"], "Last-Event-ID");

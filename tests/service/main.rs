@@ -40,6 +40,7 @@ mod streams;
 mod origin;
 
 mod quotas;
+mod sessions;
 
 mod slow;
 

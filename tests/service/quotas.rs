@@ -27,7 +27,12 @@ async fn a_project_has_as_many_recordings_and_bytes_as_it_may() {
     let problem = app.post_csv("/v1/datasets", drive_csv()).await.problem(429);
     let detail = problem["detail"].as_str().unwrap();
     // 400 samples of two signals on a uniform axis.
-    assert!(detail.contains("this one 6400"), "{detail}");
+    assert!(detail.contains("this adds 6400"), "{detail}");
+    // What streams keep counts too.
+    let batch = "time,force [N]\n2026-03-02T08:15:00Z,50\n2026-03-02T08:15:01Z,50\n";
+    let problem = app.post_csv("/v1/streams/rig-4", batch).await.problem(429);
+    let detail = problem["detail"].as_str().unwrap();
+    assert!(detail.contains("this adds 34"), "{detail}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

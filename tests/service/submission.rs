@@ -181,6 +181,65 @@ async fn the_trajectory_of_a_result_shows_what_was_measured_and_simulated() {
     assert_eq!(csv.text.lines().count(), 401);
 }
 
+/// A line through noisy samples: the variance of where it is at time t is that of its offset, of its
+/// slope times t², and twice their covariance times t.
+#[tokio::test(flavor = "multi_thread")]
+async fn how_far_a_simulated_output_may_be_off_follows_from_the_errors_of_the_estimates() {
+    let app = TestApp::start().await;
+    let values = (0..101).map(|k| {
+        let noise = f64::from((k * 7919) % 101) / 50.5 - 1.0;
+        2.0 + 0.05 * f64::from(k) + 0.1 * noise
+    });
+    let recording = json!({
+        "sample_time_s": 0.1,
+        "signals": {"y": {"unit": "m", "values": values.collect::<Vec<f64>>()}},
+    });
+    let stored = app.post_json("/v1/datasets", &recording).await.expect(201);
+    let free = json!({"estimate": {"lower": -10, "upper": 10, "scale": "linear"}});
+    let id = app
+        .submit(&json!({
+            "model": {
+                "name": "line",
+                "parameters": {
+                    "offset": {"symbol": "a", "unit": "m", "default": 1, "lower": -10, "upper": 10},
+                    "slope": {"symbol": "b", "unit": "m/s", "default": 1, "lower": -10, "upper": 10}
+                },
+                "states": {"risen": {"unit": "m", "derivative": "slope", "initial": 0}},
+                "outputs": {"y": {"unit": "m", "expression": "offset + risen"}}
+            },
+            "experiments": [{"dataset": stored.json()["id"]}],
+            "parameters": {"offset": free, "slope": free},
+            "outputs": {"y": {"noise_std": 0.06}},
+            "validation": {"fraction": 0.2},
+            "method": {"population": 8, "generations": 4}, "seed": 1
+        }))
+        .await;
+    assert_eq!(app.ended(&id).await["status"], "succeeded");
+    let result = app.get(&format!("/v1/jobs/{id}/result")).await.json();
+    let error = |k: usize| result["parameters"][k]["standard_error"].as_f64().unwrap();
+    let [offset, slope] = [error(0), error(1)];
+    let between = result["correlation"]["matrix"][0][1].as_f64().unwrap();
+    assert!(between < -0.5, "{between}");
+    let shown = app.get(&format!("/v1/jobs/{id}/trajectory")).await.json();
+    let experiment = &shown["experiments"][0];
+    let deviation = experiment["outputs"]["y"]["deviation"].as_array().unwrap();
+    assert_eq!(deviation.len(), 101, "the part that was held back too");
+    for (time, deviation) in experiment["time_s"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .zip(deviation)
+    {
+        let (time, found) = (time.as_f64().unwrap(), deviation.as_f64().unwrap());
+        let covariance = between * offset * slope;
+        let square = offset.powi(2) + 2.0 * time * covariance + (time * slope).powi(2);
+        assert!(
+            (found / square.sqrt() - 1.0).abs() < 1e-6,
+            "{time} s: {found}"
+        );
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn the_report_of_a_result_is_one_page_that_fetches_and_runs_nothing() {
     let app = TestApp::start().await;

@@ -40,3 +40,9 @@ pub struct RecordedSignal {
     /// The samples; `null` is a missing one.
     pub values: Vec<Option<f64>>,
 }
+
+/// The bytes of a file: a workbook of Excel or Apache Parquet.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+#[allow(dead_code, reason = "it describes a body that is read as it comes")]
+pub struct FileBytes(Vec<u8>);

@@ -6,9 +6,9 @@ use sha2::Digest;
 use utoipa::ToSchema;
 
 use super::{StreamName, invalid, stream, too_few, window};
-use crate::access::Project;
 use crate::api::ApiState;
 use crate::api::body::JsonDocument;
+use crate::api::client::Client;
 use crate::api::datasets::{Dataset, stored};
 use crate::api::error::{Answer, Problem};
 use crate::api::extract::Named;
@@ -100,12 +100,13 @@ fn read_part(document: &Field<'_>) -> Option<StreamPart> {
 )]
 pub async fn cut(
     State(state): State<ApiState>,
+    client: Client,
     Named(StreamName(name)): Named<StreamName>,
     _query: Params<NoQuery>,
     document: JsonDocument,
 ) -> Answer {
     let part = StreamPart::read(&document.value).map_err(Problem::of_document)?;
-    let stream = stream(&state, &name).await?;
+    let stream = stream(&state, &client, &name).await?;
     let _permit = state.recording_permit().await?;
     let recording = window(&state, &stream, (Some(part.from), Some(part.to))).await?;
     let mut recording = recording.ok_or_else(|| invalid("too_few_samples", too_few()))?;
@@ -120,7 +121,7 @@ pub async fn cut(
             recording.name.as_deref().unwrap_or_default()
         ));
         Ok(NewDataset {
-            project: Project::default(),
+            project: client.project,
             name: recording.name.clone(),
             digest: format!("sha256:{}", hex(&digest.finalize())),
             summary,

@@ -1,3 +1,4 @@
+// @ts-check
 // Requests to the server. A failure of any kind is a Problem that can be shown as it is.
 
 export class Problem extends Error {
@@ -19,8 +20,30 @@ async function problemOf(response) {
   }
 }
 
+export const SIGNED_OUT = "greybox-signed-out";
+/** @type {string | null} */
+let csrfToken = null;
+
+/**
+ * What requests that change something bring from now on.
+ *
+ * @param {string | null} token
+ */
+export function bringCsrfToken(token) {
+  csrfToken = token;
+}
+
+/**
+ * @param {string} method
+ * @param {string} path
+ * @param {{ body?: BodyInit, headers?: Record<string, string>, signal?: AbortSignal }} options
+ * @returns {Promise<{ data: any, headers: Headers, status: number }>}
+ */
 export async function request(method, path, { body, headers = {}, signal } = {}) {
   let response;
+  if (csrfToken && method !== "GET") {
+    headers = { ...headers, "x-csrf-token": csrfToken };
+  }
   try {
     response = await fetch(path, { method, body, headers, signal, cache: "no-cache" });
   } catch (error) {
@@ -28,6 +51,10 @@ export async function request(method, path, { body, headers = {}, signal } = {})
       throw error;
     }
     throw new Problem(0, { title: "No answer", detail: "The server cannot be reached." });
+  }
+  if (response.status === 401 && path !== "/v1/session") {
+    dispatchEvent(new Event(SIGNED_OUT));
+    throw new DOMException("The session is over.", "AbortError");
   }
   if (!response.ok) {
     throw await problemOf(response);
@@ -37,10 +64,22 @@ export async function request(method, path, { body, headers = {}, signal } = {})
   return { data, headers: response.headers, status: response.status };
 }
 
+/**
+ * @template {string} Address
+ * @param {Address} path
+ * @param {AbortSignal} [signal]
+ * @returns {Promise<{ data: import("page/api").Answered<Address>, headers: Headers, status: number }>}
+ */
 export function get(path, signal) {
   return request("GET", path, { signal, headers: { accept: "application/json" } });
 }
 
+/**
+ * @param {string} method
+ * @param {string} path
+ * @param {unknown} [value]
+ * @param {{ headers?: Record<string, string>, signal?: AbortSignal }} [options]
+ */
 export function send(method, path, value, { signal, headers = {} } = {}) {
   const body = value === undefined ? undefined : JSON.stringify(value);
   const type = body === undefined ? {} : { "content-type": "application/json" };
@@ -48,13 +87,22 @@ export function send(method, path, value, { signal, headers = {} } = {}) {
 }
 
 // The list of a collection, whether it comes in pages or whole.
+/**
+ * @template Item
+ * @param {Item[] | { items: Item[] }} data
+ * @returns {Item[]}
+ */
 export function items(data) {
   return Array.isArray(data) ? data : data.items ?? [];
 }
 
+/**
+ * @param {Record<string, string | number | boolean | null | undefined>} parameters
+ * @returns {"" | `?${string}`}
+ */
 export function query(parameters) {
   const present = Object.entries(parameters).filter(([, value]) => value != null && value !== "");
-  return present.length ? `?${new URLSearchParams(present)}` : "";
+  return present.length ? `?${new URLSearchParams(present.map(([name, value]) => [name, String(value)]))}` : "";
 }
 
 // Waits, or rejects when the view is left.

@@ -1,3 +1,4 @@
+// @ts-check
 // Axes of a chart: which numbers stand at them and how they are written.
 
 import { number, power } from "./format.js";
@@ -19,10 +20,12 @@ export function rangeOf(columns, log) {
 
 // An axis over a range: position() maps a value to 0…1, ticks are [value, text], factor is the
 // power of ten that was taken out of the texts.
+/** @param {number[]} range */
 export function axis(range, { log = false, wanted = 5, tight = false } = {}) {
   return log ? logarithmic(range, wanted) : linear(range, wanted, tight);
 }
 
+/** @param {number[]} range */
 function linear([low, high], wanted, tight) {
   if (low === high) {
     const room = Math.abs(low) * 0.05 || 1;
@@ -43,6 +46,7 @@ function linear([low, high], wanted, tight) {
   return { position: (value) => (value - low) / (high - low), ticks, exponent };
 }
 
+/** @param {number[]} range @param {number} wanted */
 function logarithmic([low, high], wanted) {
   const spread = Math.max(Math.log10(high / low), 0.02);
   const bottom = Math.log10(low) - 0.05 * spread;

@@ -1,3 +1,4 @@
+// @ts-check
 // Two to ten jobs side by side: trust and fit, estimates with their intervals, simulated outputs over
 // each other, and what was asked differently.
 

@@ -1,3 +1,4 @@
+// @ts-check
 // What differs between specifications, and where intervals lie on a common range. Pure.
 
 // Every leaf of a document by its JSON pointer. The model's own defaults are long and the same; what

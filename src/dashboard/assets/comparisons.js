@@ -1,3 +1,4 @@
+// @ts-check
 // Comparisons of methods: the list, and one with its success rates, evaluations and times.
 
 import { get, items, pause, query } from "./api.js";

@@ -1,3 +1,4 @@
+// @ts-check
 // Datasets: the list with an upload, and one dataset with its quality report and plots.
 
 import { get, items, query, request, send } from "./api.js";

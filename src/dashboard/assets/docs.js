@@ -1,3 +1,4 @@
+// @ts-check
 // The API reference: the vendored viewer on this server's own description. It loads no fonts.
 
 import "/assets/vendor/rapidoc-9.3.8-min.js";
@@ -46,3 +47,40 @@ dark.addEventListener("change", followTheme);
 set(ATTRIBUTES);
 followTheme();
 document.body.append(viewer);
+
+// What the viewer leaves out for those who do not see it: names of its fields and of its list, and
+// methods in colours that can be read on the list's ground.
+const LEGIBLE = `
+  :is(.nav-method, .method-fg).get { color: var(--link) !important; }
+  :is(.nav-method, .method-fg).post { color: var(--good) !important; }
+  :is(.nav-method, .method-fg).delete { color: var(--bad) !important; }
+`;
+const UNNAMED = ":is(input, select, textarea):not([aria-label], [aria-hidden])";
+const watched = new WeakSet();
+let waiting = false;
+
+function nameParts(root) {
+  if (!watched.has(root)) {
+    watched.add(root);
+    new MutationObserver(nameSoon).observe(root, { childList: true, subtree: true });
+    const sheet = new CSSStyleSheet();
+    sheet.replaceSync(LEGIBLE);
+    root.adoptedStyleSheets = [...root.adoptedStyleSheets, sheet];
+  }
+  root.querySelectorAll(UNNAMED).forEach((field) => field.setAttribute("aria-label",
+    field.dataset.pname || field.getAttribute("placeholder") || (field.tagName === "SELECT" ? "Kind of body" : field.tagName === "TEXTAREA" ? "Body" : "Value")));
+  root.querySelectorAll("nav:not([aria-label])").forEach((list, k) => list.setAttribute("aria-label", k ? `List of operations ${k + 1}` : "Operations"));
+  root.querySelectorAll("*").forEach(({ shadowRoot }) => shadowRoot && nameParts(shadowRoot));
+}
+
+function nameSoon() {
+  if (!waiting) {
+    waiting = true;
+    setTimeout(() => {
+      waiting = false;
+      nameParts(viewer.shadowRoot);
+    }, 100);
+  }
+}
+
+customElements.whenDefined("rapi-doc").then(() => nameParts(viewer.shadowRoot));

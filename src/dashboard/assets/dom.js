@@ -1,3 +1,4 @@
+// @ts-check
 // Elements without markup in strings: text from a server is only ever text.
 
 const SVG = "http://www.w3.org/2000/svg";

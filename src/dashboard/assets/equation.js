@@ -1,3 +1,4 @@
+// @ts-check
 // Equations as they are written in a model, as MathML. What cannot be read is shown as it is written.
 
 const GREEK = {

@@ -1,3 +1,4 @@
+// @ts-check
 // Numbers, times and units as people read them.
 
 const SUPERSCRIPT = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
@@ -62,6 +63,8 @@ export function duration(seconds) {
   return minutes < 120 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
 }
 
+const INSTANT = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "short" });
+
 export function instant(text) {
   if (!text) {
     return "–";
@@ -69,7 +72,7 @@ export function instant(text) {
   const element = document.createElement("time");
   element.dateTime = text;
   element.title = text;
-  element.textContent = new Date(text).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" });
+  element.textContent = INSTANT.format(new Date(text));
   return element;
 }
 

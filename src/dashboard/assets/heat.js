@@ -1,3 +1,4 @@
+// @ts-check
 // A matrix whose cells are tinted by their value; the numbers stay.
 
 import { h } from "./dom.js";

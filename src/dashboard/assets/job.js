@@ -1,8 +1,10 @@
+// @ts-check
 // One job: its state and what can be done to it, live progress, and the result.
 
 import { get, send } from "./api.js";
 import { facts, h, notice, problemBox } from "./dom.js";
 import { instant } from "./format.js";
+import { designPanel } from "./job_design.js";
 import { JobFeed, isFinished } from "./job_feed.js";
 import { badge } from "./job_rows.js";
 import { livePanel } from "./job_live.js";
@@ -27,8 +29,8 @@ export function showJob(view, id) {
   };
   const outcome = notice();
   const panels = { live: livePanel(view, id), progress: progressPanel(view), result: resultPanel(view), trajectory: trajectoryPanel(view, id) };
-  const body = h("div", { hidden: true }, parts.actions, parts.about,
-    panels.progress.element, panels.live.element, panels.result.element, panels.trajectory.element, parts.spec);
+  const design = designPanel(view);
+  const body = h("div", { hidden: true }, parts.actions, parts.about);
   // What was found stands first once there is something, else what is going on.
   const arrange = (found) => {
     const { live, progress, result, trajectory } = panels;
@@ -45,8 +47,12 @@ export function showJob(view, id) {
       body.hidden = false;
       heading.textContent = job.name || job.id;
       document.title = `${heading.textContent} · greybox`;
-      panels.progress.job(job);
-      panels.live.job(job);
+      if (job.kind === "design") {
+        design.job(job);
+      } else {
+        panels.progress.job(job);
+        panels.live.job(job);
+      }
       if (job.status === shownStatus) {
         return;
       }
@@ -55,6 +61,11 @@ export function showJob(view, id) {
       parts.actions.replaceChildren(...buttons(job, feed, outcome));
       parts.about.replaceChildren(about(job), job.error ? problemBox(asProblem(job.error)) : "");
       parts.spec.replaceChildren(specification(job));
+      if (job.kind === "design") {
+        body.append(design.element, parts.spec);
+        return;
+      }
+      arrange(false);
       panels.result.job(job).then((found) => {
         arrange(found && isFinished(job));
         if (found) {
@@ -63,6 +74,10 @@ export function showJob(view, id) {
       });
     },
     history: () => {
+      if (feed.job?.kind === "design") {
+        design.history(feed.design);
+        return;
+      }
       const rows = feed.generations();
       panels.progress.history(rows, feed);
       panels.result.history(rows);
@@ -130,8 +145,8 @@ function buttons(job, feed, outcome) {
   const name = (action) => action[0].toUpperCase() + action.slice(1);
   return [
     ...(ACTIONS[job.status] ?? []).map((action) => button(name(action), act(action))),
-    h("a", { class: "button", href: `#/new?from=${job.id}` }, "Use as template"),
-    isFinished(job) && button("Compare methods", () => compareMethods(job, outcome)),
+    job.kind !== "design" && h("a", { class: "button", href: `#/new?from=${job.id}` }, "Use as template"),
+    job.kind !== "design" && isFinished(job) && button("Compare methods", () => compareMethods(job, outcome)),
     isFinished(job) && button("Delete", remove, "danger"),
   ].filter(Boolean);
 }

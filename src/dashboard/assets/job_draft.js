@@ -1,3 +1,4 @@
+// @ts-check
 // A job while it is put together. The specification itself is what is kept: forms and JSON are two
 // views of it. Pure, so that it can be tested without a page.
 
@@ -36,7 +37,7 @@ export function suggestSignals(model, recorded) {
     const wanted = [...model.inputs.filter(({ name }) => inputs.includes(name)), ...model.outputs];
     const { signals, score } = assigned(wanted, recorded);
     const driven = inputs.filter((name) => signals[name]).length;
-    return { inputs, signals, score: score + 20 * (driven === inputs.length) };
+    return { inputs, signals, score: score + (driven === inputs.length ? 20 : 0) };
   });
   return tried.reduce((best, of) => (of.score > best.score ? of : best));
 }
@@ -71,7 +72,7 @@ export function experimentOf(dataset, model) {
 // The same specification for another model: what was said of parameters, outputs and states was said
 // of the old one.
 export function withModel(spec, model, datasets) {
-  const { parameters, outputs, model_search: search, ...rest } = spec;
+  const { parameters, outputs, model_search: search, constraints, priors, ...rest } = spec;
   const experiments = (spec.experiments ?? []).map((experiment) => {
     const known = datasets.get(experiment.dataset);
     const { parameters: own, initial_state: states, ...kept } = experiment;
@@ -82,12 +83,19 @@ export function withModel(spec, model, datasets) {
 
 // The specification with another value at a path, `undefined` to leave it out; objects that are then
 // empty are left out too.
-export function changed(value, [key, ...rest], to) {
+/**
+ * @param {any} value
+ * @param {(string | number)[]} path
+ * @param {any} to
+ * @returns {any}
+ */
+export function changed(value, path, to) {
+  const [key, ...rest] = path;
   const base = Array.isArray(value) ? [...value] : { ...value };
   const next = rest.length ? changed(value?.[key] ?? (typeof rest[0] === "number" ? [] : {}), rest, to) : to;
   const gone = next === undefined || (rest.length > 0 && isEmpty(next));
   if (Array.isArray(base)) {
-    gone && !rest.length ? base.splice(key, 1) : (base[key] = next);
+    gone && !rest.length ? base.splice(Number(key), 1) : (base[key] = next);
   } else if (gone) {
     delete base[key];
   } else {
@@ -159,8 +167,41 @@ export function labelText(labels) {
   return Object.entries(labels ?? {}).map(([name, value]) => (value ? `${name}=${value}` : name)).join(", ");
 }
 
+// `tau1 < tau2; k1 + k2 <= 1` as conditions, and back.
+export function conditionsOf(text) {
+  const conditions = text.split(";").map((one) => one.trim()).filter(Boolean);
+  return conditions.length ? conditions : undefined;
+}
+
+export function conditionText(conditions) {
+  return (conditions ?? []).join("; ");
+}
+
+// What a job found of its parameters, as a prior of all of them together for the next one; undefined
+// where it fixed none.
+/** @param {{ parameters: any[], correlation?: any }} result */
+export function priorOfResult({ parameters, correlation }) {
+  const error = (own) => own.total_standard_error ?? own.standard_error;
+  const known = parameters.filter((own) => (own.experiment ?? null) === null && error(own) > 0);
+  if (known.length === 0) {
+    return undefined;
+  }
+  const names = known.map(({ name }) => name);
+  const prior = { parameters: names, mean: known.map(({ estimate }) => estimate), std: known.map(error) };
+  const places = names.map((name) => (correlation?.names ?? []).indexOf(name));
+  const between = (a, b) => (a === b ? 1 : correlation?.matrix[a]?.[b] ?? 0);
+  return places.includes(-1) ? prior : { ...prior, correlation: places.map((a) => places.map((b) => between(a, b))) };
+}
+
 // A number as people type it: with a decimal comma too; NaN where it is none.
 export function numberOf(text) {
   const bare = String(text).trim().replace(/[\s\u202f\u00a0]/g, "").replace("−", "-").replace(",", ".");
   return bare === "" ? NaN : Number(bare);
+}
+
+// A specification for another page of this tab, and the name that it is found by there.
+export function keep(spec) {
+  const key = `prepared-${Date.now().toString(36)}`;
+  sessionStorage.setItem(key, JSON.stringify(spec));
+  return key;
 }

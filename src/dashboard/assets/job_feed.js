@@ -1,3 +1,4 @@
+// @ts-check
 // What is known of one job, kept up to date: its state by polling, its generations and refinement
 // from the history first and then live from the event stream, which replays what came in between.
 
@@ -14,9 +15,14 @@ export class JobFeed {
   // `observer` has job(), history() and connection(text), called when that part changed,
   // failed(error), and recovered() when a request succeeds after that.
   constructor(id, signal, observer) {
-    Object.assign(this, { id, signal, observer, job: null, refinements: new Map() });
+    this.id = id;
+    this.signal = signal;
+    this.observer = observer;
+    this.job = null;
+    this.refinements = new Map();
     this.findings = new Map();
     this.rows = new Map();
+    this.design = null;
     this.drawing = false;
   }
 
@@ -75,6 +81,10 @@ export class JobFeed {
     });
     on("generation", (row) => {
       this.rows.set(row.generation, row);
+      this.draw();
+    });
+    on("design", (best) => {
+      this.design = best;
       this.draw();
     });
     on("refinement", (row) => {

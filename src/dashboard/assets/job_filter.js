@@ -1,10 +1,13 @@
+// @ts-check
 // Which jobs of a list are shown, and in which order. Pure, so that it can be tested without a page.
 
 export const FILTERS = ["text", "status", "trust", "model", "method", "label", "dataset"];
 const TRUST = { high: 3, moderate: 2, low: 1 };
 
 // The filter and the order that an address says.
+/** @returns {{ [name: string]: string } & { sort: string, descending: any }} */
 export function fromQuery(query) {
+  /** @type {any} */
   const filter = Object.fromEntries(FILTERS.map((name) => [name, query.get(name) ?? ""]));
   const [sort, direction] = (query.get("sort") ?? "created:down").split(":");
   return { ...filter, sort, descending: direction !== "up" };
@@ -19,11 +22,16 @@ export function toQuery({ sort, descending, ...filter }) {
   return said.length ? `?${new URLSearchParams(said)}` : "";
 }
 
-export function matches(job, filter) {
-  return (!filter.status || job.status === filter.status) && (!filter.trust || (job.trust ?? "none") === filter.trust) &&
+export const matches = (job, filter) => matcher(filter)(job);
+
+// Whether a filter lets a job through, every word of its text standing somewhere in what the list shows
+// of the job; what is the same for all jobs is done once.
+export function matcher(filter) {
+  const words = (filter.text ?? "").toLowerCase().split(/\s+/).filter(Boolean);
+  return (job) => (!filter.status || job.status === filter.status) && (!filter.trust || (job.trust ?? "none") === filter.trust) &&
     (!filter.model || job.model === filter.model) && (!filter.method || job.method === filter.method) &&
     (!filter.dataset || job.datasets.some(({ id }) => id === filter.dataset)) &&
-    (!filter.label || hasLabel(job.labels, filter.label)) && (!filter.text || contains(job, filter.text));
+    (!filter.label || hasLabel(job.labels, filter.label)) && words.every((word) => textOf(job).includes(word));
 }
 
 function hasLabel(labels, wanted) {
@@ -42,11 +50,6 @@ function textOf(job) {
     searched.set(job, text);
   }
   return text;
-}
-
-// Every word of the text stands somewhere in what the list shows of the job.
-function contains(job, text) {
-  return text.toLowerCase().split(/\s+/).every((word) => textOf(job).includes(word));
 }
 
 // Seconds from the first slice to the end, or until now.
@@ -73,9 +76,10 @@ const KEYS = {
 export function arranged(jobs, filter, now) {
   const key = KEYS[filter.sort] ?? KEYS.created;
   const sign = filter.descending ? -1 : 1;
+  const passes = matcher(filter);
   const kept = [];
   for (const job of jobs) {
-    if (matches(job, filter)) {
+    if (passes(job)) {
       kept.push([key(job, now), job]);
     }
   }

@@ -1,3 +1,4 @@
+// @ts-check
 // A search while it runs: its candidates over two unknowns, and the best so far against what was
 // measured.
 
@@ -91,7 +92,7 @@ function drawScatter(picture, candidates, [across, up], units) {
   const column = (name) => candidates.map(({ values }) => values[name]);
   const [xs, ys] = [column(across), column(up)];
   const range = (values) => [Math.min(...values), Math.max(...values)];
-  const spread = ([low, high]) => low > 0 && high / low > 20;
+  const spread = (/** @type {number[]} */ [low, high]) => low > 0 && high / low > 20;
   const [rangeX, rangeY] = [range(xs), range(ys)];
   const horizontal = axis(rangeX, { log: spread(rangeX), wanted: 5 });
   const vertical = axis(rangeY, { log: spread(rangeY), wanted: 5 });

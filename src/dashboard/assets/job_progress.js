@@ -1,3 +1,4 @@
+// @ts-check
 // How far a job is: a bar, the counts, and the two curves of the search.
 
 import { facts, h, warningList } from "./dom.js";

@@ -1,3 +1,4 @@
+// @ts-check
 // What is left over: how the residuals are spread, how they follow themselves, at which frequencies
 // they are large; and where each start of the refinement ended.
 

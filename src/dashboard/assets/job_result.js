@@ -1,3 +1,4 @@
+// @ts-check
 // The estimate: the verdict with its reasons, the parameters, the fit. While the search runs, the
 // parameters of its best candidate so far.
 
@@ -6,6 +7,7 @@ import { facts, h, notice } from "./dom.js";
 import { count, number, words } from "./format.js";
 import { isFinished } from "./job_feed.js";
 import { residualsPart, startsPart } from "./job_residuals.js";
+import { profiled, profilesPart } from "./job_profiles.js";
 import { bestTable, budgetTable, correlationTable, fitTable, initialStateTable, parameterTable } from "./job_tables.js";
 import { prepare } from "./new_job.js";
 import { download } from "./plot_save.js";
@@ -71,6 +73,7 @@ function bestSoFar({ last, job, model }) {
     bestTable(last, job, model));
 }
 
+/** @param {any} result */
 function report(result, { job, model, view }) {
   const part = job.status === "succeeded" ? "" : " (best so far)";
   const { initial_states: states = [], starts = [], correlation, budget = [] } = result;
@@ -84,6 +87,7 @@ function report(result, { job, model, view }) {
     budget.length > 0 && folded("What was taken as known, and what that does (uncertainty budget)", () => budgetTable(result)),
     correlation?.names.length > 1 && folded("Correlation of the errors", () => correlationTable(correlation)),
     Object.keys(result.residuals ?? {}).length > 0 && folded("Residuals: spread, memory, spectrum", () => residualsPart(view, job, result, model)),
+    profiled(result).length > 0 && folded("Likelihood profiles", () => profilesPart(view, result)),
     starts.length > 1 && folded(`${starts.length} starts of the refinement`, () => startsPart(view, starts)),
     folded("How it was found, in numbers", () => search(result)),
     downloads(result, job),

@@ -1,3 +1,4 @@
+// @ts-check
 // A table of many jobs of which only the rows in sight are in the page. A row is changed in place,
 // so that what has the focus or is selected stays so.
 
@@ -18,7 +19,11 @@ const COLUMNS = [
 export class JobRows {
   // `sorted(key)` is called for a column's heading, `chosen()` when the selection changed.
   constructor({ sorted, chosen }) {
-    Object.assign(this, { jobs: [], rows: new Map(), selected: new Set(), chosen, headings: new Map() });
+    this.jobs = [];
+    this.rows = new Map();
+    this.selected = new Set();
+    this.chosen = chosen;
+    this.headings = new Map();
     const heading = ({ key, title, wide }) => {
       const cell = h("th", { scope: "col", class: wide ? "wide" : null },
         key ? h("button", { type: "button", class: "heading", onclick: () => sorted(key) }, title) : title);

@@ -1,3 +1,4 @@
+// @ts-check
 // The tables of a result: parameters and initial states, fit, residuals, correlation, starts.
 
 import { intervalBar } from "./compare.js";
@@ -27,6 +28,7 @@ export function described(model, list, name) {
 }
 
 // The parameters of the best candidate of a generation.
+/** @param {import("page/api").Schemas["GenerationEvent"]} row @param {any} job @param {import("page/api").Schemas["ModelDescription"] | null} model */
 export function bestTable(row, job, model) {
   const rows = Object.entries(row.best ?? {}).map(([key, value]) => {
     // `offset[1]` is the offset of the second experiment alone.
@@ -41,8 +43,9 @@ export function bestTable(row, job, model) {
 }
 
 // Beside the estimate the error with all that was taken as known; that of noise alone below it.
+/** @param {import("page/api").Schemas["ParameterEstimate"][]} parameters @param {any} job @param {import("page/api").Schemas["ModelDescription"] | null} model */
 export function parameterTable(parameters, job, model) {
-  const scale = ({ name, experiment }) => {
+  const scale = (/** @type {any} */ { name, experiment }) => {
     const said = experiment === undefined || experiment === null ? job?.spec : job?.spec?.experiments?.[experiment];
     return said?.parameters?.[name]?.estimate?.scale ?? described(model, "parameters", name).scale;
   };
@@ -55,21 +58,25 @@ function ofExperiment(name, experiment) {
   return experiment === undefined || experiment === null ? words(name) : `${words(name)}, experiment ${Number(experiment) + 1}`;
 }
 
+/** @param {import("page/api").Schemas["InitialStateEstimate"][]} states */
 export function initialStateTable(states) {
   return table("Estimated initial states", ESTIMATE_COLUMNS,
     states.map((state) => estimateRow(ofExperiment(state.state, state.experiment), state)));
 }
 
+/** @param {string} name @param {any} known @param {string} [scale] */
 function estimateRow(name, known, scale) {
   const total = known.total_standard_error ?? known.standard_error;
   const [value, error] = withError(known.estimate, total);
   const alone = known.total_standard_error !== null && known.total_standard_error !== undefined ? withError(known.estimate, known.standard_error)[1] : "–";
   const interval = known.total_interval ?? known.confidence_interval;
+  const { monte_carlo: drawn } = known;
   const reasons = new Set([known.standard_error_reason, known.confidence_interval_reason].filter(Boolean));
   return [
     nameCell(name, known.symbol), value,
     [error, alone !== "–" && alone !== error && h("div", { class: "quiet fine" }, `noise alone ${alone}`)], unitText(known.unit),
-    [interval ? intervalText(interval) : "–", h("div", { class: "quiet fine" }, [...reasons].join("; "))],
+    [interval ? intervalText(interval) : "–", h("div", { class: "quiet fine" }, [...reasons].join("; ")),
+      drawn && h("div", { class: "quiet fine" }, `${number(drawn.lower, 4)} … ${number(drawn.upper, 4)} over ${count(drawn.samples)} fits with noise drawn anew`)],
     [onRange(known, scale), h("div", { class: "quiet fine" }, bounds(known.lower, known.upper))],
     [known.trust && h("span", { class: `badge trust-${known.trust}` }, known.trust), " ",
       known.at_bound && h("span", { class: "badge failed" }, "at bound"), " ",
@@ -112,6 +119,7 @@ function intervalText({ level, lower, upper, method }) {
     `${low} … ${high}`, h("span", { class: "quiet" }, ` (${percent(100 * level)})`));
 }
 
+/** @param {import("page/api").Schemas["Fit"]} fit @param {import("page/api").Schemas["ModelDescription"] | null} model */
 export function fitTable(fit, model) {
   const rows = ["estimation", "validation"].flatMap((data) =>
     Object.entries(fit?.[data] ?? {}).map(([output, values]) => {
@@ -122,6 +130,7 @@ export function fitTable(fit, model) {
   return table("Fit of the outputs", FIT_COLUMNS, rows);
 }
 
+/** @param {Record<string, import("page/api").Schemas["ResidualReport"]>} residuals @param {import("page/api").Schemas["ModelDescription"] | null} model */
 export function residualTable(residuals, model) {
   const white = { true: "yes", false: "no" };
   const rows = Object.entries(residuals).map(([output, report]) => {
@@ -134,6 +143,7 @@ export function residualTable(residuals, model) {
   return table("Residuals of the outputs", RESIDUAL_COLUMNS, rows);
 }
 
+/** @param {import("page/api").Schemas["Correlation"]} correlation */
 export function correlationTable({ names, matrix, condition_number: condition }) {
   const short = names.map(words);
   return h("div", {}, heatTable("Correlation of the errors", short, short, (i, k) => {
@@ -144,6 +154,7 @@ export function correlationTable({ names, matrix, condition_number: condition })
 }
 
 // By assumption, its share of the variance of each parameter, and how the residuals pull at it.
+/** @param {{ budget?: import("page/api").Schemas["BudgetLine"][], parameters?: any[] }} result */
 export function budgetTable({ budget, parameters }) {
   const keys = parameters.map(keyOf).filter((key) => budget.some(({ contributions }) => contributions[key]));
   const largest = ({ contributions }) => Math.max(0, ...Object.values(contributions).map(({ share }) => Math.abs(share)));
@@ -164,6 +175,7 @@ export function budgetTable({ budget, parameters }) {
     h("p", { class: "quiet" }, "Each parameter's column: which share of what is not known of it comes from which assumption. Beyond ± 4 σ the residuals contradict the value."));
 }
 
+/** @param {import("page/api").Schemas["StartReport"][]} starts */
 export function startTable(starts) {
   const names = Object.keys(starts[0].parameters);
   const columns = [{ title: "Cost at the start", numeric: true }, { title: "Cost at the end", numeric: true },

@@ -1,3 +1,4 @@
+// @ts-check
 // Measured against simulated outputs, their residuals and the inputs that drove them, an experiment
 // after the other. The plots of an experiment share cursor and part; each part is read for itself.
 
@@ -6,6 +7,9 @@ import { h, notice } from "./dom.js";
 import { words } from "./format.js";
 import { plot } from "./plot.js";
 import { PlotGroup } from "./plot_group.js";
+
+// Half the width of a 95 % interval in standard deviations.
+const NORMAL_95 = 1.96;
 
 export function trajectoryPanel(view, id) {
   const outcome = notice();
@@ -50,16 +54,23 @@ function draw({ place, id, job, experiment, k, of, signal, outcome }) {
   const spans = shaded(experiment, asked, full);
   const x = { label: "time", unit: "s" };
   for (const name of outputs) {
-    const { unit } = experiment.outputs[name];
+    const { unit, deviation } = experiment.outputs[name];
+    // Where the errors of the estimates leave the simulated output with 95 %.
+    const band = deviation ? [{ name: "95 % band from", look: "faint" }, { name: "to", look: "faint" }] : [];
     const compared = plot({
       title: `${words(name)}, measured and simulated`, x, y: { label: words(name), unit }, height: 260, group, spans, signal,
-      series: [{ name: "measured", look: "measured" }, { name: "simulated", look: "simulated" }],
+      series: [{ name: "measured", look: "measured" }, { name: "simulated", look: "simulated" }, ...band],
+      bands: deviation ? [{ upper: 3, lower: 2, look: "simulated" }] : [],
     });
     const residual = plot({
       title: `${words(name)}, residual (measured − simulated)`, x, y: { label: "residual", unit, difference: true }, height: 150,
       group, spans, signal, series: [{ name: "residual", look: "second" }],
     });
-    group.feed(compared, ({ shown }) => [shown.time_s, [shown.outputs[name].measured, shown.outputs[name].simulated]]);
+    group.feed(compared, ({ shown }) => {
+      const { measured, simulated, deviation: spread } = shown.outputs[name];
+      const ends = spread ? [-NORMAL_95, NORMAL_95].map((by) => simulated.map((value, k) => value === null ? null : value + by * spread[k])) : [];
+      return [shown.time_s, [measured, simulated, ...ends]];
+    });
     group.feed(residual, ({ shown }) => [shown.time_s, [shown.outputs[name].residual]]);
     place.append(compared.element, residual.element);
   }

@@ -1,10 +1,11 @@
+// @ts-check
 // The list of jobs: all of them, searched, filtered and sorted here, kept up to date by the stream of
 // all jobs. What is looked for stands in the address.
 
 import { get, query } from "./api.js";
 import { h, notice } from "./dom.js";
 import { count } from "./format.js";
-import { arranged, fromQuery, toQuery } from "./job_filter.js";
+import { arranged, fromQuery, matcher, toQuery } from "./job_filter.js";
 import { JobRows } from "./job_rows.js";
 
 const STATUSES = ["queued", "running", "paused", "succeeded", "failed", "cancelled"];
@@ -26,7 +27,13 @@ export function showJobs(view) {
 
 class JobList {
   constructor(view) {
-    Object.assign(this, { view, filter: fromQuery(view.query), jobs: new Map(), drawing: false, models: new Set(), loaded: false });
+    this.view = view;
+    this.filter = fromQuery(view.query);
+    this.jobs = new Map();
+    this.drawing = false;
+    this.sorted = null;
+    this.models = new Set();
+    this.loaded = false;
     this.outcome = notice();
     this.summary = h("p", { class: "quiet", role: "status" }, "Loading …");
     this.none = h("p", { hidden: true });
@@ -68,6 +75,7 @@ class JobList {
     const same = this.filter.sort === key;
     this.filter.descending = same ? !this.filter.descending : ["created", "trust", "duration"].includes(key);
     this.filter.sort = key;
+    this.sorted = null;
     this.rows.order(key, this.filter.descending);
     this.changed();
   }
@@ -97,7 +105,10 @@ class JobList {
   }
 
   draw() {
-    const shown = arranged(this.jobs.values(), this.filter, Date.now());
+    // All jobs in order are kept until one changes, so that a letter that is typed only filters.
+    const { sort, descending } = this.filter;
+    this.sorted ??= arranged(this.jobs.values(), { sort, descending }, Date.now());
+    const shown = this.sorted.filter(matcher(this.filter));
     this.rows.show(shown);
     const all = this.jobs.size;
     this.summary.textContent = shown.length === all ? `${count(all)} jobs` : `${count(shown.length)} of ${count(all)} jobs`;
@@ -107,6 +118,7 @@ class JobList {
   }
 
   take(job) {
+    this.sorted = null;
     this.jobs.set(job.id, job);
     if (!this.models.has(job.model)) {
       this.models.add(job.model);
@@ -135,6 +147,7 @@ class JobList {
     stream.addEventListener("removed", (event) => {
       const { id } = JSON.parse(event.data);
       this.jobs.delete(id);
+      this.sorted = null;
       this.rows.forget(id);
       this.choose();
       this.drawSoon();
@@ -161,6 +174,7 @@ class JobList {
         this.drawSoon();
       } while (token && seen.size < MOST);
       before.filter((id) => !token && !seen.has(id)).forEach((id) => this.jobs.delete(id));
+      this.sorted = null;
       this.drawSoon();
       this.outcome.clear();
     } catch (error) {

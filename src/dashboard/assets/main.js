@@ -1,44 +1,46 @@
-// The router: the part of the address after # names a view. Each view gets a signal that is aborted
+// @ts-check
+// The router: the part of the address after # names a view, whose modules are fetched when it is first
+// shown. Each view gets a signal that is aborted
 // when the reader leaves it; requests, timers and event streams hang on that signal.
 
-import { get } from "./api.js";
+import { get, SIGNED_OUT } from "./api.js";
 import { h } from "./dom.js";
-import { showCompare } from "./compare.js";
-import { showComparison, showComparisons } from "./comparisons.js";
-import { showDataset, showDatasets } from "./datasets.js";
-import { showJob } from "./job.js";
-import { showJobs } from "./jobs.js";
-import { showModel, showModels } from "./models.js";
-import { showNewJob } from "./new_job.js";
+import { isKnown, showSignIn } from "./session.js";
 
+/** @type {[RegExp, () => Promise<any>, string][]} */
 const VIEWS = [
-  [/^\/jobs$/, showJobs],
-  [/^\/jobs\/([^/]+)$/, showJob],
-  [/^\/datasets$/, showDatasets],
-  [/^\/datasets\/([^/]+)$/, showDataset],
-  [/^\/compare$/, showCompare],
-  [/^\/comparisons$/, showComparisons],
-  [/^\/comparisons\/([^/]+)$/, showComparison],
-  [/^\/models$/, showModels],
-  [/^\/models\/([^/]+)$/, showModel],
-  [/^\/new$/, showNewJob],
+  [/^\/jobs$/, () => import("./jobs.js"), "showJobs"],
+  [/^\/jobs\/([^/]+)$/, () => import("./job.js"), "showJob"],
+  [/^\/datasets$/, () => import("./datasets.js"), "showDatasets"],
+  [/^\/datasets\/([^/]+)$/, () => import("./datasets.js"), "showDataset"],
+  [/^\/compare$/, () => import("./compare.js"), "showCompare"],
+  [/^\/comparisons$/, () => import("./comparisons.js"), "showComparisons"],
+  [/^\/comparisons\/([^/]+)$/, () => import("./comparisons.js"), "showComparison"],
+  [/^\/models$/, () => import("./models.js"), "showModels"],
+  [/^\/equations$/, () => import("./model_editor.js"), "showModelEditor"],
+  [/^\/models\/([^/]+)$/, () => import("./models.js"), "showModel"],
+  [/^\/new$/, () => import("./new_job.js"), "showNewJob"],
 ];
 
 const main = document.getElementById("main");
 let leave = new AbortController();
 
-function route() {
+async function route() {
   leave.abort();
   leave = new AbortController();
   const [path, query] = (location.hash.slice(1) || "/jobs").split("?");
   main.replaceChildren();
   markCurrent(path);
-  for (const [pattern, show] of VIEWS) {
+  const { signal } = leave;
+  for (const [pattern, load, show] of VIEWS) {
     const match = pattern.exec(path);
     if (match) {
-      const view = { root: main, signal: leave.signal, query: new URLSearchParams(query) };
-      show(view, ...match.slice(1).map(decodeURIComponent));
-      announce();
+      const modules = await load();
+      // Someone may have gone elsewhere meanwhile.
+      if (!signal.aborted) {
+        modules[show]({ root: main, signal, query: new URLSearchParams(query) }, ...match.slice(1).map(decodeURIComponent));
+        announce();
+      }
       return;
     }
   }
@@ -47,7 +49,7 @@ function route() {
 }
 
 function markCurrent(path) {
-  for (const link of document.querySelectorAll("nav a")) {
+  for (const link of /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll("nav a"))) {
     const here = link.hash && path.startsWith(link.hash.slice(1));
     here ? link.setAttribute("aria-current", "page") : link.removeAttribute("aria-current");
   }
@@ -68,6 +70,21 @@ async function showVersion() {
   document.getElementById("version").textContent = `greybox ${data.version ?? ""}`;
 }
 
+// Where callers have to say who they are, that comes first.
+async function begin() {
+  (await isKnown()) ? route() : signIn();
+}
+
+function signIn() {
+  if (!main.querySelector("form.sign-in")) {
+    leave.abort();
+    main.replaceChildren();
+    showSignIn(main, begin);
+    announce();
+  }
+}
+
 addEventListener("hashchange", route);
-route();
+addEventListener(SIGNED_OUT, signIn);
+begin();
 showVersion().catch(() => {});

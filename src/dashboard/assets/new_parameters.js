@@ -1,9 +1,13 @@
+// @ts-check
 // What is known of each parameter of a new job: a value with its tolerance, or a range to look in;
 // beside it what the check before the start expects of it.
 
 import { h } from "./dom.js";
 import { number, unitText, words } from "./format.js";
 import { changed, entryOf, numberOf, parameterRows } from "./job_draft.js";
+
+// From this share of the range on, a standard error says little more than the range.
+const WEAK = 0.25;
 
 export function parametersPart(job) {
   const place = h("div", {});
@@ -117,5 +121,5 @@ function expected(job, { about, free }) {
     ? h("span", { class: "badge failed" }, "not fixed by the data")
     : h("span", { title: share ? `${number(100 * share[0], 2)} to ${number(100 * share[1], 2)} % of the range` : null },
       `± ${number(error, 2)} ${about.unit === "1" ? "" : about.unit}`,
-      share && share[1] > 0.25 ? h("span", { class: "badge paused" }, "weakly fixed") : "")));
+      share && share[1] > WEAK ? [" ", h("span", { class: "badge paused" }, share[0] > WEAK ? "weakly fixed" : "weak in parts of the range")] : "")));
 }

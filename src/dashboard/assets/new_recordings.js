@@ -1,3 +1,4 @@
+// @ts-check
 // The recordings of a new job: which, what part of each, what for, and how the model sees them.
 
 import { h, notice } from "./dom.js";
@@ -57,7 +58,11 @@ export function recordingsPart(job) {
 
 class ExperimentPart {
   constructor(job, k, dataset) {
-    Object.assign(this, { job, k, dataset, known: job.datasets.get(dataset), leave: new AbortController() });
+    this.job = job;
+    this.k = k;
+    this.dataset = dataset;
+    this.known = job.datasets.get(dataset);
+    this.leave = new AbortController();
     job.view.signal.addEventListener("abort", () => this.leave.abort(), { once: true });
     this.head = h("div", { class: "title" });
     this.outcome = notice();

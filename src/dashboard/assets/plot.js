@@ -1,3 +1,4 @@
+// @ts-check
 // A plot over a common x: lines, held inputs as steps, shaded spans, bands, in the reader's units.
 //
 // const chart = plot({ title, x: { label, unit }, y: { label, unit, log }, series: [{ name, look, step }] });
@@ -23,8 +24,20 @@ export function plot(options) {
 
 class Plot {
   constructor({ title, x, y, series, height = 220, spans = [], bands = [], group = null, onBrush = null, signal = null }) {
-    Object.assign(this, { title, x, y, series, height, spans, bands, group, onBrush });
-    Object.assign(this, { xs: [], columns: [], part: null, cursor: null, chart: null });
+    this.title = title;
+    this.x = x;
+    this.y = y;
+    this.series = series;
+    this.height = height;
+    this.spans = spans;
+    this.bands = bands;
+    this.group = group;
+    this.onBrush = onBrush;
+    this.xs = [];
+    this.columns = [];
+    this.part = null;
+    this.cursor = null;
+    this.chart = null;
     this.caption = h("figcaption", {});
     this.surface = h("div", {
       class: "surface", role: "application", tabindex: "0", "aria-roledescription": "plot", "aria-label": title,
@@ -318,7 +331,7 @@ class Plot {
     if (!rangeY || this.xs.length === 0) {
       return `${this.title}: no data yet`;
     }
-    const span = ([low, high], unit) => `${number(low)} to ${quantity(number(high), unit)}`;
+    const span = (/** @type {number[]} */ [low, high], unit) => `${number(low)} to ${quantity(number(high), unit)}`;
     return `${this.title}. ${this.x.label} ${span(this.extent(), this.x.unit)}, ${this.y.label} ` +
       `${span(rangeY, this.unit.name)}. Arrow keys read the values, + and − change the part that is shown, Escape shows all.` +
       (this.onBrush ? " [ and ] put the ends of the window at the cursor." : "");

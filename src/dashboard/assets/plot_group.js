@@ -1,3 +1,4 @@
+// @ts-check
 // Plots that share a time axis: one cursor, one part, and the samples of just that part, read from
 // the server whenever it changes, so that what is seen is what is there.
 
@@ -8,8 +9,15 @@ const WAIT_MS = 90;
 export class PlotGroup {
   // `full` is the whole range; `load(from, to, pixels, signal)` reads a part, null for both ends of
   // all; each plot is added with what takes the answer apart. `failed` hears of errors.
+  /** @param {{ full: any, signal?: AbortSignal, failed?: (error: any) => void, load?: (from: number, to: number, pixels: number, abort: AbortSignal) => Promise<any> }} options */
   constructor({ full = null, load = null, signal = null, failed = () => {} }) {
-    Object.assign(this, { full, load, signal, failed, plots: new Set(), takers: new Map(), part: null });
+    this.full = full;
+    this.load = load;
+    this.signal = signal;
+    this.failed = failed;
+    this.plots = new Set();
+    this.takers = new Map();
+    this.part = null;
     this.elapsed = null;
     const button = (text, label, act) => h("button", { type: "button", class: "small", "aria-label": label, title: label, onclick: act }, text);
     this.place = h("span", { class: "quiet", role: "status" });
@@ -40,7 +48,6 @@ export class PlotGroup {
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.fetch(), WAIT_MS);
     }
-    this.onshow?.(this.part);
   }
 
   zoom(factor) {

@@ -1,3 +1,4 @@
+// @ts-check
 // Numbers of plots. Pure.
 
 // The index of a sorted column that is nearest to a value.
@@ -9,4 +10,29 @@ export function nearest(xs, value) {
     xs[middle] < value ? (low = middle) : (high = middle);
   }
   return high < 0 || Math.abs(xs[low] - value) <= Math.abs(xs[high] - value) ? low : high;
+}
+
+// Points of a curve between two fits.
+const BETWEEN = 24;
+
+/**
+ * The curve of a likelihood profile through its fits, and the fits themselves at the same places. The root of the rise is
+ * nearly straight in the value, so it is what is drawn straight between two fits.
+ *
+ * @param {{ value: number, excess: number }[]} profile
+ */
+export function profileCurve(profile) {
+  const middle = profile.findIndex(({ excess }) => excess === 0);
+  const root = (k) => Math.sqrt(profile[k].excess) * (k < middle ? -1 : 1);
+  /** @type {[number, number, number | null][]} */
+  const points = [];
+  profile.forEach(({ value, excess }, k) => {
+    const last = k + 1 === profile.length;
+    for (let part = 0; part < (last ? 1 : BETWEEN); part += 1) {
+      const share = part / BETWEEN;
+      const rise = share === 0 ? excess : (root(k) + share * (root(k + 1) - root(k))) ** 2;
+      points.push([share === 0 ? value : value + share * (profile[k + 1].value - value), rise, share === 0 ? excess : null]);
+    }
+  });
+  return points;
 }

@@ -1,3 +1,4 @@
+// @ts-check
 // A plot as a file: what is seen as PNG or SVG, its numbers as CSV.
 
 import { axis, axisTitle, rangeOf } from "./axes.js";

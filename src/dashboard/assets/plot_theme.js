@@ -1,3 +1,4 @@
+// @ts-check
 // Colours of plots: those of the stylesheet, which follow the reader's system.
 
 const dark = matchMedia("(prefers-color-scheme: dark)");

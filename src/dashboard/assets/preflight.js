@@ -1,3 +1,4 @@
+// @ts-check
 // The check before the start, again after each change: what is wrong, what the data could fix, what
 // the job will cost.
 
@@ -23,6 +24,7 @@ export function preflightPart(job) {
     try {
       const { data } = await request("POST", "/v1/jobs?validate_only=true", { body, signal: own.signal, headers: { "content-type": "application/json" } });
       job.predictions = data.identifiability?.predictions ?? [];
+      job.told([]);
       state.textContent = "The job can start.";
       content.replaceChildren(...outlook(data));
     } catch (error) {
@@ -30,6 +32,7 @@ export function preflightPart(job) {
         return;
       }
       job.predictions = [];
+      job.told(error.errors ?? []);
       state.textContent = "The job cannot start yet:";
       content.replaceChildren(faults(error));
     }
@@ -62,6 +65,7 @@ export function placeOf(pointer) {
   return pointer.split("/").filter(Boolean).map((part) => (/^\d+$/.test(part) ? String(Number(part) + 1) : words(part))).join(", ").replace(/experiments, (\d+)/, "experiment $1");
 }
 
+/** @param {any} checked */
 function outlook({ identifiability, findings, predicted_cost: cost, budget }) {
   const flat = identifiability?.flat_directions ?? [];
   const others = findings.filter(({ code }) => code !== "not_identifiable");

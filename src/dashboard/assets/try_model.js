@@ -1,3 +1,4 @@
+// @ts-check
 // A model under a recording before any job runs: a slider for each unknown, measured and simulated
 // over each other.
 
@@ -40,15 +41,24 @@ export async function comparedWith(spec, k, values, signal) {
 // Plots of what was compared, made once and then only given other numbers.
 export class ComparedPlots {
   constructor(signal) {
-    Object.assign(this, { signal, plots: new Map(), element: h("div", {}) });
+    this.signal = signal;
+    this.plots = new Map();
+    this.element = h("div", {});
+  }
+
+  clear() {
+    this.plots.forEach((drawn) => drawn.destroy());
+    this.plots.clear();
+    this.element.replaceChildren();
   }
 
   show(compared) {
     for (const { name, unit, xs, columns } of compared) {
       let drawn = this.plots.get(name);
       if (!drawn) {
-        drawn = plot({ title: `${words(name)}, measured and simulated`, height: 200, signal: this.signal, x: { label: "time", unit: "s" },
-          y: { label: words(name), unit }, series: [{ name: "measured", look: "measured" }, { name: "simulated", look: "simulated" }] });
+        const measured = columns.length > 1;
+        drawn = plot({ title: `${words(name)}, ${measured ? "measured and " : ""}simulated`, height: 200, signal: this.signal, x: { label: "time", unit: "s" },
+          y: { label: words(name), unit }, series: [...(measured ? [{ name: "measured", look: "measured" }] : []), { name: "simulated", look: "simulated" }] });
         this.plots.set(name, drawn);
         this.element.append(drawn.element);
       }
@@ -105,8 +115,7 @@ export function tryPart(job) {
       }
       if (state.model !== model.name) {
         Object.assign(state, { model: model.name, values: {}, drawn: new Map() });
-        state.compared.plots.clear();
-        state.compared.element.replaceChildren();
+        state.compared.clear();
       }
       const rows = parameterRows(model, job.spec.parameters).filter(({ free }) => free);
       const key = JSON.stringify(rows.map(({ about, lower, upper, scale }) => [about.name, lower, upper, scale]));
@@ -122,11 +131,13 @@ export function tryPart(job) {
 
 const rounded = (value) => Number(value.toPrecision(4));
 
-function start({ about, lower, upper }) {
+// Where the slider of a row begins.
+export function start({ about, lower, upper }) {
   return about.default >= lower && about.default <= upper ? about.default : lower > 0 ? Math.sqrt(lower * upper) : (lower + upper) / 2;
 }
 
-function slider({ about, lower, upper, scale }, values, moved) {
+// A slider over a row's range that puts its value among `values`.
+export function slider({ about, lower, upper, scale }, values, moved) {
   const log = scale === "log" && lower > 0;
   const place = (value) => STEPS * (log ? Math.log(value / lower) / Math.log(upper / lower) : (value - lower) / (upper - lower));
   const value = (at) => (log ? lower * (upper / lower) ** (at / STEPS) : lower + (upper - lower) * (at / STEPS));

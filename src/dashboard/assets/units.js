@@ -1,3 +1,4 @@
+// @ts-check
 // The units that people read values in. Everything that comes from the server is SI; a reader may
 // choose another unit for a quantity, which then holds for every plot and is kept in the browser.
 

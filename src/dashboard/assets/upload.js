@@ -1,3 +1,4 @@
+// @ts-check
 // A recording on its way to the server: any format that it takes. What the server cannot know (the
 // zone, the order of a date, a unit) it asks, and the question is put here beside the file.
 
@@ -6,7 +7,7 @@ import { h, notice, warningList } from "./dom.js";
 import { count, duration } from "./format.js";
 
 const FORMATS = ["wide_csv", "long_csv", "senseye", "simulink_csv", "influx_csv", "influx_line_protocol", "pi_web_api", "omf", "aveva_odata",
-  "aveva_sql", "canary", "ignition", "opc_ua_json", "cognite", "pandas_records", "pandas_split", "pandas_table", "json"];
+  "aveva_sql", "canary", "ignition", "opc_ua_json", "cognite", "pandas_records", "pandas_split", "pandas_table", "excel", "parquet", "json"];
 
 // What can be said of a file: title, how it is asked, and examples or choices.
 const OPTIONS = {
@@ -24,6 +25,7 @@ const OPTIONS = {
   quality_scheme: { title: "Codes of quality", choices: ["opc_da", "opc_ua", "aveva_quality", "aveva_quality_detail", "ignition", "ignition_legacy", "cognite", "words"].map((name) => [name, name.replaceAll("_", " ")]) },
   interpolation: { title: "Between samples", hint: "hold, or valve:hold" },
   grid: { title: "Common instants", hint: "10ms, 100Hz or none" },
+  sheet: { title: "Worksheet", hint: "first that has anything in it" },
 };
 
 function zones() {
@@ -40,7 +42,9 @@ export function askedFor(faults) {
 // The type that a file is sent as, by its name; the server tells the format from its first lines.
 export function mediaType(name) {
   const extension = /\.([a-z0-9]+)(?:\.gz)?$/i.exec(name)?.[1]?.toLowerCase();
-  return { json: "application/json", csv: "text/csv", tsv: "text/csv" }[extension] ?? "text/plain";
+  const types = { json: "application/json", csv: "text/csv", tsv: "text/csv", parquet: "application/vnd.apache.parquet",
+    xlsx: "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet" };
+  return types[extension] ?? "text/plain";
 }
 
 // The place to choose or drop a file; `stored(dataset)` is called with what the server kept.
@@ -102,7 +106,7 @@ export function uploader(view, stored) {
     h("div", { class: "fields" }, h("label", {}, "Recording: choose a file, or drop it here", file), h("label", {}, "Name", name), button, chosen),
     questions,
     h("details", {}, h("summary", {}, "What the file does not say"), rest),
-    h("p", { class: "quiet" }, "CSV with units in the header such as ", h("code", {}, "time [s],position [mm]"), ", or what a historian gives: PI, AVEVA, Canary, OPC UA, Cognite, InfluxDB, Ignition, Simulink, pandas. Values become SI; an empty field is a missing sample."),
+    h("p", { class: "quiet" }, "CSV with units in the header such as ", h("code", {}, "time [s],position [mm]"), ", an Excel workbook, Apache Parquet, or what a historian gives: PI, AVEVA, Canary, OPC UA, Cognite, InfluxDB, Ignition, Simulink, pandas. Values become SI; an empty field is a missing sample."),
     outcome.place);
   return form;
 }

@@ -1,3 +1,4 @@
+// @ts-check
 // What a verdict comes to, in few sentences, and the job to run next for each. Pure.
 //
 // The reasons of a result come ranked, the gravest first. Those that are about the same parameters
@@ -174,7 +175,7 @@ function excludeTwin({ result, spec, model }) {
   const scale = spec.parameters?.[of.name]?.estimate?.scale ?? about?.scale ?? "linear";
   const range = value > of.estimate ? { lower: of.lower, upper: middle, scale } : { lower: middle, upper: of.upper, scale };
   const other = value > of.estimate ? { lower: middle, upper: of.upper, scale } : { lower: of.lower, upper: middle, scale };
-  return [["this minimum", range], ["the other minimum", other]].map(([which, estimate]) => ({ label: `Keep ${which} of ${spaced(of.name)}`,
+  return [{ which: "this minimum", estimate: range }, { which: "the other minimum", estimate: other }].map(({ which, estimate }) => ({ label: `Keep ${which} of ${spaced(of.name)}`,
     why: `${estimate.lower} … ${estimate.upper} ${of.unit}.`, spec: changed(spec, ["parameters", of.name, "estimate"], estimate) }));
 }
 

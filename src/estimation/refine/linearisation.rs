@@ -72,7 +72,7 @@ impl Linearisation {
         damping: f64,
     ) -> Option<Outlook> {
         let step = if self.limits.is_empty() {
-            let free = self.free(positions);
+            let free = feasible::movable(&self.triangle, positions);
             self.triangle.damped_step(damping, &free)?
         } else {
             let inequalities = feasible::inequalities(&self.limits, positions);
@@ -86,15 +86,6 @@ impl Linearisation {
             positions: feasible::nearest(problem, moved)?,
             gain: self.triangle.reduction(&step) / sum,
         })
-    }
-
-    /// The coordinates that a step may move: not those at a bound that are drawn beyond it.
-    pub(super) fn free(&self, positions: &[f64]) -> Vec<bool> {
-        let gradient = self.triangle.gradient();
-        let pairs = positions.iter().zip(gradient.iter());
-        let held =
-            |(z, slope): (&f64, &f64)| (*z <= 0.0 && *slope > 0.0) || (*z >= 1.0 && *slope < 0.0);
-        pairs.map(|pair| !held(pair)).collect()
     }
 
     /// Where the linear model has its minimum, and how much of the cost, as a share, is gained

@@ -5,8 +5,8 @@ use crate::estimation::report::{self, Refinement, Report};
 use crate::job::outcome::{
     ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, FloorReport,
     InitialStateEstimate, InputCorrelation, ModelSearchReport, MonteCarlo, Outcome, OutputFit,
-    ParameterEstimate, Reason, ResidualReport, SearchEnd, SearchReport, StartReport, TotalInterval,
-    TriedModel, Trust, ValidationStart, Verdict,
+    ParameterEstimate, ProfilePoint, Reason, ResidualReport, SearchEnd, SearchReport, StartReport,
+    TotalInterval, TriedModel, Trust, ValidationStart, Verdict,
 };
 use crate::uncertainty::selection::{Selection, Tried};
 use crate::uncertainty::{Analysis, Conclusion, CoordinateUncertainty, fit, residuals, verdict};
@@ -199,6 +199,7 @@ fn estimate(
         standard_error,
         confidence_interval_reason: reason(interval.is_none()),
         confidence_interval: interval,
+        profile: known.profile.iter().filter_map(profile_point).collect(),
         total_standard_error: known.total_error.and_then(finite),
         total_interval: known.total_interval.map(|(lower, upper)| TotalInterval {
             level: 0.95,
@@ -214,6 +215,13 @@ fn estimate(
         identifiable: known.identifiable,
         output_change: BTreeMap::new(),
     }
+}
+
+fn profile_point((value, excess): &(f64, f64)) -> Option<ProfilePoint> {
+    Some(ProfilePoint {
+        value: finite(*value)?,
+        excess: finite(*excess)?,
+    })
 }
 
 fn fits(problem: &Problem, fits: &[fit::OutputFit]) -> BTreeMap<String, OutputFit> {

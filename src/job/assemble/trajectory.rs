@@ -1,7 +1,8 @@
 //! Measured and simulated outputs of a result, side by side.
 
+use crate::estimation::Problem;
 use crate::estimation::problem::{Coordinate, Target};
-use crate::estimation::{Problem, trajectory};
+use crate::estimation::trajectory::{self, Errors};
 use crate::job::fault::Fault;
 use crate::job::id::DatasetId;
 use crate::job::outcome::{Estimate, Outcome};
@@ -37,6 +38,9 @@ pub struct OutputTrajectory {
     pub simulated: Vec<f64>,
     /// measured − simulated; NaN where missing.
     pub residual: Vec<f64>,
+    /// One standard deviation of the simulated samples through the errors of the estimates, where these
+    /// are known.
+    pub deviation: Option<Vec<f64>>,
 }
 
 /// Simulates a result over the recordings that it was made from. Answers nothing when `stop` was
@@ -59,12 +63,21 @@ pub fn trajectory(
         let detail = format!("the simulation of the estimate fails: {}", failure.name());
         vec![Fault::new("", "simulation_fails", detail)]
     })?;
+    let deviations = match errors(&problem, &positions, outcome) {
+        Some(errors) => match trajectory::deviations(&problem, (&positions, &errors), stop) {
+            Some(deviations) => deviations,
+            None => return Ok(None),
+        },
+        None => None,
+    };
     let experiments = spec
         .experiments
         .iter()
         .zip(problem.experiments.iter())
-        .zip(simulated);
-    let shown = experiments.map(|((spec, data), simulated)| {
+        .zip(simulated)
+        .enumerate();
+    let shown = experiments.map(|(number, ((spec, data), simulated))| {
+        let deviation = |place: usize| Some(deviations.as_ref()?[number][place].clone());
         let from = spec.window.and_then(|window| window.from_s).unwrap_or(0.0);
         let outputs = problem.outputs.iter().zip(&data.measured);
         ExperimentTrajectory {
@@ -72,12 +85,14 @@ pub fn trajectory(
             time: (0..data.samples).map(|k| from + data.instant(k)).collect(),
             estimation_samples: data.estimation_samples,
             outputs: outputs
-                .map(|(output, measured)| OutputTrajectory {
+                .enumerate()
+                .map(|(place, (output, measured))| OutputTrajectory {
                     name: output.name.clone(),
                     unit: output.unit.clone(),
                     residual: difference(measured, &simulated[output.index]),
                     simulated: simulated[output.index].clone(),
                     measured: measured.clone(),
+                    deviation: deviation(place),
                 })
                 .collect(),
         }
@@ -120,12 +135,16 @@ fn is_estimated(coordinate: &Coordinate, outcome: &Outcome) -> bool {
         })
 }
 
-fn positions(problem: &Problem, outcome: &Outcome) -> Vec<f64> {
-    let parameters = outcome
-        .parameters
-        .iter()
-        .map(|parameter| &parameter.estimate);
+/// The estimates in the order of a problem's coordinates.
+fn estimates(outcome: &Outcome) -> impl Iterator<Item = &Estimate> {
+    let parameters = outcome.parameters.iter();
     let states = outcome.initial_states.iter().map(|state| &state.estimate);
+    parameters
+        .map(|parameter| &parameter.estimate)
+        .chain(states)
+}
+
+fn positions(problem: &Problem, outcome: &Outcome) -> Vec<f64> {
     let position = |(coordinate, known): (&Coordinate, &Estimate)| {
         coordinate
             .scale
@@ -134,9 +153,36 @@ fn positions(problem: &Problem, outcome: &Outcome) -> Vec<f64> {
     problem
         .coordinates
         .iter()
-        .zip(parameters.chain(states))
+        .zip(estimates(outcome))
         .map(position)
         .collect()
+}
+
+/// The errors of the estimates as positions; none where one of them or a correlation is not known.
+fn errors(problem: &Problem, positions: &[f64], outcome: &Outcome) -> Option<Errors> {
+    let coordinates = problem.coordinates.iter().zip(positions);
+    let deviation = |((coordinate, position), known): ((&Coordinate, &f64), &Estimate)| {
+        let (lower, upper) = (coordinate.lower, coordinate.upper);
+        let shifted = known.estimate + known.standard_error?;
+        let moved = coordinate.scale.position(shifted, lower, upper) - position;
+        moved.is_finite().then_some(moved.abs())
+    };
+    let known = outcome.correlation.as_ref()?;
+    let place =
+        |coordinate: &Coordinate| known.names.iter().position(|name| *name == coordinate.name);
+    let places: Vec<usize> = problem
+        .coordinates
+        .iter()
+        .map(place)
+        .collect::<Option<_>>()?;
+    let row = |a: &usize| places.iter().map(|b| known.matrix[*a][*b]).collect();
+    Some(Errors {
+        deviations: coordinates
+            .zip(estimates(outcome))
+            .map(deviation)
+            .collect::<Option<_>>()?,
+        correlation: places.iter().map(row).collect::<Option<_>>()?,
+    })
 }
 
 fn difference(measured: &[f64], simulated: &[f64]) -> Vec<f64> {

@@ -7,10 +7,12 @@ use serde_json::Value;
 mod excitation;
 mod inputs;
 mod instants;
+mod task;
 
 pub use excitation::Proposal;
 pub use inputs::Excitable;
 pub use instants::InstantsPlan;
+pub use task::DesignTask;
 
 use super::experiment::read_initial_state;
 use super::outputs::check_output;
@@ -19,6 +21,7 @@ use super::{
     ParameterSpec, parameter, read_model,
 };
 use crate::estimation::Settings;
+use crate::job::Outcome;
 use crate::job::fault::Fault;
 use crate::job::id::{DatasetId, JobId};
 use crate::model::ModelDescription;
@@ -64,6 +67,20 @@ pub struct PastJob<'a> {
     pub spec: &'a JobSpec,
     /// The noise of each output that it measured, SI.
     pub noise: BTreeMap<String, f64>,
+}
+
+impl<'a> PastJob<'a> {
+    /// A job and what came of it.
+    #[must_use]
+    pub fn new(spec: &'a JobSpec, outcome: &Outcome) -> PastJob<'a> {
+        let noise = outcome.residuals.iter();
+        PastJob {
+            spec,
+            noise: noise
+                .map(|(output, residuals)| (output.clone(), residuals.noise_std))
+                .collect(),
+        }
+    }
 }
 
 impl DesignSpec {

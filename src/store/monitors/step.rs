@@ -6,15 +6,14 @@ use serde_json::{Value, json};
 use sqlx::SqliteConnection;
 
 use super::{Advance, AdvanceWindow, MonitorRow, NewMonitor, fetch};
-use crate::access::Project;
 use crate::job::{DatasetId, JobId, MonitorId};
 use crate::store::idempotency::{self, Idempotency};
 use crate::store::submit::Submitted;
 use crate::store::submit::batch::{self, Known};
 use crate::store::writer::Tx;
-use crate::store::{Change, Quotas, StoreError, corrupt, datasets, jobs, webhooks};
+use crate::store::{Change, Quotas, StoreError, corrupt, datasets, jobs, streams, webhooks};
 
-/// Monitors that there can be.
+/// Monitors that a project can have.
 const MAX_MONITORS: i64 = 1000;
 
 pub(super) async fn insert(
@@ -26,10 +25,13 @@ pub(super) async fn insert(
     {
         return Ok(Some(earlier));
     }
+    let stream = streams::identity(&new.project, &new.stream);
     let (monitors, streams): (i64, i64) = sqlx::query_as(
-        "select (select count(*) from monitors), (select count(*) from streams where name = ?)",
+        "select (select count(*) from monitors where project = ?), \
+         (select count(*) from streams where identity = ?)",
     )
-    .bind(&new.stream)
+    .bind(new.project.as_str())
+    .bind(&stream)
     .fetch_one(&mut **tx)
     .await?;
     if monitors >= MAX_MONITORS || streams == 0 {
@@ -37,12 +39,13 @@ pub(super) async fn insert(
     }
     let id = MonitorId::new();
     sqlx::query(
-        "insert into monitors (id, name, stream, spec, state, due_ns, patience_ms, created_at) \
-         values (?, ?, ?, ?, ?, ?, ?, ?)",
+        "insert into monitors (id, project, name, stream, spec, state, due_ns, patience_ms, \
+         created_at) values (?, ?, ?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(id.to_string())
+    .bind(new.project.as_str())
     .bind(&new.name)
-    .bind(&new.stream)
+    .bind(&stream)
     .bind(new.spec.to_string())
     .bind(new.state.to_string())
     .bind(new.due_ns)
@@ -120,7 +123,7 @@ pub(super) async fn advance(
     for mut alarm in alarms {
         last_alarm += 1;
         alarm["id"] = last_alarm.into();
-        insert_alarm(tx, from.id, last_alarm, &alarm).await?;
+        insert_alarm(tx, &from, last_alarm, &alarm).await?;
         told.tell(tx, "alarm", &alarm).await?;
     }
     sqlx::query(
@@ -251,18 +254,18 @@ async fn forget(tx: &mut Tx, monitor: MonitorId, before: i64) -> Result<(), Stor
 /// events of its monitor is told from here, in the same transaction.
 async fn insert_alarm(
     tx: &mut Tx,
-    monitor: MonitorId,
+    monitor: &MonitorRow,
     id: i64,
     alarm: &Value,
 ) -> Result<(), StoreError> {
     sqlx::query("insert into monitor_alarms (monitor, id, row) values (?, ?, ?)")
-        .bind(monitor.to_string())
+        .bind(monitor.id.to_string())
         .bind(id)
         .bind(alarm.to_string())
         .execute(&mut **tx)
         .await?;
-    let data = json!({"monitor": monitor.to_string(), "alarm": alarm});
-    webhooks::tell(tx, &Project::default(), "monitor.alarm", &data).await
+    let data = json!({"monitor": monitor.id.to_string(), "alarm": alarm});
+    webhooks::tell(tx, &monitor.project, "monitor.alarm", &data).await
 }
 
 /// Events of a monitor, as they are stored.

@@ -51,7 +51,8 @@ pub(super) async fn merge(
     stream: &StreamRow,
     rows: &Rows,
 ) -> Result<Merged, StoreError> {
-    let blocks = all(tx, &stream.name).await?;
+    let identity = stream.identity();
+    let blocks = all(tx, &identity).await?;
     let columns = stream.signals.len();
     let most = (BLOCK_VALUES / columns.max(1)).max(1);
     let mut merged = Merged::default();
@@ -69,13 +70,13 @@ pub(super) async fn merge(
         let part = rows.slice(begin..end);
         let (all, told) = match blocks.get(place) {
             Some(block) if !is_full_and_earlier(block, most, instant) => {
-                let own = take(tx, &stream.name, block, columns).await?;
+                let own = take(tx, &identity, block, columns).await?;
                 own.merge(&part)
             }
             _ => Rows::of_columns(columns).merge(&part),
         };
         merged += told;
-        insert(tx, &stream.name, &all, most).await?;
+        insert(tx, &identity, &all, most).await?;
         begin = end;
     }
     Ok(merged)
@@ -125,6 +126,12 @@ async fn insert(tx: &mut Tx, stream: &str, rows: &Rows, most: usize) -> Result<(
         .await?;
     }
     Ok(())
+}
+
+/// The bytes that rows take by themselves.
+pub(super) fn bytes_of(rows: &Rows) -> u64 {
+    let of_a_row = WORD + rows.columns.len() * (WORD + 1);
+    (rows.rows() * of_a_row) as u64
 }
 
 fn encode(rows: &Rows) -> Vec<u8> {

@@ -120,7 +120,7 @@ const AS_BEFORE: &str = "drop table candidates; drop table candidate_records; \
      drop table monitor_events; drop table monitor_alarms; drop table monitor_windows; \
      drop table monitors; drop table stream_batches; drop table stream_blocks; \
      drop table streams; drop table deliveries; drop table webhooks; drop table project_days; \
-     drop table audit; drop table tokens; drop index jobs_by_project; \
+     drop table audit; drop table sessions; drop table tokens; drop index jobs_by_project; \
      drop index jobs_by_project_and_status; drop index jobs_by_project_and_model; \
      alter table jobs drop column project; alter table jobs drop column deaths; \
      alter table jobs drop column at_work_in; alter table jobs drop column method; \

@@ -6,11 +6,12 @@ use crate::estimation::problem::{Experiment, Problem};
 use crate::estimation::sensitivity::SensitivityError;
 use crate::numerics::least_squares::Triangle;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// What an experiment would bring.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Assessment {
     /// Half the logarithm of the determinant of the wanted unknowns' information, averaged over the
     /// points; larger is better.

@@ -4,7 +4,7 @@
 //! steps move from level to level no faster than the rate of the input allows; sines are made
 //! smaller until they keep it. Several inputs get the same shape, shifted against each other.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 use utoipa::ToSchema;
 
@@ -16,7 +16,7 @@ pub const MOST_LINES: u32 = 64;
 pub const MOST_LEVELS: usize = 64;
 
 /// An experiment that can be played.
-#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[schema(as = DesignedExcitation, example = json!({"kind": "prbs", "clock_s": 0.2, "bits": 7, "amplitude": 1.0}))]
 pub enum Excitation {

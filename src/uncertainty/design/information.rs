@@ -8,6 +8,7 @@ use crate::simulation::Accuracy;
 use crate::uncertainty::budget::Extended;
 use crate::uncertainty::covariance::NO_EFFECT;
 use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 
 /// An unknown with a larger standard deviation than so many search ranges is not fixed: all that
@@ -15,7 +16,7 @@ use std::sync::atomic::AtomicBool;
 pub(super) const NOT_FIXED: f64 = 0.1 / NO_EFFECT;
 
 /// What is known of one unknown, as standard deviations in SI.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Known {
     /// With everything that is assumed taken for right.
     pub noise: Option<f64>,

@@ -96,6 +96,14 @@ impl Family {
     pub fn first_assessments(self) -> usize {
         FIRST_POINTS * self.beside().len()
     }
+
+    /// How many are looked at at the most.
+    #[must_use]
+    pub fn most_assessments(self) -> usize {
+        // The last round of steps is finished: two to each side of each number.
+        let numbers = 1 + self.beside()[0].len();
+        MOST_ASSESSMENTS + 2 * numbers
+    }
 }
 
 /// An excitation that was looked at.

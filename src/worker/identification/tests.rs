@@ -5,8 +5,12 @@ use std::sync::atomic::Ordering;
 use serde_json::json;
 
 use super::*;
-use crate::job::{JobId, Phase, Status};
+use crate::job::Phase;
+use crate::model::Catalogue;
 use crate::recording::{Signal, TimeAxis};
+use crate::worker::method::Methods;
+use crate::worker::run::Method;
+use crate::worker::tests::at_work;
 
 /// Nobody raises it.
 static NEVER: AtomicBool = AtomicBool::new(false);
@@ -66,24 +70,7 @@ fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
     let (spec, _) = identification
         .specification()
         .expect("a sound specification");
-    JobRow {
-        project: Default::default(),
-        id: JobId::new(),
-        name: None,
-        labels: Default::default(),
-        model: spec.model.clone(),
-        spec: serde_json::to_value(spec).expect("JSON"),
-        status: Status::Running,
-        stop_request: None,
-        progress: None,
-        attempt: 1,
-        error: None,
-        created_at: jiff::Timestamp::UNIX_EPOCH,
-        started_at: None,
-        finished_at: None,
-        last_event: 1,
-        revision: 1,
-    }
+    at_work(&spec.model, serde_json::to_value(&spec).expect("JSON"))
 }
 
 fn begin(job: &JobRow, checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {
@@ -96,8 +83,9 @@ fn begin_on(data: Recording, job: &JobRow, checkpoint: Option<Vec<u8>>) -> Box<d
         job: job.clone(),
         datasets: vec![("sha256:1".to_owned(), data)],
         checkpoint,
+        past: None,
     };
-    let method = Identification::new(Catalogue::built_in());
+    let method = Methods::new(Catalogue::built_in());
     method.begin(assignment).expect("a run")
 }
 
@@ -307,15 +295,16 @@ fn a_raised_flag_interrupts_the_analysis_too() {
 
 #[test]
 fn a_job_that_does_not_read_back_says_why() {
-    let method = Identification::new(Catalogue::built_in());
+    let method = Methods::new(Catalogue::built_in());
     let assignment = |job: JobRow, checkpoint| Assignment {
         model: None,
         job,
         datasets: vec![("sha256:1".to_owned(), recording())],
         checkpoint,
+        past: None,
     };
     let mut unknown = job();
-    unknown.spec["model"] = json!("perpetuum_mobile");
+    unknown.model = "perpetuum_mobile".to_owned();
     let failure = method.begin(assignment(unknown, None)).err();
     let detail = failure.expect("no such model").detail;
     assert_eq!(detail, "there is no model `perpetuum_mobile`");

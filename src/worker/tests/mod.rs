@@ -23,6 +23,28 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// More than the 30 of each of 20 generations.
 const MAX_CANDIDATES: u64 = 1000;
 
+/// A job as the store hands it to a worker.
+pub(crate) fn at_work(model: &str, spec: Value) -> JobRow {
+    JobRow {
+        project: Default::default(),
+        id: JobId::new(),
+        name: None,
+        labels: BTreeMap::new(),
+        model: model.to_owned(),
+        spec,
+        status: Status::Running,
+        stop_request: None,
+        progress: None,
+        attempt: 1,
+        error: None,
+        created_at: jiff::Timestamp::UNIX_EPOCH,
+        started_at: None,
+        finished_at: None,
+        last_event: 1,
+        revision: 1,
+    }
+}
+
 /// A server without its HTTP half.
 struct Server {
     store: Store,

@@ -1,5 +1,6 @@
 //! How the inputs are driven best, and which sensor more would help.
 
+use super::looked::Pass;
 use super::report::{self, Candidate, predicted, relative};
 use super::subject::{Subject, measured_output};
 use crate::estimation::problem::Problem;
@@ -11,27 +12,29 @@ use crate::uncertainty::design::{Assessment, Excitation, Present};
 use std::sync::atomic::AtomicBool;
 
 /// The experiments that are looked at.
-struct Bench<'a> {
+struct Bench<'a, 'l> {
     spec: &'a DesignSpec,
     plan: &'a Excitable,
     subject: &'a Subject,
     present: &'a Present,
+    pass: Pass<'l>,
     stop: &'a AtomicBool,
 }
 
-/// The best experiment, as far as `stop` lets it be looked for; nothing where it was raised before
-/// the first was looked at.
+/// The best experiment, as far as the pass and `stop` let it be looked for; nothing where that ended
+/// before the first was looked at.
 pub(super) fn best(
     spec: &DesignSpec,
     plan: &Excitable,
     (subject, present): (&Subject, &Present),
-    stop: &AtomicBool,
+    (pass, stop): (Pass<'_>, &AtomicBool),
 ) -> Option<Design> {
     let bench = Bench {
         spec,
         plan,
         subject,
         present,
+        pass,
         stop,
     };
     let (mut ranked, assessed, mut finished) = bench.candidates();
@@ -46,7 +49,7 @@ pub(super) fn best(
     Some(design)
 }
 
-impl Bench<'_> {
+impl Bench<'_, '_> {
     /// What was proposed and the best of each family, how many were looked at, and whether all
     /// that were to be.
     fn candidates(&self) -> (Vec<Candidate>, usize, bool) {
@@ -56,7 +59,7 @@ impl Bench<'_> {
                 Some(samples) => samples.clone(),
                 None => proposal.excitation.play(&self.plan.grid),
             };
-            let Some(assessment) = self.assess(&self.subject.next, &inputs) else {
+            let Some(assessment) = self.assess(&self.subject.next, || inputs.clone()) else {
                 let assessed = candidates.len();
                 return (candidates, assessed, false);
             };
@@ -92,10 +95,8 @@ impl Bench<'_> {
             .iter()
             .map(|family| Search::new(*family))
             .collect();
-        let assess = |excitation: &_| {
-            let inputs = Excitation::play(excitation, grid);
-            self.assess(&self.subject.next, &inputs)
-        };
+        let assess =
+            |excitation: &Excitation| self.assess(&self.subject.next, || excitation.play(grid));
         let mut finished = searches
             .iter_mut()
             .all(|search| search.begin(grid, assess).is_some());
@@ -112,13 +113,17 @@ impl Bench<'_> {
     }
 
     /// What an experiment with these inputs would bring where these outputs are measured.
-    fn assess(&self, next: &Problem, inputs: &[Vec<f64>]) -> Option<Assessment> {
+    fn assess(&self, next: &Problem, inputs: impl FnOnce() -> Vec<Vec<f64>>) -> Option<Assessment> {
+        self.pass.next(|| self.simulate(next, inputs()))
+    }
+
+    fn simulate(&self, next: &Problem, inputs: Vec<Vec<f64>>) -> Option<Assessment> {
         let grid = &self.plan.grid;
         let mut experiment = self.subject.experiment(
             self.spec,
             (grid.samples, grid.sample_time),
             None,
-            (self.plan.input_set, inputs.to_vec()),
+            (self.plan.input_set, inputs),
         );
         experiment.measured = vec![vec![0.0; grid.samples]; next.outputs.len()];
         experiment.weights = vec![None; next.outputs.len()];
@@ -133,7 +138,7 @@ impl Bench<'_> {
             let mut next = self.subject.next.clone();
             next.outputs
                 .extend(measured_output(description, name, *noise));
-            let Some(assessment) = self.assess(&next, &best.inputs) else {
+            let Some(assessment) = self.assess(&next, || best.inputs.clone()) else {
                 return (sensors, false);
             };
             sensors.push(RankedSensor {

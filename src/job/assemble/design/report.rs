@@ -27,8 +27,9 @@ pub(super) fn design(
     let mut findings = subject.findings.clone();
     findings.extend(doubts(subject, present, &best.assessment));
     if !finished {
-        let detail = "the time that a client may let the server compute was up: this is the best of \
-                      what was looked at; ask for fewer families, points or samples";
+        let detail = "not all was looked at before the time was up or it was stopped: this is the best \
+                      so far; ask for fewer families, points or samples, or, where a client waited, \
+                      for a job (`Prefer: respond-async`)";
         findings.push(Finding::new("not_finished", "", detail));
     }
     Some(Design {

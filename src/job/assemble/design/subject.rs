@@ -1,6 +1,5 @@
 //! What an experiment is designed for: the problem of the job to come, without data.
 
-use super::super::forecast::BUDGET;
 use super::super::trajectory::at_estimate;
 use super::super::{assumption, constraints, experiment, parameters, priors};
 use crate::estimation::loss::Loss;
@@ -167,10 +166,12 @@ impl Subject {
         }
     }
 
-    /// Refuses what would take longer than a client waits; whether it was not stopped meanwhile.
+    /// Refuses experiments of more derivatives or values than there may be; whether it was not
+    /// stopped meanwhile.
     pub(super) fn check_cost(
         &self,
         spec: &DesignSpec,
+        most_derivatives: f64,
         stop: &AtomicBool,
     ) -> Result<bool, Vec<Fault>> {
         let columns = self.positions.len() + self.next.assumptions.len();
@@ -217,10 +218,10 @@ impl Subject {
             return Ok(false);
         };
         let cost = each as f64 * candidates as f64 * points as f64;
-        if cost > BUDGET || values > MOST_VALUES {
+        if cost > most_derivatives || values > MOST_VALUES {
             let detail = format!(
                 "one experiment takes {cost:.1e} derivatives at {points} points and {values} values \
-                 at each, more than {BUDGET:.1e} and {MOST_VALUES}: ask for fewer samples, fewer \
+                 at each, more than {most_derivatives:.1e} and {MOST_VALUES}: ask for fewer samples, fewer \
                  `points`, or give exact values to what need not have a tolerance"
             );
             return Err(vec![Fault::new(pointer, "too_costly", detail)]);
@@ -233,10 +234,10 @@ impl Subject {
         };
         let values = past.problem.n_residuals() * candidates as usize;
         let cost = each as f64 * candidates as f64;
-        if cost > BUDGET || values > 2 * MOST_VALUES {
+        if cost > most_derivatives || values > 2 * MOST_VALUES {
             let detail = format!(
                 "the recordings of the job take {cost:.1e} derivatives and {values} values, more \
-                 than {BUDGET:.1e} and {}: go on from a job over a shorter window",
+                 than {most_derivatives:.1e} and {}: go on from a job over a shorter window",
                 2 * MOST_VALUES
             );
             return Err(vec![Fault::new("/job", "too_costly", detail)]);

@@ -22,7 +22,7 @@ fn designed(model: &str, document: &Value) -> Design {
     document["model"] = json!(model.description().name);
     let spec = DesignSpec::read(&document, &[model.description()], None).unwrap();
     let stop = AtomicBool::new(false);
-    design(&spec, &model, None, &stop).unwrap().unwrap()
+    design(spec, &model, None, &stop).unwrap().unwrap()
 }
 
 /// The excitation of the best proposal.
@@ -185,7 +185,7 @@ fn a_search_that_is_stopped_at_once_has_no_answer() {
     document["model"] = json!(model.description().name);
     let spec = DesignSpec::read(&document, &[model.description()], None).unwrap();
     let stop = AtomicBool::new(true);
-    assert!(design(&spec, &model, None, &stop).unwrap().is_none());
+    assert!(design(spec, &model, None, &stop).unwrap().is_none());
 }
 
 /// How often the plant is recorded and estimated from.

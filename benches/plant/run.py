@@ -1,0 +1,49 @@
+#!/usr/bin/env python3
+"""What a server withstands on a plant's network, measured on the program as it is built.
+
+    python3 benches/plant/run.py full slow turns --program target/release/greybox
+
+Each prints a line of figures; the status is 1 where one is not what was promised. It needs nothing beyond
+Python itself and Linux. Servers listen on loopback, with databases of their own in the folder for temporary
+files.
+"""
+
+import argparse
+import os
+import signal
+import sys
+
+import kept
+import outside
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+ALL = {
+    "full": outside.full,
+    "slow": outside.slow,
+    "stops": outside.stops,
+    "kills": outside.kills,
+    "clock": outside.clock,
+    "turns": outside.turns,
+    "cost": kept.cost,
+    "backup": kept.backup,
+    "damage": kept.damage,
+    "memory": kept.memory,
+}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", nargs="+", choices=ALL)
+    parser.add_argument("--program", default=os.path.join(HERE, "..", "..", "target", "release", "greybox"))
+    parser.add_argument("--count", type=int, help="how many: times, clients, trials, kills, jobs, requests")
+    parser.add_argument("--seconds", type=float, default=6, help="how long `slow` looks at a time")
+    parser.add_argument("--minutes", type=float, default=8, help="after which `cost` begins no job")
+    parser.add_argument("--faketime", help="libfaketime.so.1, for `clock`")
+    options = parser.parse_args()
+    # Ended from outside it still ends its servers.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended from outside"))
+    good = [ALL[what](options) for what in options.what]
+    sys.exit(0 if all(good) else 1)
+
+
+main()

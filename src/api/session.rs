@@ -1,0 +1,195 @@
+//! Sessions of people at the page: a token is taken once, a cookie stands for it from then on.
+//!
+//! The cookie holds 256 random bits and is out of reach of scripts; the server keeps a digest of them.
+//! A browser sends it with each request to this server, whoever had it ask, so that a request that
+//! changes something has to bring a second text, which only a page of this server can know; that it
+//! comes from no other site is looked at before ([`origin`](super::origin)). A session may do what its
+//! token may, and ends with it, with its own time, or by signing out.
+
+use axum::extract::{FromRequest, Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::IntoResponse;
+use jiff::{SignedDuration, Timestamp};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::ApiState;
+use super::access::{NO_TOKEN, refused};
+use super::body::JsonDocument;
+use super::client::{Client, PeerAddress};
+use super::error::{Answer, Kind, Problem};
+use super::http_headers::json;
+use super::query::{NoQuery, Params};
+use super::rates::Rates;
+use super::session_cookie::{cookie, set_cookie};
+use crate::access::Secret;
+use crate::parsing::reader::{Faults, Field};
+
+/// How long a session lasts.
+const LIFE: SignedDuration = SignedDuration::from_hours(12);
+/// Attempts to sign in from one address, in a second in the long run and together.
+const ATTEMPTS_PER_SECOND: f64 = 0.2;
+const ATTEMPTS_AT_ONCE: f64 = 10.0;
+
+/// A token, to begin a session with.
+#[derive(ToSchema)]
+#[schema(example = json!({"token": "gbx_0f3a…"}))]
+#[allow(dead_code, reason = "it describes a body that is read field by field")]
+pub struct SignIn {
+    /// The secret of the token.
+    token: String,
+}
+
+/// Who asks.
+#[derive(Serialize, ToSchema)]
+pub struct Session {
+    /// What the caller is called: `token <name>`, `person <name>`, or `local` where nobody has to say who
+    /// they are.
+    #[schema(example = "token operator")]
+    who: String,
+    /// The project that it asks in.
+    #[schema(example = "hall-2")]
+    project: String,
+    /// How much it may do there.
+    #[schema(value_type = String, example = "submit")]
+    scope: &'static str,
+    /// What requests that change something bring as `X-CSRF-Token` beside the cookie of a session;
+    /// `null` where there is no session.
+    csrf_token: Option<String>,
+    /// When the session ends at the latest; told when it is begun.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = String, format = DateTime, required = false)]
+    expires_at: Option<Timestamp>,
+}
+
+impl Session {
+    fn new(client: &Client, secret: Option<&Secret>) -> Self {
+        Self {
+            who: client.who.clone(),
+            project: client.project.to_string(),
+            scope: client.scope.as_str(),
+            csrf_token: secret.map(Secret::csrf_token),
+            expires_at: None,
+        }
+    }
+}
+
+/// How often may be tried to sign in.
+pub(super) fn sign_ins() -> Rates {
+    Rates::new(ATTEMPTS_PER_SECOND, ATTEMPTS_AT_ONCE, u32::MAX)
+}
+
+/// Begin a session: a browser sends its cookie from then on.
+///
+/// It may do what the token may, for twelve hours at the most, and ends when the token does. Requests
+/// that change something bring `csrf_token` as `X-CSRF-Token`. Programs need no session: they bring
+/// their token with each request.
+#[utoipa::path(
+    post, path = "/v1/session", operation_id = "sign_in", tag = "access",
+    request_body(content = SignIn, content_type = "application/json"),
+    responses((status = 200, description = "The session", body = Session,
+               headers(("Set-Cookie" = String, description = "The cookie of the session"))))
+)]
+pub async fn sign_in(
+    State(state): State<ApiState>,
+    _query: Params<NoQuery>,
+    request: Request,
+) -> Answer {
+    let peer = request.extensions().get::<PeerAddress>();
+    let address = peer.map_or_else(String::new, PeerAddress::to_text);
+    let attempts = format!("attempts to sign in from {address}");
+    let _counted = state.0.sign_ins.count(&attempts)?;
+    let headers = request.headers().clone();
+    let document = JsonDocument::from_request(request, &state).await?;
+    let faults = Faults::default();
+    let token = read(&Field::root(&document.value, &faults));
+    let found = faults.into_vec();
+    let token = token.filter(|_| found.is_empty());
+    let token = token.ok_or_else(|| Problem::of_document(found))?;
+    let token = token.trim().parse::<Secret>();
+    let token = token.map_err(|()| refused(NO_TOKEN))?;
+    let row = state.0.callers.token(&state, &token).await?;
+    end(&state, &headers).await?;
+    let secret = Secret::new().map_err(|error| {
+        tracing::error!(%error, "the system gives no random bytes");
+        Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
+    })?;
+    let now = Timestamp::now();
+    let latest = now + LIFE;
+    let ends = row.expires_at.map_or(latest, |end| end.min(latest));
+    let digest = secret.session_digest();
+    state.store.begin_session(row.id, digest, ends).await?;
+    let client = Client::of_token(row, address);
+    let shown = Session {
+        expires_at: Some(ends),
+        ..Session::new(&client, Some(&secret))
+    };
+    let mut response = json(StatusCode::OK, &shown);
+    let life_s = ends.duration_since(now).as_secs();
+    let is_secure = is_secure(&state, &headers);
+    set_cookie(&mut response, secret.expose(), life_s, is_secure);
+    response.extensions_mut().insert(client);
+    Ok(response)
+}
+
+fn read(root: &Field<'_>) -> Option<String> {
+    let mut object = root.object()?;
+    let token = object.required("token").and_then(|field| field.text());
+    let token = token.map(str::to_owned);
+    object.finish();
+    token
+}
+
+/// Whether the browser speaks TLS, to this server or to a proxy in front of it.
+fn is_secure(state: &ApiState, headers: &HeaderMap) -> bool {
+    let origin = headers.get(header::ORIGIN);
+    let https = origin.is_some_and(|origin| origin.as_bytes().starts_with(b"https:"));
+    https || state.access.speaks_tls
+}
+
+/// Ends the session that a request brings, where it brings one.
+async fn end(state: &ApiState, headers: &HeaderMap) -> Answer<()> {
+    if let Some(secret) = cookie(headers) {
+        let digest = secret.session_digest();
+        state.store.end_session(digest.clone()).await?;
+        state.0.callers.forget(&digest);
+    }
+    Ok(())
+}
+
+/// Show who asks, by whatever it says so.
+#[utoipa::path(
+    get, path = "/v1/session", operation_id = "show_session", tag = "access",
+    responses((status = 200, description = "The caller", body = Session))
+)]
+pub async fn show(client: Client, _query: Params<NoQuery>, headers: HeaderMap) -> Answer {
+    let secret = cookie(&headers).filter(|_| client.has_session);
+    let mut response = json(StatusCode::OK, &Session::new(&client, secret.as_ref()));
+    let no_store = HeaderValue::from_static("no-store");
+    response
+        .headers_mut()
+        .insert(header::CACHE_CONTROL, no_store);
+    Ok(response)
+}
+
+/// End the session.
+#[utoipa::path(
+    delete, path = "/v1/session", operation_id = "sign_out", tag = "access",
+    responses((status = 204, description = "It is over"),
+              (status = 409, description = "The caller has no session"))
+)]
+pub async fn sign_out(
+    State(state): State<ApiState>,
+    client: Client,
+    _query: Params<NoQuery>,
+    headers: HeaderMap,
+) -> Answer {
+    if !client.has_session {
+        let detail = "there is no session: the request does not bring the cookie of one";
+        return Err(Problem::new(Kind::WrongState, detail));
+    }
+    end(&state, &headers).await?;
+    let mut response = StatusCode::NO_CONTENT.into_response();
+    set_cookie(&mut response, "", 0, is_secure(&state, &headers));
+    Ok(response)
+}

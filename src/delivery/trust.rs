@@ -1,0 +1,28 @@
+//! Whom this program believes over TLS when it is the client.
+
+use std::sync::Arc;
+
+use rustls::client::WantsClientCert;
+use rustls::{ClientConfig, ConfigBuilder, RootCertStore};
+
+/// The authorities that the system trusts.
+#[must_use]
+pub fn of_the_system() -> RootCertStore {
+    let mut roots = RootCertStore::empty();
+    let found = rustls_native_certs::load_native_certs();
+    for error in found.errors {
+        tracing::warn!(%error, "a certificate of the system cannot be used");
+    }
+    roots.add_parsable_certificates(found.certs);
+    roots
+}
+
+/// A client that believes these, and has yet to say who it is itself.
+#[must_use]
+pub fn client(roots: RootCertStore) -> ConfigBuilder<ClientConfig, WantsClientCert> {
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    ClientConfig::builder_with_provider(provider)
+        .with_safe_default_protocol_versions()
+        .expect("the provider speaks the versions of TLS that are safe")
+        .with_root_certificates(roots)
+}

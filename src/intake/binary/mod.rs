@@ -1,0 +1,157 @@
+//! Recordings from files that are no text: workbooks of Excel and Apache Parquet.
+//!
+//! Their rows are turned into rows of CSV, one after the other, and read like any other CSV: with a
+//! column for each signal, or with a row for each sample. Line numbers are those of the rows.
+
+mod excel;
+mod parquet;
+
+use super::error::malformed;
+use super::options::Options;
+use super::{Fault, Format, HEAD_BYTES, ReadError, csv};
+use crate::recording::{NewScratch, Received, Warning};
+use bytes::Bytes;
+use std::fmt;
+use std::io::{self, Cursor, Read};
+
+/// The bytes of a file that is no text, at the most: these formats begin at their end, so that the
+/// whole is held in memory.
+const MAX_BYTES: usize = 256 << 20;
+
+/// Reads a file of one of these formats.
+pub(super) fn receive(
+    format: Format,
+    source: impl Read,
+    options: &Options,
+    scratch: Option<NewScratch>,
+) -> Result<Received, ReadError> {
+    options.refuse(&["encoding", "decimal"], format.name())?;
+    let mut bytes = Vec::new();
+    source.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes)?;
+    if bytes.len() > MAX_BYTES {
+        let detail = format!(
+            "{} holds its file in memory, {} MiB at the most; send less at once, or CSV",
+            format.name(),
+            MAX_BYTES >> 20
+        );
+        return Err(malformed(Fault::anywhere("too_large", detail)));
+    }
+    let bytes = Bytes::from(bytes);
+    match format {
+        Format::Excel => excel::receive(bytes, options, scratch),
+        _ => parquet::receive(bytes, options, scratch),
+    }
+}
+
+/// Reads rows that have been turned into text; `notes` are what was left out of them.
+fn receive_rows(
+    format: Format,
+    (mut rows, notes): (impl Read, Vec<Warning>),
+    options: &Options,
+    scratch: Option<NewScratch>,
+) -> Result<Received, ReadError> {
+    let mut head = Vec::new();
+    let read = rows.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
+    read.map_err(|error| told(ReadError::Io(error)))?;
+    if head.trim_ascii().is_empty() {
+        let fault = Fault::at_line("empty", 1, None, "there is no header row: there is no row");
+        return Err(malformed(fault));
+    }
+    let layout = csv::recognised(&head);
+    options.refuse(layout.without(), layout.name())?;
+    let whole = Cursor::new(head.clone()).chain(rows);
+    let received = csv::receive_as(layout, (&head, whole), options, scratch);
+    let mut received = received.map_err(told)?;
+    received.source.format = format.name().to_owned();
+    received.notes.splice(0..0, notes);
+    Ok(received)
+}
+
+/// A fault in the rows, on its way through readers of text.
+#[derive(Debug)]
+struct Broken(Fault);
+
+impl fmt::Display for Broken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl std::error::Error for Broken {}
+
+/// A fault for a reader of text to pass on.
+fn broken(fault: Fault) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, Broken(fault))
+}
+
+/// The fault that a reader of text passed on.
+fn told(error: ReadError) -> ReadError {
+    let ReadError::Io(error) = error else {
+        return error;
+    };
+    match error.downcast::<Broken>() {
+        Ok(Broken(fault)) => malformed(fault),
+        Err(error) => ReadError::Io(error),
+    }
+}
+
+/// Rows as text, made as they are read.
+struct Text<R> {
+    rows: R,
+    buffer: Vec<u8>,
+    read: usize,
+}
+
+/// What makes rows of CSV.
+trait Rows {
+    /// Adds some rows to the text; says whether there were any.
+    fn write(&mut self, text: &mut Vec<u8>) -> io::Result<bool>;
+}
+
+impl<R: Rows> Text<R> {
+    fn new(rows: R) -> Self {
+        Self {
+            rows,
+            buffer: Vec::new(),
+            read: 0,
+        }
+    }
+}
+
+impl<R: Rows> Read for Text<R> {
+    fn read(&mut self, target: &mut [u8]) -> io::Result<usize> {
+        while self.read == self.buffer.len() {
+            self.buffer.clear();
+            self.read = 0;
+            if !self.rows.write(&mut self.buffer)? {
+                return Ok(0);
+            }
+        }
+        let count = target.len().min(self.buffer.len() - self.read);
+        target[..count].copy_from_slice(&self.buffer[self.read..self.read + count]);
+        self.read += count;
+        Ok(count)
+    }
+}
+
+/// Adds a number in the fewest digits that mean it alone.
+fn push_number(text: &mut Vec<u8>, number: impl zmij::Float) {
+    text.extend_from_slice(zmij::Buffer::new().format(number).as_bytes());
+}
+
+/// Adds a field, in quotes where it needs them.
+fn push_field(text: &mut Vec<u8>, field: &str) {
+    let needs_quotes = |byte: &u8| matches!(byte, b',' | b';' | b'\t' | b'"' | b'\n' | b'\r');
+    if !field.as_bytes().iter().any(needs_quotes) {
+        text.extend_from_slice(field.as_bytes());
+        return;
+    }
+    text.push(b'"');
+    for byte in field.bytes() {
+        if byte == b'"' {
+            text.push(b'"');
+        }
+        text.push(byte);
+    }
+    text.push(b'"');
+}

@@ -1,0 +1,92 @@
+//! Sessions of people at the page: begun with a token, whose end is theirs too.
+
+use jiff::Timestamp;
+
+use super::jobs::time;
+use super::tokens::{Columns, TokenRow};
+use super::{Store, StoreError};
+use crate::access::Digest;
+
+/// Sessions of one token that are kept; one more takes the place of the oldest.
+const MOST_OF_A_TOKEN: i64 = 100;
+
+impl Store {
+    /// Begins a session of a token; those that are over go.
+    pub async fn begin_session(
+        &self,
+        token: i64,
+        digest: Digest,
+        expires_at: Timestamp,
+    ) -> Result<(), StoreError> {
+        let now = Timestamp::now().to_string();
+        self.inner
+            .writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    sqlx::query(
+                        "delete from sessions where expires_at < ?1 or digest in \
+                         (select digest from sessions where token = ?2 \
+                          order by created_at desc limit -1 offset ?3)",
+                    )
+                    .bind(&now)
+                    .bind(token)
+                    .bind(MOST_OF_A_TOKEN - 1)
+                    .execute(&mut **tx)
+                    .await?;
+                    sqlx::query(
+                        "insert into sessions (digest, token, created_at, expires_at) \
+                         values (?, ?, ?, ?)",
+                    )
+                    .bind(digest.as_str())
+                    .bind(token)
+                    .bind(&now)
+                    .bind(expires_at.to_string())
+                    .execute(&mut **tx)
+                    .await?;
+                    Ok(())
+                })
+            })
+            .await
+    }
+
+    /// The token of a session, valid or not. It ends when the session does.
+    pub async fn session(&self, digest: &Digest) -> Result<Option<TokenRow>, StoreError> {
+        let found: Option<(i64, String)> =
+            sqlx::query_as("select token, expires_at from sessions where digest = ?")
+                .bind(digest.as_str())
+                .fetch_optional(self.readers())
+                .await?;
+        let Some((token, ends)) = found else {
+            return Ok(None);
+        };
+        let row: Option<Columns> = sqlx::query_as(
+            "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
+             from tokens where id = ?",
+        )
+        .bind(token)
+        .fetch_optional(self.readers())
+        .await?;
+        let Some(row) = row.map(Columns::read).transpose()? else {
+            return Ok(None);
+        };
+        let ends = time(&row.name, &ends)?;
+        let expires_at = Some(row.expires_at.map_or(ends, |end| end.min(ends)));
+        Ok(Some(TokenRow { expires_at, ..row }))
+    }
+
+    /// Ends a session.
+    pub async fn end_session(&self, digest: Digest) -> Result<(), StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    sqlx::query("delete from sessions where digest = ?")
+                        .bind(digest.as_str())
+                        .execute(&mut **tx)
+                        .await?;
+                    Ok(())
+                })
+            })
+            .await
+    }
+}
