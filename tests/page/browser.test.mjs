@@ -193,7 +193,8 @@ test("from a file to a report by keyboard alone", { skip }, async () => {
       await page.keyboard.press("Tab");
       const here = await page.evaluate(() => {
         const { activeElement: own } = document;
-        return [own.getAttribute("aria-label"), own.labels?.[0]?.textContent, own.textContent].join(" ");
+        // With no focus anywhere the body is active, and its text holds every word.
+        return own === document.body ? "" : [own.getAttribute("aria-label"), own.labels?.[0]?.textContent, own.textContent].join(" ");
       });
       if (here.includes(words)) {
         return;
@@ -202,8 +203,11 @@ test("from a file to a report by keyboard alone", { skip }, async () => {
     assert.fail(`${words} is not reached by Tab`);
   };
   await reach("choose a file");
-  const [chooser] = await Promise.all([page.waitForFileChooser(), page.keyboard.press("Enter")]);
-  await chooser.accept([known.file]);
+  const chooser = page.waitForFileChooser(PATIENCE);
+  // Messages and keys reach the page by two ways: the answer tells that the page holds the dialog back before a key opens it.
+  await page.evaluate(() => document.hasFocus());
+  await page.keyboard.press("Enter");
+  await (await chooser).accept([known.file]);
   await reach("Upload");
   await page.keyboard.press("Enter");
   await says(page, "Experiment 1");
