@@ -15,7 +15,7 @@ use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection, SqliteConnection};
 
 use super::lock::FileLock;
-use super::{StoreError, schema_version};
+use super::{StoreError, schema, schema_version};
 
 /// How long a statement waits for the server's lock.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(30);
@@ -84,7 +84,10 @@ pub async fn check(database: &Path) -> Result<Vec<String>, StoreError> {
                 schema_version()
             ));
         } else if newest == schema_version() {
-            look_inside(&mut connection, &mut findings).await?;
+            findings = schema::missing(&mut connection).await?;
+            if findings.is_empty() {
+                look_inside(&mut connection, &mut findings).await?;
+            }
         }
     }
     connection.close().await?;

@@ -28,6 +28,7 @@ mod quotas;
 mod recent;
 mod results;
 mod retention;
+mod schema;
 mod sessions;
 mod slices;
 mod stop_request;
@@ -166,10 +167,11 @@ impl Store {
         })?;
         let lock = FileLock::take(&settings.path)?;
         let writer_pool = writer_pool(settings).await?;
-        riverqueue::migrate::SqliteMigrator::new(writer_pool.clone())
-            .migrate_up()
-            .await?;
-        sqlx::migrate!().run(&writer_pool).await?;
+        schema::migrate(&writer_pool).await?;
+        let missing = schema::missing(&mut *writer_pool.acquire().await?).await?;
+        if let Some(first) = missing.first() {
+            return Err(corrupt("schema", settings.path.display(), first));
+        }
         let queue = queue::inserter(&writer_pool)?;
         let readers = SqlitePoolOptions::new()
             .max_connections(settings.readers)

@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::PathBuf;
 
+use sqlx::{QueryBuilder, Sqlite};
+
 use super::*;
 use crate::store::backup as file;
 
@@ -104,6 +106,37 @@ async fn a_damaged_file_is_found_and_never_restored() {
         assert!(restored.is_err(), "page {page}");
     }
     assert!(!fixture.beside("restored.db").exists());
+}
+
+#[tokio::test]
+async fn a_table_that_is_gone_is_found_by_check_and_at_the_start() {
+    for table in ["tokens", "generations", "river_job"] {
+        let fixture = Fixture::new().await;
+        fixture.submit().await;
+        let write = fixture.store.inner.writer.write(move |tx| {
+            Box::pin(async move {
+                let mut removal = QueryBuilder::<Sqlite>::new("drop table ");
+                removal.push(table).build().execute(&mut **tx).await?;
+                Ok(())
+            })
+        });
+        write.await.expect("a table less");
+        let findings = file::check(&fixture.settings.path).await;
+        let findings = findings.expect("a readable file");
+        let told = format!("the table {table} is missing");
+        assert!(findings.contains(&told), "{findings:?}");
+        let Fixture {
+            store,
+            settings,
+            _folder,
+            ..
+        } = fixture;
+        store.close().await;
+        drop(store);
+        let opened = Store::open(&settings, Arc::new(|_| ())).await;
+        let refused = opened.err().expect("no server");
+        assert!(refused.to_string().contains("is missing"), "{refused}");
+    }
 }
 
 #[tokio::test]
