@@ -13,6 +13,7 @@ use crate::recording::{NewScratch, Received, Warning};
 use bytes::Bytes;
 use std::fmt;
 use std::io::{self, Cursor, Read};
+use std::panic::{self, AssertUnwindSafe};
 
 /// The bytes of a file that is no text, at the most: these formats begin at their end, so that the
 /// whole is held in memory.
@@ -37,10 +38,19 @@ pub(super) fn receive(
         return Err(malformed(Fault::anywhere("too_large", detail)));
     }
     let bytes = Bytes::from(bytes);
-    match format {
+    let read = || match format {
         Format::Excel => excel::receive(bytes, options, scratch),
         _ => parquet::receive(bytes, options, scratch),
-    }
+    };
+    // The libraries that read these formats panic on some files that are damaged. What they were given
+    // is dropped with them.
+    panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
+        let detail = format!(
+            "the file is damaged: no reader of {} reads it",
+            format.name()
+        );
+        Err(malformed(Fault::anywhere("damaged", detail)))
+    })
 }
 
 /// Reads rows that have been turned into text; `notes` are what was left out of them.
