@@ -177,9 +177,15 @@ impl App {
         format!("{scheme}://{}", self.address)
     }
 
-    /// Returns when the process is asked to end (SIGTERM or ctrl-c).
+    /// Returns when the process is asked to end (SIGTERM or ctrl-c), and with an error when another
+    /// server has taken the database over.
     pub async fn wait_for_signal(&self) -> std::io::Result<()> {
-        terminated().await
+        tokio::select! {
+            asked = terminated() => asked,
+            () = self.store.superseded() => Err(std::io::Error::other(
+                "another server works with the database now",
+            )),
+        }
     }
 
     /// Takes no more connections, ends the streams, hands the slices back and closes the

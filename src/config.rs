@@ -23,7 +23,7 @@ use crate::store::{DatabaseSettings, Quotas, Retention};
 use crate::worker::WorkerSettings;
 
 pub use database::DatabaseArguments;
-use database::database_path;
+use database::database_place;
 pub use error::SettingsError;
 
 /// Connections that read the database at the same time.
@@ -56,7 +56,8 @@ pub struct Settings {
     #[arg(long, env = "GREYBOX_LISTEN", default_value_t = default_listen())]
     pub listen: SocketAddr,
 
-    /// Database file, `sqlite://<path>` [default: greybox.db in the user's data folder]
+    /// Database: `sqlite://<path>` or `postgres://<user>@<host>/<database>` [default: the file
+    /// greybox.db in the user's data folder]
     #[arg(long, env = "GREYBOX_DATABASE", value_name = "URL")]
     pub database: Option<String>,
 
@@ -361,7 +362,7 @@ impl Settings {
     /// Where the database is and how it is used.
     pub fn database(&self) -> Result<DatabaseSettings, SettingsError> {
         Ok(DatabaseSettings {
-            path: database_path(self.database.as_deref())?,
+            place: database_place(self.database.as_deref())?,
             readers: READERS,
             busy_timeout: BUSY_TIMEOUT,
         })

@@ -3,7 +3,8 @@
 //! `cargo bench --bench load` measures every point and prints a table of figures beside their
 //! targets; `cargo bench --bench load -- submits streams` measures those alone. The server is the
 //! program as it is released, with a database in a temporary folder; both are gone afterwards.
-//! `--program=<path>` measures another build of it. Load and server share the machine, so the
+//! `--program=<path>` measures another build of it, `--database=<address>` a scenario on a new
+//! PostgreSQL database. Load and server share the machine, so the
 //! figures are of both.
 
 mod client;
@@ -56,9 +57,10 @@ fn main() -> ExitCode {
         );
         return ExitCode::FAILURE;
     }
-    let program = std::env::args()
-        .find_map(|argument| argument.strip_prefix("--program=").map(str::to_owned));
-    server::choose(program);
+    let given = |flag: &str| {
+        std::env::args().find_map(|argument| argument.strip_prefix(flag).map(str::to_owned))
+    };
+    server::choose(given("--program="), given("--database="));
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()

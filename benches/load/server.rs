@@ -14,10 +14,14 @@ use crate::client::{Connection, get};
 /// The program that is measured.
 static PROGRAM: OnceLock<String> = OnceLock::new();
 
-/// Measures another program than the one that was built with this.
-pub fn choose(program: Option<String>) {
+/// The database that it works with; nothing for a file in a temporary folder.
+static DATABASE: OnceLock<Option<String>> = OnceLock::new();
+
+/// Measures another program than the one that was built with this, or another database.
+pub fn choose(program: Option<String>, database: Option<String>) {
     let built = env!("CARGO_BIN_EXE_greybox").to_owned();
     PROGRAM.get_or_init(|| program.unwrap_or(built));
+    DATABASE.get_or_init(|| database);
 }
 
 /// A server process; ended when dropped.
@@ -31,7 +35,8 @@ pub struct Server {
 impl Server {
     /// Starts the program on the database of a folder and waits until it is ready.
     pub async fn start(folder: &Path, flags: &[&str]) -> Outcome<Self> {
-        let database = format!("sqlite://{}", folder.join("greybox.db").display());
+        let file = || format!("sqlite://{}", folder.join("greybox.db").display());
+        let database = DATABASE.get().cloned().flatten().unwrap_or_else(file);
         let started = Instant::now();
         let mut process = Command::new(PROGRAM.get().ok_or("no program was chosen")?)
             .args(["serve", "--listen", "127.0.0.1:0", "--log", "warn"])

@@ -132,7 +132,9 @@ impl FromQuery for NewRecording {
     fn read(query: &mut QueryReader) -> Self {
         let name = query.parsed("name", |name| {
             let length = name.chars().count();
-            if length <= MAX_NAME_CHARS {
+            if name.contains('\0') {
+                Err("a name has no NUL character".to_owned())
+            } else if length <= MAX_NAME_CHARS {
                 Ok(name.to_owned())
             } else {
                 Err(format!(

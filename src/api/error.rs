@@ -248,6 +248,7 @@ impl Problem {
     pub fn of_meaning(meaning: Meaning) -> Self {
         match meaning {
             Meaning::ShuttingDown => Self::shutting_down(),
+            Meaning::NoText => Self::new(Kind::Invalid, "a text has a NUL character"),
             Meaning::NoRoom => {
                 let detail = "the disk of the server is full: nothing can be stored until there \
                               is room";

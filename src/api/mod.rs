@@ -302,7 +302,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let hub = EventHub::new();
         let settings = DatabaseSettings {
-            path: folder.path().join("jobs.db"),
+            place: crate::store::DatabasePlace::File(folder.path().join("jobs.db")),
             readers: 1,
             busy_timeout: Duration::from_secs(5),
         };

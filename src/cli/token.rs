@@ -99,7 +99,7 @@ pub fn run(command: &Command) -> Result<(), CommandError> {
 }
 
 fn create(arguments: &CreateArguments) -> Result<(), CommandError> {
-    let database = arguments.database.path().map_err(CommandError::input)?;
+    let database = arguments.database.place().map_err(CommandError::input)?;
     let secret = Secret::new().map_err(CommandError::failed)?;
     let expires_at = match arguments.expires {
         Expiry::Never => None,
@@ -128,7 +128,7 @@ fn create(arguments: &CreateArguments) -> Result<(), CommandError> {
 }
 
 fn list(database: &DatabaseArguments) -> Result<(), CommandError> {
-    let database = database.path().map_err(CommandError::input)?;
+    let database = database.place().map_err(CommandError::input)?;
     let rows = block_on(async {
         let rows = tokens::list(&database).await;
         rows.map_err(CommandError::failed)
@@ -176,7 +176,7 @@ fn state(row: &TokenRow, now: Timestamp) -> &'static str {
 }
 
 fn revoke(arguments: &RevokeArguments) -> Result<(), CommandError> {
-    let database = arguments.database.path().map_err(CommandError::input)?;
+    let database = arguments.database.place().map_err(CommandError::input)?;
     let revoked = block_on(async {
         let revoked = tokens::revoke(&database, &arguments.name).await;
         revoked.map_err(CommandError::failed)

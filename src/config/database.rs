@@ -6,6 +6,7 @@ use clap::Args;
 use directories::ProjectDirs;
 
 use super::SettingsError;
+use crate::store::DatabasePlace;
 
 /// The database file's name in the user's data folder.
 const DATABASE_FILE: &str = "greybox.db";
@@ -13,31 +14,47 @@ const DATABASE_FILE: &str = "greybox.db";
 /// Which database, for a command that runs no server.
 #[derive(Clone, Debug, Args)]
 pub struct DatabaseArguments {
-    /// Database file, `sqlite://<path>` [default: greybox.db in the user's data folder]
+    /// Database: `sqlite://<path>` or `postgres://<user>@<host>/<database>` [default: the file
+    /// greybox.db in the user's data folder]
     #[arg(long, env = "GREYBOX_DATABASE", value_name = "URL")]
     database: Option<String>,
 }
 
 impl DatabaseArguments {
-    /// The file.
+    /// Where it is.
+    pub fn place(&self) -> Result<DatabasePlace, SettingsError> {
+        database_place(self.database.as_deref())
+    }
+
+    /// The file that it is; an error where it is none.
     pub fn path(&self) -> Result<PathBuf, SettingsError> {
-        database_path(self.database.as_deref())
+        match self.place()? {
+            DatabasePlace::File(path) => Ok(path),
+            other @ DatabasePlace::Postgres(_) => Err(SettingsError::NotAFile(other.to_string())),
+        }
     }
 }
 
-/// The file that an address names, or that of the user.
-pub(super) fn database_path(url: Option<&str>) -> Result<PathBuf, SettingsError> {
-    url.map_or_else(default_database, path_of)
+/// What an address names, or the file of the user.
+pub(super) fn database_place(url: Option<&str>) -> Result<DatabasePlace, SettingsError> {
+    match url {
+        None => default_database().map(DatabasePlace::File),
+        Some(url) if url.starts_with("postgres://") || url.starts_with("postgresql://") => {
+            let options = url.parse().map_err(|_| SettingsError::Database)?;
+            Ok(DatabasePlace::Postgres(Box::new(options)))
+        }
+        Some(url) => path_of(url).map(DatabasePlace::File),
+    }
 }
 
 /// The file that a `sqlite://` address names. A database in memory would lose jobs.
-pub(super) fn path_of(url: &str) -> Result<PathBuf, SettingsError> {
+fn path_of(url: &str) -> Result<PathBuf, SettingsError> {
     let path = url.strip_prefix("sqlite://").unwrap_or_default();
     let is_file = !path.is_empty() && !path.starts_with(':') && !path.contains('?');
     if is_file && !path.ends_with('/') {
         Ok(PathBuf::from(path))
     } else {
-        Err(SettingsError::Database(url.to_owned()))
+        Err(SettingsError::Database)
     }
 }
 

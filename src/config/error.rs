@@ -5,9 +5,14 @@ use crate::delivery::InvalidDestination;
 /// A setting that cannot be.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsError {
-    /// The database is not given as a SQLite file.
-    #[error("the database `{0}` is not of the form sqlite://<path to a file>")]
-    Database(String),
+    /// The address of the database is not one. It may hold a password, so it is not repeated.
+    #[error(
+        "the database is not given as sqlite://<path to a file> or postgres://<user>@<host>/<database>"
+    )]
+    Database,
+    /// Only a file can be meant.
+    #[error("{0} is not a file; PostgreSQL has its own tools for this: pg_dump, pg_restore")]
+    NotAFile(String),
     /// There is no place for the default database.
     #[error("the user has no data folder; say where the database is with --database")]
     NoDataFolder,

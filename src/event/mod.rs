@@ -228,7 +228,7 @@ mod tests {
     async fn fixture() -> Fixture {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let settings = DatabaseSettings {
-            path: folder.path().join("jobs.db"),
+            place: crate::store::DatabasePlace::File(folder.path().join("jobs.db")),
             readers: 2,
             busy_timeout: Duration::from_secs(5),
         };

@@ -1,8 +1,9 @@
 //! Who changed what, and who was refused: rows that are added and never change.
 
 use jiff::Timestamp;
-use sqlx::{FromRow, QueryBuilder, Sqlite};
+use sqlx::FromRow;
 
+use super::database::{self, QueryBuilder};
 use super::jobs::{Page, project, time};
 use super::{Store, StoreError};
 use crate::access::Project;
@@ -48,6 +49,7 @@ struct Columns {
     address: String,
     method: String,
     path: String,
+    #[sqlx(try_from = "i64")]
     status: u16,
     request_id: String,
     left_out: i64,
@@ -80,9 +82,9 @@ impl Store {
             .writer
             .write(move |tx| {
                 Box::pin(async move {
-                    sqlx::query(
+                    database::query(
                         "insert into audit (at, who, project, address, method, path, status, \
-                         request_id, left_out) values (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                         request_id, left_out) values ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
                     )
                     .bind(Timestamp::now().to_string())
                     .bind(entry.who)
@@ -110,7 +112,7 @@ impl Store {
         before: Option<i64>,
         limit: u32,
     ) -> Result<Page<AuditRow, i64>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(
+        let mut query = QueryBuilder::new(
             "select id, at, who, project, address, method, path, status, request_id, left_out \
              from audit where (project = ",
         );

@@ -14,8 +14,9 @@ use sha2::{Digest, Sha256};
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection, SqliteConnection};
 
+use super::database::sqlite;
 use super::lock::FileLock;
-use super::{StoreError, schema, schema_version};
+use super::{StoreError, schema_version};
 
 /// How long a statement waits for the server's lock.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(30);
@@ -84,7 +85,7 @@ pub async fn check(database: &Path) -> Result<Vec<String>, StoreError> {
                 schema_version()
             ));
         } else if newest == schema_version() {
-            findings = schema::missing(&mut connection).await?;
+            findings = sqlite::missing(&mut connection).await?;
             if findings.is_empty() {
                 look_inside(&mut connection, &mut findings).await?;
             }

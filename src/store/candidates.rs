@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use futures_util::TryStreamExt;
-use sqlx::{QueryBuilder, Sqlite};
 
+use super::database::{self, QueryBuilder};
 use super::jobs::{self, from_json};
 use super::writer::Tx;
-use super::{Store, StoreError, corrupt};
+use super::{Store, StoreError, corrupt, unsigned};
 use crate::job::candidate::Failure;
 use crate::job::{Candidate, CandidateColumn, JobId};
 
@@ -48,7 +48,7 @@ pub struct CandidatePage {
 struct RecordRow {
     columns: String,
     kept: i64,
-    cut_in_generation: Option<u32>,
+    cut_in_generation: Option<i64>,
 }
 
 impl Store {
@@ -62,8 +62,8 @@ impl Store {
         enough: usize,
     ) -> Result<CandidatePage, StoreError> {
         let job = job.to_string();
-        let record: Option<RecordRow> = sqlx::query_as(
-            "select columns, kept, cut_in_generation from candidate_records where job = ?",
+        let record: Option<RecordRow> = database::query_as(
+            "select columns, kept, cut_in_generation from candidate_records where job = $1",
         )
         .bind(&job)
         .fetch_optional(self.readers())
@@ -75,13 +75,16 @@ impl Store {
             columns: from_json("candidate columns", &job, &record.columns)?,
             candidates: Vec::new(),
             kept: record.kept.unsigned_abs(),
-            cut_in_generation: record.cut_in_generation,
+            cut_in_generation: record
+                .cut_in_generation
+                .map(|value| unsigned("generation", &job, value))
+                .transpose()?,
             more_after: None,
         };
         // One more says whether there are more.
-        let mut rows = sqlx::query_as::<_, (u32, Vec<u8>)>(
-            "select generation, candidates from candidates where job = ? and generation > ? \
-             order by generation limit ? + 1",
+        let mut rows = database::query_as::<(i64, Vec<u8>)>(
+            "select generation, candidates from candidates where job = $1 and generation > $2 \
+             order by generation limit $3 + 1",
         )
         .bind(&job)
         .bind(after)
@@ -93,6 +96,7 @@ impl Store {
                 page.more_after = page.candidates.last().map(|last| last.generation);
                 break;
             }
+            let generation = unsigned("generation", &job, generation)?;
             let decoded = decode(generation, &blob, page.columns.len());
             let decoded = decoded.map_err(|why| corrupt("candidates", &job, why))?;
             page.candidates.extend(decoded);
@@ -105,9 +109,9 @@ impl Store {
 /// Writes candidates. A generation that is there already stays as it is.
 pub(super) async fn insert(tx: &mut Tx, job: JobId, new: &NewCandidates) -> Result<(), StoreError> {
     let job = job.to_string();
-    sqlx::query(
+    database::query(
         "insert into candidate_records (job, columns, kept, cut_in_generation) \
-         values (?, ?, ?, ?) on conflict (job) do update set \
+         values ($1, $2, $3, $4) on conflict (job) do update set \
          kept = excluded.kept, cut_in_generation = excluded.cut_in_generation",
     )
     .bind(&job)
@@ -119,14 +123,13 @@ pub(super) async fn insert(tx: &mut Tx, job: JobId, new: &NewCandidates) -> Resu
     let same_generation = |a: &Candidate, b: &Candidate| a.generation == b.generation;
     let generations: Vec<&[Candidate]> = new.candidates.chunk_by(same_generation).collect();
     for rows in generations.chunks(ROWS_PER_STATEMENT) {
-        let mut query = QueryBuilder::<Sqlite>::new(
-            "insert or ignore into candidates (job, generation, candidates) ",
-        );
+        let mut query = QueryBuilder::new("insert into candidates (job, generation, candidates) ");
         query.push_values(rows, |mut row, candidates| {
             row.push_bind(job.clone())
                 .push_bind(candidates[0].generation)
                 .push_bind(encode(candidates));
         });
+        query.push(" on conflict do nothing");
         // Each number of rows is another statement; they are not worth keeping.
         query.build().persistent(false).execute(&mut **tx).await?;
     }

@@ -3,6 +3,7 @@
 //! A job that is not at work changes its state here and now. A running job is asked to stop: the
 //! worker sees the request, ends the slice and writes the state together with the best estimate.
 
+use super::database;
 use super::jobs::{self, JobRow};
 use super::stop_request::StopRequest;
 use super::writer::Tx;
@@ -40,7 +41,7 @@ impl Store {
     /// The running jobs that were asked to stop and have not yet.
     pub async fn stop_requests(&self) -> Result<Vec<JobId>, StoreError> {
         let ids: Vec<String> =
-            sqlx::query_scalar("select id from jobs where request is not null order by id")
+            database::query_scalar("select id from jobs where request is not null order by id")
                 .fetch_all(self.readers())
                 .await?;
         ids.iter().map(|id| jobs::parse_id(id)).collect()
@@ -130,7 +131,7 @@ async fn apply(
         Step::Withdraw => set_request(tx, id, None).await,
         Step::Become(Status::Queued) => {
             let entry = queue::enqueue(queue, tx, id, project).await?;
-            sqlx::query("update jobs set queue_entry = ? where id = ?")
+            database::query("update jobs set queue_entry = $1 where id = $2")
                 .bind(entry)
                 .bind(id.to_string())
                 .execute(&mut **tx)
@@ -154,7 +155,7 @@ async fn set_request(
     id: JobId,
     request: Option<StopRequest>,
 ) -> Result<(), StoreError> {
-    sqlx::query("update jobs set request = ?, revision = revision + 1 where id = ?")
+    database::query("update jobs set request = $1, revision = revision + 1 where id = $2")
         .bind(request.map(StopRequest::as_str))
         .bind(id.to_string())
         .execute(&mut **tx)

@@ -8,9 +8,9 @@ use std::sync::Arc;
 
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
-use sqlx::{QueryBuilder, Row, Sqlite};
 use tokio::sync::mpsc;
 
+use super::database::{self, QueryBuilder};
 use super::jobs::{Page, from_json, json, project, time};
 use super::writer::Tx;
 use super::{Change, Quotas, Store, StoreError, corrupt, quotas};
@@ -112,8 +112,8 @@ impl Store {
             Ok(row) => return Ok(Some(row)),
             Err(reading) => reading,
         };
-        let row = sqlx::query_as::<_, Columns>(
-            "select id, project, name, digest, summary, created_at from datasets where id = ?",
+        let row = database::query_as::<Columns>(
+            "select id, project, name, digest, summary, created_at from datasets where id = $1",
         )
         .bind(id.to_string())
         .fetch_optional(self.readers())
@@ -132,7 +132,7 @@ impl Store {
         before: Option<DatasetId>,
         limit: u32,
     ) -> Result<Page<DatasetRow, DatasetId>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(
+        let mut query = QueryBuilder::new(
             "select id, project, name, digest, summary, created_at from datasets where project = ",
         );
         query.push_bind(project.as_str());
@@ -153,22 +153,22 @@ impl Store {
     /// A recording with its samples.
     pub async fn recording(&self, id: DatasetId) -> Result<Option<Recording>, StoreError> {
         let key = id.to_string();
-        let mut transaction = self.readers().begin().await?;
+        let mut transaction = self.readers().begin_read().await?;
         let stored: Option<(Option<String>, String)> =
-            sqlx::query_as("select name, description from datasets where id = ?")
+            database::query_as("select name, description from datasets where id = $1")
                 .bind(&key)
-                .fetch_optional(&mut *transaction)
+                .fetch_optional(&mut transaction)
                 .await?;
         let Some((name, description)) = stored else {
             return Ok(None);
         };
         let description: Description = from_json("description", &key, &description)?;
-        let chunks = sqlx::query(
-            "select position, samples from dataset_chunks where dataset = ? \
+        let chunks = database::query(
+            "select position, samples from dataset_chunks where dataset = $1 \
              order by position, chunk",
         )
         .bind(&key)
-        .fetch_all(&mut *transaction)
+        .fetch_all(&mut transaction)
         .await?;
         let mut series = vec![Vec::new(); description.signals.len() + 1];
         for chunk in &chunks {
@@ -234,8 +234,8 @@ pub(super) async fn insert_as(
     allowed: Quotas,
 ) -> Result<(DatasetRow, bool), StoreError> {
     let identity = format!("{} {}", new.project, new.digest);
-    let same: Option<Columns> = sqlx::query_as(
-        "select id, project, name, digest, summary, created_at from datasets where identity = ?",
+    let same: Option<Columns> = database::query_as(
+        "select id, project, name, digest, summary, created_at from datasets where identity = $1",
     )
     .bind(&identity)
     .fetch_optional(&mut **tx)
@@ -254,9 +254,9 @@ pub(super) async fn insert_as(
         created_at: Timestamp::now(),
     };
     let key = row.id.to_string();
-    sqlx::query(
+    database::query(
         "insert into datasets (id, project, identity, name, digest, description, summary, \
-         created_at, bytes) values (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+         created_at, bytes) values ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
     )
     .bind(&key)
     .bind(row.project.as_str())
@@ -292,8 +292,8 @@ async fn insert_samples(tx: &mut Tx, dataset: &str, recording: Received) -> Resu
             number,
             samples,
         } = chunk;
-        sqlx::query(
-            "insert into dataset_chunks (dataset, position, chunk, samples) values (?, ?, ?, ?)",
+        database::query(
+            "insert into dataset_chunks (dataset, position, chunk, samples) values ($1, $2, $3, $4)",
         )
         .bind(dataset)
         .bind(position)
@@ -384,9 +384,9 @@ impl Cutter {
 
 pub(super) async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval, StoreError> {
     let key = id.to_string();
-    let readers: Vec<String> = sqlx::query_scalar(
+    let readers: Vec<String> = database::query_scalar(
         "select jobs.id from job_datasets join jobs on jobs.id = job_datasets.job \
-         where dataset = ? and status in ('queued', 'running', 'paused') order by jobs.id",
+         where dataset = $1 and status in ('queued', 'running', 'paused') order by jobs.id",
     )
     .bind(&key)
     .fetch_all(&mut **tx)
@@ -395,11 +395,10 @@ pub(super) async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval,
         let readers = readers.iter().map(|job| super::jobs::parse_id(job));
         return Ok(DatasetRemoval::InUse(readers.collect::<Result<_, _>>()?));
     }
-    let removed = sqlx::query("delete from datasets where id = ?")
+    let removed = database::query("delete from datasets where id = $1")
         .bind(&key)
         .execute(&mut **tx)
-        .await?
-        .rows_affected();
+        .await?;
     Ok(if removed == 0 {
         DatasetRemoval::NotFound
     } else {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::Timestamp;
+use sqlx::postgres::PgDatabaseError;
 
 /// A project has as much as it may.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -81,10 +82,10 @@ pub enum StoreError {
     #[error("the schema of the queue could not be brought up to date: {0}")]
     QueueMigration(#[from] riverqueue::migrate::Error),
     /// Another server has the database.
-    #[error("the database {} is in use by another greybox server", path.display())]
+    #[error("the database {database} is in use by another greybox server")]
     Locked {
-        /// The database file.
-        path: PathBuf,
+        /// Where it is.
+        database: String,
     },
     /// The database file or its folder cannot be used.
     #[error("the database {} cannot be opened: {source}", path.display())]
@@ -120,10 +121,7 @@ pub enum StoreError {
 #[error("{why}")]
 pub struct WriteFailure {
     why: String,
-    /// There is no room left.
-    pub(super) is_full: bool,
-    /// The file or the disk under it refuses, whatever is written: it may not the next time.
-    pub(super) is_of_the_disk: bool,
+    pub(super) meaning: Meaning,
 }
 
 /// SQLite's result codes, without their extensions: <https://www.sqlite.org/rescode.html>.
@@ -136,6 +134,14 @@ mod code {
     pub(super) const CANTOPEN: i32 = 14;
 }
 
+/// PostgreSQL's: <https://www.postgresql.org/docs/current/errcodes-appendix.html>.
+mod postgres_code {
+    pub(super) const READ_ONLY: &str = "25006";
+    /// A character that a text cannot have.
+    pub(super) const NO_TEXT: &str = "22021";
+    pub(super) const DISK_FULL: &str = "53100";
+}
+
 impl WriteFailure {
     pub(super) fn of(error: &StoreError) -> Self {
         match error {
@@ -146,30 +152,64 @@ impl WriteFailure {
             }
             other => Self {
                 why: other.to_string(),
-                is_full: false,
-                is_of_the_disk: false,
+                meaning: Meaning::Fault,
             },
         }
     }
 
     pub(super) fn of_database(error: &sqlx::Error) -> Self {
-        let code = error.as_database_error().and_then(|error| error.code());
-        let code = code.map_or(0, primary);
-        let of_the_disk = [
-            code::BUSY,
-            code::LOCKED,
-            code::READONLY,
-            code::IOERR,
-            code::FULL,
-            code::CANTOPEN,
-        ];
+        let of_database = error.as_database_error();
+        let postgres = of_database.and_then(|error| error.try_downcast_ref::<PgDatabaseError>());
+        let meaning = match (postgres, of_database, error) {
+            (Some(error), ..) => of_postgres(error.code()),
+            (None, Some(error), _) => of_sqlite(error.code().map_or(0, primary)),
+            // The connection went with what happened to it; the next one is another.
+            (
+                None,
+                None,
+                sqlx::Error::PoolTimedOut | sqlx::Error::WorkerCrashed | sqlx::Error::Io(_),
+            ) => Meaning::Unavailable,
+            _ => Meaning::Fault,
+        };
         Self {
             why: error.to_string(),
-            is_full: code == code::FULL,
-            is_of_the_disk: of_the_disk.contains(&code)
-                // The connection went with what happened to it; the next one is another.
-                || matches!(error, sqlx::Error::PoolTimedOut | sqlx::Error::WorkerCrashed),
+            meaning,
         }
+    }
+
+    /// Another server has taken the database over.
+    pub(super) fn superseded() -> Self {
+        Self {
+            why: "another server works with the database now".to_owned(),
+            meaning: Meaning::Unavailable,
+        }
+    }
+
+    /// Whether the disk or what stands for it refuses, whatever is written: it may not the next
+    /// time.
+    pub(super) fn is_of_the_disk(&self) -> bool {
+        matches!(self.meaning, Meaning::NoRoom | Meaning::Unavailable)
+    }
+}
+
+fn of_sqlite(code: i32) -> Meaning {
+    match code {
+        code::FULL => Meaning::NoRoom,
+        code::BUSY | code::LOCKED | code::READONLY | code::IOERR | code::CANTOPEN => {
+            Meaning::Unavailable
+        }
+        _ => Meaning::Fault,
+    }
+}
+
+/// By its classes: a connection, no resources, an operator or a crash, an error of the system.
+fn of_postgres(code: &str) -> Meaning {
+    match code {
+        postgres_code::DISK_FULL => Meaning::NoRoom,
+        postgres_code::READ_ONLY => Meaning::Unavailable,
+        postgres_code::NO_TEXT => Meaning::NoText,
+        _ if ["08", "53", "57", "58"].contains(&&code[..2]) => Meaning::Unavailable,
+        _ => Meaning::Fault,
     }
 }
 
@@ -183,6 +223,8 @@ fn primary(code: Cow<'_, str>) -> i32 {
 pub enum Meaning {
     /// The server is going down.
     ShuttingDown,
+    /// A text has a NUL character, which the database does not take.
+    NoText,
     /// There is no room left on the disk.
     NoRoom,
     /// The database cannot be written or read just now.
@@ -198,14 +240,7 @@ impl StoreError {
         match self {
             Self::Closed | Self::Database(sqlx::Error::PoolClosed) => Meaning::ShuttingDown,
             Self::Scratch(error) | Self::File { source: error, .. } => Meaning::of_file(error),
-            other => {
-                let failure = WriteFailure::of(other);
-                match (failure.is_full, failure.is_of_the_disk) {
-                    (true, _) => Meaning::NoRoom,
-                    (false, true) => Meaning::Unavailable,
-                    (false, false) => Meaning::Fault,
-                }
-            }
+            other => WriteFailure::of(other).meaning,
         }
     }
 }

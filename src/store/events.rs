@@ -1,7 +1,6 @@
 //! The events of jobs, as they are stored and replayed.
 
-use sqlx::{QueryBuilder, Sqlite};
-
+use super::database::{self, QueryBuilder};
 use super::writer::Tx;
 use super::{Store, StoreError};
 use crate::job::{Event, JobId};
@@ -35,8 +34,8 @@ impl Store {
         after: i64,
         limit: u32,
     ) -> Result<Vec<StoredEvent>, StoreError> {
-        Ok(sqlx::query_as(
-            "select id, name, data from events where job = ? and id > ? order by id limit ?",
+        Ok(database::query_as(
+            "select id, name, data from events where job = $1 and id > $2 order by id limit $3",
         )
         .bind(job.to_string())
         .bind(after)
@@ -56,7 +55,7 @@ pub(super) async fn insert(
     let job = job.to_string();
     let mut rows = (first..).zip(events).peekable();
     while rows.peek().is_some() {
-        let mut query = QueryBuilder::<Sqlite>::new("insert into events (job, id, name, data) ");
+        let mut query = QueryBuilder::new("insert into events (job, id, name, data) ");
         query.push_values(
             rows.by_ref().take(ROWS_PER_STATEMENT),
             |mut row, (id, event)| {

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 
+use super::database;
 use super::jobs::time;
 use super::{Store, StoreError};
 
@@ -24,10 +25,10 @@ impl Store {
     /// The figures as they are now.
     pub async fn figures(&self) -> Result<Figures, StoreError> {
         let mut connection = self.readers().acquire().await?;
-        let oldest: Option<(String, String)> = sqlx::query_as(
+        let oldest: Option<(String, String)> = database::query_as(
             "select id, created_at from jobs where status = 'queued' order by id limit 1",
         )
-        .fetch_optional(&mut *connection)
+        .fetch_optional(&mut connection)
         .await?;
         let queue_age = match oldest {
             None => Duration::ZERO,
@@ -36,20 +37,21 @@ impl Store {
                 Duration::try_from(age).unwrap_or_default()
             }
         };
-        let (pages, free, page_bytes): (i64, i64, i64) = sqlx::query_as(
-            "select page_count, freelist_count, page_size \
+        let (bytes, free_bytes): (i64, i64) = database::query_as(connection.kind().either(
+            "select page_count * page_size, freelist_count * page_size \
              from pragma_page_count, pragma_freelist_count, pragma_page_size",
-        )
-        .fetch_one(&mut *connection)
+            "select pg_database_size(current_database()), cast(0 as bigint)",
+        ))
+        .fetch_one(&mut connection)
         .await?;
         let deliveries_waiting: i64 =
-            sqlx::query_scalar("select count(*) from deliveries where state = 'waiting'")
-                .fetch_one(&mut *connection)
+            database::query_scalar("select count(*) from deliveries where state = 'waiting'")
+                .fetch_one(&mut connection)
                 .await?;
         Ok(Figures {
             queue_age,
-            bytes: (pages * page_bytes).unsigned_abs(),
-            free_bytes: (free * page_bytes).unsigned_abs(),
+            bytes: bytes.unsigned_abs(),
+            free_bytes: free_bytes.unsigned_abs(),
             deliveries_waiting: deliveries_waiting.unsigned_abs(),
         })
     }

@@ -1,7 +1,6 @@
 //! The history of a search: a row a generation, none left out.
 
-use sqlx::{QueryBuilder, Sqlite};
-
+use super::database::{self, QueryBuilder};
 use super::jobs::from_json;
 use super::writer::Tx;
 use super::{Store, StoreError, jobs};
@@ -19,9 +18,9 @@ impl Store {
         limit: u32,
     ) -> Result<Vec<GenerationEvent>, StoreError> {
         let job = job.to_string();
-        let rows: Vec<String> = sqlx::query_scalar(
-            "select row from generations where job = ? and generation > ? \
-             order by generation limit ?",
+        let rows: Vec<String> = database::query_scalar(
+            "select row from generations where job = $1 and generation > $2 \
+             order by generation limit $3",
         )
         .bind(&job)
         .bind(after)
@@ -42,14 +41,13 @@ pub(super) async fn insert(
 ) -> Result<(), StoreError> {
     let job = job.to_string();
     for rows in generations.chunks(ROWS_PER_STATEMENT) {
-        let mut query = QueryBuilder::<Sqlite>::new(
-            "insert or replace into generations (job, generation, row) ",
-        );
+        let mut query = QueryBuilder::new("insert into generations (job, generation, row) ");
         query.push_values(rows, |mut row, generation| {
             row.push_bind(job.clone())
                 .push_bind(generation.generation)
                 .push_bind(jobs::json(generation));
         });
+        query.push(" on conflict (job, generation) do update set row = excluded.row");
         // Each number of rows is another statement; they are not worth keeping.
         query.build().persistent(false).execute(&mut **tx).await?;
     }

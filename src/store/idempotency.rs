@@ -1,8 +1,7 @@
 //! What was made by requests that came with a key.
 
-use sqlx::SqliteConnection;
-
 use super::StoreError;
+use super::database::{self, Connection};
 use super::writer::Tx;
 use crate::access::Project;
 
@@ -27,15 +26,16 @@ pub(super) struct Earlier {
 
 /// What the key made before, if it came.
 pub(super) async fn earlier(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     idempotency: &Idempotency,
 ) -> Result<Option<Earlier>, StoreError> {
-    let row: Option<(String, String)> =
-        sqlx::query_as("select body_digest, made from idempotency where project = ? and key = ?")
-            .bind(idempotency.project.as_str())
-            .bind(&idempotency.key)
-            .fetch_optional(connection)
-            .await?;
+    let row: Option<(String, String)> = database::query_as(
+        "select body_digest, made from idempotency where project = $1 and key = $2",
+    )
+    .bind(idempotency.project.as_str())
+    .bind(&idempotency.key)
+    .fetch_optional(connection)
+    .await?;
     Ok(row.map(|(digest, made)| Earlier {
         is_same_body: digest == idempotency.body_digest,
         made,
@@ -48,12 +48,14 @@ pub(super) async fn remember(
     idempotency: &Idempotency,
     made: &str,
 ) -> Result<(), StoreError> {
-    sqlx::query("insert into idempotency (project, key, body_digest, made) values (?, ?, ?, ?)")
-        .bind(idempotency.project.as_str())
-        .bind(&idempotency.key)
-        .bind(&idempotency.body_digest)
-        .bind(made)
-        .execute(&mut **tx)
-        .await?;
+    database::query(
+        "insert into idempotency (project, key, body_digest, made) values ($1, $2, $3, $4)",
+    )
+    .bind(idempotency.project.as_str())
+    .bind(&idempotency.key)
+    .bind(&idempotency.body_digest)
+    .bind(made)
+    .execute(&mut **tx)
+    .await?;
     Ok(())
 }

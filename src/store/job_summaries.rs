@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 
 use jiff::Timestamp;
 use serde::Deserialize;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Row, Sqlite};
 
+use super::database::{Kind, QueryBuilder, Row};
 use super::jobs::{from_json, optional, optional_time, parse_id, push_filter, time};
 use super::{JobFilter, Page, Store, StoreError, corrupt};
 use crate::access::Project;
@@ -53,10 +52,19 @@ pub struct NamedDataset {
 }
 
 const COLUMNS: &str = "id, project, name, labels, model, method, status, progress, created_at, started_at, \
-     finished_at, (select trust from results where job = jobs.id) as trust, \
-     (select json_group_array(json_object('id', dataset, 'name', \
-     (select name from datasets where datasets.id = dataset))) from job_datasets \
-     where job = jobs.id) as datasets";
+     finished_at, (select trust from results where job = jobs.id) as trust, ";
+
+/// The recordings of a job as JSON.
+fn datasets(kind: Kind) -> &'static str {
+    kind.either(
+        "(select json_group_array(json_object('id', dataset, 'name', \
+          (select name from datasets where datasets.id = dataset))) from job_datasets \
+          where job = jobs.id) as datasets",
+        "(select coalesce(json_agg(json_build_object('id', dataset, 'name', \
+          (select name from datasets where datasets.id = dataset))), '[]')::text \
+          from job_datasets where job = jobs.id) as datasets",
+    )
+}
 
 impl Store {
     /// Jobs in short, newest first.
@@ -64,12 +72,13 @@ impl Store {
         &self,
         filter: &JobFilter,
     ) -> Result<Page<JobSummaryRow, JobId>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        let mut query = QueryBuilder::new("select ");
         query
             .push(COLUMNS)
+            .push(datasets(self.readers().kind()))
             .push(" from jobs where project = ")
             .push_bind(filter.project.as_str().to_owned());
-        push_filter(&mut query, filter);
+        push_filter(&mut query, self.readers().kind(), filter);
         let rows = query.build().fetch_all(self.readers()).await?;
         let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         Ok(Page::cut(rows, filter.limit, |row| row.id))
@@ -80,8 +89,9 @@ impl Store {
         if jobs.is_empty() {
             return Ok(Vec::new());
         }
-        let mut query = QueryBuilder::<Sqlite>::new("select ");
-        query.push(COLUMNS).push(" from jobs where id in (");
+        let mut query = QueryBuilder::new("select ");
+        query.push(COLUMNS).push(datasets(self.readers().kind()));
+        query.push(" from jobs where id in (");
         let mut listed = query.separated(", ");
         for job in jobs {
             listed.push_bind(job.to_string());
@@ -92,12 +102,12 @@ impl Store {
     }
 }
 
-fn read(row: &SqliteRow) -> Result<JobSummaryRow, StoreError> {
+fn read(row: &Row) -> Result<JobSummaryRow, StoreError> {
     let id: String = row.try_get("id")?;
     let status: String = row.try_get("status")?;
     Ok(JobSummaryRow {
         project: row
-            .try_get::<String, _>("project")?
+            .try_get::<String>("project")?
             .parse()
             .map_err(|why| corrupt("project", &id, why))?,
         name: row.try_get("name")?,

@@ -7,12 +7,11 @@ use jiff::Timestamp;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
+use super::database::{self, Connection, Kind, QueryBuilder, Row};
 use super::stop_request::StopRequest;
 use super::writer::Tx;
-use super::{Store, StoreError, corrupt};
+use super::{Store, StoreError, corrupt, unsigned};
 use crate::access::Project;
 use crate::job::{DatasetId, JobId, Progress, Status};
 
@@ -164,7 +163,7 @@ impl Store {
     /// Whose a job is, if there is one.
     pub async fn project_of_job(&self, id: JobId) -> Result<Option<Project>, StoreError> {
         let key = id.to_string();
-        let name: Option<String> = sqlx::query_scalar("select project from jobs where id = ?")
+        let name: Option<String> = database::query_scalar("select project from jobs where id = $1")
             .bind(&key)
             .fetch_optional(self.readers())
             .await?;
@@ -173,12 +172,12 @@ impl Store {
 
     /// Jobs, newest first.
     pub async fn jobs(&self, filter: &JobFilter) -> Result<Page<JobRow, JobId>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        let mut query = QueryBuilder::new("select ");
         query
             .push(COLUMNS)
             .push(" from jobs where project = ")
             .push_bind(filter.project.as_str().to_owned());
-        push_filter(&mut query, filter);
+        push_filter(&mut query, self.readers().kind(), filter);
         let rows = query.build().fetch_all(self.readers()).await?;
         let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         Ok(Page::cut(rows, filter.limit, |row| row.id))
@@ -187,7 +186,7 @@ impl Store {
     /// How many jobs are in each state.
     pub async fn job_counts(&self) -> Result<Vec<(Status, u64)>, StoreError> {
         let rows: Vec<(String, i64)> =
-            sqlx::query_as("select status, count(*) from jobs group by status")
+            database::query_as("select status, count(*) from jobs group by status")
                 .fetch_all(self.readers())
                 .await?;
         rows.into_iter()
@@ -210,7 +209,7 @@ impl Store {
 }
 
 /// The conditions of a list, its order and its length.
-pub(super) fn push_filter(query: &mut QueryBuilder<Sqlite>, filter: &JobFilter) {
+pub(super) fn push_filter(query: &mut QueryBuilder, kind: Kind, filter: &JobFilter) {
     let mut equal = |column: &str, value: Option<String>| {
         if let Some(value) = value {
             query
@@ -246,7 +245,7 @@ pub(super) fn push_filter(query: &mut QueryBuilder<Sqlite>, filter: &JobFilter) 
             .push(")");
     }
     if let Some(text) = &filter.text {
-        push_search(query, text);
+        push_search(query, kind, text);
     }
     if let Some(before) = filter.before {
         query.push(" and id < ").push_bind(before.to_string());
@@ -256,7 +255,9 @@ pub(super) fn push_filter(query: &mut QueryBuilder<Sqlite>, filter: &JobFilter) 
         .push_bind(i64::from(filter.limit) + 1);
 }
 
-fn push_search(query: &mut QueryBuilder<Sqlite>, text: &str) {
+fn push_search(query: &mut QueryBuilder, kind: Kind, text: &str) {
+    // Both take a letter for its capital.
+    let like = kind.either("like", "ilike");
     let escaped = text
         .replace('\\', "\\\\")
         .replace('%', "\\%")
@@ -266,7 +267,7 @@ fn push_search(query: &mut QueryBuilder<Sqlite>, text: &str) {
     for (place, column) in ["name", "id", "model", "labels"].into_iter().enumerate() {
         let or = if place == 0 { "" } else { " or " };
         query
-            .push(format_args!("{or}{column} like "))
+            .push(format_args!("{or}{column} {like} "))
             .push_bind(pattern.clone())
             .push(" escape '\\'");
     }
@@ -274,7 +275,7 @@ fn push_search(query: &mut QueryBuilder<Sqlite>, text: &str) {
         .push(
             " or id in (select job from job_datasets join datasets on datasets.id = dataset where ",
         )
-        .push("datasets.name like ")
+        .push(format_args!("datasets.name {like} "))
         .push_bind(pattern)
         .push(" escape '\\'))");
 }
@@ -286,7 +287,7 @@ pub(super) async fn delete(tx: &mut Tx, id: JobId) -> Result<JobRemoval, StoreEr
     if !row.status.is_terminal() {
         return Ok(JobRemoval::Unfinished(row.status));
     }
-    sqlx::query("delete from jobs where id = ?")
+    database::query("delete from jobs where id = $1")
         .bind(id.to_string())
         .execute(&mut **tx)
         .await?;
@@ -295,10 +296,10 @@ pub(super) async fn delete(tx: &mut Tx, id: JobId) -> Result<JobRemoval, StoreEr
 }
 
 pub(super) async fn fetch(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     id: JobId,
 ) -> Result<Option<JobRow>, StoreError> {
-    let mut query = QueryBuilder::<Sqlite>::new("select ");
+    let mut query = QueryBuilder::new("select ");
     query
         .push(COLUMNS)
         .push(" from jobs where id = ")
@@ -307,7 +308,7 @@ pub(super) async fn fetch(
     row.as_ref().map(read).transpose()
 }
 
-fn read(row: &SqliteRow) -> Result<JobRow, StoreError> {
+fn read(row: &Row) -> Result<JobRow, StoreError> {
     let id: String = row.try_get("id")?;
     let status: String = row.try_get("status")?;
     let request: Option<String> = row.try_get("request")?;
@@ -321,7 +322,7 @@ fn read(row: &SqliteRow) -> Result<JobRow, StoreError> {
             .map(|word| StopRequest::read(&word, &id))
             .transpose()?,
         progress: optional(row, "progress", &id)?,
-        attempt: row.try_get("attempt")?,
+        attempt: unsigned("attempt", &id, row.try_get("attempt")?)?,
         error: optional(row, "error", &id)?,
         created_at: time(&id, row.try_get("created_at")?)?,
         started_at: optional_time(&id, row.try_get("started_at")?)?,
@@ -354,7 +355,7 @@ pub(super) fn from_json<T: DeserializeOwned>(
 }
 
 pub(super) fn optional<T: DeserializeOwned>(
-    row: &SqliteRow,
+    row: &Row,
     column: &'static str,
     of: &str,
 ) -> Result<Option<T>, StoreError> {

@@ -11,6 +11,7 @@
 
 use std::time::Duration;
 
+use super::database;
 use super::writer::{Tx, Writer};
 use super::{Store, StoreError};
 
@@ -35,26 +36,29 @@ pub(super) async fn begin(writer: &Writer) -> Result<i64, StoreError> {
 
 async fn begin_in(tx: &mut Tx) -> Result<i64, StoreError> {
     let last: Option<(i64, bool)> =
-        sqlx::query_as("select number, ended_in_order from server_life")
+        database::query_as("select number, ended_in_order from server_life")
             .fetch_optional(&mut **tx)
             .await?;
     let number = last.map_or(0, |(number, _)| number);
     if matches!(last, Some((_, false))) {
-        sqlx::query(
-            "update jobs set deaths = iif(at_work_in = ?1, deaths + 1, 0) \
+        database::query(
+            "update jobs set deaths = case when at_work_in = $1 then deaths + 1 else 0 end \
              where at_work_in is not null or deaths > 0",
         )
         .bind(number)
         .execute(&mut **tx)
         .await?;
     }
-    sqlx::query("update jobs set at_work_in = null where at_work_in is not null")
+    database::query("update jobs set at_work_in = null where at_work_in is not null")
         .execute(&mut **tx)
         .await?;
-    sqlx::query("insert or replace into server_life (id, number, ended_in_order) values (1, ?, 0)")
-        .bind(number + 1)
-        .execute(&mut **tx)
-        .await?;
+    database::query(
+        "insert into server_life (id, number, ended_in_order) values (1, $1, false) \
+         on conflict (id) do update set number = excluded.number, ended_in_order = false",
+    )
+    .bind(number + 1)
+    .execute(&mut **tx)
+    .await?;
     Ok(number + 1)
 }
 
@@ -66,7 +70,7 @@ impl Store {
 }
 
 async fn end_in(tx: &mut Tx) -> Result<(), StoreError> {
-    sqlx::query("update server_life set ended_in_order = 1")
+    database::query("update server_life set ended_in_order = true")
         .execute(&mut **tx)
         .await?;
     Ok(())

@@ -26,7 +26,7 @@ impl FileLock {
             source,
         };
         let taken = || StoreError::Locked {
-            path: database.to_owned(),
+            database: database.display().to_string(),
         };
         if platform::is_served(&path) {
             return Err(taken());

@@ -1,9 +1,8 @@
 //! The only SQL: jobs, queue entries, events, candidates, checkpoints, results,
-//! datasets, streams and monitors in SQLite.
+//! datasets, streams and monitors, in SQLite or PostgreSQL (see `database`).
 //!
-//! One connection writes, several read. The writer runs every change in `begin immediate`
-//! transactions with full sync, many changes in one (see `writer`); River, the queue, shares its
-//! connection. A method returns when what it wrote is on disk, and only then are listeners told.
+//! One task writes, several connections read. The writer runs many changes in one transaction (see
+//! `writer`), with full sync; River, the queue, writes beside it, on the same connection in SQLite. A method returns when what it wrote is on disk, and only then are listeners told.
 //!
 //! Writes of a worker carry a [`Lease`]: they change nothing once another slice of the job began.
 
@@ -11,6 +10,7 @@ mod audit;
 pub mod backup;
 mod candidates;
 mod control;
+mod database;
 mod datasets;
 mod error;
 mod events;
@@ -28,7 +28,6 @@ mod quotas;
 mod recent;
 mod results;
 mod retention;
-mod schema;
 mod sessions;
 mod slices;
 mod stop_request;
@@ -40,14 +39,15 @@ pub mod tokens;
 mod webhooks;
 mod writer;
 
+use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use sqlx::sqlite::{
-    SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous,
-};
-use sqlx::{Connection, SqlitePool};
+use riverqueue::ClientBuilder;
+use sqlx::postgres::PgConnectOptions;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
 
 use crate::access::Project;
 use crate::job::{DatasetId, JobId, MonitorId};
@@ -77,6 +77,8 @@ pub use submit::{NewJob, Submitted};
 pub use tokens::TokenRow;
 pub use webhooks::{Attempt, DeliveryRow, DeliveryState, WebhookRow};
 
+use database::postgres::{self, SessionLock};
+use database::{Pool, sqlite};
 use lock::FileLock;
 use recent::Recent;
 use submit::Submissions;
@@ -84,14 +86,45 @@ use writer::{Tx, Writer};
 
 /// A database that was written to so lately takes writes.
 const PROBE_AFTER: Duration = Duration::from_secs(1);
+/// Connections to PostgreSQL of the writer and of the queue.
+const WRITERS: u32 = 4;
 /// What is written to see whether it can be.
-const PROBE_BYTES: i64 = 4096;
+const PROBE_BYTES: usize = 4096;
+
+/// Where a database is.
+#[derive(Clone)]
+pub enum DatabasePlace {
+    /// A SQLite file; created with its folder when absent.
+    File(PathBuf),
+    /// A PostgreSQL server and a database there.
+    Postgres(Box<PgConnectOptions>),
+}
+
+impl fmt::Display for DatabasePlace {
+    /// Without the password.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File(path) => write!(formatter, "{}", path.display()),
+            Self::Postgres(options) => {
+                let database = options.get_database().unwrap_or(options.get_username());
+                let (host, port) = (options.get_host(), options.get_port());
+                write!(formatter, "postgres://{host}:{port}/{database}")
+            }
+        }
+    }
+}
+
+impl fmt::Debug for DatabasePlace {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, formatter)
+    }
+}
 
 /// Where the database is and how it is used.
 #[derive(Clone, Debug)]
 pub struct DatabaseSettings {
-    /// The SQLite file; created with its folder when absent.
-    pub path: PathBuf,
+    /// Where it is.
+    pub place: DatabasePlace,
     /// Connections that read at the same time.
     pub readers: u32,
     /// How long a statement waits for another connection's lock.
@@ -134,13 +167,13 @@ struct Inner {
     /// When it began.
     opened: Instant,
     writer: Writer,
-    writer_pool: SqlitePool,
-    readers: SqlitePool,
+    writer_pool: Pool,
+    readers: Pool,
     queue: riverqueue::Client,
     submissions: Submissions,
     recent: RecentRows,
     quotas: Quotas,
-    _lock: FileLock,
+    lock: Lock,
 }
 
 impl Store {
@@ -159,29 +192,17 @@ impl Store {
         quotas: Quotas,
         on_change: OnChange,
     ) -> Result<Self, StoreError> {
-        let folder = settings.path.parent().filter(|p| !p.as_os_str().is_empty());
-        let folder = folder.unwrap_or(Path::new(".")).to_owned();
-        std::fs::create_dir_all(&folder).map_err(|source| StoreError::File {
-            path: folder.clone(),
-            source,
-        })?;
-        let lock = FileLock::take(&settings.path)?;
-        let writer_pool = writer_pool(settings).await?;
-        schema::migrate(&writer_pool).await?;
-        let missing = schema::missing(&mut *writer_pool.acquire().await?).await?;
-        if let Some(first) = missing.first() {
-            return Err(corrupt("schema", settings.path.display(), first));
-        }
+        let Opened {
+            folder,
+            writer_pool,
+            readers,
+            lock,
+        } = Opened::open(settings).await?;
         let queue = queue::inserter(&writer_pool)?;
-        let readers = SqlitePoolOptions::new()
-            .max_connections(settings.readers)
-            // A connection to a file does not break off.
-            .test_before_acquire(false)
-            .connect_with(connection(settings).read_only(true))
-            .await?;
         let recent = RecentRows::default();
         let writer = Writer::start(writer_pool.clone(), forget_then(recent.clone(), on_change));
         let life = life::begin(&writer).await?;
+        writer.fence().set(life);
         let store = Self {
             inner: Arc::new(Inner {
                 folder,
@@ -194,21 +215,21 @@ impl Store {
                 submissions: Submissions::default(),
                 recent,
                 quotas,
-                _lock: lock,
+                lock,
             }),
         };
         store.recover_queue().await?;
         Ok(store)
     }
 
-    /// The connection that the queue's workers share with the writer.
-    pub fn queue_pool(&self) -> SqlitePool {
-        self.inner.writer_pool.clone()
+    /// What makes a client of the queue, on the connections of the writer.
+    pub fn queue_client(&self) -> ClientBuilder {
+        queue::builder(&self.inner.writer_pool)
     }
 
     /// Whether the database answers.
     pub async fn ping(&self) -> Result<(), StoreError> {
-        sqlx::query("select 1").execute(self.readers()).await?;
+        database::query("select 1").execute(self.readers()).await?;
         Ok(())
     }
 
@@ -223,6 +244,14 @@ impl Store {
             .await
     }
 
+    /// Returns when another server has taken the database over: this one can do nothing more.
+    pub async fn superseded(&self) {
+        match &self.inner.lock {
+            Lock::File { .. } => std::future::pending().await,
+            Lock::Session { lost, .. } => lost.cancelled().await,
+        }
+    }
+
     /// Finishes the writes that were accepted, and closes the database.
     pub async fn close(&self) {
         if let Err(error) = self.end_life().await {
@@ -231,10 +260,112 @@ impl Store {
         self.inner.writer.close().await;
         self.inner.readers.close().await;
         self.inner.writer_pool.close().await;
+        self.inner.lock.release().await;
     }
 
-    fn readers(&self) -> &SqlitePool {
+    fn readers(&self) -> &Pool {
         &self.inner.readers
+    }
+}
+
+/// A database that is up to date and that no other server has.
+struct Opened {
+    folder: PathBuf,
+    writer_pool: Pool,
+    readers: Pool,
+    lock: Lock,
+}
+
+/// What keeps other servers away.
+enum Lock {
+    File {
+        _held: FileLock,
+    },
+    /// Kept by a task.
+    Session {
+        keeper: Mutex<Option<JoinHandle<()>>>,
+        closing: CancellationToken,
+        lost: CancellationToken,
+    },
+}
+
+impl Lock {
+    fn session(lock: SessionLock) -> Self {
+        let (closing, lost) = (CancellationToken::new(), CancellationToken::new());
+        let keeper = tokio::spawn(lock.keep(closing.clone(), lost.clone()));
+        Self::Session {
+            keeper: Mutex::new(Some(keeper)),
+            closing,
+            lost,
+        }
+    }
+
+    /// Lets other servers in, where not the end of this process does.
+    async fn release(&self) {
+        let Self::Session {
+            keeper, closing, ..
+        } = self
+        else {
+            return;
+        };
+        closing.cancel();
+        let keeper = keeper.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(keeper) = keeper
+            && let Err(error) = keeper.await
+        {
+            tracing::error!(%error, "the keeper of the database's lock ended badly");
+        }
+    }
+}
+
+impl Opened {
+    async fn open(settings: &DatabaseSettings) -> Result<Self, StoreError> {
+        match &settings.place {
+            DatabasePlace::File(path) => Self::sqlite(path, settings).await,
+            DatabasePlace::Postgres(options) => Self::postgres(options, settings).await,
+        }
+    }
+
+    async fn sqlite(path: &Path, settings: &DatabaseSettings) -> Result<Self, StoreError> {
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+        let folder = folder.unwrap_or(Path::new(".")).to_owned();
+        std::fs::create_dir_all(&folder).map_err(|source| StoreError::File {
+            path: folder.clone(),
+            source,
+        })?;
+        let lock = FileLock::take(path)?;
+        let writer_pool = sqlite::writer(path, settings.busy_timeout).await?;
+        sqlite::migrate(&writer_pool).await?;
+        let missing = sqlite::missing(&mut *writer_pool.acquire().await?).await?;
+        if let Some(first) = missing.first() {
+            return Err(corrupt("schema", path.display(), first));
+        }
+        let readers = sqlite::readers(path, settings.busy_timeout, settings.readers).await?;
+        Ok(Self {
+            folder,
+            writer_pool: Pool::Sqlite(writer_pool),
+            readers: Pool::Sqlite(readers),
+            lock: Lock::File { _held: lock },
+        })
+    }
+
+    async fn postgres(
+        options: &PgConnectOptions,
+        settings: &DatabaseSettings,
+    ) -> Result<Self, StoreError> {
+        let lock = SessionLock::take(options).await?;
+        let lock = lock.ok_or_else(|| StoreError::Locked {
+            database: settings.place.to_string(),
+        })?;
+        let writer_pool = postgres::pool(options.clone(), WRITERS).await?;
+        postgres::migrate(&writer_pool).await?;
+        let readers = postgres::pool(options.clone(), settings.readers).await?;
+        Ok(Self {
+            folder: std::env::temp_dir(),
+            writer_pool: Pool::Postgres(writer_pool),
+            readers: Pool::Postgres(readers),
+            lock: Lock::session(lock),
+        })
     }
 }
 
@@ -261,51 +392,26 @@ fn forget_then(recent: RecentRows, on_change: OnChange) -> OnChange {
     })
 }
 
-/// The one connection that writes. A disk that is full can leave it inside a transaction that SQLite
-/// has ended and the connection has not; such a one is closed, and the next write opens another.
-async fn writer_pool(settings: &DatabaseSettings) -> Result<SqlitePool, StoreError> {
-    let pool = SqlitePoolOptions::new()
-        .max_connections(1)
-        .min_connections(1)
-        .idle_timeout(None)
-        .max_lifetime(None)
-        .after_release(|connection, _| {
-            Box::pin(async move {
-                // The answer comes after a rollback that was begun by dropping a transaction.
-                connection.ping().await?;
-                Ok(!connection.is_in_transaction())
-            })
-        })
-        // Of a file that is new: what is removed can be given back to the disk.
-        .connect_with(connection(settings).auto_vacuum(SqliteAutoVacuum::Incremental))
-        .await?;
-    Ok(pool)
-}
-
 async fn write_probe(tx: &mut Tx) -> Result<(), StoreError> {
-    sqlx::query("insert or replace into write_probes (id, filler) values (1, randomblob(?))")
-        .bind(PROBE_BYTES)
-        .execute(&mut **tx)
-        .await?;
+    database::query(
+        "insert into write_probes (id, filler) values (1, $1) \
+         on conflict (id) do update set filler = excluded.filler",
+    )
+    .bind(vec![0_u8; PROBE_BYTES])
+    .execute(&mut **tx)
+    .await?;
     Ok(())
-}
-
-fn connection(settings: &DatabaseSettings) -> SqliteConnectOptions {
-    SqliteConnectOptions::new()
-        .filename(&settings.path)
-        .create_if_missing(true)
-        .journal_mode(SqliteJournalMode::Wal)
-        .synchronous(SqliteSynchronous::Full)
-        .foreign_keys(true)
-        .busy_timeout(settings.busy_timeout)
-        .statement_cache_capacity(256)
 }
 
 /// The version of the database's schema that this build works with.
 pub fn schema_version() -> i64 {
-    let migrations = sqlx::migrate!();
-    let versions = migrations.iter().map(|migration| migration.version);
+    let versions = sqlite::SCHEMA.iter().map(|migration| migration.version);
     versions.max().unwrap_or(0)
+}
+
+/// A number of a row that is not negative.
+fn unsigned<T: TryFrom<i64>>(what: &'static str, of: &str, value: i64) -> Result<T, StoreError> {
+    T::try_from(value).map_err(|_| corrupt(what, of, format_args!("it is {value}")))
 }
 
 fn corrupt(what: &'static str, of: impl ToString, why: impl ToString) -> StoreError {

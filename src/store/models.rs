@@ -2,8 +2,9 @@
 
 use jiff::Timestamp;
 use serde_json::Value;
-use sqlx::{FromRow, QueryBuilder, Sqlite};
+use sqlx::FromRow;
 
+use super::database::{self, QueryBuilder};
 use super::jobs::{from_json, time};
 use super::writer::Tx;
 use super::{Store, StoreError};
@@ -101,9 +102,9 @@ impl Store {
         if !reference.contains('@') {
             return Ok(None);
         }
-        let row: Option<Columns> = sqlx::query_as(
+        let row: Option<Columns> = database::query_as(
             "select reference, digest, document, created_at from models \
-             where project = ? and reference = ?",
+             where project = $1 and reference = $2",
         )
         .bind(project.as_str())
         .bind(reference)
@@ -118,8 +119,8 @@ impl Store {
         if !reference.contains('@') {
             return Ok(None);
         }
-        let row: Option<Columns> = sqlx::query_as(
-            "select reference, digest, document, created_at from models where reference = ? \
+        let row: Option<Columns> = database::query_as(
+            "select reference, digest, document, created_at from models where reference = $1 \
              limit 1",
         )
         .bind(reference)
@@ -130,8 +131,8 @@ impl Store {
 
     /// All models of a project, newest first.
     pub async fn models(&self, project: &Project) -> Result<Vec<ModelRow>, StoreError> {
-        let rows: Vec<Columns> = sqlx::query_as(
-            "select reference, digest, document, created_at from models where project = ? \
+        let rows: Vec<Columns> = database::query_as(
+            "select reference, digest, document, created_at from models where project = $1 \
              order by created_at desc, reference",
         )
         .bind(project.as_str())
@@ -155,9 +156,9 @@ impl Store {
 }
 
 pub(super) async fn insert(tx: &mut Tx, new: NewModel) -> Result<ModelStored, StoreError> {
-    let same: Option<Columns> = sqlx::query_as(
+    let same: Option<Columns> = database::query_as(
         "select reference, digest, document, created_at from models \
-         where project = ? and digest = ?",
+         where project = $1 and digest = $2",
     )
     .bind(new.project.as_str())
     .bind(&new.digest)
@@ -167,9 +168,9 @@ pub(super) async fn insert(tx: &mut Tx, new: NewModel) -> Result<ModelStored, St
         return Ok(ModelStored::There(same.read()?));
     }
     let created_at = Timestamp::now();
-    sqlx::query(
+    database::query(
         "insert into models (project, reference, name, digest, document, created_at, client) \
-         values (?, ?, ?, ?, ?, ?, ?)",
+         values ($1, $2, $3, $4, $5, $6, $7)",
     )
     .bind(new.project.as_str())
     .bind(&new.reference)
@@ -193,21 +194,21 @@ pub(super) async fn insert(tx: &mut Tx, new: NewModel) -> Result<ModelStored, St
 async fn make_room(tx: &mut Tx, project: &Project, but_not: &str) -> Result<(), StoreError> {
     const UNUSED: &str = "not exists (select 1 from jobs where jobs.project = models.project \
                           and jobs.model = models.reference)";
-    let mut count = QueryBuilder::<Sqlite>::new("select count(*) from models where ");
+    let mut count = QueryBuilder::new("select count(*) from models where ");
     count.push(UNUSED);
     let count: i64 = count.build_query_scalar().fetch_one(&mut **tx).await?;
     if count <= MAX_UNUSED_MODELS {
         return Ok(());
     }
-    let mut removal = QueryBuilder::<Sqlite>::new(
-        "with unused as (select rowid as id, project, reference, client, created_at from models \
+    let mut removal = QueryBuilder::new(
+        "with unused as (select project, reference, client, created_at from models \
          where (project, reference) <> (",
     );
     removal.push_bind(project.as_str()).push(", ");
     removal.push_bind(but_not).push(") and ").push(UNUSED).push(
         "), greediest as (select project, client from unused group by project, client \
              order by count(*) desc, project, client limit 1) \
-             delete from models where rowid = (select id from unused \
+             delete from models where (project, reference) = (select project, reference from unused \
              where (project, client) = (select project, client from greediest) \
              order by created_at, reference limit 1)",
     );
@@ -220,8 +221,8 @@ async fn delete(
     project: Project,
     reference: String,
 ) -> Result<ModelRemoval, StoreError> {
-    let users: Vec<String> = sqlx::query_scalar(
-        "select id from jobs where project = ? and model = ? order by id limit 10",
+    let users: Vec<String> = database::query_scalar(
+        "select id from jobs where project = $1 and model = $2 order by id limit 10",
     )
     .bind(project.as_str())
     .bind(&reference)
@@ -231,12 +232,11 @@ async fn delete(
         let users = users.iter().map(|job| super::jobs::parse_id(job));
         return Ok(ModelRemoval::InUse(users.collect::<Result<_, _>>()?));
     }
-    let removed = sqlx::query("delete from models where project = ? and reference = ?")
+    let removed = database::query("delete from models where project = $1 and reference = $2")
         .bind(project.as_str())
         .bind(&reference)
         .execute(&mut **tx)
-        .await?
-        .rows_affected();
+        .await?;
     Ok(if removed == 0 {
         ModelRemoval::NotFound
     } else {

@@ -10,9 +10,8 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 use serde_json::Value;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
+use super::database::{self, Connection, QueryBuilder, Row};
 use super::datasets::NewDataset;
 use super::events::StoredEvent;
 use super::idempotency::Idempotency;
@@ -153,10 +152,11 @@ impl Store {
     /// The project of a monitor, if there is one.
     pub async fn project_of_monitor(&self, id: MonitorId) -> Result<Option<Project>, StoreError> {
         let key = id.to_string();
-        let name: Option<String> = sqlx::query_scalar("select project from monitors where id = ?")
-            .bind(&key)
-            .fetch_optional(self.readers())
-            .await?;
+        let name: Option<String> =
+            database::query_scalar("select project from monitors where id = $1")
+                .bind(&key)
+                .fetch_optional(self.readers())
+                .await?;
         name.map(|name| jobs::project(&key, &name)).transpose()
     }
 
@@ -167,7 +167,7 @@ impl Store {
         before: Option<MonitorId>,
         limit: u32,
     ) -> Result<Page<MonitorRow, MonitorId>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(SELECT);
+        let mut query = QueryBuilder::new(SELECT);
         query
             .push(" where monitors.project = ")
             .push_bind(project.as_str().to_owned());
@@ -192,17 +192,22 @@ impl Store {
 
     /// Monitors that have something to do: a window is due, its job has ended, or data stopped.
     pub async fn monitors_to_step(&self) -> Result<Vec<MonitorRow>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(SELECT);
+        let mut query = QueryBuilder::new(SELECT);
         query.push(
             " where case when job is null then \
                exists (select 1 from streams where streams.identity = monitors.stream \
                 and last_ns >= due_ns) \
               else not exists (select 1 from jobs where jobs.id = monitors.job \
                 and finished_at is null) end \
-             or silent = (select received_at >= \
-                strftime('%Y-%m-%dT%H:%M:%fZ', 'now', '-' || (patience_ms / 1000.0) || ' seconds') \
-                from streams where streams.identity = monitors.stream) \
-             order by id",
+             or silent = (select case when received_at >= ",
+        );
+        query.push(self.readers().kind().either(
+            "strftime('%Y-%m-%dT%H:%M:%fZ', 'now', '-' || (patience_ms / 1000.0) || ' seconds')",
+            "to_char(now() at time zone 'utc' - patience_ms * interval '1 millisecond', \
+             'YYYY-MM-DD\"T\"HH24:MI:SS.MS\"Z\"')",
+        ));
+        query.push(
+            " then 1 else 0 end from streams where streams.identity = monitors.stream) order by id",
         );
         let rows = query.build().fetch_all(self.readers()).await?;
         rows.iter().map(read).collect()
@@ -223,9 +228,9 @@ impl Store {
         id: MonitorId,
         number: i64,
     ) -> Result<Option<StoredWindow>, StoreError> {
-        let row = sqlx::query(
+        let row = database::query(
             "select number, job, dataset, row from monitor_windows \
-             where monitor = ? and number = ?",
+             where monitor = $1 and number = $2",
         )
         .bind(id.to_string())
         .bind(number)
@@ -241,9 +246,9 @@ impl Store {
         before: Option<i64>,
         limit: u32,
     ) -> Result<Page<StoredWindow, i64>, StoreError> {
-        let rows = sqlx::query(
+        let rows = database::query(
             "select number, job, dataset, row from monitor_windows \
-             where monitor = ? and number < ? order by number desc limit ?",
+             where monitor = $1 and number < $2 order by number desc limit $3",
         )
         .bind(id.to_string())
         .bind(before.unwrap_or(i64::MAX))
@@ -261,9 +266,9 @@ impl Store {
         before: Option<i64>,
         limit: u32,
     ) -> Result<Page<(i64, Value), i64>, StoreError> {
-        let rows: Vec<(i64, String)> = sqlx::query_as(
-            "select id, row from monitor_alarms where monitor = ? and id < ? \
-             order by id desc limit ?",
+        let rows: Vec<(i64, String)> = database::query_as(
+            "select id, row from monitor_alarms where monitor = $1 and id < $2 \
+             order by id desc limit $3",
         )
         .bind(id.to_string())
         .bind(before.unwrap_or(i64::MAX))
@@ -285,9 +290,9 @@ impl Store {
         after: i64,
         limit: u32,
     ) -> Result<Vec<StoredEvent>, StoreError> {
-        Ok(sqlx::query_as(
-            "select id, name, data from monitor_events where monitor = ? and id > ? \
-             order by id limit ?",
+        Ok(database::query_as(
+            "select id, name, data from monitor_events where monitor = $1 and id > $2 \
+             order by id limit $3",
         )
         .bind(id.to_string())
         .bind(after)
@@ -301,16 +306,16 @@ const SELECT: &str = "select id, project, name, stream, spec, state, due_ns, job
                       revision, last_event, last_alarm, created_at from monitors";
 
 async fn fetch(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     id: MonitorId,
 ) -> Result<Option<MonitorRow>, StoreError> {
-    let mut query = QueryBuilder::<Sqlite>::new(SELECT);
+    let mut query = QueryBuilder::new(SELECT);
     query.push(" where id = ").push_bind(id.to_string());
     let row = query.build().fetch_optional(connection).await?;
     row.as_ref().map(read).transpose()
 }
 
-fn read(row: &SqliteRow) -> Result<MonitorRow, StoreError> {
+fn read(row: &Row) -> Result<MonitorRow, StoreError> {
     let id: String = row.try_get("id")?;
     let job: Option<String> = row.try_get("job")?;
     let stream: &str = row.try_get("stream")?;
@@ -323,7 +328,7 @@ fn read(row: &SqliteRow) -> Result<MonitorRow, StoreError> {
         state: from_json("state", &id, row.try_get("state")?)?,
         due_ns: row.try_get("due_ns")?,
         job: job.as_deref().map(jobs::parse_id).transpose()?,
-        silent: row.try_get::<i64, _>("silent")? != 0,
+        silent: row.try_get::<i64>("silent")? != 0,
         revision: row.try_get("revision")?,
         last_event: row.try_get("last_event")?,
         last_alarm: row.try_get("last_alarm")?,
@@ -332,7 +337,7 @@ fn read(row: &SqliteRow) -> Result<MonitorRow, StoreError> {
     })
 }
 
-fn window(row: &SqliteRow) -> Result<StoredWindow, StoreError> {
+fn window(row: &Row) -> Result<StoredWindow, StoreError> {
     let job: Option<String> = row.try_get("job")?;
     let dataset: Option<String> = row.try_get("dataset")?;
     let dataset = dataset.map(|id| id.parse().map_err(|why| corrupt("identifier", &id, why)));

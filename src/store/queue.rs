@@ -7,10 +7,10 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use riverqueue::{Client, InsertOpts, JobArgs};
+use riverqueue::{Client, ClientBuilder, InsertOpts, JobArgs};
 use serde::{Deserialize, Serialize};
-use sqlx::SqlitePool;
 
+use super::database::{self, Kind, Pool, QueryBuilder, Transaction};
 use super::writer::Tx;
 use super::{Change, Store, StoreError};
 use crate::access::Project;
@@ -57,11 +57,17 @@ pub fn project_of(queue: &str) -> Project {
     name.and_then(Result::ok).unwrap_or_default()
 }
 
+/// What a client is made with.
+pub(super) fn builder(pool: &Pool) -> ClientBuilder {
+    match pool {
+        Pool::Sqlite(pool) => Client::builder(pool.clone()),
+        Pool::Postgres(pool) => Client::builder(pool.clone()),
+    }
+}
+
 /// A client that only inserts.
-pub(super) fn inserter(pool: &SqlitePool) -> Result<Client, StoreError> {
-    Ok(Client::builder(pool.clone())
-        .fetch_cooldown(NOTIFY_COOLDOWN)
-        .build()?)
+pub(super) fn inserter(pool: &Pool) -> Result<Client, StoreError> {
+    Ok(builder(pool).fetch_cooldown(NOTIFY_COOLDOWN).build()?)
 }
 
 /// Adds an entry for a job in the caller's transaction and returns the entry's id.
@@ -71,11 +77,11 @@ pub(super) async fn enqueue(
     job: JobId,
     project: &Project,
 ) -> Result<i64, StoreError> {
-    let entry = queue
-        .insert(SliceOfJob { job })
-        .opts(options(project))
-        .tx(tx.for_queue())
-        .await?;
+    let insert = queue.insert(SliceOfJob { job }).opts(options(project));
+    let entry = match tx.transaction() {
+        Transaction::Sqlite(transaction) => insert.tx(transaction).await?,
+        Transaction::Postgres(transaction) => insert.tx(transaction).await?,
+    };
     tx.announce(Change::SliceWaits(project.clone()));
     Ok(entry.id())
 }
@@ -91,7 +97,11 @@ pub(super) async fn enqueue_all(
     }
     let entries = jobs.iter();
     let entries = entries.map(|(job, project)| (SliceOfJob { job: *job }, options(project)));
-    let entries = queue.insert_many(entries).tx(tx.for_queue()).await?;
+    let insert = queue.insert_many(entries);
+    let entries = match tx.transaction() {
+        Transaction::Sqlite(transaction) => insert.tx(transaction).await?,
+        Transaction::Postgres(transaction) => insert.tx(transaction).await?,
+    };
     let projects: BTreeSet<&Project> = jobs.iter().map(|(_, project)| project).collect();
     for project in projects {
         tx.announce(Change::SliceWaits(project.clone()));
@@ -108,7 +118,7 @@ fn options(project: &Project) -> InsertOpts {
 impl Store {
     /// The projects that have unfinished jobs.
     pub async fn projects_at_work(&self) -> Result<Vec<Project>, StoreError> {
-        let names: Vec<String> = sqlx::query_scalar(
+        let names: Vec<String> = database::query_scalar(
             "select distinct project from jobs where status in ('queued', 'running')",
         )
         .fetch_all(self.readers())
@@ -122,14 +132,13 @@ impl Store {
     /// Lets entries go on that wait for a time which the queue never asks anyone to wait for: the
     /// clock has been set back since they were made.
     pub async fn free_entries_of_the_future(&self) -> Result<(), StoreError> {
-        let waits: bool = sqlx::query_scalar(
-            "select exists (select 1 from river_job where kind = ? \
-             and state in ('available', 'scheduled', 'retryable') \
-             and scheduled_at > datetime('now', 'subsec', '+3 seconds'))",
-        )
-        .bind(KIND)
-        .fetch_one(self.readers())
-        .await?;
+        let mut query = QueryBuilder::new("select exists (select 1 from river_job where kind = ");
+        query
+            .push_bind(KIND)
+            .push(" and state in ('available', 'scheduled', 'retryable') and scheduled_at > ")
+            .push(in_three_seconds(self.readers().kind()))
+            .push(")");
+        let waits: bool = query.build_query_scalar().fetch_one(self.readers()).await?;
         if waits {
             self.inner
                 .writer
@@ -143,10 +152,12 @@ impl Store {
     #[cfg(test)]
     pub(crate) async fn postpone_entries(&self, by: &'static str) -> Result<(), StoreError> {
         let postpone = async move |tx: &mut Tx| {
-            sqlx::query(
-                "update river_job set scheduled_at = datetime(scheduled_at, 'subsec', ?) \
+            database::query(tx.kind().either(
+                "update river_job set scheduled_at = datetime(scheduled_at, 'subsec', $1) \
                  where state <> 'running'",
-            )
+                "update river_job set scheduled_at = scheduled_at + cast($1::text as interval) \
+                 where state <> 'running'",
+            ))
             .bind(by)
             .execute(&mut **tx)
             .await?;
@@ -169,16 +180,33 @@ impl Store {
     }
 }
 
-async fn free_entries(tx: &mut Tx) -> Result<(), StoreError> {
-    let freed = sqlx::query(
-        "update river_job set state = 'available', scheduled_at = datetime('now', 'subsec') \
-         where kind = ? and state in ('available', 'scheduled', 'retryable') \
-         and scheduled_at > datetime('now', 'subsec', '+3 seconds')",
+/// The time of the database as the queue writes it.
+fn now(kind: Kind) -> &'static str {
+    kind.either("datetime('now', 'subsec')", "now()")
+}
+
+/// Longer than the queue ever asks anyone to wait.
+fn in_three_seconds(kind: Kind) -> &'static str {
+    kind.either(
+        "datetime('now', 'subsec', '+3 seconds')",
+        "now() + interval '3 seconds'",
     )
-    .bind(KIND)
-    .execute(&mut **tx)
-    .await?
-    .rows_affected();
+}
+
+/// Makes entries available now: those that the conditions say which are pushed next.
+fn freeing(kind: Kind) -> QueryBuilder {
+    let mut query = QueryBuilder::new("update river_job set state = 'available', scheduled_at = ");
+    query.push(now(kind)).push(" where kind = ").push_bind(KIND);
+    query.push(" and ");
+    query
+}
+
+async fn free_entries(tx: &mut Tx) -> Result<(), StoreError> {
+    let mut freeing = freeing(tx.kind());
+    freeing
+        .push("state in ('available', 'scheduled', 'retryable') and scheduled_at > ")
+        .push(in_three_seconds(tx.kind()));
+    let freed = freeing.build().execute(&mut **tx).await?;
     tracing::warn!(
         slices = freed,
         "the clock was set back; slices no longer wait for it"
@@ -188,21 +216,19 @@ async fn free_entries(tx: &mut Tx) -> Result<(), StoreError> {
 }
 
 async fn recover(queue: Client, tx: &mut Tx) -> Result<(), StoreError> {
-    let freed = sqlx::query(
-        "update river_job set state = 'available', scheduled_at = datetime('now', 'subsec') \
-         where kind = ? and (state in ('running', 'retryable') \
-          or (state in ('available', 'scheduled') and scheduled_at > datetime('now', 'subsec')))",
-    )
-    .bind(KIND)
-    .execute(&mut **tx)
-    .await?
-    .rows_affected();
-    sqlx::query("delete from river_leader")
+    let mut freeing = freeing(tx.kind());
+    freeing
+        .push("(state in ('running', 'retryable') or (state in ('available', 'scheduled') ")
+        .push("and scheduled_at > ")
+        .push(now(tx.kind()))
+        .push("))");
+    let freed = freeing.build().execute(&mut **tx).await?;
+    database::query("delete from river_leader")
         .execute(&mut **tx)
         .await?;
-    let stranded: Vec<(String, String)> = sqlx::query_as(
+    let stranded: Vec<(String, String)> = database::query_as(
         "select id, project from jobs where status in ('queued', 'running') and not exists \
-         (select 1 from river_job where river_job.id = jobs.queue_entry and kind = ? \
+         (select 1 from river_job where river_job.id = jobs.queue_entry and kind = $1 \
           and state in ('available', 'pending', 'scheduled'))",
     )
     .bind(KIND)
@@ -212,7 +238,7 @@ async fn recover(queue: Client, tx: &mut Tx) -> Result<(), StoreError> {
         let job = super::jobs::parse_id(id)?;
         let project = super::jobs::project(id, project)?;
         let entry = enqueue(&queue, tx, job, &project).await?;
-        sqlx::query("update jobs set queue_entry = ? where id = ?")
+        database::query("update jobs set queue_entry = $1 where id = $2")
             .bind(entry)
             .bind(id)
             .execute(&mut **tx)

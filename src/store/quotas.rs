@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use jiff::{Timestamp, ToSpan, civil::Date, tz::TimeZone};
 
+use super::database;
 use super::writer::Tx;
 use super::{QuotaExceeded, Store, StoreError};
 use crate::access::Project;
@@ -88,8 +89,8 @@ async fn job_room(
     if quotas.unfinished_jobs == u64::MAX {
         return Ok(Ok(u64::MAX));
     }
-    let unfinished: i64 = sqlx::query_scalar(
-        "select count(*) from jobs where project = ? \
+    let unfinished: i64 = database::query_scalar(
+        "select count(*) from jobs where project = $1 \
          and status in ('queued', 'running', 'paused')",
     )
     .bind(project.as_str())
@@ -107,7 +108,7 @@ pub(super) async fn check_dataset(
     project: &Project,
     adds: u64,
 ) -> Result<(), StoreError> {
-    let datasets: i64 = sqlx::query_scalar("select count(*) from datasets where project = ?")
+    let datasets: i64 = database::query_scalar("select count(*) from datasets where project = $1")
         .bind(project.as_str())
         .fetch_one(&mut **tx)
         .await?;
@@ -127,9 +128,9 @@ pub(super) async fn check_bytes(
     if quotas.dataset_bytes == u64::MAX {
         return Ok(());
     }
-    let bytes: i64 = sqlx::query_scalar(
-        "select (select coalesce(sum(bytes), 0) from datasets where project = ?1) \
-         + (select coalesce(sum(bytes), 0) from streams where project = ?1)",
+    let bytes: i64 = database::query_scalar(
+        "select cast((select coalesce(sum(bytes), 0) from datasets where project = $1) \
+         + (select coalesce(sum(bytes), 0) from streams where project = $1) as bigint)",
     )
     .bind(project.as_str())
     .fetch_one(&mut **tx)
@@ -144,10 +145,11 @@ pub(super) async fn check_bytes(
 
 /// Adds the time that a slice of a job was at work to that of its project.
 pub(super) async fn note_work(tx: &mut Tx, job: &str, worked_ms: u64) -> Result<(), StoreError> {
-    sqlx::query(
+    database::query(
         "insert into project_days (project, day, worked_ms) \
-         select project, ?, ? from jobs where id = ? \
-         on conflict do update set worked_ms = worked_ms + excluded.worked_ms",
+         select project, $1, $2 from jobs where id = $3 \
+         on conflict (project, day) do update \
+         set worked_ms = project_days.worked_ms + excluded.worked_ms",
     )
     .bind(day_of(Timestamp::now()).to_string())
     .bind(i64::try_from(worked_ms).unwrap_or(i64::MAX))
@@ -158,12 +160,13 @@ pub(super) async fn note_work(tx: &mut Tx, job: &str, worked_ms: u64) -> Result<
 }
 
 async fn worked_on(tx: &mut Tx, project: &Project, day: Date) -> Result<Duration, StoreError> {
-    let worked_ms: Option<i64> =
-        sqlx::query_scalar("select worked_ms from project_days where project = ? and day = ?")
-            .bind(project.as_str())
-            .bind(day.to_string())
-            .fetch_optional(&mut **tx)
-            .await?;
+    let worked_ms: Option<i64> = database::query_scalar(
+        "select worked_ms from project_days where project = $1 and day = $2",
+    )
+    .bind(project.as_str())
+    .bind(day.to_string())
+    .fetch_optional(&mut **tx)
+    .await?;
     Ok(Duration::from_millis(worked_ms.unwrap_or(0).unsigned_abs()))
 }
 
@@ -180,10 +183,11 @@ fn end_of_day(at: Timestamp) -> Timestamp {
 impl Store {
     /// The time that the jobs of each project were at work so far.
     pub async fn work_by_project(&self) -> Result<Vec<(Project, Duration)>, StoreError> {
-        let rows: Vec<(String, i64)> =
-            sqlx::query_as("select project, sum(worked_ms) from project_days group by project")
-                .fetch_all(self.readers())
-                .await?;
+        let rows: Vec<(String, i64)> = database::query_as(
+            "select project, cast(sum(worked_ms) as bigint) from project_days group by project",
+        )
+        .fetch_all(self.readers())
+        .await?;
         let rows = rows.into_iter().map(|(name, worked_ms)| {
             let worked = Duration::from_millis(worked_ms.unsigned_abs());
             Ok((super::jobs::project("a day", &name)?, worked))

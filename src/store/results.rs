@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 
+use super::database;
 use super::jobs::from_json;
 use super::writer::Tx;
 use super::{Store, StoreError};
@@ -13,7 +14,7 @@ impl Store {
     pub async fn result(&self, job: JobId) -> Result<Option<Value>, StoreError> {
         let job = job.to_string();
         let outcome: Option<String> =
-            sqlx::query_scalar("select outcome from results where job = ?")
+            database::query_scalar("select outcome from results where job = $1")
                 .bind(&job)
                 .fetch_optional(self.readers())
                 .await?;
@@ -25,22 +26,29 @@ impl Store {
 
 /// Writes the result; one that a pause left is replaced.
 pub(super) async fn put(tx: &mut Tx, job: JobId, outcome: &Value) -> Result<(), StoreError> {
-    sqlx::query("insert or replace into results (job, outcome) values (?, ?)")
-        .bind(job.to_string())
-        .bind(outcome.to_string())
-        .execute(&mut **tx)
-        .await?;
+    database::query(
+        "insert into results (job, outcome) values ($1, $2) \
+         on conflict (job) do update set outcome = excluded.outcome",
+    )
+    .bind(job.to_string())
+    .bind(outcome.to_string())
+    .execute(&mut **tx)
+    .await?;
     Ok(())
 }
 
 /// Says in a result that a pause left that the job was then cancelled.
 pub(super) async fn mark_cancelled(tx: &mut Tx, job: JobId) -> Result<(), StoreError> {
-    sqlx::query(
-        "update results set outcome = json_set(outcome, '$.stop_reason', 'cancelled') \
-         where job = ?",
-    )
-    .bind(job.to_string())
-    .execute(&mut **tx)
-    .await?;
-    Ok(())
+    let key = job.to_string();
+    let outcome: Option<String> =
+        database::query_scalar("select outcome from results where job = $1")
+            .bind(&key)
+            .fetch_optional(&mut **tx)
+            .await?;
+    let Some(outcome) = outcome else {
+        return Ok(());
+    };
+    let mut outcome: Value = from_json("result", &key, &outcome)?;
+    outcome["stop_reason"] = "cancelled".into();
+    put(tx, job, &outcome).await
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
 
+use super::database::{self, Kind, QueryBuilder};
 use super::writer::Tx;
 use super::{Change, Store, StoreError, jobs};
 use crate::access::Project;
@@ -78,11 +79,13 @@ async fn tidy(tx: &mut Tx, retention: Retention, now: Timestamp) -> Result<Tidie
     let mut tidied = Tidied::default();
     let mut going: Vec<String> = Vec::new();
     if let Some(cutoff) = before(retention.jobs) {
-        going = sqlx::query_scalar("select id from jobs where finished_at < ? order by id limit ?")
-            .bind(cutoff)
-            .bind(JOBS_AT_ONCE)
-            .fetch_all(&mut **tx)
-            .await?;
+        going = database::query_scalar(
+            "select id from jobs where finished_at < $1 order by id limit $2",
+        )
+        .bind(cutoff)
+        .bind(JOBS_AT_ONCE)
+        .fetch_all(&mut **tx)
+        .await?;
     }
     if let Some(most) = retention.most_jobs {
         going.extend(too_many(tx, most).await?);
@@ -90,14 +93,14 @@ async fn tidy(tx: &mut Tx, retention: Retention, now: Timestamp) -> Result<Tidie
     going.sort();
     going.dedup();
     for id in &going {
-        sqlx::query("delete from jobs where id = ?")
+        database::query("delete from jobs where id = $1")
             .bind(id)
             .execute(&mut **tx)
             .await?;
         tx.announce(Change::Job(jobs::parse_id(id)?));
     }
     if !going.is_empty() {
-        sqlx::query(
+        database::query(
             "delete from comparisons where id not in (select comparison from comparison_jobs)",
         )
         .execute(&mut **tx)
@@ -120,24 +123,21 @@ async fn tidy(tx: &mut Tx, retention: Retention, now: Timestamp) -> Result<Tidie
 
 /// Some of the oldest jobs of each project that has more than it keeps.
 async fn too_many(tx: &mut Tx, most: u32) -> Result<Vec<String>, StoreError> {
-    let projects: Vec<String> = sqlx::query_scalar(
-        "select project from jobs where finished_at is not null \
-         group by project having count(*) > ?",
+    let projects: Vec<(String, i64)> = database::query_as(
+        "select project, count(*) from jobs where finished_at is not null \
+         group by project having count(*) > $1",
     )
     .bind(most)
     .fetch_all(&mut **tx)
     .await?;
     let mut going = Vec::new();
-    for project in projects {
+    for (project, finished) in projects {
         let project: Project = jobs::project("a job", &project)?;
-        let ids: Vec<String> = sqlx::query_scalar(
-            "select id from jobs where project = ?1 and finished_at is not null order by id \
-             limit min(?3, (select count(*) from jobs where project = ?1 \
-             and finished_at is not null) - ?2)",
+        let ids: Vec<String> = database::query_scalar(
+            "select id from jobs where project = $1 and finished_at is not null order by id limit $2",
         )
         .bind(project.as_str())
-        .bind(most)
-        .bind(JOBS_AT_ONCE)
+        .bind((finished - i64::from(most)).min(JOBS_AT_ONCE))
         .fetch_all(&mut **tx)
         .await?;
         going.extend(ids);
@@ -146,9 +146,9 @@ async fn too_many(tx: &mut Tx, most: u32) -> Result<Vec<String>, StoreError> {
 }
 
 async fn forget_candidates(tx: &mut Tx, cutoff: &str) -> Result<u64, StoreError> {
-    let of: Vec<String> = sqlx::query_scalar(
-        "select job from candidate_records join jobs on id = job where finished_at < ? \
-         order by job limit ?",
+    let of: Vec<String> = database::query_scalar(
+        "select job from candidate_records join jobs on id = job where finished_at < $1 \
+         order by job limit $2",
     )
     .bind(cutoff)
     .bind(JOBS_AT_ONCE)
@@ -156,7 +156,7 @@ async fn forget_candidates(tx: &mut Tx, cutoff: &str) -> Result<u64, StoreError>
     .await?;
     for job in &of {
         for table in ["candidates", "candidate_records"] {
-            let mut removal = sqlx::QueryBuilder::<sqlx::Sqlite>::new("delete from ");
+            let mut removal = QueryBuilder::new("delete from ");
             removal.push(table).push(" where job = ").push_bind(job);
             removal.build().execute(&mut **tx).await?;
         }
@@ -172,7 +172,7 @@ async fn forget(
     cutoff: &str,
 ) -> Result<u64, StoreError> {
     let (before, after) = which.split_once('?').unwrap_or((which, ""));
-    let mut removal = sqlx::QueryBuilder::<sqlx::Sqlite>::new("delete from ");
+    let mut removal = QueryBuilder::new("delete from ");
     removal.push(table).push(" where id in (select id from ");
     removal.push(table).push(" where ").push(before);
     removal
@@ -181,12 +181,16 @@ async fn forget(
         .push(" order by id limit ");
     removal.push_bind(ROWS_AT_ONCE).push(")");
     let removed = removal.build().execute(&mut **tx).await?;
-    Ok(removed.rows_affected())
+    Ok(removed)
 }
 
 /// Gives pages that hold nothing back to the disk, in a file that was made so that it can.
+/// PostgreSQL sees to that itself.
 async fn give_space_back(tx: &mut Tx) -> Result<(), StoreError> {
-    let mut query = sqlx::QueryBuilder::<sqlx::Sqlite>::new("pragma incremental_vacuum(");
+    if tx.kind() == Kind::Postgres {
+        return Ok(());
+    }
+    let mut query = QueryBuilder::new("pragma incremental_vacuum(");
     query.push(PAGES_AT_ONCE).push(")");
     query.build().fetch_all(&mut **tx).await?;
     Ok(())

@@ -2,6 +2,7 @@
 
 use jiff::Timestamp;
 
+use super::database;
 use super::jobs::time;
 use super::tokens::{Columns, TokenRow};
 use super::{Store, StoreError};
@@ -23,19 +24,19 @@ impl Store {
             .writer
             .write(move |tx| {
                 Box::pin(async move {
-                    sqlx::query(
-                        "delete from sessions where expires_at < ?1 or digest in \
-                         (select digest from sessions where token = ?2 \
-                          order by created_at desc limit -1 offset ?3)",
+                    database::query(
+                        "delete from sessions where expires_at < $1 or digest in \
+                         (select digest from sessions where token = $2 \
+                          order by created_at desc limit 9223372036854775807 offset $3)",
                     )
                     .bind(&now)
                     .bind(token)
                     .bind(MOST_OF_A_TOKEN - 1)
                     .execute(&mut **tx)
                     .await?;
-                    sqlx::query(
+                    database::query(
                         "insert into sessions (digest, token, created_at, expires_at) \
-                         values (?, ?, ?, ?)",
+                         values ($1, $2, $3, $4)",
                     )
                     .bind(digest.as_str())
                     .bind(token)
@@ -52,16 +53,16 @@ impl Store {
     /// The token of a session, valid or not. It ends when the session does.
     pub async fn session(&self, digest: &Digest) -> Result<Option<TokenRow>, StoreError> {
         let found: Option<(i64, String)> =
-            sqlx::query_as("select token, expires_at from sessions where digest = ?")
+            database::query_as("select token, expires_at from sessions where digest = $1")
                 .bind(digest.as_str())
                 .fetch_optional(self.readers())
                 .await?;
         let Some((token, ends)) = found else {
             return Ok(None);
         };
-        let row: Option<Columns> = sqlx::query_as(
+        let row: Option<Columns> = database::query_as(
             "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
-             from tokens where id = ?",
+             from tokens where id = $1",
         )
         .bind(token)
         .fetch_optional(self.readers())
@@ -80,7 +81,7 @@ impl Store {
             .writer
             .write(move |tx| {
                 Box::pin(async move {
-                    sqlx::query("delete from sessions where digest = ?")
+                    database::query("delete from sessions where digest = $1")
                         .bind(digest.as_str())
                         .execute(&mut **tx)
                         .await?;

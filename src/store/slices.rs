@@ -8,6 +8,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 use serde_json::Value;
 
+use super::database;
 use super::jobs::{self, JobRow};
 use super::life::{SUSPECT_FROM, wait_after};
 use super::stop_request::StopRequest;
@@ -111,6 +112,7 @@ pub struct Checkpoint {
     /// The method's own state.
     pub state: Vec<u8>,
     /// Iterations of the refinement that went before it.
+    #[sqlx(try_from = "i64")]
     pub refinements: u32,
 }
 
@@ -181,10 +183,13 @@ struct Now {
 #[derive(sqlx::FromRow)]
 struct Control {
     epoch: i64,
+    #[sqlx(try_from = "i64")]
     deaths: u32,
     queue_entry: i64,
     running_ms: i64,
+    #[sqlx(try_from = "i64")]
     told_generation: u32,
+    #[sqlx(try_from = "i64")]
     told_refinements: u32,
     told_at_ms: i64,
 }
@@ -193,9 +198,9 @@ async fn begin(tx: &mut Tx, id: JobId, entry: Option<i64>, now: Now) -> Result<B
     let Some(row) = jobs::fetch(&mut *tx, id).await? else {
         return Ok(Begin::Nothing);
     };
-    let control: Control = sqlx::query_as(
+    let control: Control = database::query_as(
         "select epoch, deaths, queue_entry, running_ms, told_generation, told_refinements, \
-         told_at_ms from jobs where id = ?",
+         told_at_ms from jobs where id = $1",
     )
     .bind(id.to_string())
     .fetch_one(&mut **tx)
@@ -215,19 +220,20 @@ async fn begin(tx: &mut Tx, id: JobId, entry: Option<i64>, now: Now) -> Result<B
         let status = Status::Running;
         change_status(tx, id, status, &[Event::State { status }]).await?;
     }
-    sqlx::query(
+    database::query(
         "update jobs set epoch = epoch + 1, attempt = attempt + 1, revision = revision + 1, \
-         at_work_in = ? where id = ?",
+         at_work_in = $1 where id = $2",
     )
     .bind(now.life)
     .bind(id.to_string())
     .execute(&mut **tx)
     .await?;
     tx.announce(Change::Job(id));
-    let checkpoint = sqlx::query_as("select state, refinements from checkpoints where job = ?")
-        .bind(id.to_string())
-        .fetch_optional(&mut **tx)
-        .await?;
+    let checkpoint =
+        database::query_as("select state, refinements from checkpoints where job = $1")
+            .bind(id.to_string())
+            .fetch_optional(&mut **tx)
+            .await?;
     let reported = Reported {
         generation: control.told_generation,
         refinements: control.told_refinements,
@@ -254,8 +260,8 @@ async fn newest_generation(
     above: u32,
 ) -> Result<Option<GenerationEvent>, StoreError> {
     let id = id.to_string();
-    let row: Option<String> = sqlx::query_scalar(
-        "select row from generations where job = ? and generation > ? \
+    let row: Option<String> = database::query_scalar(
+        "select row from generations where job = $1 and generation > $2 \
          order by generation desc limit 1",
     )
     .bind(&id)
@@ -275,8 +281,8 @@ async fn is_to_wait(tx: &mut Tx, deaths: u32, now: Now) -> Result<bool, StoreErr
     if now.age < wait_after(deaths) {
         return Ok(true);
     }
-    let another: bool = sqlx::query_scalar(
-        "select exists (select 1 from jobs where at_work_in = ? and deaths >= ?)",
+    let another: bool = database::query_scalar(
+        "select exists (select 1 from jobs where at_work_in = $1 and deaths >= $2)",
     )
     .bind(now.life)
     .bind(SUSPECT_FROM)
@@ -308,12 +314,12 @@ async fn finish(
 }
 
 async fn write_record(tx: &mut Tx, lease: Lease, record: Record) -> Result<Hold, StoreError> {
-    let last_event: Option<i64> = sqlx::query_scalar(
-        "update jobs set last_event = last_event + ?, revision = revision + 1, \
-         running_ms = running_ms + ?, \
-         told_generation = ?, told_refinements = ?, told_at_ms = ?, \
-         progress = coalesce(?, progress) \
-         where id = ? and epoch = ? and status = 'running' returning last_event",
+    let last_event: Option<i64> = database::query_scalar(
+        "update jobs set last_event = last_event + $1, revision = revision + 1, \
+         running_ms = running_ms + $2, \
+         told_generation = $3, told_refinements = $4, told_at_ms = $5, \
+         progress = coalesce($6, progress) \
+         where id = $7 and epoch = $8 and status = 'running' returning last_event",
     )
     .bind(i64::try_from(record.events.len()).expect("a record is small"))
     .bind(i64::try_from(record.worked_ms).unwrap_or(i64::MAX))
@@ -351,13 +357,17 @@ async fn put_checkpoint(
     job: JobId,
     checkpoint: &Checkpoint,
 ) -> Result<(), StoreError> {
-    sqlx::query("insert or replace into checkpoints (job, state, refinements) values (?, ?, ?)")
-        .bind(job.to_string())
-        .bind(&checkpoint.state)
-        .bind(checkpoint.refinements)
-        .execute(&mut **tx)
-        .await?;
-    sqlx::query("update jobs set attempt = 0, deaths = 0, at_work_in = null where id = ?")
+    database::query(
+        "insert into checkpoints (job, state, refinements) values ($1, $2, $3) \
+         on conflict (job) do update set state = excluded.state, \
+         refinements = excluded.refinements",
+    )
+    .bind(job.to_string())
+    .bind(&checkpoint.state)
+    .bind(checkpoint.refinements)
+    .execute(&mut **tx)
+    .await?;
+    database::query("update jobs set attempt = 0, deaths = 0, at_work_in = null where id = $1")
         .bind(job.to_string())
         .execute(&mut **tx)
         .await?;
@@ -370,7 +380,7 @@ async fn end(tx: &mut Tx, id: JobId, ending: &Ending) -> Result<(), StoreError> 
         results::put(tx, id, outcome).await?;
     }
     if let Some(error) = &ending.error {
-        sqlx::query("update jobs set error = ? where id = ?")
+        database::query("update jobs set error = $1 where id = $2")
             .bind(jobs::json(error))
             .bind(id.to_string())
             .execute(&mut **tx)
@@ -397,7 +407,7 @@ pub(super) async fn change_status(
     reported: &[Event],
 ) -> Result<(), StoreError> {
     let key = id.to_string();
-    let from: String = sqlx::query_scalar("select status from jobs where id = ?")
+    let from: String = database::query_scalar("select status from jobs where id = $1")
         .bind(&key)
         .fetch_one(&mut **tx)
         .await?;
@@ -409,10 +419,10 @@ pub(super) async fn change_status(
         .map_err(|why| super::corrupt("status", &key, why))?;
     let now = Timestamp::now().to_string();
     let n_events = i64::try_from(reported.len()).expect("a change tells of little");
-    let last_event: i64 = sqlx::query_scalar(
-        "update jobs set status = ?, request = null, revision = revision + 1, at_work_in = null, \
-         last_event = last_event + ?, started_at = coalesce(started_at, ?), finished_at = ? \
-         where id = ? returning last_event",
+    let last_event: i64 = database::query_scalar(
+        "update jobs set status = $1, request = null, revision = revision + 1, at_work_in = null, \
+         last_event = last_event + $2, started_at = coalesce(started_at, $3), finished_at = $4 \
+         where id = $5 returning last_event",
     )
     .bind(to.as_str())
     .bind(n_events)
@@ -423,7 +433,7 @@ pub(super) async fn change_status(
     .await?;
     events::insert(tx, id, last_event - n_events + 1, reported).await?;
     if to.is_terminal() {
-        sqlx::query("delete from checkpoints where job = ?")
+        database::query("delete from checkpoints where job = $1")
             .bind(&key)
             .execute(&mut **tx)
             .await?;

@@ -11,14 +11,14 @@ use std::collections::HashMap;
 
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use utoipa::ToSchema;
 
+use super::database::{self, Connection, QueryBuilder, Row};
 use super::idempotency::Idempotency;
 use super::jobs::{self, Page, from_json, json, time};
 use super::quotas;
 use super::writer::Tx;
-use super::{Change, Quotas, Store, StoreError, corrupt};
+use super::{Change, Quotas, Store, StoreError, corrupt, unsigned};
 use crate::access::Project;
 use crate::recording::{MAX_SIGNALS, Merged, RowSignal, Rows};
 use blocks::Block;
@@ -176,7 +176,7 @@ impl Store {
         after: Option<String>,
         limit: u32,
     ) -> Result<Page<StreamRow, String>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(SELECT);
+        let mut query = QueryBuilder::new(SELECT);
         query
             .push(" where project = ")
             .push_bind(project.as_str().to_owned());
@@ -205,15 +205,15 @@ impl Store {
         let mut connection = self.readers().acquire().await?;
         let mut after = i64::MIN;
         loop {
-            let block: Option<(i64, i64, Vec<u8>)> = sqlx::query_as(
-                "select first_ns, rows, samples from stream_blocks where stream = ? \
-                 and first_ns < ? and last_ns >= ? and first_ns > ? order by first_ns limit 1",
+            let block: Option<(i64, i64, Vec<u8>)> = database::query_as(
+                "select first_ns, rows, samples from stream_blocks where stream = $1 \
+                 and first_ns < $2 and last_ns >= $3 and first_ns > $4 order by first_ns limit 1",
             )
             .bind(&identity)
             .bind(to)
             .bind(from)
             .bind(after)
-            .fetch_optional(&mut *connection)
+            .fetch_optional(&mut connection)
             .await?;
             let Some((first, rows, samples)) = block else {
                 return Ok(Some(all));
@@ -236,8 +236,8 @@ impl Store {
         from: i64,
     ) -> Result<Option<i64>, StoreError> {
         let identity = stream.identity();
-        let block: Option<(i64, Vec<u8>)> = sqlx::query_as(
-            "select rows, samples from stream_blocks where stream = ? and last_ns >= ? \
+        let block: Option<(i64, Vec<u8>)> = database::query_as(
+            "select rows, samples from stream_blocks where stream = $1 and last_ns >= $2 \
              order by first_ns limit 1",
         )
         .bind(&identity)
@@ -269,18 +269,18 @@ const SELECT: &str = "select project, name, signals, zone, samples, bytes, first
                       keep_mib, created_at, received_at from streams";
 
 async fn fetch(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     identity: &str,
 ) -> Result<Option<StreamRow>, StoreError> {
-    let mut query = QueryBuilder::<Sqlite>::new(SELECT);
+    let mut query = QueryBuilder::new(SELECT);
     query.push(" where identity = ").push_bind(identity);
     let row = query.build().fetch_optional(connection).await?;
     row.as_ref().map(read).transpose()
 }
 
-fn read(row: &sqlx::sqlite::SqliteRow) -> Result<StreamRow, StoreError> {
+fn read(row: &Row) -> Result<StreamRow, StoreError> {
     let name: String = row.try_get("name")?;
-    let count = |column| row.try_get::<i64, _>(column).map(i64::unsigned_abs);
+    let count = |column| row.try_get::<i64>(column).map(i64::unsigned_abs);
     let instant = |column| {
         let ns: i64 = row.try_get(column)?;
         Timestamp::from_nanosecond(ns.into()).map_err(|why| corrupt("stream", &name, why))
@@ -294,7 +294,7 @@ fn read(row: &sqlx::sqlite::SqliteRow) -> Result<StreamRow, StoreError> {
         first: instant("first_ns")?,
         last: instant("last_ns")?,
         keep_s: row.try_get("keep_s")?,
-        keep_mib: row.try_get("keep_mib")?,
+        keep_mib: unsigned("room", &name, row.try_get("keep_mib")?)?,
         created_at: time(&name, row.try_get("created_at")?)?,
         received_at: time(&name, row.try_get("received_at")?)?,
         name,
@@ -310,10 +310,11 @@ async fn append(tx: &mut Tx, batch: NewBatch, allowed: Quotas) -> Result<BatchOu
     let before = fetch(tx, &identity(&batch.project, &batch.stream)).await?;
     let is_new = before.is_none();
     if is_new {
-        let streams: i64 = sqlx::query_scalar("select count(*) from streams where project = ?")
-            .bind(batch.project.as_str())
-            .fetch_one(&mut **tx)
-            .await?;
+        let streams: i64 =
+            database::query_scalar("select count(*) from streams where project = $1")
+                .bind(batch.project.as_str())
+                .fetch_one(&mut **tx)
+                .await?;
         if streams >= MAX_STREAMS {
             return Ok(BatchOutcome::TooManyStreams);
         }
@@ -398,10 +399,10 @@ fn places(
 
 /// Writes what a stream is, with the first and the last instant of it.
 async fn put(tx: &mut Tx, row: &StreamRow, (first, last): (i64, i64)) -> Result<(), StoreError> {
-    sqlx::query(
+    database::query(
         "insert into streams (identity, project, name, signals, zone, samples, bytes, first_ns, \
          last_ns, keep_s, keep_mib, created_at, received_at) \
-         values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) \
+         values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13) \
          on conflict (identity) do update set signals = excluded.signals, zone = excluded.zone, \
          samples = excluded.samples, bytes = excluded.bytes, first_ns = excluded.first_ns, \
          last_ns = excluded.last_ns, keep_s = excluded.keep_s, keep_mib = excluded.keep_mib, \
@@ -443,7 +444,7 @@ async fn keep(tx: &mut Tx, row: &mut StreamRow) -> Result<u64, StoreError> {
     let n_kept = blocks.iter().rev().enumerate().take_while(is_kept).count();
     let (gone, left) = blocks.split_at(blocks.len() - n_kept);
     if let Some(newest_gone) = gone.last() {
-        sqlx::query("delete from stream_blocks where stream = ? and first_ns <= ?")
+        database::query("delete from stream_blocks where stream = $1 and first_ns <= $2")
             .bind(row.identity())
             .bind(newest_gone.first)
             .execute(&mut **tx)
@@ -462,18 +463,17 @@ async fn keep(tx: &mut Tx, row: &mut StreamRow) -> Result<u64, StoreError> {
 
 async fn delete(tx: &mut Tx, identity: String) -> Result<StreamRemoval, StoreError> {
     let monitors: Vec<String> =
-        sqlx::query_scalar("select id from monitors where stream = ? order by id")
+        database::query_scalar("select id from monitors where stream = $1 order by id")
             .bind(&identity)
             .fetch_all(&mut **tx)
             .await?;
     if !monitors.is_empty() {
         return Ok(StreamRemoval::InUse(monitors));
     }
-    let removed = sqlx::query("delete from streams where identity = ?")
+    let removed = database::query("delete from streams where identity = $1")
         .bind(&identity)
         .execute(&mut **tx)
-        .await?
-        .rows_affected();
+        .await?;
     Ok(match removed {
         0 => StreamRemoval::NotFound,
         _ => StreamRemoval::Removed,

@@ -12,9 +12,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use riverqueue::Client;
 use serde_json::Value;
-use sqlx::SqliteConnection;
 use tokio::sync::oneshot;
 
+use super::database::Connection;
 use super::idempotency::{self, Earlier, Idempotency};
 use super::jobs::{self, JobRow};
 use super::writer::Tx;
@@ -185,7 +185,7 @@ fn answer_each(replies: Vec<Reply>, outcome: Result<Vec<Submitted>, StoreError>)
 
 /// The answer to a submission whose key came before.
 async fn answer_again(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     earlier: Earlier,
 ) -> Result<Submitted, StoreError> {
     // Another body, or one that made something else than a job.

@@ -1,15 +1,14 @@
 //! Tokens: made, listed and revoked on the database itself, whether a server works with it or not.
 
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::Timestamp;
-use sqlx::sqlite::SqliteConnectOptions;
-use sqlx::{Connection, FromRow, SqliteConnection};
+use sqlx::FromRow;
 
+use super::database::{self, Pool, postgres, sqlite};
 use super::jobs::{project, time};
-use super::{DatabaseSettings, Store, StoreError, corrupt, schema_version};
+use super::{DatabasePlace, DatabaseSettings, Store, StoreError, corrupt, schema_version};
 use crate::access::{Digest, Project, Scope};
 
 /// How long a statement waits for the server's lock.
@@ -95,16 +94,18 @@ impl Store {
     /// Whether a token was ever made: from then on everybody is asked for one, also when none is
     /// valid any more.
     pub async fn has_tokens(&self) -> Result<bool, StoreError> {
-        Ok(sqlx::query_scalar("select exists (select 1 from tokens)")
-            .fetch_one(self.readers())
-            .await?)
+        Ok(
+            database::query_scalar("select exists (select 1 from tokens)")
+                .fetch_one(self.readers())
+                .await?,
+        )
     }
 
     /// The token of a secret, valid or not.
     pub async fn token(&self, digest: &Digest) -> Result<Option<TokenRow>, StoreError> {
-        let row: Option<Columns> = sqlx::query_as(
+        let row: Option<Columns> = database::query_as(
             "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
-             from tokens where digest = ?",
+             from tokens where digest = $1",
         )
         .bind(digest.as_str())
         .fetch_optional(self.readers())
@@ -118,7 +119,7 @@ impl Store {
             .writer
             .write(move |tx| {
                 Box::pin(async move {
-                    sqlx::query("update tokens set last_used_at = ? where id = ?")
+                    database::query("update tokens set last_used_at = $1 where id = $2")
                         .bind(Timestamp::now().to_string())
                         .bind(token)
                         .execute(&mut **tx)
@@ -134,11 +135,11 @@ impl Store {
 ///
 /// # Errors
 /// The database cannot be opened or written.
-pub async fn create(database: &Path, new: NewToken) -> Result<bool, StoreError> {
-    let mut connection = open(database).await?;
-    let made = sqlx::query(
+pub async fn create(database: &DatabasePlace, new: NewToken) -> Result<bool, StoreError> {
+    let connection = open(database).await?;
+    let made = database::query(
         "insert into tokens (name, digest, scope, project, created_at, expires_at) \
-         values (?, ?, ?, ?, ?, ?) on conflict do nothing",
+         values ($1, $2, $3, $4, $5, $6) on conflict do nothing",
     )
     .bind(&new.name)
     .bind(new.digest.as_str())
@@ -146,25 +147,25 @@ pub async fn create(database: &Path, new: NewToken) -> Result<bool, StoreError> 
     .bind(new.project.as_str())
     .bind(Timestamp::now().to_string())
     .bind(new.expires_at.map(|at| at.to_string()))
-    .execute(&mut connection)
+    .execute(&connection)
     .await?;
-    connection.close().await?;
-    Ok(made.rows_affected() == 1)
+    connection.close().await;
+    Ok(made == 1)
 }
 
 /// All tokens, the newest last.
 ///
 /// # Errors
 /// The database cannot be opened or read.
-pub async fn list(database: &Path) -> Result<Vec<TokenRow>, StoreError> {
-    let mut connection = open(database).await?;
-    let rows: Vec<Columns> = sqlx::query_as(
+pub async fn list(database: &DatabasePlace) -> Result<Vec<TokenRow>, StoreError> {
+    let connection = open(database).await?;
+    let rows: Vec<Columns> = database::query_as(
         "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
          from tokens order by id",
     )
-    .fetch_all(&mut connection)
+    .fetch_all(&connection)
     .await?;
-    connection.close().await?;
+    connection.close().await;
     rows.into_iter().map(Columns::read).collect()
 }
 
@@ -172,23 +173,23 @@ pub async fn list(database: &Path) -> Result<Vec<TokenRow>, StoreError> {
 ///
 /// # Errors
 /// The database cannot be opened or written.
-pub async fn revoke(database: &Path, name: &str) -> Result<bool, StoreError> {
-    let mut connection = open(database).await?;
+pub async fn revoke(database: &DatabasePlace, name: &str) -> Result<bool, StoreError> {
+    let connection = open(database).await?;
     let revoked =
-        sqlx::query("update tokens set revoked_at = ? where name = ? and revoked_at is null")
+        database::query("update tokens set revoked_at = $1 where name = $2 and revoked_at is null")
             .bind(Timestamp::now().to_string())
             .bind(name)
-            .execute(&mut connection)
+            .execute(&connection)
             .await?;
-    connection.close().await?;
-    Ok(revoked.rows_affected() == 1)
+    connection.close().await;
+    Ok(revoked == 1)
 }
 
 /// A connection to a database that is there and up to date. One that no server works with is made
 /// or brought up to date first; one that a server works with has that server's schema.
-async fn open(path: &Path) -> Result<SqliteConnection, StoreError> {
+async fn open(place: &DatabasePlace) -> Result<Pool, StoreError> {
     let settings = DatabaseSettings {
-        path: path.to_owned(),
+        place: place.clone(),
         readers: 1,
         busy_timeout: BUSY_TIMEOUT,
     };
@@ -197,12 +198,14 @@ async fn open(path: &Path) -> Result<SqliteConnection, StoreError> {
         Err(StoreError::Locked { .. }) => {}
         Err(error) => return Err(error),
     }
-    let options = SqliteConnectOptions::new()
-        .filename(path)
-        .busy_timeout(BUSY_TIMEOUT);
-    let mut connection = SqliteConnection::connect_with(&options).await?;
-    let newest: i64 = sqlx::query_scalar("select max(version) from _sqlx_migrations")
-        .fetch_one(&mut connection)
+    let connection = match place {
+        DatabasePlace::File(path) => Pool::Sqlite(sqlite::writer(path, BUSY_TIMEOUT).await?),
+        DatabasePlace::Postgres(options) => {
+            Pool::Postgres(postgres::pool(options.as_ref().clone(), 1).await?)
+        }
+    };
+    let newest: i64 = database::query_scalar("select max(version) from _sqlx_migrations")
+        .fetch_one(&connection)
         .await?;
     if newest == schema_version() {
         return Ok(connection);
@@ -211,5 +214,5 @@ async fn open(path: &Path) -> Result<SqliteConnection, StoreError> {
         "the server has schema {newest}, this program {}",
         schema_version()
     );
-    Err(corrupt("schema", path.display(), why))
+    Err(corrupt("schema", place, why))
 }

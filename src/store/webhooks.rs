@@ -5,11 +5,12 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 use serde_json::{Value, json};
-use sqlx::{FromRow, QueryBuilder, Sqlite};
+use sqlx::FromRow;
 
+use super::database::{self, QueryBuilder};
 use super::jobs::{self, Page, from_json, project, time};
 use super::writer::Tx;
-use super::{Change, Store, StoreError, corrupt};
+use super::{Change, Store, StoreError, corrupt, unsigned};
 use crate::access::Project;
 use crate::job::{DeliveryId, JobId, WebhookId};
 
@@ -127,9 +128,10 @@ struct DeliveryColumns {
     event: String,
     payload: String,
     state: String,
+    #[sqlx(try_from = "i64")]
     attempts: u32,
     due_at_ms: i64,
-    last_status: Option<u16>,
+    last_status: Option<i64>,
     last_error: Option<String>,
     created_at: String,
     delivered_at: Option<String>,
@@ -156,7 +158,9 @@ impl DeliveryColumns {
             event: self.event,
             payload: self.payload,
             attempts: self.attempts,
-            last_status: self.last_status,
+            last_status: (self.last_status)
+                .map(|status| unsigned("status", of, status))
+                .transpose()?,
             last_error: self.last_error,
         })
     }
@@ -174,23 +178,27 @@ pub(super) async fn tell(
     event: &str,
     data: &Value,
 ) -> Result<(), StoreError> {
-    let places: Vec<String> = sqlx::query_scalar(
-        "select id from webhooks where project = ? \
-         and exists (select 1 from json_each(events) where value = ?)",
-    )
-    .bind(project.as_str())
-    .bind(event)
-    .fetch_all(&mut **tx)
-    .await?;
+    let all: Vec<(String, String)> =
+        database::query_as("select id, events from webhooks where project = $1")
+            .bind(project.as_str())
+            .fetch_all(&mut **tx)
+            .await?;
+    let mut places = Vec::with_capacity(all.len());
+    for (id, events) in all {
+        let events: Vec<String> = jobs::from_json("webhook", &id, &events)?;
+        if events.iter().any(|wanted| wanted == event) {
+            places.push(id);
+        }
+    }
     if places.is_empty() {
         return Ok(());
     }
     let now = Timestamp::now();
     let payload = json!({"type": event, "timestamp": now.to_string(), "data": data}).to_string();
     for place in places {
-        sqlx::query(
+        database::query(
             "insert into deliveries (id, webhook, event, payload, state, due_at_ms, \
-             tried_from_ms, created_at) values (?, ?, ?, ?, 'waiting', ?, ?, ?)",
+             tried_from_ms, created_at) values ($1, $2, $3, $4, 'waiting', $5, $6, $7)",
         )
         .bind(DeliveryId::new().to_string())
         .bind(place)
@@ -209,9 +217,9 @@ pub(super) async fn tell(
 /// Tells that a job came to its end.
 pub(super) async fn tell_of_end(tx: &mut Tx, id: JobId) -> Result<(), StoreError> {
     let key = id.to_string();
-    let wanted: bool = sqlx::query_scalar(
+    let wanted: bool = database::query_scalar(
         "select exists (select 1 from webhooks join jobs on jobs.project = webhooks.project \
-         where jobs.id = ?)",
+         where jobs.id = $1)",
     )
     .bind(&key)
     .fetch_one(&mut **tx)
@@ -243,9 +251,9 @@ impl Store {
             .writer
             .write(move |tx| {
                 Box::pin(async move {
-                    sqlx::query(
+                    database::query(
                         "insert into webhooks (id, project, url, events, secret, created_at) \
-                         values (?, ?, ?, ?, ?, ?)",
+                         values ($1, $2, $3, $4, $5, $6)",
                     )
                     .bind(new.id.to_string())
                     .bind(new.project.as_str())
@@ -263,7 +271,7 @@ impl Store {
 
     /// The places of a project, the oldest first.
     pub async fn webhooks(&self, project: &Project) -> Result<Vec<WebhookRow>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(WEBHOOK);
+        let mut query = QueryBuilder::new(WEBHOOK);
         query.push(" where project = ").push_bind(project.as_str());
         query.push(" order by id");
         let rows: Vec<WebhookColumns> = query.build_query_as().fetch_all(self.readers()).await?;
@@ -272,7 +280,7 @@ impl Store {
 
     /// A place, if there is one.
     pub async fn webhook(&self, id: WebhookId) -> Result<Option<WebhookRow>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(WEBHOOK);
+        let mut query = QueryBuilder::new(WEBHOOK);
         query.push(" where id = ").push_bind(id.to_string());
         let row: Option<WebhookColumns> = query
             .build_query_as()
@@ -287,11 +295,11 @@ impl Store {
             .writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let removed = sqlx::query("delete from webhooks where id = ?")
+                    let removed = database::query("delete from webhooks where id = $1")
                         .bind(id.to_string())
                         .execute(&mut **tx)
                         .await?;
-                    Ok(removed.rows_affected() == 1)
+                    Ok(removed == 1)
                 })
             })
             .await
@@ -304,7 +312,7 @@ impl Store {
         before: Option<DeliveryId>,
         limit: u32,
     ) -> Result<Page<DeliveryRow, DeliveryId>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(DELIVERY);
+        let mut query = QueryBuilder::new(DELIVERY);
         query
             .push(" where webhook = ")
             .push_bind(webhook.to_string());
@@ -322,7 +330,7 @@ impl Store {
 
     /// A delivery, if there is one.
     pub async fn delivery(&self, id: DeliveryId) -> Result<Option<DeliveryRow>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(DELIVERY);
+        let mut query = QueryBuilder::new(DELIVERY);
         query.push(" where id = ").push_bind(id.to_string());
         let row: Option<DeliveryColumns> = query
             .build_query_as()
@@ -334,9 +342,9 @@ impl Store {
     /// Whose a delivery is, if there is one.
     pub async fn project_of_delivery(&self, id: DeliveryId) -> Result<Option<Project>, StoreError> {
         let key = id.to_string();
-        let name: Option<String> = sqlx::query_scalar(
+        let name: Option<String> = database::query_scalar(
             "select project from deliveries join webhooks on webhooks.id = webhook \
-             where deliveries.id = ?",
+             where deliveries.id = $1",
         )
         .bind(&key)
         .fetch_optional(self.readers())
@@ -360,12 +368,13 @@ impl Store {
     ) -> Result<(Vec<DeliveryRow>, Option<Timestamp>), StoreError> {
         let now_ms = now.as_millisecond();
         let longest = i64::try_from(LONGEST_WAIT.as_millis()).unwrap_or(i64::MAX);
-        // With `min` the other columns are those of the row that has it.
-        let rows: Vec<DeliveryColumns> = sqlx::query_as(
+        let rows: Vec<DeliveryColumns> = database::query_as(
             "select id, webhook, event, payload, state, attempts, \
-             min(iif(due_at_ms > ?1, 0, due_at_ms)) as due_at_ms, \
+             case when due_at_ms > $1 then 0 else due_at_ms end as due_at_ms, \
              last_status, last_error, created_at, delivered_at from deliveries \
-             where state = 'waiting' group by webhook",
+             where id in (select id from (select id, row_number() over (partition by webhook \
+              order by case when due_at_ms > $1 then 0 else due_at_ms end, id) as place \
+              from deliveries where state = 'waiting') as waiting where place = 1)",
         )
         .bind(now_ms.saturating_add(longest))
         .fetch_all(self.readers())
@@ -387,22 +396,22 @@ impl Store {
 
 async fn resend(tx: &mut Tx, id: DeliveryId) -> Result<bool, StoreError> {
     let now = Timestamp::now().as_millisecond();
-    let found = sqlx::query(
-        "update deliveries set state = 'waiting', due_at_ms = ?1, tried_from_ms = ?1, \
-         attempts = 0, delivered_at = null where id = ?2",
+    let found = database::query(
+        "update deliveries set state = 'waiting', due_at_ms = $1, tried_from_ms = $1, \
+         attempts = 0, delivered_at = null where id = $2",
     )
     .bind(now)
     .bind(id.to_string())
     .execute(&mut **tx)
     .await?;
     tx.announce(Change::DeliveryWaits);
-    Ok(found.rows_affected() == 1)
+    Ok(found == 1)
 }
 
 async fn note(tx: &mut Tx, id: DeliveryId, attempt: Attempt) -> Result<(), StoreError> {
     let key = id.to_string();
-    let before: Option<(u32, i64)> =
-        sqlx::query_as("select attempts, tried_from_ms from deliveries where id = ?")
+    let before: Option<(i64, i64)> =
+        database::query_as("select attempts, tried_from_ms from deliveries where id = $1")
             .bind(&key)
             .fetch_optional(&mut **tx)
             .await?;
@@ -410,6 +419,7 @@ async fn note(tx: &mut Tx, id: DeliveryId, attempt: Attempt) -> Result<(), Store
     let Some((attempts, tried_from_ms)) = before else {
         return Ok(());
     };
+    let attempts: u32 = unsigned("attempts", &key, attempts)?;
     let now = Timestamp::now();
     let tried_ms = now.as_millisecond().saturating_sub(tried_from_ms);
     let state = match &attempt.error {
@@ -420,9 +430,9 @@ async fn note(tx: &mut Tx, id: DeliveryId, attempt: Attempt) -> Result<(), Store
         Some(_) => DeliveryState::Waiting,
     };
     let wait = i64::try_from(wait_after(attempts).as_millis()).unwrap_or(i64::MAX);
-    sqlx::query(
-        "update deliveries set state = ?, attempts = attempts + 1, due_at_ms = ?, \
-         last_status = ?, last_error = ?, delivered_at = ? where id = ?",
+    database::query(
+        "update deliveries set state = $1, attempts = attempts + 1, due_at_ms = $2, \
+         last_status = $3, last_error = $4, delivered_at = $5 where id = $6",
     )
     .bind(state.as_str())
     .bind(now.as_millisecond().saturating_add(wait))

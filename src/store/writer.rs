@@ -8,14 +8,15 @@
 
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use futures_util::future::BoxFuture;
-use sqlx::{Sqlite, SqliteConnection, SqlitePool, Transaction};
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
+use super::database::{self, Connection, Kind, Pool, Transaction};
 use super::error::WriteFailure;
 use super::{Change, OnChange, StoreError};
 
@@ -26,7 +27,7 @@ const WAITING_LIMIT: usize = 1024;
 
 /// The transaction that a write runs in.
 pub(super) struct Tx {
-    inner: Transaction<'static, Sqlite>,
+    inner: Connection,
     changes: Vec<Change>,
 }
 
@@ -37,21 +38,23 @@ impl Tx {
     }
 
     /// The transaction as the queue wants it.
-    pub(super) fn for_queue(&mut self) -> &mut Transaction<'static, Sqlite> {
-        &mut self.inner
+    pub(super) fn transaction(&mut self) -> Transaction<'_> {
+        self.inner
+            .transaction()
+            .expect("a write runs in a transaction")
     }
 }
 
 impl Deref for Tx {
-    type Target = SqliteConnection;
+    type Target = Connection;
 
-    fn deref(&self) -> &SqliteConnection {
+    fn deref(&self) -> &Connection {
         &self.inner
     }
 }
 
 impl DerefMut for Tx {
-    fn deref_mut(&mut self) -> &mut SqliteConnection {
+    fn deref_mut(&mut self) -> &mut Connection {
         &mut self.inner
     }
 }
@@ -106,6 +109,36 @@ pub(super) struct Writer {
     requests: Mutex<Option<mpsc::Sender<Box<dyn Work>>>>,
     task: Mutex<Option<JoinHandle<()>>>,
     last: Arc<Mutex<LastWrite>>,
+    fence: Fence,
+}
+
+/// The life of the server that may write; before it has begun, anyone may. A file is kept from other
+/// servers by its lock; a database that others reach says in each transaction whose it is.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Fence(Arc<AtomicI64>);
+
+impl Fence {
+    /// From now on only transactions of this life are taken.
+    pub(super) fn set(&self, life: i64) {
+        self.0.store(life, Ordering::Relaxed);
+    }
+
+    async fn check(&self, tx: &mut Connection) -> Result<(), WriteFailure> {
+        let own = self.0.load(Ordering::Relaxed);
+        if own == 0 || tx.kind() == Kind::Sqlite {
+            return Ok(());
+        }
+        let newest: i64 =
+            database::query_scalar("select number from server_life where id = 1 for share")
+                .fetch_one(tx)
+                .await
+                .map_err(|error| WriteFailure::of_database(&error))?;
+        if newest == own {
+            Ok(())
+        } else {
+            Err(WriteFailure::superseded())
+        }
+    }
 }
 
 /// What became of the last transaction.
@@ -145,15 +178,22 @@ impl Place {
 
 impl Writer {
     /// Starts the writer on a pool of one connection.
-    pub(super) fn start(pool: SqlitePool, on_change: OnChange) -> Self {
+    pub(super) fn start(pool: Pool, on_change: OnChange) -> Self {
         let (requests, waiting) = mpsc::channel(WAITING_LIMIT);
         let last = Arc::new(Mutex::new(LastWrite::now(None)));
-        let task = tokio::spawn(run(pool, waiting, last.clone(), on_change));
+        let fence = Fence::default();
+        let task = tokio::spawn(run(pool, waiting, last.clone(), fence.clone(), on_change));
         Self {
             requests: Mutex::new(Some(requests)),
             task: Mutex::new(Some(task)),
             last,
+            fence,
         }
+    }
+
+    /// Who may write.
+    pub(super) fn fence(&self) -> &Fence {
+        &self.fence
     }
 
     /// Whether a transaction was written within `age`.
@@ -210,9 +250,10 @@ impl Writer {
 }
 
 async fn run(
-    pool: SqlitePool,
+    pool: Pool,
     mut waiting: mpsc::Receiver<Box<dyn Work>>,
     last: Arc<Mutex<LastWrite>>,
+    fence: Fence,
     on_change: OnChange,
 ) {
     let mut group = Vec::with_capacity(GROUP_LIMIT);
@@ -220,13 +261,13 @@ async fn run(
         let mut works = group.drain(..);
         let mut done = Vec::with_capacity(works.len());
         let begun = Instant::now();
-        let committed = commit_group(&pool, &mut works, &mut done).await;
+        let committed = commit_group(&pool, &fence, &mut works, &mut done).await;
         let took = begun.elapsed().as_secs_f64();
         metrics::histogram!("greybox_commit_duration_seconds").record(took);
         let failed_alone = done.iter().find_map(|one| one.failure.clone());
         match committed {
             Ok(changes) => {
-                let failure = failed_alone.filter(|failure| failure.is_of_the_disk);
+                let failure = failed_alone.filter(|failure| failure.is_of_the_disk());
                 *last.lock().unwrap_or_else(PoisonError::into_inner) = LastWrite::now(failure);
                 changes.into_iter().for_each(|change| on_change(change));
                 done.into_iter().for_each(|one| (one.acknowledge)(Ok(())));
@@ -234,8 +275,8 @@ async fn run(
             Err(error) => {
                 // A write that finds no room takes the whole transaction with it; what is told of
                 // the others is that, and not what they then met.
-                let failure = failed_alone.filter(|failure| failure.is_of_the_disk);
-                let failure = failure.unwrap_or_else(|| WriteFailure::of_database(&error));
+                let failure = failed_alone.filter(|failure| failure.is_of_the_disk());
+                let failure = failure.unwrap_or(error);
                 tracing::error!(error = %failure, writes = done.len(), "a transaction failed");
                 *last.lock().unwrap_or_else(PoisonError::into_inner) =
                     LastWrite::now(Some(failure.clone()));
@@ -251,30 +292,40 @@ async fn run(
 /// Runs a group in one transaction. Where that fails, `group` keeps the writes that were not run.
 /// The connection never goes on inside a transaction: the pool closes one that comes back so.
 async fn commit_group(
-    pool: &SqlitePool,
+    pool: &Pool,
+    fence: &Fence,
     group: &mut (dyn Iterator<Item = Box<dyn Work>> + Send),
     done: &mut Vec<Done>,
-) -> Result<Vec<Change>, sqlx::Error> {
+) -> Result<Vec<Change>, WriteFailure> {
+    let failed = |error: sqlx::Error| WriteFailure::of_database(&error);
     let mut tx = Tx {
-        inner: pool.begin_with("begin immediate").await?,
+        inner: pool.begin_write().await.map_err(failed)?,
         changes: Vec::new(),
     };
+    fence.check(&mut tx).await?;
     for work in group {
-        if let Err(error) = sqlx::query("savepoint one").execute(&mut *tx).await {
-            work.refuse(StoreError::Commit(WriteFailure::of_database(&error)));
-            return Err(error);
+        if let Err(error) = database::query("savepoint one").execute(&mut *tx).await {
+            let failure = WriteFailure::of_database(&error);
+            work.refuse(StoreError::Commit(failure.clone()));
+            return Err(failure);
         }
         let changes_before = tx.changes.len();
         let one = work.run(&mut tx).await;
-        let failed = one.failure.is_some();
+        let has_failed = one.failure.is_some();
         done.push(one);
-        if failed {
+        if has_failed {
             tx.changes.truncate(changes_before);
-            sqlx::query("rollback to one").execute(&mut *tx).await?;
+            database::query("rollback to savepoint one")
+                .execute(&mut *tx)
+                .await
+                .map_err(failed)?;
         }
-        sqlx::query("release one").execute(&mut *tx).await?;
+        database::query("release savepoint one")
+            .execute(&mut *tx)
+            .await
+            .map_err(failed)?;
     }
     let Tx { inner, changes } = tx;
-    inner.commit().await?;
+    inner.commit().await.map_err(failed)?;
     Ok(changes)
 }

@@ -146,7 +146,9 @@ impl Worker {
 fn river(slices: &SliceWorker, taken_at_once: usize) -> Result<Client, StoreError> {
     let mut workers = Workers::new();
     workers.add(slices.clone())?;
-    Ok(Client::builder(slices.store.queue_pool())
+    Ok(slices
+        .store
+        .queue_client()
         .workers(workers)
         .queue(QUEUE, wake::configuration(taken_at_once))
         .fetch_cooldown(wake::COOLDOWN)

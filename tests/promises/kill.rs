@@ -8,9 +8,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
+use super::cluster;
 use super::follower::Follower;
 use super::plant;
-use super::server::{Options, PATIENCE, Server, text};
+use super::server::{Options, PATIENCE, Server, file, text};
 
 const KILLS: usize = 50;
 /// Lives of the server at the most: where jobs go fast, more of the kills meet none.
@@ -147,7 +148,19 @@ async fn check(server: &Server, follower: Follower, expected: &Value) {
 #[tokio::test(flavor = "multi_thread")]
 async fn p1_to_p5_accepted_jobs_survive_fifty_kills_and_come_to_the_same_bits() {
     let folder = tempfile::tempdir().expect("a folder");
-    let server = Server::start(folder.path(), BROKEN);
+    survive(&file(folder.path())).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn p1_to_p5_hold_on_postgresql_and_its_bits_are_those_of_sqlite() {
+    if let Some(database) = cluster::new_database() {
+        survive(&database).await;
+    }
+}
+
+/// Kills servers of a database; what their jobs find is compared with an unbroken server on SQLite.
+async fn survive(database: &str) {
+    let server = Server::start_on(database, BROKEN);
     let mut clients = Clients {
         dataset: server.store(&plant::recording(SAMPLES)).await,
         followers: Vec::new(),
@@ -159,11 +172,9 @@ async fn p1_to_p5_accepted_jobs_survive_fifty_kills_and_come_to_the_same_bits() 
         if life >= KILLS && clients.n_interruptions >= KILLS {
             break;
         }
-        clients
-            .live(Server::start(folder.path(), BROKEN), life)
-            .await;
+        clients.live(Server::start_on(database, BROKEN), life).await;
     }
-    let server = Server::start(folder.path(), BROKEN);
+    let server = Server::start_on(database, BROKEN);
     assert!(!clients.followers.is_empty());
     // Otherwise the kills came when nothing was at stake, and the rest proves nothing.
     assert!(

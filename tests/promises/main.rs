@@ -17,6 +17,8 @@
 //! | spans reach a collector | [`traces`] |
 //! | P10 no request makes a 500 | `tests/service/faults.rs` |
 
+#[path = "../../src/store/tests/cluster.rs"]
+mod cluster;
 mod deliveries;
 mod disk;
 mod follower;

@@ -18,6 +18,11 @@ pub struct Options {
     pub slice_s: f64,
 }
 
+/// The address of the database in a folder.
+pub fn file(folder: &Path) -> String {
+    format!("sqlite://{}", folder.join("greybox.db").display())
+}
+
 /// A server process; killed when dropped.
 pub struct Server {
     process: Child,
@@ -76,14 +81,23 @@ impl Server {
         set.is_ok_and(|status| status.success())
     }
 
-    fn start_by(mut program: Command, folder: &Path, options: Options) -> Self {
+    /// Starts the program on the database of an address.
+    pub fn start_on(database: &str, options: Options) -> Self {
+        let program = Command::new(env!("CARGO_BIN_EXE_greybox"));
+        Self::start_with(program, database, options)
+    }
+
+    fn start_by(program: Command, folder: &Path, options: Options) -> Self {
+        Self::start_with(program, &file(folder), options)
+    }
+
+    fn start_with(mut program: Command, database: &str, options: Options) -> Self {
         if program.get_envs().all(|(name, _)| name != "GREYBOX_LOG") {
             program.env("GREYBOX_LOG", "warn");
         }
-        let database = format!("sqlite://{}", folder.join("greybox.db").display());
         let mut process = program
             .args(["serve", "--listen", "127.0.0.1:0"])
-            .args(["--database", &database])
+            .args(["--database", database])
             .args(["--threads", &options.threads.to_string()])
             .args(["--slice-s", &options.slice_s.to_string()])
             .stdout(Stdio::piped())

@@ -1,11 +1,11 @@
 //! A server on a free port with an empty database, and a client that talks to it.
 
 use std::net::Ipv4Addr;
-use std::path::PathBuf;
 
 use greybox::access::{Scope, Secret};
 use greybox::app::App;
 use greybox::config::Settings;
+use greybox::store::DatabasePlace;
 use greybox::store::tokens::{self, NewToken};
 use jiff::Timestamp;
 use reqwest::header::HeaderMap;
@@ -13,11 +13,41 @@ use reqwest::{Method, RequestBuilder, StatusCode};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use super::cluster;
+
 /// A running server.
 pub struct TestApp {
     app: App,
     client: reqwest::Client,
-    folder: TempDir,
+    home: Home,
+}
+
+/// Where a server keeps what it knows: in a file, or in PostgreSQL where `GREYBOX_TESTS_ON` says so.
+struct Home {
+    url: String,
+    _folder: TempDir,
+}
+
+impl Home {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let on_postgres = std::env::var_os("GREYBOX_TESTS_ON").is_some_and(|on| on == "postgres");
+        let url = match on_postgres {
+            true => cluster::new_database().expect("PostgreSQL is installed"),
+            false => format!("sqlite://{}", folder.path().join("greybox.db").display()),
+        };
+        Self {
+            url,
+            _folder: folder,
+        }
+    }
+
+    fn database(&self) -> DatabasePlace {
+        match self.url.strip_prefix("sqlite://") {
+            Some(path) => DatabasePlace::File(path.into()),
+            None => DatabasePlace::Postgres(Box::new(self.url.parse().unwrap())),
+        }
+    }
 }
 
 /// What the server answered.
@@ -79,7 +109,7 @@ impl TestApp {
 
     /// A server with an empty database and other settings.
     pub async fn with(change: impl FnOnce(&mut Settings)) -> Self {
-        Self::in_folder(tempfile::tempdir().unwrap(), change).await
+        Self::at(Home::new(), change).await
     }
 
     /// A server that asks for tokens, and the secrets of some: name, scope and project of each.
@@ -87,20 +117,20 @@ impl TestApp {
         tokens: [(&str, Scope, &str); N],
         change: impl FnOnce(&mut Settings),
     ) -> (Self, [String; N]) {
-        let folder = tempfile::tempdir().unwrap();
+        let home = Home::new();
         let mut secrets = Vec::new();
         for (name, scope, project) in tokens {
             let expires_at = None;
-            secrets.push(make_token(&folder, (name, scope, project), expires_at).await);
+            secrets.push(make_token(&home, (name, scope, project), expires_at).await);
         }
-        let app = Self::in_folder(folder, change).await;
+        let app = Self::at(home, change).await;
         (app, secrets.try_into().unwrap())
     }
 
-    async fn in_folder(folder: TempDir, change: impl FnOnce(&mut Settings)) -> Self {
+    async fn at(home: Home, change: impl FnOnce(&mut Settings)) -> Self {
         let mut settings = Settings {
             listen: (Ipv4Addr::LOCALHOST, 0).into(),
-            database: Some(format!("sqlite://{}", database(&folder).display())),
+            database: Some(home.url.clone()),
             max_body_mib: 1,
             ..Settings::default()
         };
@@ -108,18 +138,18 @@ impl TestApp {
         Self {
             app: App::start(settings).await.unwrap(),
             client: reqwest::Client::new(),
-            folder,
+            home,
         }
     }
 
     /// Makes one more token and answers its secret.
     pub async fn token(&self, token: (&str, Scope, &str), expires_at: Option<Timestamp>) -> String {
-        make_token(&self.folder, token, expires_at).await
+        make_token(&self.home, token, expires_at).await
     }
 
-    /// The database file.
-    pub fn database(&self) -> PathBuf {
-        database(&self.folder)
+    /// Where its database is.
+    pub fn database(&self) -> DatabasePlace {
+        self.home.database()
     }
 
     /// Where the server listens.
@@ -204,7 +234,7 @@ impl TestApp {
     /// The server after it was stopped and started again.
     pub async fn restarted(self) -> Self {
         self.app.shutdown().await;
-        Self::in_folder(self.folder, |_settings| ()).await
+        Self::at(self.home, |_settings| ()).await
     }
 
     /// Stops the server in order.
@@ -213,12 +243,8 @@ impl TestApp {
     }
 }
 
-fn database(folder: &TempDir) -> PathBuf {
-    folder.path().join("greybox.db")
-}
-
 async fn make_token(
-    folder: &TempDir,
+    home: &Home,
     (name, scope, project): (&str, Scope, &str),
     expires_at: Option<Timestamp>,
 ) -> String {
@@ -230,7 +256,7 @@ async fn make_token(
         project: project.parse().unwrap(),
         expires_at,
     };
-    assert!(tokens::create(&database(folder), new).await.unwrap());
+    assert!(tokens::create(&home.database(), new).await.unwrap());
     secret.expose().to_owned()
 }
 

@@ -5,6 +5,8 @@
 mod access;
 mod app;
 mod candidates;
+#[path = "../../src/store/tests/cluster.rs"]
+mod cluster;
 mod comparisons;
 
 mod datasets;

@@ -5,6 +5,9 @@ use std::collections::BTreeMap;
 use super::{MAX_LABELS, MAX_NAME_CHARS};
 use crate::parsing::reader::Field;
 
+/// PostgreSQL stores no such text, so no database does.
+const NO_NUL: &str = "a text has no NUL character";
+
 /// The labels; faults where there are too many, or one is too long.
 pub(super) fn read(field: &Field<'_>) -> BTreeMap<String, String> {
     let Some(object) = field.object() else {
@@ -20,6 +23,9 @@ pub(super) fn read(field: &Field<'_>) -> BTreeMap<String, String> {
             let detail = format!("a label's name has 1 to {MAX_NAME_CHARS} characters");
             value.fault("out_of_range", detail);
         }
+        if key.contains('\0') {
+            value.fault("out_of_range", NO_NUL);
+        }
         if let Some(text) = short_text(&value) {
             labels.insert(key.to_owned(), text.to_owned());
         }
@@ -34,6 +40,10 @@ pub(super) fn short_text<'v>(field: &Field<'v>) -> Option<&'v str> {
     if length > MAX_NAME_CHARS {
         let detail = format!("{length} characters are more than {MAX_NAME_CHARS}");
         field.fault("too_long", detail);
+        return None;
+    }
+    if text.contains('\0') {
+        field.fault("out_of_range", NO_NUL);
         return None;
     }
     Some(text)

@@ -3,10 +3,10 @@
 use jiff::Timestamp;
 use riverqueue::Client;
 use serde_json::{Value, json};
-use sqlx::SqliteConnection;
 
 use super::{Advance, AdvanceWindow, MonitorRow, NewMonitor, fetch};
 use crate::job::{DatasetId, JobId, MonitorId};
+use crate::store::database::{self, Connection};
 use crate::store::idempotency::{self, Idempotency};
 use crate::store::submit::Submitted;
 use crate::store::submit::batch::{self, Known};
@@ -26,9 +26,9 @@ pub(super) async fn insert(
         return Ok(Some(earlier));
     }
     let stream = streams::identity(&new.project, &new.stream);
-    let (monitors, streams): (i64, i64) = sqlx::query_as(
-        "select (select count(*) from monitors where project = ?), \
-         (select count(*) from streams where identity = ?)",
+    let (monitors, streams): (i64, i64) = database::query_as(
+        "select (select count(*) from monitors where project = $1), \
+         (select count(*) from streams where identity = $2)",
     )
     .bind(new.project.as_str())
     .bind(&stream)
@@ -38,9 +38,9 @@ pub(super) async fn insert(
         return Ok(None);
     }
     let id = MonitorId::new();
-    sqlx::query(
+    database::query(
         "insert into monitors (id, project, name, stream, spec, state, due_ns, patience_ms, \
-         created_at) values (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+         created_at) values ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
     )
     .bind(id.to_string())
     .bind(new.project.as_str())
@@ -62,7 +62,7 @@ pub(super) async fn insert(
 
 /// The answer to a monitor whose key came before.
 pub(super) async fn earlier(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     idempotency: &Idempotency,
 ) -> Result<Option<Submitted<MonitorRow>>, StoreError> {
     let Some(earlier) = idempotency::earlier(connection, idempotency).await? else {
@@ -82,11 +82,10 @@ pub(super) async fn earlier(
 }
 
 pub(super) async fn delete(tx: &mut Tx, id: MonitorId) -> Result<bool, StoreError> {
-    let removed = sqlx::query("delete from monitors where id = ?")
+    let removed = database::query("delete from monitors where id = $1")
         .bind(id.to_string())
         .execute(&mut **tx)
-        .await?
-        .rows_affected();
+        .await?;
     tx.announce(Change::Monitor(id));
     Ok(removed > 0)
 }
@@ -126,9 +125,9 @@ pub(super) async fn advance(
         insert_alarm(tx, &from, last_alarm, &alarm).await?;
         told.tell(tx, "alarm", &alarm).await?;
     }
-    sqlx::query(
-        "update monitors set state = ?, due_ns = ?, silent = ?, job = ?, revision = revision + 1, \
-         last_event = ?, last_alarm = ? where id = ?",
+    database::query(
+        "update monitors set state = $1, due_ns = $2, silent = $3, job = $4, revision = revision + 1, \
+         last_event = $5, last_alarm = $6 where id = $7",
     )
     .bind(state.to_string())
     .bind(due_ns)
@@ -156,8 +155,8 @@ async fn put_window(
         mut row,
         job,
     } = window;
-    let before = sqlx::query(
-        "select number, job, dataset, row from monitor_windows where monitor = ? and number = ?",
+    let before = database::query(
+        "select number, job, dataset, row from monitor_windows where monitor = $1 and number = $2",
     )
     .bind(monitor.to_string())
     .bind(number)
@@ -191,10 +190,11 @@ async fn put_window(
             id = stored.first().map(|job| job.id);
         }
     }
-    sqlx::query(
-        "insert into monitor_windows (monitor, number, job, dataset, row) values (?, ?, ?, ?, ?) \
+    database::query(
+        "insert into monitor_windows (monitor, number, job, dataset, row) values ($1, $2, $3, $4, $5) \
          on conflict (monitor, number) do update set row = excluded.row, \
-         job = coalesce(excluded.job, job), dataset = coalesce(excluded.dataset, dataset)",
+         job = coalesce(excluded.job, monitor_windows.job), \
+         dataset = coalesce(excluded.dataset, monitor_windows.dataset)",
     )
     .bind(monitor.to_string())
     .bind(number)
@@ -212,9 +212,9 @@ async fn put_window(
 
 /// Removes the jobs and the recordings of windows before a number; what was estimated stays.
 async fn forget(tx: &mut Tx, monitor: MonitorId, before: i64) -> Result<(), StoreError> {
-    let old = sqlx::query(
-        "select number, job, dataset, row from monitor_windows where monitor = ? \
-         and number < ? and (job is not null or dataset is not null)",
+    let old = database::query(
+        "select number, job, dataset, row from monitor_windows where monitor = $1 \
+         and number < $2 and (job is not null or dataset is not null)",
     )
     .bind(monitor.to_string())
     .bind(before)
@@ -229,18 +229,19 @@ async fn forget(tx: &mut Tx, monitor: MonitorId, before: i64) -> Result<(), Stor
             jobs::delete(tx, job).await?;
         }
         if let Some(dataset) = window.dataset {
-            let is_read: bool =
-                sqlx::query_scalar("select exists (select 1 from job_datasets where dataset = ?)")
-                    .bind(dataset.to_string())
-                    .fetch_one(&mut **tx)
-                    .await?;
+            let is_read: bool = database::query_scalar(
+                "select exists (select 1 from job_datasets where dataset = $1)",
+            )
+            .bind(dataset.to_string())
+            .fetch_one(&mut **tx)
+            .await?;
             if !is_read {
                 datasets::delete(tx, dataset).await?;
             }
         }
-        sqlx::query(
+        database::query(
             "update monitor_windows set job = null, dataset = null \
-             where monitor = ? and number = ?",
+             where monitor = $1 and number = $2",
         )
         .bind(monitor.to_string())
         .bind(window.number)
@@ -258,7 +259,7 @@ async fn insert_alarm(
     id: i64,
     alarm: &Value,
 ) -> Result<(), StoreError> {
-    sqlx::query("insert into monitor_alarms (monitor, id, row) values (?, ?, ?)")
+    database::query("insert into monitor_alarms (monitor, id, row) values ($1, $2, $3)")
         .bind(monitor.id.to_string())
         .bind(id)
         .bind(alarm.to_string())
@@ -277,13 +278,15 @@ struct Told {
 impl Told {
     async fn tell(&mut self, tx: &mut Tx, name: &str, data: &Value) -> Result<(), StoreError> {
         self.last_event += 1;
-        sqlx::query("insert into monitor_events (monitor, id, name, data) values (?, ?, ?, ?)")
-            .bind(self.monitor.to_string())
-            .bind(self.last_event)
-            .bind(name)
-            .bind(data.to_string())
-            .execute(&mut **tx)
-            .await?;
+        database::query(
+            "insert into monitor_events (monitor, id, name, data) values ($1, $2, $3, $4)",
+        )
+        .bind(self.monitor.to_string())
+        .bind(self.last_event)
+        .bind(name)
+        .bind(data.to_string())
+        .execute(&mut **tx)
+        .await?;
         Ok(())
     }
 }

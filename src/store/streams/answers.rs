@@ -4,6 +4,7 @@ use uuid::Uuid;
 
 use super::{Appended, BatchOutcome};
 use crate::store::StoreError;
+use crate::store::database;
 use crate::store::idempotency::{self, Idempotency};
 use crate::store::jobs::{from_json, json};
 use crate::store::writer::Tx;
@@ -21,7 +22,7 @@ pub(super) async fn earlier(
     };
     let made = earlier.made;
     let answer: Option<String> =
-        sqlx::query_scalar("select answer from stream_batches where id = ?")
+        database::query_scalar("select answer from stream_batches where id = $1")
             .bind(&made)
             .fetch_optional(&mut **tx)
             .await?;
@@ -38,7 +39,7 @@ pub(super) async fn remember(
     appended: &Appended,
 ) -> Result<(), StoreError> {
     let id = format!("{BATCH}{}", Uuid::now_v7().simple());
-    sqlx::query("insert into stream_batches (id, answer) values (?, ?)")
+    database::query("insert into stream_batches (id, answer) values ($1, $2)")
         .bind(&id)
         .bind(json(appended))
         .execute(&mut **tx)

@@ -1,9 +1,8 @@
 //! The blocks of a stream: rows of samples that lie together in time.
 
-use sqlx::Row;
-
 use super::StreamRow;
 use crate::recording::{Class, Merged, RowColumn, Rows};
+use crate::store::database::{self, Row};
 use crate::store::writer::Tx;
 use crate::store::{StoreError, corrupt};
 
@@ -26,19 +25,19 @@ pub(super) struct Block {
 
 /// The blocks of a stream, the oldest first.
 pub(super) async fn all(tx: &mut Tx, stream: &str) -> Result<Vec<Block>, StoreError> {
-    let rows = sqlx::query(
-        "select first_ns, last_ns, rows, length(samples) as bytes from stream_blocks \
-         where stream = ? order by first_ns",
+    let rows = database::query(
+        "select first_ns, last_ns, rows, cast(length(samples) as bigint) as bytes from stream_blocks \
+         where stream = $1 order by first_ns",
     )
     .bind(stream)
     .fetch_all(&mut **tx)
     .await?;
-    let read = |row: &sqlx::sqlite::SqliteRow| {
+    let read = |row: &Row| {
         Ok(Block {
             first: row.try_get("first_ns")?,
             last: row.try_get("last_ns")?,
-            rows: row.try_get::<i64, _>("rows")?.unsigned_abs(),
-            bytes: row.try_get::<i64, _>("bytes")?.unsigned_abs(),
+            rows: row.try_get::<i64>("rows")?.unsigned_abs(),
+            bytes: row.try_get::<i64>("bytes")?.unsigned_abs(),
         })
     };
     rows.iter().map(read).collect()
@@ -94,8 +93,8 @@ async fn take(
     block: &Block,
     columns: usize,
 ) -> Result<Rows, StoreError> {
-    let (rows, samples): (i64, Vec<u8>) = sqlx::query_as(
-        "delete from stream_blocks where stream = ? and first_ns = ? returning rows, samples",
+    let (rows, samples): (i64, Vec<u8>) = database::query_as(
+        "delete from stream_blocks where stream = $1 and first_ns = $2 returning rows, samples",
     )
     .bind(stream)
     .bind(block.first)
@@ -113,13 +112,13 @@ async fn insert(tx: &mut Tx, stream: &str, rows: &Rows, most: usize) -> Result<(
         let (Some(first), Some(last)) = (block.instants.first(), block.instants.last()) else {
             continue;
         };
-        sqlx::query(
+        database::query(
             "insert into stream_blocks (stream, first_ns, last_ns, rows, samples) \
-             values (?, ?, ?, ?, ?)",
+             values ($1, $2, $3, $4, $5)",
         )
         .bind(stream)
-        .bind(first)
-        .bind(last)
+        .bind(*first)
+        .bind(*last)
         .bind(i64::try_from(block.rows()).expect("a block is small"))
         .bind(encode(&block))
         .execute(&mut **tx)

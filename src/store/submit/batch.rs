@@ -7,12 +7,11 @@ use std::hash::Hash;
 use jiff::Timestamp;
 use riverqueue::Client;
 use serde::Serialize;
-use sqlx::query_builder::Separated;
-use sqlx::{QueryBuilder, Sqlite};
 
 use super::{NewJob, Submitted, answer_again};
 use crate::access::Project;
 use crate::job::{Event, JobId, Status};
+use crate::store::database::{self, QueryBuilder, Separated};
 use crate::store::idempotency::{Earlier, Idempotency};
 use crate::store::jobs::{JobRow, json};
 use crate::store::quotas::{JobRoom, Quotas};
@@ -149,36 +148,47 @@ impl Known {
             models: HashSet::new(),
         };
         if let Some(keys) = keys {
-            let found: Vec<(String, String, String, String)> = sqlx::query_as(
-                "select idempotency.project, idempotency.key, body_digest, made \
-                 from json_each(?) as asked join idempotency \
-                 on idempotency.project = asked.value ->> 0 \
-                 and idempotency.key = asked.value ->> 1",
-            )
-            .bind(keys)
-            .fetch_all(&mut **tx)
-            .await?;
+            let found: Vec<(String, String, String, String)> =
+                database::query_as(tx.kind().either(
+                    "select idempotency.project, idempotency.key, body_digest, made \
+                     from json_each($1) as asked join idempotency \
+                     on idempotency.project = asked.value ->> 0 \
+                     and idempotency.key = asked.value ->> 1",
+                    "select idempotency.project, idempotency.key, body_digest, made \
+                     from json_array_elements($1::json) as asked (value) join idempotency \
+                     on idempotency.project = asked.value ->> 0 \
+                     and idempotency.key = asked.value ->> 1",
+                ))
+                .bind(keys)
+                .fetch_all(&mut **tx)
+                .await?;
             let found = found
                 .into_iter()
                 .map(|(project, key, digest, job)| ((project, key), (digest, job)));
             known.keys.extend(found);
         }
         if let Some(datasets) = datasets {
-            let found: Vec<String> = sqlx::query_scalar(
-                "select id from datasets where id in (select value from json_each(?))",
-            )
+            let found: Vec<String> = database::query_scalar(tx.kind().either(
+                "select id from datasets where id in (select value from json_each($1))",
+                "select id from datasets where id in \
+                     (select value from json_array_elements_text($1::json) as asked (value))",
+            ))
             .bind(datasets)
             .fetch_all(&mut **tx)
             .await?;
             known.datasets.extend(found);
         }
         if let Some(models) = models {
-            let found: Vec<(String, String)> = sqlx::query_as(
+            let found: Vec<(String, String)> = database::query_as(tx.kind().either(
                 "select models.project, models.reference \
-                 from json_each(?) as asked join models \
-                 on models.project = asked.value ->> 0 \
-                 and models.reference = asked.value ->> 1",
-            )
+                     from json_each($1) as asked join models \
+                     on models.project = asked.value ->> 0 \
+                     and models.reference = asked.value ->> 1",
+                "select models.project, models.reference \
+                     from json_array_elements($1::json) as asked (value) join models \
+                     on models.project = asked.value ->> 0 \
+                     and models.reference = asked.value ->> 1",
+            ))
             .bind(models)
             .fetch_all(&mut **tx)
             .await?;
@@ -240,7 +250,7 @@ async fn enter(queue: &Client, tx: &mut Tx, jobs: Vec<NewJob>) -> Result<Vec<Fre
 }
 
 async fn insert(tx: &mut Tx, jobs: &[Fresh]) -> Result<(), StoreError> {
-    for mut statement in statements(jobs).into_iter().flatten() {
+    for statement in statements(jobs).into_iter().flatten() {
         // Each number of rows is another statement; they are not worth keeping.
         let statement = statement.build().persistent(false);
         statement.execute(&mut **tx).await?;
@@ -249,11 +259,11 @@ async fn insert(tx: &mut Tx, jobs: &[Fresh]) -> Result<(), StoreError> {
 }
 
 /// What inserts jobs and all that belongs to them, in the order of their references.
-fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder<Sqlite>>; 5] {
+fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder>; 5] {
     const JOBS: &str = "insert into jobs (id, project, name, labels, model, spec, status, queue_entry, \
                         last_event, created_at) ";
     const LABELS: &str = "insert into job_labels (job, label, value) ";
-    const DATASETS: &str = "insert or ignore into job_datasets (job, dataset) ";
+    const DATASETS: &str = "insert into job_datasets (job, dataset) ";
     const EVENTS: &str = "insert into events (job, id, name, data) ";
     const KEYS: &str = "insert into idempotency (project, key, body_digest, made) ";
     let labels = jobs.iter().flat_map(|fresh| {
@@ -271,7 +281,7 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder<Sqlite>>; 5] {
         status: Status::Queued,
     };
     [
-        rows(JOBS, jobs.iter(), |row, fresh| {
+        rows((JOBS, ""), jobs.iter(), |row, fresh| {
             row.push_bind(fresh.id.to_string())
                 .push_bind(fresh.job.project.to_string())
                 .push_bind(fresh.job.name.clone())
@@ -283,22 +293,26 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder<Sqlite>>; 5] {
                 .push("1")
                 .push_bind(fresh.created_at.to_string());
         }),
-        rows(LABELS, labels, |row, (job, (label, value))| {
+        rows((LABELS, ""), labels, |row, (job, (label, value))| {
             row.push_bind(job.to_string())
                 .push_bind(label.clone())
                 .push_bind(value.clone());
         }),
-        rows(DATASETS, datasets, |row, (job, dataset)| {
-            row.push_bind(job.to_string())
-                .push_bind(dataset.to_string());
-        }),
-        rows(EVENTS, jobs.iter(), |row, fresh| {
+        rows(
+            (DATASETS, " on conflict do nothing"),
+            datasets,
+            |row, (job, dataset)| {
+                row.push_bind(job.to_string())
+                    .push_bind(dataset.to_string());
+            },
+        ),
+        rows((EVENTS, ""), jobs.iter(), |row, fresh| {
             row.push_bind(fresh.id.to_string())
                 .push("1")
                 .push_bind(first.name())
                 .push_bind(first.data());
         }),
-        rows(KEYS, keys, |row, (job, idempotency)| {
+        rows((KEYS, ""), keys, |row, (job, idempotency)| {
             row.push_bind(idempotency.project.to_string())
                 .push_bind(idempotency.key.clone())
                 .push_bind(idempotency.body_digest.clone())
@@ -309,14 +323,15 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder<Sqlite>>; 5] {
 
 /// The statements that insert rows; none where there are none.
 fn rows<T: Copy>(
-    into: &'static str,
+    (into, after): (&'static str, &'static str),
     rows: impl Iterator<Item = T>,
-    mut push: impl FnMut(&mut Separated<'_, Sqlite, &'static str>, T),
-) -> Vec<QueryBuilder<Sqlite>> {
+    mut push: impl FnMut(&mut Separated<'_>, T),
+) -> Vec<QueryBuilder> {
     let rows: Vec<T> = rows.collect();
     let statements = rows.chunks(ROWS_PER_STATEMENT).map(|rows| {
         let mut query = QueryBuilder::new(into);
         query.push_values(rows, |mut row, one| push(&mut row, *one));
+        query.push(after);
         query
     });
     statements.collect()

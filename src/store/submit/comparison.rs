@@ -2,12 +2,12 @@
 
 use jiff::Timestamp;
 use riverqueue::Client;
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::batch::{self, Known};
 use super::{NewJob, Submitted};
 use crate::access::Project;
 use crate::job::{ComparisonId, JobId};
+use crate::store::database::{self, Connection, QueryBuilder};
 use crate::store::idempotency::{self, Idempotency};
 use crate::store::jobs::{self, JobRow, Page, time};
 use crate::store::models::{self, ModelStored, NewModel};
@@ -84,7 +84,7 @@ impl Store {
     ) -> Result<Option<Project>, StoreError> {
         let key = id.to_string();
         let name: Option<String> =
-            sqlx::query_scalar("select project from comparisons where id = ?")
+            database::query_scalar("select project from comparisons where id = $1")
                 .bind(&key)
                 .fetch_optional(self.readers())
                 .await?;
@@ -104,7 +104,7 @@ impl Store {
         before: Option<ComparisonId>,
         limit: u32,
     ) -> Result<Page<ComparisonSummary, ComparisonId>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(
+        let mut query = QueryBuilder::new(
             "select comparisons.id, comparisons.created_at, count(*), \
              count(*) filter (where finished_at is not null) from comparisons \
              join comparison_jobs on comparison = comparisons.id join jobs on jobs.id = job \
@@ -161,19 +161,21 @@ async fn write(
     let jobs = batch::store(&queue, tx, new.jobs).await?;
     let created_at = Timestamp::now();
     let id = new.id.to_string();
-    sqlx::query("insert into comparisons (id, project, created_at) values (?, ?, ?)")
+    database::query("insert into comparisons (id, project, created_at) values ($1, $2, $3)")
         .bind(&id)
         .bind(new.project.as_str())
         .bind(created_at.to_string())
         .execute(&mut **tx)
         .await?;
     for (position, job) in (0_i64..).zip(&jobs) {
-        sqlx::query("insert into comparison_jobs (comparison, position, job) values (?, ?, ?)")
-            .bind(&id)
-            .bind(position)
-            .bind(job.id.to_string())
-            .execute(&mut **tx)
-            .await?;
+        database::query(
+            "insert into comparison_jobs (comparison, position, job) values ($1, $2, $3)",
+        )
+        .bind(&id)
+        .bind(position)
+        .bind(job.id.to_string())
+        .execute(&mut **tx)
+        .await?;
     }
     if let Some(idempotency) = &new.idempotency {
         idempotency::remember(tx, idempotency, &id).await?;
@@ -187,7 +189,7 @@ async fn write(
 
 /// The answer to a comparison whose key came before.
 async fn earlier(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     idempotency: &Idempotency,
 ) -> Result<Option<Submitted<ComparisonRow>>, StoreError> {
     let Some(earlier) = idempotency::earlier(connection, idempotency).await? else {
@@ -211,20 +213,20 @@ async fn earlier(
 }
 
 async fn fetch(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     id: ComparisonId,
 ) -> Result<Option<ComparisonRow>, StoreError> {
     let key = id.to_string();
     let created_at: Option<String> =
-        sqlx::query_scalar("select created_at from comparisons where id = ?")
+        database::query_scalar("select created_at from comparisons where id = $1")
             .bind(&key)
             .fetch_optional(&mut *connection)
             .await?;
     let Some(created_at) = created_at else {
         return Ok(None);
     };
-    let ids: Vec<String> = sqlx::query_scalar(
-        "select job from comparison_jobs where comparison = ? order by position",
+    let ids: Vec<String> = database::query_scalar(
+        "select job from comparison_jobs where comparison = $1 order by position",
     )
     .bind(&key)
     .fetch_all(&mut *connection)

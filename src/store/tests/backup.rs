@@ -3,14 +3,12 @@
 use std::fs;
 use std::path::PathBuf;
 
-use sqlx::{QueryBuilder, Sqlite};
-
 use super::*;
 use crate::store::backup as file;
 
 impl Fixture {
     fn beside(&self, name: &str) -> PathBuf {
-        self.settings.path.with_file_name(name)
+        self.file().with_file_name(name)
     }
 }
 
@@ -27,11 +25,11 @@ async fn a_backup_of_a_database_at_work_has_every_job_that_was_acknowledged_befo
             fixture.submit().await;
         }
     };
-    let (copied, ()) = tokio::join!(file::backup(&fixture.settings.path, &copy), submitting);
+    let (copied, ()) = tokio::join!(file::backup(fixture.file(), &copy), submitting);
     copied.expect("a copy");
     let findings = file::check(&copy).await.expect("a readable file");
     assert_eq!(findings, [""; 0]);
-    let again = file::backup(&fixture.settings.path, &copy).await;
+    let again = file::backup(fixture.file(), &copy).await;
     assert!(matches!(again, Err(StoreError::File { .. })), "it is there");
 
     let restored = fixture.beside("restored.db");
@@ -39,7 +37,7 @@ async fn a_backup_of_a_database_at_work_has_every_job_that_was_acknowledged_befo
         .await
         .expect("a database");
     let settings = DatabaseSettings {
-        path: restored,
+        place: DatabasePlace::File(restored),
         ..fixture.settings.clone()
     };
     let store = open(&settings, &fixture.changes).await;
@@ -55,7 +53,7 @@ async fn a_backup_takes_the_place_of_a_database_only_when_that_is_meant_and_nobo
     let fixture = Fixture::new().await;
     let first = fixture.submit().await.id;
     let copy = fixture.beside("copy.db");
-    let database = fixture.settings.path.clone();
+    let database = fixture.file().to_owned();
     file::backup(&database, &copy).await.expect("a copy");
     let later = fixture.submit().await.id;
     let in_use = file::restore(&copy, &database, true).await;
@@ -89,9 +87,7 @@ async fn a_damaged_file_is_found_and_never_restored() {
         fixture.submit().await;
     }
     let copy = fixture.beside("copy.db");
-    file::backup(&fixture.settings.path, &copy)
-        .await
-        .expect("a copy");
+    file::backup(fixture.file(), &copy).await.expect("a copy");
     let sound = fs::read(&copy).expect("a file");
     // SQLite's pages of the smallest database have 4096 bytes; each is hit once, in its header.
     for page in 1..sound.len() / 4096 {
@@ -110,18 +106,17 @@ async fn a_damaged_file_is_found_and_never_restored() {
 
 #[tokio::test]
 async fn a_table_that_is_gone_is_found_by_check_and_at_the_start() {
-    for table in ["tokens", "generations", "river_job"] {
+    for (table, removal) in [
+        ("tokens", "drop table tokens"),
+        ("generations", "drop table generations"),
+        ("river_job", "drop table river_job"),
+    ] {
         let fixture = Fixture::new().await;
         fixture.submit().await;
-        let write = fixture.store.inner.writer.write(move |tx| {
-            Box::pin(async move {
-                let mut removal = QueryBuilder::<Sqlite>::new("drop table ");
-                removal.push(table).build().execute(&mut **tx).await?;
-                Ok(())
-            })
-        });
-        write.await.expect("a table less");
-        let findings = file::check(&fixture.settings.path).await;
+        full::execute(&fixture, removal)
+            .await
+            .expect("a table less");
+        let findings = file::check(fixture.file()).await;
         let findings = findings.expect("a readable file");
         let told = format!("the table {table} is missing");
         assert!(findings.contains(&told), "{findings:?}");
@@ -148,14 +143,12 @@ async fn a_newer_database_is_refused() {
                  from _sqlx_migrations order by version desc limit 1";
     let write = fixture.store.inner.writer.write(move |tx| {
         Box::pin(async move {
-            sqlx::query(newer).execute(&mut **tx).await?;
+            database::query(newer).execute(&mut **tx).await?;
             Ok(())
         })
     });
     write.await.expect("a newer schema");
-    let findings = file::check(&fixture.settings.path)
-        .await
-        .expect("a readable file");
+    let findings = file::check(fixture.file()).await.expect("a readable file");
     assert!(findings[0].contains("is newer than"), "{findings:?}");
     let Fixture {
         store, settings, ..

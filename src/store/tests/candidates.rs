@@ -3,6 +3,11 @@
 use sqlx::Connection as _;
 
 use super::*;
+
+on_both! {
+    candidates_come_back_as_they_were_in_parts_of_whole_generations,
+    a_slice_that_lost_its_job_keeps_no_candidates_and_a_deleted_job_has_none,
+}
 use crate::job::candidate::Failure;
 use crate::job::{Candidate, CandidateColumn};
 
@@ -45,9 +50,7 @@ fn record(candidates: Vec<Candidate>, kept: u64, cut_in_generation: Option<u32>)
     }
 }
 
-#[tokio::test]
-async fn candidates_come_back_as_they_were_in_parts_of_whole_generations() {
-    let fixture = Fixture::new().await;
+async fn candidates_come_back_as_they_were_in_parts_of_whole_generations(fixture: Fixture) {
     let id = fixture.submit().await.id;
     let part = async |after, generations, enough| {
         let part = fixture.store.candidates(id, after, generations, enough);
@@ -81,16 +84,16 @@ async fn candidates_come_back_as_they_were_in_parts_of_whole_generations() {
     assert_eq!(by_number.more_after, Some(1));
     assert_eq!(part(2, 10, 100).await.candidates, all[4..]);
     assert_eq!(part(5, 10, 100).await.candidates, []);
-    let bytes: i64 = sqlx::query_scalar("select sum(length(candidates)) from candidates")
+    let bytes: i64 = database::query_scalar("select sum(length(candidates)) from candidates")
         .fetch_one(fixture.store.readers())
         .await
         .expect("a sum");
     assert_eq!(bytes, 5 * (13 + 2 * 8), "what the setting promises");
 }
 
-#[tokio::test]
-async fn a_slice_that_lost_its_job_keeps_no_candidates_and_a_deleted_job_has_none() {
-    let fixture = Fixture::new().await;
+async fn a_slice_that_lost_its_job_keeps_no_candidates_and_a_deleted_job_has_none(
+    fixture: Fixture,
+) {
     let id = fixture.submit().await.id;
     let old = fixture.begin(id).await;
     let new = fixture.begin(id).await;
@@ -104,7 +107,7 @@ async fn a_slice_that_lost_its_job_keeps_no_candidates_and_a_deleted_job_has_non
     assert_eq!(fixture.finish(&new, Status::Succeeded).await, Hold::Kept);
     let removed = fixture.store.delete_job(id).await.expect("a write");
     assert!(matches!(removed, JobRemoval::Removed));
-    let left: i64 = sqlx::query_scalar(
+    let left: i64 = database::query_scalar(
         "select (select count(*) from candidates) + (select count(*) from candidate_records)",
     )
     .fetch_one(fixture.store.readers())
@@ -145,9 +148,12 @@ async fn a_database_of_the_version_before_migrates() {
     let fixture = Fixture::new().await;
     let id = fixture.submit().await.id;
     fixture.store.close().await;
-    let mut connection = sqlx::SqliteConnection::connect_with(&connection(&fixture.settings))
-        .await
-        .expect("the database");
+    let mut connection = sqlx::SqliteConnection::connect_with(&sqlite::options(
+        fixture.file(),
+        fixture.settings.busy_timeout,
+    ))
+    .await
+    .expect("the database");
     sqlx::raw_sql(AS_BEFORE)
         .execute(&mut connection)
         .await

@@ -1,6 +1,12 @@
 //! Comparisons: whole or not at all, and under one key once.
 
 use super::*;
+
+on_both! {
+    a_comparison_is_stored_whole_or_not_at_all,
+    a_key_makes_one_comparison_or_one_job_and_nothing_with_another_body,
+    whoever_brings_the_most_models_makes_room_for_others,
+}
 use crate::job::{ComparisonId, DatasetId};
 
 fn comparison(key: Option<(&str, &str)>) -> NewComparison {
@@ -14,15 +20,13 @@ fn comparison(key: Option<(&str, &str)>) -> NewComparison {
 }
 
 async fn n_jobs(fixture: &Fixture) -> i64 {
-    sqlx::query_scalar("select count(*) from jobs")
+    database::query_scalar("select count(*) from jobs")
         .fetch_one(fixture.store.readers())
         .await
         .expect("a count")
 }
 
-#[tokio::test]
-async fn a_comparison_is_stored_whole_or_not_at_all() {
-    let fixture = Fixture::new().await;
+async fn a_comparison_is_stored_whole_or_not_at_all(fixture: Fixture) {
     let mut new = comparison(None);
     new.jobs[2].datasets = vec![DatasetId::new()];
     let id = new.id;
@@ -57,9 +61,7 @@ async fn a_comparison_is_stored_whole_or_not_at_all() {
     assert_eq!(listed, [(id, 3, 0)]);
 }
 
-#[tokio::test]
-async fn a_key_makes_one_comparison_or_one_job_and_nothing_with_another_body() {
-    let fixture = Fixture::new().await;
+async fn a_key_makes_one_comparison_or_one_job_and_nothing_with_another_body(fixture: Fixture) {
     let first = fixture
         .store
         .submit_comparison(comparison(Some(("k", "sha256:1"))))
@@ -101,9 +103,7 @@ async fn a_key_makes_one_comparison_or_one_job_and_nothing_with_another_body() {
     );
 }
 
-#[tokio::test]
-async fn whoever_brings_the_most_models_makes_room_for_others() {
-    let fixture = Fixture::new().await;
+async fn whoever_brings_the_most_models_makes_room_for_others(fixture: Fixture) {
     let model = |name: String, client: &str| NewModel {
         project: Default::default(),
         reference: format!("{name}@0"),

@@ -3,6 +3,13 @@
 use proptest::prelude::*;
 
 use super::*;
+
+on_both! {
+    the_same_recording_is_stored_once,
+    a_recording_is_kept_while_a_job_needs_it,
+    a_job_on_a_recording_that_is_not_there_is_refused,
+    a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_scratch,
+}
 use crate::intake::csv;
 use crate::job::DatasetId;
 use crate::recording::{Recording, Signal, TimeAxis, Warning};
@@ -53,9 +60,7 @@ async fn insert(fixture: &Fixture, digest: &str) -> (DatasetRow, bool) {
         .expect("a dataset")
 }
 
-#[tokio::test]
-async fn the_same_recording_is_stored_once() {
-    let fixture = Fixture::new().await;
+async fn the_same_recording_is_stored_once(fixture: Fixture) {
     let (first, created) = insert(&fixture, "sha256:1").await;
     let (again, created_again) = insert(&fixture, "sha256:1").await;
     assert!(created && !created_again);
@@ -77,9 +82,7 @@ async fn the_same_recording_is_stored_once() {
     assert_eq!(shown.as_deref(), Some(&first));
 }
 
-#[tokio::test]
-async fn a_recording_is_kept_while_a_job_needs_it() {
-    let fixture = Fixture::new().await;
+async fn a_recording_is_kept_while_a_job_needs_it(fixture: Fixture) {
     let (dataset, _) = insert(&fixture, "sha256:1").await;
     let mut reader = job(None);
     reader.datasets = vec![dataset.id, dataset.id];
@@ -100,9 +103,7 @@ async fn a_recording_is_kept_while_a_job_needs_it() {
     assert!(gone.is_none());
 }
 
-#[tokio::test]
-async fn a_job_on_a_recording_that_is_not_there_is_refused() {
-    let fixture = Fixture::new().await;
+async fn a_job_on_a_recording_that_is_not_there_is_refused(fixture: Fixture) {
     let missing = DatasetId::new();
     let mut reader = job(None);
     reader.datasets = vec![missing];
@@ -110,9 +111,9 @@ async fn a_job_on_a_recording_that_is_not_there_is_refused() {
     assert!(matches!(refused, Ok(Submitted::NoDataset(id)) if id == missing));
 }
 
-#[tokio::test]
-async fn a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_scratch() {
-    let fixture = Fixture::new().await;
+async fn a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_scratch(
+    fixture: Fixture,
+) {
     let samples = 3 * (1 << 20) / 8 + 3;
     let values: Vec<f64> = (0..samples).map(|k| (k as f64).sqrt()).collect();
     let in_memory = recording(uniform(samples), values);

@@ -2,10 +2,10 @@
 
 use super::*;
 
-async fn execute(fixture: &Fixture, statement: &'static str) -> Result<(), StoreError> {
+pub(super) async fn execute(fixture: &Fixture, statement: &'static str) -> Result<(), StoreError> {
     let work = fixture.store.inner.writer.write(move |tx| {
         Box::pin(async move {
-            sqlx::query(statement).execute(&mut **tx).await?;
+            database::query(statement).execute(&mut **tx).await?;
             Ok(())
         })
     });

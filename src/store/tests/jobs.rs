@@ -4,9 +4,24 @@ use serde_json::json;
 
 use super::*;
 
-#[tokio::test]
-async fn a_submitted_job_is_shown_listed_and_told_of() {
-    let fixture = Fixture::new().await;
+on_both! {
+    a_submitted_job_is_shown_listed_and_told_of,
+    two_servers_on_one_database_are_refused,
+    the_same_key_never_makes_two_jobs,
+    a_key_raced_by_many_clients_makes_one_job,
+    submissions_written_together_are_answered_each_for_itself,
+    as_many_submissions_as_may_wait_are_written_together_with_all_their_labels,
+    a_change_is_seen_by_the_next_read,
+    a_write_that_fails_harms_none_of_its_group,
+    pages_cover_the_list_once_newest_first,
+    lists_are_narrowed_by_state_and_label,
+    a_queued_job_is_cancelled_and_paused_at_once,
+    a_running_job_is_asked_and_a_pause_can_be_taken_back,
+    the_estimate_of_a_paused_job_outlives_its_cancellation,
+    an_unfinished_job_is_not_deleted,
+}
+
+async fn a_submitted_job_is_shown_listed_and_told_of(fixture: Fixture) {
     let row = fixture.submit().await;
     assert_eq!(row.status, Status::Queued);
     assert_eq!(
@@ -21,16 +36,12 @@ async fn a_submitted_job_is_shown_listed_and_told_of() {
     );
 }
 
-#[tokio::test]
-async fn two_servers_on_one_database_are_refused() {
-    let fixture = Fixture::new().await;
+async fn two_servers_on_one_database_are_refused(fixture: Fixture) {
     let second = Store::open(&fixture.settings, Arc::new(|_| ())).await;
     assert!(matches!(second, Err(StoreError::Locked { .. })));
 }
 
-#[tokio::test]
-async fn the_same_key_never_makes_two_jobs() {
-    let fixture = Fixture::new().await;
+async fn the_same_key_never_makes_two_jobs(fixture: Fixture) {
     let key = Some(("k", "sha256:1"));
     let Ok(Submitted::Created(first)) = fixture.store.submit(job(key)).await else {
         panic!("not created");
@@ -55,9 +66,7 @@ async fn the_same_key_never_makes_two_jobs() {
     assert!(matches!(after, Ok(Submitted::Forgotten(id)) if id == first.id.to_string()));
 }
 
-#[tokio::test]
-async fn a_key_raced_by_many_clients_makes_one_job() {
-    let fixture = Fixture::new().await;
+async fn a_key_raced_by_many_clients_makes_one_job(fixture: Fixture) {
     let submissions = (0..50).map(|_| fixture.store.submit(job(Some(("k", "sha256:1")))));
     let answers = futures_util::future::join_all(submissions).await;
     let created = answers
@@ -71,9 +80,7 @@ async fn a_key_raced_by_many_clients_makes_one_job() {
     assert_eq!((created, replayed), (1, 49));
 }
 
-#[tokio::test]
-async fn submissions_written_together_are_answered_each_for_itself() {
-    let fixture = Fixture::new().await;
+async fn submissions_written_together_are_answered_each_for_itself(fixture: Fixture) {
     let nowhere = DatasetId::new();
     let with_model = |model: &str| NewJob {
         project: Default::default(),
@@ -119,9 +126,9 @@ async fn submissions_written_together_are_answered_each_for_itself() {
     }
 }
 
-#[tokio::test]
-async fn as_many_submissions_as_may_wait_are_written_together_with_all_their_labels() {
-    let fixture = Fixture::new().await;
+async fn as_many_submissions_as_may_wait_are_written_together_with_all_their_labels(
+    fixture: Fixture,
+) {
     let labels: BTreeMap<String, String> = (0..16)
         .map(|n| (format!("label{n}"), "x".to_owned()))
         .collect();
@@ -138,9 +145,7 @@ async fn as_many_submissions_as_may_wait_are_written_together_with_all_their_lab
     assert!(answers.iter().all(created));
 }
 
-#[tokio::test]
-async fn a_change_is_seen_by_the_next_read() {
-    let fixture = Fixture::new().await;
+async fn a_change_is_seen_by_the_next_read(fixture: Fixture) {
     let row = fixture.submit().await;
     assert_eq!(fixture.status(row.id).await, Status::Queued);
     fixture.begin(row.id).await;
@@ -155,16 +160,14 @@ async fn a_change_is_seen_by_the_next_read() {
     assert!(matches!(asked, Control::Accepted(asked) if *asked == *shown));
 }
 
-#[tokio::test]
-async fn a_write_that_fails_harms_none_of_its_group() {
-    let fixture = Fixture::new().await;
+async fn a_write_that_fails_harms_none_of_its_group(fixture: Fixture) {
     let row = fixture.submit().await;
     let broken = fixture.store.inner.writer.write(|tx| {
         Box::pin(async move {
-            sqlx::query("insert into idempotency values ('half', '', '')")
+            database::query("insert into idempotency values ('half', '', '')")
                 .execute(&mut **tx)
                 .await?;
-            sqlx::query("insert into results values ('nobody', '')")
+            database::query("insert into results values ('nobody', '')")
                 .execute(&mut **tx)
                 .await?;
             Ok(())
@@ -175,7 +178,7 @@ async fn a_write_that_fails_harms_none_of_its_group() {
     let Ok(Submitted::Created(good)) = good else {
         panic!("not created");
     };
-    let half: i64 = sqlx::query_scalar("select count(*) from idempotency")
+    let half: i64 = database::query_scalar("select count(*) from idempotency")
         .fetch_one(fixture.store.readers())
         .await
         .expect("a count");
@@ -192,9 +195,7 @@ async fn a_write_that_fails_harms_none_of_its_group() {
     assert_eq!(listed, [good.id, row.id]);
 }
 
-#[tokio::test]
-async fn pages_cover_the_list_once_newest_first() {
-    let fixture = Fixture::new().await;
+async fn pages_cover_the_list_once_newest_first(fixture: Fixture) {
     let mut expected = Vec::new();
     for _ in 0..7 {
         expected.insert(0, fixture.submit().await.id);
@@ -215,9 +216,7 @@ async fn pages_cover_the_list_once_newest_first() {
     assert_eq!(seen, expected);
 }
 
-#[tokio::test]
-async fn lists_are_narrowed_by_state_and_label() {
-    let fixture = Fixture::new().await;
+async fn lists_are_narrowed_by_state_and_label(fixture: Fixture) {
     let queued = fixture.submit().await.id;
     let running = fixture.submit().await.id;
     fixture.begin(running).await;
@@ -244,9 +243,7 @@ async fn lists_are_narrowed_by_state_and_label() {
     assert!(list(None, Some(("site", Some("hall 3")))).await.is_empty());
 }
 
-#[tokio::test]
-async fn a_queued_job_is_cancelled_and_paused_at_once() {
-    let fixture = Fixture::new().await;
+async fn a_queued_job_is_cancelled_and_paused_at_once(fixture: Fixture) {
     let id = fixture.submit().await.id;
     fixture.store.request_pause(id).await.expect("a wish");
     assert_eq!(fixture.status(id).await, Status::Paused);
@@ -261,9 +258,7 @@ async fn a_queued_job_is_cancelled_and_paused_at_once() {
     assert_eq!(resumed, Control::Refused(Status::Cancelled));
 }
 
-#[tokio::test]
-async fn a_running_job_is_asked_and_a_pause_can_be_taken_back() {
-    let fixture = Fixture::new().await;
+async fn a_running_job_is_asked_and_a_pause_can_be_taken_back(fixture: Fixture) {
     let id = fixture.submit().await.id;
     fixture.begin(id).await;
     fixture.store.request_pause(id).await.expect("a wish");
@@ -282,9 +277,7 @@ async fn a_running_job_is_asked_and_a_pause_can_be_taken_back() {
     assert_eq!(fixture.status(id).await, Status::Running);
 }
 
-#[tokio::test]
-async fn the_estimate_of_a_paused_job_outlives_its_cancellation() {
-    let fixture = Fixture::new().await;
+async fn the_estimate_of_a_paused_job_outlives_its_cancellation(fixture: Fixture) {
     let id = fixture.submit().await.id;
     let slice = fixture.begin(id).await;
     assert_eq!(fixture.finish(&slice, Status::Paused).await, Hold::Kept);
@@ -300,9 +293,7 @@ async fn the_estimate_of_a_paused_job_outlives_its_cancellation() {
     );
 }
 
-#[tokio::test]
-async fn an_unfinished_job_is_not_deleted() {
-    let fixture = Fixture::new().await;
+async fn an_unfinished_job_is_not_deleted(fixture: Fixture) {
     let id = fixture.submit().await.id;
     let removal = fixture.store.delete_job(id).await;
     assert_eq!(

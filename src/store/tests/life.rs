@@ -1,4 +1,5 @@
-//! Whatever happens to a job, in whatever order: its events have no gap and it ends once.
+//! Whatever happens to a job, in whatever order: its events have no gap and it ends once, and both
+//! databases say the same of it.
 
 use proptest::prelude::*;
 
@@ -32,8 +33,7 @@ fn deeds() -> impl Strategy<Value = Vec<Deed>> {
     proptest::collection::vec(deed, 1..25)
 }
 
-async fn live(deeds: Vec<Deed>) -> (Status, Vec<StoredEvent>, Option<Value>) {
-    let mut fixture = Fixture::new().await;
+async fn live(mut fixture: Fixture, deeds: Vec<Deed>) -> (Status, Vec<StoredEvent>, Option<Value>) {
     let id = fixture.submit().await.id;
     let mut slices: Vec<Slice> = Vec::new();
     for deed in deeds {
@@ -85,7 +85,17 @@ proptest! {
             .enable_all()
             .build()
             .expect("a runtime");
-        let (status, events, result) = runtime.block_on(live(deeds));
+        let (lived, lived_again) = runtime.block_on(async {
+            let again = match Fixture::on_postgres().await {
+                Some(fixture) => Some(live(fixture, deeds.clone()).await),
+                None => None,
+            };
+            (live(Fixture::new().await, deeds).await, again)
+        });
+        if let Some(again) = &lived_again {
+            prop_assert_eq!(again, &lived, "the two databases differ");
+        }
+        let (status, events, result) = lived;
         prop_assert_eq!(ids(&events), (1..=i64::try_from(events.len()).expect("few")).collect::<Vec<_>>());
         let ends: Vec<usize> = (0..events.len()).filter(|&i| events[i].is_last()).collect();
         if status.is_terminal() {
@@ -100,4 +110,42 @@ proptest! {
             prop_assert!(result.is_some());
         }
     }
+}
+
+#[tokio::test]
+async fn a_server_whose_database_another_has_taken_over_writes_nothing_more() {
+    let Some(fixture) = Fixture::on_postgres().await else {
+        return;
+    };
+    let before = fixture.submit().await;
+    let cut_off = async || {
+        let pool = &fixture.store.inner.writer_pool;
+        let cut_off: Vec<bool> = database::query_scalar(
+            "select pg_terminate_backend(pid) from pg_locks where locktype = 'advisory' and granted \
+             and database = (select oid from pg_database where datname = current_database())",
+        )
+        .fetch_all(pool)
+        .await
+        .expect("an operator");
+        assert_eq!(cut_off, [true]);
+    };
+    // The first server may take its lock again before the next one does.
+    let next = loop {
+        let next = Store::open(&fixture.settings, Arc::new(|_| ()));
+        match tokio::join!(next, cut_off()).0 {
+            Err(StoreError::Locked { .. }) => {}
+            opened => break opened.expect("a database"),
+        }
+    };
+    fixture.store.superseded().await;
+    let refused = fixture.store.submit(job(None)).await;
+    let refused = refused.expect_err("the database of another");
+    assert_eq!(refused.meaning(), Meaning::Unavailable, "{refused}");
+    let seen = next.job(before.id).await.expect("a read");
+    assert_eq!(seen.as_deref(), Some(&before));
+    assert!(matches!(
+        next.submit(job(None)).await,
+        Ok(Submitted::Created(_))
+    ));
+    next.close().await;
 }

@@ -2,6 +2,7 @@
 
 mod backup;
 mod candidates;
+mod cluster;
 mod comparisons;
 mod datasets;
 mod full;
@@ -19,6 +20,32 @@ use serde_json::{Value, json};
 use super::*;
 use crate::job::{Event, GenerationEvent, Phase, Progress, Status};
 
+/// Tests that hold on SQLite and on PostgreSQL.
+macro_rules! on_both {
+    ($($name:ident),* $(,)?) => {
+        mod on_sqlite {
+            $(
+                #[tokio::test]
+                async fn $name() {
+                    super::$name(super::Fixture::new().await).await;
+                }
+            )*
+        }
+
+        mod on_postgres {
+            $(
+                #[tokio::test]
+                async fn $name() {
+                    if let Some(fixture) = super::Fixture::on_postgres().await {
+                        super::$name(fixture).await;
+                    }
+                }
+            )*
+        }
+    };
+}
+use on_both;
+
 struct Fixture {
     store: Store,
     changes: Arc<Mutex<Vec<Change>>>,
@@ -27,10 +54,24 @@ struct Fixture {
 }
 
 impl Fixture {
+    /// On SQLite.
     async fn new() -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
+        let place = DatabasePlace::File(folder.path().join("jobs.db"));
+        Self::of(place, folder).await
+    }
+
+    /// On PostgreSQL; nothing where that is not installed.
+    async fn on_postgres() -> Option<Self> {
+        let database = cluster::new_database()?;
+        let options = database.parse().expect("an address");
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        Some(Self::of(DatabasePlace::Postgres(Box::new(options)), folder).await)
+    }
+
+    async fn of(place: DatabasePlace, folder: tempfile::TempDir) -> Self {
         let settings = DatabaseSettings {
-            path: folder.path().join("jobs.db"),
+            place,
             readers: 2,
             busy_timeout: Duration::from_secs(5),
         };
@@ -67,6 +108,14 @@ impl Fixture {
     async fn cut_off(self) -> Self {
         self.store.inner.writer.close().await;
         self.reopen().await
+    }
+
+    /// The file of the database.
+    fn file(&self) -> &Path {
+        match &self.settings.place {
+            DatabasePlace::File(path) => path,
+            DatabasePlace::Postgres(_) => panic!("it is no file"),
+        }
     }
 
     async fn submit(&self) -> JobRow {

@@ -3,6 +3,11 @@
 use std::time::Duration;
 
 use super::*;
+
+on_both! {
+    jobs_go_with_age_or_number_and_never_before_their_end,
+    the_audit_log_never_changes_and_goes_with_age_alone,
+}
 use crate::job::Status;
 use crate::store::{AuditEntry, Retention, Tidied};
 
@@ -16,9 +21,7 @@ async fn is_there(fixture: &Fixture, id: JobId) -> bool {
     fixture.store.job(id).await.expect("a read").is_some()
 }
 
-#[tokio::test]
-async fn jobs_go_with_age_or_number_and_never_before_their_end() {
-    let fixture = Fixture::new().await;
+async fn jobs_go_with_age_or_number_and_never_before_their_end(fixture: Fixture) {
     let first = ended(&fixture).await;
     let unfinished = fixture.submit().await.id;
     let second = ended(&fixture).await;
@@ -59,9 +62,7 @@ async fn jobs_go_with_age_or_number_and_never_before_their_end() {
     assert_eq!(row.status, Status::Queued);
 }
 
-#[tokio::test]
-async fn the_audit_log_never_changes_and_goes_with_age_alone() {
-    let fixture = Fixture::new().await;
+async fn the_audit_log_never_changes_and_goes_with_age_alone(fixture: Fixture) {
     let entry = AuditEntry {
         who: "token mes".to_owned(),
         project: Some(Default::default()),
@@ -81,9 +82,9 @@ async fn the_audit_log_never_changes_and_goes_with_age_alone() {
         page.expect("a page").rows
     };
     assert_eq!(read().await[0].entry, entry);
-    let pool = fixture.store.queue_pool();
+    let pool = &fixture.store.inner.writer_pool;
     for change in ["update audit set who = 'nobody'", "delete from audit"] {
-        let refused = sqlx::query(change).execute(&pool).await;
+        let refused = database::query(change).execute(pool).await;
         assert!(refused.is_err(), "{change}");
     }
     let all = Retention {

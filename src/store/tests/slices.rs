@@ -1,11 +1,23 @@
 //! What workers write: slices, fences, checkpoints and ends.
 
 use super::*;
+
+on_both! {
+    a_job_survives_the_server_that_took_it,
+    a_write_with_an_old_epoch_changes_nothing,
+    a_slice_goes_on_where_the_last_one_stopped,
+    a_job_that_five_lives_of_the_server_end_with_fails,
+    a_life_that_is_cut_off_without_a_job_clears_it,
+    slices_that_come_to_nothing_in_a_life_that_goes_on_are_not_held_against_their_job,
+    a_job_that_many_lives_ended_with_waits_for_the_server_to_have_been_up,
+    the_end_of_a_job_is_told_with_its_result,
+    only_the_newest_queue_entry_begins_a_slice,
+    entries_that_a_dead_server_left_running_are_available_at_once,
+    events_are_replayed_from_any_id,
+}
 use crate::job::Failure;
 
-#[tokio::test]
-async fn a_job_survives_the_server_that_took_it() {
-    let fixture = Fixture::new().await;
+async fn a_job_survives_the_server_that_took_it(fixture: Fixture) {
     let row = fixture.submit().await;
     let slice = fixture.begin(row.id).await;
     let fixture = fixture.reopen().await;
@@ -16,9 +28,7 @@ async fn a_job_survives_the_server_that_took_it() {
     assert_eq!(fixture.finish(&next, Status::Succeeded).await, Hold::Kept);
 }
 
-#[tokio::test]
-async fn a_write_with_an_old_epoch_changes_nothing() {
-    let fixture = Fixture::new().await;
+async fn a_write_with_an_old_epoch_changes_nothing(fixture: Fixture) {
     let id = fixture.submit().await.id;
     let old = fixture.begin(id).await;
     let new = fixture.begin(id).await;
@@ -51,9 +61,7 @@ async fn a_write_with_an_old_epoch_changes_nothing() {
     assert_eq!(fixture.events(id).await.len(), 3);
 }
 
-#[tokio::test]
-async fn a_slice_goes_on_where_the_last_one_stopped() {
-    let fixture = Fixture::new().await;
+async fn a_slice_goes_on_where_the_last_one_stopped(fixture: Fixture) {
     let id = fixture.submit().await.id;
     let first = fixture.begin(id).await;
     assert_eq!(first.checkpoint, None);
@@ -98,9 +106,7 @@ async fn a_slice_goes_on_where_the_last_one_stopped() {
     assert_eq!(second.job.attempt, 1);
 }
 
-#[tokio::test]
-async fn a_job_that_five_lives_of_the_server_end_with_fails() {
-    let mut fixture = Fixture::new().await;
+async fn a_job_that_five_lives_of_the_server_end_with_fails(mut fixture: Fixture) {
     let id = fixture.submit().await.id;
     for attempt in 1..=5 {
         assert_eq!(fixture.begin(id).await.job.attempt, attempt);
@@ -118,9 +124,7 @@ async fn a_job_that_five_lives_of_the_server_end_with_fails() {
     );
 }
 
-#[tokio::test]
-async fn a_life_that_is_cut_off_without_a_job_clears_it() {
-    let mut fixture = Fixture::new().await;
+async fn a_life_that_is_cut_off_without_a_job_clears_it(mut fixture: Fixture) {
     let id = fixture.submit().await.id;
     for life in 0..30 {
         if life % 5 != 4 {
@@ -131,9 +135,9 @@ async fn a_life_that_is_cut_off_without_a_job_clears_it() {
     fixture.begin(id).await;
 }
 
-#[tokio::test]
-async fn slices_that_come_to_nothing_in_a_life_that_goes_on_are_not_held_against_their_job() {
-    let fixture = Fixture::new().await;
+async fn slices_that_come_to_nothing_in_a_life_that_goes_on_are_not_held_against_their_job(
+    fixture: Fixture,
+) {
     let id = fixture.submit().await.id;
     for _ in 0..20 {
         fixture.begin(id).await;
@@ -143,9 +147,9 @@ async fn slices_that_come_to_nothing_in_a_life_that_goes_on_are_not_held_against
     assert_eq!((row.status, row.attempt), (Status::Running, 21));
 }
 
-#[tokio::test]
-async fn a_job_that_many_lives_ended_with_waits_for_the_server_to_have_been_up() {
-    let mut fixture = Fixture::new().await;
+async fn a_job_that_many_lives_ended_with_waits_for_the_server_to_have_been_up(
+    mut fixture: Fixture,
+) {
     let id = fixture.submit().await.id;
     for _ in 0..9 {
         assert!(matches!(
@@ -154,7 +158,7 @@ async fn a_job_that_many_lives_ended_with_waits_for_the_server_to_have_been_up()
         ));
         fixture = fixture.cut_off().await;
     }
-    let entry: i64 = sqlx::query_scalar("select queue_entry from jobs")
+    let entry: i64 = database::query_scalar("select queue_entry from jobs")
         .fetch_one(fixture.store.readers())
         .await
         .expect("an entry");
@@ -167,9 +171,7 @@ async fn a_job_that_many_lives_ended_with_waits_for_the_server_to_have_been_up()
     assert!(matches!(stop, Ok(Begin::Slice(_))), "{stop:?}");
 }
 
-#[tokio::test]
-async fn the_end_of_a_job_is_told_with_its_result() {
-    let fixture = Fixture::new().await;
+async fn the_end_of_a_job_is_told_with_its_result(fixture: Fixture) {
     let id = fixture.submit().await.id;
     let slice = fixture.begin(id).await;
     assert_eq!(fixture.finish(&slice, Status::Succeeded).await, Hold::Kept);
@@ -186,12 +188,10 @@ async fn the_end_of_a_job_is_told_with_its_result() {
     assert!(matches!(begun, Ok(Begin::Nothing)));
 }
 
-#[tokio::test]
-async fn only_the_newest_queue_entry_begins_a_slice() {
-    let fixture = Fixture::new().await;
+async fn only_the_newest_queue_entry_begins_a_slice(fixture: Fixture) {
     let id = fixture.submit().await.id;
     let entry = async || -> i64 {
-        sqlx::query_scalar("select queue_entry from jobs")
+        database::query_scalar("select queue_entry from jobs")
             .fetch_one(fixture.store.readers())
             .await
             .expect("an entry")
@@ -208,13 +208,11 @@ async fn only_the_newest_queue_entry_begins_a_slice() {
 }
 
 async fn execute(tx: &mut writer::Tx, statement: &'static str) -> Result<(), StoreError> {
-    sqlx::query(statement).execute(&mut **tx).await?;
+    database::query(statement).execute(&mut **tx).await?;
     Ok(())
 }
 
-#[tokio::test]
-async fn entries_that_a_dead_server_left_running_are_available_at_once() {
-    let fixture = Fixture::new().await;
+async fn entries_that_a_dead_server_left_running_are_available_at_once(fixture: Fixture) {
     fixture.submit().await;
     let lost = fixture.submit().await;
     for statement in [
@@ -230,8 +228,8 @@ async fn entries_that_a_dead_server_left_running_are_available_at_once() {
             .expect("a broken queue");
     }
     let fixture = fixture.reopen().await;
-    let entries: Vec<(String, String)> = sqlx::query_as(
-        "select jobs.id, river_job.state from jobs join river_job on river_job.id = queue_entry \
+    let entries: Vec<(String, String)> = database::query_as(
+        "select jobs.id, cast(river_job.state as text) from jobs join river_job on river_job.id = queue_entry \
          order by jobs.id",
     )
     .fetch_all(fixture.store.readers())
@@ -242,9 +240,7 @@ async fn entries_that_a_dead_server_left_running_are_available_at_once() {
     assert_eq!(entries[1].0, lost.id.to_string());
 }
 
-#[tokio::test]
-async fn events_are_replayed_from_any_id() {
-    let fixture = Fixture::new().await;
+async fn events_are_replayed_from_any_id(fixture: Fixture) {
     let id = fixture.submit().await.id;
     let slice = fixture.begin(id).await;
     let record = Record {

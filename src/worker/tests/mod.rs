@@ -56,7 +56,7 @@ struct Server {
 impl Server {
     async fn start(folder: &Path, jobs_at_once: usize, slice_length: Duration) -> Self {
         let settings = DatabaseSettings {
-            path: folder.join("jobs.db"),
+            place: crate::store::DatabasePlace::File(folder.join("jobs.db")),
             readers: 2,
             busy_timeout: Duration::from_secs(5),
         };

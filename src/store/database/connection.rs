@@ -1,0 +1,148 @@
+//! Pools, connections and transactions of either database.
+
+use std::ops::{Deref, DerefMut};
+
+use sqlx::pool::PoolConnection;
+use sqlx::{Database, PgPool, Postgres, Sqlite, SqlitePool};
+
+use super::Kind;
+
+/// Connections of one database.
+#[derive(Clone, Debug)]
+pub(in crate::store) enum Pool {
+    Sqlite(SqlitePool),
+    Postgres(PgPool),
+}
+
+impl Pool {
+    /// Which database it is.
+    pub(in crate::store) fn kind(&self) -> Kind {
+        match self {
+            Self::Sqlite(_) => Kind::Sqlite,
+            Self::Postgres(_) => Kind::Postgres,
+        }
+    }
+
+    /// A connection for several statements.
+    pub(in crate::store) async fn acquire(&self) -> Result<Connection, sqlx::Error> {
+        Ok(match self {
+            Self::Sqlite(pool) => Connection::Sqlite(Held::Pooled(pool.acquire().await?)),
+            Self::Postgres(pool) => Connection::Postgres(Held::Pooled(pool.acquire().await?)),
+        })
+    }
+
+    /// A transaction that reads one state of the database.
+    pub(in crate::store) async fn begin_read(&self) -> Result<Connection, sqlx::Error> {
+        Ok(match self {
+            Self::Sqlite(pool) => Connection::Sqlite(Held::Transaction(pool.begin().await?)),
+            Self::Postgres(pool) => Connection::Postgres(Held::Transaction(
+                pool.begin_with("begin isolation level repeatable read read only")
+                    .await?,
+            )),
+        })
+    }
+
+    /// A transaction that writes.
+    pub(in crate::store) async fn begin_write(&self) -> Result<Connection, sqlx::Error> {
+        Ok(match self {
+            Self::Sqlite(pool) => {
+                Connection::Sqlite(Held::Transaction(pool.begin_with("begin immediate").await?))
+            }
+            Self::Postgres(pool) => Connection::Postgres(Held::Transaction(pool.begin().await?)),
+        })
+    }
+
+    /// Closes all connections.
+    pub(in crate::store) async fn close(&self) {
+        match self {
+            Self::Sqlite(pool) => pool.close().await,
+            Self::Postgres(pool) => pool.close().await,
+        }
+    }
+}
+
+/// One connection, in a transaction or not.
+pub(in crate::store) enum Connection {
+    Sqlite(Held<Sqlite>),
+    Postgres(Held<Postgres>),
+}
+
+impl Connection {
+    /// Which database it is.
+    pub(in crate::store) fn kind(&self) -> Kind {
+        match self {
+            Self::Sqlite(_) => Kind::Sqlite,
+            Self::Postgres(_) => Kind::Postgres,
+        }
+    }
+
+    /// The transaction that it is in; nothing where it is in none.
+    pub(in crate::store) fn transaction(&mut self) -> Option<Transaction<'_>> {
+        match self {
+            Self::Sqlite(Held::Transaction(transaction)) => Some(Transaction::Sqlite(transaction)),
+            Self::Postgres(Held::Transaction(transaction)) => {
+                Some(Transaction::Postgres(transaction))
+            }
+            Self::Sqlite(_) | Self::Postgres(_) => None,
+        }
+    }
+
+    /// Ends the transaction; what it wrote is then on disk.
+    pub(in crate::store) async fn commit(self) -> Result<(), sqlx::Error> {
+        match self {
+            Self::Sqlite(Held::Transaction(transaction)) => transaction.commit().await,
+            Self::Postgres(Held::Transaction(transaction)) => transaction.commit().await,
+            Self::Sqlite(_) | Self::Postgres(_) => Ok(()),
+        }
+    }
+}
+
+/// A transaction as the queue takes it.
+pub(in crate::store) enum Transaction<'c> {
+    Sqlite(&'c mut sqlx::Transaction<'static, Sqlite>),
+    Postgres(&'c mut sqlx::Transaction<'static, Postgres>),
+}
+
+/// How a connection is had.
+pub(in crate::store) enum Held<DB: Database> {
+    Pooled(PoolConnection<DB>),
+    Transaction(sqlx::Transaction<'static, DB>),
+}
+
+impl<DB: Database> Deref for Held<DB> {
+    type Target = DB::Connection;
+
+    fn deref(&self) -> &DB::Connection {
+        match self {
+            Self::Pooled(connection) => connection,
+            Self::Transaction(transaction) => transaction,
+        }
+    }
+}
+
+impl<DB: Database> DerefMut for Held<DB> {
+    fn deref_mut(&mut self) -> &mut DB::Connection {
+        match self {
+            Self::Pooled(connection) => connection,
+            Self::Transaction(transaction) => transaction,
+        }
+    }
+}
+
+/// Where a statement runs.
+pub(in crate::store) enum Target<'c> {
+    Connection(&'c mut Connection),
+    Pool(&'c Pool),
+}
+
+impl<'c> From<&'c mut Connection> for Target<'c> {
+    fn from(connection: &'c mut Connection) -> Self {
+        Self::Connection(connection)
+    }
+}
+
+impl<'c> From<&'c Pool> for Target<'c> {
+    fn from(pool: &'c Pool) -> Self {
+        Self::Pool(pool)
+    }
+}
