@@ -23,6 +23,7 @@ mod life;
 mod lock;
 mod models;
 mod monitors;
+mod opening;
 mod queue;
 mod quotas;
 mod recent;
@@ -39,15 +40,11 @@ pub mod tokens;
 mod webhooks;
 mod writer;
 
-use std::fmt;
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use riverqueue::ClientBuilder;
-use sqlx::postgres::PgConnectOptions;
-use tokio::task::JoinHandle;
-use tokio_util::sync::CancellationToken;
 
 use crate::access::Project;
 use crate::job::{DatasetId, JobId, MonitorId};
@@ -64,6 +61,7 @@ pub use job_summaries::{JobSummaryRow, NamedDataset};
 pub use jobs::{JobFilter, JobRemoval, JobRow, Page};
 pub use models::{MAX_UNUSED_MODELS, ModelRemoval, ModelRow, ModelStored, NewModel};
 pub use monitors::{Advance, AdvanceWindow, MonitorRow, NewMonitor, NewWindowJob, StoredWindow};
+pub use opening::{DatabasePlace, DatabaseSettings};
 pub use queue::{QUEUE, SliceOfJob, project_of, queue_of};
 pub use quotas::Quotas;
 pub use retention::{Retention, Tidied};
@@ -77,59 +75,16 @@ pub use submit::{NewJob, Submitted};
 pub use tokens::TokenRow;
 pub use webhooks::{Attempt, DeliveryRow, DeliveryState, WebhookRow};
 
-use database::postgres::{self, SessionLock};
 use database::{Pool, sqlite};
-use lock::FileLock;
+use opening::{Lock, Opened};
 use recent::Recent;
 use submit::Submissions;
 use writer::{Tx, Writer};
 
 /// A database that was written to so lately takes writes.
 const PROBE_AFTER: Duration = Duration::from_secs(1);
-/// Connections to PostgreSQL of the writer and of the queue.
-const WRITERS: u32 = 4;
 /// What is written to see whether it can be.
 const PROBE_BYTES: usize = 4096;
-
-/// Where a database is.
-#[derive(Clone)]
-pub enum DatabasePlace {
-    /// A SQLite file; created with its folder when absent.
-    File(PathBuf),
-    /// A PostgreSQL server and a database there.
-    Postgres(Box<PgConnectOptions>),
-}
-
-impl fmt::Display for DatabasePlace {
-    /// Without the password.
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::File(path) => write!(formatter, "{}", path.display()),
-            Self::Postgres(options) => {
-                let database = options.get_database().unwrap_or(options.get_username());
-                let (host, port) = (options.get_host(), options.get_port());
-                write!(formatter, "postgres://{host}:{port}/{database}")
-            }
-        }
-    }
-}
-
-impl fmt::Debug for DatabasePlace {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(self, formatter)
-    }
-}
-
-/// Where the database is and how it is used.
-#[derive(Clone, Debug)]
-pub struct DatabaseSettings {
-    /// Where it is.
-    pub place: DatabasePlace,
-    /// Connections that read at the same time.
-    pub readers: u32,
-    /// How long a statement waits for another connection's lock.
-    pub busy_timeout: Duration,
-}
 
 /// What a committed transaction changed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -246,10 +201,7 @@ impl Store {
 
     /// Returns when another server has taken the database over: this one can do nothing more.
     pub async fn superseded(&self) {
-        match &self.inner.lock {
-            Lock::File { .. } => std::future::pending().await,
-            Lock::Session { lost, .. } => lost.cancelled().await,
-        }
+        self.inner.lock.lost().await;
     }
 
     /// Finishes the writes that were accepted, and closes the database.
@@ -265,107 +217,6 @@ impl Store {
 
     fn readers(&self) -> &Pool {
         &self.inner.readers
-    }
-}
-
-/// A database that is up to date and that no other server has.
-struct Opened {
-    folder: PathBuf,
-    writer_pool: Pool,
-    readers: Pool,
-    lock: Lock,
-}
-
-/// What keeps other servers away.
-enum Lock {
-    File {
-        _held: FileLock,
-    },
-    /// Kept by a task.
-    Session {
-        keeper: Mutex<Option<JoinHandle<()>>>,
-        closing: CancellationToken,
-        lost: CancellationToken,
-    },
-}
-
-impl Lock {
-    fn session(lock: SessionLock) -> Self {
-        let (closing, lost) = (CancellationToken::new(), CancellationToken::new());
-        let keeper = tokio::spawn(lock.keep(closing.clone(), lost.clone()));
-        Self::Session {
-            keeper: Mutex::new(Some(keeper)),
-            closing,
-            lost,
-        }
-    }
-
-    /// Lets other servers in, where not the end of this process does.
-    async fn release(&self) {
-        let Self::Session {
-            keeper, closing, ..
-        } = self
-        else {
-            return;
-        };
-        closing.cancel();
-        let keeper = keeper.lock().unwrap_or_else(PoisonError::into_inner).take();
-        if let Some(keeper) = keeper
-            && let Err(error) = keeper.await
-        {
-            tracing::error!(%error, "the keeper of the database's lock ended badly");
-        }
-    }
-}
-
-impl Opened {
-    async fn open(settings: &DatabaseSettings) -> Result<Self, StoreError> {
-        match &settings.place {
-            DatabasePlace::File(path) => Self::sqlite(path, settings).await,
-            DatabasePlace::Postgres(options) => Self::postgres(options, settings).await,
-        }
-    }
-
-    async fn sqlite(path: &Path, settings: &DatabaseSettings) -> Result<Self, StoreError> {
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-        let folder = folder.unwrap_or(Path::new(".")).to_owned();
-        std::fs::create_dir_all(&folder).map_err(|source| StoreError::File {
-            path: folder.clone(),
-            source,
-        })?;
-        let lock = FileLock::take(path)?;
-        let writer_pool = sqlite::writer(path, settings.busy_timeout).await?;
-        sqlite::migrate(&writer_pool).await?;
-        let missing = sqlite::missing(&mut *writer_pool.acquire().await?).await?;
-        if let Some(first) = missing.first() {
-            return Err(corrupt("schema", path.display(), first));
-        }
-        let readers = sqlite::readers(path, settings.busy_timeout, settings.readers).await?;
-        Ok(Self {
-            folder,
-            writer_pool: Pool::Sqlite(writer_pool),
-            readers: Pool::Sqlite(readers),
-            lock: Lock::File { _held: lock },
-        })
-    }
-
-    async fn postgres(
-        options: &PgConnectOptions,
-        settings: &DatabaseSettings,
-    ) -> Result<Self, StoreError> {
-        let lock = SessionLock::take(options).await?;
-        let lock = lock.ok_or_else(|| StoreError::Locked {
-            database: settings.place.to_string(),
-        })?;
-        let writer_pool = postgres::pool(options.clone(), WRITERS).await?;
-        postgres::migrate(&writer_pool).await?;
-        let readers = postgres::pool(options.clone(), settings.readers).await?;
-        Ok(Self {
-            folder: std::env::temp_dir(),
-            writer_pool: Pool::Postgres(writer_pool),
-            readers: Pool::Postgres(readers),
-            lock: Lock::session(lock),
-        })
     }
 }
 

@@ -12,6 +12,7 @@ mod retention;
 mod slices;
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
