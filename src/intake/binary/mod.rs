@@ -42,15 +42,22 @@ pub(super) fn receive(
         Format::Excel => excel::receive(bytes, options, scratch),
         _ => parquet::receive(bytes, options, scratch),
     };
-    // The libraries that read these formats panic on some files that are damaged. What they were given
-    // is dropped with them.
-    panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
-        let detail = format!(
-            "the file is damaged: no reader of {} reads it",
-            format.name()
-        );
-        Err(malformed(Fault::anywhere("damaged", detail)))
-    })
+    unless_it_panics(format, read)
+}
+
+/// The libraries that read these formats panic on some files that are damaged: they become a fault.
+/// What they were given is dropped with them.
+fn unless_it_panics(
+    format: Format,
+    read: impl FnOnce() -> Result<Received, ReadError>,
+) -> Result<Received, ReadError> {
+    panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err(damaged(format)))
+}
+
+fn damaged(format: Format) -> ReadError {
+    let name = format.name();
+    let detail = format!("the file is damaged: no reader of {name} reads it");
+    malformed(Fault::anywhere("damaged", detail))
 }
 
 /// Reads rows that have been turned into text; `notes` are what was left out of them.
@@ -164,4 +171,18 @@ fn push_field(text: &mut Vec<u8>, field: &str) {
         text.push(byte);
     }
     text.push(b'"');
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reader_that_panics_is_a_fault() {
+        let read = unless_it_panics(Format::Parquet, || panic!("index out of bounds"));
+        let Err(error) = read else {
+            panic!("what panicked was read");
+        };
+        assert!(error.to_string().contains("damaged"), "{error}");
+    }
 }

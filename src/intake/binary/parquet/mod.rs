@@ -1,6 +1,7 @@
 //! Apache Parquet: a column for each signal, or columns for the time, the tag and the value.
 
 mod decoded;
+mod headers;
 mod meaning;
 
 use super::super::error::malformed;
@@ -13,6 +14,7 @@ use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use bytes::Bytes;
 use decoded::Decoded;
 use meaning::Meaning;
+use std::fmt;
 use std::io;
 
 /// What pandas calls an index without a name.
@@ -23,10 +25,17 @@ pub(super) fn receive(
     options: &Options,
     scratch: Option<NewScratch>,
 ) -> Result<Received, ReadError> {
-    let file = SerializedFileReader::new(bytes).map_err(|error| {
-        let detail = format!("this is no Parquet file that can be read: {error}");
+    let not_read = |why: &dyn fmt::Display| {
+        let detail = format!("this is no Parquet file that can be read: {why}");
         malformed(Fault::anywhere("not_parquet", detail))
-    })?;
+    };
+    if !headers::footer_is_sound(&bytes) {
+        return Err(not_read(&"its footer does not read"));
+    }
+    let file = SerializedFileReader::new(bytes.clone()).map_err(|error| not_read(&error))?;
+    if !headers::pages_are_sound(&bytes, file.metadata()) {
+        return Err(super::damaged(Format::Parquet));
+    }
     let (columns, left_out) = columns(&file, options);
     if columns.len() > MAX_SIGNALS + 1 {
         let detail = format!("more than {MAX_SIGNALS} signals");
