@@ -35,6 +35,8 @@ pub use tls::TlsError;
 const LAST_WORDS: Duration = Duration::from_millis(300);
 /// How often what was measured is put together.
 const UPKEEP_INTERVAL: Duration = Duration::from_secs(5);
+/// How often it is looked whether there is news of which nobody told.
+const LOOK_INTERVAL: Duration = Duration::from_secs(10);
 /// How often it is looked whether something is older than it is kept for.
 const TIDY_INTERVAL: Duration = Duration::from_secs(600);
 /// How soon it is looked again while there is more.
@@ -152,6 +154,9 @@ impl App {
         tasks.spawn(keep_up(metrics(), closing.clone()));
         let retention = settings.retention();
         tasks.spawn(tidy(store.clone(), retention, closing.clone()));
+        if store.is_shared() {
+            tasks.spawn(look_again(hub.clone(), closing.clone()));
+        }
         tracing::info!(%address, "listening");
         Ok(Self {
             address,
@@ -177,13 +182,13 @@ impl App {
         format!("{scheme}://{}", self.address)
     }
 
-    /// Returns when the process is asked to end (SIGTERM or ctrl-c), and with an error when another
-    /// server has taken the database over.
+    /// Returns when the process is asked to end (SIGTERM or ctrl-c), and with an error when other nodes
+    /// have declared this one dead.
     pub async fn wait_for_signal(&self) -> std::io::Result<()> {
         tokio::select! {
             asked = terminated() => asked,
             () = self.store.superseded() => Err(std::io::Error::other(
-                "another server works with the database now",
+                "other nodes have declared this one dead and gone on without it",
             )),
         }
     }
@@ -297,6 +302,9 @@ async fn tidy(store: Store, retention: Retention, closing: CancellationToken) {
             () = tokio::time::sleep(wait) => {}
         }
         wait = TIDY_INTERVAL;
+        if !store.is_in_charge() {
+            continue;
+        }
         match store.tidy(retention).await {
             Ok(tidied) if tidied.is_some() => {
                 tracing::info!(?tidied, "what is older than it is kept for has gone");
@@ -304,6 +312,18 @@ async fn tidy(store: Store, retention: Retention, closing: CancellationToken) {
             }
             Ok(_) => {}
             Err(error) => tracing::error!(%error, "the database could not be tidied"),
+        }
+    }
+}
+
+/// Looks now and then whether there is news that no other node told of: it may have gone down between a
+/// commit and telling.
+async fn look_again(hub: EventHub, closing: CancellationToken) {
+    let mut due = tokio::time::interval(LOOK_INTERVAL);
+    loop {
+        tokio::select! {
+            () = closing.cancelled() => return,
+            _ = due.tick() => hub.look_again(),
         }
     }
 }

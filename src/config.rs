@@ -30,6 +30,8 @@ pub use error::SettingsError;
 const READERS: u32 = 4;
 /// How long a statement waits for another connection's lock.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
+/// How often a node says that it lives [s].
+const DEFAULT_NODE_BEAT_S: f64 = 1.0;
 /// Candidates that are kept of a job: with four unknowns 45 MB.
 const DEFAULT_MAX_CANDIDATES: u64 = 1_000_000;
 /// Recordings of a project.
@@ -77,6 +79,16 @@ pub struct Settings {
         default_value_t = 10.0
     )]
     pub slice_s: f64,
+
+    /// How often a server says in a PostgreSQL that it lives `[s]`; when five are missed, other servers
+    /// go on with its jobs
+    #[arg(
+        long,
+        env = "GREYBOX_NODE_BEAT_S",
+        value_name = "SECONDS",
+        default_value_t = DEFAULT_NODE_BEAT_S
+    )]
+    pub node_beat_s: f64,
 
     /// Largest recording that is taken `[MiB]`; until it is stored its samples need as much space
     /// beside the database
@@ -321,6 +333,7 @@ impl Default for Settings {
             threads: None,
             jobs_at_once: None,
             slice_s: 10.0,
+            node_beat_s: DEFAULT_NODE_BEAT_S,
             max_body_mib: 64,
             max_candidates: DEFAULT_MAX_CANDIDATES,
             names: Vec::new(),
@@ -361,10 +374,14 @@ impl Settings {
 
     /// Where the database is and how it is used.
     pub fn database(&self) -> Result<DatabaseSettings, SettingsError> {
+        if !(0.02..=60.0).contains(&self.node_beat_s) {
+            return Err(SettingsError::NodeBeat(self.node_beat_s));
+        }
         Ok(DatabaseSettings {
             place: database_place(self.database.as_deref())?,
             readers: READERS,
             busy_timeout: BUSY_TIMEOUT,
+            beat: Duration::from_secs_f64(self.node_beat_s),
         })
     }
 

@@ -4,12 +4,15 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 /// The characters of a name at the most.
 const MAX_CHARS: usize = 40;
 
 /// The name of a project: words of lower-case letters and digits with `-` or `_` between them. Cheap to
 /// clone.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct Project(Arc<str>);
 
 /// A text that names no project.
@@ -47,6 +50,20 @@ impl FromStr for Project {
         } else {
             Err(InvalidProject(text.chars().take(2 * MAX_CHARS).collect()))
         }
+    }
+}
+
+impl TryFrom<String> for Project {
+    type Error = InvalidProject;
+
+    fn try_from(text: String) -> Result<Self, InvalidProject> {
+        text.parse()
+    }
+}
+
+impl From<Project> for String {
+    fn from(project: Project) -> Self {
+        project.as_str().to_owned()
     }
 }
 

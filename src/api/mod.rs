@@ -305,6 +305,7 @@ mod tests {
             place: crate::store::DatabasePlace::File(folder.path().join("jobs.db")),
             readers: 1,
             busy_timeout: Duration::from_secs(5),
+            beat: Duration::from_millis(50),
         };
         let store = Store::open(&settings, hub.on_change()).await;
         let state = ApiState::new(Parts {

@@ -13,6 +13,9 @@ pub enum SettingsError {
     /// Only a file can be meant.
     #[error("{0} is not a file; PostgreSQL has its own tools for this: pg_dump, pg_restore")]
     NotAFile(String),
+    /// How often a node says that it lives cannot be.
+    #[error("a server may say every 0.02 s to 60 s that it lives, not every {0} s")]
+    NodeBeat(f64),
     /// There is no place for the default database.
     #[error("the user has no data folder; say where the database is with --database")]
     NoDataFolder,

@@ -76,6 +76,20 @@ fn proxies_and_roles_are_read() {
 }
 
 #[test]
+fn a_beat_that_is_no_time_is_refused() {
+    for node_beat_s in [-1.0, 0.0, f64::NAN, 1e9] {
+        let settings = Settings {
+            node_beat_s,
+            ..Settings::default()
+        };
+        assert!(matches!(
+            settings.database(),
+            Err(SettingsError::NodeBeat(_))
+        ));
+    }
+}
+
+#[test]
 fn a_slice_that_is_no_time_is_refused() {
     for slice_s in [-1.0, f64::NAN, 1e9] {
         let settings = Settings {

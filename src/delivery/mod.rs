@@ -56,7 +56,7 @@ impl Sender {
         let mut under_way = JoinSet::new();
         let mut busy: Vec<WebhookId> = Vec::new();
         loop {
-            let wait = match self.store.due_deliveries(Timestamp::now()).await {
+            let wait = match self.due().await {
                 Ok((due, next)) => {
                     self.begin(due, &mut busy, &mut under_way);
                     until(next)
@@ -81,7 +81,15 @@ impl Sender {
         }
     }
 
-    /// Makes one attempt and notes what came of it.
+    /// What is due, where this server delivers, and when something will be.
+    async fn due(&self) -> Result<(Vec<DeliveryRow>, Option<Timestamp>), StoreError> {
+        if self.store.is_in_charge() {
+            self.store.due_deliveries(Timestamp::now()).await
+        } else {
+            Ok((Vec::new(), None))
+        }
+    }
+
     /// Begins those that are due, one at a time for each place.
     fn begin(
         &self,
@@ -106,6 +114,7 @@ impl Sender {
         delivery.webhook
     }
 
+    /// Makes one attempt and notes what came of it.
     async fn attempt(&self, delivery: &DeliveryRow) -> Result<(), StoreError> {
         let Some(webhook) = self.store.webhook(delivery.webhook).await? else {
             return Ok(());

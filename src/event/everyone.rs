@@ -1,7 +1,8 @@
 //! Which jobs changed, for those who follow all of them.
 //!
 //! A follower holds the identifiers of the jobs that changed since it looked last, each once: a slow
-//! one misses changes that were overtaken by later ones of the same job, and nothing else.
+//! one misses changes that were overtaken by later ones of the same job, and nothing else. Where the hub
+//! itself may have missed some, those who follow have to begin again.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -19,6 +20,8 @@ pub(super) struct Followers(Mutex<Vec<Weak<Waiting>>>);
 struct Waiting {
     changed: Mutex<BTreeSet<JobId>>,
     more: Notify,
+    /// Some changes may have been missed.
+    lost: CancellationToken,
 }
 
 impl Waiting {
@@ -42,6 +45,14 @@ impl Followers {
             follower.more.notify_one();
             true
         });
+    }
+
+    /// Ends all who follow: some changes may have been missed.
+    pub(super) fn lose(&self) {
+        let all = std::mem::take(&mut *self.list());
+        all.iter()
+            .filter_map(Weak::upgrade)
+            .for_each(|follower| follower.lost.cancel());
     }
 
     /// One more who follows, from now on.
@@ -69,7 +80,7 @@ impl ChangedJobs {
     }
 
     /// At most `limit` of the jobs that changed since the last call, once there are any; nothing
-    /// when the server is going down.
+    /// when the server is going down, and when changes may have been missed.
     pub async fn next(&mut self, limit: usize) -> Option<Vec<JobId>> {
         loop {
             let some = self.taken(limit);
@@ -79,6 +90,7 @@ impl ChangedJobs {
             tokio::select! {
                 biased;
                 () = self.closing.cancelled() => return None,
+                () = self.waiting.lost.cancelled() => return None,
                 () = self.waiting.more.notified() => {}
             }
         }
@@ -104,6 +116,18 @@ mod tests {
         assert_eq!(follower.next(2).await, Some(vec![jobs[1]]));
         closing.cancel();
         assert_eq!(follower.next(2).await, None);
+    }
+
+    #[tokio::test]
+    async fn where_changes_may_have_been_missed_those_who_follow_begin_again() {
+        let (followers, closing) = (Followers::default(), CancellationToken::new());
+        let mut follower = followers.join(closing.clone());
+        followers.lose();
+        assert_eq!(follower.next(2).await, None);
+        let mut follower = followers.join(closing);
+        let job = JobId::new();
+        followers.tell(job);
+        assert_eq!(follower.next(2).await, Some(vec![job]));
     }
 
     #[test]

@@ -34,14 +34,29 @@ struct Inner {
     waiting: Mutex<HashMap<JobId, Arc<Topic>>>,
     followers: Followers,
     slice_waits: Notify,
-    /// In which projects.
-    slices_wait_in: Mutex<BTreeSet<Project>>,
+    slices_wait_in: Mutex<Projects>,
     stop_requested: Notify,
     monitors_may_step: Notify,
     /// How often there was news of monitors.
     monitors: watch::Sender<u64>,
     delivery_waits: Notify,
     closing: CancellationToken,
+}
+
+/// Some projects.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Projects {
+    /// Any.
+    All,
+    /// These.
+    Some(BTreeSet<Project>),
+}
+
+impl Default for Projects {
+    /// None.
+    fn default() -> Self {
+        Self::Some(BTreeSet::new())
+    }
 }
 
 /// A job that somebody waits for.
@@ -62,7 +77,7 @@ impl Default for Topic {
 }
 
 impl Inner {
-    fn slices_wait(&self) -> MutexGuard<'_, BTreeSet<Project>> {
+    fn slices_wait(&self) -> MutexGuard<'_, Projects> {
         let projects = self.slices_wait_in.lock();
         projects.unwrap_or_else(PoisonError::into_inner)
     }
@@ -87,7 +102,9 @@ impl EventHub {
                 hub.inner.monitors_may_step.notify_one();
             }
             Change::SliceWaits(project) => {
-                hub.inner.slices_wait().insert(project);
+                if let Projects::Some(projects) = &mut *hub.inner.slices_wait() {
+                    projects.insert(project);
+                }
                 hub.inner.slice_waits.notify_one();
             }
             Change::StopRequested(_) => hub.inner.stop_requested.notify_one(),
@@ -95,7 +112,24 @@ impl EventHub {
             Change::Stream => hub.inner.monitors_may_step.notify_one(),
             Change::Monitor(_) => hub.inner.monitors.send_modify(|news| *news += 1),
             Change::DatasetRemoved(_) => {}
+            Change::Missed => {
+                hub.inner.followers.lose();
+                hub.look_again();
+            }
         })
+    }
+
+    /// Wakes everyone who waits for anything, to look whether there is news of which nobody told.
+    pub fn look_again(&self) {
+        for topic in self.inner.waiting().values() {
+            topic.news.send_modify(|news| *news += 1);
+        }
+        *self.inner.slices_wait() = Projects::All;
+        self.inner.slice_waits.notify_one();
+        self.inner.stop_requested.notify_one();
+        self.inner.delivery_waits.notify_one();
+        self.inner.monitors_may_step.notify_one();
+        self.inner.monitors.send_modify(|news| *news += 1);
     }
 
     /// Wakes those who wait for a job.
@@ -131,7 +165,7 @@ impl EventHub {
 
     /// Returns when slices came into the queue since the last call, with the projects that they are
     /// of.
-    pub async fn slice_waits(&self) -> BTreeSet<Project> {
+    pub async fn slice_waits(&self) -> Projects {
         self.inner.slice_waits.notified().await;
         std::mem::take(&mut *self.inner.slices_wait())
     }
@@ -231,6 +265,7 @@ mod tests {
             place: crate::store::DatabasePlace::File(folder.path().join("jobs.db")),
             readers: 2,
             busy_timeout: Duration::from_secs(5),
+            beat: Duration::from_millis(50),
         };
         let hub = EventHub::new();
         let store = Store::open(&settings, hub.on_change()).await;

@@ -38,7 +38,7 @@ pub async fn backup(database: &Path, into: &Path) -> Result<(), StoreError> {
     copied?;
     let mut copy = open(&partial).await?;
     // Nobody cut the copy off from its server.
-    sqlx::query("update server_life set ended_in_order = 1")
+    sqlx::query("update nodes set state = 'ended'")
         .execute(&mut copy)
         .await?;
     copy.close().await?;

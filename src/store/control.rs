@@ -38,12 +38,16 @@ impl Store {
         self.control(id, Wish::Resume).await
     }
 
-    /// The running jobs that were asked to stop and have not yet.
+    /// The running jobs that were asked to stop and have not yet, but for those that other nodes are at
+    /// work on.
     pub async fn stop_requests(&self) -> Result<Vec<JobId>, StoreError> {
-        let ids: Vec<String> =
-            database::query_scalar("select id from jobs where request is not null order by id")
-                .fetch_all(self.readers())
-                .await?;
+        let ids: Vec<String> = database::query_scalar(
+            "select id from jobs where request is not null \
+             and (at_work_in is null or at_work_in = $1) order by id",
+        )
+        .bind(self.inner.node.life)
+        .fetch_all(self.readers())
+        .await?;
         ids.iter().map(|id| jobs::parse_id(id)).collect()
     }
 
@@ -130,12 +134,7 @@ async fn apply(
         }
         Step::Withdraw => set_request(tx, id, None).await,
         Step::Become(Status::Queued) => {
-            let entry = queue::enqueue(queue, tx, id, project).await?;
-            database::query("update jobs set queue_entry = $1 where id = $2")
-                .bind(entry)
-                .bind(id.to_string())
-                .execute(&mut **tx)
-                .await?;
+            queue::renew(queue, tx, id, project).await?;
             let status = Status::Queued;
             slices::change_status(tx, id, status, &[Event::State { status }]).await
         }

@@ -177,10 +177,18 @@ impl WriteFailure {
         }
     }
 
-    /// Another server has taken the database over.
+    /// Other nodes have declared this one dead.
     pub(super) fn superseded() -> Self {
         Self {
-            why: "another server works with the database now".to_owned(),
+            why: "other nodes have declared this one dead and gone on without it".to_owned(),
+            meaning: Meaning::Unavailable,
+        }
+    }
+
+    /// The database has not answered; what came of the transaction is not known.
+    pub(super) fn no_answer() -> Self {
+        Self {
+            why: "the database has not answered".to_owned(),
             meaning: Meaning::Unavailable,
         }
     }

@@ -2,7 +2,9 @@
 //! datasets, streams and monitors, in SQLite or PostgreSQL (see `database`).
 //!
 //! One task writes, several connections read. The writer runs many changes in one transaction (see
-//! `writer`), with full sync; River, the queue, writes beside it, on the same connection in SQLite. A method returns when what it wrote is on disk, and only then are listeners told.
+//! `writer`), with full sync; River, the queue, writes beside it, on the same connection in SQLite. A
+//! method returns when what it wrote is on disk, and only then are listeners told, those of other nodes
+//! too (see `nodes` and `news`).
 //!
 //! Writes of a worker carry a [`Lease`]: they change nothing once another slice of the job began.
 
@@ -19,10 +21,11 @@ mod generations;
 mod idempotency;
 mod job_summaries;
 mod jobs;
-mod life;
 mod lock;
 mod models;
 mod monitors;
+mod news;
+mod nodes;
 mod opening;
 mod queue;
 mod quotas;
@@ -45,6 +48,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use riverqueue::ClientBuilder;
+use serde::{Deserialize, Serialize};
+use tokio::task::JoinSet;
+use tokio_util::sync::CancellationToken;
 
 use crate::access::Project;
 use crate::job::{DatasetId, JobId, MonitorId};
@@ -65,7 +71,7 @@ pub use opening::{DatabasePlace, DatabaseSettings};
 pub use queue::{QUEUE, SliceOfJob, project_of, queue_of};
 pub use quotas::Quotas;
 pub use retention::{Retention, Tidied};
-pub use slices::{Begin, Checkpoint, Ending, Hold, Lease, Record, Reported, Slice};
+pub use slices::{Begin, Checkpoint, Ending, HandedOn, Hold, Lease, Record, Reported, Slice};
 pub use stop_request::StopRequest;
 pub use streams::{
     Appended, BatchOutcome, DEFAULT_KEEP_MIB, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,
@@ -75,8 +81,11 @@ pub use submit::{NewJob, Submitted};
 pub use tokens::TokenRow;
 pub use webhooks::{Attempt, DeliveryRow, DeliveryState, WebhookRow};
 
-use database::{Pool, sqlite};
-use opening::{Lock, Opened};
+use database::{Kind, Pool, sqlite};
+use lock::FileLock;
+use news::News;
+use nodes::Node;
+use opening::{Access, Opened};
 use recent::Recent;
 use submit::Submissions;
 use writer::{Tx, Writer};
@@ -87,7 +96,8 @@ const PROBE_AFTER: Duration = Duration::from_secs(1);
 const PROBE_BYTES: usize = 4096;
 
 /// What a committed transaction changed.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Change {
     /// A job has more events or another state.
     Job(JobId),
@@ -103,12 +113,14 @@ pub enum Change {
     Stream,
     /// A monitor has more events.
     Monitor(MonitorId),
+    /// Anything: another node changed what this one was not told of.
+    Missed,
 }
 
 /// Is told of each change after it is on disk. Called by the writer: it must not block.
 pub type OnChange = Arc<dyn Fn(Change) + Send + Sync>;
 
-/// The database of one server. Cheap to clone.
+/// The database, as one server works with it. Cheap to clone.
 #[derive(Clone)]
 pub struct Store {
     inner: Arc<Inner>,
@@ -117,23 +129,26 @@ pub struct Store {
 struct Inner {
     /// The folder of the database.
     folder: PathBuf,
-    /// The number of this life of the server.
-    life: i64,
-    /// When it began.
+    /// When it was opened.
     opened: Instant,
-    writer: Writer,
+    writer: Arc<Writer>,
     writer_pool: Pool,
     readers: Pool,
     queue: riverqueue::Client,
     submissions: Submissions,
     recent: RecentRows,
     quotas: Quotas,
-    lock: Lock,
+    node: Node,
+    /// What tells other nodes, and hears from them.
+    exchange: tokio::sync::Mutex<JoinSet<()>>,
+    closing: CancellationToken,
+    /// What keeps others from a file.
+    _lock: Option<FileLock>,
 }
 
 impl Store {
-    /// Opens the database for this server alone, brings its schema up to date and makes what a
-    /// dead server left running ready to go on.
+    /// Opens the database, a file for this server alone, brings its schema up to date and makes what
+    /// dead servers left running ready to go on.
     pub async fn open(
         settings: &DatabaseSettings,
         on_change: OnChange,
@@ -151,17 +166,34 @@ impl Store {
             folder,
             writer_pool,
             readers,
-            lock,
+            access,
         } = Opened::open(settings).await?;
         let queue = queue::inserter(&writer_pool)?;
-        let recent = RecentRows::default();
-        let writer = Writer::start(writer_pool.clone(), forget_then(recent.clone(), on_change));
-        let life = life::begin(&writer).await?;
-        writer.fence().set(life);
+        let recent = RecentRows::of(writer_pool.kind());
+        let on_change = forget_then(recent.clone(), on_change);
+        let news = News::default();
+        let on_own_change = match access {
+            Access::Alone(_) => on_change.clone(),
+            Access::Shared(_) => tell_too(news.clone(), on_change.clone()),
+        };
+        let writer = Arc::new(Writer::start(writer_pool.clone(), on_own_change));
+        let node = Node::begin(&writer, settings.beat).await?;
+        let closing = CancellationToken::new();
+        let (lock, exchange) = match access {
+            Access::Alone(lock) => (Some(lock), JoinSet::new()),
+            Access::Shared(shared) => {
+                let told = (node.life, on_change.clone());
+                let exchange = news
+                    .exchange(shared.options(), told, closing.clone())
+                    .await?;
+                let parts = (writer.clone(), queue.clone());
+                node.live_among_others(shared, parts, on_change);
+                (None, exchange)
+            }
+        };
         let store = Self {
             inner: Arc::new(Inner {
                 folder,
-                life,
                 opened: Instant::now(),
                 writer,
                 writer_pool,
@@ -170,7 +202,10 @@ impl Store {
                 submissions: Submissions::default(),
                 recent,
                 quotas,
-                lock,
+                node,
+                exchange: tokio::sync::Mutex::new(exchange),
+                closing,
+                _lock: lock,
             }),
         };
         store.recover_queue().await?;
@@ -179,7 +214,8 @@ impl Store {
 
     /// What makes a client of the queue, on the connections of the writer.
     pub fn queue_client(&self) -> ClientBuilder {
-        queue::builder(&self.inner.writer_pool)
+        let name = nodes::client_name(self.inner.node.life);
+        queue::builder(&self.inner.writer_pool).id(name)
     }
 
     /// Whether the database answers.
@@ -199,9 +235,19 @@ impl Store {
             .await
     }
 
-    /// Returns when another server has taken the database over: this one can do nothing more.
+    /// Whether other servers may work with the same database.
+    pub fn is_shared(&self) -> bool {
+        self.inner.writer_pool.kind() == Kind::Postgres
+    }
+
+    /// Whether this server does what one does for all that work with the database.
+    pub fn is_in_charge(&self) -> bool {
+        self.inner.node.is_in_charge()
+    }
+
+    /// Returns when others have declared this server dead: it can do nothing more.
     pub async fn superseded(&self) {
-        self.inner.lock.lost().await;
+        self.inner.node.lost().await;
     }
 
     /// Finishes the writes that were accepted, and closes the database.
@@ -210,9 +256,11 @@ impl Store {
             tracing::warn!(%error, "it could not be noted that the server ended in order");
         }
         self.inner.writer.close().await;
+        self.inner.node.close().await;
+        self.inner.closing.cancel();
+        while self.inner.exchange.lock().await.join_next().await.is_some() {}
         self.inner.readers.close().await;
         self.inner.writer_pool.close().await;
-        self.inner.lock.release().await;
     }
 
     fn readers(&self) -> &Pool {
@@ -220,11 +268,36 @@ impl Store {
     }
 }
 
+impl Drop for Inner {
+    fn drop(&mut self) {
+        self.closing.cancel();
+    }
+}
+
 /// Rows that were read lately.
-#[derive(Clone, Default)]
+#[derive(Clone)]
 struct RecentRows {
     jobs: Recent<JobId, JobRow>,
     datasets: Recent<DatasetId, DatasetRow>,
+}
+
+impl RecentRows {
+    /// Rows that other nodes may change are not kept.
+    fn of(kind: Kind) -> Self {
+        let limit = kind.either(recent::LIMIT, 0);
+        Self {
+            jobs: Recent::new(limit),
+            datasets: Recent::new(limit),
+        }
+    }
+}
+
+/// Tells other nodes beside.
+fn tell_too(news: News, on_change: OnChange) -> OnChange {
+    Arc::new(move |change| {
+        news.add(change.clone());
+        on_change(change);
+    })
 }
 
 /// Forgets what has changed before anybody is told.
@@ -237,7 +310,8 @@ fn forget_then(recent: RecentRows, on_change: OnChange) -> OnChange {
             | Change::DeliveryWaits
             | Change::StopRequested(_)
             | Change::Stream
-            | Change::Monitor(_) => {}
+            | Change::Monitor(_)
+            | Change::Missed => {}
         }
         on_change(change);
     })

@@ -1,15 +1,13 @@
-//! Where a database is, and opening it for this server alone.
+//! Where a database is, and opening it: a file for this server alone, a PostgreSQL with others.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use sqlx::PgConnection;
 use sqlx::postgres::PgConnectOptions;
-use tokio::task::JoinHandle;
-use tokio_util::sync::CancellationToken;
 
-use super::database::postgres::{self, SessionLock};
+use super::database::postgres::{self, Use};
 use super::database::{Pool, sqlite};
 use super::lock::FileLock;
 use super::{StoreError, corrupt};
@@ -55,72 +53,46 @@ pub struct DatabaseSettings {
     pub readers: u32,
     /// How long a statement waits for another connection's lock.
     pub busy_timeout: Duration,
+    /// How often a node of a PostgreSQL says that it lives.
+    pub beat: Duration,
 }
 
-/// A database that is up to date and that no other server has.
+/// A database that is up to date.
 pub(super) struct Opened {
     /// For files beside the database.
     pub(super) folder: PathBuf,
     pub(super) writer_pool: Pool,
     pub(super) readers: Pool,
-    pub(super) lock: Lock,
+    pub(super) access: Access,
 }
 
-/// What keeps other servers away.
-pub(super) enum Lock {
-    File {
-        _held: FileLock,
-    },
-    /// Kept by a task.
-    Session {
-        keeper: Mutex<Option<JoinHandle<()>>>,
-        closing: CancellationToken,
-        lost: CancellationToken,
-    },
+/// Who else may work with the database.
+pub(super) enum Access {
+    /// Nobody, for as long as this is kept.
+    Alone(FileLock),
+    /// Other nodes.
+    Shared(Shared),
 }
 
-impl Lock {
-    fn session(lock: SessionLock) -> Self {
-        let (closing, lost) = (CancellationToken::new(), CancellationToken::new());
-        let keeper = tokio::spawn(lock.keep(closing.clone(), lost.clone()));
-        Self::Session {
-            keeper: Mutex::new(Some(keeper)),
-            closing,
-            lost,
-        }
-    }
-
-    /// Returns when another server has taken the database over.
-    pub(super) async fn lost(&self) {
-        match self {
-            Self::File { .. } => std::future::pending().await,
-            Self::Session { lost, .. } => lost.cancelled().await,
-        }
-    }
-
-    /// Lets other servers in, where not the end of this process does.
-    pub(super) async fn release(&self) {
-        let Self::Session {
-            keeper, closing, ..
-        } = self
-        else {
-            return;
-        };
-        closing.cancel();
-        let keeper = keeper.lock().unwrap_or_else(PoisonError::into_inner).take();
-        if let Some(keeper) = keeper
-            && let Err(error) = keeper.await
-        {
-            tracing::error!(%error, "the keeper of the database's lock ended badly");
-        }
-    }
+/// A PostgreSQL that other nodes work with too.
+#[derive(Clone)]
+pub(super) struct Shared {
+    options: Box<PgConnectOptions>,
+    /// How often a node says that it lives.
+    pub(super) beat: Duration,
 }
 
-impl Drop for Lock {
-    fn drop(&mut self) {
-        if let Self::Session { closing, .. } = self {
-            closing.cancel();
-        }
+impl Shared {
+    /// How it is reached.
+    pub(super) fn options(&self) -> &PgConnectOptions {
+        &self.options
+    }
+
+    /// A connection of its own, which also keeps those away that need the database for themselves.
+    pub(super) async fn connect(&self) -> Result<PgConnection, sqlx::Error> {
+        let joined = postgres::join(&self.options).await?;
+        joined
+            .ok_or_else(|| sqlx::Error::Protocol("the database is in use by one alone".to_owned()))
     }
 }
 
@@ -130,6 +102,12 @@ impl Opened {
             DatabasePlace::File(path) => Self::sqlite(path, settings).await,
             DatabasePlace::Postgres(options) => Self::postgres(options, settings).await,
         }
+    }
+
+    /// Closes it again.
+    pub(super) async fn close(self) {
+        self.readers.close().await;
+        self.writer_pool.close().await;
     }
 
     async fn sqlite(path: &Path, settings: &DatabaseSettings) -> Result<Self, StoreError> {
@@ -151,7 +129,7 @@ impl Opened {
             folder,
             writer_pool: Pool::Sqlite(writer_pool),
             readers: Pool::Sqlite(readers),
-            lock: Lock::File { _held: lock },
+            access: Access::Alone(lock),
         })
     }
 
@@ -159,18 +137,22 @@ impl Opened {
         options: &PgConnectOptions,
         settings: &DatabaseSettings,
     ) -> Result<Self, StoreError> {
-        let lock = SessionLock::take(options).await?;
-        let lock = lock.ok_or_else(|| StoreError::Locked {
+        let joined = postgres::join(options).await?;
+        let joined = joined.ok_or_else(|| StoreError::Locked {
             database: settings.place.to_string(),
         })?;
-        let writer_pool = postgres::pool(options.clone(), WRITERS).await?;
-        postgres::migrate(&writer_pool).await?;
-        let readers = postgres::pool(options.clone(), settings.readers).await?;
+        let writer_pool = postgres::pool(options, WRITERS, Use::Writes).await?;
+        postgres::migrate(options, &writer_pool).await?;
+        let readers = postgres::pool(options, settings.readers, Use::Reads).await?;
+        drop(joined);
         Ok(Self {
             folder: std::env::temp_dir(),
             writer_pool: Pool::Postgres(writer_pool),
             readers: Pool::Postgres(readers),
-            lock: Lock::session(lock),
+            access: Access::Shared(Shared {
+                options: Box::new(options.clone()),
+                beat: settings.beat,
+            }),
         })
     }
 }

@@ -1,8 +1,9 @@
-//! The queue entries of jobs, kept by River in the same file.
+//! The queue entries of jobs, kept by River in the same database.
 //!
 //! A job that is not ended or paused has one entry that may begin its slices; `jobs.queue_entry`
-//! says which. The others are stale and do nothing. The database belongs to one server, so every
-//! entry that is `running` when it opens was left by a dead one and is made available at once.
+//! says which. The others are stale and do nothing. Who hands a job on, and who takes it over from a dead
+//! node, makes a new entry in the same transaction: River ends an entry without looking at who works it,
+//! so that a node which had stood still would end that of another.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -12,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::database::{self, Kind, Pool, QueryBuilder, Transaction};
 use super::writer::Tx;
-use super::{Change, Store, StoreError};
+use super::{Change, Store, StoreError, nodes};
 use crate::access::Project;
 use crate::job::JobId;
 
@@ -169,8 +170,17 @@ impl Store {
             .await
     }
 
-    /// Makes what a dead server left ready to go on: entries that it was working, its leadership,
-    /// and any unfinished job that has no live entry.
+    /// Gives an entry that was taken and not worked back to the queue.
+    pub async fn give_back(&self, job: JobId, entry: i64) -> Result<(), StoreError> {
+        let queue = self.inner.queue.clone();
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(give_back(queue, tx, job, entry)))
+            .await
+    }
+
+    /// Makes what dead servers left ready to go on: any unfinished job that has no entry which waits
+    /// or is worked by a node that lives.
     pub(super) async fn recover_queue(&self) -> Result<(), StoreError> {
         let queue = self.inner.queue.clone();
         self.inner
@@ -218,38 +228,106 @@ async fn free_entries(tx: &mut Tx) -> Result<(), StoreError> {
 async fn recover(queue: Client, tx: &mut Tx) -> Result<(), StoreError> {
     let mut freeing = freeing(tx.kind());
     freeing
-        .push("(state in ('running', 'retryable') or (state in ('available', 'scheduled') ")
+        .push("(state = 'retryable' or (state in ('available', 'scheduled') ")
         .push("and scheduled_at > ")
         .push(now(tx.kind()))
         .push("))");
     let freed = freeing.build().execute(&mut **tx).await?;
-    database::query("delete from river_leader")
-        .execute(&mut **tx)
-        .await?;
-    let stranded: Vec<(String, String)> = database::query_as(
-        "select id, project from jobs where status in ('queued', 'running') and not exists \
-         (select 1 from river_job where river_job.id = jobs.queue_entry and kind = $1 \
-          and state in ('available', 'pending', 'scheduled'))",
-    )
-    .bind(KIND)
-    .fetch_all(&mut **tx)
-    .await?;
-    for (id, project) in &stranded {
-        let job = super::jobs::parse_id(id)?;
-        let project = super::jobs::project(id, project)?;
-        let entry = enqueue(&queue, tx, job, &project).await?;
-        database::query("update jobs set queue_entry = $1 where id = $2")
-            .bind(entry)
-            .bind(id)
+    if tx.kind() == Kind::Sqlite {
+        database::query("delete from river_leader")
             .execute(&mut **tx)
             .await?;
     }
-    if freed > 0 || !stranded.is_empty() {
+    let jobs = reassign(&queue, tx).await?;
+    if freed > 0 || jobs > 0 {
         tracing::info!(
             slices = freed,
-            stranded = stranded.len(),
+            jobs,
             "took over the jobs of the server before"
         );
     }
+    Ok(())
+}
+
+/// Makes a new entry for each unfinished job that has none which waits or is worked by a node that
+/// lives. Answers how many.
+pub(super) async fn reassign(queue: &Client, tx: &mut Tx) -> Result<usize, StoreError> {
+    let mut stranded = QueryBuilder::new(
+        "select id, project, queue_entry from jobs where status in ('queued', 'running') \
+         and not exists (select 1 from river_job where river_job.id = jobs.queue_entry \
+         and river_job.kind = ",
+    );
+    stranded
+        .push_bind(KIND)
+        .push(" and (river_job.state in ('available', 'pending', 'scheduled', 'retryable') ")
+        .push("or (river_job.state = 'running' and ")
+        .push(nodes::worker_lives(tx.kind()))
+        .push(")))");
+    let stranded: Vec<(String, String, i64)> =
+        stranded.build_query_as().fetch_all(&mut **tx).await?;
+    for (id, project, left) in &stranded {
+        database::query(tx.kind().either(
+            "update river_job set state = 'completed', finalized_at = datetime('now', 'subsec') \
+             where id = $1 and state = 'running'",
+            "update river_job set state = 'completed', finalized_at = now() \
+             where id = $1 and state = 'running'",
+        ))
+        .bind(*left)
+        .execute(&mut **tx)
+        .await?;
+        let job = super::jobs::parse_id(id)?;
+        let project = super::jobs::project(id, project)?;
+        renew(queue, tx, job, &project).await?;
+    }
+    Ok(stranded.len())
+}
+
+async fn give_back(queue: Client, tx: &mut Tx, job: JobId, entry: i64) -> Result<(), StoreError> {
+    let id = job.to_string();
+    let project: Option<String> = database::query_scalar(
+        "select project from jobs where id = $1 and queue_entry = $2 \
+         and status in ('queued', 'running')",
+    )
+    .bind(&id)
+    .bind(entry)
+    .fetch_optional(&mut **tx)
+    .await?;
+    match project {
+        Some(project) => renew(&queue, tx, job, &super::jobs::project(&id, &project)?).await,
+        None => Ok(()),
+    }
+}
+
+/// Gives a job a new entry, which is the one that may begin its slices from now on.
+pub(super) async fn renew(
+    queue: &Client,
+    tx: &mut Tx,
+    job: JobId,
+    project: &Project,
+) -> Result<(), StoreError> {
+    let entry = enqueue(queue, tx, job, project).await?;
+    database::query("update jobs set queue_entry = $1 where id = $2")
+        .bind(entry)
+        .bind(job.to_string())
+        .execute(&mut **tx)
+        .await?;
+    Ok(())
+}
+
+/// Whether a slice of any job waits in the queue.
+pub(super) async fn is_waited_for(tx: &mut Tx) -> Result<bool, StoreError> {
+    let mut waits = QueryBuilder::new(
+        "select exists (select 1 from river_job where state = 'available' and scheduled_at <= ",
+    );
+    waits.push(now(tx.kind())).push(")");
+    Ok(waits.build_query_scalar().fetch_one(&mut **tx).await?)
+}
+
+/// Lets another node do what the queue has one do for all, where a node did so.
+pub(super) async fn let_go_of_leadership(tx: &mut Tx, client: &str) -> Result<(), StoreError> {
+    database::query("delete from river_leader where leader_id = $1")
+        .bind(client)
+        .execute(&mut **tx)
+        .await?;
     Ok(())
 }

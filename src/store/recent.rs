@@ -9,7 +9,7 @@ use std::hash::Hash;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Rows that are kept at the most.
-const LIMIT: usize = 512;
+pub(super) const LIMIT: usize = 512;
 
 /// Rows by their identifier. Cheap to clone.
 pub(super) struct Recent<Id, Row>(Arc<Mutex<Kept<Id, Row>>>);
@@ -20,6 +20,7 @@ struct Kept<Id, Row> {
     order: VecDeque<Id>,
     /// The readings so far.
     readings: u64,
+    limit: usize,
 }
 
 enum Entry<Row> {
@@ -31,6 +32,16 @@ enum Entry<Row> {
 pub(super) struct Reading(u64);
 
 impl<Id: Copy + Eq + Hash, Row> Recent<Id, Row> {
+    /// Keeps so many rows at the most.
+    pub(super) fn new(limit: usize) -> Self {
+        Self(Arc::new(Mutex::new(Kept {
+            rows: HashMap::new(),
+            order: VecDeque::new(),
+            readings: 0,
+            limit,
+        })))
+    }
+
     /// The row, if it is kept; else the reader goes and reads it.
     pub(super) fn get(&self, id: Id) -> Result<Arc<Row>, Reading> {
         let mut kept = self.kept();
@@ -42,7 +53,7 @@ impl<Id: Copy + Eq + Hash, Row> Recent<Id, Row> {
         if kept.rows.insert(id, Entry::Reading(reading)).is_none() {
             kept.order.push_back(id);
         }
-        if kept.order.len() > LIMIT
+        if kept.order.len() > kept.limit
             && let Some(oldest) = kept.order.pop_front()
         {
             kept.rows.remove(&oldest);
@@ -76,16 +87,6 @@ impl<Id, Row> Clone for Recent<Id, Row> {
     }
 }
 
-impl<Id, Row> Default for Recent<Id, Row> {
-    fn default() -> Self {
-        Self(Arc::new(Mutex::new(Kept {
-            rows: HashMap::new(),
-            order: VecDeque::new(),
-            readings: 0,
-        })))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -97,7 +98,7 @@ mod tests {
 
     #[test]
     fn a_row_is_kept_until_it_changes() {
-        let recent = Recent::<usize, usize>::default();
+        let recent = Recent::<usize, usize>::new(LIMIT);
         read(&recent, 1);
         assert_eq!(recent.get(1).ok().as_deref(), Some(&1));
         recent.forget(1);
@@ -106,7 +107,7 @@ mod tests {
 
     #[test]
     fn what_changes_while_it_is_read_is_not_kept() {
-        let recent = Recent::<usize, usize>::default();
+        let recent = Recent::<usize, usize>::new(LIMIT);
         let before = recent.get(1).expect_err("it is not kept");
         recent.forget(1);
         let after = recent.get(1).expect_err("it is not kept");
@@ -117,8 +118,16 @@ mod tests {
     }
 
     #[test]
+    fn where_nothing_may_be_kept_everything_is_read() {
+        let recent = Recent::<usize, usize>::new(0);
+        read(&recent, 1);
+        assert!(recent.get(1).is_err());
+        assert!(recent.kept().rows.is_empty());
+    }
+
+    #[test]
     fn the_rows_that_are_kept_are_bounded() {
-        let recent = Recent::<usize, usize>::default();
+        let recent = Recent::<usize, usize>::new(LIMIT);
         for id in (0..3).flat_map(|_| 0..2 * LIMIT) {
             recent.forget(id);
             read(&recent, id);

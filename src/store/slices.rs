@@ -6,16 +6,17 @@
 use std::time::Duration;
 
 use jiff::Timestamp;
+use riverqueue::Client;
 use serde_json::Value;
 
 use super::database;
 use super::jobs::{self, JobRow};
-use super::life::{SUSPECT_FROM, wait_after};
+use super::nodes::{SUSPECT_FROM, wait_after};
 use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{
-    Change, NewCandidates, Store, StoreError, candidates, events, generations, quotas, results,
-    webhooks,
+    Change, NewCandidates, Store, StoreError, candidates, events, generations, queue, quotas,
+    results, webhooks,
 };
 use crate::job::{Event, Failure, GenerationEvent, JobId, Progress, Status};
 
@@ -45,12 +46,25 @@ pub enum Hold {
     Lost,
 }
 
+/// What came of handing a job on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
+pub enum HandedOn {
+    /// It waits in the queue, with a new entry.
+    ToTheQueue,
+    /// Nobody waits: whoever has its entry goes on.
+    Stays,
+    /// Another slice has begun; nothing was written.
+    Lost,
+}
+
 /// What came of the wish to begin a slice.
 #[derive(Clone, Debug)]
 pub enum Begin {
     /// Work it.
     Slice(Box<Slice>),
-    /// The job ended, is paused, is gone, or the entry is stale: there is nothing to do.
+    /// The job ended, is paused, is gone or at work in another node, or the entry is stale: there is
+    /// nothing to do.
     Nothing,
     /// Lives of the server ended with it: its next slice waits a little.
     NotYet,
@@ -137,7 +151,7 @@ impl Store {
         death_limit: u32,
     ) -> Result<Begin, StoreError> {
         let now = Now {
-            life: self.inner.life,
+            life: self.inner.node.life,
             age: self.inner.opened.elapsed(),
             death_limit,
         };
@@ -152,6 +166,21 @@ impl Store {
         self.inner
             .writer
             .write(move |tx| Box::pin(write_record(tx, lease, record)))
+            .await
+    }
+
+    /// Writes what a slice did last, with its checkpoint, and hands the job on: through the queue where
+    /// other jobs wait there or `must` says so.
+    pub async fn hand_on(
+        &self,
+        lease: Lease,
+        record: Record,
+        must: bool,
+    ) -> Result<HandedOn, StoreError> {
+        let queue = self.inner.queue.clone();
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(hand_on(queue, tx, (lease, record), must)))
             .await
     }
 
@@ -185,6 +214,7 @@ struct Control {
     epoch: i64,
     #[sqlx(try_from = "i64")]
     deaths: u32,
+    at_work_in: Option<i64>,
     queue_entry: i64,
     running_ms: i64,
     #[sqlx(try_from = "i64")]
@@ -199,7 +229,7 @@ async fn begin(tx: &mut Tx, id: JobId, entry: Option<i64>, now: Now) -> Result<B
         return Ok(Begin::Nothing);
     };
     let control: Control = database::query_as(
-        "select epoch, deaths, queue_entry, running_ms, told_generation, told_refinements, \
+        "select epoch, deaths, at_work_in, queue_entry, running_ms, told_generation, told_refinements, \
          told_at_ms from jobs where id = $1",
     )
     .bind(id.to_string())
@@ -207,6 +237,10 @@ async fn begin(tx: &mut Tx, id: JobId, entry: Option<i64>, now: Now) -> Result<B
     .await?;
     let stale = entry.is_some_and(|entry| entry != control.queue_entry);
     if stale || !matches!(row.status, Status::Queued | Status::Running) {
+        return Ok(Begin::Nothing);
+    }
+    if entry.is_none() && control.at_work_in.is_some_and(|life| life != now.life) {
+        // The node that works it ends it.
         return Ok(Begin::Nothing);
     }
     if control.deaths >= now.death_limit {
@@ -298,6 +332,27 @@ async fn fail_poisoned(tx: &mut Tx, id: JobId, deaths: u32) -> Result<(), StoreE
         error: Some(Failure::crashed_too_often(deaths)),
     };
     end(tx, id, &ending).await
+}
+
+async fn hand_on(
+    queue: Client,
+    tx: &mut Tx,
+    (lease, record): (Lease, Record),
+    must: bool,
+) -> Result<HandedOn, StoreError> {
+    if write_record(tx, lease, record).await? == Hold::Lost {
+        return Ok(HandedOn::Lost);
+    }
+    if !must && !queue::is_waited_for(tx).await? {
+        return Ok(HandedOn::Stays);
+    }
+    let id = lease.job.to_string();
+    let project: String = database::query_scalar("select project from jobs where id = $1")
+        .bind(&id)
+        .fetch_one(&mut **tx)
+        .await?;
+    queue::renew(&queue, tx, lease.job, &jobs::project(&id, &project)?).await?;
+    Ok(HandedOn::ToTheQueue)
 }
 
 async fn finish(

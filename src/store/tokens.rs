@@ -1,6 +1,5 @@
 //! Tokens: made, listed and revoked on the database itself, whether a server works with it or not.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::Timestamp;
@@ -8,6 +7,7 @@ use sqlx::FromRow;
 
 use super::database::{self, Pool, postgres, sqlite};
 use super::jobs::{project, time};
+use super::opening::Opened;
 use super::{DatabasePlace, DatabaseSettings, Store, StoreError, corrupt, schema_version};
 use crate::access::{Digest, Project, Scope};
 
@@ -192,16 +192,17 @@ async fn open(place: &DatabasePlace) -> Result<Pool, StoreError> {
         place: place.clone(),
         readers: 1,
         busy_timeout: BUSY_TIMEOUT,
+        beat: Duration::MAX,
     };
-    match Store::open(&settings, Arc::new(|_| {})).await {
-        Ok(store) => store.close().await,
+    match Opened::open(&settings).await {
+        Ok(opened) => opened.close().await,
         Err(StoreError::Locked { .. }) => {}
         Err(error) => return Err(error),
     }
     let connection = match place {
         DatabasePlace::File(path) => Pool::Sqlite(sqlite::writer(path, BUSY_TIMEOUT).await?),
         DatabasePlace::Postgres(options) => {
-            Pool::Postgres(postgres::pool(options.as_ref().clone(), 1).await?)
+            Pool::Postgres(postgres::pool(options, 1, postgres::Use::Writes).await?)
         }
     };
     let newest: i64 = database::query_scalar("select max(version) from _sqlx_migrations")

@@ -16,7 +16,7 @@ use futures_util::future::BoxFuture;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
-use super::database::{self, Connection, Kind, Pool, Transaction};
+use super::database::{self, Connection, Kind, Pool, Transaction, postgres};
 use super::error::WriteFailure;
 use super::{Change, OnChange, StoreError};
 
@@ -24,6 +24,10 @@ use super::{Change, OnChange, StoreError};
 const GROUP_LIMIT: usize = 256;
 /// Writes that may wait for the writer before callers wait too.
 const WAITING_LIMIT: usize = 1024;
+
+/// What a transaction on a PostgreSQL may take. One that takes longer is given up: the network or the
+/// server stands still.
+const LONGEST_TRANSACTION: Duration = Duration::from_secs(30);
 
 /// The transaction that a write runs in.
 pub(super) struct Tx {
@@ -112,32 +116,40 @@ pub(super) struct Writer {
     fence: Fence,
 }
 
-/// The life of the server that may write; before it has begun, anyone may. A file is kept from other
-/// servers by its lock; a database that others reach says in each transaction whose it is.
+/// What a transaction that writes has to pass. A file is kept from other servers by its lock. To a
+/// PostgreSQL others write too: the transactions of all nodes come one after the other, and one whose node
+/// was declared dead is refused.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Fence(Arc<AtomicI64>);
 
 impl Fence {
-    /// From now on only transactions of this life are taken.
+    /// From now on only transactions of this life are taken; before, any.
     pub(super) fn set(&self, life: i64) {
         self.0.store(life, Ordering::Relaxed);
     }
 
-    async fn check(&self, tx: &mut Connection) -> Result<(), WriteFailure> {
+    async fn pass(&self, tx: &mut Connection) -> Result<(), WriteFailure> {
+        let Connection::Postgres(connection) = tx else {
+            return Ok(());
+        };
+        let failed = |error: sqlx::Error| WriteFailure::of_database(&error);
+        postgres::take_turn(connection).await.map_err(failed)?;
         let own = self.0.load(Ordering::Relaxed);
-        if own == 0 || tx.kind() == Kind::Sqlite {
+        if own == 0 {
             return Ok(());
         }
-        let newest: i64 =
-            database::query_scalar("select number from server_life where id = 1 for share")
-                .fetch_one(tx)
-                .await
-                .map_err(|error| WriteFailure::of_database(&error))?;
-        if newest == own {
-            Ok(())
-        } else {
-            Err(WriteFailure::superseded())
+        let lives: bool = database::query_scalar(
+            "select exists (select 1 from nodes where life = $1 and state = 'live')",
+        )
+        .bind(own)
+        .fetch_one(tx)
+        .await
+        .map_err(failed)?;
+        if lives {
+            return Ok(());
         }
+        metrics::counter!("greybox_writes_refused_total").increment(1);
+        Err(WriteFailure::superseded())
     }
 }
 
@@ -256,12 +268,15 @@ async fn run(
     fence: Fence,
     on_change: OnChange,
 ) {
+    let longest = pool.kind().either(Duration::MAX, LONGEST_TRANSACTION);
     let mut group = Vec::with_capacity(GROUP_LIMIT);
     while waiting.recv_many(&mut group, GROUP_LIMIT).await > 0 {
         let mut works = group.drain(..);
         let mut done = Vec::with_capacity(works.len());
         let begun = Instant::now();
-        let committed = commit_group(&pool, &fence, &mut works, &mut done).await;
+        let committing = commit_group(&pool, &fence, &mut works, &mut done);
+        let committed = tokio::time::timeout(longest, committing).await;
+        let committed = committed.unwrap_or_else(|_| Err(WriteFailure::no_answer()));
         let took = begun.elapsed().as_secs_f64();
         metrics::histogram!("greybox_commit_duration_seconds").record(took);
         let failed_alone = done.iter().find_map(|one| one.failure.clone());
@@ -284,6 +299,10 @@ async fn run(
                 done.into_iter()
                     .for_each(|one| (one.acknowledge)(Err(told())));
                 works.for_each(|work| work.refuse(told()));
+                if pool.kind() == Kind::Postgres {
+                    // It may have been committed all the same, and the answer been lost.
+                    on_change(Change::Missed);
+                }
             }
         }
     }
@@ -302,7 +321,7 @@ async fn commit_group(
         inner: pool.begin_write().await.map_err(failed)?,
         changes: Vec::new(),
     };
-    fence.check(&mut tx).await?;
+    fence.pass(&mut tx).await?;
     for work in group {
         if let Err(error) = database::query("savepoint one").execute(&mut *tx).await {
             let failure = WriteFailure::of_database(&error);

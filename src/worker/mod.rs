@@ -24,8 +24,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use riverqueue::{
-    Client, Job, MaintenanceConfig, RetryPolicy, Stopper, WorkContext, WorkError, WorkOutcome,
-    Workers,
+    Client, Job, MaintenanceConfig, Retention, RetryPolicy, Stopper, WorkContext, WorkError,
+    WorkOutcome, Workers,
 };
 use tokio::sync::{Semaphore, watch};
 use tokio::task::JoinSet;
@@ -42,9 +42,11 @@ use run::Method;
 use slice::{After, SliceWorker};
 use wake::Wake;
 
-/// When River takes a slice for stuck. The database belongs to one server, which takes over what a
-/// dead one left when it opens, so this is only for a slice that never returns.
+/// When River takes a slice for stuck. What a dead server left is taken over by others (see `nodes` of the
+/// store), so this is only for a slice that never returns.
 const RESCUE_AFTER: Duration = Duration::from_hours(24);
+/// How long the entry of a job stays that was handed on with another one.
+const ENTRIES_KEPT: Duration = Duration::from_secs(60);
 /// How soon a slice that the database refused is tried again.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 /// How soon an entry whose job is at work is looked at again.
@@ -96,7 +98,7 @@ impl Worker {
         // As many again wait for a place, each to follow one that ends.
         let taken_at_once = settings.jobs_at_once.saturating_mul(2);
         let client = river(&slices, taken_at_once)?;
-        let wake = Wake::new(client.clone(), taken_at_once)?;
+        let wake = Wake::new(client.clone(), taken_at_once);
         let mut running = client.start()?;
         let river = running.stopper();
         let closing = CancellationToken::new();
@@ -146,6 +148,9 @@ impl Worker {
 fn river(slices: &SliceWorker, taken_at_once: usize) -> Result<Client, StoreError> {
     let mut workers = Workers::new();
     workers.add(slices.clone())?;
+    let maintenance = MaintenanceConfig::default()
+        .with_rescue_after(RESCUE_AFTER)
+        .with_completed_job_retention(Retention::DeleteAfter(ENTRIES_KEPT));
     Ok(slices
         .store
         .queue_client()
@@ -154,7 +159,7 @@ fn river(slices: &SliceWorker, taken_at_once: usize) -> Result<Client, StoreErro
         .fetch_cooldown(wake::COOLDOWN)
         .without_notifications()
         .retry_policy(TryAgainSoon)
-        .maintenance(MaintenanceConfig::default().with_rescue_after(RESCUE_AFTER))
+        .maintenance(maintenance)
         .without_job_timeout()
         .build()?)
 }
@@ -170,10 +175,9 @@ impl riverqueue::Worker<SliceOfJob> for SliceWorker {
         let job = entry.args.job;
         let project = project_of(&entry.row.queue);
         match SliceWorker::work(self, project, job, entry.row.id).await {
-            Ok(After::Again) => Ok(WorkOutcome::Snooze(Duration::ZERO)),
             Ok(After::Later) => Ok(WorkOutcome::Snooze(LOOK_AGAIN_AFTER)),
             Ok(After::NotYet) => Ok(WorkOutcome::Snooze(NOT_YET_AFTER)),
-            Ok(After::Done) => Ok(WorkOutcome::Complete),
+            Ok(After::Done | After::Again) => Ok(WorkOutcome::Complete),
             Err(error) => {
                 tracing::error!(%job, %error, "a slice could not be worked and is tried again");
                 Err(error)

@@ -58,6 +58,11 @@ impl Places {
             .expect("whoever waits is given a place or waits")
     }
 
+    /// Whether anybody waits for one.
+    pub(super) fn are_waited_for(&self) -> bool {
+        !self.state().waiting.is_empty()
+    }
+
     fn state(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -42,10 +42,14 @@ const CANDIDATES_AT_ONCE: usize = 50_000;
 /// Lives of the server in a row that may end with a job, none of them without it, before it fails.
 const DEATH_LIMIT: u32 = 10;
 
-/// What the queue is to do with the entry of a slice.
+/// For how long a job may go on with one entry of the queue, which takes one that is worked for long for
+/// lost.
+const ENTRY_LASTS: Duration = Duration::from_hours(1);
+
+/// What is to be done with the entry of a slice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum After {
-    /// The job has more to do: another slice, now.
+    /// The job has more to do and nobody waits: another slice, now.
     Again,
     /// The job is at work already: look again soon.
     Later,
@@ -81,6 +85,8 @@ pub(super) enum End {
 pub(super) struct Current {
     pub(super) lease: Lease,
     pub(super) started: Instant,
+    /// When the entry was taken that it is worked for.
+    pub(super) entry_taken: Instant,
     /// The time that the job may still work, where it has a limit.
     time_left: Option<Duration>,
     stop: Arc<AtomicBool>,
@@ -90,6 +96,11 @@ impl Current {
     pub(super) fn is_out_of_time(&self) -> bool {
         self.time_left
             .is_some_and(|left| self.started.elapsed() >= left)
+    }
+
+    /// Whether the job needs a new entry to go on.
+    pub(super) fn entry_is_old(&self) -> bool {
+        self.entry_taken.elapsed() >= ENTRY_LASTS
     }
 }
 
@@ -118,23 +129,28 @@ struct Unit {
 pub(super) type Computed = Result<(Box<dyn Run>, End), Failure>;
 
 impl SliceWorker {
-    /// Works a slice for an entry of the project's queue.
+    /// Works slices for an entry of the project's queue, for as long as nobody else waits.
     pub(super) async fn work(
         &self,
         project: Project,
         id: JobId,
         entry: i64,
     ) -> Result<After, StoreError> {
-        let place = self.places.take(project.clone()).await;
-        if self.active.all_are_stopped() {
-            return Ok(After::Again);
-        }
-        match self.active.take(id) {
-            Some(job) => {
-                let slice = self.slice(id, Some((entry, place)), &job);
-                slice.instrument(span::slice(id, &project)).await
+        let taken = Instant::now();
+        loop {
+            let place = self.places.take(project.clone()).await;
+            if self.active.all_are_stopped() {
+                self.store.give_back(id, entry).await?;
+                return Ok(After::Done);
             }
-            None => Ok(After::Later),
+            let Some(job) = self.active.take(id) else {
+                return Ok(After::Later);
+            };
+            let slice = self.slice(id, Some((entry, place)), (&job, taken));
+            match slice.instrument(span::slice(id, &project)).await? {
+                After::Again => {}
+                after => return Ok(after),
+            }
         }
     }
 
@@ -142,7 +158,7 @@ impl SliceWorker {
     pub(super) async fn settle(&self, id: JobId) -> Result<(), StoreError> {
         if let Some(job) = self.active.take(id) {
             job.stop_flag().store(true, Ordering::Relaxed);
-            self.slice(id, None, &job).await?;
+            self.slice(id, None, (&job, Instant::now())).await?;
         } else {
             self.active.stop(id);
         }
@@ -153,7 +169,7 @@ impl SliceWorker {
         &self,
         id: JobId,
         entry: Option<(i64, Place)>,
-        job: &ActiveJob,
+        (job, entry_taken): (&ActiveJob, Instant),
     ) -> Result<After, StoreError> {
         let (entry, place) = entry.unzip();
         let slice = match self.store.begin_slice(id, entry, DEATH_LIMIT).await? {
@@ -168,6 +184,7 @@ impl SliceWorker {
         let current = Current {
             lease: slice.lease,
             started: Instant::now(),
+            entry_taken,
             time_left: time_left(&slice),
             stop,
         };

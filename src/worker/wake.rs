@@ -8,10 +8,11 @@
 use std::collections::HashSet;
 use std::time::Duration;
 
-use riverqueue::{Client, Event, EventKind, EventReceiver, EventRecvError, QueueConfig};
+use riverqueue::{Client, QueueConfig};
 use tokio_util::sync::CancellationToken;
 
-use crate::event::EventHub;
+use crate::access::Project;
+use crate::event::{EventHub, Projects};
 use crate::store::{QUEUE, Store, StoreError, queue_of};
 
 /// How often the queue is looked at when nothing wakes it: for entries that are to be looked at
@@ -30,8 +31,6 @@ pub(super) fn configuration(taken_at_once: usize) -> QueueConfig {
 /// Wakes the queue.
 pub(super) struct Wake {
     client: Client,
-    /// Slices that were handed on, once they are in the queue again.
-    handed_on: EventReceiver,
     configuration: QueueConfig,
     /// The queues that are worked: one for each project.
     queues: HashSet<String>,
@@ -40,39 +39,37 @@ pub(super) struct Wake {
 }
 
 impl Wake {
-    pub(super) fn new(client: Client, taken_at_once: usize) -> Result<Self, StoreError> {
-        Ok(Self {
-            handed_on: client.subscribe(&[EventKind::JobSnoozed])?,
+    pub(super) fn new(client: Client, taken_at_once: usize) -> Self {
+        Self {
             configuration: configuration(taken_at_once),
             queues: HashSet::from([QUEUE.to_owned()]),
             woken: 0,
             client,
-        })
+        }
     }
 
-    /// Wakes a project's queue when one of its jobs was submitted or resumed and when a slice of one
-    /// was handed on.
+    /// Wakes a project's queue when one of its jobs was submitted, resumed or handed on.
     pub(super) async fn run(mut self, store: Store, hub: EventHub, closing: CancellationToken) {
-        match store.projects_at_work().await {
-            Ok(projects) => self.wake_all(projects.iter().map(queue_of)),
-            Err(error) => tracing::error!(%error, "the projects with jobs could not be read"),
-        }
+        let mut waiting = Projects::All;
         loop {
-            tokio::select! {
-                () = closing.cancelled() => return,
-                projects = hub.slice_waits() => self.wake_all(projects.iter().map(queue_of)),
-                handed_on = self.handed_on.recv() => match handed_on {
-                    Ok(Event::Job(handed_on)) => self.wake_all([handed_on.job.queue]),
-                    Ok(_) => {}
-                    Err(EventRecvError::Lagged(_)) => self.wake_all(self.queues.clone()),
-                    Err(_closed) => return,
-                }
+            match waiting {
+                Projects::Some(projects) => self.wake_all(&projects),
+                Projects::All => match store.projects_at_work().await {
+                    Ok(projects) => self.wake_all(&projects),
+                    Err(error) => {
+                        tracing::error!(%error, "the projects with jobs could not be read")
+                    }
+                },
             }
+            waiting = tokio::select! {
+                () = closing.cancelled() => return,
+                projects = hub.slice_waits() => projects,
+            };
         }
     }
 
-    fn wake_all(&mut self, queues: impl IntoIterator<Item = String>) {
-        for queue in queues {
+    fn wake_all<'p>(&mut self, projects: impl IntoIterator<Item = &'p Project>) {
+        for queue in projects.into_iter().map(queue_of) {
             if let Err(error) = self.wake(&queue) {
                 tracing::error!(queue, %error, "the queue could not be woken; it is looked at later");
             }

@@ -78,10 +78,7 @@ impl Receiver {
 #[tokio::test(flavor = "multi_thread")]
 async fn every_end_of_a_job_is_delivered_through_kills_and_a_receiver_that_fails() {
     let folder = tempfile::tempdir().expect("a folder");
-    let options = Options {
-        threads: 2,
-        slice_s: 0.05,
-    };
+    let options = Options::new(2, 0.05);
     let receiver = Receiver::default();
     let url = receiver.start().await;
     let mut jobs = HashSet::new();

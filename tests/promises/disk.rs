@@ -12,10 +12,7 @@ use reqwest::StatusCode;
 use super::plant;
 use super::server::{Options, PATIENCE, Server, answer};
 
-const OPTIONS: Options = Options {
-    threads: 2,
-    slice_s: 0.05,
-};
+const OPTIONS: Options = Options::new(2, 0.05);
 
 /// Asks until the server says that it is ready, or that it is not.
 async fn until_ready_is(server: &Server, wanted: StatusCode) -> serde_json::Value {

@@ -9,10 +9,7 @@ use super::server::{Options, Server};
 #[tokio::test(flavor = "multi_thread")]
 async fn p9_jobs_and_clients_that_go_wrong_stop_no_other_job() {
     let folder = tempfile::tempdir().expect("a folder");
-    let options = Options {
-        threads: 2,
-        slice_s: 0.05,
-    };
+    let options = Options::new(2, 0.05);
     let server = Server::start(folder.path(), options);
     let dataset = server.store(&plant::recording(150)).await;
     // A client that says half a request and nothing more.
@@ -39,10 +36,7 @@ async fn a_log_that_nobody_reads_holds_up_nobody() {
     /// What a pipe holds until it is read is less than the lines of so many requests.
     const REQUESTS: usize = 1000;
     let folder = tempfile::tempdir().expect("a folder");
-    let options = Options {
-        threads: 1,
-        slice_s: 1.0,
-    };
+    let options = Options::new(1, 1.0);
     let server = Server::start_unread(folder.path(), options);
     for _ in 0..REQUESTS {
         server.show("/v1/jobs?limit=1").await;

@@ -18,23 +18,20 @@ const KILLS: usize = 50;
 const MOST_LIVES: usize = 4 * KILLS;
 /// A job is submitted every so many lives, and when all have ended.
 const LIVES_PER_JOB: usize = 5;
-const SAMPLES: usize = 1000;
-const GENERATIONS: u32 = 150;
+pub const SAMPLES: usize = 1000;
+pub const GENERATIONS: u32 = 150;
 
 /// Fast slices, many threads: as unlike the unbroken run as can be.
 const BROKEN: Options = Options {
-    threads: 2,
-    slice_s: 0.01,
+    node_beat_s: 0.02,
+    ..Options::new(2, 0.01)
 };
 
 /// One slice, one thread.
-const UNBROKEN: Options = Options {
-    threads: 1,
-    slice_s: 3600.0,
-};
+const UNBROKEN: Options = Options::new(1, 3600.0);
 
 /// The `parameters` of so many jobs on a server that nothing happens to.
-async fn unbroken(folder: &Path, n_jobs: usize) -> Vec<Value> {
+pub async fn unbroken(folder: &Path, n_jobs: usize) -> Vec<Value> {
     let server = Server::start(folder, UNBROKEN);
     let dataset = server.store(&plant::recording(SAMPLES)).await;
     let mut jobs = Vec::new();
@@ -102,7 +99,7 @@ impl Clients {
 }
 
 /// Follows until the moment of the kill, and keeps what was received.
-async fn follow_for(follower: Follower, server: &Server, moment: Duration) -> Follower {
+pub async fn follow_for(follower: Follower, server: &Server, moment: Duration) -> Follower {
     if follower.has_ended() {
         return follower;
     }
@@ -110,7 +107,7 @@ async fn follow_for(follower: Follower, server: &Server, moment: Duration) -> Fo
 }
 
 /// Every job that was accepted has ended once, told so without gap or repeat, and found the bits.
-async fn check(server: &Server, follower: Follower, expected: &Value) {
+pub async fn check(server: &Server, follower: Follower, expected: &Value) {
     let job = follower.job.clone();
     let shown = server.ended(&job).await;
     assert_eq!(shown["status"], "succeeded", "{shown}");

@@ -16,6 +16,18 @@ pub const PATIENCE: Duration = Duration::from_secs(300);
 pub struct Options {
     pub threads: usize,
     pub slice_s: f64,
+    /// On PostgreSQL.
+    pub node_beat_s: f64,
+}
+
+impl Options {
+    pub const fn new(threads: usize, slice_s: f64) -> Self {
+        Self {
+            threads,
+            slice_s,
+            node_beat_s: 1.0,
+        }
+    }
 }
 
 /// The address of the database in a folder.
@@ -100,6 +112,7 @@ impl Server {
             .args(["--database", database])
             .args(["--threads", &options.threads.to_string()])
             .args(["--slice-s", &options.slice_s.to_string()])
+            .args(["--node-beat-s", &options.node_beat_s.to_string()])
             .stdout(Stdio::piped())
             .spawn()
             .expect("the program starts");
@@ -130,6 +143,19 @@ impl Server {
         assert!(sent.expect("the kill command").success());
         let status = self.process.wait().expect("an ended process");
         (status, asked.elapsed())
+    }
+
+    /// Has the process stand still, or go on.
+    pub fn stand_still(&self, still: bool) {
+        let signal = if still { "-STOP" } else { "-CONT" };
+        let id = self.process.id().to_string();
+        let sent = Command::new("kill").args([signal, &id]).status();
+        assert!(sent.expect("the kill command").success());
+    }
+
+    /// Whether the process has ended.
+    pub fn has_ended(&mut self) -> bool {
+        self.process.try_wait().expect("its state").is_some()
     }
 
     pub fn get(&self, path: &str) -> RequestBuilder {

@@ -7,10 +7,7 @@ use reqwest::StatusCode;
 use super::plant;
 use super::server::{Options, Server, answer, text};
 
-const OPTIONS: Options = Options {
-    threads: 2,
-    slice_s: 3600.0,
-};
+const OPTIONS: Options = Options::new(2, 3600.0);
 
 /// More generations than any test waits for.
 const ENDLESS: u32 = 1_000_000;

@@ -51,10 +51,7 @@ async fn a_collector_is_told_of_requests_and_slices() {
     tokio::spawn(async move { axum::serve(listener, routes).await });
 
     let folder = tempfile::tempdir().expect("a folder");
-    let options = Options {
-        threads: 1,
-        slice_s: 0.2,
-    };
+    let options = Options::new(1, 0.2);
     let server = Server::start_traced(folder.path(), options, &collector);
     let dataset = server.store(&plant::recording(100)).await;
     let job = server.submit(&plant::job(&dataset, 5, 1), "one").await;

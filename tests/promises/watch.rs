@@ -14,10 +14,7 @@ const WINDOWS: usize = 40;
 const SAMPLES: usize = 100;
 const SAMPLE_TIME: f64 = 0.1;
 
-const OPTIONS: Options = Options {
-    threads: 2,
-    slice_s: 0.05,
-};
+const OPTIONS: Options = Options::new(2, 0.05);
 
 /// The samples of a window: a lag of 1 s and of the gain 2, under a square wave.
 fn window(number: usize, random: &mut ChaCha8Rng) -> Value {

@@ -1,120 +1,115 @@
-//! PostgreSQL: a server of its own.
+//! PostgreSQL: a server of its own, with which many nodes work.
 
 use std::time::{Duration, Instant};
 
 use sqlx::migrate::Migrator;
 use sqlx::postgres::{PgConnectOptions, PgPoolOptions};
 use sqlx::{Connection as _, PgConnection, PgPool};
-use tokio::time::MissedTickBehavior;
-use tokio_util::sync::CancellationToken;
 
 use crate::store::StoreError;
 
 /// Its schema.
 pub(in crate::store) static SCHEMA: Migrator = sqlx::migrate!("./migrations/postgres");
 
-/// What a server holds so that no other works with the database; any number that others do not use.
-const LOCK: i64 = 0x6772_6579_626f_7801;
+/// What all nodes hold together, and alone whoever needs the database for itself; any number that others
+/// do not use.
+const IN_USE: i64 = 0x6772_6579_626f_7801;
+/// What a node holds that brings the schema up to date.
+const MIGRATION: i64 = IN_USE + 1;
+/// What a transaction that writes holds.
+const WRITING: i64 = IN_USE + 2;
 
-/// How long the lock of another server is waited for, and how often it is tried.
+/// How long one who needs the database alone is waited for, and how often it is tried.
 const PATIENCE: Duration = Duration::from_secs(3);
 const RETRY_INTERVAL: Duration = Duration::from_millis(50);
-/// How often it is looked whether the lock is still there.
-const LOOK_INTERVAL: Duration = Duration::from_secs(1);
 /// How long a connection may be waited for.
 const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(10);
 
+/// What connections are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::store) enum Use {
+    Reads,
+    Writes,
+}
+
+/// Every statement ends. A node that stands still in the middle of a transaction that writes holds up the
+/// others for a few seconds; then the server ends the transaction. Whether the machine at the other end
+/// is still there is found out soon.
+fn bounded(options: &PgConnectOptions, r#use: Use) -> PgConnectOptions {
+    let idle = match r#use {
+        Use::Reads => "60s",
+        Use::Writes => "5s",
+    };
+    options.clone().options([
+        ("statement_timeout", "60s"),
+        ("lock_timeout", "20s"),
+        ("idle_in_transaction_session_timeout", idle),
+        ("tcp_keepalives_idle", "5"),
+        ("tcp_keepalives_interval", "2"),
+        ("tcp_keepalives_count", "3"),
+    ])
+}
+
 /// Connections that are used at the same time, at the most.
 pub(in crate::store) async fn pool(
-    options: PgConnectOptions,
+    options: &PgConnectOptions,
     at_most: u32,
+    r#use: Use,
 ) -> Result<PgPool, StoreError> {
     let pool = PgPoolOptions::new()
         .max_connections(at_most)
         .acquire_timeout(ACQUIRE_TIMEOUT)
-        .connect_with(options)
+        .connect_with(bounded(options, r#use))
         .await?;
     Ok(pool)
 }
 
-/// Brings the schema up to date, that of the queue and ours. Whoever does so holds the lock of the
-/// database.
-pub(in crate::store) async fn migrate(pool: &PgPool) -> Result<(), StoreError> {
+/// Brings the schema up to date, that of the queue and ours, one node after the other.
+pub(in crate::store) async fn migrate(
+    options: &PgConnectOptions,
+    pool: &PgPool,
+) -> Result<(), StoreError> {
+    let mut turn = PgConnection::connect_with(options).await?;
+    sqlx::query("select pg_advisory_lock($1)")
+        .bind(MIGRATION)
+        .execute(&mut turn)
+        .await?;
     riverqueue::migrate::PostgresMigrator::new(pool.clone())
         .migrate_up()
         .await?;
     SCHEMA.run(pool).await?;
+    turn.close().await?;
     Ok(())
 }
 
-/// Keeps other servers away from a database for as long as its connection lasts.
-pub(in crate::store) struct SessionLock {
-    options: PgConnectOptions,
-    connection: PgConnection,
+/// A connection of a node among others; nothing where somebody has the database alone. One that ended a
+/// moment ago is waited for.
+pub(in crate::store) async fn join(
+    options: &PgConnectOptions,
+) -> Result<Option<PgConnection>, sqlx::Error> {
+    let mut connection = PgConnection::connect_with(&bounded(options, Use::Reads)).await?;
+    let began = Instant::now();
+    loop {
+        let joined: bool = sqlx::query_scalar("select pg_try_advisory_lock_shared($1)")
+            .bind(IN_USE)
+            .fetch_one(&mut connection)
+            .await?;
+        if joined {
+            return Ok(Some(connection));
+        }
+        if began.elapsed() > PATIENCE {
+            connection.close().await?;
+            return Ok(None);
+        }
+        tokio::time::sleep(RETRY_INTERVAL).await;
+    }
 }
 
-impl SessionLock {
-    /// Takes the lock; nothing where another server has it. That of a server which ended a moment
-    /// ago is waited for.
-    pub(in crate::store) async fn take(
-        options: &PgConnectOptions,
-    ) -> Result<Option<Self>, sqlx::Error> {
-        // The database learns soon when the machine of whoever has the lock is gone.
-        let options = options.clone().options([
-            ("tcp_keepalives_idle", "5"),
-            ("tcp_keepalives_interval", "2"),
-            ("tcp_keepalives_count", "3"),
-        ]);
-        let mut connection = PgConnection::connect_with(&options).await?;
-        let began = Instant::now();
-        loop {
-            let taken: bool = sqlx::query_scalar("select pg_try_advisory_lock($1)")
-                .bind(LOCK)
-                .fetch_one(&mut connection)
-                .await?;
-            if taken {
-                return Ok(Some(Self {
-                    options,
-                    connection,
-                }));
-            }
-            if began.elapsed() > PATIENCE {
-                connection.close().await?;
-                return Ok(None);
-            }
-            tokio::time::sleep(RETRY_INTERVAL).await;
-        }
-    }
-
-    /// Keeps the lock until `closing`, and takes it again when its connection broke off. Says
-    /// `lost` and ends where another server was faster.
-    pub(in crate::store) async fn keep(
-        mut self,
-        closing: CancellationToken,
-        lost: CancellationToken,
-    ) {
-        let mut due = tokio::time::interval(LOOK_INTERVAL);
-        due.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        loop {
-            tokio::select! {
-                () = closing.cancelled() => break,
-                _ = due.tick() => {}
-            }
-            if self.connection.ping().await.is_ok() {
-                continue;
-            }
-            match Self::take(&self.options).await {
-                Ok(Some(again)) => self = again,
-                Ok(None) => {
-                    tracing::error!("another server has taken the database over");
-                    lost.cancel();
-                    return;
-                }
-                Err(error) => tracing::warn!(%error, "the database does not answer"),
-            }
-        }
-        if let Err(error) = self.connection.close().await {
-            tracing::debug!(%error, "the lock's connection was gone");
-        }
-    }
+/// Waits until no transaction of another node writes, and keeps them waiting until this one ends.
+pub(in crate::store) async fn take_turn(connection: &mut PgConnection) -> Result<(), sqlx::Error> {
+    sqlx::query("select pg_advisory_xact_lock($1)")
+        .bind(WRITING)
+        .execute(connection)
+        .await?;
+    Ok(())
 }

@@ -8,6 +8,7 @@ mod datasets;
 mod full;
 mod jobs;
 mod life;
+mod nodes;
 mod retention;
 mod slices;
 
@@ -75,6 +76,7 @@ impl Fixture {
             place,
             readers: 2,
             busy_timeout: Duration::from_secs(5),
+            beat: Duration::from_millis(50),
         };
         let changes = Arc::new(Mutex::new(Vec::new()));
         let store = open(&settings, &changes).await;
@@ -108,7 +110,10 @@ impl Fixture {
     /// Opens the database again after a server that did not end in order.
     async fn cut_off(self) -> Self {
         self.store.inner.writer.close().await;
-        self.reopen().await
+        let next = self.reopen().await;
+        let taken_over = next.store.take_over_from_all_others().await;
+        taken_over.expect("the jobs of the dead server");
+        next
     }
 
     /// The file of the database.

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::{After, Computed, Current, End, SliceWorker};
 use crate::job::{Failure, Status};
-use crate::store::{Checkpoint, Ending, Hold, Record, StopRequest, StoreError};
+use crate::store::{Checkpoint, Ending, HandedOn, Hold, Record, StopRequest, StoreError};
 use crate::worker::between_slices::Left;
 use crate::worker::places::Place;
 use crate::worker::recorder::Recorder;
@@ -60,19 +60,26 @@ impl Conclusion<'_> {
         }
     }
 
-    /// Lets another slice go on.
+    /// Lets another slice go on, here where nobody waits.
     async fn hand_on(mut self, run: Box<dyn Run>) -> Result<After, StoreError> {
         let mut record = self.last_record();
         record.checkpoint = Some(self.checkpoint(&*run));
+        let must = self.worker.active.all_are_stopped()
+            || self.worker.places.are_waited_for()
+            || self.current.entry_is_old();
         drop(self.place.take());
         let lease = self.current.lease;
-        if self.worker.store.record(lease, record).await? == Hold::Lost {
+        let handed_on = self.worker.store.hand_on(lease, record, must).await?;
+        if handed_on == HandedOn::Lost {
             return Ok(After::Done);
         }
         let candidates = self.recorder.into_candidates();
         let left = Left { run, candidates };
         self.worker.between_slices.put(lease, left);
-        Ok(After::Again)
+        match handed_on {
+            HandedOn::Stays => Ok(After::Again),
+            HandedOn::ToTheQueue | HandedOn::Lost => Ok(After::Done),
+        }
     }
 
     /// Ends or pauses the job with its result, or the best so far.

@@ -59,6 +59,7 @@ impl Server {
             place: crate::store::DatabasePlace::File(folder.join("jobs.db")),
             readers: 2,
             busy_timeout: Duration::from_secs(5),
+            beat: Duration::from_millis(50),
         };
         let hub = EventHub::new();
         let store = Store::open(&settings, hub.on_change())

@@ -69,12 +69,7 @@ impl Header<'_> {
                 delta => id + i64::from(delta),
             };
             match field & 0xf {
-                4..=6 => {
-                    let number = self.number()?;
-                    if id == COMPRESSED_PAGE_SIZE {
-                        size = number;
-                    }
-                }
+                4..=6 if id == COMPRESSED_PAGE_SIZE => size = self.number()?,
                 // A truth value is in the kind itself.
                 1 | 2 => {}
                 kind => self.value(kind, depth)?,

@@ -1,0 +1,106 @@
+//! A node of a PostgreSQL says that it lives, and finds those that no longer do.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use riverqueue::Client;
+use sqlx::PgConnection;
+use tokio::time::MissedTickBehavior;
+use tokio_util::sync::CancellationToken;
+
+use super::super::opening::Shared;
+use super::super::writer::Writer;
+use super::super::{Change, OnChange};
+use super::watch::{Beat, Watch};
+
+/// How long a beat may take: after that its connection is given up and another one made.
+const LONGEST_BEAT: Duration = Duration::from_secs(2);
+
+/// What a node needs to say that it lives and to take over from others.
+pub(super) struct Beats {
+    pub(super) life: i64,
+    pub(super) shared: Shared,
+    pub(super) writer: Arc<Writer>,
+    pub(super) queue: Client,
+    pub(super) on_change: OnChange,
+    pub(super) in_charge: Arc<AtomicBool>,
+    pub(super) lost: CancellationToken,
+}
+
+impl Beats {
+    /// Raises the node's counter and looks at those of the others until `closing`, or until others
+    /// have declared it dead.
+    pub(super) async fn run(self, closing: CancellationToken) {
+        let mut due = tokio::time::interval(self.shared.beat);
+        due.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut connection = None;
+        let mut watch = Watch::of(self.life);
+        loop {
+            tokio::select! {
+                () = closing.cancelled() => return,
+                _ = due.tick() => {}
+            }
+            let beat = tokio::time::timeout(LONGEST_BEAT, self.beat(&mut connection)).await;
+            let beat = beat.unwrap_or_else(|_too_long| {
+                Err(sqlx::Error::Io(std::io::ErrorKind::TimedOut.into()))
+            });
+            match beat {
+                Ok(live) if live.iter().any(|node| node.life == self.life) => {
+                    self.look(&mut watch, &live);
+                }
+                Ok(_without_this_one) => {
+                    tracing::error!("other nodes have declared this one dead");
+                    self.lost.cancel();
+                    return;
+                }
+                Err(error) => {
+                    tracing::warn!(%error, "this node could not say that it lives");
+                    metrics::counter!("greybox_node_beats_missed_total").increment(1);
+                    connection = None;
+                }
+            }
+        }
+    }
+
+    /// Raises the counter; answers the counters of all nodes that live.
+    async fn beat(&self, connection: &mut Option<PgConnection>) -> Result<Vec<Beat>, sqlx::Error> {
+        let connection = match connection {
+            Some(connection) => connection,
+            None => {
+                let new = self.shared.connect().await?;
+                connection.insert(new)
+            }
+        };
+        sqlx::query("update nodes set beat = beat + 1 where life = $1 and state = 'live'")
+            .bind(self.life)
+            .execute(&mut *connection)
+            .await?;
+        sqlx::query_as("select life, beat, beat_ms from nodes where state = 'live' order by life")
+            .fetch_all(connection)
+            .await
+    }
+
+    fn look(&self, watch: &mut Watch, live: &[Beat]) {
+        metrics::gauge!("greybox_nodes").set(u32::try_from(live.len()).unwrap_or(u32::MAX));
+        let is_oldest = live.first().is_some_and(|oldest| oldest.life == self.life);
+        if self.in_charge.swap(is_oldest, Ordering::Relaxed) != is_oldest {
+            // What waited for the node that was in charge waits for this one now.
+            (self.on_change)(Change::Missed);
+        }
+        let own_ms = i64::try_from(self.shared.beat.as_millis()).unwrap_or(i64::MAX);
+        for dead in watch.observe(own_ms, live) {
+            tokio::spawn(take_over(self.writer.clone(), self.queue.clone(), dead));
+        }
+    }
+}
+
+async fn take_over(writer: Arc<Writer>, queue: Client, dead: Beat) {
+    let Beat { life, beat, .. } = dead;
+    let taken = writer
+        .write(move |tx| Box::pin(super::take_over(queue, tx, life, beat)))
+        .await;
+    if let Err(error) = taken {
+        tracing::error!(node = life, %error, "the jobs of a dead node are not taken over yet");
+    }
+}
