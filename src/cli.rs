@@ -53,6 +53,9 @@ enum Command {
     Backup(database::BackupArguments),
     /// Put a backup in the place of a database that no server works with
     Restore(database::RestoreArguments),
+    /// Move between a file and a PostgreSQL
+    #[command(subcommand)]
+    Database(database::Command),
     /// Say whether a database or a backup is sound
     Check(DatabaseArguments),
     /// Make, list and revoke the tokens that programs ask a server with
@@ -90,6 +93,7 @@ fn run(command: Command) -> Result<(), CommandError> {
         Command::Record(arguments) => record::record(&arguments),
         Command::Backup(arguments) => database::backup(&arguments),
         Command::Restore(arguments) => database::restore(&arguments),
+        Command::Database(command) => database::run(&command),
         Command::Check(arguments) => database::check(&arguments),
         Command::Token(command) => token::run(&command),
         Command::Openapi => files::write(None, &openapi()),

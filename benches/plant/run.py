@@ -4,7 +4,7 @@
     python3 benches/plant/run.py full slow turns --program target/release/greybox
 
 Each prints a line of figures; the status is 1 where one is not what was promised. It needs nothing beyond
-Python itself and Linux. Servers listen on loopback, with databases of their own in the folder for temporary
+Python itself and Linux; those whose names begin with `nodes` need a PostgreSQL. Servers listen on loopback, with databases of their own in the folder for temporary
 files.
 """
 
@@ -14,6 +14,7 @@ import signal
 import sys
 
 import kept
+import nodes
 import outside
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -28,6 +29,7 @@ ALL = {
     "backup": kept.backup,
     "damage": kept.damage,
     "memory": kept.memory,
+    **nodes.ALL,
 }
 
 
@@ -38,7 +40,7 @@ def main():
     parser.add_argument("--count", type=int, help="how many: times, clients, trials, kills, jobs, requests")
     parser.add_argument("--seconds", type=float, default=6, help="how long `slow` looks at a time")
     parser.add_argument("--minutes", type=float, default=8, help="after which `cost` begins no job")
-    parser.add_argument("--faketime", help="libfaketime.so.1, for `clock`")
+    parser.add_argument("--faketime", help="libfaketime.so.1, for `clock` and `nodes_clock`")
     options = parser.parse_args()
     # Ended from outside it still ends its servers.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended from outside"))

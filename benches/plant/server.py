@@ -98,9 +98,10 @@ class Client:
 
 
 class Server:
-    def __init__(self, options, folder, *settings, environment=None, database="jobs.db"):
+    def __init__(self, options, folder, *settings, environment=None, database="jobs.db", url=None):
         self.program, self.folder, self.settings = options.program, folder, list(settings)
         self.path = os.path.join(folder, database)
+        self.url = url or f"sqlite://{self.path}"
         self.environment = {**os.environ, **(environment or {})}
         self.process = None
         # A measurement that breaks off leaves no server behind.
@@ -113,7 +114,7 @@ class Server:
     def start(self):
         """Starts it; says whether it answers."""
         command = [self.program, "serve", "--listen", "127.0.0.1:0", "--log", "error",
-                   "--database", f"sqlite://{self.path}", *self.settings]
+                   "--database", self.url, *self.settings]
         # A file that may not grow is to be an error that is answered, not the end of the process.
         self.process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,

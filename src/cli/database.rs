@@ -1,10 +1,10 @@
-//! `greybox backup`, `restore` and `check`: the database as a file, without its server.
+//! `greybox backup`, `restore`, `check` and `database copy`: the database without its server.
 
 use super::error::CommandError;
 use super::serve::block_on;
 use crate::config::DatabaseArguments;
-use crate::store::backup;
-use clap::Args;
+use crate::store::{DatabasePlace, backup, moving};
+use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
 /// What `backup` is given.
@@ -26,6 +26,38 @@ pub struct RestoreArguments {
     replace: bool,
     #[command(flatten)]
     database: DatabaseArguments,
+}
+
+/// What `database` does.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Copy all of a file into an empty PostgreSQL, or back, while no server works with either
+    Copy(CopyArguments),
+}
+
+/// What `database copy` is given.
+#[derive(Debug, Args)]
+pub struct CopyArguments {
+    /// What is copied: `sqlite://<path>` or `postgres://<user>@<host>/<database>`
+    #[arg(long, value_name = "URL", value_parser = DatabaseArguments::parse)]
+    from: DatabasePlace,
+    /// Where to: one of the other kind, new or empty
+    #[arg(long, value_name = "URL", value_parser = DatabaseArguments::parse)]
+    to: DatabasePlace,
+}
+
+/// Does what one of the commands says.
+pub fn run(command: &Command) -> Result<(), CommandError> {
+    let Command::Copy(CopyArguments { from, to }) = command;
+    let copied = block_on(async {
+        let copied = moving::copy(from, to).await;
+        copied.map_err(CommandError::failed)
+    })?;
+    for table in copied.iter().filter(|table| table.rows > 0) {
+        println!("{:>12} {}", table.rows, table.name);
+    }
+    println!("copied to {to} and compared; unfinished jobs go on with the next server");
+    Ok(())
 }
 
 /// Copies a database that a server may be working with.

@@ -21,6 +21,11 @@ pub struct DatabaseArguments {
 }
 
 impl DatabaseArguments {
+    /// Where the database of an address is.
+    pub fn parse(url: &str) -> Result<DatabasePlace, SettingsError> {
+        database_place(Some(url))
+    }
+
     /// Where it is.
     pub fn place(&self) -> Result<DatabasePlace, SettingsError> {
         database_place(self.database.as_deref())

@@ -87,6 +87,15 @@ pub enum StoreError {
         /// Where it is.
         database: String,
     },
+    /// A database that is to be copied into has something.
+    #[error("the database {0} is not empty")]
+    NotEmpty(String),
+    /// A database is copied from a file to a PostgreSQL or back.
+    #[error(
+        "one of the two has to be a file and the other a PostgreSQL; a file is copied by `greybox backup`, \
+         a PostgreSQL by its own tools"
+    )]
+    SameKind,
     /// The database file or its folder cannot be used.
     #[error("the database {} cannot be opened: {source}", path.display())]
     File {

@@ -24,6 +24,7 @@ mod jobs;
 mod lock;
 mod models;
 mod monitors;
+pub mod moving;
 mod news;
 mod nodes;
 mod opening;

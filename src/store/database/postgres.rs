@@ -87,14 +87,28 @@ pub(in crate::store) async fn migrate(
 pub(in crate::store) async fn join(
     options: &PgConnectOptions,
 ) -> Result<Option<PgConnection>, sqlx::Error> {
+    hold(options, "select pg_try_advisory_lock_shared($1)").await
+}
+
+/// A connection of one who has the database alone while it is open; nothing where nodes work with it.
+pub(in crate::store) async fn hold_alone(
+    options: &PgConnectOptions,
+) -> Result<Option<PgConnection>, sqlx::Error> {
+    hold(options, "select pg_try_advisory_lock($1)").await
+}
+
+async fn hold(
+    options: &PgConnectOptions,
+    lock: &'static str,
+) -> Result<Option<PgConnection>, sqlx::Error> {
     let mut connection = PgConnection::connect_with(&bounded(options, Use::Reads)).await?;
     let began = Instant::now();
     loop {
-        let joined: bool = sqlx::query_scalar("select pg_try_advisory_lock_shared($1)")
+        let held: bool = sqlx::query_scalar(lock)
             .bind(IN_USE)
             .fetch_one(&mut connection)
             .await?;
-        if joined {
+        if held {
             return Ok(Some(connection));
         }
         if began.elapsed() > PATIENCE {

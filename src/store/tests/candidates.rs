@@ -20,7 +20,7 @@ fn column(name: &str) -> CandidateColumn {
     }
 }
 
-fn candidate(generation: u32, place: u32) -> Candidate {
+pub(super) fn candidate(generation: u32, place: u32) -> Candidate {
     Candidate {
         generation,
         place,
@@ -38,7 +38,11 @@ fn failed(generation: u32, place: u32, failure: Failure) -> Candidate {
     }
 }
 
-fn record(candidates: Vec<Candidate>, kept: u64, cut_in_generation: Option<u32>) -> Record {
+pub(super) fn record(
+    candidates: Vec<Candidate>,
+    kept: u64,
+    cut_in_generation: Option<u32>,
+) -> Record {
     Record {
         candidates: Some(NewCandidates {
             columns: [column("mass"), column("damping")].into(),

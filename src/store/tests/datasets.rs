@@ -51,7 +51,7 @@ fn uniform(samples: usize) -> TimeAxis {
     }
 }
 
-async fn insert(fixture: &Fixture, digest: &str) -> (DatasetRow, bool) {
+pub(super) async fn insert(fixture: &Fixture, digest: &str) -> (DatasetRow, bool) {
     let recording = recording(uniform(3), vec![1.0, f64::NAN, 3.0]);
     fixture
         .store

@@ -8,6 +8,7 @@ mod datasets;
 mod full;
 mod jobs;
 mod life;
+mod moving;
 mod nodes;
 mod retention;
 mod slices;
