@@ -40,6 +40,7 @@ struct Inner {
     /// How often there was news of monitors.
     monitors: watch::Sender<u64>,
     delivery_waits: Notify,
+    help_wanted: Notify,
     closing: CancellationToken,
 }
 
@@ -111,6 +112,7 @@ impl EventHub {
             Change::DeliveryWaits => hub.inner.delivery_waits.notify_one(),
             Change::Stream => hub.inner.monitors_may_step.notify_one(),
             Change::Monitor(_) => hub.inner.monitors.send_modify(|news| *news += 1),
+            Change::HelpWanted => hub.inner.help_wanted.notify_one(),
             Change::DatasetRemoved(_) => {}
             Change::Missed => {
                 hub.inner.followers.lose();
@@ -128,6 +130,7 @@ impl EventHub {
         self.inner.slice_waits.notify_one();
         self.inner.stop_requested.notify_one();
         self.inner.delivery_waits.notify_one();
+        self.inner.help_wanted.notify_one();
         self.inner.monitors_may_step.notify_one();
         self.inner.monitors.send_modify(|news| *news += 1);
     }
@@ -173,6 +176,11 @@ impl EventHub {
     /// Returns when a delivery came to be due, or is due at another time, since the last call.
     pub async fn delivery_waits(&self) {
         self.inner.delivery_waits.notified().await;
+    }
+
+    /// Returns when an analysis began with which other nodes can help, since the last call.
+    pub async fn help_wanted(&self) {
+        self.inner.help_wanted.notified().await;
     }
 
     /// Returns when a running job was asked to stop since the last call.

@@ -2,7 +2,8 @@
 //!
 //! A run goes on in units ([`Run::advance`]) and can be saved after any of them and resumed with
 //! the same bits. The look ahead belongs to the first unit. The analysis takes as many units as its
-//! refits ask for; those that are done are part of the checkpoint.
+//! refits ask for; those that are done are part of the checkpoint. Other nodes may do some of them
+//! ([`Run::help`]), and whoever has the run takes them over ([`Run::take_refits`]), with the same bits.
 
 use super::IdentificationError;
 use crate::estimation::{
@@ -13,11 +14,13 @@ use crate::job::{JobSpec, Outcome};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::uncertainty::identifiability::FlatDirection;
-use crate::uncertainty::refits::Done;
+use crate::uncertainty::refits::{Done, Refit, Share};
 use crate::uncertainty::{self, Conclusion, Refits};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 /// A run of an identification.
 ///
@@ -76,6 +79,12 @@ pub struct Run {
     estimation: Estimation,
     /// Refits of the analysis that are done.
     refits: Done,
+    /// The names of those that were done here since they were asked for.
+    new_refits: Vec<String>,
+    /// Which refits come first, where other nodes do some.
+    sharing: Option<Sharing>,
+    /// Refits of a unit where other nodes do some.
+    shared_refits_of_unit: u32,
     /// Of the estimate that stands; nothing while the run goes on.
     conclusion: Option<Conclusion>,
 }
@@ -92,6 +101,30 @@ pub struct Checkpoint {
 
 /// Refits of one unit of the analysis at the most.
 const REFITS_OF_UNIT: u32 = 64;
+/// The time that a unit should take where other nodes do some refits, and are told after each unit which
+/// are done: the number of its refits is halved and doubled until it does.
+const SHARED_UNIT: Range<Duration> = Duration::from_millis(200)..Duration::from_millis(800);
+
+/// Refits of an analysis as they come where other nodes do some: first the own share, then those that
+/// others come to last, then all that are left.
+#[derive(Clone, Copy, Debug)]
+struct Sharing {
+    own: Share,
+    /// Shares that are done.
+    done: u32,
+}
+
+impl Sharing {
+    /// The share that is next.
+    fn next(&self) -> Option<Share> {
+        let Share { index, of } = self.own;
+        let next = Share {
+            index: (index + of - self.done % of) % of,
+            of,
+        };
+        (self.done < of).then_some(next)
+    }
+}
 
 impl Run {
     /// Begins a run of a specification, with one recording for each of its experiments.
@@ -145,6 +178,9 @@ impl Run {
             refusal: None,
             estimation,
             refits: Done::new(),
+            new_refits: Vec::new(),
+            sharing: None,
+            shared_refits_of_unit: 4,
             conclusion: None,
         }
     }
@@ -218,6 +254,18 @@ impl Run {
     }
 
     fn analyse(&mut self, stop: &AtomicBool) -> Advance {
+        if let Some(share) = self.sharing.as_ref().and_then(Sharing::next) {
+            let did_some = self.refit((share, true), stop);
+            if stop.load(Ordering::Relaxed) {
+                return Advance::Interrupted;
+            }
+            if let Some(sharing) = &mut self.sharing
+                && !did_some
+            {
+                sharing.done += 1;
+            }
+            return Advance::Working;
+        }
         let Some(report) = self.estimation.report(&self.problem, None) else {
             return Advance::Finished;
         };
@@ -225,12 +273,79 @@ impl Run {
         self.conclusion =
             uncertainty::conclude(&self.problem, &report, &self.request, &refits, stop);
         let is_cut = refits.is_cut();
-        self.refits = refits.into_done();
+        self.keep(refits);
         match self.conclusion {
             Some(_) => Advance::Finished,
             None if is_cut => Advance::Working,
             None => Advance::Interrupted,
         }
+    }
+
+    /// Does refits of a share; says whether there were any to do.
+    fn refit(&mut self, (share, alone): (Share, bool), stop: &AtomicBool) -> bool {
+        let Some(report) = self.estimation.report(&self.problem, None) else {
+            return false;
+        };
+        let begun = Instant::now();
+        let refits = Refits::from(std::mem::take(&mut self.refits), self.shared_refits_of_unit);
+        let refits = refits.of(share, alone);
+        // What it comes to is of no use: most refits are missing.
+        let _ = uncertainty::conclude(&self.problem, &report, &self.request, &refits, stop);
+        let (is_cut, took) = (refits.is_cut(), begun.elapsed());
+        if took > SHARED_UNIT.end {
+            self.shared_refits_of_unit = (self.shared_refits_of_unit / 2).max(1);
+        } else if is_cut && took < SHARED_UNIT.start {
+            self.shared_refits_of_unit = self.shared_refits_of_unit.saturating_mul(2);
+        }
+        self.keep(refits) > 0
+    }
+
+    /// Keeps the refits that are done; answers how many are new.
+    fn keep(&mut self, refits: Refits) -> usize {
+        let (done, new) = refits.into_done();
+        self.refits = done;
+        let n_new = new.len();
+        self.new_refits.extend(new);
+        n_new
+    }
+
+    /// Whether other nodes may do some of what is left: the analysis has many refits that do not depend
+    /// on each other.
+    #[must_use]
+    pub fn is_shareable(&self) -> bool {
+        self.findings.is_none()
+            && self.refusal.is_none()
+            && self.conclusion.is_none()
+            && self.estimation.phase() == Phase::Analyse
+            && self.request.settings.has_independent_refits()
+    }
+
+    /// Has refits of a share come first, because other nodes begin with the other shares.
+    pub fn share(&mut self, own: Share) {
+        if self.sharing.is_none_or(|sharing| sharing.own != own) {
+            self.sharing = Some(Sharing { own, done: 0 });
+        }
+    }
+
+    /// Takes over refits that another node did.
+    pub fn take_refits(&mut self, refits: impl IntoIterator<Item = (String, Refit)>) {
+        self.refits.extend(refits);
+    }
+
+    /// The refits that were done here since this was asked for.
+    pub fn new_refits(&mut self) -> Vec<(String, Refit)> {
+        let names = std::mem::take(&mut self.new_refits);
+        let known = |name: String| self.refits.get(&name).cloned().map(|refit| (name, refit));
+        names.into_iter().filter_map(known).collect()
+    }
+
+    /// Does some refits of a share for the node that has the run. Nothing is left of it, or can be done
+    /// yet, where it answers none.
+    pub fn help(&mut self, share: Share, stop: &AtomicBool) -> Vec<(String, Refit)> {
+        if self.is_shareable() {
+            self.refit((share, false), stop);
+        }
+        self.new_refits()
     }
 
     /// The outcome: final when the run has finished, else, with why it was `stopped`, the best so

@@ -6,6 +6,7 @@ use crate::job::Outcome;
 use crate::job::outcome::Trust;
 use crate::model::Model;
 use crate::recording::Recording;
+use crate::uncertainty::refits::Share;
 use serde_json::json;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -207,4 +208,47 @@ fn an_experiment_that_only_validates_starts_where_it_starts() {
     };
     let (estimated, validated) = (errors(&found.fit.estimation), errors(&found.fit.validation));
     assert!(validated < 1.5 * estimated, "{validated} after {estimated}");
+}
+
+/// A run that has come to its analysis, saved.
+fn at_analysis(mut run: Run) -> Checkpoint {
+    let stop = AtomicBool::new(false);
+    while !run.is_shareable() {
+        assert_eq!(run.advance(&stop, &mut ()), Advance::Working);
+    }
+    run.checkpoint()
+}
+
+#[test]
+fn an_analysis_that_is_shared_comes_to_the_bits_of_one_that_is_not() {
+    for uncertainty in [
+        json!({"intervals": "bootstrap", "bootstrap_samples": 150}),
+        json!({"intervals": "profile", "monte_carlo_samples": 120}),
+    ] {
+        let settings = serde_json::from_value(uncertainty.clone()).expect("settings");
+        let asked = identification(carriage(2.0)).uncertainty(&settings);
+        let checkpoint = at_analysis(asked.begin().expect("a run"));
+        let (spec, model) = asked.specification().expect("a specification");
+        let recordings = [carriage(2.0)];
+        let resumed =
+            || Run::resume(&spec, &model, &recordings, checkpoint.clone()).expect("a run");
+        let stop = AtomicBool::new(false);
+        let alone = resumed().finish(&stop, &mut ()).expect("an outcome");
+
+        let (mut run, mut helper) = (resumed(), resumed());
+        let (mut n_helped, mut n_done) = (0, 0);
+        while run.is_shareable() {
+            run.share(Share { index: 0, of: 2 });
+            let helped = helper.help(Share { index: 1, of: 2 }, &stop);
+            n_helped += helped.len();
+            run.take_refits(helped);
+            run.advance(&stop, &mut ());
+            let done = run.new_refits();
+            n_done += done.len();
+            helper.take_refits(done);
+        }
+        let shared = run.outcome(None, &stop).expect("an outcome");
+        assert_eq!(shared, Some(alone), "{uncertainty}");
+        assert!(n_helped > 40 && n_done > 40, "{n_helped} and {n_done}");
+    }
 }

@@ -34,6 +34,7 @@ mod recent;
 mod results;
 mod retention;
 mod sessions;
+mod shared_refits;
 mod slices;
 mod stop_request;
 mod streams;
@@ -72,6 +73,7 @@ pub use opening::{DatabasePlace, DatabaseSettings};
 pub use queue::{QUEUE, SliceOfJob, project_of, queue_of};
 pub use quotas::Quotas;
 pub use retention::{Retention, Tidied};
+pub use shared_refits::SharedRefit;
 pub use slices::{Begin, Checkpoint, Ending, HandedOn, Hold, Lease, Record, Reported, Slice};
 pub use stop_request::StopRequest;
 pub use streams::{
@@ -114,6 +116,8 @@ pub enum Change {
     Stream,
     /// A monitor has more events.
     Monitor(MonitorId),
+    /// An analysis has begun with which other nodes can help.
+    HelpWanted,
     /// Anything: another node changed what this one was not told of.
     Missed,
 }
@@ -312,6 +316,7 @@ fn forget_then(recent: RecentRows, on_change: OnChange) -> OnChange {
             | Change::StopRequested(_)
             | Change::Stream
             | Change::Monitor(_)
+            | Change::HelpWanted
             | Change::Missed => {}
         }
         on_change(change);

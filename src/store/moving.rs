@@ -51,9 +51,10 @@ pub(super) const TABLES: [&str; 28] = [
 ];
 
 /// What of a job stays behind: who works it, by which entry of the queue.
-const LEFT_BEHIND: [(&str, &str, Value); 2] = [
+const LEFT_BEHIND: [(&str, &str, Value); 3] = [
     ("jobs", "queue_entry", Value::Integer(Some(0))),
     ("jobs", "at_work_in", Value::Integer(None)),
+    ("jobs", "is_shared", Value::Integer(Some(0))),
 ];
 
 /// A table that was copied.

@@ -74,6 +74,7 @@ pub(super) fn worker_lives(kind: Kind) -> String {
 pub(super) struct Node {
     pub(super) life: i64,
     in_charge: Arc<AtomicBool>,
+    place: Arc<Mutex<Option<(u32, u32)>>>,
     lost: CancellationToken,
     closing: CancellationToken,
     beats: Mutex<Option<JoinHandle<()>>>,
@@ -87,6 +88,7 @@ impl Node {
         Ok(Self {
             life,
             in_charge: Arc::new(AtomicBool::new(true)),
+            place: Arc::default(),
             lost: CancellationToken::new(),
             closing: CancellationToken::new(),
             beats: Mutex::default(),
@@ -108,6 +110,7 @@ impl Node {
             queue,
             on_change,
             in_charge: self.in_charge.clone(),
+            place: self.place.clone(),
             lost: self.lost.clone(),
         };
         let task = tokio::spawn(beats.run(self.closing.clone()));
@@ -117,6 +120,11 @@ impl Node {
     /// Whether it does what one node does for all: of those that live it has done so for the longest.
     pub(super) fn is_in_charge(&self) -> bool {
         self.in_charge.load(Ordering::Relaxed)
+    }
+
+    /// Which it is of those that live, from 0, and how many they are; nothing where it is alone.
+    pub(super) fn place(&self) -> Option<(u32, u32)> {
+        *self.place.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Returns when others have declared it dead.

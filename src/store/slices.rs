@@ -15,8 +15,8 @@ use super::nodes::{SUSPECT_FROM, wait_after};
 use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{
-    Change, NewCandidates, Store, StoreError, candidates, events, generations, queue, quotas,
-    results, webhooks,
+    Change, NewCandidates, SharedRefit, Store, StoreError, candidates, events, generations, queue,
+    quotas, results, shared_refits, webhooks,
 };
 use crate::job::{Event, Failure, GenerationEvent, JobId, Progress, Status};
 
@@ -87,6 +87,8 @@ pub struct Slice {
     pub reported: Reported,
     /// The newest generation, if no event reported of it yet.
     pub unreported: Option<GenerationEvent>,
+    /// Whether other nodes may help with what is left.
+    pub is_shared: bool,
 }
 
 /// How far the events of a job's search go.
@@ -118,6 +120,10 @@ pub struct Record {
     pub checkpoint: Option<Checkpoint>,
     /// Time worked, at the end of a slice `[ms]`.
     pub worked_ms: u64,
+    /// Refits of an analysis that other nodes help with.
+    pub refits: Vec<SharedRefit>,
+    /// Whether other nodes may help with what is left, at the end of a slice.
+    pub is_shared: bool,
 }
 
 /// Where a job can go on.
@@ -216,6 +222,7 @@ struct Control {
     deaths: u32,
     at_work_in: Option<i64>,
     queue_entry: i64,
+    is_shared: i64,
     running_ms: i64,
     #[sqlx(try_from = "i64")]
     told_generation: u32,
@@ -229,7 +236,7 @@ async fn begin(tx: &mut Tx, id: JobId, entry: Option<i64>, now: Now) -> Result<B
         return Ok(Begin::Nothing);
     };
     let control: Control = database::query_as(
-        "select epoch, deaths, at_work_in, queue_entry, running_ms, told_generation, told_refinements, \
+        "select epoch, deaths, at_work_in, queue_entry, is_shared, running_ms, told_generation, told_refinements, \
          told_at_ms from jobs where id = $1",
     )
     .bind(id.to_string())
@@ -285,6 +292,7 @@ async fn begin(tx: &mut Tx, id: JobId, entry: Option<i64>, now: Now) -> Result<B
         running_ms: control.running_ms.unsigned_abs(),
         reported,
         unreported,
+        is_shared: control.is_shared != 0,
     })))
 }
 
@@ -400,8 +408,10 @@ async fn write_record(tx: &mut Tx, lease: Lease, record: Record) -> Result<Hold,
     if let Some(new) = &record.candidates {
         candidates::insert(tx, lease.job, new).await?;
     }
+    shared_refits::insert(tx, lease.job, &record.refits).await?;
     if let Some(checkpoint) = &record.checkpoint {
         put_checkpoint(tx, lease.job, checkpoint).await?;
+        shared_refits::set_shared(tx, lease.job, record.is_shared).await?;
     }
     tx.announce(Change::Job(lease.job));
     Ok(Hold::Kept)
@@ -475,7 +485,7 @@ pub(super) async fn change_status(
     let now = Timestamp::now().to_string();
     let n_events = i64::try_from(reported.len()).expect("a change tells of little");
     let last_event: i64 = database::query_scalar(
-        "update jobs set status = $1, request = null, revision = revision + 1, at_work_in = null, \
+        "update jobs set status = $1, request = null, revision = revision + 1, at_work_in = null, is_shared = 0, \
          last_event = last_event + $2, started_at = coalesce(started_at, $3), finished_at = $4 \
          where id = $5 returning last_event",
     )
@@ -492,6 +502,7 @@ pub(super) async fn change_status(
             .bind(&key)
             .execute(&mut **tx)
             .await?;
+        shared_refits::forget(tx, id).await?;
         metrics::counter!("greybox_jobs_ended_total", "status" => to.as_str()).increment(1);
         webhooks::tell_of_end(tx, id).await?;
     }

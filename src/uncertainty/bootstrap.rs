@@ -48,10 +48,9 @@ impl Bootstrap<'_> {
         let fitted: Vec<Option<Vec<f64>>> = (0..self.samples)
             .into_par_iter()
             .map(|sample| {
-                let problem = self.resampled(sample);
-                let start = self.positions.to_vec();
+                let resampled = || (self.resampled(sample), self.positions.to_vec());
                 let name = format!("bootstrap/{sample}");
-                let refit = refits.descend(name, (&problem, start), Accuracy::Full, stop)?;
+                let refit = refits.descend(name, resampled, Accuracy::Full, stop)?;
                 Some(refit.cost.map(|_| refit.positions))
             })
             .collect::<Option<_>>()?;

@@ -45,15 +45,17 @@ pub fn spreads(
     let fitted: Vec<Option<Vec<f64>>> = (0..bootstrap.samples)
         .into_par_iter()
         .map(|sample| {
-            let mut drawn = bootstrap.resampled(sample);
-            let mut rng = rng::stream(bootstrap.seed, u64::from(sample), Purpose::Assumptions);
-            for assumption in problem.assumptions.iter() {
-                let value = draw(assumption, &mut rng);
-                assume(&mut drawn, assumption, value, &sensors);
-            }
-            let start = bootstrap.positions.to_vec();
+            let drawn = || {
+                let mut drawn = bootstrap.resampled(sample);
+                let mut rng = rng::stream(bootstrap.seed, u64::from(sample), Purpose::Assumptions);
+                for assumption in problem.assumptions.iter() {
+                    let value = draw(assumption, &mut rng);
+                    assume(&mut drawn, assumption, value, &sensors);
+                }
+                (drawn, bootstrap.positions.to_vec())
+            };
             let name = format!("monte_carlo/{sample}");
-            let refit = refits.descend(name, (&drawn, start), Accuracy::Full, stop)?;
+            let refit = refits.descend(name, drawn, Accuracy::Full, stop)?;
             Some(refit.cost.map(|_| refit.positions))
         })
         .collect::<Option<_>>()?;

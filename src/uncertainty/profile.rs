@@ -249,7 +249,7 @@ impl Profile<'_> {
         let name = format!("profile/{}/{position:e}", self.coordinate);
         let refit = self
             .refits
-            .descend(name, (reduced, start), Accuracy::Full, self.stop)
+            .descend(name, || (reduced, start), Accuracy::Full, self.stop)
             .ok_or(SensitivityError::Interrupted)?;
         Ok(refit.cost.map(|cost| (cost * samples, refit.positions)))
     }

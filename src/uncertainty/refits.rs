@@ -2,14 +2,20 @@
 //!
 //! An analysis that was interrupted is done again from the beginning, but takes over the refits
 //! that were done; so it goes on where it was, with the same bits.
+//!
+//! Most of them are independent of each other. So that several nodes can do them at once, each goes through
+//! the same analysis and does the refits of one share; what the analysis then comes to is of no use, the
+//! refits are, for whoever does it in earnest.
 
 use crate::estimation::problem::Problem;
 use crate::estimation::refine;
 use crate::simulation::Accuracy;
 use serde::{Deserialize, Serialize};
+use std::borrow::Borrow;
 use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What a refit came to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,10 +29,40 @@ pub struct Refit {
 /// Refits by their names, which say what is fitted.
 pub type Done = BTreeMap<String, Refit>;
 
+/// Refits that do not depend on each other, as their names begin. The next part of the name says which
+/// belong together.
+const INDEPENDENT: [&str; 3] = ["bootstrap", "monte_carlo", "profile"];
+
+/// One of the shares into which independent refits are divided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Share {
+    /// Which, from 0.
+    pub index: u32,
+    /// Of how many.
+    pub of: u32,
+}
+
+impl Share {
+    /// Whether a refit belongs to it; nothing where it is not independent of others.
+    fn has(self, name: &str) -> Option<bool> {
+        let mut parts = name.split('/');
+        let (kind, which) = (parts.next()?, parts.next()?);
+        INDEPENDENT.contains(&kind).then(|| {
+            let mut hasher = DefaultHasher::new();
+            (kind, which).hash(&mut hasher);
+            hasher.finish() % u64::from(self.of.max(1)) == u64::from(self.index)
+        })
+    }
+}
+
 /// The refits of one analysis.
 #[derive(Debug)]
 pub struct Refits {
     done: Mutex<Done>,
+    /// The names of those that were done here.
+    new: Mutex<Vec<String>>,
+    /// Which of the independent ones are done, where not all are, and whether the others are.
+    share: Option<(Share, bool)>,
     /// How many may still be done before the analysis is interrupted, so that they can be saved.
     left: AtomicU32,
     is_cut: AtomicBool,
@@ -44,8 +80,21 @@ impl Refits {
     pub fn from(done: Done, at_most: u32) -> Refits {
         Refits {
             done: Mutex::new(done),
+            new: Mutex::default(),
+            share: None,
             left: AtomicU32::new(at_most),
             is_cut: AtomicBool::new(false),
+        }
+    }
+
+    /// The same, of which only those of a share are done; the rest of the independent ones is taken for
+    /// such as could not be fitted. Those that others follow from are done where `alone` says so, else they
+    /// have to be known: without them the analysis ends.
+    #[must_use]
+    pub fn of(self, share: Share, alone: bool) -> Refits {
+        Refits {
+            share: Some((share, alone)),
+            ..self
         }
     }
 
@@ -55,26 +104,31 @@ impl Refits {
         self.is_cut.load(Ordering::Relaxed)
     }
 
-    /// Those that are done.
+    /// Those that are done, and the names of those that were done here.
     #[must_use]
-    pub fn into_done(self) -> Done {
-        self.done
-            .into_inner()
-            .unwrap_or_else(PoisonError::into_inner)
+    pub fn into_done(self) -> (Done, Vec<String>) {
+        (opened(self.done), opened(self.new))
     }
 
-    /// Descends from a start, or takes over what came of that. Answers nothing when `stop` was
-    /// raised, or when there were enough.
-    pub fn descend(
+    /// Descends from the start in a problem that `make` answers, or takes over what came of that. Answers
+    /// nothing when `stop` was raised, or when there were enough.
+    pub fn descend<P: Borrow<Problem>>(
         &self,
         name: String,
-        (problem, start): (&Problem, Vec<f64>),
+        make: impl FnOnce() -> (P, Vec<f64>),
         accuracy: Accuracy,
         stop: &AtomicBool,
     ) -> Option<Refit> {
-        let lock = || self.done.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = lock().get(&name) {
+        if let Some(known) = locked(&self.done).get(&name) {
             return Some(known.clone());
+        }
+        if let Some((share, alone)) = self.share
+            && !share.has(&name).or(alone.then_some(true))?
+        {
+            return Some(Refit {
+                positions: Vec::new(),
+                cost: None,
+            });
         }
         let take_one = |left: u32| left.checked_sub(1);
         let one = self
@@ -84,12 +138,53 @@ impl Refits {
             self.is_cut.store(true, Ordering::Relaxed);
             return None;
         }
-        let descent = refine::descend(problem, start, accuracy, stop)?;
+        let (problem, start) = make();
+        let descent = refine::descend(problem.borrow(), start, accuracy, stop)?;
         let refit = Refit {
             positions: descent.positions,
             cost: descent.cost,
         };
-        lock().insert(name, refit.clone());
+        locked(&self.new).push(name.clone());
+        locked(&self.done).insert(name, refit.clone());
         Some(refit)
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn opened<T>(mutex: Mutex<T>) -> T {
+    mutex.into_inner().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_divide_what_is_independent_and_nothing_else() {
+        let names: Vec<String> = (0..1000).map(|k| format!("bootstrap/{k}")).collect();
+        for name in &names {
+            let have = (0..3).filter(|index| {
+                Share {
+                    index: *index,
+                    of: 3,
+                }
+                .has(name)
+                    == Some(true)
+            });
+            assert_eq!(have.count(), 1, "{name}");
+        }
+        let first = Share { index: 0, of: 3 };
+        let own = names
+            .iter()
+            .filter(|name| first.has(name) == Some(true))
+            .count();
+        assert!((250..420).contains(&own), "{own}");
+        // One step of a profile follows from the one before.
+        assert_eq!(first.has("profile/2/5e-1"), first.has("profile/2/6e-1"));
+        assert_eq!(first.has("reweighted/1"), None);
+        assert_eq!(first.has("coarse with drag"), None);
     }
 }

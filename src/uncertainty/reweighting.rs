@@ -53,7 +53,7 @@ pub fn reweighted(
             break;
         }
         let (name, start) = (format!("reweighted/{fit}"), report.positions.clone());
-        let refit = refits.descend(name, (&problem, start), Accuracy::Full, stop)?;
+        let refit = refits.descend(name, || (&problem, start), Accuracy::Full, stop)?;
         report.cost = refit.cost;
         report.values = problem.values(&refit.positions);
         report.positions = refit.positions;

@@ -203,7 +203,7 @@ impl Bench<'_> {
         let start = kept.map(|(_, position)| *position).collect();
         let refit = |kind: &str, of: (&Problem, Vec<f64>), accuracy| {
             let name = format!("{kind} with {}", effects.join(", "));
-            self.refits.descend(name, of, accuracy, self.stop)
+            self.refits.descend(name, || of, accuracy, self.stop)
         };
         let coarse = refit("coarse", (&problem, start), Accuracy::Screening)?;
         let fitted = self.measure(problem, coarse.positions, coarse.cost)?;

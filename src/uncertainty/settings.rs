@@ -62,6 +62,14 @@ pub struct Settings {
     pub flat_directions: FlatDirections,
 }
 
+impl Settings {
+    /// Whether there are many refits that do not depend on each other.
+    #[must_use]
+    pub fn has_independent_refits(&self) -> bool {
+        self.intervals != Intervals::Fisher || self.monte_carlo_samples > 0
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Settings {

@@ -6,13 +6,14 @@ use std::sync::atomic::AtomicBool;
 
 use serde_json::Value;
 
-use super::run::{Advance, Assignment, Row, Run, StopReason, unread};
+use super::run::{Advance, Assignment, Row, Run, Share, StopReason, unread};
 use crate::estimation::{Finding, GenerationRow, Observer, RefinementRow};
 use crate::identification::{self, IdentificationError};
 use crate::job::{Candidate, CandidateColumn, Failure, Fault, GenerationEvent, JobSpec, Progress};
 use crate::model::Model;
 use crate::recording::Recording;
-use crate::store::JobRow;
+use crate::store::{JobRow, SharedRefit};
+use crate::uncertainty::refits::Refit;
 
 /// Begins the identification of a model's parameters from recordings, or resumes it where it was
 /// saved.
@@ -85,6 +86,32 @@ impl Run for IdentificationRun {
         serde_json::to_vec(&self.run.checkpoint()).expect("a checkpoint has only text keys")
     }
 
+    fn is_shareable(&self) -> bool {
+        self.run.is_shareable()
+    }
+
+    fn share(&mut self, own: Share) {
+        self.run.share(own);
+    }
+
+    fn take_refits(&mut self, refits: Vec<SharedRefit>) {
+        let read = refits
+            .into_iter()
+            .filter_map(|SharedRefit { name, refit }| {
+                // One that does not read back is done here.
+                Some((name, serde_json::from_str(&refit).ok()?))
+            });
+        self.run.take_refits(read);
+    }
+
+    fn new_refits(&mut self) -> Vec<SharedRefit> {
+        shared(self.run.new_refits())
+    }
+
+    fn help(&mut self, share: Share, stop: &AtomicBool) -> Vec<SharedRefit> {
+        shared(self.run.help(share, stop))
+    }
+
     fn outcome(
         &mut self,
         stopped: Option<StopReason>,
@@ -94,6 +121,14 @@ impl Run for IdentificationRun {
         Ok(outcome
             .map(|outcome| serde_json::to_value(outcome).expect("a result has only text keys")))
     }
+}
+
+fn shared(refits: Vec<(String, Refit)>) -> Vec<SharedRefit> {
+    let written = refits.into_iter().map(|(name, refit)| SharedRefit {
+        name,
+        refit: serde_json::to_string(&refit).expect("a refit is JSON"),
+    });
+    written.collect()
 }
 
 /// Turns what the run reports into rows.

@@ -10,6 +10,8 @@ mod active;
 mod between_slices;
 mod candidates;
 mod design;
+mod exchange;
+mod helping;
 mod identification;
 pub mod method;
 mod places;
@@ -112,6 +114,9 @@ impl Worker {
         });
         tasks.spawn(wake.run(slices.store.clone(), hub.clone(), closing.clone()));
         tasks.spawn(watch_clock(slices.store.clone(), closing.clone()));
+        if slices.store.is_shared() {
+            tasks.spawn(helping::run(slices.clone(), hub.clone(), closing.clone()));
+        }
         tasks.spawn(watch_stop_requests(
             slices.clone(),
             hub,

@@ -58,6 +58,19 @@ impl Places {
             .expect("whoever waits is given a place or waits")
     }
 
+    /// A place for the project, where one is free that nobody waits for.
+    pub(super) fn take_free(&self, project: Project) -> Option<Place> {
+        let mut state = self.state();
+        let is_free = state.free > 0 && state.waiting.is_empty();
+        is_free.then(|| {
+            state.give(&project);
+            Place {
+                project,
+                places: self.clone(),
+            }
+        })
+    }
+
     /// Whether anybody waits for one.
     pub(super) fn are_waited_for(&self) -> bool {
         !self.state().waiting.is_empty()
@@ -95,12 +108,17 @@ impl State {
         let next = self.waiting.iter().enumerate().min_by_key(turn);
         let (place, _) = next?;
         let (project, sender) = self.waiting.remove(place)?;
+        self.give(&project);
+        Some((project, sender))
+    }
+
+    /// Notes that a project has one of the free places.
+    fn give(&mut self, project: &Project) {
         self.free -= 1;
         self.given += 1;
         let turns = self.at_work.entry(project.clone()).or_default();
         turns.places += 1;
         turns.last = self.given;
-        Some((project, sender))
     }
 }
 
@@ -150,6 +168,20 @@ mod tests {
         drop((newcomer, turn));
         let last = again.now_or_never();
         assert!(last.is_some());
+    }
+
+    #[tokio::test]
+    async fn who_does_not_wait_gets_only_a_place_that_nobody_waits_for() {
+        let places = Places::new(1);
+        let first = places.take_free(project("a")).expect("it is free");
+        assert!(places.take_free(project("a")).is_none());
+        let mut waits = Box::pin(places.take(project("b")));
+        assert!((&mut waits).now_or_never().is_none());
+        assert!(places.are_waited_for());
+        drop(first);
+        assert!(places.take_free(project("a")).is_none());
+        drop(waits.now_or_never().expect("its turn"));
+        assert!(places.take_free(project("a")).is_some());
     }
 
     #[tokio::test]

@@ -13,7 +13,8 @@ pub use crate::estimation::{Advance, StopReason};
 use crate::job::event::DesignEvent;
 use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, Progress};
 use crate::recording::Recording;
-use crate::store::JobRow;
+use crate::store::{JobRow, SharedRefit};
+pub use crate::uncertainty::refits::Share;
 
 /// Begins the runs of jobs.
 pub trait Method: Send + Sync + 'static {
@@ -61,6 +62,28 @@ pub trait Run: Send {
 
     /// All that is needed to resume it.
     fn checkpoint(&self) -> Vec<u8>;
+
+    /// Whether other nodes may do some of what is left to do just now.
+    fn is_shareable(&self) -> bool {
+        false
+    }
+
+    /// Has the refits of a share come first, because other nodes begin with the other shares.
+    fn share(&mut self, _own: Share) {}
+
+    /// Takes over refits that other nodes did.
+    fn take_refits(&mut self, _refits: Vec<SharedRefit>) {}
+
+    /// The refits that were done here since this was asked for.
+    fn new_refits(&mut self) -> Vec<SharedRefit> {
+        Vec::new()
+    }
+
+    /// Does some refits of a share for the node that has the run; none where nothing is left of it, or
+    /// none can be done yet.
+    fn help(&mut self, _share: Share, _stop: &AtomicBool) -> Vec<SharedRefit> {
+        Vec::new()
+    }
 
     /// The result: final when the run has finished, else the best so far, which is nothing before
     /// the first candidate was judged. `stopped` is `TimeLimit`, `Cancelled` or `Paused`. When

@@ -19,15 +19,16 @@ use tracing::Instrument as _;
 use super::active::{ActiveJob, ActiveJobs};
 use super::between_slices::{BetweenSlices, Left};
 use super::candidates::Candidates;
+use super::exchange::Exchange;
 use super::places::{Place, Places};
 use super::recorder::Recorder;
-use super::run::{Advance, Assignment, Method, Past, Row, Run};
+use super::run::{Advance, Assignment, Method, Past, Row, Run, Share};
 use crate::access::Project;
 use crate::job::spec::design::DesignTask;
 use crate::job::{DatasetId, Failure, JobId, Progress};
 use crate::recording::Recording;
 use crate::span;
-use crate::store::{Begin, Hold, JobRow, Lease, Slice, Store, StoreError};
+use crate::store::{Begin, Hold, JobRow, Lease, SharedRefit, Slice, Store, StoreError};
 use conclusion::{Conclusion, broke};
 
 /// How often what a slice did is written.
@@ -90,6 +91,8 @@ pub(super) struct Current {
     /// The time that the job may still work, where it has a limit.
     time_left: Option<Duration>,
     stop: Arc<AtomicBool>,
+    /// What it and other nodes that help have for each other.
+    exchange: Arc<Exchange>,
 }
 
 impl Current {
@@ -106,10 +109,10 @@ impl Current {
 
 /// What a job is worked from: the document of its model, where a user wrote it, its recordings with
 /// their digests, and the finished job that it goes on from.
-struct Materials {
-    model: Option<Value>,
-    datasets: Vec<(String, Recording)>,
-    past: Option<Past>,
+pub(super) struct Materials {
+    pub(super) model: Option<Value>,
+    pub(super) datasets: Vec<(String, Recording)>,
+    pub(super) past: Option<Past>,
 }
 
 /// What a slice works on.
@@ -123,6 +126,8 @@ enum Begun {
 /// What a unit of work left behind.
 struct Unit {
     rows: Vec<Row>,
+    /// Refits that other nodes are to know of.
+    refits: Vec<SharedRefit>,
     progress: Progress,
 }
 
@@ -187,6 +192,7 @@ impl SliceWorker {
             entry_taken,
             time_left: time_left(&slice),
             stop,
+            exchange: Arc::new(Exchange::new(self.store.share().is_some(), slice.is_shared)),
         };
         let (run, candidates) = match self.between_slices.take(slice.lease) {
             Some(Left { run, candidates }) => (Some(run), Some(candidates)),
@@ -205,7 +211,7 @@ impl SliceWorker {
         let computed = match begun {
             Ok(begun) => {
                 let (sender, units) = mpsc::channel(UNITS_WAITING);
-                let computation = self.compute(slice, begun, current.stop.clone(), sender);
+                let computation = self.compute(slice, begun, &current, sender);
                 let written = self
                     .write_units(&current, (&mut recorder, is_new), units)
                     .await;
@@ -227,7 +233,10 @@ impl SliceWorker {
     }
 
     /// What a job is worked from.
-    async fn materials(&self, job: &JobRow) -> Result<Result<Materials, Failure>, StoreError> {
+    pub(super) async fn materials(
+        &self,
+        job: &JobRow,
+    ) -> Result<Result<Materials, Failure>, StoreError> {
         let model = self.store.model(&job.model).await?;
         let datasets = match self.recordings(&job.spec).await? {
             Ok(datasets) => datasets,
@@ -279,10 +288,11 @@ impl SliceWorker {
         &self,
         slice: Slice,
         begun: Begun,
-        stop: Arc<AtomicBool>,
+        current: &Current,
         units: mpsc::Sender<Unit>,
-    ) -> impl Future<Output = Computed> {
+    ) -> impl Future<Output = Computed> + use<> {
         let method = self.method.clone();
+        let (stop, exchange) = (current.stop.clone(), current.exchange.clone());
         // After a crash a single unit, so that a job which is not to blame has a checkpoint again
         // before the server may go down once more.
         let slice_length = match slice.job.attempt {
@@ -300,7 +310,7 @@ impl SliceWorker {
                     checkpoint: slice.checkpoint.map(|checkpoint| checkpoint.state),
                 })?,
             };
-            let end = advance(&mut *run, slice_length, &stop, &units);
+            let end = advance(&mut *run, slice_length, (&stop, &exchange), &units);
             Ok((run, end))
         });
         async { computation.await.unwrap_or_else(|error| Err(broke(error))) }
@@ -321,6 +331,7 @@ impl SliceWorker {
         let mut flush = tokio::time::interval_at(first, FLUSH_INTERVAL);
         let out_of_time = tokio::time::sleep(current.time_left.unwrap_or(Duration::MAX));
         tokio::pin!(out_of_time);
+        let mut known = 0;
         loop {
             tokio::select! {
                 unit = units.recv() => match unit {
@@ -333,12 +344,26 @@ impl SliceWorker {
                         current.stop.store(true, Ordering::Relaxed);
                         return written;
                     }
+                    if current.exchange.is_wanted() {
+                        known = self.bring(current, known).await?;
+                    }
                 }
                 () = &mut out_of_time, if !out_of_time.is_elapsed() => {
                     current.stop.store(true, Ordering::Relaxed);
                 }
             }
         }
+    }
+
+    /// Brings the computation what other nodes did after the refit with a number; answers the last number.
+    async fn bring(&self, current: &Current, after: i64) -> Result<i64, StoreError> {
+        let brought = self.store.shared_refits(current.lease.job, after).await;
+        let (refits, last) = brought.inspect_err(|_| {
+            current.stop.store(true, Ordering::Relaxed);
+        })?;
+        let own = self.store.share().map(|(index, of)| Share { index, of });
+        current.exchange.bring(refits, own);
+        Ok(last)
     }
 
     /// Reads back which candidates are kept, beside a computation that has forgotten them.
@@ -370,6 +395,7 @@ fn take(recorder: &mut Recorder, unit: Unit, worked: Duration) {
     for row in unit.rows {
         recorder.take(row, now);
     }
+    recorder.take_refits(unit.refits);
     recorder.note(unit.progress, worked);
 }
 
@@ -377,7 +403,7 @@ fn take(recorder: &mut Recorder, unit: Unit, worked: Duration) {
 fn advance(
     run: &mut dyn Run,
     slice_length: Duration,
-    stop: &AtomicBool,
+    (stop, exchange): (&AtomicBool, &Exchange),
     units: &mpsc::Sender<Unit>,
 ) -> End {
     let started = Instant::now();
@@ -385,10 +411,14 @@ fn advance(
         if stop.load(Ordering::Relaxed) {
             return End::Stopped;
         }
+        if exchange.give(run) {
+            return End::TimeIsUp;
+        }
         let mut rows = Vec::new();
         let advance = run.advance(stop, &mut |row| rows.push(row));
         let unit = Unit {
             rows,
+            refits: exchange.take(run),
             progress: run.progress(),
         };
         if units.blocking_send(unit).is_err() {

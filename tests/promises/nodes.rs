@@ -5,6 +5,7 @@ use futures_util::future::join_all;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde_json::json;
 use std::time::{Duration, Instant};
 
 use super::cluster;
@@ -19,6 +20,8 @@ const OPTIONS: Options = Options {
     ..Options::new(1, 0.05)
 };
 const NODES: usize = 3;
+/// Of a recording that is fitted hundreds of times.
+const FEW_SAMPLES: usize = 200;
 const ROUNDS: usize = 14;
 const JOBS_PER_ROUND: usize = 2;
 /// How long a node stands still: longer than it takes to find it dead.
@@ -149,4 +152,57 @@ async fn a_job_is_paused_resumed_and_cancelled_through_any_node() {
     let asked = third.post(&format!("/v1/jobs/{id}/cancel")).send().await;
     assert!(asked.expect("an answer").status().is_success());
     first.in_state(&id, "cancelled").await;
+}
+
+/// How many refits the nodes did for each other.
+async fn refits_for_others(nodes: &[Server]) -> f64 {
+    let mut refits = 0.0;
+    for node in nodes {
+        let metrics = node.get("/metrics").send().await.expect("an answer");
+        let metrics = metrics.text().await.expect("a text");
+        let mut lines = metrics.lines();
+        let own = lines.find_map(|line| line.strip_prefix("greybox_refits_for_others_total "));
+        refits += own.map_or(0.0, |count| count.parse().expect("a number"));
+    }
+    refits
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_analysis_that_nodes_do_together_comes_to_the_bits_of_one_alone() {
+    let Some(database) = cluster::new_database() else {
+        return;
+    };
+    let cluster = Cluster::start(database).await;
+    let thorough = |dataset: &str| {
+        let mut job = plant::job(dataset, 20, 1);
+        job["uncertainty"] =
+            json!({"intervals": "bootstrap", "bootstrap_samples": 100, "monte_carlo_samples": 100});
+        job
+    };
+    let first = &cluster.nodes[0];
+    let dataset = first.store(&plant::recording(FEW_SAMPLES)).await;
+    let job = thorough(&dataset);
+    let together = first.submit(&job, "together").await.expect("an answer");
+    first.in_state(&together, "running").await;
+    // Whoever works it, the job goes on while one of its nodes dies.
+    let asked = Instant::now();
+    while refits_for_others(&cluster.nodes).await == 0.0 {
+        assert!(asked.elapsed() < PATIENCE, "nobody helped");
+    }
+    let mut nodes = cluster.nodes;
+    nodes.pop().expect("a node").kill();
+    nodes[1].ended(&together).await;
+    let together = nodes[1].show(&format!("/v1/jobs/{together}/result")).await;
+
+    let calm = tempfile::tempdir().expect("a folder");
+    let server = Server::start(calm.path(), Options::new(2, 3600.0));
+    let dataset = server.store(&plant::recording(FEW_SAMPLES)).await;
+    let alone = server
+        .submit(&thorough(&dataset), "alone")
+        .await
+        .expect("an answer");
+    server.ended(&alone).await;
+    let alone = server.show(&format!("/v1/jobs/{alone}/result")).await;
+    assert!(alone.to_string().contains("bootstrap"), "{alone}");
+    assert_eq!(together["parameters"], alone["parameters"]);
 }

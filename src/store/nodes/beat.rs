@@ -1,7 +1,7 @@
 //! A node of a PostgreSQL says that it lives, and finds those that no longer do.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use riverqueue::Client;
@@ -25,6 +25,8 @@ pub(super) struct Beats {
     pub(super) queue: Client,
     pub(super) on_change: OnChange,
     pub(super) in_charge: Arc<AtomicBool>,
+    /// Which it is of those that live, and how many they are.
+    pub(super) place: Arc<Mutex<Option<(u32, u32)>>>,
     pub(super) lost: CancellationToken,
 }
 
@@ -83,6 +85,13 @@ impl Beats {
 
     fn look(&self, watch: &mut Watch, live: &[Beat]) {
         metrics::gauge!("greybox_nodes").set(u32::try_from(live.len()).unwrap_or(u32::MAX));
+        let own = live
+            .iter()
+            .zip(0..)
+            .find(|(node, _)| node.life == self.life);
+        let of = u32::try_from(live.len()).unwrap_or(u32::MAX);
+        let place = own.filter(|_| of > 1).map(|(_, index)| (index, of));
+        *self.place.lock().unwrap_or_else(PoisonError::into_inner) = place;
         let is_oldest = live.first().is_some_and(|oldest| oldest.life == self.life);
         if self.in_charge.swap(is_oldest, Ordering::Relaxed) != is_oldest {
             // What waited for the node that was in charge waits for this one now.

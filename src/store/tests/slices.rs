@@ -91,6 +91,7 @@ async fn a_slice_goes_on_where_the_last_one_stopped(fixture: Fixture) {
             refinements: 2,
         }),
         worked_ms: 40,
+        ..Record::default()
     };
     let hold = fixture.store.record(first.lease, record).await;
     assert_eq!(hold.expect("a write"), Hold::Kept);

@@ -64,6 +64,7 @@ impl Conclusion<'_> {
     async fn hand_on(mut self, run: Box<dyn Run>) -> Result<After, StoreError> {
         let mut record = self.last_record();
         record.checkpoint = Some(self.checkpoint(&*run));
+        record.is_shared = run.is_shareable() && self.worker.store.share().is_some();
         let must = self.worker.active.all_are_stopped()
             || self.worker.places.are_waited_for()
             || self.current.entry_is_old();

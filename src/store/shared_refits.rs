@@ -1,0 +1,143 @@
+//! Refits of an analysis that several nodes do together: what each has done, for all of them.
+
+use super::database::{self, QueryBuilder};
+use super::writer::Tx;
+use super::{Change, Checkpoint, Store, StoreError, jobs};
+use crate::job::JobId;
+
+/// Refits that are written with one statement.
+const TOGETHER: usize = 100;
+
+/// A refit by its name, with what came of it, in JSON.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SharedRefit {
+    /// What is fitted.
+    pub name: String,
+    /// What came of it.
+    pub refit: String,
+}
+
+impl Store {
+    /// Which share of what nodes do together this one begins with, and of how many; nothing where it is
+    /// alone.
+    pub fn share(&self) -> Option<(u32, u32)> {
+        self.inner.node.place()
+    }
+
+    /// A job that another node analyses and this one can help with, but for those that it should not.
+    pub async fn job_to_help(&self, but: &[JobId]) -> Result<Option<JobId>, StoreError> {
+        let ids: Vec<String> = database::query_scalar(
+            "select id from jobs where is_shared = 1 and status = 'running' and request is null \
+             and at_work_in <> $1 order by id limit 100",
+        )
+        .bind(self.inner.node.life)
+        .fetch_all(self.readers())
+        .await?;
+        for id in ids {
+            let id = jobs::parse_id(&id)?;
+            if !but.contains(&id) {
+                return Ok(Some(id));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Where a job can go on.
+    pub async fn checkpoint(&self, job: JobId) -> Result<Option<Checkpoint>, StoreError> {
+        let checkpoint =
+            database::query_as("select state, refinements from checkpoints where job = $1")
+                .bind(job.to_string())
+                .fetch_optional(self.readers())
+                .await?;
+        Ok(checkpoint)
+    }
+
+    /// The refits of a job that were written after the one with a number, and the last number.
+    pub async fn shared_refits(
+        &self,
+        job: JobId,
+        after: i64,
+    ) -> Result<(Vec<SharedRefit>, i64), StoreError> {
+        let rows: Vec<(i64, String, String)> = database::query_as(
+            "select number, name, refit from shared_refits where job = $1 and number > $2 \
+             order by number",
+        )
+        .bind(job.to_string())
+        .bind(after)
+        .fetch_all(self.readers())
+        .await?;
+        let last = rows.last().map_or(after, |(number, ..)| *number);
+        let refits = rows.into_iter();
+        let refits = refits.map(|(_, name, refit)| SharedRefit { name, refit });
+        Ok((refits.collect(), last))
+    }
+
+    /// Writes refits that were done for the node that analyses a job; says whether that still goes on.
+    pub async fn help_with(
+        &self,
+        job: JobId,
+        refits: Vec<SharedRefit>,
+    ) -> Result<bool, StoreError> {
+        self.inner
+            .writer
+            .write(move |tx| Box::pin(help_with(tx, job, refits)))
+            .await
+    }
+}
+
+async fn help_with(tx: &mut Tx, job: JobId, refits: Vec<SharedRefit>) -> Result<bool, StoreError> {
+    let goes_on: bool = database::query_scalar(
+        "select exists (select 1 from jobs where id = $1 and is_shared = 1)",
+    )
+    .bind(job.to_string())
+    .fetch_one(&mut **tx)
+    .await?;
+    if goes_on {
+        insert(tx, job, &refits).await?;
+        metrics::counter!("greybox_refits_for_others_total").increment(refits.len() as u64);
+    }
+    Ok(goes_on)
+}
+
+/// Writes refits; of one that another node has done too the first stays, which is the same.
+pub(super) async fn insert(
+    tx: &mut Tx,
+    job: JobId,
+    refits: &[SharedRefit],
+) -> Result<(), StoreError> {
+    let job_text = job.to_string();
+    for some in refits.chunks(TOGETHER) {
+        let mut query = QueryBuilder::new("insert into shared_refits (job, name, refit) ");
+        query.push_values(some, |mut row, refit| {
+            row.push_bind(&job_text)
+                .push_bind(&refit.name)
+                .push_bind(&refit.refit);
+        });
+        query.push(" on conflict (job, name) do nothing");
+        query.build().execute(&mut **tx).await?;
+    }
+    Ok(())
+}
+
+/// Says whether other nodes may help with a job.
+pub(super) async fn set_shared(tx: &mut Tx, job: JobId, is_shared: bool) -> Result<(), StoreError> {
+    let changed =
+        database::query("update jobs set is_shared = $1 where id = $2 and is_shared <> $1")
+            .bind(i64::from(is_shared))
+            .bind(job.to_string())
+            .execute(&mut **tx)
+            .await?;
+    if changed > 0 && is_shared {
+        tx.announce(Change::HelpWanted);
+    }
+    Ok(())
+}
+
+/// Forgets the refits of a job that has ended.
+pub(super) async fn forget(tx: &mut Tx, job: JobId) -> Result<(), StoreError> {
+    database::query("delete from shared_refits where job = $1")
+        .bind(job.to_string())
+        .execute(&mut **tx)
+        .await?;
+    Ok(())
+}
