@@ -35,8 +35,6 @@ pub use tls::TlsError;
 const LAST_WORDS: Duration = Duration::from_millis(300);
 /// How often what was measured is put together.
 const UPKEEP_INTERVAL: Duration = Duration::from_secs(5);
-/// How often it is looked whether there is news of which nobody told.
-const LOOK_INTERVAL: Duration = Duration::from_secs(10);
 /// How often it is looked whether something is older than it is kept for.
 const TIDY_INTERVAL: Duration = Duration::from_secs(600);
 /// How soon it is looked again while there is more.
@@ -155,7 +153,7 @@ impl App {
         let retention = settings.retention();
         tasks.spawn(tidy(store.clone(), retention, closing.clone()));
         if store.is_shared() {
-            tasks.spawn(look_again(hub.clone(), closing.clone()));
+            tasks.spawn(hub.clone().look_again_and_again(closing.clone()));
         }
         tracing::info!(%address, "listening");
         Ok(Self {
@@ -312,18 +310,6 @@ async fn tidy(store: Store, retention: Retention, closing: CancellationToken) {
             }
             Ok(_) => {}
             Err(error) => tracing::error!(%error, "the database could not be tidied"),
-        }
-    }
-}
-
-/// Looks now and then whether there is news that no other node told of: it may have gone down between a
-/// commit and telling.
-async fn look_again(hub: EventHub, closing: CancellationToken) {
-    let mut due = tokio::time::interval(LOOK_INTERVAL);
-    loop {
-        tokio::select! {
-            () = closing.cancelled() => return,
-            _ = due.tick() => hub.look_again(),
         }
     }
 }

@@ -10,6 +10,7 @@ mod experiment;
 mod inputs;
 mod run;
 
+pub use crate::uncertainty::refits::{Refit, Share};
 pub use description::Identification;
 pub use experiment::Experiment;
 pub use run::{Checkpoint, Run};

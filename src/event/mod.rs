@@ -10,6 +10,7 @@ mod feed;
 
 use std::collections::{BTreeSet, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use tokio::sync::{Notify, watch};
 use tokio_util::sync::CancellationToken;
@@ -22,6 +23,9 @@ pub use everyone::ChangedJobs;
 use everyone::Followers;
 pub use feed::Feed;
 use feed::Tail;
+
+/// How often it is looked whether there is news of which nobody told.
+const LOOK_INTERVAL: Duration = Duration::from_secs(10);
 
 /// Wakes those who wait for news of jobs. Cheap to clone.
 #[derive(Clone, Default)]
@@ -133,6 +137,18 @@ impl EventHub {
         self.inner.help_wanted.notify_one();
         self.inner.monitors_may_step.notify_one();
         self.inner.monitors.send_modify(|news| *news += 1);
+    }
+
+    /// Wakes everyone now and then until `closing`: a node may have gone down between a commit and telling
+    /// of it.
+    pub async fn look_again_and_again(self, closing: CancellationToken) {
+        let mut due = tokio::time::interval(LOOK_INTERVAL);
+        loop {
+            tokio::select! {
+                () = closing.cancelled() => return,
+                _ = due.tick() => self.look_again(),
+            }
+        }
     }
 
     /// Wakes those who wait for a job.
@@ -256,8 +272,6 @@ impl Drop for Subscription {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use super::*;
     use crate::store::{DatabaseSettings, NewJob, Submitted};
 

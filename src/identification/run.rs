@@ -17,10 +17,8 @@ use crate::uncertainty::identifiability::FlatDirection;
 use crate::uncertainty::refits::{Done, Refit, Share};
 use crate::uncertainty::{self, Conclusion, Refits};
 use serde::{Deserialize, Serialize};
-use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 /// A run of an identification.
 ///
@@ -83,8 +81,6 @@ pub struct Run {
     new_refits: Vec<String>,
     /// Which refits come first, where other nodes do some.
     sharing: Option<Sharing>,
-    /// Refits of a unit where other nodes do some.
-    shared_refits_of_unit: u32,
     /// Of the estimate that stands; nothing while the run goes on.
     conclusion: Option<Conclusion>,
 }
@@ -101,10 +97,6 @@ pub struct Checkpoint {
 
 /// Refits of one unit of the analysis at the most.
 const REFITS_OF_UNIT: u32 = 64;
-/// The time that a unit should take where other nodes do some refits, and are told after each unit which
-/// are done: the number of its refits is halved and doubled until it does.
-const SHARED_UNIT: Range<Duration> = Duration::from_millis(200)..Duration::from_millis(800);
-
 /// Refits of an analysis as they come where other nodes do some: first the own share, then those that
 /// others come to last, then all that are left.
 #[derive(Clone, Copy, Debug)]
@@ -112,6 +104,8 @@ struct Sharing {
     own: Share,
     /// Shares that are done.
     done: u32,
+    /// Refits of a unit at the most: after each, others are told which are done.
+    at_most: u32,
 }
 
 impl Sharing {
@@ -180,7 +174,6 @@ impl Run {
             refits: Done::new(),
             new_refits: Vec::new(),
             sharing: None,
-            shared_refits_of_unit: 4,
             conclusion: None,
         }
     }
@@ -254,15 +247,16 @@ impl Run {
     }
 
     fn analyse(&mut self, stop: &AtomicBool) -> Advance {
-        if let Some(share) = self.sharing.as_ref().and_then(Sharing::next) {
-            let did_some = self.refit((share, true), stop);
+        if let Some(mut sharing) = self.sharing
+            && let Some(share) = sharing.next()
+        {
+            let did_some = self.refit((share, true), sharing.at_most, stop);
             if stop.load(Ordering::Relaxed) {
                 return Advance::Interrupted;
             }
-            if let Some(sharing) = &mut self.sharing
-                && !did_some
-            {
+            if !did_some {
                 sharing.done += 1;
+                self.sharing = Some(sharing);
             }
             return Advance::Working;
         }
@@ -282,21 +276,13 @@ impl Run {
     }
 
     /// Does refits of a share; says whether there were any to do.
-    fn refit(&mut self, (share, alone): (Share, bool), stop: &AtomicBool) -> bool {
+    fn refit(&mut self, (share, alone): (Share, bool), at_most: u32, stop: &AtomicBool) -> bool {
         let Some(report) = self.estimation.report(&self.problem, None) else {
             return false;
         };
-        let begun = Instant::now();
-        let refits = Refits::from(std::mem::take(&mut self.refits), self.shared_refits_of_unit);
-        let refits = refits.of(share, alone);
+        let refits = Refits::from(std::mem::take(&mut self.refits), at_most).of(share, alone);
         // What it comes to is of no use: most refits are missing.
         let _ = uncertainty::conclude(&self.problem, &report, &self.request, &refits, stop);
-        let (is_cut, took) = (refits.is_cut(), begun.elapsed());
-        if took > SHARED_UNIT.end {
-            self.shared_refits_of_unit = (self.shared_refits_of_unit / 2).max(1);
-        } else if is_cut && took < SHARED_UNIT.start {
-            self.shared_refits_of_unit = self.shared_refits_of_unit.saturating_mul(2);
-        }
         self.keep(refits) > 0
     }
 
@@ -320,11 +306,15 @@ impl Run {
             && self.request.settings.has_independent_refits()
     }
 
-    /// Has refits of a share come first, because other nodes begin with the other shares.
-    pub fn share(&mut self, own: Share) {
-        if self.sharing.is_none_or(|sharing| sharing.own != own) {
-            self.sharing = Some(Sharing { own, done: 0 });
-        }
+    /// Has refits of a share come first, because other nodes begin with the other shares, and so many in a
+    /// unit at the most.
+    pub fn share(&mut self, own: Share, at_most: u32) {
+        let before = self.sharing.filter(|sharing| sharing.own == own);
+        self.sharing = Some(Sharing {
+            own,
+            done: before.map_or(0, |sharing| sharing.done),
+            at_most,
+        });
     }
 
     /// Takes over refits that another node did.
@@ -339,11 +329,11 @@ impl Run {
         names.into_iter().filter_map(known).collect()
     }
 
-    /// Does some refits of a share for the node that has the run. Nothing is left of it, or can be done
-    /// yet, where it answers none.
-    pub fn help(&mut self, share: Share, stop: &AtomicBool) -> Vec<(String, Refit)> {
+    /// Does so many refits of a share at the most for the node that has the run. Nothing is left of it, or
+    /// can be done yet, where it answers none.
+    pub fn help(&mut self, share: Share, at_most: u32, stop: &AtomicBool) -> Vec<(String, Refit)> {
         if self.is_shareable() {
-            self.refit((share, false), stop);
+            self.refit((share, false), at_most, stop);
         }
         self.new_refits()
     }

@@ -238,8 +238,8 @@ fn an_analysis_that_is_shared_comes_to_the_bits_of_one_that_is_not() {
         let (mut run, mut helper) = (resumed(), resumed());
         let (mut n_helped, mut n_done) = (0, 0);
         while run.is_shareable() {
-            run.share(Share { index: 0, of: 2 });
-            let helped = helper.help(Share { index: 1, of: 2 }, &stop);
+            run.share(Share { index: 0, of: 2 }, 8);
+            let helped = helper.help(Share { index: 1, of: 2 }, 8, &stop);
             n_helped += helped.len();
             run.take_refits(helped);
             run.advance(&stop, &mut ());

@@ -11,6 +11,7 @@
 mod audit;
 pub mod backup;
 mod candidates;
+mod checkpoints;
 mod control;
 mod database;
 mod datasets;
@@ -59,6 +60,7 @@ use crate::job::{DatasetId, JobId, MonitorId};
 
 pub use audit::{AuditEntry, AuditRow};
 pub use candidates::{CandidatePage, NewCandidates};
+pub use checkpoints::Checkpoint;
 pub use control::Control;
 pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
 pub use error::{Meaning, QuotaExceeded, StoreError};
@@ -74,7 +76,7 @@ pub use queue::{QUEUE, SliceOfJob, project_of, queue_of};
 pub use quotas::Quotas;
 pub use retention::{Retention, Tidied};
 pub use shared_refits::SharedRefit;
-pub use slices::{Begin, Checkpoint, Ending, HandedOn, Hold, Lease, Record, Reported, Slice};
+pub use slices::{Begin, Ending, HandedOn, Hold, Lease, Record, Reported, Slice};
 pub use stop_request::StopRequest;
 pub use streams::{
     Appended, BatchOutcome, DEFAULT_KEEP_MIB, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,
@@ -219,7 +221,7 @@ impl Store {
 
     /// What makes a client of the queue, on the connections of the writer.
     pub fn queue_client(&self) -> ClientBuilder {
-        let name = nodes::client_name(self.inner.node.life);
+        let name = queue::client_name(self.inner.node.life);
         queue::builder(&self.inner.writer_pool).id(name)
     }
 

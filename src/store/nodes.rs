@@ -34,8 +34,6 @@ use super::writer::{Tx, Writer};
 use super::{Change, OnChange, Store, StoreError, queue};
 use beat::Beats;
 
-/// What the queue knows a node by, before the number of its life.
-const CLIENT_NAME: &str = "greybox-";
 /// Lives that ended of which a row is kept.
 const LIVES_KEPT: i64 = 1000;
 
@@ -51,23 +49,6 @@ pub(super) fn wait_after(deaths: u32) -> Duration {
         None => Duration::ZERO,
         Some(doublings) => Duration::from_secs(1 << doublings.min(16)).min(LONGEST_WAIT),
     }
-}
-
-/// How the queue knows the node of a life.
-pub(super) fn client_name(life: i64) -> String {
-    format!("{CLIENT_NAME}{life}")
-}
-
-/// Whether the node that works an entry of the queue lives, in SQL.
-pub(super) fn worker_lives(kind: Kind) -> String {
-    let worker = kind.either(
-        "json_extract(river_job.attempted_by, '$[#-1]')",
-        "river_job.attempted_by[array_upper(river_job.attempted_by, 1)]",
-    );
-    format!(
-        "exists (select 1 from nodes where nodes.state = 'live' \
-         and '{CLIENT_NAME}' || nodes.life = {worker})"
-    )
 }
 
 /// This server among those of its database.
@@ -219,7 +200,7 @@ async fn take_over(queue: Client, tx: &mut Tx, life: i64, beat: i64) -> Result<(
         return Ok(());
     }
     note_death(tx, life).await?;
-    queue::let_go_of_leadership(tx, &client_name(life)).await?;
+    queue::let_go_of_leadership(tx, &queue::client_name(life)).await?;
     let jobs = queue::reassign(&queue, tx).await?;
     metrics::counter!("greybox_nodes_taken_over_total").increment(1);
     tracing::warn!(
@@ -242,7 +223,7 @@ async fn end_in(queue: Client, tx: &mut Tx, life: i64) -> Result<(), StoreError>
             .execute(&mut **tx)
             .await?;
     }
-    queue::let_go_of_leadership(tx, &client_name(life)).await?;
+    queue::let_go_of_leadership(tx, &queue::client_name(life)).await?;
     queue::reassign(&queue, tx).await?;
     Ok(())
 }

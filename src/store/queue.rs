@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::database::{self, Kind, Pool, QueryBuilder, Transaction};
 use super::writer::Tx;
-use super::{Change, Store, StoreError, nodes};
+use super::{Change, Store, StoreError};
 use crate::access::Project;
 use crate::job::JobId;
 
@@ -24,6 +24,9 @@ pub const QUEUE: &str = "jobs";
 const SEPARATOR: char = '|';
 /// What entries of all these queues are.
 const KIND: &str = "slice";
+
+/// What the queue knows a node by, before the number of its life.
+const CLIENT_NAME: &str = "greybox-";
 
 /// A slice may be tried as often as it takes; how often is too often is the job's affair
 /// (its `attempt`), not the entry's.
@@ -56,6 +59,23 @@ pub fn queue_of(project: &Project) -> String {
 pub fn project_of(queue: &str) -> Project {
     let name = queue.split_once(SEPARATOR).map(|(_, name)| name.parse());
     name.and_then(Result::ok).unwrap_or_default()
+}
+
+/// How the queue knows the node of a life.
+pub(super) fn client_name(life: i64) -> String {
+    format!("{CLIENT_NAME}{life}")
+}
+
+/// Whether the node that works an entry of the queue lives, in SQL.
+fn worker_lives(kind: Kind) -> String {
+    let worker = kind.either(
+        "json_extract(river_job.attempted_by, '$[#-1]')",
+        "river_job.attempted_by[array_upper(river_job.attempted_by, 1)]",
+    );
+    format!(
+        "exists (select 1 from nodes where nodes.state = 'live' \
+         and '{CLIENT_NAME}' || nodes.life = {worker})"
+    )
 }
 
 /// What a client is made with.
@@ -261,7 +281,7 @@ pub(super) async fn reassign(queue: &Client, tx: &mut Tx) -> Result<usize, Store
         .push_bind(KIND)
         .push(" and (river_job.state in ('available', 'pending', 'scheduled', 'retryable') ")
         .push("or (river_job.state = 'running' and ")
-        .push(nodes::worker_lives(tx.kind()))
+        .push(worker_lives(tx.kind()))
         .push(")))");
     let stranded: Vec<(String, String, i64)> =
         stranded.build_query_as().fetch_all(&mut **tx).await?;

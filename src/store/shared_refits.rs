@@ -2,7 +2,7 @@
 
 use super::database::{self, QueryBuilder};
 use super::writer::Tx;
-use super::{Change, Checkpoint, Store, StoreError, jobs};
+use super::{Change, Store, StoreError, jobs};
 use crate::job::JobId;
 
 /// Refits that are written with one statement.
@@ -40,16 +40,6 @@ impl Store {
             }
         }
         Ok(None)
-    }
-
-    /// Where a job can go on.
-    pub async fn checkpoint(&self, job: JobId) -> Result<Option<Checkpoint>, StoreError> {
-        let checkpoint =
-            database::query_as("select state, refinements from checkpoints where job = $1")
-                .bind(job.to_string())
-                .fetch_optional(self.readers())
-                .await?;
-        Ok(checkpoint)
     }
 
     /// The refits of a job that were written after the one with a number, and the last number.

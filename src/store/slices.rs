@@ -15,8 +15,8 @@ use super::nodes::{SUSPECT_FROM, wait_after};
 use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{
-    Change, NewCandidates, SharedRefit, Store, StoreError, candidates, events, generations, queue,
-    quotas, results, shared_refits, webhooks,
+    Change, Checkpoint, NewCandidates, SharedRefit, Store, StoreError, candidates, checkpoints,
+    events, generations, queue, quotas, results, shared_refits, webhooks,
 };
 use crate::job::{Event, Failure, GenerationEvent, JobId, Progress, Status};
 
@@ -124,16 +124,6 @@ pub struct Record {
     pub refits: Vec<SharedRefit>,
     /// Whether other nodes may help with what is left, at the end of a slice.
     pub is_shared: bool,
-}
-
-/// Where a job can go on.
-#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
-pub struct Checkpoint {
-    /// The method's own state.
-    pub state: Vec<u8>,
-    /// Iterations of the refinement that went before it.
-    #[sqlx(try_from = "i64")]
-    pub refinements: u32,
 }
 
 /// The end of a job, or its pause.
@@ -270,11 +260,7 @@ async fn begin(tx: &mut Tx, id: JobId, entry: Option<i64>, now: Now) -> Result<B
     .execute(&mut **tx)
     .await?;
     tx.announce(Change::Job(id));
-    let checkpoint =
-        database::query_as("select state, refinements from checkpoints where job = $1")
-            .bind(id.to_string())
-            .fetch_optional(&mut **tx)
-            .await?;
+    let checkpoint = checkpoints::fetch(&mut **tx, id).await?;
     let reported = Reported {
         generation: control.told_generation,
         refinements: control.told_refinements,
@@ -410,33 +396,11 @@ async fn write_record(tx: &mut Tx, lease: Lease, record: Record) -> Result<Hold,
     }
     shared_refits::insert(tx, lease.job, &record.refits).await?;
     if let Some(checkpoint) = &record.checkpoint {
-        put_checkpoint(tx, lease.job, checkpoint).await?;
+        checkpoints::put(tx, lease.job, checkpoint).await?;
         shared_refits::set_shared(tx, lease.job, record.is_shared).await?;
     }
     tx.announce(Change::Job(lease.job));
     Ok(Hold::Kept)
-}
-
-async fn put_checkpoint(
-    tx: &mut Tx,
-    job: JobId,
-    checkpoint: &Checkpoint,
-) -> Result<(), StoreError> {
-    database::query(
-        "insert into checkpoints (job, state, refinements) values ($1, $2, $3) \
-         on conflict (job) do update set state = excluded.state, \
-         refinements = excluded.refinements",
-    )
-    .bind(job.to_string())
-    .bind(&checkpoint.state)
-    .bind(checkpoint.refinements)
-    .execute(&mut **tx)
-    .await?;
-    database::query("update jobs set attempt = 0, deaths = 0, at_work_in = null where id = $1")
-        .bind(job.to_string())
-        .execute(&mut **tx)
-        .await?;
-    Ok(())
 }
 
 async fn end(tx: &mut Tx, id: JobId, ending: &Ending) -> Result<(), StoreError> {
@@ -498,10 +462,7 @@ pub(super) async fn change_status(
     .await?;
     events::insert(tx, id, last_event - n_events + 1, reported).await?;
     if to.is_terminal() {
-        database::query("delete from checkpoints where job = $1")
-            .bind(&key)
-            .execute(&mut **tx)
-            .await?;
+        checkpoints::forget(tx, id).await?;
         shared_refits::forget(tx, id).await?;
         metrics::counter!("greybox_jobs_ended_total", "status" => to.as_str()).increment(1);
         webhooks::tell_of_end(tx, id).await?;

@@ -2,10 +2,42 @@
 //!
 //! The computation asks between two units of work; the side that writes asks the store.
 
+use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use super::run::{Run, Share};
 use crate::store::SharedRefit;
+
+/// What a unit of work should take that is shared: others are told after each what was done.
+const UNIT: Range<Duration> = Duration::from_millis(200)..Duration::from_millis(800);
+
+/// How many refits a unit has, so that it takes about as long as it should.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pace(u32);
+
+impl Default for Pace {
+    fn default() -> Self {
+        Self(4)
+    }
+}
+
+impl Pace {
+    /// Refits of the next unit at the most.
+    pub(super) fn at_most(self) -> u32 {
+        self.0
+    }
+
+    /// Notes how many refits a unit had and how long it took.
+    pub(super) fn note(&mut self, refits: usize, took: Duration) {
+        let was_full = refits >= self.0 as usize;
+        if took > UNIT.end {
+            self.0 = (self.0 / 2).max(1);
+        } else if was_full && took < UNIT.start {
+            self.0 = self.0.saturating_mul(2);
+        }
+    }
+}
 
 /// The exchange of one slice.
 #[derive(Debug, Default)]
@@ -24,6 +56,7 @@ struct State {
     /// Which share of what is left is this node's.
     own: Option<Share>,
     came: Vec<SharedRefit>,
+    pace: Pace,
 }
 
 impl Exchange {
@@ -52,14 +85,19 @@ impl Exchange {
         state.is_wanted = true;
         run.take_refits(std::mem::take(&mut state.came));
         if let Some(own) = state.own {
-            run.share(own);
+            run.share(own, state.pace.at_most());
         }
         false
     }
 
-    /// What the run did since this was asked for, for others.
-    pub(super) fn take(&self, run: &mut dyn Run) -> Vec<SharedRefit> {
+    /// What the run did in a unit that took so long, for others.
+    pub(super) fn take(&self, run: &mut dyn Run, took: Duration) -> Vec<SharedRefit> {
         let refits = run.new_refits();
+        let mut state = self.state();
+        if state.is_wanted {
+            state.pace.note(refits.len(), took);
+        }
+        drop(state);
         if self.has_others { refits } else { Vec::new() }
     }
 
@@ -73,5 +111,33 @@ impl Exchange {
         let mut state = self.state();
         state.came.extend(refits);
         state.own = own;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_of_quick_refits_have_many_and_of_slow_ones_few() {
+        let settled = |of_one: Duration| {
+            let mut pace = Pace::default();
+            for _ in 0..40 {
+                pace.note(pace.at_most() as usize, of_one * pace.at_most());
+            }
+            of_one * pace.at_most()
+        };
+        for of_one in [10, 1000, 30_000].map(Duration::from_micros) {
+            let took = settled(of_one);
+            assert!(UNIT.contains(&took), "{of_one:?}: {took:?}");
+        }
+        assert_eq!(settled(Duration::from_secs(5)), Duration::from_secs(5));
+    }
+
+    #[test]
+    fn a_unit_that_found_little_left_to_do_says_nothing_of_the_next() {
+        let mut pace = Pace::default();
+        pace.note(0, Duration::from_millis(1));
+        assert_eq!(pace.at_most(), Pace::default().at_most());
     }
 }

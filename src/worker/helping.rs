@@ -6,10 +6,11 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio_util::sync::CancellationToken;
 
+use super::exchange::Pace;
 use super::places::Place;
 use super::run::{Assignment, Run, Share};
 use super::slice::SliceWorker;
@@ -85,6 +86,14 @@ async fn help_one(
     Ok(Some(id))
 }
 
+/// What a helper is to do.
+struct Asked {
+    /// What others did meanwhile.
+    came: Vec<SharedRefit>,
+    share: Share,
+    at_most: u32,
+}
+
 struct Helper<'a> {
     slices: &'a SliceWorker,
     id: JobId,
@@ -100,7 +109,7 @@ impl Helper<'_> {
         closing: &CancellationToken,
     ) -> Result<(), StoreError> {
         let store = &self.slices.store;
-        let (mut known, mut shares_done) = (0, 0);
+        let (mut known, mut shares_done, mut pace) = (0, 0, Pace::default());
         while let Some((index, of)) = store.share().filter(|(_, of)| shares_done < *of) {
             let (came, last) = store.shared_refits(self.id, known).await?;
             known = last;
@@ -108,11 +117,17 @@ impl Helper<'_> {
                 index: (index + shares_done) % of,
                 of,
             };
-            let (again, refits) = match self.compute(run, came, share, closing).await {
-                Some(computed) => computed,
-                None => break,
+            let asked = Asked {
+                came,
+                share,
+                at_most: pace.at_most(),
+            };
+            let begun = Instant::now();
+            let Some((again, refits)) = self.compute(run, asked, closing).await else {
+                break;
             };
             run = again;
+            pace.note(refits.len(), begun.elapsed());
             if refits.is_empty() {
                 shares_done += 1;
             } else if !store.help_with(self.id, refits).await? {
@@ -131,14 +146,13 @@ impl Helper<'_> {
     async fn compute(
         &self,
         mut run: Box<dyn Run>,
-        came: Vec<SharedRefit>,
-        share: Share,
+        asked: Asked,
         closing: &CancellationToken,
     ) -> Option<(Box<dyn Run>, Vec<SharedRefit>)> {
         let stop = self.stop.clone();
         let mut computing = tokio::task::spawn_blocking(move || {
-            run.take_refits(came);
-            let refits = run.help(share, &stop);
+            run.take_refits(asked.came);
+            let refits = run.help(asked.share, asked.at_most, &stop);
             (run, refits)
         });
         loop {

@@ -8,12 +8,11 @@ use serde_json::Value;
 
 use super::run::{Advance, Assignment, Row, Run, Share, StopReason, unread};
 use crate::estimation::{Finding, GenerationRow, Observer, RefinementRow};
-use crate::identification::{self, IdentificationError};
+use crate::identification::{self, IdentificationError, Refit};
 use crate::job::{Candidate, CandidateColumn, Failure, Fault, GenerationEvent, JobSpec, Progress};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::store::{JobRow, SharedRefit};
-use crate::uncertainty::refits::Refit;
 
 /// Begins the identification of a model's parameters from recordings, or resumes it where it was
 /// saved.
@@ -90,8 +89,8 @@ impl Run for IdentificationRun {
         self.run.is_shareable()
     }
 
-    fn share(&mut self, own: Share) {
-        self.run.share(own);
+    fn share(&mut self, own: Share, at_most: u32) {
+        self.run.share(own, at_most);
     }
 
     fn take_refits(&mut self, refits: Vec<SharedRefit>) {
@@ -108,8 +107,8 @@ impl Run for IdentificationRun {
         shared(self.run.new_refits())
     }
 
-    fn help(&mut self, share: Share, stop: &AtomicBool) -> Vec<SharedRefit> {
-        shared(self.run.help(share, stop))
+    fn help(&mut self, share: Share, at_most: u32, stop: &AtomicBool) -> Vec<SharedRefit> {
+        shared(self.run.help(share, at_most, stop))
     }
 
     fn outcome(

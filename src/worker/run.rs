@@ -10,11 +10,11 @@ use serde_json::Value;
 
 use crate::estimation::Finding;
 pub use crate::estimation::{Advance, StopReason};
+pub use crate::identification::Share;
 use crate::job::event::DesignEvent;
 use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, Progress};
 use crate::recording::Recording;
 use crate::store::{JobRow, SharedRefit};
-pub use crate::uncertainty::refits::Share;
 
 /// Begins the runs of jobs.
 pub trait Method: Send + Sync + 'static {
@@ -68,8 +68,9 @@ pub trait Run: Send {
         false
     }
 
-    /// Has the refits of a share come first, because other nodes begin with the other shares.
-    fn share(&mut self, _own: Share) {}
+    /// Has the refits of a share come first, because other nodes begin with the other shares, and so many
+    /// in a unit at the most.
+    fn share(&mut self, _own: Share, _at_most: u32) {}
 
     /// Takes over refits that other nodes did.
     fn take_refits(&mut self, _refits: Vec<SharedRefit>) {}
@@ -79,9 +80,9 @@ pub trait Run: Send {
         Vec::new()
     }
 
-    /// Does some refits of a share for the node that has the run; none where nothing is left of it, or
-    /// none can be done yet.
-    fn help(&mut self, _share: Share, _stop: &AtomicBool) -> Vec<SharedRefit> {
+    /// Does so many refits of a share at the most for the node that has the run; none where nothing is
+    /// left of it, or none can be done yet.
+    fn help(&mut self, _share: Share, _at_most: u32, _stop: &AtomicBool) -> Vec<SharedRefit> {
         Vec::new()
     }
 

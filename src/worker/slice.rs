@@ -415,10 +415,11 @@ fn advance(
             return End::TimeIsUp;
         }
         let mut rows = Vec::new();
+        let begun = Instant::now();
         let advance = run.advance(stop, &mut |row| rows.push(row));
         let unit = Unit {
             rows,
-            refits: exchange.take(run),
+            refits: exchange.take(run, begun.elapsed()),
             progress: run.progress(),
         };
         if units.blocking_send(unit).is_err() {
