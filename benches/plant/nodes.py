@@ -130,6 +130,12 @@ class Plant:
         old.process.stdout.close()
         self.nodes[number] = self.node(number)
 
+    def close(self):
+        for node in self.nodes:
+            node.kill()
+        self.database.remove()
+        self.stack.close()
+
     def end(self, what):
         """Waits for all jobs; says what was lost, made twice or told wrongly."""
         began = time.monotonic()
@@ -142,10 +148,7 @@ class Plant:
         results = int(self.database.number("select count(*) from results"))
         untold = sum(not reader.has_ended for reader in self.readers.values())
         faults = sum(reader.faults for reader in self.readers.values())
-        for node in self.nodes:
-            node.kill()
-        self.database.remove()
-        self.stack.close()
+        self.close()
         twice = len(there) - len(self.readers)
         print(f"{what}; of {len(self.readers)} acknowledged jobs {lost} lost, {unfinished} not succeeded, {twice} "
               f"made twice, {results} results; {faults} gaps or repeats in events, {untold} without an end; "
@@ -304,6 +307,51 @@ def exhausted(options):
     return good and not unsaid and not set(answers) - {200, 503}
 
 
+def control(options):
+    """Jobs are paused, resumed and cancelled through any node, and a node that works one is asked to end."""
+    plant, count, worst, away = Plant(options, slice_s=10), options.count or 20, {}, 0.0
+    endless = 300_000
+
+    def until(identifier, status):
+        client, began = random.choice(plant.nodes).client(), time.monotonic()
+        while (client.show(identifier) or {}).get("status") != status:
+            time.sleep(0.005)
+        return time.monotonic() - began
+
+    def submit(seed):
+        identifier = random.choice(plant.nodes).client().submit(job(plant.dataset, endless, seed))
+        until(identifier, "running")
+        time.sleep(random.uniform(0, 1))
+        return identifier
+
+    def worked_in(identifier):
+        return plant.database.sql(f"select at_work_in from jobs where id = '{identifier}'")[0][0]
+
+    for turn in range(count):
+        identifier = submit(turn)
+        for what, status in (("pause", "paused"), ("resume", "running"), ("cancel", "cancelled")):
+            began = time.monotonic()
+            random.choice(plant.nodes).client().ask("POST", f"/v1/jobs/{identifier}/{what}")
+            until(identifier, status)
+            worst[what] = max(worst.get(what, 0), time.monotonic() - began)
+    for turn in range(count):
+        identifier = submit(turn)
+        life = worked_in(identifier)
+        node = next(node for node in plant.nodes if plant.life(node) == int(life))
+        node.process.terminate()
+        began = time.monotonic()
+        while worked_in(identifier) in ("", life):
+            time.sleep(0.005)
+        away = max(away, time.monotonic() - began)
+        plant.renew(node.number)
+        plant.nodes[0].client().ask("POST", f"/v1/jobs/{identifier}/cancel")
+    figures = ", ".join(f"{what} {took:.2f} s" for what, took in worst.items())
+    plant.close()
+    print(f"nodes_control: {count} times {figures} at the most, asked and seen at any node; after SIGTERM at work "
+          f"elsewhere in {away:.2f} s at the most", flush=True)
+    return max(worst.values()) <= 2 and away <= 1
+
+
 def needs_postgres(measure):
     def measured(options):
         if postgres.programs() is None:
@@ -314,4 +362,4 @@ def needs_postgres(measure):
 
 
 ALL = {f"nodes_{measure.__name__}": needs_postgres(measure)
-       for measure in (kills, database, still, cut, failover, clock, exhausted)}
+       for measure in (kills, database, still, cut, failover, clock, exhausted, control)}
