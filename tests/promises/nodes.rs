@@ -24,8 +24,9 @@ const NODES: usize = 3;
 const FEW_SAMPLES: usize = 200;
 const ROUNDS: usize = 14;
 const JOBS_PER_ROUND: usize = 2;
-/// How long a node stands still: longer than it takes to find it dead.
-const STILL: Duration = Duration::from_millis(2500);
+/// How long a node stands still: longer than it takes to find it dead, and than the database waits for one
+/// that stands still in the middle of a transaction.
+const STILL: Duration = Duration::from_millis(7500);
 
 struct Cluster {
     database: String,
