@@ -88,7 +88,8 @@ impl Cluster {
     /// Has a node stand still until the others have its jobs; it ends when it goes on.
     async fn freeze(&mut self, node: usize) {
         self.nodes[node].stand_still(true);
-        self.follow(STILL).await;
+        // Those who follow jobs that have ended do not follow for so long.
+        tokio::join!(self.follow(STILL), tokio::time::sleep(STILL));
         self.nodes[node].stand_still(false);
         let mut thawed = self.renew(node);
         let asked = Instant::now();
