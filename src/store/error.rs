@@ -146,6 +146,10 @@ mod code {
 /// PostgreSQL's: <https://www.postgresql.org/docs/current/errcodes-appendix.html>.
 mod postgres_code {
     pub(super) const READ_ONLY: &str = "25006";
+    /// A transaction stood still for too long.
+    pub(super) const IDLE_TRANSACTION: &str = "25P03";
+    /// Others had a lock for too long.
+    pub(super) const NO_LOCK: &str = "55P03";
     /// A character that a text cannot have.
     pub(super) const NO_TEXT: &str = "22021";
     pub(super) const DISK_FULL: &str = "53100";
@@ -223,9 +227,11 @@ fn of_sqlite(code: i32) -> Meaning {
 fn of_postgres(code: &str) -> Meaning {
     match code {
         postgres_code::DISK_FULL => Meaning::NoRoom,
-        postgres_code::READ_ONLY => Meaning::Unavailable,
+        postgres_code::READ_ONLY | postgres_code::IDLE_TRANSACTION | postgres_code::NO_LOCK => {
+            Meaning::Unavailable
+        }
         postgres_code::NO_TEXT => Meaning::NoText,
-        _ if ["08", "53", "57", "58"].contains(&&code[..2]) => Meaning::Unavailable,
+        _ if ["08", "40", "53", "57", "58"].contains(&&code[..2]) => Meaning::Unavailable,
         _ => Meaning::Fault,
     }
 }

@@ -6,14 +6,11 @@
 use futures_util::TryStreamExt;
 use sha2::{Digest, Sha256};
 
-use super::database::postgres;
+use super::database::postgres::{self, Use};
 use super::database::{self, Connection, Kind, Pool, QueryBuilder, Row, Separated, Value};
 use super::opening::{Access, Opened};
 use super::{DatabasePlace, DatabaseSettings, StoreError, corrupt};
-use std::time::Duration;
 
-/// How long a statement waits for a lock.
-const BUSY_TIMEOUT: Duration = Duration::from_secs(30);
 /// Bytes of values that are written with one statement, about, and rows at the most.
 const BYTES_TOGETHER: usize = 1 << 20;
 const ROWS_TOGETHER: usize = 100;
@@ -120,13 +117,8 @@ struct Alone {
 
 impl Alone {
     async fn open(place: &DatabasePlace) -> Result<Self, StoreError> {
-        let settings = DatabaseSettings {
-            place: place.clone(),
-            readers: 2,
-            busy_timeout: BUSY_TIMEOUT,
-            beat: Duration::MAX,
-        };
-        let opened = Opened::open(&settings).await?;
+        let settings = DatabaseSettings::of_a_command(place);
+        let opened = Opened::open_for(&settings, [Use::Copies; 2]).await?;
         let held = match &opened.access {
             Access::Alone(_) => None,
             Access::Shared(shared) => {

@@ -102,6 +102,9 @@ impl News {
                 Err(_too_long) => "no answer in time".to_owned(),
             };
             tracing::warn!(why, "the other nodes could not be told of changes");
+            if closing.is_cancelled() {
+                return;
+            }
             self.add(Change::Missed);
             tokio::time::sleep(BACK_OFF).await;
         }

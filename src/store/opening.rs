@@ -15,6 +15,9 @@ use super::{StoreError, corrupt};
 /// Connections to PostgreSQL of the writer and of the queue.
 const WRITERS: u32 = 4;
 
+/// How long a command's statement waits for a lock of the server.
+pub(super) const PATIENCE_OF_A_COMMAND: Duration = Duration::from_secs(30);
+
 /// Where a database is.
 #[derive(Clone)]
 pub enum DatabasePlace {
@@ -96,11 +99,32 @@ impl Shared {
     }
 }
 
+impl DatabaseSettings {
+    /// For a command that works with a database as no server does.
+    pub(super) fn of_a_command(place: &DatabasePlace) -> Self {
+        Self {
+            place: place.clone(),
+            readers: 2,
+            busy_timeout: PATIENCE_OF_A_COMMAND,
+            beat: Duration::MAX,
+        }
+    }
+}
+
 impl Opened {
+    /// For a server.
     pub(super) async fn open(settings: &DatabaseSettings) -> Result<Self, StoreError> {
+        Self::open_for(settings, [Use::Writes, Use::Reads]).await
+    }
+
+    /// For what the connections that write and those that read are there for.
+    pub(super) async fn open_for(
+        settings: &DatabaseSettings,
+        uses: [Use; 2],
+    ) -> Result<Self, StoreError> {
         match &settings.place {
             DatabasePlace::File(path) => Self::sqlite(path, settings).await,
-            DatabasePlace::Postgres(options) => Self::postgres(options, settings).await,
+            DatabasePlace::Postgres(options) => Self::postgres(options, settings, uses).await,
         }
     }
 
@@ -136,14 +160,15 @@ impl Opened {
     async fn postgres(
         options: &PgConnectOptions,
         settings: &DatabaseSettings,
+        [writes, reads]: [Use; 2],
     ) -> Result<Self, StoreError> {
         let joined = postgres::join(options).await?;
         let joined = joined.ok_or_else(|| StoreError::Locked {
             database: settings.place.to_string(),
         })?;
-        let writer_pool = postgres::pool(options, WRITERS, Use::Writes).await?;
+        let writer_pool = postgres::pool(options, WRITERS, writes).await?;
         postgres::migrate(options, &writer_pool).await?;
-        let readers = postgres::pool(options, settings.readers, Use::Reads).await?;
+        let readers = postgres::pool(options, settings.readers, reads).await?;
         drop(joined);
         Ok(Self {
             folder: std::env::temp_dir(),

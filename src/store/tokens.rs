@@ -1,18 +1,13 @@
 //! Tokens: made, listed and revoked on the database itself, whether a server works with it or not.
 
-use std::time::Duration;
-
 use jiff::Timestamp;
 use sqlx::FromRow;
 
 use super::database::{self, Pool, postgres, sqlite};
 use super::jobs::{project, time};
-use super::opening::Opened;
+use super::opening::{Opened, PATIENCE_OF_A_COMMAND};
 use super::{DatabasePlace, DatabaseSettings, Store, StoreError, corrupt, schema_version};
 use crate::access::{Digest, Project, Scope};
-
-/// How long a statement waits for the server's lock.
-const BUSY_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// A token to be made.
 #[derive(Clone, Debug)]
@@ -188,19 +183,16 @@ pub async fn revoke(database: &DatabasePlace, name: &str) -> Result<bool, StoreE
 /// A connection to a database that is there and up to date. One that no server works with is made
 /// or brought up to date first; one that a server works with has that server's schema.
 async fn open(place: &DatabasePlace) -> Result<Pool, StoreError> {
-    let settings = DatabaseSettings {
-        place: place.clone(),
-        readers: 1,
-        busy_timeout: BUSY_TIMEOUT,
-        beat: Duration::MAX,
-    };
+    let settings = DatabaseSettings::of_a_command(place);
     match Opened::open(&settings).await {
         Ok(opened) => opened.close().await,
         Err(StoreError::Locked { .. }) => {}
         Err(error) => return Err(error),
     }
     let connection = match place {
-        DatabasePlace::File(path) => Pool::Sqlite(sqlite::writer(path, BUSY_TIMEOUT).await?),
+        DatabasePlace::File(path) => {
+            Pool::Sqlite(sqlite::writer(path, PATIENCE_OF_A_COMMAND).await?)
+        }
         DatabasePlace::Postgres(options) => {
             Pool::Postgres(postgres::pool(options, 1, postgres::Use::Writes).await?)
         }

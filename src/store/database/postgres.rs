@@ -30,18 +30,21 @@ const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(10);
 pub(in crate::store) enum Use {
     Reads,
     Writes,
+    /// Reading and writing all there is, while no server works with the database.
+    Copies,
 }
 
-/// Every statement ends. A node that stands still in the middle of a transaction that writes holds up the
+/// Every statement of a server ends. A node that stands still in the middle of a transaction that writes holds up the
 /// others for a few seconds; then the server ends the transaction. Whether the machine at the other end
 /// is still there is found out soon.
 fn bounded(options: &PgConnectOptions, r#use: Use) -> PgConnectOptions {
-    let idle = match r#use {
-        Use::Reads => "60s",
-        Use::Writes => "5s",
+    let (statement, idle) = match r#use {
+        Use::Reads => ("60s", "60s"),
+        Use::Writes => ("60s", "5s"),
+        Use::Copies => ("0", "0"),
     };
     options.clone().options([
-        ("statement_timeout", "60s"),
+        ("statement_timeout", statement),
         ("lock_timeout", "20s"),
         ("idle_in_transaction_session_timeout", idle),
         ("tcp_keepalives_idle", "5"),
