@@ -10,10 +10,9 @@ mod experiment;
 mod inputs;
 mod run;
 
-pub use crate::uncertainty::refits::{Refit, Share};
 pub use description::Identification;
 pub use experiment::Experiment;
-pub use run::{Checkpoint, Run};
+pub use run::{Checkpoint, Part, Run};
 
 use crate::estimation::{CheckpointError, Finding};
 use crate::parsing::Fault;

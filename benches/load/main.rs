@@ -4,8 +4,8 @@
 //! targets; `cargo bench --bench load -- submits streams` measures those alone. The server is the
 //! program as it is released, with a database in a temporary folder; both are gone afterwards.
 //! `--program=<path>` measures another build of it, `--database=<address>` a scenario on a new
-//! PostgreSQL database. Load and server share the machine, so the
-//! figures are of both.
+//! PostgreSQL database, and `--nodes=3` has three servers work with that (`submits`, `starts` and
+//! `streams`). Load, servers and database share the machine, so the figures are of all.
 
 mod client;
 mod figure;
@@ -15,6 +15,7 @@ mod reads;
 mod rest;
 mod server;
 mod small_jobs;
+mod starts;
 mod streams;
 mod submits;
 mod upload;
@@ -29,8 +30,9 @@ use figure::Figure;
 const PATIENCE: Duration = Duration::from_secs(300);
 
 /// The scenarios by name, in the order in which they run.
-const SCENARIOS: [&str; 7] = [
+const SCENARIOS: [&str; 8] = [
     "submits",
+    "starts",
     "reads",
     "small_jobs",
     "rest",
@@ -60,7 +62,12 @@ fn main() -> ExitCode {
     let given = |flag: &str| {
         std::env::args().find_map(|argument| argument.strip_prefix(flag).map(str::to_owned))
     };
-    server::choose(given("--program="), given("--database="));
+    let nodes = given("--nodes=").and_then(|number| number.parse().ok());
+    server::choose(
+        given("--program="),
+        given("--database="),
+        nodes.unwrap_or(1),
+    );
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -102,6 +109,7 @@ async fn measured(name: &str) -> Outcome<Vec<Figure>> {
 async fn run(name: &str, folder: &Path) -> Outcome<Vec<Figure>> {
     match name {
         "submits" => submits::measure(folder).await,
+        "starts" => starts::measure(folder).await,
         "reads" => reads::measure(folder).await,
         "small_jobs" => small_jobs::measure(folder).await,
         "rest" => rest::measure(folder).await,

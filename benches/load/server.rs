@@ -17,11 +17,22 @@ static PROGRAM: OnceLock<String> = OnceLock::new();
 /// The database that it works with; nothing for a file in a temporary folder.
 static DATABASE: OnceLock<Option<String>> = OnceLock::new();
 
-/// Measures another program than the one that was built with this, or another database.
-pub fn choose(program: Option<String>, database: Option<String>) {
+/// How many servers work with it, where a scenario is one of several.
+static NODES: OnceLock<usize> = OnceLock::new();
+
+/// Measures another program than the one that was built with this, another database, or several servers
+/// on one.
+pub fn choose(program: Option<String>, database: Option<String>, nodes: usize) {
     let built = env!("CARGO_BIN_EXE_greybox").to_owned();
     PROGRAM.get_or_init(|| program.unwrap_or(built));
     DATABASE.get_or_init(|| database);
+    NODES.get_or_init(|| nodes);
+}
+
+/// The database, by its address.
+pub fn database(folder: &Path) -> String {
+    let file = || format!("sqlite://{}", folder.join("greybox.db").display());
+    DATABASE.get().cloned().flatten().unwrap_or_else(file)
 }
 
 /// A server process; ended when dropped.
@@ -33,14 +44,21 @@ pub struct Server {
 }
 
 impl Server {
+    /// Starts as many as there are to be.
+    pub async fn start_all(folder: &Path) -> Outcome<Vec<Self>> {
+        let mut servers = Vec::new();
+        for _ in 0..NODES.get().copied().unwrap_or(1) {
+            servers.push(Self::start(folder, &[]).await?);
+        }
+        Ok(servers)
+    }
+
     /// Starts the program on the database of a folder and waits until it is ready.
     pub async fn start(folder: &Path, flags: &[&str]) -> Outcome<Self> {
-        let file = || format!("sqlite://{}", folder.join("greybox.db").display());
-        let database = DATABASE.get().cloned().flatten().unwrap_or_else(file);
         let started = Instant::now();
         let mut process = Command::new(PROGRAM.get().ok_or("no program was chosen")?)
             .args(["serve", "--listen", "127.0.0.1:0", "--log", "warn"])
-            .args(["--database", &database])
+            .args(["--database", &database(folder)])
             .args(flags)
             .stdout(Stdio::piped())
             .spawn()?;

@@ -1,4 +1,4 @@
-//! Two thousand event streams on running jobs, and readers that take a byte a second.
+//! Two thousand event streams of each server on running jobs, and readers that take a byte a second.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -31,8 +31,8 @@ const LOOK: Duration = Duration::from_millis(20);
 type Received = Vec<(i64, Instant)>;
 
 pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
-    let server = Server::start(folder, &[]).await?;
-    let mut connection = server.connect().await?;
+    let servers = Server::start_all(folder).await?;
+    let mut connection = servers[0].connect().await?;
     let dataset = store_drive(&mut connection, MANY).await?;
     let mut jobs = Vec::new();
     for seed in 0..JOBS {
@@ -40,30 +40,32 @@ pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
     }
     // The streams are opened while the jobs rest, so that what is added is theirs.
     control(&mut connection, &jobs, "pause", "paused").await?;
-    let memory_before = server.memory_kib()?;
+    let memory_before = memory_kib(&servers)?;
     let end = CancellationToken::new();
     let mut readers = Vec::new();
-    for number in 0..STREAMS {
-        let job = jobs[number % JOBS].clone();
-        let stream = open(server.address, &job, None).await?;
-        readers.push((job, tokio::spawn(follow(stream, end.clone()))));
-    }
     let mut slow = Vec::new();
-    for number in 0..SLOW_READERS {
-        let stream = open(server.address, &jobs[number % JOBS], Some(4096)).await?;
-        slow.push(tokio::spawn(dawdle(stream, end.clone())));
+    for server in &servers {
+        for number in 0..STREAMS {
+            let job = jobs[number % JOBS].clone();
+            let stream = open(server.address, &job, None).await?;
+            readers.push((job, tokio::spawn(follow(stream, end.clone()))));
+        }
+        for number in 0..SLOW_READERS {
+            let stream = open(server.address, &jobs[number % JOBS], Some(4096)).await?;
+            slow.push(tokio::spawn(dawdle(stream, end.clone())));
+        }
     }
     tokio::time::sleep(SETTLING).await;
-    let memory = (server.memory_kib()? - memory_before) / (STREAMS + SLOW_READERS) as f64;
+    let memory = (memory_kib(&servers)? - memory_before) / (readers.len() + slow.len()) as f64;
     control(&mut connection, &jobs, "resume", "running").await?;
     tokio::time::sleep(SETTLING).await;
     let observer = Observer::start(folder);
     let generations = generation(&mut connection, &jobs).await?;
-    let (begun, cpu) = (Instant::now(), server.cpu()?);
+    let (begun, used_before) = (Instant::now(), cpu(&servers)?);
     tokio::time::sleep(LENGTH).await;
-    let cpu = (server.cpu()? - cpu).as_secs_f64() / begun.elapsed().as_secs_f64();
+    let used = (cpu(&servers)? - used_before).as_secs_f64() / begun.elapsed().as_secs_f64();
     let generations = generation(&mut connection, &jobs).await? - generations;
-    let memory_at_work = server.memory_kib()? / 1024.0;
+    let memory_at_work = memory_kib(&servers)? / 1024.0;
     let stored = observer.finish()?;
     end.cancel();
     join_all(slow).await;
@@ -72,12 +74,12 @@ pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
     figures.extend([
         Figure::new("memory of a stream", memory, "KiB", Target::Below(20.0)),
         Figure::new(
-            "memory of the server with all streams and two jobs at work",
+            "memory of the servers with all streams and two jobs at work",
             memory_at_work,
             "MiB",
             Target::None,
         ),
-        Figure::new("cores that the server used", cpu, "", Target::None),
+        Figure::new("cores that the servers used", used, "", Target::None),
         Figure::new(
             "generations that the jobs went on",
             generations,
@@ -88,12 +90,22 @@ pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
     Ok(figures)
 }
 
+/// Memory that the servers hold together.
+fn memory_kib(servers: &[Server]) -> Outcome<f64> {
+    servers.iter().map(Server::memory_kib).sum()
+}
+
+/// Processor time that the servers have used together.
+fn cpu(servers: &[Server]) -> Outcome<Duration> {
+    servers.iter().map(Server::cpu).sum()
+}
+
 /// How the events came.
 fn delivery(delays: &mut [Duration], gaps: usize) -> Vec<Figure> {
     let rate = delays.len() as f64 / LENGTH.as_secs_f64();
     vec![
         Figure::new(
-            "2000 streams, event stored to received, p95",
+            "2000 streams of each server, event stored to received, p95",
             percentile_ms(delays, 0.95),
             "ms",
             Target::Below(150.0),

@@ -16,10 +16,11 @@ const CONNECTIONS: usize = 64;
 const LENGTH: Duration = Duration::from_secs(8);
 
 pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
-    let server = Server::start(folder, &[]).await?;
-    let dataset = store_drive(&mut server.connect().await?, FEW).await?;
+    let servers = Server::start_all(folder).await?;
+    let first = &servers[0];
+    let dataset = store_drive(&mut first.connect().await?, FEW).await?;
     let mut clients = Vec::new();
-    for number in 0..CONNECTIONS {
+    for (number, server) in (0..CONNECTIONS).zip(servers.iter().cycle()) {
         clients.push((number, server.connect().await?));
     }
     let started = Instant::now();
@@ -34,7 +35,7 @@ pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
         percentile_ms(&mut waits, 0.5),
         percentile_ms(&mut waits, 0.99),
     );
-    let ended = ended_jobs(&mut server.connect().await?).await?;
+    let ended = ended_jobs(&mut first.connect().await?).await?;
     let worked = ended / elapsed.as_secs_f64();
     Ok(vec![
         Figure::new(

@@ -1,4 +1,8 @@
-"""A PostgreSQL of the measurement's own, and a way to it that can be cut and led elsewhere."""
+"""A PostgreSQL of the measurement's own, and a way to it that can be cut and led elsewhere.
+
+    python3 benches/plant/postgres.py COMMAND [ARGUMENT...]
+
+runs a command with a new database, whose address stands for {} in its arguments."""
 
 import atexit
 import glob
@@ -7,6 +11,7 @@ import pwd
 import shutil
 import socket
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -158,3 +163,8 @@ class Way:
                 end.shutdown(socket.SHUT_RDWR)
             except OSError:
                 pass
+
+
+if __name__ == "__main__":
+    address = Postgres().url()
+    sys.exit(subprocess.run([part.replace("{}", address) for part in sys.argv[1:]]).returncode)

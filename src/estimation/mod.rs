@@ -17,6 +17,8 @@
 //! and however often the run is saved ([`Estimation::checkpoint`]) and resumed; no
 //! clock, no I/O; a candidate that fails is a value.
 
+pub mod ahead;
+mod earlier;
 pub mod evaluation_cache;
 pub mod feasible;
 pub mod floor;
@@ -47,9 +49,13 @@ pub use settings::Settings;
 pub use stop_reason::StopReason;
 
 use crate::numerics::rng;
+use ahead::Ahead;
+pub use ahead::{SearchNews, Share};
+use earlier::Earlier;
 use floor::Landmarks;
+use leaders::Judged;
 use refine::Descent;
-use search::Search;
+use search::{Search, Task};
 use serde::{Deserialize, Serialize};
 use settings::MethodName;
 use shooting::Shooting;
@@ -59,6 +65,8 @@ use std::sync::atomic::AtomicBool;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Checkpoint {
     search: search::State,
+    #[serde(default)]
+    earlier: Earlier,
     #[serde(default)]
     searches: Vec<FinishedSearch>,
     descents: Vec<Descent>,
@@ -85,7 +93,7 @@ struct FinishedSearch {
     /// How many generations it took.
     generations: u32,
     /// Its best distinct candidates, the champion first.
-    leaders: Vec<leaders::Judged>,
+    leaders: Vec<Judged>,
 }
 
 /// A checkpoint that does not belong to the problem and the settings.
@@ -100,10 +108,17 @@ pub struct CheckpointError {
 #[derive(Debug)]
 pub struct Estimation {
     settings: Settings,
+    seed: u64,
     search: Search,
     /// What the search judges, where that is not the free run ([`segments`]).
     segmented: Option<Problem>,
     landmarks: Landmarks,
+    /// What came before the search at work.
+    earlier: Earlier,
+    /// Searches that other nodes do.
+    ahead: Ahead,
+    /// The search that was begun since others were told.
+    newly_begun: Option<u32>,
     searches: Vec<FinishedSearch>,
     descents: Vec<Descent>,
     shootings: Vec<Shooting>,
@@ -120,13 +135,17 @@ impl Estimation {
     pub fn start(problem: &Problem, settings: &Settings, seed: u64) -> Estimation {
         let segmented = segments::segmented(problem);
         let landmarks = Landmarks::of(problem);
-        let mut search = Search::start(segmented.as_ref().unwrap_or(problem), settings, seed);
-        search.landmarks = segmented.is_none().then_some(landmarks);
+        let task = task((problem, segmented.as_ref()), settings, seed, landmarks);
+        let search = Search::start(&task, 0);
         let mut run = Estimation {
             settings: settings.clone(),
+            seed,
             search,
             segmented,
             landmarks,
+            earlier: Earlier::default(),
+            ahead: Ahead::default(),
+            newly_begun: None,
             searches: Vec::new(),
             descents: Vec::new(),
             shootings: Vec::new(),
@@ -175,14 +194,21 @@ impl Estimation {
         }
         let segmented = segments::segmented(problem);
         let landmarks = Landmarks::of(problem);
-        let searched = segmented.as_ref().unwrap_or(problem);
-        let mut search = Search::resume(searched, settings, seed, checkpoint.search);
-        search.landmarks = segmented.is_none().then_some(landmarks);
+        let task = task((problem, segmented.as_ref()), settings, seed, landmarks);
+        let number = match checkpoint.phase {
+            Phase::Search => checkpoint.searches.len(),
+            Phase::Refine | Phase::Analyse => checkpoint.searches.len().saturating_sub(1),
+        };
+        let search = Search::resume(&task, number as u32, checkpoint.search);
         Ok(Estimation {
             settings: settings.clone(),
+            seed,
             search,
             segmented,
             landmarks,
+            earlier: checkpoint.earlier,
+            ahead: Ahead::default(),
+            newly_begun: None,
             searches: checkpoint.searches,
             descents: checkpoint.descents,
             shootings: checkpoint.shootings,
@@ -235,14 +261,75 @@ impl Estimation {
         observer: &mut dyn Observer,
     ) -> Advance {
         let searched = self.segmented.as_ref().unwrap_or(problem);
-        let Some(generation) = self.search.generation(searched, stop) else {
-            return Advance::Interrupted;
+        let judged = self.search.state.generation;
+        let (rows, ended) = match self.ahead.take(self.search.number(), judged) {
+            Some(stretch) => {
+                self.search.state = stretch.state.clone();
+                let ended = stretch.stop;
+                (stretch.rows_after(judged).collect(), ended)
+            }
+            None => {
+                let Some(generation) = self.search.generation(searched, stop) else {
+                    return Advance::Interrupted;
+                };
+                (vec![generation.row], generation.stop)
+            }
         };
-        observer.generation(&generation.row);
-        if let Some(reason) = generation.stop {
+        for row in rows {
+            let values = |best: &Judged| {
+                searched.named_values(&self.search.positions(searched, &best.chromosome))
+            };
+            observer.generation(&self.earlier.counted_on(row, values));
+        }
+        if let Some(reason) = ended {
             self.end_search(problem, reason);
         }
         Advance::Working
+    }
+
+    /// Begins the search that follows.
+    fn begin_next_search(&mut self) {
+        let number = self.searches.len() as u32;
+        self.earlier = self.earlier.and(&self.search.state);
+        self.search.restart(number);
+        self.ahead.forget_before(number);
+        self.newly_begun = Some(number);
+    }
+
+    /// Whether searches follow the one at work that do not depend on it.
+    #[must_use]
+    pub fn has_searches_ahead(&self) -> bool {
+        self.phase == Phase::Search && self.searches.len() + 1 < self.settings.restarts as usize
+    }
+
+    /// Takes note of what another node tells of searches.
+    pub fn hear(&mut self, news: SearchNews) {
+        if news.search() >= self.search.number() {
+            self.ahead.hear(news);
+        }
+    }
+
+    /// What others should be told of the searches here since this was asked for.
+    pub fn news(&mut self) -> Option<SearchNews> {
+        self.newly_begun.take().map(SearchNews::Begun)
+    }
+
+    /// Does at most so many generations of a search ahead for the node that has the run; none where
+    /// nothing is left to do.
+    pub fn help(
+        &mut self,
+        problem: &Problem,
+        (share, at_most): (Share, u32),
+        stop: &AtomicBool,
+    ) -> Option<SearchNews> {
+        if !self.has_searches_ahead() {
+            return None;
+        }
+        let searched = (problem, self.segmented.as_ref());
+        let task = task(searched, &self.settings, self.seed, self.landmarks);
+        let ahead = self.searches.len() as u32 + 1..self.settings.restarts;
+        let stretch = self.ahead.help(&task, (share, ahead), at_most, stop);
+        stretch.map(|judged| SearchNews::Judged(Box::new(judged)))
     }
 
     /// Another search, where more than one is asked for, or the refinement of what they found:
@@ -251,11 +338,11 @@ impl Estimation {
         let state = &self.search.state;
         self.searches.push(FinishedSearch {
             stop_reason,
-            generations: state.generation - state.began,
+            generations: state.generation,
             leaders: state.leaders.clone(),
         });
         if self.searches.len() < self.settings.restarts as usize {
-            self.search.restart();
+            self.begin_next_search();
             return;
         }
         let asked = self.settings.restarts as usize;
@@ -300,10 +387,15 @@ impl Estimation {
         self.phase
     }
 
+    /// The best candidate of all searches.
+    fn champion(&self) -> Option<&Judged> {
+        self.earlier.champion(&self.search.state)
+    }
+
     /// The lowest cost so far.
     fn best_cost(&self) -> Option<f64> {
         let best = self.best_descent().and_then(|descent| descent.cost);
-        best.or(self.search.champion().map(|champion| champion.cost))
+        best.or(self.champion().map(|champion| champion.cost))
     }
 
     /// All that is needed to resume the run.
@@ -311,6 +403,7 @@ impl Estimation {
     pub fn checkpoint(&self) -> Checkpoint {
         Checkpoint {
             search: self.search.state.clone(),
+            earlier: self.earlier.clone(),
             searches: self.searches.clone(),
             descents: self.descents.clone(),
             shootings: self.shootings.clone(),
@@ -328,10 +421,23 @@ impl Estimation {
     pub fn report(&self, problem: &Problem, stopped: Option<StopReason>) -> Option<Report> {
         let positions = match self.best_descent() {
             Some(descent) => descent.positions.clone(),
-            None => self
-                .search
-                .positions(problem, &self.search.champion()?.chromosome),
+            None => self.search.positions(problem, &self.champion()?.chromosome),
         };
         Some(Report::new(problem, self, positions, stopped))
+    }
+}
+
+/// What all searches of a run have in common: they judge the problem over segments where it is so given.
+fn task<'a>(
+    (problem, segmented): (&'a Problem, Option<&'a Problem>),
+    settings: &'a Settings,
+    seed: u64,
+    landmarks: Landmarks,
+) -> Task<'a> {
+    Task {
+        problem: segmented.unwrap_or(problem),
+        settings,
+        seed,
+        landmarks: segmented.is_none().then_some(landmarks),
     }
 }

@@ -2,6 +2,7 @@
 
 use super::objective::Evaluation;
 use super::problem::Problem;
+use crate::numerics::json;
 use crate::simulation::Failure;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -46,21 +47,25 @@ impl Finding {
 }
 
 /// One generation of the search.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct GenerationRow {
     /// Counts from 1.
     pub generation: u32,
     /// Candidates judged so far.
     pub evaluations: u64,
     /// The lowest cost so far; infinite while every candidate has failed.
+    #[serde(with = "json::or_infinity")]
     pub best_cost: f64,
     /// The lowest cost in this generation (without elitism it may rise).
+    #[serde(with = "json::or_infinity")]
     pub generation_best_cost: f64,
     /// The mean cost of this generation's candidates that did not fail.
     pub mean_cost: Option<f64>,
     /// The largest credit in this generation.
+    #[serde(with = "json::or_nan")]
     pub best_credit: f64,
     /// The entropy of the credits.
+    #[serde(with = "json::or_nan")]
     pub entropy: f64,
     /// Blocks that were judged before the entropy criterion stopped.
     pub credit_updates: u32,
@@ -71,16 +76,28 @@ pub struct GenerationRow {
 }
 
 /// A candidate that the search simulated.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Simulated {
     /// Its place in the population, from 0.
     pub place: usize,
     /// What it was judged by; infinite where it failed.
+    #[serde(with = "json::or_infinity")]
     pub cost: f64,
     /// How it failed, if it did.
     pub failure: Option<Failure>,
     /// The value of each coordinate of the problem, SI.
     pub values: Vec<f64>,
+}
+
+impl Counters {
+    /// Counts what another has done too.
+    pub(super) fn add(&mut self, other: &Counters) {
+        self.evaluations += other.evaluations;
+        self.distinct_evaluations += other.distinct_evaluations;
+        for (failure, number) in &other.failed_evaluations {
+            *self.failed_evaluations.entry(*failure).or_default() += number;
+        }
+    }
 }
 
 impl Simulated {

@@ -56,10 +56,10 @@ impl Estimation {
     /// How far it has come.
     #[must_use]
     pub fn progress(&self) -> Progress {
-        let state = &self.search.state;
+        let total = self.earlier.and(&self.search.state);
         let searches = self.searches.len() + usize::from(self.phase == Phase::Search);
         let asked = self.settings.restarts.max(1) as usize;
-        let own = f64::from(state.generation - state.began);
+        let own = f64::from(self.search.state.generation);
         let searched =
             self.searches.len() as f64 + own / f64::from(self.settings.generations.max(1));
         let ended = |descent: &&Descent| descent.end.is_some();
@@ -71,14 +71,14 @@ impl Estimation {
         let after = |share: f64| SEARCH_SHARE + (1.0 - SEARCH_SHARE) * share / rounds;
         Progress {
             phase: self.phase,
-            generation: state.generation,
+            generation: total.generations,
             generations: self
                 .settings
                 .generations
                 .saturating_mul(searches.max(asked) as u32),
-            evaluations: state.counters.evaluations,
+            evaluations: total.counters.evaluations,
             best_cost: self.best_cost(),
-            best_credit: state.best_credit.map(|(credit, _)| credit),
+            best_credit: total.best_credit.map(|(credit, _)| credit),
             fraction: match self.phase {
                 Phase::Search if searches > asked => after(round + 1.0),
                 Phase::Search => SEARCH_SHARE * (searched / asked as f64).min(1.0),

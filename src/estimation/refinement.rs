@@ -73,8 +73,8 @@ impl Estimation {
         };
         let (before, after) = (totals(&self.descents), totals(&next));
         self.descents = next;
-        self.search.state.counters.evaluations += after.1 - before.1;
-        self.search.state.counters.distinct_evaluations += after.1 - before.1;
+        self.earlier.counters.evaluations += after.1 - before.1;
+        self.earlier.counters.distinct_evaluations += after.1 - before.1;
         if let (true, Some(cost)) = (after.0 > before.0, self.best_cost()) {
             let iteration = after.0;
             observer.refinement(&RefinementRow { iteration, cost });
@@ -97,8 +97,8 @@ impl Estimation {
         let total =
             |shootings: &[Shooting]| -> u64 { shootings.iter().map(|own| own.evaluations).sum() };
         let done = total(&next) - total(&self.shootings);
-        self.search.state.counters.evaluations += done;
-        self.search.state.counters.distinct_evaluations += done;
+        self.earlier.counters.evaluations += done;
+        self.earlier.counters.distinct_evaluations += done;
         self.shootings = next;
         if self.shootings.iter().all(|own| own.has_ended) {
             for ended in std::mem::take(&mut self.shootings) {
@@ -140,7 +140,7 @@ impl Estimation {
                 return Some(Phase::Refine);
             }
             if self.searches_further() && is_doubtful {
-                self.search.restart();
+                self.begin_next_search();
                 self.phase = Phase::Search;
                 return Some(Phase::Search);
             }

@@ -70,7 +70,7 @@ impl Report {
         positions: Vec<f64>,
         stopped: Option<StopReason>,
     ) -> Report {
-        let state = &run.search.state;
+        let total = run.earlier.and(&run.search.state);
         let reason = stopped
             .or(run.stop_reason)
             .unwrap_or(StopReason::GenerationLimit);
@@ -79,10 +79,10 @@ impl Report {
             values: problem.values(&positions),
             positions,
             cost: run.best_cost(),
-            generations: state.generation,
-            counters: state.counters.clone(),
-            best_credit: state.best_credit.map(|(credit, _)| credit),
-            best_generation: state.best_generation,
+            generations: total.generations,
+            counters: total.counters,
+            best_credit: total.best_credit.map(|(credit, _)| credit),
+            best_generation: total.best_generation,
             searches: run
                 .searches
                 .iter()

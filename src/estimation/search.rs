@@ -2,8 +2,8 @@
 //!
 //! How a generation is judged and what follows it is the method's (`proposer`).
 //! Everything that the next generation depends on stands in [`State`], and every random number
-//! comes from a stream named by seed, generation and purpose: a search that is saved after any
-//! generation goes on with the same bits.
+//! comes from a stream named by seed, search, generation and purpose: a search that is saved after any
+//! generation goes on with the same bits, and of several none depends on another.
 
 pub mod cma_es;
 pub mod differential_evolution;
@@ -22,7 +22,7 @@ use super::settings::{MethodName, Settings};
 use super::stop_reason::{Stagnation, StopReason};
 use crate::credit::Credits;
 use crate::genetic::{Chromosome, Encoding};
-use crate::numerics::rng::{self, Purpose, stream};
+use crate::numerics::rng::{self, Purpose, stream_of_search};
 use crate::numerics::statistics;
 use crate::simulation::Accuracy;
 use cma_es::{CmaEs, Strategy};
@@ -44,9 +44,9 @@ pub struct Parent {
 }
 
 /// Everything that the next generation depends on.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct State {
-    /// Generations judged.
+    /// Generations of this search that were judged.
     pub generation: u32,
     /// The candidates of the next generation.
     pub population: Vec<Chromosome>,
@@ -56,12 +56,6 @@ pub struct State {
     /// What the candidates are drawn from, in covariance matrix adaptation.
     #[serde(default)]
     pub strategy: Option<Strategy>,
-    /// The generation after which this search began; those before belong to earlier ones.
-    #[serde(default)]
-    pub began: u32,
-    /// The champion of the searches before.
-    #[serde(default)]
-    pub earlier: Option<Judged>,
     /// The best distinct candidates so far, the champion first.
     pub leaders: Vec<Judged>,
     /// The largest credit so far, and the generation that first had it.
@@ -80,17 +74,31 @@ pub struct State {
 /// On a plateau nothing may be gained for so many times as many generations.
 const PLATEAU_PATIENCE: u32 = 5;
 
-/// The search of one run.
+/// What all searches of a run have in common.
+#[derive(Clone, Copy, Debug)]
+pub struct Task<'a> {
+    /// What is searched.
+    pub problem: &'a Problem,
+    /// How.
+    pub settings: &'a Settings,
+    /// What its random numbers come from.
+    pub seed: u64,
+    /// What is known of the cost beforehand, where the search judges the free run.
+    pub landmarks: Option<Landmarks>,
+}
+
+/// A search of a run.
 #[derive(Debug)]
 pub struct Search {
     pub(super) settings: Settings,
     seed: u64,
+    /// Which of the run's searches it is, from 0.
+    number: u32,
     proposer: &'static dyn Proposer,
     pub(super) encoding: Encoding,
     pub(super) objective: Objective,
     cache: EvaluationCache,
-    /// What is known of the cost beforehand, where the search judges the free run.
-    pub(super) landmarks: Option<Landmarks>,
+    landmarks: Option<Landmarks>,
     /// Where all constraints hold, if there are any.
     inside: Option<Vec<f64>>,
     /// Simulated candidates that are in no row yet.
@@ -109,24 +117,10 @@ pub struct Generation {
 }
 
 impl Search {
-    /// Begins a search.
+    /// Begins the search with a number.
     #[must_use]
-    pub fn start(problem: &Problem, settings: &Settings, seed: u64) -> Search {
-        let state = State {
-            generation: 0,
-            population: Vec::new(),
-            parents: Vec::new(),
-            strategy: None,
-            began: 0,
-            earlier: None,
-            leaders: Vec::new(),
-            best_credit: None,
-            best_generation: None,
-            counters: Counters::default(),
-            climbed: None,
-            stagnation: Stagnation::default(),
-        };
-        let mut search = Search::resume(problem, settings, seed, state);
+    pub fn start(task: &Task<'_>, number: u32) -> Search {
+        let mut search = Search::resume(task, number, State::default());
         search.begin();
         search
     }
@@ -138,41 +132,48 @@ impl Search {
 
     /// Resumes a search where it was saved.
     #[must_use]
-    pub fn resume(problem: &Problem, settings: &Settings, seed: u64, state: State) -> Search {
+    pub fn resume(task: &Task<'_>, number: u32, state: State) -> Search {
+        let Task {
+            problem,
+            settings,
+            seed,
+            landmarks,
+        } = *task;
         let proposer = proposer_of(settings.name);
         Search {
             settings: settings.clone(),
             seed,
+            number,
             proposer,
             encoding: encoding(problem, settings, proposer),
             objective: Objective::new(problem, settings.block_samples as usize),
             cache: EvaluationCache::default(),
-            landmarks: None,
+            landmarks,
             inside: feasible::inside_of_constraints(problem),
             simulated: Vec::new(),
             state,
         }
     }
 
-    /// Begins another search after the last one, with another first population. What has been
-    /// done goes on counting.
-    pub fn restart(&mut self) {
+    /// Begins another search, the one with a number, in the place of this one.
+    pub fn restart(&mut self, number: u32) {
+        self.number = number;
+        self.cache = EvaluationCache::default();
+        self.simulated.clear();
+        self.state = State::default();
         self.begin();
-        let state = &mut self.state;
-        state.parents.clear();
-        state.began = state.generation;
-        let last = state.leaders.drain(..).next();
-        let both = state.earlier.take().into_iter().chain(last);
-        state.earlier = both.min_by(|a, b| a.cost.total_cmp(&b.cost));
-        state.stagnation = Stagnation::default();
-        state.climbed = None;
     }
 
-    /// The best candidate of this search and those before.
+    /// Which of the run's searches it is, from 0.
+    #[must_use]
+    pub fn number(&self) -> u32 {
+        self.number
+    }
+
+    /// The best candidate.
     #[must_use]
     pub fn champion(&self) -> Option<&Judged> {
-        let both = self.state.earlier.iter().chain(self.state.leaders.first());
-        both.min_by(|a, b| a.cost.total_cmp(&b.cost))
+        self.state.leaders.first()
     }
 
     /// The positions of a candidate: where its string breaks a constraint, those of its mirror
@@ -356,7 +357,7 @@ impl Search {
             .is_some_and(|target| cost <= target)
         {
             Some(StopReason::CostTarget)
-        } else if self.state.generation - self.state.began >= self.settings.generations {
+        } else if self.state.generation >= self.settings.generations {
             Some(StopReason::GenerationLimit)
         } else {
             stagnated.then_some(StopReason::Stagnation)
@@ -365,7 +366,8 @@ impl Search {
 
     /// The random numbers of this generation for a purpose.
     pub(super) fn stream(&self, purpose: Purpose) -> impl rng::Rng + use<> {
-        stream(self.seed, u64::from(self.state.generation), purpose)
+        let generation = u64::from(self.state.generation);
+        stream_of_search(self.seed, self.number, generation, purpose)
     }
 }
 

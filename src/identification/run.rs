@@ -2,19 +2,21 @@
 //!
 //! A run goes on in units ([`Run::advance`]) and can be saved after any of them and resumed with
 //! the same bits. The look ahead belongs to the first unit. The analysis takes as many units as its
-//! refits ask for; those that are done are part of the checkpoint. Other nodes may do some of them
-//! ([`Run::help`]), and whoever has the run takes them over ([`Run::take_refits`]), with the same bits.
+//! refits ask for; those that are done are part of the checkpoint. Other nodes may do some of them, and searches
+//! ahead of the one at work ([`Run::help`]); whoever has the run takes them over ([`Run::take_parts`]), with
+//! the same bits.
 
 use super::IdentificationError;
 use crate::estimation::{
-    self, Advance, Estimation, Finding, Observer, Phase, Problem, Progress, StopReason,
+    self, Advance, Estimation, Finding, Observer, Phase, Problem, Progress, SearchNews, Share,
+    StopReason,
 };
 use crate::job::assemble::{self, Assembly, Origin};
 use crate::job::{JobSpec, Outcome};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::uncertainty::identifiability::FlatDirection;
-use crate::uncertainty::refits::{Done, Refit, Share};
+use crate::uncertainty::refits::{Done, Refit};
 use crate::uncertainty::{self, Conclusion, Refits};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -95,8 +97,40 @@ pub struct Checkpoint {
     refits: Done,
 }
 
+/// What one node did of a run and another takes over.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// A refit of the analysis.
+    Refit(Refit),
+    /// Something of a search.
+    Search(SearchNews),
+}
+
+impl Part {
+    fn of_search(news: SearchNews) -> (String, Part) {
+        (news.name(), Part::Search(news))
+    }
+
+    /// Whether it is a refit.
+    #[must_use]
+    pub fn is_refit(&self) -> bool {
+        matches!(self, Part::Refit(_))
+    }
+
+    /// The generations that it has.
+    #[must_use]
+    pub fn generations(&self) -> usize {
+        match self {
+            Part::Refit(_) => 0,
+            Part::Search(news) => news.generations(),
+        }
+    }
+}
+
 /// Refits of one unit of the analysis at the most.
 const REFITS_OF_UNIT: u32 = 64;
+
 /// Refits of an analysis as they come where other nodes do some: first the own share, then those that
 /// others come to last, then all that are left.
 #[derive(Clone, Copy, Debug)]
@@ -263,11 +297,18 @@ impl Run {
         let Some(report) = self.estimation.report(&self.problem, None) else {
             return Advance::Finished;
         };
-        let refits = Refits::from(std::mem::take(&mut self.refits), REFITS_OF_UNIT);
+        let at_most = self
+            .sharing
+            .map_or(REFITS_OF_UNIT, |sharing| sharing.at_most);
+        let refits = Refits::from(std::mem::take(&mut self.refits), at_most);
         self.conclusion =
             uncertainty::conclude(&self.problem, &report, &self.request, &refits, stop);
         let is_cut = refits.is_cut();
         self.keep(refits);
+        if let Some(sharing) = &mut self.sharing {
+            // What follows from the refits may ask for others.
+            sharing.done = 0;
+        }
         match self.conclusion {
             Some(_) => Advance::Finished,
             None if is_cut => Advance::Working,
@@ -295,15 +336,19 @@ impl Run {
         n_new
     }
 
-    /// Whether other nodes may do some of what is left: the analysis has many refits that do not depend
-    /// on each other.
+    /// Whether other nodes may do some of what is left: searches follow the one at work, or the analysis has
+    /// many refits that do not depend on each other.
     #[must_use]
     pub fn is_shareable(&self) -> bool {
-        self.findings.is_none()
-            && self.refusal.is_none()
-            && self.conclusion.is_none()
-            && self.estimation.phase() == Phase::Analyse
-            && self.request.settings.has_independent_refits()
+        self.has_refits_to_share()
+            || self.findings.is_none() && self.estimation.has_searches_ahead()
+    }
+
+    fn has_refits_to_share(&self) -> bool {
+        let asked = &self.request;
+        let has_many = asked.settings.has_independent_refits() || !asked.effects.is_empty();
+        let is_at_them = self.refusal.is_none() && self.conclusion.is_none();
+        has_many && is_at_them && self.estimation.phase() == Phase::Analyse
     }
 
     /// Has refits of a share come first, because other nodes begin with the other shares, and so many in a
@@ -317,25 +362,40 @@ impl Run {
         });
     }
 
-    /// Takes over refits that another node did.
-    pub fn take_refits(&mut self, refits: impl IntoIterator<Item = (String, Refit)>) {
-        self.refits.extend(refits);
-    }
-
-    /// The refits that were done here since this was asked for.
-    pub fn new_refits(&mut self) -> Vec<(String, Refit)> {
-        let names = std::mem::take(&mut self.new_refits);
-        let known = |name: String| self.refits.get(&name).cloned().map(|refit| (name, refit));
-        names.into_iter().filter_map(known).collect()
-    }
-
-    /// Does so many refits of a share at the most for the node that has the run. Nothing is left of it, or
-    /// can be done yet, where it answers none.
-    pub fn help(&mut self, share: Share, at_most: u32, stop: &AtomicBool) -> Vec<(String, Refit)> {
-        if self.is_shareable() {
-            self.refit((share, false), at_most, stop);
+    /// Takes over what another node did.
+    pub fn take_parts(&mut self, parts: impl IntoIterator<Item = (String, Part)>) {
+        for (name, part) in parts {
+            match part {
+                Part::Refit(refit) => {
+                    self.refits.insert(name, refit);
+                }
+                Part::Search(news) => self.estimation.hear(news),
+            }
         }
-        self.new_refits()
+    }
+
+    /// What others are to know of that was done here since this was asked for.
+    pub fn new_parts(&mut self) -> Vec<(String, Part)> {
+        let names = std::mem::take(&mut self.new_refits);
+        let refit = |name: String| {
+            let refit = self.refits.get(&name).cloned()?;
+            Some((name, Part::Refit(refit)))
+        };
+        let refits: Vec<_> = names.into_iter().filter_map(refit).collect();
+        let news = self.estimation.news().map(Part::of_search);
+        refits.into_iter().chain(news).collect()
+    }
+
+    /// Does so many refits or generations of a share at the most for the node that has the run. Nothing is
+    /// left of it, or can be done yet, where it answers none.
+    pub fn help(&mut self, share: Share, at_most: u32, stop: &AtomicBool) -> Vec<(String, Part)> {
+        if self.has_refits_to_share() {
+            self.refit((share, false), at_most, stop);
+            return self.new_parts();
+        }
+        let problem = &self.problem;
+        let news = self.estimation.help(problem, (share, at_most), stop);
+        news.map(Part::of_search).into_iter().collect()
     }
 
     /// The outcome: final when the run has finished, else, with why it was `stopped`, the best so

@@ -1,13 +1,12 @@
 //! What a program asks for is done as a client's job is, and refused in the same words.
 
 use super::*;
-use crate::estimation::{Advance, GenerationRow, Observer, StopReason};
+use crate::estimation::{Advance, GenerationRow, Observer, Share, StopReason};
 use crate::job::Outcome;
 use crate::job::outcome::Trust;
 use crate::model::Model;
 use crate::recording::Recording;
-use crate::uncertainty::refits::Share;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -210,8 +209,28 @@ fn an_experiment_that_only_validates_starts_where_it_starts() {
     assert!(validated < 1.5 * estimated, "{validated} after {estimated}");
 }
 
-/// A run that has come to its analysis, saved.
-fn at_analysis(mut run: Run) -> Checkpoint {
+/// An identification of the carriage of which a document says more.
+fn asked(more: &Value) -> Identification {
+    let mut job = json!({
+        "model": "positioning_drive",
+        "experiments": [{}],
+        "parameters": {
+            "mass": {"estimate": {"lower": 0.5, "upper": 10.0}},
+            "viscous_friction": {"estimate": {"lower": 0.1, "upper": 20.0}},
+            "coulomb_friction": {"estimate": {"lower": 1.0, "upper": 500.0}},
+            "offset": {"value": 0.0}
+        },
+        "outputs": {"position": {"noise_std": 1e-3}},
+        "seed": 7
+    });
+    for (section, said) in more.as_object().into_iter().flatten() {
+        job[section] = said.clone();
+    }
+    Identification::of_job(job, carriage(2.0))
+}
+
+/// A run that has come to where others can help with it, saved.
+fn once_shareable(mut run: Run) -> Checkpoint {
     let stop = AtomicBool::new(false);
     while !run.is_shareable() {
         assert_eq!(run.advance(&stop, &mut ()), Advance::Working);
@@ -219,36 +238,89 @@ fn at_analysis(mut run: Run) -> Checkpoint {
     run.checkpoint()
 }
 
+/// What a run reports of its generations; one that was simulated again is reported of again.
+#[derive(Default)]
+struct Generations(Vec<GenerationRow>);
+
+impl Observer for Generations {
+    fn generation(&mut self, row: &GenerationRow) {
+        self.0.push(GenerationRow {
+            simulated: Vec::new(),
+            ..row.clone()
+        });
+    }
+}
+
+/// How a run and one that helps with it take turns: units of the one, then of the other.
+const TURNS: [(usize, usize); 3] = [(1, 1), (5, 1), (1, 7)];
+
 #[test]
-fn an_analysis_that_is_shared_comes_to_the_bits_of_one_that_is_not() {
-    for uncertainty in [
-        json!({"intervals": "bootstrap", "bootstrap_samples": 150}),
-        json!({"intervals": "profile", "monte_carlo_samples": 120}),
+fn a_run_that_is_shared_comes_to_the_bits_of_one_that_is_not() {
+    let searches = |name: &str| json!({"name": name, "restarts": 6, "stagnation_generations": 4});
+    let stop = AtomicBool::new(false);
+    for what in [
+        json!({"uncertainty": {"intervals": "bootstrap", "bootstrap_samples": 60}}),
+        json!({"uncertainty": {"intervals": "profile", "monte_carlo_samples": 40}}),
+        json!({"model_search": {"effects": ["coulomb_friction", "offset"]}}),
+        json!({"method": searches("icra_genetic")}),
+        json!({"method": searches("differential_evolution")}),
+        json!({"method": searches("cma_es")}),
     ] {
-        let settings = serde_json::from_value(uncertainty.clone()).expect("settings");
-        let asked = identification(carriage(2.0)).uncertainty(&settings);
-        let checkpoint = at_analysis(asked.begin().expect("a run"));
-        let (spec, model) = asked.specification().expect("a specification");
+        let checkpoint = once_shareable(asked(&what).begin().expect("a run"));
+        let (spec, model) = asked(&what).specification().expect("a specification");
         let recordings = [carriage(2.0)];
         let resumed =
             || Run::resume(&spec, &model, &recordings, checkpoint.clone()).expect("a run");
-        let stop = AtomicBool::new(false);
-        let alone = resumed().finish(&stop, &mut ()).expect("an outcome");
-
-        let (mut run, mut helper) = (resumed(), resumed());
-        let (mut n_helped, mut n_done) = (0, 0);
-        while run.is_shareable() {
-            run.share(Share { index: 0, of: 2 }, 8);
-            let helped = helper.help(Share { index: 1, of: 2 }, 8, &stop);
-            n_helped += helped.len();
-            run.take_refits(helped);
-            run.advance(&stop, &mut ());
-            let done = run.new_refits();
-            n_done += done.len();
-            helper.take_refits(done);
+        let mut seen_alone = Generations::default();
+        let alone = resumed().finish(&stop, &mut seen_alone);
+        let alone = in_bits(alone.expect("an outcome"));
+        for turns in TURNS {
+            let mut seen = Generations::default();
+            let (shared, n_helped) = together((resumed(), resumed()), turns, &mut seen);
+            assert!(in_bits(shared) == alone, "{what} {turns:?}");
+            let rows = |seen: &Generations| format!("{:?}", seen.0);
+            assert!(rows(&seen) == rows(&seen_alone), "{what} {turns:?}");
+            assert!(n_helped > 0, "{what} {turns:?}");
         }
-        let shared = run.outcome(None, &stop).expect("an outcome");
-        assert_eq!(shared, Some(alone), "{uncertainty}");
-        assert!(n_helped > 40 && n_done > 40, "{n_helped} and {n_done}");
     }
+}
+
+/// All of an outcome but how many candidates were remembered: whoever goes on elsewhere remembers none.
+fn in_bits(mut outcome: Outcome) -> Outcome {
+    outcome.search.distinct_evaluations = 0;
+    outcome
+}
+
+/// What a run comes to with one that helps, and the parts that this one did.
+fn together(
+    (mut run, mut helper): (Run, Run),
+    turns: (usize, usize),
+    seen: &mut Generations,
+) -> (Outcome, usize) {
+    let stop = AtomicBool::new(false);
+    let shares = [1, 0].map(|index| Share { index, of: 2 });
+    let mut n_helped = 0;
+    loop {
+        for _ in 0..turns.1 {
+            let mut helped = shares.iter().map(|share| helper.help(*share, 8, &stop));
+            let helped = helped.find(|parts| !parts.is_empty()).unwrap_or_default();
+            n_helped += helped.len();
+            run.take_parts(through_json(helped));
+        }
+        for _ in 0..turns.0 {
+            run.share(Share { index: 0, of: 2 }, 8);
+            let advance = run.advance(&stop, seen);
+            helper.take_parts(through_json(run.new_parts()));
+            if advance == Advance::Finished {
+                let outcome = run.outcome(None, &stop).expect("no fault");
+                return (outcome.expect("an outcome"), n_helped);
+            }
+        }
+    }
+}
+
+/// As it comes to another node.
+fn through_json(parts: Vec<(String, Part)>) -> Vec<(String, Part)> {
+    let written = serde_json::to_string(&parts).expect("JSON");
+    serde_json::from_str(&written).expect("what was written")
 }

@@ -7,6 +7,7 @@ pub mod eigenvalues;
 mod elementary;
 pub mod inequalities;
 pub mod interpolation;
+pub mod json;
 pub mod lanes;
 pub mod least_squares;
 pub mod normal;

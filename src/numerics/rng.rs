@@ -42,10 +42,17 @@ pub enum Purpose {
 /// The stream of a seed, a generation and a purpose.
 #[must_use]
 pub fn stream(seed: u64, generation: u64, purpose: Purpose) -> impl Rng {
+    stream_of_search(seed, 0, generation, purpose)
+}
+
+/// The same for one of several searches, counted from 0: what one draws does not depend on the others.
+#[must_use]
+pub fn stream_of_search(seed: u64, search: u32, generation: u64, purpose: Purpose) -> impl Rng {
     let mut key = [0; 32];
     key[..8].copy_from_slice(&seed.to_le_bytes());
     key[8..16].copy_from_slice(&generation.to_le_bytes());
     key[16..24].copy_from_slice(&(purpose as u64).to_le_bytes());
+    key[24..28].copy_from_slice(&search.to_le_bytes());
     ChaCha12Rng::from_seed(key)
 }
 

@@ -87,6 +87,34 @@ pub enum StoreError {
         /// Where it is.
         database: String,
     },
+    /// The database is of a newer program, and this one cannot work with it.
+    #[error(
+        "the database {database} has the schema {schema}, with which servers of the schema {oldest} or a newer \
+         one can work; this one is of {own}: use a newer greybox"
+    )]
+    TooNew {
+        /// Where it is.
+        database: String,
+        /// Its schema.
+        schema: i64,
+        /// The oldest that can work with it.
+        oldest: i64,
+        /// That of this program.
+        own: i64,
+    },
+    /// Servers that are too old work with the database that is to be brought up to date.
+    #[error(
+        "the database {database} is to be brought from the schema {schema} to {own}, which the servers that work \
+         with it cannot work with: stop all of them first"
+    )]
+    InTheWay {
+        /// Where it is.
+        database: String,
+        /// Its schema.
+        schema: i64,
+        /// That of this program.
+        own: i64,
+    },
     /// A database that is to be copied into has something.
     #[error("the database {0} is not empty")]
     NotEmpty(String),

@@ -35,7 +35,7 @@ mod recent;
 mod results;
 mod retention;
 mod sessions;
-mod shared_refits;
+mod shared_parts;
 mod slices;
 mod stop_request;
 mod streams;
@@ -75,7 +75,7 @@ pub use opening::{DatabasePlace, DatabaseSettings};
 pub use queue::{QUEUE, SliceOfJob, project_of, queue_of};
 pub use quotas::Quotas;
 pub use retention::{Retention, Tidied};
-pub use shared_refits::SharedRefit;
+pub use shared_parts::SharedPart;
 pub use slices::{Begin, Ending, HandedOn, Hold, Lease, Record, Reported, Slice};
 pub use stop_request::StopRequest;
 pub use streams::{

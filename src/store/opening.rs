@@ -86,6 +86,15 @@ pub(super) struct Shared {
 }
 
 impl Shared {
+    /// Reached so, by one that says nothing of itself.
+    #[cfg(test)]
+    pub(super) fn of(options: PgConnectOptions) -> Self {
+        Self {
+            options: Box::new(options),
+            beat: Duration::MAX,
+        }
+    }
+
     /// How it is reached.
     pub(super) fn options(&self) -> &PgConnectOptions {
         &self.options
@@ -162,12 +171,12 @@ impl Opened {
         settings: &DatabaseSettings,
         [writes, reads]: [Use; 2],
     ) -> Result<Self, StoreError> {
+        postgres::migrate(options, &settings.place).await?;
         let joined = postgres::join(options).await?;
         let joined = joined.ok_or_else(|| StoreError::Locked {
             database: settings.place.to_string(),
         })?;
         let writer_pool = postgres::pool(options, WRITERS, writes).await?;
-        postgres::migrate(options, &writer_pool).await?;
         let readers = postgres::pool(options, settings.readers, reads).await?;
         drop(joined);
         Ok(Self {

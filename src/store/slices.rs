@@ -15,8 +15,8 @@ use super::nodes::{SUSPECT_FROM, wait_after};
 use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{
-    Change, Checkpoint, NewCandidates, SharedRefit, Store, StoreError, candidates, checkpoints,
-    events, generations, queue, quotas, results, shared_refits, webhooks,
+    Change, Checkpoint, NewCandidates, SharedPart, Store, StoreError, candidates, checkpoints,
+    events, generations, queue, quotas, results, shared_parts, webhooks,
 };
 use crate::job::{Event, Failure, GenerationEvent, JobId, Progress, Status};
 
@@ -120,8 +120,8 @@ pub struct Record {
     pub checkpoint: Option<Checkpoint>,
     /// Time worked, at the end of a slice `[ms]`.
     pub worked_ms: u64,
-    /// Refits of an analysis that other nodes help with.
-    pub refits: Vec<SharedRefit>,
+    /// What was done that other nodes are to know of.
+    pub parts: Vec<SharedPart>,
     /// Whether other nodes may help with what is left, at the end of a slice.
     pub is_shared: bool,
 }
@@ -394,10 +394,10 @@ async fn write_record(tx: &mut Tx, lease: Lease, record: Record) -> Result<Hold,
     if let Some(new) = &record.candidates {
         candidates::insert(tx, lease.job, new).await?;
     }
-    shared_refits::insert(tx, lease.job, &record.refits).await?;
+    shared_parts::insert(tx, lease.job, &record.parts).await?;
     if let Some(checkpoint) = &record.checkpoint {
         checkpoints::put(tx, lease.job, checkpoint).await?;
-        shared_refits::set_shared(tx, lease.job, record.is_shared).await?;
+        shared_parts::set_shared(tx, lease.job, record.is_shared).await?;
     }
     tx.announce(Change::Job(lease.job));
     Ok(Hold::Kept)
@@ -463,7 +463,7 @@ pub(super) async fn change_status(
     events::insert(tx, id, last_event - n_events + 1, reported).await?;
     if to.is_terminal() {
         checkpoints::forget(tx, id).await?;
-        shared_refits::forget(tx, id).await?;
+        shared_parts::forget(tx, id).await?;
         metrics::counter!("greybox_jobs_ended_total", "status" => to.as_str()).increment(1);
         webhooks::tell_of_end(tx, id).await?;
     }

@@ -8,7 +8,7 @@
 //! refits are, for whoever does it in earnest.
 
 use crate::estimation::problem::Problem;
-use crate::estimation::refine;
+use crate::estimation::{Share, refine};
 use crate::simulation::Accuracy;
 use serde::{Deserialize, Serialize};
 use std::borrow::Borrow;
@@ -31,28 +31,19 @@ pub type Done = BTreeMap<String, Refit>;
 
 /// Refits that do not depend on each other, as their names begin. The next part of the name says which
 /// belong together.
-const INDEPENDENT: [&str; 3] = ["bootstrap", "monte_carlo", "profile"];
+const INDEPENDENT: [&str; 4] = ["bootstrap", "effects", "monte_carlo", "profile"];
+/// Those of them that have to be known, all that belong together, before the analysis goes on.
+const AWAITED: &str = "effects/";
 
-/// One of the shares into which independent refits are divided.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Share {
-    /// Which, from 0.
-    pub index: u32,
-    /// Of how many.
-    pub of: u32,
-}
-
-impl Share {
-    /// Whether a refit belongs to it; nothing where it is not independent of others.
-    fn has(self, name: &str) -> Option<bool> {
-        let mut parts = name.split('/');
-        let (kind, which) = (parts.next()?, parts.next()?);
-        INDEPENDENT.contains(&kind).then(|| {
-            let mut hasher = DefaultHasher::new();
-            (kind, which).hash(&mut hasher);
-            hasher.finish() % u64::from(self.of.max(1)) == u64::from(self.index)
-        })
-    }
+/// Whether a refit belongs to a share; nothing where it is not independent of others.
+fn is_of(share: Share, name: &str) -> Option<bool> {
+    let mut parts = name.split('/');
+    let (kind, which) = (parts.next()?, parts.next()?);
+    INDEPENDENT.contains(&kind).then(|| {
+        let mut hasher = DefaultHasher::new();
+        (kind, which).hash(&mut hasher);
+        share.has(hasher.finish())
+    })
 }
 
 /// The refits of one analysis.
@@ -88,8 +79,9 @@ impl Refits {
     }
 
     /// The same, of which only those of a share are done; the rest of the independent ones is taken for
-    /// such as could not be fitted. Those that others follow from are done where `alone` says so, else they
-    /// have to be known: without them the analysis ends.
+    /// such as could not be fitted, or ends the analysis where it is needed to go on. Those that others
+    /// follow from are done where `alone` says so, else they have to be known: without them the analysis
+    /// ends.
     #[must_use]
     pub fn of(self, share: Share, alone: bool) -> Refits {
         Refits {
@@ -123,12 +115,13 @@ impl Refits {
             return Some(known.clone());
         }
         if let Some((share, alone)) = self.share
-            && !share.has(&name).or(alone.then_some(true))?
+            && !is_of(share, &name).or(alone.then_some(true))?
         {
-            return Some(Refit {
+            let missing = Refit {
                 positions: Vec::new(),
                 cost: None,
-            });
+            };
+            return (!name.starts_with(AWAITED)).then_some(missing);
         }
         let take_one = |left: u32| left.checked_sub(1);
         let one = self
@@ -167,24 +160,25 @@ mod tests {
         let names: Vec<String> = (0..1000).map(|k| format!("bootstrap/{k}")).collect();
         for name in &names {
             let have = (0..3).filter(|index| {
-                Share {
+                let share = Share {
                     index: *index,
                     of: 3,
-                }
-                .has(name)
-                    == Some(true)
+                };
+                is_of(share, name) == Some(true)
             });
             assert_eq!(have.count(), 1, "{name}");
         }
         let first = Share { index: 0, of: 3 };
         let own = names
             .iter()
-            .filter(|name| first.has(name) == Some(true))
+            .filter(|name| is_of(first, name) == Some(true))
             .count();
         assert!((250..420).contains(&own), "{own}");
         // One step of a profile follows from the one before.
-        assert_eq!(first.has("profile/2/5e-1"), first.has("profile/2/6e-1"));
-        assert_eq!(first.has("reweighted/1"), None);
-        assert_eq!(first.has("coarse with drag"), None);
+        assert_eq!(
+            is_of(first, "profile/2/5e-1"),
+            is_of(first, "profile/2/6e-1")
+        );
+        assert_eq!(is_of(first, "reweighted/1"), None);
     }
 }

@@ -189,9 +189,12 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// Fits the models with each of these sets of effects.
+    /// Fits the models with each of these sets of effects. Where one is missing the others are fitted all
+    /// the same.
     fn fit_all(&self, models: Vec<Vec<String>>) -> Option<Vec<Fitted>> {
-        models.par_iter().map(|effects| self.fit(effects)).collect()
+        let fits: Vec<Option<Fitted>> =
+            models.par_iter().map(|effects| self.fit(effects)).collect();
+        fits.into_iter().collect()
     }
 
     fn fit(&self, effects: &[String]) -> Option<Fitted> {
@@ -202,7 +205,7 @@ impl Bench<'_> {
         let kept = all.filter(|(own, _)| !is_left_out(&own.name));
         let start = kept.map(|(_, position)| *position).collect();
         let refit = |kind: &str, of: (&Problem, Vec<f64>), accuracy| {
-            let name = format!("{kind} with {}", effects.join(", "));
+            let name = format!("effects/{}/{kind}", effects.join(", "));
             self.refits.descend(name, || of, accuracy, self.stop)
         };
         let coarse = refit("coarse", (&problem, start), Accuracy::Screening)?;

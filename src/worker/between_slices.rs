@@ -18,6 +18,8 @@ pub(super) struct Left {
     pub(super) run: Box<dyn Run>,
     /// Which of its candidates are stored.
     pub(super) candidates: Candidates,
+    /// The number of the last part of other nodes that the run has.
+    pub(super) heard: i64,
 }
 
 /// The runs between two slices. Cheap to clone.

@@ -7,12 +7,12 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::run::{Run, Share};
-use crate::store::SharedRefit;
+use crate::store::SharedPart;
 
 /// What a unit of work should take that is shared: others are told after each what was done.
 const UNIT: Range<Duration> = Duration::from_millis(200)..Duration::from_millis(800);
 
-/// How many refits a unit has, so that it takes about as long as it should.
+/// How many pieces of work, refits or generations, a unit has, so that it takes about as long as it should.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pace(u32);
 
@@ -23,14 +23,14 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// Refits of the next unit at the most.
+    /// Pieces of the next unit at the most.
     pub(super) fn at_most(self) -> u32 {
         self.0
     }
 
-    /// Notes how many refits a unit had and how long it took.
-    pub(super) fn note(&mut self, refits: usize, took: Duration) {
-        let was_full = refits >= self.0 as usize;
+    /// Notes how many pieces a unit had and how long it took.
+    pub(super) fn note(&mut self, pieces: usize, took: Duration) {
+        let was_full = pieces >= self.0 as usize;
         if took > UNIT.end {
             self.0 = (self.0 / 2).max(1);
         } else if was_full && took < UNIT.start {
@@ -55,16 +55,25 @@ struct State {
     is_wanted: bool,
     /// Which share of what is left is this node's.
     own: Option<Share>,
-    came: Vec<SharedRefit>,
+    came: Vec<SharedPart>,
+    /// The number of the last part that came, and of the last that the run has.
+    last: i64,
+    heard: i64,
     pace: Pace,
 }
 
 impl Exchange {
-    pub(super) fn new(has_others: bool, can_begin: bool) -> Self {
+    /// For a run that has the parts up to a number.
+    pub(super) fn new(has_others: bool, can_begin: bool, heard: i64) -> Self {
+        let state = State {
+            last: heard,
+            heard,
+            ..State::default()
+        };
         Self {
             has_others,
             can_begin,
-            state: Mutex::default(),
+            state: Mutex::new(state),
         }
     }
 
@@ -83,7 +92,8 @@ impl Exchange {
         }
         let mut state = self.state();
         state.is_wanted = true;
-        run.take_refits(std::mem::take(&mut state.came));
+        run.take_parts(std::mem::take(&mut state.came));
+        state.heard = state.last;
         if let Some(own) = state.own {
             run.share(own, state.pace.at_most());
         }
@@ -91,26 +101,33 @@ impl Exchange {
     }
 
     /// What the run did in a unit that took so long, for others.
-    pub(super) fn take(&self, run: &mut dyn Run, took: Duration) -> Vec<SharedRefit> {
-        let refits = run.new_refits();
+    pub(super) fn take(&self, run: &mut dyn Run, took: Duration) -> Vec<SharedPart> {
+        let parts = run.new_parts();
         let mut state = self.state();
         if state.is_wanted {
-            state.pace.note(refits.len(), took);
+            state.pace.note(parts.len(), took);
         }
         drop(state);
-        if self.has_others { refits } else { Vec::new() }
+        if self.has_others { parts } else { Vec::new() }
     }
 
-    /// Whether the computation takes what others did.
-    pub(super) fn is_wanted(&self) -> bool {
-        self.state().is_wanted
+    /// The number of the last part that came, where the computation takes what others did.
+    pub(super) fn wanted_after(&self) -> Option<i64> {
+        let state = self.state();
+        state.is_wanted.then_some(state.last)
     }
 
-    /// Brings what others did, and which share is this node's.
-    pub(super) fn bring(&self, refits: Vec<SharedRefit>, own: Option<Share>) {
+    /// Brings what others did, up to the part with a number, and which share is this node's.
+    pub(super) fn bring(&self, (parts, last): (Vec<SharedPart>, i64), own: Option<Share>) {
         let mut state = self.state();
-        state.came.extend(refits);
+        state.came.extend(parts);
+        state.last = last;
         state.own = own;
+    }
+
+    /// The number of the last part that the run has.
+    pub(super) fn heard(&self) -> i64 {
+        self.state().heard
     }
 }
 
@@ -119,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn units_of_quick_refits_have_many_and_of_slow_ones_few() {
+    fn units_of_quick_pieces_have_many_and_of_slow_ones_few() {
         let settled = |of_one: Duration| {
             let mut pace = Pace::default();
             for _ in 0..40 {

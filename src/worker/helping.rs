@@ -1,7 +1,7 @@
 //! Helps with what other nodes analyse, while this one has nothing to do.
 //!
-//! A helper resumes the job's run from its checkpoint as the next slice would, does refits of one share
-//! after the other and writes them; the node that works the job takes them over. It holds no right to the
+//! A helper resumes the job's run from its checkpoint as the next slice would, does refits of an analysis or
+//! searches ahead of the one at work, of one share after the other, and writes them; the node that works the job takes them over. It holds no right to the
 //! job: whatever becomes of a helper, the job comes to the same bits.
 
 use std::sync::Arc;
@@ -12,11 +12,11 @@ use tokio_util::sync::CancellationToken;
 
 use super::exchange::Pace;
 use super::places::Place;
-use super::run::{Assignment, Run, Share};
+use super::run::{Assignment, Helped, Run, Share};
 use super::slice::SliceWorker;
 use crate::event::EventHub;
 use crate::job::JobId;
-use crate::store::{SharedRefit, StoreError};
+use crate::store::{SharedPart, StoreError};
 
 /// How soon it is looked again where nobody wants help, and where there was none to give.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
@@ -89,7 +89,7 @@ async fn help_one(
 /// What a helper is to do.
 struct Asked {
     /// What others did meanwhile.
-    came: Vec<SharedRefit>,
+    came: Vec<SharedPart>,
     share: Share,
     at_most: u32,
 }
@@ -111,7 +111,7 @@ impl Helper<'_> {
         let store = &self.slices.store;
         let (mut known, mut shares_done, mut pace) = (0, 0, Pace::default());
         while let Some((index, of)) = store.share().filter(|(_, of)| shares_done < *of) {
-            let (came, last) = store.shared_refits(self.id, known).await?;
+            let (came, last) = store.shared_parts(self.id, known).await?;
             known = last;
             let share = Share {
                 index: (index + shares_done) % of,
@@ -123,16 +123,19 @@ impl Helper<'_> {
                 at_most: pace.at_most(),
             };
             let begun = Instant::now();
-            let Some((again, refits)) = self.compute(run, asked, closing).await else {
+            let Some((again, helped)) = self.compute(run, asked, closing).await else {
                 break;
             };
             run = again;
-            pace.note(refits.len(), begun.elapsed());
-            if refits.is_empty() {
+            pace.note(helped.refits + helped.generations, begun.elapsed());
+            if helped.parts.is_empty() {
                 shares_done += 1;
-            } else if !store.help_with(self.id, refits).await? {
+            } else if !store.help_with(self.id, helped.parts).await? {
                 break;
             }
+            let counter = |name, number: usize| metrics::counter!(name).increment(number as u64);
+            counter("greybox_refits_for_others_total", helped.refits);
+            counter("greybox_generations_for_others_total", helped.generations);
             if self.stop.load(Ordering::Relaxed) {
                 break;
             }
@@ -141,19 +144,19 @@ impl Helper<'_> {
         Ok(())
     }
 
-    /// Does some refits on a blocking thread; raises the flag when the place is wanted. Nothing where the
+    /// Does something on a blocking thread; raises the flag when the place is wanted. Nothing where the
     /// computation broke.
     async fn compute(
         &self,
         mut run: Box<dyn Run>,
         asked: Asked,
         closing: &CancellationToken,
-    ) -> Option<(Box<dyn Run>, Vec<SharedRefit>)> {
+    ) -> Option<(Box<dyn Run>, Helped)> {
         let stop = self.stop.clone();
         let mut computing = tokio::task::spawn_blocking(move || {
-            run.take_refits(asked.came);
-            let refits = run.help(asked.share, asked.at_most, &stop);
-            (run, refits)
+            run.take_parts(asked.came);
+            let helped = run.help(asked.share, asked.at_most, &stop);
+            (run, helped)
         });
         loop {
             tokio::select! {

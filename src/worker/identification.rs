@@ -6,13 +6,13 @@ use std::sync::atomic::AtomicBool;
 
 use serde_json::Value;
 
-use super::run::{Advance, Assignment, Row, Run, Share, StopReason, unread};
+use super::run::{Advance, Assignment, Helped, Row, Run, Share, StopReason, unread};
 use crate::estimation::{Finding, GenerationRow, Observer, RefinementRow};
-use crate::identification::{self, IdentificationError, Refit};
+use crate::identification::{self, IdentificationError, Part};
 use crate::job::{Candidate, CandidateColumn, Failure, Fault, GenerationEvent, JobSpec, Progress};
 use crate::model::Model;
 use crate::recording::Recording;
-use crate::store::{JobRow, SharedRefit};
+use crate::store::{JobRow, SharedPart};
 
 /// Begins the identification of a model's parameters from recordings, or resumes it where it was
 /// saved.
@@ -93,22 +93,27 @@ impl Run for IdentificationRun {
         self.run.share(own, at_most);
     }
 
-    fn take_refits(&mut self, refits: Vec<SharedRefit>) {
-        let read = refits
-            .into_iter()
-            .filter_map(|SharedRefit { name, refit }| {
-                // One that does not read back is done here.
-                Some((name, serde_json::from_str(&refit).ok()?))
-            });
-        self.run.take_refits(read);
+    fn take_parts(&mut self, parts: Vec<SharedPart>) {
+        let read = parts.into_iter().filter_map(|SharedPart { name, part }| {
+            // One that does not read back is done here.
+            Some((name, serde_json::from_str(&part).ok()?))
+        });
+        self.run.take_parts(read);
     }
 
-    fn new_refits(&mut self) -> Vec<SharedRefit> {
-        shared(self.run.new_refits())
+    fn new_parts(&mut self) -> Vec<SharedPart> {
+        shared(self.run.new_parts())
     }
 
-    fn help(&mut self, share: Share, at_most: u32, stop: &AtomicBool) -> Vec<SharedRefit> {
-        shared(self.run.help(share, at_most, stop))
+    fn help(&mut self, share: Share, at_most: u32, stop: &AtomicBool) -> Helped {
+        let parts = self.run.help(share, at_most, stop);
+        let generations = parts.iter().map(|(_, part)| part.generations()).sum();
+        let refits = parts.iter().filter(|(_, part)| part.is_refit()).count();
+        Helped {
+            parts: shared(parts),
+            refits,
+            generations,
+        }
     }
 
     fn outcome(
@@ -122,10 +127,10 @@ impl Run for IdentificationRun {
     }
 }
 
-fn shared(refits: Vec<(String, Refit)>) -> Vec<SharedRefit> {
-    let written = refits.into_iter().map(|(name, refit)| SharedRefit {
+fn shared(parts: Vec<(String, Part)>) -> Vec<SharedPart> {
+    let written = parts.into_iter().map(|(name, part)| SharedPart {
         name,
-        refit: serde_json::to_string(&refit).expect("a refit is JSON"),
+        part: serde_json::to_string(&part).expect("a part has only text keys"),
     });
     written.collect()
 }

@@ -12,7 +12,7 @@ use super::candidates::Candidates;
 use super::run::Row;
 use crate::estimation::Finding;
 use crate::job::{Event, GenerationEvent, Progress};
-use crate::store::{CandidatePage, Record, Reported, SharedRefit, Slice};
+use crate::store::{CandidatePage, Record, Reported, SharedPart, Slice};
 
 /// The least time between two `generation` events of a job: five a second.
 const GENERATION_EVENT_GAP: Duration = Duration::from_millis(200);
@@ -30,7 +30,7 @@ pub(super) struct Recorder {
     generations: Vec<GenerationEvent>,
     candidates: Candidates,
     events: Vec<Event>,
-    refits: Vec<SharedRefit>,
+    parts: Vec<SharedPart>,
     progress: Option<Progress>,
     /// Time that the job worked before this slice [s].
     worked_before: f64,
@@ -47,7 +47,7 @@ impl Recorder {
             generations: Vec::new(),
             candidates,
             events: Vec::new(),
-            refits: Vec::new(),
+            parts: Vec::new(),
             progress: None,
             worked_before: Duration::from_millis(slice.running_ms).as_secs_f64(),
         }
@@ -103,9 +103,9 @@ impl Recorder {
         }
     }
 
-    /// Takes in refits that other nodes are to know of.
-    pub(super) fn take_refits(&mut self, refits: Vec<SharedRefit>) {
-        self.refits.extend(refits);
+    /// Takes in what other nodes are to know of.
+    pub(super) fn take_parts(&mut self, parts: Vec<SharedPart>) {
+        self.parts.extend(parts);
     }
 
     /// Notes how far the run came after `worked` of this slice.
@@ -159,7 +159,7 @@ impl Recorder {
             events: std::mem::take(&mut self.events),
             reported: self.reported,
             progress: self.progress.take(),
-            refits: std::mem::take(&mut self.refits),
+            parts: std::mem::take(&mut self.parts),
             ..Record::default()
         }
     }
@@ -181,7 +181,7 @@ mod tests {
             generations: Vec::new(),
             candidates: Candidates::new(0),
             events: Vec::new(),
-            refits: Vec::new(),
+            parts: Vec::new(),
             progress: None,
             worked_before: 10.0,
         }

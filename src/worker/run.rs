@@ -9,12 +9,12 @@ use std::sync::atomic::AtomicBool;
 use serde_json::Value;
 
 use crate::estimation::Finding;
-pub use crate::estimation::{Advance, StopReason};
-pub use crate::identification::Share;
+pub use crate::estimation::{Advance, Share, StopReason};
+
 use crate::job::event::DesignEvent;
 use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, Progress};
 use crate::recording::Recording;
-use crate::store::{JobRow, SharedRefit};
+use crate::store::{JobRow, SharedPart};
 
 /// Begins the runs of jobs.
 pub trait Method: Send + Sync + 'static {
@@ -52,6 +52,17 @@ pub(super) fn unread(error: &dyn std::error::Error) -> Failure {
     Failure::cannot_run(detail, Vec::new())
 }
 
+/// What was done for the node that has a run.
+#[derive(Debug, Default)]
+pub struct Helped {
+    /// What came of it; none where nothing was left to do.
+    pub parts: Vec<SharedPart>,
+    /// Refits of an analysis.
+    pub refits: usize,
+    /// Generations of searches.
+    pub generations: usize,
+}
+
 /// The run of one job.
 pub trait Run: Send {
     /// Does one unit of work. When `stop` is raised it may return at once, with nothing changed.
@@ -72,18 +83,18 @@ pub trait Run: Send {
     /// in a unit at the most.
     fn share(&mut self, _own: Share, _at_most: u32) {}
 
-    /// Takes over refits that other nodes did.
-    fn take_refits(&mut self, _refits: Vec<SharedRefit>) {}
+    /// Takes over what other nodes did.
+    fn take_parts(&mut self, _parts: Vec<SharedPart>) {}
 
-    /// The refits that were done here since this was asked for.
-    fn new_refits(&mut self) -> Vec<SharedRefit> {
+    /// What others are to know of that was done here since this was asked for.
+    fn new_parts(&mut self) -> Vec<SharedPart> {
         Vec::new()
     }
 
-    /// Does so many refits of a share at the most for the node that has the run; none where nothing is
-    /// left of it, or none can be done yet.
-    fn help(&mut self, _share: Share, _at_most: u32, _stop: &AtomicBool) -> Vec<SharedRefit> {
-        Vec::new()
+    /// Does so many refits or generations of a share at the most for the node that has the run; none where
+    /// nothing is left of it, or none can be done yet.
+    fn help(&mut self, _share: Share, _at_most: u32, _stop: &AtomicBool) -> Helped {
+        Helped::default()
     }
 
     /// The result: final when the run has finished, else the best so far, which is nothing before

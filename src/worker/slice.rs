@@ -17,7 +17,7 @@ use tokio::sync::mpsc;
 use tracing::Instrument as _;
 
 use super::active::{ActiveJob, ActiveJobs};
-use super::between_slices::{BetweenSlices, Left};
+use super::between_slices::BetweenSlices;
 use super::candidates::Candidates;
 use super::exchange::Exchange;
 use super::places::{Place, Places};
@@ -28,7 +28,7 @@ use crate::job::spec::design::DesignTask;
 use crate::job::{DatasetId, Failure, JobId, Progress};
 use crate::recording::Recording;
 use crate::span;
-use crate::store::{Begin, Hold, JobRow, Lease, SharedRefit, Slice, Store, StoreError};
+use crate::store::{Begin, Hold, JobRow, Lease, SharedPart, Slice, Store, StoreError};
 use conclusion::{Conclusion, broke};
 
 /// How often what a slice did is written.
@@ -126,8 +126,8 @@ enum Begun {
 /// What a unit of work left behind.
 struct Unit {
     rows: Vec<Row>,
-    /// Refits that other nodes are to know of.
-    refits: Vec<SharedRefit>,
+    /// What other nodes are to know of.
+    parts: Vec<SharedPart>,
     progress: Progress,
 }
 
@@ -186,18 +186,21 @@ impl SliceWorker {
         if slice.stop_request().is_some() {
             stop.store(true, Ordering::Relaxed);
         }
+        let left = self.between_slices.take(slice.lease);
+        let heard = left.as_ref().map_or(0, |left| left.heard);
         let current = Current {
             lease: slice.lease,
             started: Instant::now(),
             entry_taken,
             time_left: time_left(&slice),
             stop,
-            exchange: Arc::new(Exchange::new(self.store.share().is_some(), slice.is_shared)),
+            exchange: Arc::new(Exchange::new(
+                self.store.share().is_some(),
+                slice.is_shared,
+                heard,
+            )),
         };
-        let (run, candidates) = match self.between_slices.take(slice.lease) {
-            Some(Left { run, candidates }) => (Some(run), Some(candidates)),
-            None => (None, None),
-        };
+        let (run, candidates) = left.map(|left| (left.run, left.candidates)).unzip();
         let is_new = run.is_none();
         let candidates = candidates.unwrap_or_else(|| Candidates::new(self.max_candidates));
         let mut recorder = Recorder::new(&slice, candidates);
@@ -331,7 +334,6 @@ impl SliceWorker {
         let mut flush = tokio::time::interval_at(first, FLUSH_INTERVAL);
         let out_of_time = tokio::time::sleep(current.time_left.unwrap_or(Duration::MAX));
         tokio::pin!(out_of_time);
-        let mut known = 0;
         loop {
             tokio::select! {
                 unit = units.recv() => match unit {
@@ -344,8 +346,8 @@ impl SliceWorker {
                         current.stop.store(true, Ordering::Relaxed);
                         return written;
                     }
-                    if current.exchange.is_wanted() {
-                        known = self.bring(current, known).await?;
+                    if let Some(after) = current.exchange.wanted_after() {
+                        self.bring(current, after).await?;
                     }
                 }
                 () = &mut out_of_time, if !out_of_time.is_elapsed() => {
@@ -355,15 +357,15 @@ impl SliceWorker {
         }
     }
 
-    /// Brings the computation what other nodes did after the refit with a number; answers the last number.
-    async fn bring(&self, current: &Current, after: i64) -> Result<i64, StoreError> {
-        let brought = self.store.shared_refits(current.lease.job, after).await;
-        let (refits, last) = brought.inspect_err(|_| {
+    /// Brings the computation what other nodes did after the part with a number.
+    async fn bring(&self, current: &Current, after: i64) -> Result<(), StoreError> {
+        let brought = self.store.shared_parts(current.lease.job, after).await;
+        let brought = brought.inspect_err(|_| {
             current.stop.store(true, Ordering::Relaxed);
         })?;
         let own = self.store.share().map(|(index, of)| Share { index, of });
-        current.exchange.bring(refits, own);
-        Ok(last)
+        current.exchange.bring(brought, own);
+        Ok(())
     }
 
     /// Reads back which candidates are kept, beside a computation that has forgotten them.
@@ -395,7 +397,7 @@ fn take(recorder: &mut Recorder, unit: Unit, worked: Duration) {
     for row in unit.rows {
         recorder.take(row, now);
     }
-    recorder.take_refits(unit.refits);
+    recorder.take_parts(unit.parts);
     recorder.note(unit.progress, worked);
 }
 
@@ -419,7 +421,7 @@ fn advance(
         let advance = run.advance(stop, &mut |row| rows.push(row));
         let unit = Unit {
             rows,
-            refits: exchange.take(run, begun.elapsed()),
+            parts: exchange.take(run, begun.elapsed()),
             progress: run.progress(),
         };
         if units.blocking_send(unit).is_err() {

@@ -5,7 +5,7 @@ use futures_util::future::join_all;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
 use super::cluster;
@@ -22,6 +22,8 @@ const OPTIONS: Options = Options {
 const NODES: usize = 3;
 /// Of a recording that is fitted hundreds of times.
 const FEW_SAMPLES: usize = 200;
+/// Of one of which a generation takes milliseconds.
+const MANY_SAMPLES: usize = 20_000;
 const ROUNDS: usize = 14;
 const JOBS_PER_ROUND: usize = 2;
 /// How long a node stands still: longer than it takes to find it dead, and than the database waits for one
@@ -156,55 +158,94 @@ async fn a_job_is_paused_resumed_and_cancelled_through_any_node() {
     first.in_state(&id, "cancelled").await;
 }
 
-/// How many refits the nodes did for each other.
-async fn refits_for_others(nodes: &[Server]) -> f64 {
-    let mut refits = 0.0;
+/// How much the nodes did for each other.
+async fn done_for_others(nodes: &[Server], what: &str) -> f64 {
+    let mut done = 0.0;
     for node in nodes {
         let metrics = node.get("/metrics").send().await.expect("an answer");
         let metrics = metrics.text().await.expect("a text");
-        let mut lines = metrics.lines();
-        let own = lines.find_map(|line| line.strip_prefix("greybox_refits_for_others_total "));
-        refits += own.map_or(0.0, |count| count.parse().expect("a number"));
+        let own = metrics.lines().find_map(|line| {
+            let (name, count) = line.split_once(' ')?;
+            (name == format!("greybox_{what}_for_others_total")).then_some(count)
+        });
+        done += own.map_or(0.0, |count| count.parse().expect("a number"));
     }
-    refits
+    done
+}
+
+/// Works a job on three nodes, of which one dies when others have done something of it, and on one server
+/// alone.
+async fn together_and_alone(
+    job: impl Fn(&str) -> Value,
+    samples: usize,
+    what: &str,
+) -> Option<[(Server, String); 2]> {
+    let cluster = Cluster::start(cluster::new_database()?).await;
+    let first = &cluster.nodes[0];
+    let recording = plant::recording(samples);
+    let dataset = first.store(&recording).await;
+    let id = first.submit(&job(&dataset), "together").await;
+    let together = id.expect("an answer");
+    first.in_state(&together, "running").await;
+    // Whoever works it, the job goes on while one of its nodes dies.
+    let asked = Instant::now();
+    while done_for_others(&cluster.nodes, what).await == 0.0 {
+        assert!(asked.elapsed() < PATIENCE, "nobody helped");
+    }
+    let mut nodes = cluster.nodes;
+    nodes.pop().expect("a node").kill();
+    let node = nodes.pop().expect("a node");
+    node.ended(&together).await;
+
+    let calm = tempfile::tempdir().expect("a folder");
+    let server = Server::start(calm.path(), Options::new(2, 3600.0));
+    let dataset = server.store(&recording).await;
+    let alone = server.submit(&job(&dataset), "alone").await;
+    let alone = alone.expect("an answer");
+    server.ended(&alone).await;
+    Some([(node, together), (server, alone)])
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_analysis_that_nodes_do_together_comes_to_the_bits_of_one_alone() {
-    let Some(database) = cluster::new_database() else {
-        return;
-    };
-    let cluster = Cluster::start(database).await;
     let thorough = |dataset: &str| {
         let mut job = plant::job(dataset, 20, 1);
         job["uncertainty"] =
             json!({"intervals": "bootstrap", "bootstrap_samples": 100, "monte_carlo_samples": 100});
         job
     };
-    let first = &cluster.nodes[0];
-    let dataset = first.store(&plant::recording(FEW_SAMPLES)).await;
-    let job = thorough(&dataset);
-    let together = first.submit(&job, "together").await.expect("an answer");
-    first.in_state(&together, "running").await;
-    // Whoever works it, the job goes on while one of its nodes dies.
-    let asked = Instant::now();
-    while refits_for_others(&cluster.nodes).await == 0.0 {
-        assert!(asked.elapsed() < PATIENCE, "nobody helped");
-    }
-    let mut nodes = cluster.nodes;
-    nodes.pop().expect("a node").kill();
-    nodes[1].ended(&together).await;
-    let together = nodes[1].show(&format!("/v1/jobs/{together}/result")).await;
-
-    let calm = tempfile::tempdir().expect("a folder");
-    let server = Server::start(calm.path(), Options::new(2, 3600.0));
-    let dataset = server.store(&plant::recording(FEW_SAMPLES)).await;
-    let alone = server
-        .submit(&thorough(&dataset), "alone")
-        .await
-        .expect("an answer");
-    server.ended(&alone).await;
-    let alone = server.show(&format!("/v1/jobs/{alone}/result")).await;
+    let Some(both) = together_and_alone(thorough, FEW_SAMPLES, "refits").await else {
+        return;
+    };
+    let [together, alone] = both.map(|(server, id)| (server, format!("/v1/jobs/{id}/result")));
+    let together = together.0.show(&together.1).await;
+    let alone = alone.0.show(&alone.1).await;
     assert!(alone.to_string().contains("bootstrap"), "{alone}");
     assert_eq!(together["parameters"], alone["parameters"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn searches_that_nodes_do_together_come_to_the_bits_and_the_history_of_one_alone() {
+    let thorough = |dataset: &str| {
+        let mut job = plant::job(dataset, 150, 1);
+        job["method"]["restarts"] = json!(6);
+        job
+    };
+    let Some(both) = together_and_alone(thorough, MANY_SAMPLES, "generations").await else {
+        return;
+    };
+    let mut seen: Vec<[Value; 3]> = Vec::new();
+    for (server, id) in &both {
+        let result = server.show(&format!("/v1/jobs/{id}/result")).await;
+        let history = format!("/v1/jobs/{id}/generations?limit=1000");
+        let history = server.show(&history).await["items"].clone();
+        let rows = history.as_array().expect("rows").len();
+        assert!(rows >= 6 * 150, "{rows} generations");
+        seen.push([&result["parameters"], &result["searches"], &history].map(Value::clone));
+    }
+    assert!(
+        seen[0] == seen[1],
+        "{:?}",
+        seen.iter().map(|[found, ..]| found).collect::<Vec<_>>()
+    );
 }

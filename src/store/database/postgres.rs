@@ -1,5 +1,6 @@
 //! PostgreSQL: a server of its own, with which many nodes work.
 
+use std::fmt;
 use std::time::{Duration, Instant};
 
 use sqlx::migrate::Migrator;
@@ -10,6 +11,10 @@ use crate::store::StoreError;
 
 /// Its schema.
 pub(in crate::store) static SCHEMA: Migrator = sqlx::migrate!("./migrations/postgres");
+
+/// The oldest schema whose servers may be at work while the schema is brought up to date, and after: what
+/// came since only adds to it. The database says it too, in `schema_support`, to servers that are older.
+pub(in crate::store) const OLDEST_AT_WORK: i64 = 44;
 
 /// What all nodes hold together, and alone whoever needs the database for itself; any number that others
 /// do not use.
@@ -30,7 +35,7 @@ const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(10);
 pub(in crate::store) enum Use {
     Reads,
     Writes,
-    /// Reading and writing all there is, while no server works with the database.
+    /// Reading and writing all there is, while no server works with the database; also bringing its schema up to date.
     Copies,
 }
 
@@ -67,20 +72,89 @@ pub(in crate::store) async fn pool(
     Ok(pool)
 }
 
-/// Brings the schema up to date, that of the queue and ours, one node after the other.
+/// The schema of a database.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Found {
+    version: i64,
+    /// The oldest whose servers can work with it.
+    oldest: i64,
+}
+
+impl Found {
+    /// None of a new database.
+    async fn of(connection: &mut PgConnection) -> Result<Option<Found>, sqlx::Error> {
+        let (has_versions, has_support): (bool, bool) = sqlx::query_as(
+            "select to_regclass('_sqlx_migrations') is not null, \
+             to_regclass('schema_support') is not null",
+        )
+        .fetch_one(&mut *connection)
+        .await?;
+        if !has_versions {
+            return Ok(None);
+        }
+        let version: Option<i64> =
+            sqlx::query_scalar("select max(version) from _sqlx_migrations where success")
+                .fetch_one(&mut *connection)
+                .await?;
+        let Some(version) = version else {
+            return Ok(None);
+        };
+        let oldest = if has_support {
+            sqlx::query_scalar("select oldest from schema_support")
+                .fetch_one(connection)
+                .await?
+        } else {
+            version
+        };
+        Ok(Some(Found { version, oldest }))
+    }
+}
+
+/// Brings the schema up to date, that of the queue and ours, one node after the other. Servers of a schema
+/// that is a little older may be at work meanwhile; one that is newer is left as it is, where this one can
+/// work with it.
 pub(in crate::store) async fn migrate(
     options: &PgConnectOptions,
-    pool: &PgPool,
+    database: impl fmt::Display,
 ) -> Result<(), StoreError> {
     let mut turn = PgConnection::connect_with(options).await?;
     sqlx::query("select pg_advisory_lock($1)")
         .bind(MIGRATION)
         .execute(&mut turn)
         .await?;
+    let own = SCHEMA.iter().map(|migration| migration.version).max();
+    let own = own.unwrap_or(0);
+    let alone = match Found::of(&mut turn).await? {
+        Some(found) if found.version >= own => {
+            turn.close().await?;
+            return if found.oldest <= own {
+                Ok(())
+            } else {
+                Err(StoreError::TooNew {
+                    database: database.to_string(),
+                    schema: found.version,
+                    oldest: found.oldest,
+                    own,
+                })
+            };
+        }
+        Some(found) if found.version < OLDEST_AT_WORK => {
+            let alone = hold_alone(options).await?;
+            Some(alone.ok_or_else(|| StoreError::InTheWay {
+                database: database.to_string(),
+                schema: found.version,
+                own,
+            })?)
+        }
+        Some(_) | None => None,
+    };
+    let pool = pool(options, 2, Use::Copies).await?;
     riverqueue::migrate::PostgresMigrator::new(pool.clone())
         .migrate_up()
         .await?;
-    SCHEMA.run(pool).await?;
+    SCHEMA.run(&pool).await?;
+    pool.close().await;
+    drop(alone);
     turn.close().await?;
     Ok(())
 }

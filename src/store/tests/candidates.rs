@@ -122,7 +122,7 @@ async fn a_slice_that_lost_its_job_keeps_no_candidates_and_a_deleted_job_has_non
 
 /// Makes a database what it was before candidates were recorded and comparisons had a table.
 const AS_BEFORE: &str = "drop table candidates; drop table candidate_records; \
-     drop table comparison_jobs; drop table comparisons; drop table nodes; drop table shared_refits; drop index jobs_shared; \
+     drop table comparison_jobs; drop table comparisons; drop table nodes; drop table shared_parts; drop index jobs_shared; \
      alter table jobs drop column is_shared; \
      drop table write_probes; drop index jobs_at_work; drop index jobs_with_deaths; \
      drop table monitor_events; drop table monitor_alarms; drop table monitor_windows; \

@@ -6,7 +6,7 @@ use crate::store::tokens::{self, NewToken};
 
 /// Tables that are not copied: who worked with the database, what the queue and the migrations keep, and
 /// what is found again.
-const NOT_COPIED: [&str; 4] = ["_sqlx_migrations", "nodes", "shared_refits", "write_probes"];
+const NOT_COPIED: [&str; 4] = ["_sqlx_migrations", "nodes", "shared_parts", "write_probes"];
 
 fn is_copied(table: &str) -> bool {
     let is_own = !table.starts_with("sqlite_") && !table.starts_with("river_");

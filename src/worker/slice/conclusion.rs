@@ -75,7 +75,11 @@ impl Conclusion<'_> {
             return Ok(After::Done);
         }
         let candidates = self.recorder.into_candidates();
-        let left = Left { run, candidates };
+        let left = Left {
+            run,
+            candidates,
+            heard: self.current.exchange.heard(),
+        };
         self.worker.between_slices.put(lease, left);
         match handed_on {
             HandedOn::Stays => Ok(After::Again),

@@ -1,20 +1,20 @@
-//! Refits of an analysis that several nodes do together: what each has done, for all of them.
+//! What several nodes do of one job together: the parts that each has done, for all of them.
 
 use super::database::{self, QueryBuilder};
 use super::writer::Tx;
 use super::{Change, Store, StoreError, jobs};
 use crate::job::JobId;
 
-/// Refits that are written with one statement.
+/// Parts that are written with one statement.
 const TOGETHER: usize = 100;
 
-/// A refit by its name, with what came of it, in JSON.
+/// A part by its name, with what came of it, in JSON.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SharedRefit {
-    /// What is fitted.
+pub struct SharedPart {
+    /// What was to be done.
     pub name: String,
     /// What came of it.
-    pub refit: String,
+    pub part: String,
 }
 
 impl Store {
@@ -24,7 +24,7 @@ impl Store {
         self.inner.node.place()
     }
 
-    /// A job that another node analyses and this one can help with, but for those that it should not.
+    /// A job that another node works and this one can help with, but for those that it should not.
     pub async fn job_to_help(&self, but: &[JobId]) -> Result<Option<JobId>, StoreError> {
         let ids: Vec<String> = database::query_scalar(
             "select id from jobs where is_shared = 1 and status = 'running' and request is null \
@@ -42,14 +42,14 @@ impl Store {
         Ok(None)
     }
 
-    /// The refits of a job that were written after the one with a number, and the last number.
-    pub async fn shared_refits(
+    /// The parts of a job that were written after the one with a number, and the last number.
+    pub async fn shared_parts(
         &self,
         job: JobId,
         after: i64,
-    ) -> Result<(Vec<SharedRefit>, i64), StoreError> {
+    ) -> Result<(Vec<SharedPart>, i64), StoreError> {
         let rows: Vec<(i64, String, String)> = database::query_as(
-            "select number, name, refit from shared_refits where job = $1 and number > $2 \
+            "select number, name, part from shared_parts where job = $1 and number > $2 \
              order by number",
         )
         .bind(job.to_string())
@@ -57,25 +57,21 @@ impl Store {
         .fetch_all(self.readers())
         .await?;
         let last = rows.last().map_or(after, |(number, ..)| *number);
-        let refits = rows.into_iter();
-        let refits = refits.map(|(_, name, refit)| SharedRefit { name, refit });
-        Ok((refits.collect(), last))
+        let parts = rows.into_iter();
+        let parts = parts.map(|(_, name, part)| SharedPart { name, part });
+        Ok((parts.collect(), last))
     }
 
-    /// Writes refits that were done for the node that analyses a job; says whether that still goes on.
-    pub async fn help_with(
-        &self,
-        job: JobId,
-        refits: Vec<SharedRefit>,
-    ) -> Result<bool, StoreError> {
+    /// Writes what was done for the node that works a job; says whether help is still wanted.
+    pub async fn help_with(&self, job: JobId, parts: Vec<SharedPart>) -> Result<bool, StoreError> {
         self.inner
             .writer
-            .write(move |tx| Box::pin(help_with(tx, job, refits)))
+            .write(move |tx| Box::pin(help_with(tx, job, parts)))
             .await
     }
 }
 
-async fn help_with(tx: &mut Tx, job: JobId, refits: Vec<SharedRefit>) -> Result<bool, StoreError> {
+async fn help_with(tx: &mut Tx, job: JobId, parts: Vec<SharedPart>) -> Result<bool, StoreError> {
     let goes_on: bool = database::query_scalar(
         "select exists (select 1 from jobs where id = $1 and is_shared = 1)",
     )
@@ -83,25 +79,24 @@ async fn help_with(tx: &mut Tx, job: JobId, refits: Vec<SharedRefit>) -> Result<
     .fetch_one(&mut **tx)
     .await?;
     if goes_on {
-        insert(tx, job, &refits).await?;
-        metrics::counter!("greybox_refits_for_others_total").increment(refits.len() as u64);
+        insert(tx, job, &parts).await?;
     }
     Ok(goes_on)
 }
 
-/// Writes refits; of one that another node has done too the first stays, which is the same.
+/// Writes parts; of one that another node has done too the first stays, which will do as well.
 pub(super) async fn insert(
     tx: &mut Tx,
     job: JobId,
-    refits: &[SharedRefit],
+    parts: &[SharedPart],
 ) -> Result<(), StoreError> {
     let job_text = job.to_string();
-    for some in refits.chunks(TOGETHER) {
-        let mut query = QueryBuilder::new("insert into shared_refits (job, name, refit) ");
-        query.push_values(some, |mut row, refit| {
+    for some in parts.chunks(TOGETHER) {
+        let mut query = QueryBuilder::new("insert into shared_parts (job, name, part) ");
+        query.push_values(some, |mut row, part| {
             row.push_bind(&job_text)
-                .push_bind(&refit.name)
-                .push_bind(&refit.refit);
+                .push_bind(&part.name)
+                .push_bind(&part.part);
         });
         query.push(" on conflict (job, name) do nothing");
         query.build().execute(&mut **tx).await?;
@@ -123,9 +118,9 @@ pub(super) async fn set_shared(tx: &mut Tx, job: JobId, is_shared: bool) -> Resu
     Ok(())
 }
 
-/// Forgets the refits of a job that has ended.
+/// Forgets the parts of a job that has ended.
 pub(super) async fn forget(tx: &mut Tx, job: JobId) -> Result<(), StoreError> {
-    database::query("delete from shared_refits where job = $1")
+    database::query("delete from shared_parts where job = $1")
         .bind(job.to_string())
         .execute(&mut **tx)
         .await?;
