@@ -60,13 +60,13 @@ class Reader(threading.Thread):
 class Plant:
     """Three nodes, jobs that come all the time, each with a key, and a reader for each."""
 
-    def __init__(self, options, ways=None, environments=None, slice_s=SLICE_S, **settings):
+    def __init__(self, options, ways=None, environments=None, slice_s=SLICE_S, number=NODES, **settings):
         self.options, self.stack = options, contextlib.ExitStack()
         self.database = Postgres(**settings)
         self.ways, self.environments, self.slice_s = ways or (lambda port: [port] * NODES), environments or {}, slice_s
         self.ports = self.ways(self.database.port)
         self.folder = self.stack.enter_context(tempfile.TemporaryDirectory())
-        self.nodes = [self.node(number) for number in range(NODES)]
+        self.nodes = [self.node(place) for place in range(number)]
         self.readers, self.over, self.refused = {}, False, {}
         self.dataset = self.nodes[0].client().store(400)
 

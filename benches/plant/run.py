@@ -16,6 +16,7 @@ import sys
 import kept
 import nodes
 import outside
+import together
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ALL = {
@@ -30,6 +31,7 @@ ALL = {
     "damage": kept.damage,
     "memory": kept.memory,
     **nodes.ALL,
+    **together.ALL,
 }
 
 
@@ -41,6 +43,7 @@ def main():
     parser.add_argument("--seconds", type=float, default=6, help="how long `slow` looks at a time")
     parser.add_argument("--minutes", type=float, default=8, help="after which `cost` begins no job")
     parser.add_argument("--faketime", help="libfaketime.so.1, for `clock` and `nodes_clock`")
+    parser.add_argument("--next", help="another build of the program, for `nodes_upgrade`")
     options = parser.parse_args()
     # Ended from outside it still ends its servers.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended from outside"))

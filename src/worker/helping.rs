@@ -4,6 +4,7 @@
 //! searches ahead of the one at work, of one share after the other, and writes them; the node that works the job takes them over. It holds no right to the
 //! job: whatever becomes of a helper, the job comes to the same bits.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -18,35 +19,61 @@ use crate::event::EventHub;
 use crate::job::JobId;
 use crate::store::{SharedPart, StoreError};
 
-/// How soon it is looked again where nobody wants help, and where there was none to give.
+/// How soon it is looked again where nobody wants help.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
+/// How long a job is left alone at the most with which there was nothing to help.
+const LONGEST_PAUSE: Duration = Duration::from_secs(30);
 /// How often it is looked whether a helper has to make room.
 const ROOM_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Helps until the server goes down.
 pub(super) async fn run(slices: SliceWorker, hub: EventHub, closing: CancellationToken) {
-    // One that could not be helped with is not tried again at once.
-    let mut but = Vec::new();
+    let mut pauses = Pauses::default();
     loop {
-        match help_one(&slices, &but, &closing).await {
-            Ok(Some(helped)) => but = vec![helped],
-            Ok(None) => but.clear(),
+        match help_one(&slices, &pauses.at(Instant::now()), &closing).await {
+            Ok(Some((id, parts))) => pauses.note(id, parts, Instant::now()),
+            Ok(None) => {}
             Err(error) => tracing::error!(%error, "another node could not be helped"),
         }
         tokio::select! {
             () = closing.cancelled() => return,
-            () = hub.help_wanted() => {}
+            () = hub.help_wanted() => pauses = Pauses::default(),
             () = tokio::time::sleep(LOOK_INTERVAL) => {}
         }
     }
 }
 
-/// Helps with one job, for as long as nobody waits for the place; answers which.
+/// Jobs that are left alone for a while, because there was nothing to help with: for longer each time.
+#[derive(Debug, Default)]
+struct Pauses(HashMap<JobId, (Instant, Duration)>);
+
+impl Pauses {
+    /// Those that are left alone.
+    fn at(&self, now: Instant) -> Vec<JobId> {
+        let paused = self.0.iter().filter(|(_, (until, _))| *until > now);
+        paused.map(|(id, _)| *id).collect()
+    }
+
+    /// Notes how much was done of a job.
+    fn note(&mut self, id: JobId, parts: usize, now: Instant) {
+        // Jobs that were not met for long have ended.
+        self.0
+            .retain(|_, (until, _)| now.duration_since(*until) < LONGEST_PAUSE);
+        let before = self.0.get(&id).map(|(_, pause)| *pause * 2);
+        let pause = before
+            .filter(|_| parts == 0)
+            .unwrap_or(LOOK_INTERVAL)
+            .min(LONGEST_PAUSE);
+        self.0.insert(id, (now + pause, pause));
+    }
+}
+
+/// Helps with one job, for as long as nobody waits for the place; answers which, and how many parts it did.
 async fn help_one(
     slices: &SliceWorker,
     but: &[JobId],
     closing: &CancellationToken,
-) -> Result<Option<JobId>, StoreError> {
+) -> Result<Option<(JobId, usize)>, StoreError> {
     if slices.store.share().is_none() {
         return Ok(None);
     }
@@ -64,7 +91,7 @@ async fn help_one(
         slices.store.checkpoint(id).await?,
     );
     let (Ok(materials), Some(checkpoint)) = (materials, checkpoint) else {
-        return Ok(Some(id));
+        return Ok(Some((id, 0)));
     };
     let assignment = Assignment {
         job: (*job).clone(),
@@ -75,15 +102,16 @@ async fn help_one(
     };
     let method = slices.method.clone();
     let begun = tokio::task::spawn_blocking(move || method.begin(assignment)).await;
-    if let Ok(Ok(run)) = begun {
-        let helper = Helper {
-            slices,
-            id,
-            stop: Arc::default(),
-        };
-        helper.help(run, place, closing).await?;
-    }
-    Ok(Some(id))
+    let Ok(Ok(run)) = begun else {
+        return Ok(Some((id, 0)));
+    };
+    let helper = Helper {
+        slices,
+        id,
+        stop: Arc::default(),
+    };
+    let parts = helper.help(run, place, closing).await?;
+    Ok(Some((id, parts)))
 }
 
 /// What a helper is to do.
@@ -101,15 +129,16 @@ struct Helper<'a> {
 }
 
 impl Helper<'_> {
-    /// Does shares until nothing is left, the job has ended, or the place is wanted.
+    /// Does shares until nothing is left, the job has ended, or the place is wanted; answers how many parts.
     async fn help(
         &self,
         mut run: Box<dyn Run>,
         place: Place,
         closing: &CancellationToken,
-    ) -> Result<(), StoreError> {
+    ) -> Result<usize, StoreError> {
         let store = &self.slices.store;
         let (mut known, mut shares_done, mut pace) = (0, 0, Pace::default());
+        let mut parts = 0;
         while let Some((index, of)) = store.share().filter(|(_, of)| shares_done < *of) {
             let (came, last) = store.shared_parts(self.id, known).await?;
             known = last;
@@ -127,6 +156,7 @@ impl Helper<'_> {
                 break;
             };
             run = again;
+            parts += helped.parts.len();
             pace.note(helped.refits + helped.generations, begun.elapsed());
             if helped.parts.is_empty() {
                 shares_done += 1;
@@ -141,7 +171,7 @@ impl Helper<'_> {
             }
         }
         drop(place);
-        Ok(())
+        Ok(parts)
     }
 
     /// Does something on a blocking thread; raises the flag when the place is wanted. Nothing where the
@@ -168,5 +198,27 @@ impl Helper<'_> {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_job_with_nothing_to_help_is_looked_at_less_and_less_often() {
+        let (id, begun, mut now) = (JobId::new(), Instant::now(), Instant::now());
+        let mut pauses = Pauses::default();
+        let mut looks = 0;
+        while now < begun + Duration::from_mins(10) {
+            if pauses.at(now).is_empty() {
+                pauses.note(id, 0, now);
+                looks += 1;
+            }
+            now += LOOK_INTERVAL;
+        }
+        assert!((20..40).contains(&looks), "{looks} in ten minutes");
+        pauses.note(id, 5, now);
+        assert!(pauses.at(now + LOOK_INTERVAL).is_empty(), "it helped");
     }
 }

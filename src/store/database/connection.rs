@@ -1,6 +1,7 @@
 //! Pools, connections and transactions of either database.
 
 use std::ops::{Deref, DerefMut};
+use std::time::Instant;
 
 use sqlx::pool::PoolConnection;
 use sqlx::{Database, PgPool, Postgres, Sqlite, SqlitePool};
@@ -23,12 +24,16 @@ impl Pool {
         }
     }
 
-    /// A connection for several statements.
+    /// A connection for several statements, as soon as one is free.
     pub(in crate::store) async fn acquire(&self) -> Result<Connection, sqlx::Error> {
-        Ok(match self {
+        let asked = Instant::now();
+        let connection = match self {
             Self::Sqlite(pool) => Connection::Sqlite(Held::Pooled(pool.acquire().await?)),
             Self::Postgres(pool) => Connection::Postgres(Held::Pooled(pool.acquire().await?)),
-        })
+        };
+        let waited = asked.elapsed().as_secs_f64();
+        metrics::histogram!("greybox_connection_wait_seconds").record(waited);
+        Ok(connection)
     }
 
     /// A transaction that reads one state of the database.
@@ -133,6 +138,42 @@ impl<DB: Database> DerefMut for Held<DB> {
 pub(in crate::store) enum Target<'c> {
     Connection(&'c mut Connection),
     Pool(&'c Pool),
+}
+
+impl<'c> Target<'c> {
+    /// The connection: the one that is given, or one of the pool.
+    pub(super) async fn connection(self) -> Result<Given<'c>, sqlx::Error> {
+        Ok(match self {
+            Self::Connection(connection) => Given::Lent(connection),
+            Self::Pool(pool) => Given::Own(pool.acquire().await?),
+        })
+    }
+}
+
+/// A connection for one statement.
+pub(super) enum Given<'c> {
+    Lent(&'c mut Connection),
+    Own(Connection),
+}
+
+impl Deref for Given<'_> {
+    type Target = Connection;
+
+    fn deref(&self) -> &Connection {
+        match self {
+            Self::Lent(connection) => connection,
+            Self::Own(connection) => connection,
+        }
+    }
+}
+
+impl DerefMut for Given<'_> {
+    fn deref_mut(&mut self) -> &mut Connection {
+        match self {
+            Self::Lent(connection) => connection,
+            Self::Own(connection) => connection,
+        }
+    }
 }
 
 impl<'c> From<&'c mut Connection> for Target<'c> {

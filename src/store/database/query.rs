@@ -1,6 +1,7 @@
 //! A statement with its values, and what it is asked for.
 
 use std::marker::PhantomData;
+use std::ops::DerefMut as _;
 
 use futures_util::stream::BoxStream;
 use futures_util::{StreamExt, TryStreamExt};
@@ -93,20 +94,14 @@ impl Query {
         self,
         on: impl Into<Target<'c>>,
     ) -> Result<u64, sqlx::Error> {
-        Ok(match on.into() {
-            Target::Connection(Connection::Sqlite(connection)) => self
-                .sqlite()?
-                .execute(&mut **connection)
-                .await?
-                .rows_affected(),
-            Target::Connection(Connection::Postgres(connection)) => self
-                .postgres()?
-                .execute(&mut **connection)
-                .await?
-                .rows_affected(),
-            Target::Pool(Pool::Sqlite(pool)) => self.sqlite()?.execute(pool).await?.rows_affected(),
-            Target::Pool(Pool::Postgres(pool)) => {
-                self.postgres()?.execute(pool).await?.rows_affected()
+        Ok(match on.into().connection().await?.deref_mut() {
+            Connection::Sqlite(connection) => {
+                let done = self.sqlite()?.execute(&mut **connection).await?;
+                done.rows_affected()
+            }
+            Connection::Postgres(connection) => {
+                let done = self.postgres()?.execute(&mut **connection).await?;
+                done.rows_affected()
             }
         })
     }
@@ -116,21 +111,13 @@ impl Query {
         self,
         on: impl Into<Target<'c>>,
     ) -> Result<Vec<Row>, sqlx::Error> {
-        Ok(match on.into() {
-            Target::Connection(Connection::Sqlite(connection)) => {
+        Ok(match on.into().connection().await?.deref_mut() {
+            Connection::Sqlite(connection) => {
                 let rows = self.sqlite()?.fetch_all(&mut **connection).await?;
                 rows.into_iter().map(Row::Sqlite).collect()
             }
-            Target::Connection(Connection::Postgres(connection)) => {
+            Connection::Postgres(connection) => {
                 let rows = self.postgres()?.fetch_all(&mut **connection).await?;
-                rows.into_iter().map(Row::Postgres).collect()
-            }
-            Target::Pool(Pool::Sqlite(pool)) => {
-                let rows = self.sqlite()?.fetch_all(pool).await?;
-                rows.into_iter().map(Row::Sqlite).collect()
-            }
-            Target::Pool(Pool::Postgres(pool)) => {
-                let rows = self.postgres()?.fetch_all(pool).await?;
                 rows.into_iter().map(Row::Postgres).collect()
             }
         })
@@ -141,23 +128,15 @@ impl Query {
         self,
         on: impl Into<Target<'c>>,
     ) -> Result<Option<Row>, sqlx::Error> {
-        Ok(match on.into() {
-            Target::Connection(Connection::Sqlite(connection)) => {
+        Ok(match on.into().connection().await?.deref_mut() {
+            Connection::Sqlite(connection) => {
                 let row = self.sqlite()?.fetch_optional(&mut **connection).await?;
                 row.map(Row::Sqlite)
             }
-            Target::Connection(Connection::Postgres(connection)) => {
+            Connection::Postgres(connection) => {
                 let row = self.postgres()?.fetch_optional(&mut **connection).await?;
                 row.map(Row::Postgres)
             }
-            Target::Pool(Pool::Sqlite(pool)) => {
-                self.sqlite()?.fetch_optional(pool).await?.map(Row::Sqlite)
-            }
-            Target::Pool(Pool::Postgres(pool)) => self
-                .postgres()?
-                .fetch_optional(pool)
-                .await?
-                .map(Row::Postgres),
         })
     }
 
