@@ -118,7 +118,7 @@ fn work_one(method: &Methods, spec: Value) {
     let assignment = Assignment {
         job: row(spec),
         model: None,
-        datasets: vec![(String::new(), recording.expect("a recording"))],
+        datasets: vec![(String::new(), recording.expect("a recording").into())],
         checkpoint: None,
         past: None,
     };

@@ -3,6 +3,7 @@
 mod document;
 
 use std::io::{self, BufWriter, Write};
+use std::sync::Arc;
 
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
@@ -412,7 +413,7 @@ pub async fn samples(
     let recording = recording.ok_or_else(|| no_dataset(id))?;
     check_names(&recording, query.signals.as_deref())?;
     if prefers(&headers, "text/csv") {
-        return csv_answer(&state, csv(recording, query)?, permit).await;
+        return csv_answer(&state, csv(Arc::unwrap_or_clone(recording), query)?, permit).await;
     }
     let points = query.max_points.unwrap_or(DEFAULT_POINTS);
     let points = usize::try_from(points).expect("the limit is small");

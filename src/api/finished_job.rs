@@ -26,7 +26,7 @@ pub struct FinishedJob {
     pub spec: JobSpec,
     /// What came of it.
     pub outcome: Outcome,
-    recordings: Vec<Recording>,
+    recordings: Vec<Arc<Recording>>,
     model: Arc<Model>,
     /// Recordings take memory: only so many at once.
     _permit: Place,

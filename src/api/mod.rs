@@ -188,13 +188,11 @@ impl ApiState {
     }
 
     /// The recordings of a job, one for each experiment; those that are gone are faults.
-    async fn recordings(&self, spec: &JobSpec) -> Answer<Result<Vec<Recording>, Vec<Fault>>> {
+    async fn recordings(&self, spec: &JobSpec) -> Answer<Result<Vec<Arc<Recording>>, Vec<Fault>>> {
         let mut recordings = Vec::with_capacity(spec.experiments.len());
         let mut faults = Vec::new();
         for (index, experiment) in spec.experiments.iter().enumerate() {
-            if let Some(mut recording) = self.store.recording(experiment.dataset).await? {
-                let used = |name: &String| experiment.signals.values().any(|used| used == name);
-                recording.signals.retain(|signal| used(&signal.name));
+            if let Some(recording) = self.store.recording(experiment.dataset).await? {
                 recordings.push(recording);
             } else {
                 let pointer = format!("/experiments/{index}/dataset");

@@ -1,6 +1,7 @@
 //! Simulating one parameter set, while the client waits.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -112,7 +113,7 @@ pub async fn simulate(
     let recording = recording(&state, &client, &document.value).await?;
     let asked = models::asked(&state, &document.value, &client).await?;
     let models = asked.descriptions(&state);
-    let summary = recording.as_ref().map(Recording::summary);
+    let summary = recording.as_deref().map(Recording::summary);
     let spec = SimulationSpec::read(&asked.document, &models, summary.as_ref());
     let spec = spec.map_err(Problem::of_document)?;
     let recording = recording.expect("a specification that exists has a source");
@@ -154,7 +155,7 @@ async fn recording(
     state: &ApiState,
     client: &Client,
     document: &Value,
-) -> Answer<Option<Recording>> {
+) -> Answer<Option<Arc<Recording>>> {
     match SimulationSpec::source(document) {
         Source::Dataset(id) => {
             let row = state.store.dataset(id).await?;
@@ -166,7 +167,7 @@ async fn recording(
         Source::Inline(inputs) => {
             let inputs = inputs.clone();
             let read = state.convert(move || inline(&inputs));
-            Ok(Some(read.await?))
+            Ok(Some(Arc::new(read.await?)))
         }
         Source::Unclear => Ok(None),
     }

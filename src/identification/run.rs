@@ -19,6 +19,7 @@ use crate::uncertainty::identifiability::FlatDirection;
 use crate::uncertainty::refits::{Done, Refit};
 use crate::uncertainty::{self, Conclusion, Refits};
 use serde::{Deserialize, Serialize};
+use std::borrow::Borrow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -162,7 +163,7 @@ impl Run {
     pub fn begin(
         spec: &JobSpec,
         model: &Arc<Model>,
-        recordings: &[Recording],
+        recordings: &[impl Borrow<Recording>],
     ) -> Result<Run, IdentificationError> {
         let assembly = assembled(spec, model, recordings)?;
         let findings = assemble::findings(&assembly);
@@ -182,7 +183,7 @@ impl Run {
     pub fn resume(
         spec: &JobSpec,
         model: &Arc<Model>,
-        recordings: &[Recording],
+        recordings: &[impl Borrow<Recording>],
         checkpoint: Checkpoint,
     ) -> Result<Run, IdentificationError> {
         let problem = assembled(spec, model, recordings)?.problem;
@@ -457,7 +458,7 @@ impl Run {
 fn assembled(
     spec: &JobSpec,
     model: &Arc<Model>,
-    recordings: &[Recording],
+    recordings: &[impl Borrow<Recording>],
 ) -> Result<Assembly, IdentificationError> {
     assemble::problem(spec, model, recordings).map_err(IdentificationError::Invalid)
 }

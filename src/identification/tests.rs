@@ -260,7 +260,7 @@ fn a_run_that_is_shared_comes_to_the_bits_of_one_that_is_not() {
     let stop = AtomicBool::new(false);
     for what in [
         json!({"uncertainty": {"intervals": "bootstrap", "bootstrap_samples": 60}}),
-        json!({"uncertainty": {"intervals": "profile", "monte_carlo_samples": 40}}),
+        json!({"uncertainty": {"intervals": "profile", "monte_carlo_samples": 100}}),
         json!({"model_search": {"effects": ["coulomb_friction", "offset"]}}),
         json!({"method": searches("icra_genetic")}),
         json!({"method": searches("differential_evolution")}),

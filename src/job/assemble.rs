@@ -27,6 +27,7 @@ use crate::estimation::problem::{Coordinate, MeasuredOutput, Target};
 use crate::model::{Model, ModelDescription, ParameterDescription};
 use crate::parsing::fault::{Fault, pointer_to};
 use crate::recording::Recording;
+use std::borrow::Borrow;
 use std::sync::Arc;
 
 /// A problem ready to be estimated, and what was changed or noticed on the way.
@@ -45,7 +46,7 @@ pub struct Assembly {
 pub fn problem(
     spec: &JobSpec,
     model: &Arc<Model>,
-    recordings: &[Recording],
+    recordings: &[impl Borrow<Recording>],
 ) -> Result<Assembly, Vec<Fault>> {
     let description = model.description();
     let mut outputs = measured_outputs(spec, description);
@@ -61,7 +62,7 @@ pub fn problem(
             pointer: &pointer,
             place: index,
         };
-        match cutter.cut(experiment, recording) {
+        match cutter.cut(experiment, recording.borrow()) {
             Ok(cut) => cuts.push(cut),
             Err(found) => faults.extend(found),
         }

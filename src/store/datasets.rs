@@ -151,7 +151,19 @@ impl Store {
     }
 
     /// A recording with its samples.
-    pub async fn recording(&self, id: DatasetId) -> Result<Option<Recording>, StoreError> {
+    pub async fn recording(&self, id: DatasetId) -> Result<Option<Arc<Recording>>, StoreError> {
+        let kept = &self.inner.recent.recordings;
+        if let Some(recording) = kept.get(id) {
+            return Ok(Some(recording));
+        }
+        let read = self.read_recording(id).await?.map(Arc::new);
+        if let Some(recording) = &read {
+            kept.keep(id, recording);
+        }
+        Ok(read)
+    }
+
+    async fn read_recording(&self, id: DatasetId) -> Result<Option<Recording>, StoreError> {
         let key = id.to_string();
         let mut transaction = self.readers().begin_read().await?;
         let stored: Option<(Option<String>, String)> =

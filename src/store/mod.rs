@@ -32,6 +32,7 @@ mod opening;
 mod queue;
 mod quotas;
 mod recent;
+mod recordings;
 mod results;
 mod retention;
 mod sessions;
@@ -92,6 +93,7 @@ use news::News;
 use nodes::Node;
 use opening::{Access, Opened};
 use recent::Recent;
+use recordings::RecentRecordings;
 use submit::Submissions;
 use writer::{Tx, Writer};
 
@@ -143,7 +145,7 @@ struct Inner {
     readers: Pool,
     queue: riverqueue::Client,
     submissions: Submissions,
-    recent: RecentRows,
+    recent: RecentReads,
     quotas: Quotas,
     node: Node,
     /// What tells other nodes, and hears from them.
@@ -176,7 +178,7 @@ impl Store {
             access,
         } = Opened::open(settings).await?;
         let queue = queue::inserter(&writer_pool)?;
-        let recent = RecentRows::of(writer_pool.kind());
+        let recent = RecentReads::of(writer_pool.kind());
         let on_change = forget_then(recent.clone(), on_change);
         let news = News::default();
         let on_own_change = match access {
@@ -281,20 +283,22 @@ impl Drop for Inner {
     }
 }
 
-/// Rows that were read lately.
+/// What was read lately.
 #[derive(Clone)]
-struct RecentRows {
+struct RecentReads {
     jobs: Recent<JobId, JobRow>,
     datasets: Recent<DatasetId, DatasetRow>,
+    recordings: RecentRecordings,
 }
 
-impl RecentRows {
-    /// Rows that other nodes may change are not kept.
+impl RecentReads {
+    /// Rows that other nodes may change are not kept. Recordings do not change.
     fn of(kind: Kind) -> Self {
         let limit = kind.either(recent::LIMIT, 0);
         Self {
             jobs: Recent::new(limit),
             datasets: Recent::new(limit),
+            recordings: RecentRecordings::default(),
         }
     }
 }
@@ -308,11 +312,14 @@ fn tell_too(news: News, on_change: OnChange) -> OnChange {
 }
 
 /// Forgets what has changed before anybody is told.
-fn forget_then(recent: RecentRows, on_change: OnChange) -> OnChange {
+fn forget_then(recent: RecentReads, on_change: OnChange) -> OnChange {
     Arc::new(move |change| {
         match &change {
             Change::Job(id) => recent.jobs.forget(*id),
-            Change::DatasetRemoved(id) => recent.datasets.forget(*id),
+            Change::DatasetRemoved(id) => {
+                recent.datasets.forget(*id);
+                recent.recordings.forget(*id);
+            }
             Change::SliceWaits(_)
             | Change::DeliveryWaits
             | Change::StopRequested(_)

@@ -69,7 +69,7 @@ struct Beginning {
     spec: DesignSpec,
     model: Arc<Model>,
     past: Option<(JobSpec, Outcome)>,
-    recordings: Vec<Recording>,
+    recordings: Vec<Arc<Recording>>,
 }
 
 /// What is kept between slices.

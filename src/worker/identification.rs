@@ -24,7 +24,7 @@ pub(super) fn begin(model: &Arc<Model>, assignment: Assignment) -> Result<Box<dy
         ..
     } = assignment;
     let spec = read_spec(&job)?;
-    let (digests, recordings): (Vec<String>, Vec<Recording>) = datasets.into_iter().unzip();
+    let (digests, recordings): (Vec<String>, Vec<Arc<Recording>>) = datasets.into_iter().unzip();
     let run = match checkpoint {
         None => identification::Run::begin(&spec, model, &recordings),
         Some(bytes) => {

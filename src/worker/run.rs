@@ -30,7 +30,7 @@ pub struct Assignment {
     /// The document of the job's model, where a user wrote it.
     pub model: Option<Value>,
     /// The recordings that the job reads, each with its digest, one for each experiment.
-    pub datasets: Vec<(String, Recording)>,
+    pub datasets: Vec<(String, Arc<Recording>)>,
     /// The finished job that it goes on from, where it does.
     pub past: Option<Past>,
     /// Where the run was saved; nothing when it begins.

@@ -111,7 +111,7 @@ impl Current {
 /// their digests, and the finished job that it goes on from.
 pub(super) struct Materials {
     pub(super) model: Option<Value>,
-    pub(super) datasets: Vec<(String, Recording)>,
+    pub(super) datasets: Vec<(String, Arc<Recording>)>,
     pub(super) past: Option<Past>,
 }
 
@@ -272,7 +272,7 @@ impl SliceWorker {
     async fn recordings(
         &self,
         spec: &Value,
-    ) -> Result<Result<Vec<(String, Recording)>, Failure>, StoreError> {
+    ) -> Result<Result<Vec<(String, Arc<Recording>)>, Failure>, StoreError> {
         let mut recordings = Vec::new();
         for id in datasets_of(spec) {
             let row = self.store.dataset(id).await?;

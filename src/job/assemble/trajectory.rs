@@ -51,7 +51,7 @@ pub struct OutputTrajectory {
 pub fn trajectory(
     spec: &JobSpec,
     model: &Arc<Model>,
-    recordings: &[Recording],
+    recordings: &[Arc<Recording>],
     outcome: &Outcome,
     stop: &AtomicBool,
 ) -> Result<Option<Vec<ExperimentTrajectory>>, Vec<Fault>> {
@@ -107,7 +107,7 @@ pub fn trajectory(
 pub(super) fn at_estimate(
     spec: &JobSpec,
     model: &Arc<Model>,
-    recordings: &[Recording],
+    recordings: &[Arc<Recording>],
     outcome: &Outcome,
 ) -> Result<(Problem, Vec<f64>), Vec<Fault>> {
     let mut problem = super::problem(spec, model, recordings)?.problem;

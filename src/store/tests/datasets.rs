@@ -159,7 +159,7 @@ async fn round_trip(recording: Recording) -> Recording {
         .await
         .expect("a dataset");
     let back = fixture.store.recording(row.id).await.expect("a read");
-    back.expect("a recording")
+    Arc::unwrap_or_clone(back.expect("a recording"))
 }
 
 proptest! {

@@ -81,7 +81,7 @@ fn begin_on(data: Recording, job: &JobRow, checkpoint: Option<Vec<u8>>) -> Box<d
     let assignment = Assignment {
         model: None,
         job: job.clone(),
-        datasets: vec![("sha256:1".to_owned(), data)],
+        datasets: vec![("sha256:1".to_owned(), Arc::new(data))],
         checkpoint,
         past: None,
     };
@@ -299,7 +299,7 @@ fn a_job_that_does_not_read_back_says_why() {
     let assignment = |job: JobRow, checkpoint| Assignment {
         model: None,
         job,
-        datasets: vec![("sha256:1".to_owned(), recording())],
+        datasets: vec![("sha256:1".to_owned(), Arc::new(recording()))],
         checkpoint,
         past: None,
     };

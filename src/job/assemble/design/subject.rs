@@ -27,7 +27,7 @@ pub struct PastResult<'a> {
     /// What came of it.
     pub outcome: &'a Outcome,
     /// What it was estimated from.
-    pub recordings: &'a [Recording],
+    pub recordings: &'a [Arc<Recording>],
 }
 
 /// The problem of the job to come, where its unknowns are at present, and what came before.
