@@ -13,6 +13,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 
+/// So many searches ahead for each node are done at the most: what they looked like waits in memory until it
+/// is their turn.
+const AHEAD_OF_EACH: u32 = 2;
+/// Values of candidates in a stretch at the most, unless one generation has more.
+const MOST_VALUES: usize = 200_000;
+
 /// Generations of a search, one after the other.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Stretch {
@@ -163,6 +169,14 @@ impl Ahead {
             .min_by_key(rank)
     }
 
+    /// The searches of which some are done here: not too far ahead of the one that whoever has the run is at.
+    fn within_reach(&self, share: Share, searches: Range<u32>) -> Range<u32> {
+        let begun = self.begun.last().map_or(0, |begun| begun + 1);
+        let next = searches.start.max(begun);
+        let furthest = next.saturating_add(AHEAD_OF_EACH * share.of);
+        next..searches.end.min(furthest)
+    }
+
     /// Does at most so many generations of one of some searches; none where nothing is left to do.
     pub fn help(
         &mut self,
@@ -171,7 +185,9 @@ impl Ahead {
         at_most: u32,
         stop: &AtomicBool,
     ) -> Option<Stretch> {
-        let number = self.choose(share, searches)?;
+        // Only whoever has the run reports of them.
+        self.stretches.values_mut().for_each(|one| one.rows.clear());
+        let number = self.choose(share, self.within_reach(share, searches))?;
         let known = self.furthest(number).map(|last| last.state.clone());
         let reached = known.as_ref().map_or(0, |state| state.generation);
         let own = self.own.take().filter(|own| {
@@ -186,7 +202,8 @@ impl Ahead {
         let after = search.state.generation;
         let mut rows = Vec::new();
         let mut ended = None;
-        while ended.is_none() && rows.len() < at_most as usize {
+        let most = (at_most as usize).min(task.most_generations(MOST_VALUES));
+        while ended.is_none() && rows.len() < most {
             let Some(generation) = search.generation(task.problem, stop) else {
                 break;
             };
@@ -212,5 +229,64 @@ impl Ahead {
         };
         self.stretches.insert(place, own);
         Some(stretch)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SHARE: Share = Share { index: 1, of: 3 };
+
+    fn judged(search: u32, generations: u32, stop: Option<StopReason>) -> SearchNews {
+        SearchNews::Judged(Box::new(Stretch {
+            search,
+            after: 0,
+            rows: Vec::new(),
+            state: State {
+                generation: generations,
+                ..State::default()
+            },
+            stop,
+        }))
+    }
+
+    #[test]
+    fn a_node_does_searches_of_its_share_then_those_that_come_last_then_those_that_were_left() {
+        let mut ahead = Ahead::default();
+        let mut order = Vec::new();
+        ahead.hear(judged(5, 7, None));
+        while let Some(next) = ahead.choose(SHARE, 1..8) {
+            order.push(next);
+            ahead.hear(SearchNews::Begun(next));
+        }
+        assert_eq!(order, [1, 4, 7, 6, 3, 2, 5]);
+    }
+
+    #[test]
+    fn a_search_that_has_ended_is_done_by_nobody() {
+        let mut ahead = Ahead::default();
+        ahead.hear(judged(1, 7, Some(StopReason::Stagnation)));
+        assert_eq!(ahead.choose(SHARE, 1..2), None);
+    }
+
+    #[test]
+    fn searches_are_not_done_far_ahead_of_the_one_at_work() {
+        let mut ahead = Ahead::default();
+        assert_eq!(ahead.within_reach(SHARE, 1..32), 1..7);
+        ahead.hear(SearchNews::Begun(9));
+        assert_eq!(ahead.within_reach(SHARE, 1..32), 10..16);
+        ahead.hear(SearchNews::Begun(31));
+        assert!(ahead.within_reach(SHARE, 1..32).is_empty());
+    }
+
+    #[test]
+    fn what_is_known_of_a_search_is_taken_from_where_it_is() {
+        let mut ahead = Ahead::default();
+        ahead.hear(judged(2, 7, None));
+        assert!(ahead.take(1, 0).is_none() && ahead.take(2, 7).is_none());
+        let known = ahead.take(2, 3).expect("four generations more");
+        assert_eq!(known.state.generation, 7);
+        assert!(ahead.take(2, 3).is_none(), "it was taken");
     }
 }

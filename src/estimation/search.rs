@@ -87,6 +87,15 @@ pub struct Task<'a> {
     pub landmarks: Option<Landmarks>,
 }
 
+impl Task<'_> {
+    /// Generations whose candidates have so many values at the most; one at the least.
+    pub(super) fn most_generations(&self, values: usize) -> usize {
+        let of_candidate = self.problem.coordinates.len() + 3;
+        let of_generation = of_candidate * self.settings.population as usize;
+        (values / of_generation.max(1)).max(1)
+    }
+}
+
 /// A search of a run.
 #[derive(Debug)]
 pub struct Search {
