@@ -251,7 +251,7 @@ async fn open(
 ) -> Result<(Store, TcpListener), StartError> {
     let is_alone = settings.listen.ip().to_canonical().is_loopback();
     let early = match is_alone {
-        true => Some(listen(settings.listen).await?),
+        true => Some(listen(settings.listen)?),
         false => None,
     };
     let quotas = settings.quotas()?;
@@ -263,7 +263,7 @@ async fn open(
         store.close().await;
         return Err(StartError::NobodyAsked(settings.listen));
     }
-    let listener = listen(settings.listen).await?;
+    let listener = listen(settings.listen)?;
     Ok((store, listener))
 }
 
@@ -314,10 +314,8 @@ async fn tidy(store: Store, retention: Retention, closing: CancellationToken) {
     }
 }
 
-async fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
-    TcpListener::bind(address)
-        .await
-        .map_err(|source| StartError::Listen { address, source })
+fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
+    connections::listen(address).map_err(|source| StartError::Listen { address, source })
 }
 
 /// Gives the computation its threads. They are the process's; the first server decides.

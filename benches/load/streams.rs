@@ -57,6 +57,8 @@ pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
     }
     tokio::time::sleep(SETTLING).await;
     let memory = (memory_kib(&servers)? - memory_before) / (readers.len() + slow.len()) as f64;
+    // One that was idle for long is closed.
+    connection = servers[0].connect().await?;
     control(&mut connection, &jobs, "resume", "running").await?;
     tokio::time::sleep(SETTLING).await;
     let observer = Observer::start(folder);

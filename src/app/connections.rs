@@ -4,6 +4,7 @@
 //! thousands of streams may be open. A client that does not come to the end of a request's head in
 //! time, or takes nothing of its answer for as long, is let go.
 
+use std::io;
 use std::net::SocketAddr;
 use std::pin::{Pin, pin};
 use std::sync::Arc;
@@ -16,7 +17,7 @@ use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::task::JoinSet;
 use tokio_io_timeout::TimeoutStream;
 use tokio_rustls::TlsAcceptor;
@@ -37,6 +38,9 @@ const MOST_HEADERS: usize = 500;
 const LARGEST_BUFFER: usize = 128 << 10;
 /// How long nobody is taken after that failed, which it does when files are used up.
 const BACK_OFF: Duration = Duration::from_secs(1);
+/// Connections that may wait to be taken: all clients come back at once when a server starts again, and one
+/// that finds no room tries again only after a second. The system may allow fewer.
+const CONNECTIONS_WAITING: u32 = 4096;
 
 /// Answers until `closing` is cancelled, then returns when the last connection has ended.
 /// Dropping the future cuts the connections.
@@ -80,6 +84,19 @@ pub(super) async fn serve(listening: Listening, routes: Router, closing: Cancell
     }
     drop(listener);
     while connections.join_next().await.is_some() {}
+}
+
+/// Begins to listen at an address.
+pub(super) fn listen(address: SocketAddr) -> io::Result<TcpListener> {
+    let socket = match address {
+        SocketAddr::V4(_) => TcpSocket::new_v4()?,
+        SocketAddr::V6(_) => TcpSocket::new_v6()?,
+    };
+    // The next server need not wait until the system has forgotten the connections of the one before.
+    #[cfg(unix)]
+    socket.set_reuseaddr(true)?;
+    socket.bind(address)?;
+    socket.listen(CONNECTIONS_WAITING)
 }
 
 /// Where connections come in.
@@ -196,6 +213,16 @@ mod tests {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
 
     use super::*;
+
+    #[tokio::test]
+    async fn hundreds_of_clients_may_come_before_the_first_is_taken() {
+        let listener = listen("127.0.0.1:0".parse().expect("an address")).expect("a port");
+        let address = listener.local_addr().expect("an address");
+        // A client that finds no room is not answered at all while nobody is taken.
+        let connect = || std::net::TcpStream::connect_timeout(&address, Duration::from_secs(10));
+        let clients: Result<Vec<_>, _> = (0..400).map(|_| connect()).collect();
+        assert_eq!(clients.expect("there is room").len(), 400);
+    }
 
     async fn server(at_once: usize) -> (SocketAddr, CancellationToken, JoinSet<()>) {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
