@@ -186,7 +186,6 @@ async fn together_and_alone(
     let dataset = first.store(&recording).await;
     let id = first.submit(&job(&dataset), "together").await;
     let together = id.expect("an answer");
-    first.in_state(&together, "running").await;
     // Whoever works it, the job goes on while one of its nodes dies.
     let asked = Instant::now();
     while done_for_others(&cluster.nodes, what).await == 0.0 {
