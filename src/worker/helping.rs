@@ -1,8 +1,9 @@
-//! Helps with what other nodes analyse, while this one has nothing to do.
+//! Helps with what other nodes work, while this one has nothing to do.
 //!
 //! A helper resumes the job's run from its checkpoint as the next slice would, does refits of an analysis or
-//! searches ahead of the one at work, of one share after the other, and writes them; the node that works the job takes them over. It holds no right to the
-//! job: whatever becomes of a helper, the job comes to the same bits.
+//! searches ahead of the one at work, of one share after the other, and writes them; the node that works the
+//! job takes them over. It holds no right to the job: whatever becomes of a helper, the job comes to the same
+//! bits.
 
 use std::collections::HashMap;
 use std::sync::Arc;

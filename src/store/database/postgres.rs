@@ -35,12 +35,13 @@ const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(10);
 pub(in crate::store) enum Use {
     Reads,
     Writes,
-    /// Reading and writing all there is, while no server works with the database; also bringing its schema up to date.
+    /// Reading and writing all there is, while no server works with the database; also bringing its schema
+    /// up to date.
     Copies,
 }
 
-/// Every statement of a server ends. A node that stands still in the middle of a transaction that writes holds up the
-/// others for a few seconds; then the server ends the transaction. Whether the machine at the other end
+/// Every statement of a server ends. A node that stands still in the middle of a transaction that writes holds
+/// up the others for a few seconds; then the server ends the transaction. Whether the machine at the other end
 /// is still there is found out soon.
 fn bounded(options: &PgConnectOptions, r#use: Use) -> PgConnectOptions {
     let (statement, idle) = match r#use {
