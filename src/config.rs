@@ -32,6 +32,8 @@ const READERS: u32 = 4;
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 /// How often a node says that it lives [s].
 const DEFAULT_NODE_BEAT_S: f64 = 1.0;
+/// Hours that stamps may lie ahead of the server's clock.
+const DEFAULT_STAMPS_AHEAD_H: u32 = 24;
 /// Candidates that are kept of a job: with four unknowns 45 MB.
 const DEFAULT_MAX_CANDIDATES: u64 = 1_000_000;
 /// Recordings of a project.
@@ -99,6 +101,16 @@ pub struct Settings {
         default_value_t = 64
     )]
     pub max_body_mib: u16,
+
+    /// How far the stamps of a stream's samples may lie ahead of the server's clock `[h]`; batches with
+    /// later ones are refused
+    #[arg(
+        long,
+        env = "GREYBOX_STAMPS_AHEAD_H",
+        value_name = "HOURS",
+        default_value_t = DEFAULT_STAMPS_AHEAD_H
+    )]
+    pub stamps_ahead_h: u32,
 
     /// Candidates that are kept of a job for `/candidates`; each takes 13 bytes of the database
     /// and 8 for each unknown, 0 keeps none
@@ -335,6 +347,7 @@ impl Default for Settings {
             slice_s: 10.0,
             node_beat_s: DEFAULT_NODE_BEAT_S,
             max_body_mib: 64,
+            stamps_ahead_h: DEFAULT_STAMPS_AHEAD_H,
             max_candidates: DEFAULT_MAX_CANDIDATES,
             names: Vec::new(),
             requests_per_second: Limits::default().requests_per_second,
@@ -459,6 +472,7 @@ impl Settings {
     pub fn limits(&self) -> Limits {
         Limits {
             dataset_bytes: u64::from(self.max_body_mib) << 20,
+            stamps_ahead: Duration::from_hours(u64::from(self.stamps_ahead_h)),
             requests_per_second: self.requests_per_second.max(0.001),
             requests_at_once: self.requests_at_once,
             job_derivatives: self.max_job_derivatives,

@@ -47,6 +47,7 @@ pub mod webhooks;
 mod work;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::Router;
 use axum::middleware::from_fn_with_state;
@@ -80,6 +81,8 @@ const BURST_S: f64 = 2.0;
 pub struct Limits {
     /// The bytes of a recording at the most, uncompressed.
     pub dataset_bytes: u64,
+    /// How far the stamps of a stream's samples may lie ahead of the server's clock.
+    pub stamps_ahead: Duration,
     /// The bytes of a JSON document (a job, a simulation) at the most, uncompressed.
     pub document_bytes: u64,
     /// Derivatives that the search of a job may be predicted to take.
@@ -106,6 +109,7 @@ impl Default for Limits {
     fn default() -> Self {
         Self {
             dataset_bytes: 64 << 20,
+            stamps_ahead: Duration::from_hours(24),
             document_bytes: 1 << 20,
             job_derivatives: 1e15,
             max_duration_s: 86_400.0,
@@ -248,8 +252,10 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(streams::list))
         .routes(routes!(streams::append, streams::show, streams::remove))
         .routes(routes!(streams::cut::cut))
+        .routes(routes!(streams::removal::remove_samples))
         .routes(routes!(monitors::create, monitors::list))
         .routes(routes!(monitors::show, monitors::remove))
+        .routes(routes!(monitors::moving::move_to))
         .routes(routes!(monitors::windows))
         .routes(routes!(monitors::alarms))
         .routes(routes!(monitors::events::events))
@@ -288,8 +294,6 @@ pub fn resources(state: ApiState) -> Router {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use metrics_exporter_prometheus::PrometheusBuilder;
 
     use super::*;

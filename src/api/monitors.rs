@@ -2,6 +2,8 @@
 
 mod csv;
 pub mod events;
+pub mod moving;
+mod waiting;
 
 use std::collections::HashMap;
 
@@ -23,10 +25,12 @@ use super::submit::stored;
 use super::{ApiState, models};
 use crate::job::spec::Context;
 use crate::job::{DatasetId, Fault, JobSpec, MonitorId};
+use crate::monitor::state::instant;
 use crate::monitor::warm;
 use crate::monitor::{Alarm, MonitorSpec, MonitorWindow, ShownWindow, State as MonitorState};
 use crate::recording::{Source, Summary};
 use crate::store::{Idempotency, MonitorRow, NewMonitor, StoredWindow, StreamRow};
+use waiting::WaitsFor;
 
 /// Windows that a monitor shows of itself, and alarms.
 const SHOWN_WINDOWS: u32 = 100;
@@ -78,16 +82,24 @@ pub struct ShownMonitor {
     windows: Vec<ShownWindow>,
     /// Its newest alarms, twenty at the most, the newest first. `…/alarms` has them all.
     alarms: Vec<Alarm>,
+    /// What it waits for; `null` while a job works a window.
+    waits_for: Option<WaitsFor>,
+}
+
+/// What a monitor was asked for, and what it knows.
+fn understood(row: &MonitorRow) -> Answer<(MonitorSpec, MonitorState)> {
+    let unreadable = |_| {
+        tracing::error!(monitor = %row.id, "a stored monitor does not read back");
+        Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
+    };
+    let spec = MonitorSpec::deserialized(&row.spec).map_err(unreadable)?;
+    let state = serde_json::from_value(row.state.clone()).map_err(unreadable)?;
+    Ok((spec, state))
 }
 
 impl Monitor {
     fn new(row: MonitorRow) -> Answer<Self> {
-        let unreadable = |_| {
-            tracing::error!(monitor = %row.id, "a stored monitor does not read back");
-            Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
-        };
-        let spec = MonitorSpec::deserialized(&row.spec).map_err(unreadable)?;
-        let state: MonitorState = serde_json::from_value(row.state.clone()).map_err(unreadable)?;
+        let (spec, state) = understood(&row)?;
         let status = match (row.job, row.silent) {
             (Some(_), _) => MonitorStatus::Working,
             (None, true) => MonitorStatus::DataStopped,
@@ -98,12 +110,17 @@ impl Monitor {
             name: row.name,
             stream: row.stream,
             status,
-            due: crate::monitor::state::instant(row.due_ns),
+            due: instant(row.due_ns),
             next_window: state.next,
             spec,
             created_at: row.created_at,
         })
     }
+}
+
+/// The server's clock, nanoseconds since 1970.
+fn clock_ns() -> i64 {
+    i64::try_from(Timestamp::now().as_nanosecond()).unwrap_or(i64::MAX)
 }
 
 fn no_monitor(id: MonitorId) -> Problem {
@@ -157,7 +174,8 @@ pub async fn create(
         return Err(Problem::of_document(vec![fault]));
     };
     check(&state, &mut spec, &stream, &client).await?;
-    let from = spec.window.from.unwrap_or(stream.first);
+    let from = spec.window.from.or(stream.first);
+    let from = from.unwrap_or_else(Timestamp::now);
     let origin_ns = i64::try_from(from.as_nanosecond()).map_err(|_| {
         let detail = format!("{from} is too far away");
         Problem::of_document(vec![Fault::new("/window/from", "out_of_range", detail)])
@@ -252,7 +270,9 @@ async fn check(
 
 /// What the newest window of a stream holds.
 async fn newest(state: &ApiState, stream: &StreamRow, length_s: f64) -> Answer<Summary> {
-    let last = i64::try_from(stream.last.as_nanosecond()).unwrap_or(i64::MAX);
+    let now = clock_ns();
+    let reached = state.store.stream_reached(stream, now).await?;
+    let last = reached.unwrap_or(now);
     let from = last.saturating_sub((length_s * 1e9) as i64);
     let _permit = state.recording_permit().await?;
     let most = crate::monitor::MAX_WINDOW_SAMPLES;
@@ -266,7 +286,7 @@ async fn newest(state: &ApiState, stream: &StreamRow, length_s: f64) -> Answer<S
     };
     let rows = state
         .store
-        .stream_rows(stream, (from, i64::MAX), most)
+        .stream_rows(stream, (from, last.saturating_add(1)), most)
         .await?;
     let rows = rows.ok_or_else(too_many)?;
     let signals = stream.signals.clone();
@@ -334,6 +354,7 @@ pub async fn show(
     windows.reverse();
     let alarms = state.store.monitor_alarms(id, None, SHOWN_ALARMS).await?;
     let shown = ShownMonitor {
+        waits_for: WaitsFor::of(&state, &row).await?,
         monitor: Monitor::new(row)?,
         windows,
         alarms: shown_alarms(alarms.rows)?,

@@ -1,6 +1,8 @@
 //! Recordings that grow: append, list, show, cut out, remove.
 
 pub mod cut;
+pub mod removal;
+mod stamps;
 
 use std::str::FromStr;
 
@@ -23,9 +25,9 @@ use super::http_headers::{idempotency_key, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::access::Project;
-use crate::intake::{self, Options};
+use crate::intake::{self, Options, Purpose};
 use crate::monitor::MAX_WINDOW_SAMPLES;
-use crate::recording::{MAX_SIGNALS, Recording, Rows, Samples, Source};
+use crate::recording::{MAX_SIGNALS, Recording, Samples, Source};
 use crate::store::StoreError;
 use crate::store::{
     Appended, BatchOutcome, Idempotency, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,
@@ -85,6 +87,11 @@ impl FromQuery for BatchQuery {
     fn read(query: &mut QueryReader) -> Self {
         let mut given = Vec::new();
         let options = reading(query, &mut given);
+        if options.asks_for_a_grid() {
+            let detail = "a stream keeps each sample at the instant at which it was taken; a job puts \
+                          them on a grid with `instants`";
+            query.fault("grid", "invalid_parameter", detail.to_owned());
+        }
         let seconds = query.number("keep_s");
         if seconds.is_some_and(|seconds| seconds <= 0.0) {
             query.fault("keep_s", "not_positive", "it is not above 0".to_owned());
@@ -104,9 +111,10 @@ impl FromQuery for BatchQuery {
 /// Append samples to a stream.
 ///
 /// The body is that of `POST /v1/datasets`, in any of its formats, and says when its samples were
-/// taken: by timestamps, or by `start` in JSON. The first batch makes the stream. Batches may come in
-/// any order and more than once: samples are put in their place, one that says something else of an
-/// instant replaces what was there, and a missing one changes nothing. With an `Idempotency-Key` the
+/// taken: by timestamps, or by `start` in JSON. One sample is enough, and each keeps its instant. The
+/// first batch makes the stream. Batches may come in any order and more than once: samples are put in
+/// their place, one that says something else of an instant replaces what was there, and a missing one
+/// changes nothing. Stamps more than a day ahead of the server's clock are refused. With an `Idempotency-Key` the
 /// same body is answered as it was the first time. Signals may come that were not there before; each
 /// keeps the unit that it first had in SI.
 #[utoipa::path(
@@ -168,21 +176,20 @@ pub async fn append(
     let received = receive(&state, request.into_body(), limit).await?;
     let _permit = state.recording_permit().await?;
     let scratch = state.store.scratch();
+    let options = options.for_purpose(Purpose::Stream);
+    let latest = stamps::latest(&state.limits);
     let parsed = parse_received(&state, received, move |text| {
         let received = intake::receive(text, kind, &options, Some(scratch))?;
         let recording = received.into_recording();
-        rows(recording.map_err(|error| scratch_failed(&error))?)
+        stamps::batch(recording.map_err(|error| scratch_failed(&error))?, latest)
     })
     .await?;
     given.push(("stream", name.clone()));
     let body_digest = digest(parsed.digest, &given);
-    let (signals, rows, zone) = parsed.value;
-    let batch = NewBatch {
+    let new = NewBatch {
         project: client.project.clone(),
         stream: name.clone(),
-        signals,
-        rows,
-        zone,
+        batch: parsed.value,
         keep,
         idempotency: key.map(|key| Idempotency {
             project: client.project,
@@ -190,19 +197,16 @@ pub async fn append(
             body_digest,
         }),
     };
-    answered(&name, state.store.append(batch).await?)
+    answered(&name, state.store.append(new).await?)
 }
 
-type Batch = (Vec<crate::recording::RowSignal>, Rows, Option<String>);
-
-fn rows(recording: Recording) -> Answer<Batch> {
-    let zone = recording.zone.clone();
-    let (signals, rows) = Rows::of(recording).ok_or_else(|| {
-        let detail = "the samples do not say when they were taken; a stream needs timestamps, or \
-                      `start` in JSON";
-        invalid("no_start", detail.to_owned())
-    })?;
-    Ok((signals, rows, zone))
+/// An instant in nanoseconds since 1970; the nearest that 64 bits hold.
+fn nanoseconds(instant: Timestamp) -> i64 {
+    let nearest = match instant < Timestamp::UNIX_EPOCH {
+        true => i64::MIN,
+        false => i64::MAX,
+    };
+    i64::try_from(instant.as_nanosecond()).unwrap_or(nearest)
 }
 
 fn invalid(code: &str, detail: String) -> Problem {
@@ -229,6 +233,12 @@ fn answered(name: &str, outcome: BatchOutcome) -> Answer {
                  `units`"
             );
             return Err(invalid("units_differ", detail));
+        }
+        BatchOutcome::HourCameTwice => {
+            let detail = "the times are of a local hour that came twice because clocks were set back, \
+                          and the stream has samples of both its passes there already: write the \
+                          times with their offset, such as 2026-10-25T02:30:00+01:00";
+            return Err(invalid("hour_came_twice", detail.to_owned()));
         }
         BatchOutcome::TooManySignals => {
             let detail = format!("the stream would have more than {MAX_SIGNALS} signals");
@@ -295,26 +305,29 @@ pub struct StreamQuery {
     pub max_points: Option<u64>,
 }
 
+/// Reads `from` and `to`.
+fn read_instants(query: &mut QueryReader) -> (Option<Timestamp>, Option<Timestamp>) {
+    let mut instant = |name| {
+        query.parsed(name, |text| {
+            let shown: String = text.chars().take(60).collect();
+            let refusal = "is not an instant with its offset, such as 2026-03-02T08:15:00Z";
+            let instant = text.parse::<Timestamp>();
+            instant.map_err(|_| format!("`{shown}` {refusal}"))
+        })
+    };
+    let (from, to) = (instant("from"), instant("to"));
+    if let (Some(from), Some(to)) = (from, to)
+        && from >= to
+    {
+        let detail = format!("from {from} is not before to {to}");
+        query.fault("from", "bounds_reversed", detail);
+    }
+    (from, to)
+}
+
 impl FromQuery for StreamQuery {
     fn read(query: &mut QueryReader) -> Self {
-        let mut instant = |name| {
-            query.parsed(name, |text| {
-                let shown: String = text.chars().take(60).collect();
-                let refusal = "is not an instant with its offset, such as 2026-03-02T08:15:00Z";
-                let instant = text.parse::<Timestamp>();
-                instant.map_err(|_| format!("`{shown}` {refusal}"))
-            })
-        };
-        let (from, to) = (instant("from"), instant("to"));
-        if let (Some(from), Some(to)) = (from, to)
-            && from >= to
-        {
-            query.fault(
-                "from",
-                "bounds_reversed",
-                format!("from {from} is not before to {to}"),
-            );
-        }
+        let (from, to) = read_instants(query);
         Self {
             from,
             to,
@@ -408,15 +421,10 @@ async fn window(
     stream: &StreamRow,
     (from, to): (Option<Timestamp>, Option<Timestamp>),
 ) -> Answer<Option<Recording>> {
-    let ns = |instant: Timestamp| {
-        let far = if instant < Timestamp::UNIX_EPOCH {
-            i64::MIN
-        } else {
-            i64::MAX
-        };
-        i64::try_from(instant.as_nanosecond()).unwrap_or(far)
-    };
-    let span = (from.map_or(i64::MIN, ns), to.map_or(i64::MAX, ns));
+    let span = (
+        from.map_or(i64::MIN, nanoseconds),
+        to.map_or(i64::MAX, nanoseconds),
+    );
     let rows = state.store.stream_rows(stream, span, MAX_WINDOW_SAMPLES);
     let rows = rows.await?.ok_or_else(|| {
         let detail = format!(

@@ -4,14 +4,17 @@
 //! The unit of numbers is that of the option, else that of the header, else what the size of
 //! the numbers leaves no doubt about; else it is asked for.
 
+mod names;
+
 use super::cell::Cell;
 use super::options::{Options, TimeUnit};
 use super::stamp::{self, Stamp};
 use super::units;
 use super::value::number;
-use crate::recording::Warning;
+use crate::recording::{DoubleHour, TICK, Warning, is_beyond_nanoseconds, nanoseconds};
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
+use names::{COUNTERS, TIMES};
 
 /// Unix times of plants: 1990 to 2100 `[s]`.
 const UNIX: std::ops::Range<f64> = 631_152_000.0..4_102_444_800.0;
@@ -21,38 +24,6 @@ const SERIAL_DAYS: std::ops::Range<f64> = 32_874.0..73_051.0;
 
 /// Nanoseconds of a second.
 const NANOSECONDS: f64 = 1e9;
-
-/// Names of columns that are a time in seconds where nothing else is said.
-const TIMES: [&str; 12] = [
-    "time",
-    "t",
-    "times",
-    "seconds",
-    "sec",
-    "secs",
-    "second",
-    "elapsed",
-    "elapsedtime",
-    "zeit",
-    "temps",
-    "tiempo",
-];
-
-/// Names of columns that count samples.
-const COUNTERS: [&str; 12] = [
-    "sample",
-    "samples",
-    "sampleindex",
-    "sampleno",
-    "samplenumber",
-    "index",
-    "idx",
-    "row",
-    "n",
-    "k",
-    "i",
-    "no",
-];
 
 /// A code and a sentence.
 pub(super) type Fault = (&'static str, String);
@@ -70,6 +41,13 @@ pub(super) struct Clock {
     kind: Option<Kind>,
     /// How many local times came twice because clocks were set back.
     folds: usize,
+    /// The hour that came twice, as long as no order of times told its two passes apart.
+    double_hour: Option<DoubleHour>,
+    is_told_by_order: bool,
+    /// Whether a time is no multiple of [`TICK`].
+    is_fine: bool,
+    /// The longest time from the first to another one `[s]`.
+    farthest: f64,
     guessed_unit: Option<&'static str>,
     offset: Option<String>,
 }
@@ -91,11 +69,7 @@ enum Kind {
         largest: f64,
     },
     /// Instants, in nanoseconds of Unix time.
-    Absolute {
-        spelling: Spelling,
-        first: i64,
-        last: i64,
-    },
+    Absolute { spelling: Spelling, first: i64 },
 }
 
 /// How an instant is written.
@@ -122,6 +96,10 @@ impl Clock {
             },
             kind: None,
             folds: 0,
+            double_hour: None,
+            is_told_by_order: false,
+            is_fine: false,
+            farthest: 0.0,
             guessed_unit: None,
             offset: None,
         }
@@ -136,11 +114,12 @@ impl Clock {
         }
     }
 
-    /// A time in seconds from the first that was read.
+    /// A time in seconds from the first that was read. `before` is the time of the sample before it
+    /// in its series, which tells apart the two passes of a local hour that came twice.
     ///
     /// # Errors
     /// A sentence on what is wrong with it.
-    pub(super) fn read(&mut self, cell: &Cell<'_>) -> Result<f64, Fault> {
+    pub(super) fn read(&mut self, cell: &Cell<'_>, before: Option<f64>) -> Result<f64, Fault> {
         if matches!(cell, Cell::Empty) || matches!(cell, Cell::Text(text) if text.trim().is_empty())
         {
             return Err(("missing_time", "there are values but no time".to_owned()));
@@ -159,13 +138,13 @@ impl Clock {
                 *largest = largest.max(value.abs());
                 (value - *first) * *factor
             }
-            Kind::Absolute {
-                spelling,
-                first,
-                last,
-            } => {
-                *last = self.instant(cell, *spelling, Some(*last))?;
-                (*last - *first) as f64 / NANOSECONDS
+            Kind::Absolute { spelling, first } => {
+                let before = before.map(|before| first.saturating_add(nanoseconds(before)));
+                let instant = self.instant(cell, *spelling, before)?;
+                self.is_fine |= instant % TICK != 0;
+                let seconds = (instant - *first) as f64 / NANOSECONDS;
+                self.farthest = self.farthest.max(seconds.abs());
+                seconds
             }
         };
         if !seconds.is_finite() {
@@ -175,14 +154,26 @@ impl Clock {
         Ok(seconds)
     }
 
+    /// The instant of the time `from` `[s]` after the first that was read, nanoseconds since 1970.
+    fn start_ns(&self, from: f64) -> Option<i64> {
+        match self.kind? {
+            Kind::Absolute { first, .. } => first.checked_add(nanoseconds(from)),
+            Kind::Relative { .. } => None,
+        }
+    }
+
     /// The instant of the time `from` `[s]` after the first that was read.
     pub(super) fn start(&self, from: f64) -> Option<Timestamp> {
-        let Some(Kind::Absolute { first, .. }) = self.kind else {
-            return None;
-        };
-        let shift = (from * NANOSECONDS).round() as i64;
-        let instant = first.checked_add(shift)?;
-        Timestamp::from_nanosecond(i128::from(instant)).ok()
+        Timestamp::from_nanosecond(self.start_ns(from)?.into()).ok()
+    }
+
+    /// The hour that came twice, where the earliest time, `from` `[s]` after the first that was
+    /// read, lies in it and nothing told which of its two passes the times are of. They were taken
+    /// for times of the first.
+    pub(super) fn double_hour(&self, from: f64) -> Option<DoubleHour> {
+        let earliest = self.start_ns(from)?;
+        let hour = self.double_hour.filter(|_| !self.is_told_by_order)?;
+        hour.first_pass().contains(&earliest).then_some(hour)
     }
 
     /// Whether the times are instants of Unix time, exact to the nanosecond.
@@ -219,6 +210,13 @@ impl Clock {
                 self.name
             );
             notes.push(Warning::of_recording("time_unit_from_size", detail));
+        }
+        if self.is_fine && is_beyond_nanoseconds(self.farthest) {
+            let detail = format!(
+                "times {} s apart are told to {TICK} ns: finer stamps were rounded to that",
+                crate::recording::shown(self.farthest)
+            );
+            notes.push(Warning::of_recording("rounded_stamps", detail));
         }
         if self.folds > 0 {
             let detail = format!(
@@ -267,11 +265,7 @@ impl Clock {
             },
         };
         let first = self.instant(cell, spelling, None)?;
-        Ok(Kind::Absolute {
-            spelling,
-            first,
-            last: first,
-        })
+        Ok(Kind::Absolute { spelling, first })
     }
 
     fn refuse_unit_of_stamps(&self, text: &str) -> Result<(), Fault> {
@@ -359,7 +353,7 @@ impl Clock {
         &mut self,
         cell: &Cell<'_>,
         spelling: Spelling,
-        last: Option<i64>,
+        before: Option<i64>,
     ) -> Result<i64, Fault> {
         match spelling {
             Spelling::Unix { factor } => {
@@ -380,9 +374,9 @@ impl Clock {
                 let microseconds = tens_of_microseconds.saturating_mul(10);
                 let local =
                     stamp::from_serial_days(microseconds).ok_or_else(|| not_a_time(cell))?;
-                self.local(local, cell, last)
+                self.local(local, cell, before)
             }
-            Spelling::Stamp { day_first } => self.stamp(cell, day_first, last),
+            Spelling::Stamp { day_first } => self.stamp(cell, day_first, before),
         }
     }
 
@@ -390,7 +384,7 @@ impl Clock {
         &mut self,
         cell: &Cell<'_>,
         day_first: Option<bool>,
-        last: Option<i64>,
+        before: Option<i64>,
     ) -> Result<i64, Fault> {
         let Cell::Text(text) = cell else {
             return Err(not_a_time(cell));
@@ -400,9 +394,9 @@ impl Clock {
                 if self.kind.is_none() {
                     self.offset = offset;
                 }
-                nanoseconds(instant).ok_or_else(|| not_a_time(cell))
+                unix_nanoseconds(instant).ok_or_else(|| not_a_time(cell))
             }
-            Stamp::Local(local) => self.local(local, cell, last),
+            Stamp::Local(local) => self.local(local, cell, before),
         }
     }
 
@@ -410,7 +404,7 @@ impl Clock {
         &mut self,
         local: jiff::civil::DateTime,
         cell: &Cell<'_>,
-        last: Option<i64>,
+        before: Option<i64>,
     ) -> Result<i64, Fault> {
         let Some((name, zone)) = &self.options.zone else {
             let detail = format!(
@@ -422,8 +416,10 @@ impl Clock {
         };
         let ambiguous = zone.to_ambiguous_timestamp(local);
         let resolve = |resolved: Result<Timestamp, jiff::Error>| {
-            let instant = resolved.ok().and_then(nanoseconds);
-            instant.ok_or_else(|| not_a_time(cell))
+            let instant = resolved.ok();
+            instant
+                .and_then(unix_nanoseconds)
+                .ok_or_else(|| not_a_time(cell))
         };
         match ambiguous.offset() {
             jiff::tz::AmbiguousOffset::Gap { .. } => {
@@ -432,11 +428,15 @@ impl Clock {
             }
             jiff::tz::AmbiguousOffset::Fold { .. } => {
                 self.folds += 1;
-                let earlier = resolve(ambiguous.earlier())?;
-                match last.is_some_and(|last| earlier <= last) {
-                    true => resolve(ambiguous.later()),
-                    false => Ok(earlier),
+                let first_pass = resolve(ambiguous.earlier())?;
+                let second_pass = resolve(ambiguous.later())?;
+                if before.is_some_and(|before| first_pass <= before) {
+                    self.is_told_by_order = true;
+                    return Ok(second_pass);
                 }
+                let hour = || DoubleHour::in_zone(zone, first_pass, second_pass);
+                self.double_hour = self.double_hour.or_else(hour);
+                Ok(first_pass)
             }
             jiff::tz::AmbiguousOffset::Unambiguous { .. } => resolve(ambiguous.compatible()),
         }
@@ -449,7 +449,7 @@ enum Numbers {
     Instants(Spelling),
 }
 
-fn nanoseconds(instant: Timestamp) -> Option<i64> {
+fn unix_nanoseconds(instant: Timestamp) -> Option<i64> {
     i64::try_from(instant.as_nanosecond()).ok()
 }
 

@@ -2,7 +2,7 @@
 
 use super::cell::Cell;
 use super::error::{Fault, Faults, excerpt};
-use super::options::Options;
+use super::options::{Options, Purpose};
 use super::units::{self, Unit};
 use super::value::Value;
 use crate::recording::{Interpolation, Warning, shown};
@@ -54,6 +54,7 @@ pub(super) struct Column {
     texts: usize,
     faults: Faults,
     sentinels: Vec<(f64, usize)>,
+    purpose: Purpose,
     /// Smallest and largest of the values that are no sentinels, as recorded.
     range: (f64, f64),
 }
@@ -126,6 +127,7 @@ impl Column {
             texts: 0,
             faults: Faults::default(),
             sentinels: Vec::new(),
+            purpose: options.purpose,
             range: (f64::INFINITY, f64::NEG_INFINITY),
         };
         if let Some(unit) = options.units.get(name) {
@@ -252,6 +254,18 @@ impl Column {
             let count = self.bools;
             let detail = format!("{count} samples were true or false and were read as 1 and 0");
             notes.push(note("booleans", detail));
+        }
+        if self.range.0 > self.range.1 && self.purpose == Purpose::Stream {
+            // A batch may hold a single sample, which cannot be far from others.
+            notes.extend(self.sentinels.iter().map(|(value, count)| {
+                let value = shown(*value);
+                let detail = format!(
+                    "{count} samples are exactly {value} as recorded, which loggers write where they \
+                     have no value; they were kept. If they stand for missing ones, say \
+                     missing={value}"
+                );
+                note("likely_sentinel", detail)
+            }));
         }
         notes.extend(self.likely_sentinels().map(|(value, count)| {
             let (low, high) = self.range;

@@ -29,7 +29,7 @@ mod value;
 
 pub use error::{Fault, MAX_FAULTS, ReadError};
 pub use format::{Format, Kind};
-pub use options::Options;
+pub use options::{Options, Purpose};
 pub use tags::MAX_HELD_SAMPLES;
 
 use crate::recording::{NewScratch, Received, Recording};
@@ -96,7 +96,7 @@ pub fn receive(
     options.refuse(format.without(), format.name())?;
     let whole = Cursor::new(head.clone()).chain(text);
     match format {
-        Format::Json => json::read(whole).map(|mut recording| {
+        Format::Json => json::read(whole, options.purpose).map(|mut recording| {
             recording.source = options.source("json");
             if options.name.is_some() {
                 recording.name.clone_from(&options.name);

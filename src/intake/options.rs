@@ -5,7 +5,7 @@ use super::error::{Fault, Faults, ReadError};
 use super::format::Format;
 use super::quality::Scheme;
 use super::units;
-use crate::recording::{Interpolation, Source};
+use crate::recording::{Interpolation, MIN_SAMPLES, Source, TimeAxis, Warning};
 use jiff::tz::TimeZone;
 use std::collections::BTreeMap;
 
@@ -32,7 +32,56 @@ pub struct Options {
     pub(super) grid: Option<Grid>,
     /// The worksheet of a workbook.
     pub(super) sheet: Option<String>,
+    pub(super) purpose: Purpose,
     pub(super) given: BTreeMap<String, String>,
+}
+
+/// What samples are read for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Purpose {
+    /// A recording: its signals share their instants.
+    #[default]
+    Recording,
+    /// A batch of a stream: each sample keeps the instant at which it was taken, and one sample is
+    /// enough. Of two statements about one instant the later one counts, as between two batches.
+    Stream,
+}
+
+impl Purpose {
+    /// The fewest instants that a source must have.
+    pub(super) fn least_instants(self) -> usize {
+        match self {
+            Self::Recording => MIN_SAMPLES,
+            Self::Stream => 1,
+        }
+    }
+
+    /// The axis of strictly increasing instants that begin at 0. `scale` is the largest number
+    /// that the source wrote for a time `[s]`.
+    pub(super) fn axis(self, instants: Vec<f64>, scale: f64) -> TimeAxis {
+        match self {
+            Self::Recording => TimeAxis::from_instants(instants, scale),
+            Self::Stream => TimeAxis::Instants(instants),
+        }
+    }
+
+    /// Says what became of samples that had the time of another one.
+    pub(super) fn duplicate_time(self, samples: usize) -> Warning {
+        let detail = match self {
+            Self::Recording => {
+                format!("{samples} samples dropped that had the time of the one before")
+            }
+            Self::Stream => format!(
+                "{samples} samples had the time of another one of the batch; the later ones count"
+            ),
+        };
+        Warning::of_recording("duplicate_time", detail)
+    }
+
+    /// Whether the later one of two statements about one instant counts.
+    pub(super) fn is_later_right(self) -> bool {
+        self == Self::Stream
+    }
 }
 
 /// What the numbers of a time are.
@@ -122,6 +171,18 @@ impl Options {
         }
         self.given.insert(option.to_owned(), text.to_owned());
         Ok(())
+    }
+
+    /// Says what samples are read for.
+    #[must_use]
+    pub fn for_purpose(self, purpose: Purpose) -> Self {
+        Self { purpose, ..self }
+    }
+
+    /// Whether an option asks for other instants than those of the samples.
+    #[must_use]
+    pub fn asks_for_a_grid(&self) -> bool {
+        matches!(self.grid, Some(Grid::Every(_)))
     }
 
     /// What the type of a body says of its encoding, where no option does. A name that is not known

@@ -7,12 +7,12 @@ use super::cell::Cell;
 use super::clock::Clock;
 use super::column::Column;
 use super::error::{Fault, Faults, ReadError};
-use super::options::{Grid, Options};
+use super::options::{Grid, Options, Purpose};
 use super::quality::Scheme;
 use crate::recording::columns::Columns;
 use crate::recording::{
-    Class, ClassSpan, Interpolation, MAX_SIGNALS, MIN_SAMPLES, Named, Received, TimeAxis, Warning,
-    name_fault, shown,
+    Class, ClassSpan, Interpolation, MAX_SIGNALS, Named, Received, TimeAxis, Warning, name_fault,
+    shown,
 };
 use std::collections::HashMap;
 use tag::{Common, Tag};
@@ -149,7 +149,8 @@ impl<'o> Tags<'o> {
         if self.tags[sample.tag].column.is_ignored() {
             return;
         }
-        let instant = match self.clock.read(&sample.time) {
+        let before = self.tags[sample.tag].instants.last().copied();
+        let instant = match self.clock.read(&sample.time, before) {
             Ok(instant) => instant,
             Err((code, detail)) => return self.faults.invalid(place(code, detail)),
         };
@@ -224,7 +225,11 @@ impl<'o> Tags<'o> {
         std::mem::take(&mut self.faults).result()?;
         let first = self.order();
         let common = self.common_instants()?;
+        let own_instants = self.tags.iter().any(|tag| tag.instants != common.instants);
         let options = self.options;
+        if own_instants && options.purpose == Purpose::Stream {
+            self.notes.extend(self.tags.iter().filter_map(Tag::missing));
+        }
         let mut signals = Vec::with_capacity(self.tags.len());
         let mut columns = Vec::with_capacity(self.tags.len());
         for (k, tag) in self.tags.into_iter().enumerate() {
@@ -245,7 +250,9 @@ impl<'o> Tags<'o> {
             start: self.clock.start(first),
             zone: self.clock.zone(),
             source: options.source(format),
-            time: TimeAxis::from_instants(common.instants, self.clock.scale()),
+            double_hour: self.clock.double_hour(first),
+            own_instants: own_instants && common.sample_time.is_none(),
+            time: options.purpose.axis(common.instants, self.clock.scale()),
             signals,
             notes: self.notes,
             columns: Columns::of(columns),
@@ -286,7 +293,7 @@ impl<'o> Tags<'o> {
     fn order(&mut self) -> f64 {
         let (mut disordered, mut duplicates) = (0, 0);
         for tag in &mut self.tags {
-            let (moved, dropped) = tag.order();
+            let (moved, dropped) = tag.order(self.options.purpose);
             disordered += moved;
             duplicates += dropped;
         }
@@ -305,7 +312,8 @@ impl<'o> Tags<'o> {
                 .push(Warning::of_recording("out_of_order", detail));
         }
         if duplicates > 0 {
-            self.notes.push(Warning::duplicate_time(duplicates));
+            self.notes
+                .push(self.options.purpose.duplicate_time(duplicates));
         }
         first
     }
@@ -314,10 +322,14 @@ impl<'o> Tags<'o> {
     fn common_instants(&mut self) -> Result<Common, ReadError> {
         let first = &self.tags[0].instants;
         let all_equal = self.tags.iter().all(|tag| tag.instants == *first);
-        let grid = self.options.grid;
+        let least = self.options.purpose.least_instants();
+        let grid = match self.options.purpose {
+            Purpose::Recording => self.options.grid,
+            Purpose::Stream => Some(Grid::None),
+        };
         if all_equal && !matches!(grid, Some(Grid::Every(_))) {
             let instants = first.clone();
-            return enough(instants).map(|instants| Common {
+            return enough(instants, least).map(|instants| Common {
                 instants,
                 sample_time: None,
             });
@@ -329,7 +341,7 @@ impl<'o> Tags<'o> {
                 .for_each(|tag| instants.extend(&tag.instants));
             instants.sort_by(f64::total_cmp);
             instants.dedup();
-            return enough(instants).map(|instants| Common {
+            return enough(instants, least).map(|instants| Common {
                 instants,
                 sample_time: None,
             });
@@ -370,7 +382,7 @@ impl<'o> Tags<'o> {
         self.notes
             .push(Warning::of_recording("put_on_grid", detail));
         let instants = (0..=(points - 1.0 + 1e-6) as usize).map(|k| k as f64 * sample_time);
-        enough(instants.collect()).map(|instants| Common {
+        enough(instants.collect(), least).map(|instants| Common {
             instants,
             sample_time: Some(sample_time),
         })
@@ -387,12 +399,12 @@ fn is_good_everywhere(code: &Cell<'_>) -> bool {
     }
 }
 
-fn enough(instants: Vec<f64>) -> Result<Vec<f64>, ReadError> {
-    if instants.len() >= MIN_SAMPLES {
+fn enough(instants: Vec<f64>, least: usize) -> Result<Vec<f64>, ReadError> {
+    if instants.len() >= least {
         return Ok(instants);
     }
     let detail = format!(
-        "{} samples at distinct times; at least {MIN_SAMPLES} are needed",
+        "{} samples at distinct times; at least {least} are needed",
         instants.len()
     );
     Err(super::error::invalid(Fault::anywhere(

@@ -27,7 +27,7 @@ use crate::event::EventHub;
 use crate::model::Catalogue;
 use crate::store::Store;
 
-pub use record::{Alarm, MonitorWindow, ShownWindow};
+pub use record::{Alarm, MonitorWindow, ShownWindow, WindowStatus};
 pub use spec::MonitorSpec;
 pub use state::State;
 pub use step::MAX_WINDOW_SAMPLES;

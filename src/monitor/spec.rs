@@ -237,14 +237,7 @@ fn plan(field: &Field<'_>) -> Option<WindowPlan> {
     let every = object.optional("every_s").map(long);
     let delay = object.optional("delay_s");
     let delay = delay.map(|field| field.number_within(0.0, LONGEST_S));
-    let from = object.optional("from").and_then(|field| {
-        let instant = field.text()?.parse();
-        if instant.is_err() {
-            let detail = "not an instant with its offset, such as 2026-03-02T08:15:00+01:00";
-            field.fault("not_a_time", detail);
-        }
-        instant.ok()
-    });
+    let from = object.optional("from").and_then(|field| field.instant());
     object.finish();
     let length_s = length?;
     Some(WindowPlan {

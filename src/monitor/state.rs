@@ -120,6 +120,14 @@ impl State {
         }
     }
 
+    /// Goes on with the first window that begins at an instant or later.
+    pub fn move_to(&mut self, plan: &WindowPlan, from: Timestamp) {
+        let from = i64::try_from(from.as_nanosecond()).unwrap_or(i64::MAX);
+        let every = nanoseconds(plan.every_s).max(1);
+        let before = self.origin_ns.saturating_sub(from).max(i64::MIN + 1);
+        self.next = (-before.div_euclid(every)).max(0);
+    }
+
     /// Looks at how far signals move in a window; says whether one moves by more than a share of its
     /// range over all windows.
     pub fn moves(
@@ -374,6 +382,16 @@ mod tests {
         let mut state = State::new(seconds(100));
         state.go_on(&PLAN, Some(seconds(190)));
         assert_eq!(state.span(&PLAN).0, seconds(200));
+    }
+
+    #[test]
+    fn a_monitor_that_is_moved_goes_on_with_the_first_window_from_then_on() {
+        let mut state = State::new(seconds(100));
+        for (from, next) in [(0, 0), (100, 0), (101, 1), (120, 1), (121, 2)] {
+            state.next = 5_260_320;
+            state.move_to(&PLAN, instant(seconds(from)));
+            assert_eq!(state.next, next, "from {from} s");
+        }
     }
 
     #[test]

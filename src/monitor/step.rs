@@ -78,12 +78,18 @@ impl Steps {
                 Some(advance) => advance,
                 None => return Ok(false),
             }
-        } else if step.stream.last >= instant(step.row.due_ns) {
+        } else if self.is_due(&step).await? {
             self.begin(step).await?
         } else {
             return Ok(false);
         };
         self.store.advance_monitor(advance).await
+    }
+
+    /// Whether the next window can be worked. Samples ahead of the server's clock do not count.
+    async fn is_due(&self, step: &Step) -> Result<bool, StoreError> {
+        let reached = self.store.stream_reached(&step.stream, step.now_ns());
+        Ok(reached.await?.is_some_and(|last| last >= step.row.due_ns))
     }
 
     /// Begins the next window.
@@ -99,6 +105,7 @@ impl Steps {
         };
         if rows.rows() < 2 {
             let resumes = self.store.stream_next(&step.stream, span.1).await?;
+            let resumes = resumes.filter(|instant| *instant <= step.now_ns());
             let window = step.state.window(&plan, WindowStatus::NoData);
             step.state.go_on(&plan, resumes);
             return Ok(step.advance(Some((window, None)), Vec::new()));
@@ -237,6 +244,11 @@ fn descriptions<'a>(
 }
 
 impl Step {
+    /// The server's clock, nanoseconds since 1970.
+    fn now_ns(&self) -> i64 {
+        i64::try_from(self.now.as_nanosecond()).unwrap_or(i64::MAX)
+    }
+
     fn is_warm(&self) -> bool {
         let worked = self.state.worked.as_ref();
         worked.is_some_and(|worked| worked.start == Start::Warm)

@@ -7,6 +7,7 @@
 use std::borrow::Cow;
 use std::cell::RefCell;
 
+use jiff::Timestamp;
 use serde_json::{Map, Value};
 
 use super::fault::{Fault, pointer_to};
@@ -124,6 +125,16 @@ impl<'v> Field<'v> {
             Value::String(text) => Some(text),
             _ => self.wrong_type("a string"),
         }
+    }
+
+    /// The value as an instant, with its offset.
+    pub fn instant(&self) -> Option<Timestamp> {
+        let instant = self.text()?.parse();
+        if instant.is_err() {
+            let detail = "not an instant with its offset, such as 2026-03-02T08:15:00+01:00";
+            self.fault("not_a_time", detail);
+        }
+        instant.ok()
     }
 
     /// The value as true or false.

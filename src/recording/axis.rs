@@ -11,6 +11,29 @@ pub const JITTER_TOLERANCE: f64 = 1e-3;
 /// How far a sample may lie from an instant that names it, in sample times. It covers rounding.
 const ON_TIME: f64 = 1e-6;
 
+/// The nanoseconds of a second.
+const SECOND_NS: f64 = 1e9;
+
+/// The times up to which a double of seconds tells neighbouring nanoseconds apart: 26 days.
+const TOLD_TO_A_NANOSECOND_S: f64 = (1_u64 << 51) as f64 / SECOND_NS;
+
+/// Longer times are told to so many nanoseconds, the finest that historians write.
+pub(crate) const TICK: i64 = 100;
+
+/// Whether a time `[s]` is so long that a double does not tell neighbouring nanoseconds apart.
+pub(crate) fn is_beyond_nanoseconds(seconds: f64) -> bool {
+    seconds.abs() > TOLD_TO_A_NANOSECOND_S
+}
+
+/// A time `[s]` in nanoseconds: exact for whole nanoseconds up to 26 days, and beyond that for whole
+/// [`TICK`]s up to seven years.
+pub(crate) fn nanoseconds(seconds: f64) -> i64 {
+    match is_beyond_nanoseconds(seconds) {
+        true => ((seconds * (SECOND_NS / TICK as f64)).round() as i64).saturating_mul(TICK),
+        false => (seconds * SECOND_NS).round() as i64,
+    }
+}
+
 /// The instants of the samples, in seconds from the first one.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TimeAxis {

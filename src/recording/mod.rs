@@ -6,8 +6,10 @@
 //! sample is NaN in both and is never invented; outside this module it is `null` or an empty field.
 
 mod axis;
+mod batch;
 pub(crate) mod columns;
 mod decimate;
+mod double_hour;
 mod error;
 mod exclude;
 mod experiment;
@@ -23,8 +25,11 @@ mod summary;
 mod warning;
 
 pub use axis::TimeAxis;
+pub(crate) use axis::{TICK, is_beyond_nanoseconds, nanoseconds};
+pub use batch::Batch;
 pub use columns::{NewScratch, Scratch};
 pub use decimate::{SampledSignal, Samples, kept_indices};
+pub use double_hour::DoubleHour;
 pub use error::ExperimentError;
 pub use exclude::{Exclude, ExcludedClass, ExcludedSpan};
 pub use experiment::{Experiment, Instants, Mapped, Selection};
@@ -60,6 +65,11 @@ pub struct Recording {
     pub source: Source,
     /// When the samples were taken.
     pub time: TimeAxis,
+    /// The local hour that came twice, where nothing in the source tells its passes apart.
+    pub double_hour: Option<DoubleHour>,
+    /// Whether signals have instants of their own, so that a missing sample of one may mean that
+    /// another was taken there.
+    pub own_instants: bool,
     /// The signals in the order of the source; each as long as `time`.
     pub signals: Vec<Signal>,
     /// What reading changed or assumed, e.g. rows that were dropped.
@@ -76,6 +86,8 @@ impl Recording {
             zone: None,
             source: Source::default(),
             time,
+            double_hour: None,
+            own_instants: false,
             signals,
             notes: Vec::new(),
         }

@@ -7,7 +7,7 @@ use super::profile::{Extreme, LONG_RUN, Profile, Run};
 use super::received::Named;
 use super::resample::LONGEST_BRIDGE;
 use super::warning::{MOST_SPANS, TimeSpan, Warning};
-use super::{Class, ClassCounts, TimeAxis};
+use super::{Class, ClassCounts, MIN_SAMPLES, TimeAxis};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -42,7 +42,9 @@ pub(super) fn report(
     let mut warnings = notes.to_vec();
     if let TimeAxis::Instants(instants) = time {
         let sample_time = time.sample_time();
-        warnings.push(non_uniform(instants, sample_time));
+        if instants.len() >= MIN_SAMPLES {
+            warnings.push(non_uniform(instants, sample_time));
+        }
         warnings.extend(gaps(instants, sample_time));
     }
     for (signal, profile) in signals {
@@ -411,7 +413,9 @@ mod tests {
             samples: 2,
         };
         let mut recording = Recording::new(time, vec![Signal::new("a", "m", vec![1.0, 2.0])]);
-        recording.notes.push(Warning::duplicate_time(3));
+        recording
+            .notes
+            .push(Warning::of_recording("duplicate_time", String::new()));
         assert_eq!(
             recording.summary().report.warnings[0].code,
             "duplicate_time"

@@ -2,7 +2,7 @@
 //! memory.
 
 use super::columns::{Columns, Series};
-use super::{ClassSpan, Interpolation, Recording, Signal, TimeAxis, Warning};
+use super::{ClassSpan, DoubleHour, Interpolation, Recording, Signal, TimeAxis, Warning};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io;
@@ -23,6 +23,11 @@ pub struct Received {
     pub source: Source,
     /// When the samples were taken.
     pub time: TimeAxis,
+    /// The local hour that came twice, where nothing in the source tells its passes apart.
+    pub double_hour: Option<DoubleHour>,
+    /// Whether signals have instants of their own, so that a missing sample of one may mean that
+    /// another was taken there.
+    pub own_instants: bool,
     /// The signals in the order of the source.
     pub signals: Vec<Named>,
     /// What reading changed or assumed, e.g. rows that were dropped.
@@ -89,6 +94,8 @@ impl Received {
             zone: self.zone,
             source: self.source,
             time: self.time,
+            double_hour: self.double_hour,
+            own_instants: self.own_instants,
             notes: self.notes,
         })
     }
@@ -106,6 +113,8 @@ impl From<Recording> for Received {
             zone: recording.zone,
             source: recording.source,
             time: recording.time,
+            double_hour: recording.double_hour,
+            own_instants: recording.own_instants,
             signals,
             notes: recording.notes,
             columns: Columns::of(columns),

@@ -3,7 +3,9 @@
 //! Instants are nanoseconds since 1970. A later statement about a sample wins over an earlier one;
 //! a sample about which nothing is said changes nothing.
 
-use super::{Class, ClassSpan, Interpolation, Named, Recording, Signal, Source, TimeAxis};
+use super::{
+    Class, ClassSpan, Interpolation, Named, Recording, Signal, Source, TimeAxis, nanoseconds,
+};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -79,7 +81,8 @@ impl RowColumn {
 /// A sample that nothing is known of.
 const UNSAID: (f64, Class) = (f64::NAN, Class::Good);
 
-fn is_unsaid((value, class): (f64, Class)) -> bool {
+/// Whether a sample says nothing: it is missing, and its source did not call it bad.
+pub(super) fn is_unsaid((value, class): (f64, Class)) -> bool {
     value.is_nan() && class == Class::Good
 }
 
@@ -95,9 +98,8 @@ impl Rows {
         let start = i64::try_from(recording.start?.as_nanosecond()).ok()?;
         let time = &recording.time;
         let samples = time.samples();
-        let last = (time.duration() * 1e9).round();
-        start.checked_add(last as i64)?;
-        let instant = |k| start + (time.instant(k) * 1e9).round() as i64;
+        start.checked_add(nanoseconds(time.duration()))?;
+        let instant = |k| start + nanoseconds(time.instant(k));
         let instants: Vec<i64> = (0..samples).map(instant).collect();
         let signals = recording.signals.iter().map(|signal| RowSignal {
             name: signal.name.clone(),
@@ -166,6 +168,59 @@ impl Rows {
                 })
                 .collect(),
         }
+    }
+
+    /// The rows whose instants lie at or after one and before another.
+    #[must_use]
+    pub fn within(&self, from: i64, to: i64) -> Self {
+        let place = |bound| self.instants.partition_point(|instant| *instant < bound);
+        self.slice(place(from)..place(to))
+    }
+
+    /// The rows so many nanoseconds later.
+    #[must_use]
+    pub fn shifted(&self, by_ns: i64) -> Self {
+        Self {
+            instants: self.instants.iter().map(|ns| ns + by_ns).collect(),
+            columns: self.columns.clone(),
+        }
+    }
+
+    /// The places of the signals of which some row says something.
+    #[must_use]
+    pub fn signals_said(&self) -> Vec<usize> {
+        let speaks = |column: &RowColumn| (0..self.rows()).any(|k| !is_unsaid(column.sample(k)));
+        let columns = self.columns.iter().enumerate();
+        columns
+            .filter(|(_, column)| speaks(column))
+            .map(|(place, _)| place)
+            .collect()
+    }
+
+    /// The instants of the rows that say something of one of these signals.
+    pub fn says_of(&self, signals: &[usize]) -> impl DoubleEndedIterator<Item = i64> {
+        let says = |row: &usize| {
+            let mut columns = signals.iter().map(|place| &self.columns[*place]);
+            columns.any(|column| !is_unsaid(column.sample(*row)))
+        };
+        let rows = (0..self.rows()).filter(says);
+        rows.map(|row| self.instants[row])
+    }
+
+    /// How many of `others`, rows of the same signals, say nothing that these rows do not say.
+    #[must_use]
+    pub fn repeated(&self, others: &Self) -> usize {
+        let is_repeated = |row: &usize| {
+            let Ok(place) = self.instants.binary_search(&others.instants[*row]) else {
+                return false;
+            };
+            let mut pairs = self.columns.iter().zip(&others.columns);
+            pairs.all(|(column, other)| {
+                let sample = other.sample(*row);
+                is_unsaid(sample) || is_same(sample, column.sample(place))
+            })
+        };
+        (0..others.rows()).filter(is_repeated).count()
     }
 
     /// The same rows of more signals: column `k` becomes column `places[k]` of so many.
@@ -297,6 +352,7 @@ impl Rows {
         Some(Recording {
             start: Timestamp::from_nanosecond(first.into()).ok(),
             source,
+            own_instants: true,
             ..Recording::new(TimeAxis::from_instants(instants, scale), signals)
         })
     }

@@ -3,7 +3,10 @@
 use super::profile::Profile;
 use super::quality::{self, QualityReport};
 use super::received::{Named, Received};
-use super::{ClassCounts, Interpolation, Recording, Signal, Source, TimeAxis, Warning};
+use super::rows::is_unsaid;
+use super::{
+    Class, ClassCounts, ClassSpan, Interpolation, Recording, Signal, Source, TimeAxis, Warning,
+};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -88,8 +91,54 @@ impl Recording {
             time: &self.time,
             notes: &self.notes,
         };
-        about.summary(&profiled)
+        let summary = about.summary(&profiled);
+        match self.own_instants {
+            true => Summary {
+                report: report_by_signal(self),
+                ..summary
+            },
+            false => summary,
+        }
     }
+}
+
+/// The quality report of a recording whose signals have instants of their own: each signal is
+/// looked over at the instants at which it has samples.
+fn report_by_signal(recording: &Recording) -> QualityReport {
+    let mut warnings = recording.notes.clone();
+    for signal in &recording.signals {
+        let (from, alone) = alone(signal, &recording.time);
+        let report = alone.summary().report;
+        warnings.extend(report.warnings.into_iter().map(|mut warning| {
+            warning.signal.get_or_insert_with(|| signal.name.clone());
+            for span in &mut warning.spans {
+                (span.from_s, span.to_s) = (span.from_s + from, span.to_s + from);
+            }
+            warning
+        }));
+    }
+    QualityReport { warnings }
+}
+
+/// A signal as a recording of its own, and when that begins `[s]`: the samples that say something.
+fn alone(signal: &Signal, time: &TimeAxis) -> (f64, Recording) {
+    let mut classes = vec![Class::Good; signal.values.len()];
+    for span in &signal.classes {
+        classes[span.first..span.first + span.samples].fill(span.class);
+    }
+    let says = |k: &usize| !is_unsaid((signal.values[*k], classes[*k]));
+    let kept: Vec<usize> = (0..signal.values.len()).filter(says).collect();
+    let from = kept.first().map_or(0.0, |k| time.instant(*k));
+    let instants = kept.iter().map(|k| time.instant(*k) - from).collect();
+    let values = kept.iter().map(|k| signal.values[*k]).collect();
+    let samples = Signal {
+        classes: ClassSpan::of(kept.iter().map(|k| classes[*k])),
+        ..Named::new(signal, 0).with_values(values)
+    };
+    (
+        from,
+        Recording::new(TimeAxis::from_instants(instants, 0.0), vec![samples]),
+    )
 }
 
 impl Received {

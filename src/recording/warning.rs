@@ -65,9 +65,4 @@ impl Warning {
         self.spans = samples.take(MOST_SPANS).map(span).collect();
         self
     }
-
-    pub(crate) fn duplicate_time(dropped: usize) -> Self {
-        let detail = format!("{dropped} samples dropped that had the time of the one before");
-        Self::of_recording("duplicate_time", detail)
-    }
 }

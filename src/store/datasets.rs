@@ -461,6 +461,8 @@ fn assemble(
         .map(|(signal, values)| signal.with_values(values))
         .collect();
     Ok(Recording {
+        double_hour: None,
+        own_instants: false,
         name,
         start: description.start,
         zone: description.zone,

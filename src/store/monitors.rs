@@ -196,7 +196,11 @@ impl Store {
         query.push(
             " where case when job is null then \
                exists (select 1 from streams where streams.identity = monitors.stream \
-                and last_ns >= due_ns) \
+                and last_ns >= due_ns and due_ns <= ",
+        );
+        query.push_bind(i64::try_from(Timestamp::now().as_nanosecond()).unwrap_or(i64::MAX));
+        query.push(
+            ") \
               else not exists (select 1 from jobs where jobs.id = monitors.job \
                 and finished_at is null) end \
              or silent = (select case when received_at >= ",

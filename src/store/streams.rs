@@ -2,12 +2,14 @@
 //!
 //! Samples are kept in blocks that do not overlap. A batch changes the blocks that its instants fall
 //! into and no others, so that one late sample costs as much as one that comes in time. What is older
-//! or more than a stream is to keep goes block by block, the oldest first.
+//! or more than a stream is to keep goes block by block, the oldest first. Samples whose stamps lie
+//! ahead of the server's clock do not count for the age of others, nor for what is due.
 
 mod answers;
 mod blocks;
-
-use std::collections::HashMap;
+mod double_hour;
+mod removal;
+mod signals;
 
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -20,8 +22,9 @@ use super::quotas;
 use super::writer::Tx;
 use super::{Change, Quotas, Store, StoreError, corrupt, unsigned};
 use crate::access::Project;
-use crate::recording::{MAX_SIGNALS, Merged, RowSignal, Rows};
-use blocks::Block;
+use crate::recording::{Batch, Merged, QualityReport, RowSignal, Rows};
+use blocks::{Block, Span};
+use signals::places;
 
 /// What a stream keeps when nobody says `[MiB]`.
 pub const DEFAULT_KEEP_MIB: u32 = 256;
@@ -36,12 +39,8 @@ pub struct NewBatch {
     pub project: Project,
     /// The stream's name.
     pub stream: String,
-    /// What the rows hold.
-    pub signals: Vec<RowSignal>,
     /// The samples.
-    pub rows: Rows,
-    /// The time zone that the source counted in.
-    pub zone: Option<String>,
+    pub batch: Batch,
     /// What is to be kept from now on, where that is said.
     pub keep: Keep,
     /// Makes the batch safe to repeat.
@@ -75,13 +74,13 @@ pub struct StreamRow {
     pub samples: u64,
     /// What they take of the database.
     pub bytes: u64,
-    /// The first of them.
-    #[schema(value_type = String, format = DateTime)]
-    pub first: Timestamp,
-    /// The last of them.
-    #[schema(value_type = String, format = DateTime)]
-    pub last: Timestamp,
-    /// How long before the last sample others are kept `[s]`; `null`: as long as there is room.
+    /// The first of them; `null` where there are none.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub first: Option<Timestamp>,
+    /// The last of them; `null` where there are none.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub last: Option<Timestamp>,
+    /// How long before the last sample that is not ahead of the server's clock others are kept `[s]`; `null`: as long as there is room.
     pub keep_s: Option<f64>,
     /// How much is kept `[MiB]`.
     pub keep_mib: u32,
@@ -94,6 +93,24 @@ pub struct StreamRow {
 }
 
 impl StreamRow {
+    /// A stream before its first batch.
+    fn empty(first: &NewBatch, now: Timestamp) -> Self {
+        Self {
+            project: first.project.clone(),
+            name: first.stream.clone(),
+            signals: Vec::new(),
+            zone: None,
+            samples: 0,
+            bytes: 0,
+            first: None,
+            last: None,
+            keep_s: None,
+            keep_mib: DEFAULT_KEEP_MIB,
+            created_at: now,
+            received_at: now,
+        }
+    }
+
     /// By what its blocks and its monitors name it.
     fn identity(&self) -> String {
         identity(&self.project, &self.name)
@@ -112,6 +129,10 @@ pub(super) fn identity(project: &Project, name: &str) -> String {
 /// What became of a batch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Appended {
+    /// What is odd about the batch, and what reading it assumed or left out: the findings that a
+    /// recording has too.
+    #[serde(default)]
+    pub report: QualityReport,
     /// What the batch did to the stream.
     #[serde(flatten)]
     pub merged: Merged,
@@ -132,7 +153,9 @@ pub enum BatchOutcome {
     KeyReused,
     /// A signal came in another unit before: its name, that unit, and the one that came now.
     UnitsDiffer(String, String, String),
-    /// The stream would have more than [`MAX_SIGNALS`].
+    /// The samples are of a local hour that came twice, and both of its passes have others already.
+    HourCameTwice,
+    /// The stream would have more than [`crate::recording::MAX_SIGNALS`].
     TooManySignals,
     /// The project has [`MAX_STREAMS`] already.
     TooManyStreams,
@@ -196,37 +219,15 @@ impl Store {
     pub async fn stream_rows(
         &self,
         stream: &StreamRow,
-        (from, to): (i64, i64),
+        span: (i64, i64),
         most: usize,
     ) -> Result<Option<Rows>, StoreError> {
-        let columns = stream.signals.len();
-        let identity = stream.identity();
-        let mut all = Rows::of_columns(columns);
         let mut connection = self.readers().acquire().await?;
-        let mut after = i64::MIN;
-        loop {
-            let block: Option<(i64, i64, Vec<u8>)> = database::query_as(
-                "select first_ns, rows, samples from stream_blocks where stream = $1 \
-                 and first_ns < $2 and last_ns >= $3 and first_ns > $4 order by first_ns limit 1",
-            )
-            .bind(&identity)
-            .bind(to)
-            .bind(from)
-            .bind(after)
-            .fetch_optional(&mut connection)
-            .await?;
-            let Some((first, rows, samples)) = block else {
-                return Ok(Some(all));
-            };
-            let block = blocks::decode(&identity, rows, &samples, columns)?;
-            let start = block.instants.partition_point(|instant| *instant < from);
-            let end = block.instants.partition_point(|instant| *instant < to);
-            if all.rows() + (end - start) > most {
-                return Ok(None);
-            }
-            all.append(block.slice(start..end));
-            after = first;
-        }
+        let span = Span {
+            from: span.0,
+            to: span.1,
+        };
+        blocks::between(&mut connection, stream, span, most).await
     }
 
     /// The first instant of a stream at or after one, nanoseconds since 1970.
@@ -235,20 +236,18 @@ impl Store {
         stream: &StreamRow,
         from: i64,
     ) -> Result<Option<i64>, StoreError> {
-        let identity = stream.identity();
-        let block: Option<(i64, Vec<u8>)> = database::query_as(
-            "select rows, samples from stream_blocks where stream = $1 and last_ns >= $2 \
-             order by first_ns limit 1",
-        )
-        .bind(&identity)
-        .bind(from)
-        .fetch_optional(self.readers())
-        .await?;
-        let Some((rows, samples)) = block else {
-            return Ok(None);
-        };
-        let instants = blocks::instants(&identity, rows, &samples)?;
-        Ok(instants.into_iter().find(|instant| *instant >= from))
+        let mut connection = self.readers().acquire().await?;
+        blocks::first_from(&mut connection, &stream.identity(), from).await
+    }
+
+    /// The last instant of a stream up to and with one, nanoseconds since 1970.
+    pub async fn stream_reached(
+        &self,
+        stream: &StreamRow,
+        until: i64,
+    ) -> Result<Option<i64>, StoreError> {
+        let mut connection = self.readers().acquire().await?;
+        blocks::last_until(&mut connection, &stream.identity(), until).await
     }
 
     /// Removes a stream of a project that no monitor watches.
@@ -281,15 +280,16 @@ async fn fetch(
 fn read(row: &Row) -> Result<StreamRow, StoreError> {
     let name: String = row.try_get("name")?;
     let count = |column| row.try_get::<i64>(column).map(i64::unsigned_abs);
+    let samples = count("samples")?;
     let instant = |column| {
         let ns: i64 = row.try_get(column)?;
-        Timestamp::from_nanosecond(ns.into()).map_err(|why| corrupt("stream", &name, why))
+        (samples > 0).then(|| stamp(&name, ns)).transpose()
     };
     Ok(StreamRow {
         project: jobs::project(&name, row.try_get("project")?)?,
         signals: from_json("signals", &name, row.try_get("signals")?)?,
         zone: row.try_get("zone")?,
-        samples: count("samples")?,
+        samples,
         bytes: count("bytes")?,
         first: instant("first_ns")?,
         last: instant("last_ns")?,
@@ -301,104 +301,83 @@ fn read(row: &Row) -> Result<StreamRow, StoreError> {
     })
 }
 
-async fn append(tx: &mut Tx, batch: NewBatch, allowed: Quotas) -> Result<BatchOutcome, StoreError> {
-    if let Some(idempotency) = &batch.idempotency
+fn stamp(stream: &str, ns: i64) -> Result<Timestamp, StoreError> {
+    Timestamp::from_nanosecond(ns.into()).map_err(|why| corrupt("stream", stream, why))
+}
+
+async fn append(tx: &mut Tx, new: NewBatch, allowed: Quotas) -> Result<BatchOutcome, StoreError> {
+    if let Some(idempotency) = &new.idempotency
         && let Some(earlier) = answers::earlier(tx, idempotency).await?
     {
         return Ok(earlier);
     }
-    let before = fetch(tx, &identity(&batch.project, &batch.stream)).await?;
+    let before = fetch(tx, &identity(&new.project, &new.stream)).await?;
     let is_new = before.is_none();
-    if is_new {
-        let streams: i64 =
-            database::query_scalar("select count(*) from streams where project = $1")
-                .bind(batch.project.as_str())
-                .fetch_one(&mut **tx)
-                .await?;
-        if streams >= MAX_STREAMS {
-            return Ok(BatchOutcome::TooManyStreams);
-        }
+    if is_new && count(tx, &new.project).await? >= MAX_STREAMS {
+        return Ok(BatchOutcome::TooManyStreams);
     }
     let known = before.as_ref().map_or(&[][..], |row| &row.signals);
-    let (signals, places) = match places(known, &batch.signals) {
+    let (signals, places) = match places(known, &new.batch.signals) {
         Ok(placed) => placed,
         Err(refusal) => return Ok(refusal),
     };
-    let adds = blocks::bytes_of(&batch.rows);
-    quotas::check_bytes(tx, &allowed, &batch.project, adds).await?;
+    let adds = blocks::bytes_of(&new.batch.rows);
+    quotas::check_bytes(tx, &allowed, &new.project, adds).await?;
     let now = Timestamp::now();
-    let mut row = before.unwrap_or_else(|| StreamRow {
-        project: batch.project.clone(),
-        name: batch.stream.clone(),
-        signals: Vec::new(),
-        zone: None,
-        samples: 0,
-        bytes: 0,
-        first: now,
-        last: now,
-        keep_s: None,
-        keep_mib: DEFAULT_KEEP_MIB,
-        created_at: now,
-        received_at: now,
-    });
-    row.zone = batch.zone.or(row.zone);
-    row.keep_s = batch.keep.seconds.or(row.keep_s);
-    row.keep_mib = batch.keep.mib.unwrap_or(row.keep_mib);
+    let mut row = before.unwrap_or_else(|| StreamRow::empty(&new, now));
+    let Batch {
+        rows,
+        zone,
+        mut report,
+        double_hour,
+        ..
+    } = new.batch;
+    row.zone = zone.or(row.zone);
+    row.keep_s = new.keep.seconds.or(row.keep_s);
+    row.keep_mib = new.keep.mib.unwrap_or(row.keep_mib);
     row.received_at = now;
     row.signals = signals;
-    if is_new {
-        put(tx, &row, (0, 0)).await?;
+    let mut rows = rows.spread(&places, row.signals.len());
+    if let Some(hour) = double_hour {
+        let Some(settled) = double_hour::settle(tx, &row, rows, hour).await? else {
+            return Ok(BatchOutcome::HourCameTwice);
+        };
+        rows = settled.rows;
+        report.warnings.push(settled.told);
     }
-    let rows = batch.rows.spread(&places, row.signals.len());
+    if is_new {
+        put(tx, &row).await?;
+    }
     let merged = blocks::merge(tx, &row, &rows).await?;
     let removed = keep(tx, &mut row).await?;
     tx.announce(Change::Stream);
     let appended = Appended {
+        report,
         merged,
         removed,
         stream: row,
     };
-    if let Some(idempotency) = &batch.idempotency {
+    if let Some(idempotency) = &new.idempotency {
         answers::remember(tx, idempotency, &appended).await?;
     }
     Ok(BatchOutcome::Stored(Box::new(appended), is_new))
 }
 
-/// The signals of a stream with those of a batch, and the place of each of the batch's among them.
-fn places(
-    known: &[RowSignal],
-    new: &[RowSignal],
-) -> Result<(Vec<RowSignal>, Vec<usize>), BatchOutcome> {
-    let mut signals = known.to_vec();
-    let names = known.iter().enumerate();
-    let mut by_name: HashMap<String, usize> = names
-        .map(|(place, signal)| (signal.name.clone(), place))
-        .collect();
-    let mut places = Vec::with_capacity(new.len());
-    for signal in new {
-        let place = *by_name.entry(signal.name.clone()).or_insert(signals.len());
-        match signals.get_mut(place) {
-            None => signals.push(signal.clone()),
-            Some(known) if known.unit != signal.unit => {
-                let units = (known.unit.clone(), signal.unit.clone());
-                return Err(BatchOutcome::UnitsDiffer(
-                    signal.name.clone(),
-                    units.0,
-                    units.1,
-                ));
-            }
-            Some(known) => known.interpolation = known.interpolation.or(signal.interpolation),
-        }
-        places.push(place);
-    }
-    if signals.len() > MAX_SIGNALS {
-        return Err(BatchOutcome::TooManySignals);
-    }
-    Ok((signals, places))
+/// The streams of a project.
+async fn count(tx: &mut Tx, project: &Project) -> Result<i64, StoreError> {
+    database::query_scalar("select count(*) from streams where project = $1")
+        .bind(project.as_str())
+        .fetch_one(&mut **tx)
+        .await
+        .map_err(StoreError::from)
 }
 
-/// Writes what a stream is, with the first and the last instant of it.
-async fn put(tx: &mut Tx, row: &StreamRow, (first, last): (i64, i64)) -> Result<(), StoreError> {
+/// Writes what a stream is.
+async fn put(tx: &mut Tx, row: &StreamRow) -> Result<(), StoreError> {
+    let ns = |instant: Option<Timestamp>| {
+        let ns = instant.map_or(0, Timestamp::as_nanosecond);
+        i64::try_from(ns).expect("instants of samples are nanoseconds of 64 bits")
+    };
     database::query(
         "insert into streams (identity, project, name, signals, zone, samples, bytes, first_ns, \
          last_ns, keep_s, keep_mib, created_at, received_at) \
@@ -415,8 +394,8 @@ async fn put(tx: &mut Tx, row: &StreamRow, (first, last): (i64, i64)) -> Result<
     .bind(&row.zone)
     .bind(row.samples.cast_signed())
     .bind(row.bytes.cast_signed())
-    .bind(first)
-    .bind(last)
+    .bind(ns(row.first))
+    .bind(ns(row.last))
     .bind(row.keep_s)
     .bind(row.keep_mib)
     .bind(row.created_at.to_string())
@@ -430,10 +409,14 @@ async fn put(tx: &mut Tx, row: &StreamRow, (first, last): (i64, i64)) -> Result<
 /// many samples went.
 async fn keep(tx: &mut Tx, row: &mut StreamRow) -> Result<u64, StoreError> {
     let blocks = blocks::all(tx, &row.identity()).await?;
-    let last = blocks.last().map_or(0, |block| block.last);
-    let oldest = row
-        .keep_s
-        .map_or(i64::MIN, |keep| last.saturating_sub((keep * NS) as i64));
+    let oldest = match row.keep_s {
+        Some(keep_s) => {
+            let now = now_ns();
+            let reached = blocks::last_until(tx, &row.identity(), now).await?;
+            reached.map_or(i64::MIN, |last| last.saturating_sub((keep_s * NS) as i64))
+        }
+        None => i64::MIN,
+    };
     let room = u64::from(row.keep_mib) << 20;
     let mut kept = 0;
     // The newest block stays, whatever is to be kept.
@@ -450,15 +433,23 @@ async fn keep(tx: &mut Tx, row: &mut StreamRow) -> Result<u64, StoreError> {
             .execute(&mut **tx)
             .await?;
     }
-    row.samples = left.iter().map(|block| block.rows).sum();
-    row.bytes = left.iter().map(|block| block.bytes).sum();
-    let first = left.first().map_or(last, |block| block.first);
-    put(tx, row, (first, last)).await?;
-    let instant = |ns: i64| {
-        Timestamp::from_nanosecond(ns.into()).map_err(|why| corrupt("stream", &row.name, why))
-    };
-    (row.first, row.last) = (instant(first)?, instant(last)?);
+    note(tx, row, left).await?;
     Ok(gone.iter().map(|block| block.rows).sum())
+}
+
+/// Writes what a stream is that has these blocks.
+async fn note(tx: &mut Tx, row: &mut StreamRow, blocks: &[Block]) -> Result<(), StoreError> {
+    let stamp = |ns| stamp(&row.name, ns);
+    row.first = blocks.first().map(|block| stamp(block.first)).transpose()?;
+    row.last = blocks.last().map(|block| stamp(block.last)).transpose()?;
+    row.samples = blocks.iter().map(|block| block.rows).sum();
+    row.bytes = blocks.iter().map(|block| block.bytes).sum();
+    put(tx, row).await
+}
+
+/// The server's clock, nanoseconds since 1970.
+fn now_ns() -> i64 {
+    i64::try_from(Timestamp::now().as_nanosecond()).unwrap_or(i64::MAX)
 }
 
 async fn delete(tx: &mut Tx, identity: String) -> Result<StreamRemoval, StoreError> {

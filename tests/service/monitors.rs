@@ -341,3 +341,43 @@ async fn the_same_key_never_makes_two_monitors() {
     assert_eq!(listed["items"].as_array().unwrap().len(), 1);
     app.shutdown().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn samples_far_in_the_future_do_not_end_a_monitor_and_it_can_be_moved() {
+    let app = TestApp::with(|settings| settings.stamps_ahead_h = 100 * 366 * 24).await;
+    let mut plant = Plant::new();
+    append(&app, &plant.window(0, 2.0, 1.0)).await.expect(201);
+    let made = app.post_json("/v1/monitors", &monitor()).await;
+    let id = made.expect(201).json()["id"].as_str().unwrap().to_owned();
+    let path = format!("/v1/monitors/{id}");
+    let mut events = Events::of(&app, &id).await;
+    append(&app, &plant.window(1, 2.0, 1.0)).await.expect(200);
+    events.until_window(0).await;
+    let in_2126 = json!({"start": "2126-03-02T08:00:00Z", "sample_time_s": 1,
+                         "signals": {"u": {"unit": "V", "values": [1, 2]}}});
+    append(&app, &in_2126).await.expect(200);
+    let shown = app.get(&path).await.expect(200).json();
+    let waits_for = &shown["waits_for"];
+    assert_eq!(waits_for["window"], 1, "{waits_for}");
+    assert_eq!(waits_for["due"], "2026-03-02T08:00:40Z");
+    assert_eq!(waits_for["reached"], "2026-03-02T08:00:39.9Z");
+    append(&app, &plant.window(2, 2.0, 1.0)).await.expect(200);
+    let told = events.until_window(1).await;
+    assert_eq!(told.last().unwrap().2["status"], "estimated");
+
+    let move_to = async |from: &str| {
+        let path = format!("{path}/move");
+        app.post_json(&path, &json!({"from": from})).await
+    };
+    let moved = move_to("2036-03-02T08:00:00Z").await.expect(200).json();
+    assert_eq!(moved["next_window"], 15_780_960);
+    let problem = move_to("2026-03-02T08:00:20Z").await.problem(422);
+    assert_eq!(problem["errors"][0]["code"], "window_was_worked");
+    move_to("tomorrow").await.problem(422);
+    let moved = move_to("2026-03-02T08:00:21Z").await.expect(200).json();
+    assert_eq!(moved["next_window"], 2);
+    append(&app, &plant.window(3, 2.0, 1.0)).await.expect(200);
+    let told = events.until_window(2).await;
+    assert_eq!(told.last().unwrap().2["status"], "estimated");
+    app.shutdown().await;
+}

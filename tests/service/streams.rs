@@ -177,3 +177,204 @@ async fn a_stream_keeps_what_it_is_told_to_keep() {
     assert!(told.json()["stream"]["bytes"].as_u64().unwrap() <= 1 << 20);
     app.shutdown().await;
 }
+
+/// The samples of a signal of `rig-4`, as time of day in seconds past eight and value.
+async fn samples(app: &TestApp, signal: &str) -> Vec<(f64, f64)> {
+    let path = "/v1/streams/rig-4?from=2026-03-02T08:00:00Z&to=2026-03-02T09:00:00Z";
+    let shown = app.get(path).await.expect(200).json();
+    let window = &shown["window"];
+    let start: jiff::Timestamp = window["start"].as_str().unwrap().parse().unwrap();
+    let eight: jiff::Timestamp = "2026-03-02T08:00:00Z".parse().unwrap();
+    let from = start.duration_since(eight).as_secs_f64();
+    let times = window["samples"]["time_s"].as_array().unwrap().iter();
+    let values = window["samples"]["signals"][signal]["values"].as_array();
+    let pairs = times.zip(values.unwrap());
+    let present = pairs.filter_map(|(time, value)| Some((time.as_f64()?, value.as_f64()?)));
+    present
+        .map(|(time, value)| (((from + time) * 1e6).round() / 1e6, value))
+        .collect()
+}
+
+fn codes(answer: &Value) -> Vec<String> {
+    let warnings = answer["report"]["warnings"].as_array().unwrap().iter();
+    warnings
+        .map(|warning| {
+            let signal = warning["signal"].as_str().unwrap_or("all");
+            format!("{signal}: {}", warning["code"].as_str().unwrap())
+        })
+        .collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn each_sample_keeps_the_instant_at_which_it_was_taken() {
+    let app = TestApp::start().await;
+    // A command that is recorded when it changes, beside a position at a hertz.
+    let mut long = String::from("timestamp,tag,value\n");
+    for (time, value) in [("00", 1), ("02.5", 5), ("04.7", 9)] {
+        long += &format!("2026-03-02T08:00:{time}Z,cmd,{value}\n");
+    }
+    for k in 0..6 {
+        long += &format!("2026-03-02T08:00:0{k}Z,position,{k}\n");
+    }
+    let told = app.post_csv("/v1/streams/rig-4", long.clone()).await;
+    let told = told.expect(201).json();
+    assert_eq!(
+        (&told["added"], &told["stream"]["samples"]),
+        (&json!(8), &json!(8))
+    );
+    assert_eq!(
+        samples(&app, "cmd").await,
+        [(0.0, 1.0), (2.5, 5.0), (4.7, 9.0)]
+    );
+    let position: Vec<(f64, f64)> = (0..6).map(|k| (f64::from(k), f64::from(k))).collect();
+    assert_eq!(samples(&app, "position").await, position);
+    let again = app.post_csv("/v1/streams/rig-4", long.clone()).await;
+    assert_eq!(again.expect(200).json()["repeated"], 8);
+
+    // Stamps a little off a grid are not moved onto it.
+    let wide = "time,level [m]\n2026-03-02T08:10:00Z,1\n2026-03-02T08:10:01.0004Z,2\n\
+                2026-03-02T08:10:02Z,3\n";
+    app.post_csv("/v1/streams/rig-4", wide).await.expect(200);
+    let level = [(600.0, 1.0), (601.0004, 2.0), (602.0, 3.0)];
+    assert_eq!(samples(&app, "level").await, level);
+
+    let asked = app.post_csv("/v1/streams/rig-4?grid=1s", long).await;
+    let problem = asked.problem(422);
+    assert_eq!(problem["errors"][0]["parameter"], "grid");
+    app.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_gateway_sends_one_sample_at_a_time_in_any_format() {
+    let app = TestApp::start().await;
+    let csv = "time,a [m]\n2026-03-02T08:00:00Z,1\n";
+    app.post_csv("/v1/streams/rig-4", csv).await.expect(201);
+    let long = "timestamp,tag,value\n2026-03-02T08:00:01Z,a,2\n";
+    let told = app.post_csv("/v1/streams/rig-4?units=a:m", long).await;
+    told.expect(200);
+    let document = json!({"start": "2026-03-02T08:00:02Z", "sample_time_s": 1,
+                          "signals": {"a": {"unit": "m", "values": [3]}}});
+    app.post_json("/v1/streams/rig-4", &document)
+        .await
+        .expect(200);
+    let lines = "rig a=4 1772438403000000000\n";
+    let request = app.request(Method::POST, "/v1/streams/rig-4?units=a:m&rename=a:a");
+    let request = request.header("content-type", "text/plain").body(lines);
+    app.send(request).await.expect(200);
+    let expected = [(0.0, 1.0), (1.0, 2.0), (2.0, 3.0), (3.0, 4.0)];
+    assert_eq!(samples(&app, "a").await, expected);
+    app.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_append_says_what_it_assumed_and_what_it_left_out() {
+    let app = TestApp::start().await;
+    let mut text = String::from("timestamp,p [bar],operator,q\n");
+    for k in 0..20 {
+        let p = if k == 7 {
+            -9999.0
+        } else {
+            50.0 + f64::from(k % 3)
+        };
+        let q = if k == 3 { String::new() } else { k.to_string() };
+        text += &format!("{},{p},Smith,{q}\n", 1_772_438_400 + k);
+    }
+    let told = app.post_csv("/v1/streams/rig-4", text).await.expect(201);
+    let told = told.json();
+    let expected = [
+        "all: time_unit_from_size",
+        "p: likely_sentinel",
+        "operator: text_column",
+        "q: missing_samples",
+        "q: no_unit",
+    ];
+    assert_eq!(codes(&told), expected, "{told}");
+    let alone = "time,p [bar]\n2026-03-02T08:15:00Z,-9999\n";
+    let told = app
+        .post_csv("/v1/streams/rig-4", alone)
+        .await
+        .expect(200)
+        .json();
+    assert!(
+        codes(&told).contains(&"p: likely_sentinel".to_owned()),
+        "{told}"
+    );
+    let twice = "time,p [bar]\n2026-03-02T08:16:00Z,1\n2026-03-02T08:16:00Z,2\n\
+                 2026-03-02T08:16:01Z,3\n";
+    let told = app
+        .post_csv("/v1/streams/rig-4", twice)
+        .await
+        .expect(200)
+        .json();
+    assert!(
+        codes(&told).contains(&"all: duplicate_time".to_owned()),
+        "{told}"
+    );
+    let stored = samples(&app, "p").await;
+    assert!(
+        stored.contains(&(960.0, 2e5)),
+        "the later statement counts: {stored:?}"
+    );
+    app.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn samples_of_the_future_are_refused_by_name_and_those_of_today_do_not_count() {
+    let app = TestApp::start().await;
+    let now = jiff::Timestamp::now();
+    let at = |hours: i64| now + jiff::SignedDuration::from_hours(hours);
+    let row = |hours: i64, a: &str, b: &str| format!("{},{a},{b}\n", at(hours));
+    let header = "time,a [m],b [m]\n".to_owned();
+    let past: String = (-40..0).map(|k| row(k, "1", "2")).collect();
+    let wrong = header.clone() + &past + &row(100, "", "3") + &row(101, "", "4");
+    let problem = app.post_csv("/v1/streams/rig-4", wrong).await.problem(422);
+    let fault = &problem["errors"][0];
+    assert_eq!(fault["code"], "stamp_in_future");
+    let detail = fault["detail"].as_str().unwrap();
+    assert!(detail.contains("`b` has 2 samples"), "{detail}");
+    assert!(detail.contains(&at(100).to_string()), "{detail}");
+    app.get("/v1/streams/rig-4").await.problem(404);
+
+    // Twelve hours ahead is taken, and pushes nothing out.
+    let ahead = header + &past + &row(12, "5", "6");
+    let told = app.post_csv("/v1/streams/rig-4?keep_s=172800", ahead).await;
+    let told = told.expect(201).json();
+    assert_eq!((&told["added"], &told["removed"]), (&json!(41), &json!(0)));
+    let from = at(1).to_string();
+    let path = format!("/v1/streams/rig-4/samples?from={from}");
+    let gone = app.delete(&path).await.expect(200).json();
+    assert_eq!(
+        (&gone["removed"], &gone["stream"]["samples"]),
+        (&json!(1), &json!(40))
+    );
+    assert_eq!(gone["stream"]["last"], at(-1).to_string());
+    app.delete("/v1/streams/rig-4/samples").await.problem(422);
+    app.delete("/v1/streams/none/samples?from=2026-03-02T08:15:00Z")
+        .await
+        .problem(404);
+    app.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_hour_that_comes_twice_is_kept_twice() {
+    let app = TestApp::start().await;
+    let pass = |value: u32| {
+        let rows = (0..60).map(|minute| format!("2025-10-26 02:{minute:02}:00,{value}\n"));
+        rows.fold("time,a [m]\n".to_owned(), |text, row| text + &row)
+    };
+    let path = "/v1/streams/rig-4?tz=Europe/Berlin";
+    app.post_csv(path, pass(1)).await.expect(201);
+    let told = app.post_csv(path, pass(2)).await.expect(200).json();
+    assert_eq!((&told["added"], &told["changed"]), (&json!(60), &json!(0)));
+    assert!(
+        codes(&told).contains(&"all: double_hour".to_owned()),
+        "{told}"
+    );
+    assert_eq!(told["stream"]["first"], "2025-10-26T00:00:00Z");
+    assert_eq!(told["stream"]["last"], "2025-10-26T01:59:00Z");
+    let told = app.post_csv(path, pass(1)).await.expect(200).json();
+    assert_eq!(told["repeated"], 60);
+    let problem = app.post_csv(path, pass(3)).await.problem(422);
+    assert_eq!(problem["errors"][0]["code"], "hour_came_twice");
+    app.shutdown().await;
+}

@@ -56,15 +56,7 @@ fn read_part(document: &Field<'_>) -> Option<StreamPart> {
         }
         Some(name.to_owned())
     });
-    let mut instant = |name| {
-        let field = root.required(name)?;
-        let read = field.text()?.parse::<Timestamp>();
-        if read.is_err() {
-            let detail = "not an instant with its offset, such as 2026-03-02T08:15:00+01:00";
-            field.fault("not_a_time", detail);
-        }
-        read.ok()
-    };
+    let mut instant = |name| root.required(name)?.instant();
     let (from, to) = (instant("from"), instant("to"));
     if let (Some(from), Some(to)) = (from, to)
         && from >= to

@@ -11,7 +11,9 @@ fn clock(name: &str, unit: &str, given: &[(&str, &str)]) -> Clock {
 }
 
 fn read(clock: &mut Clock, text: &str) -> Result<f64, &'static str> {
-    clock.read(&Cell::Text(text)).map_err(|(code, _)| code)
+    clock
+        .read(&Cell::Text(text), None)
+        .map_err(|(code, _)| code)
 }
 
 fn start(clock: &Clock) -> String {
@@ -109,13 +111,50 @@ fn a_timestamp_that_could_be_anywhere_needs_a_zone() {
 fn the_hour_that_comes_twice_is_told_apart_by_its_order() {
     let mut clock = clock("t", "", &[("tz", "Europe/Berlin")]);
     let hours = ["01:30", "02:00", "02:30", "02:00", "02:30", "03:00"];
-    let seconds = hours.map(|hour| read(&mut clock, &format!("2026-10-25 {hour}:00")).unwrap());
+    let mut before = None;
+    let seconds = hours.map(|hour| {
+        let stamp = format!("2026-10-25 {hour}:00");
+        before = clock.read(&Cell::Text(&stamp), before).ok();
+        before.unwrap()
+    });
     assert_eq!(seconds, [0.0, 1800.0, 3600.0, 5400.0, 7200.0, 9000.0]);
     assert_eq!(clock.notes()[0].code, "daylight_saving_fold");
+    assert_eq!(clock.double_hour(0.0), None);
     assert_eq!(
         read(&mut clock, "2026-03-29 02:30:00"),
         Err("no_such_local_time")
     );
+}
+
+#[test]
+fn the_hour_that_comes_twice_is_open_where_no_order_tells_its_passes_apart() {
+    let mut clock = clock("t", "", &[("tz", "Europe/Berlin")]);
+    for (hour, seconds) in [("02:10", 0.0), ("02:50", 2400.0), ("03:10", 7200.0)] {
+        assert_eq!(
+            read(&mut clock, &format!("2026-10-25 {hour}:00")),
+            Ok(seconds)
+        );
+    }
+    let hour = clock.double_hour(0.0).expect("it is open");
+    let end: Timestamp = "2026-10-25T01:00:00Z".parse().unwrap();
+    assert_eq!(i128::from(hour.end_ns), end.as_nanosecond());
+    assert_eq!(hour.length_ns, 3600 * 1_000_000_000);
+    assert_eq!(clock.double_hour(3600.0), None, "it begins after the hour");
+}
+
+#[test]
+fn stamps_that_a_double_cannot_tell_are_said_to_be_rounded() {
+    for (last, code) in [
+        ("2026-03-02T08:15:00.123456789Z", None),
+        ("2026-07-02T08:15:00.1234567Z", None),
+        ("2026-07-02T08:15:00.123456789Z", Some("rounded_stamps")),
+    ] {
+        let mut clock = clock("t", "", &[]);
+        read(&mut clock, "2026-03-02T08:15:00Z").unwrap();
+        read(&mut clock, last).unwrap();
+        let notes = clock.notes();
+        assert_eq!(notes.first().map(|note| note.code.as_str()), code, "{last}");
+    }
 }
 
 #[test]

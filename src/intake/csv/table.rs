@@ -5,12 +5,12 @@ use super::super::cell::Cell;
 use super::super::clock::Clock;
 use super::super::column::Column;
 use super::super::error::{Fault, Faults, ReadError};
-use super::super::options::Options;
+use super::super::options::{Options, Purpose};
 use super::super::tags::check_options;
 use super::header::Header;
 use super::{is_empty, line_of, not_utf8};
-use crate::recording::columns::Columns;
-use crate::recording::{MIN_SAMPLES, Named, NewScratch, Received, TimeAxis, Warning};
+use crate::recording::columns::{Columns, Series};
+use crate::recording::{Named, NewScratch, Received, TimeAxis, Warning};
 use ::csv::ByteRecord;
 use std::io;
 
@@ -22,7 +22,10 @@ pub(super) struct Table<'o> {
     names: Vec<String>,
     /// The samples of each column; the time's are seconds from the first row.
     samples: Columns,
+    /// The row that is read.
     row: Vec<f64>,
+    /// The row before, which a later row may correct.
+    last_row: Vec<f64>,
     time: usize,
     clock: Clock,
     /// The time of the last row [s].
@@ -46,6 +49,7 @@ impl<'o> Table<'o> {
             options,
             samples: Columns::new(columns.len(), scratch),
             row: Vec::with_capacity(columns.len()),
+            last_row: Vec::with_capacity(columns.len()),
             clock: Clock::new(&names[time], &time_unit, options),
             time,
             columns,
@@ -93,15 +97,24 @@ impl<'o> Table<'o> {
             self.faults.malformed(not_utf8(line));
             return Ok(());
         };
-        match self.clock.read(&Cell::Text(time)) {
+        match self.clock.read(&Cell::Text(time), self.last) {
             Err((code, detail)) => {
                 let column = Some(self.names[self.time].as_str());
                 self.faults
                     .invalid(Fault::at_line(code, line, column, detail));
             }
             Ok(instant) if self.is_next(instant, line) => {
+                self.push_last_row()?;
                 self.last = Some(instant);
-                self.push_values(record, instant, line)?;
+                self.read_row(record, instant, line);
+                std::mem::swap(&mut self.row, &mut self.last_row);
+            }
+            Ok(instant) if self.last == Some(instant) && self.options.purpose.is_later_right() => {
+                self.read_row(record, instant, line);
+                let corrected = self.last_row.iter_mut().zip(&self.row);
+                for (value, later) in corrected.filter(|(_, later)| !later.is_nan()) {
+                    *value = *later;
+                }
             }
             Ok(_) => {}
         }
@@ -126,7 +139,8 @@ impl<'o> Table<'o> {
         instant > last
     }
 
-    fn push_values(&mut self, record: &ByteRecord, instant: f64, line: u64) -> io::Result<()> {
+    /// Reads the fields of a row as SI values.
+    fn read_row(&mut self, record: &ByteRecord, instant: f64, line: u64) {
         self.row.clear();
         for (k, field) in record.iter().take(self.columns.len()).enumerate() {
             if k == self.time {
@@ -135,26 +149,31 @@ impl<'o> Table<'o> {
             }
             let Ok(text) = std::str::from_utf8(field) else {
                 self.faults.malformed(not_utf8(line));
-                return Ok(());
+                return;
             };
             let name = &self.names[k];
             let place = |code, detail| Fault::at_line(code, line, Some(name), detail);
             let value = self.columns[k].take(&Cell::Text(text), self.options, place);
             self.row.push(value);
         }
+    }
+
+    /// Keeps the row that no later row can correct any more.
+    fn push_last_row(&mut self) -> io::Result<()> {
         // With a fault there will be no recording.
-        if self.faults.is_empty() {
-            self.samples.push(&self.row)?;
+        if self.faults.is_empty() && !self.last_row.is_empty() {
+            self.samples.push(&self.last_row)?;
         }
         Ok(())
     }
 
     /// The recording, or all faults.
     pub(super) fn into_received(mut self) -> Result<Received, ReadError> {
+        self.push_last_row().map_err(ReadError::Scratch)?;
         let samples = self.samples.rows();
         self.check(samples);
-        self.faults.result()?;
-        let mut notes = notes(self.duplicates, self.empty_rows);
+        std::mem::take(&mut self.faults).result()?;
+        let mut notes = self.notes();
         notes.extend(self.clock.notes());
         let columns = self.columns.into_iter().enumerate();
         let mut signals = Vec::with_capacity(columns.len());
@@ -173,8 +192,13 @@ impl<'o> Table<'o> {
         }
         let end = (samples, self.last.unwrap_or(0.0));
         let mut instants = self.samples.column(self.time);
-        let time = TimeAxis::of_series(&mut instants, end, self.clock.scale());
+        let time = match self.options.purpose {
+            Purpose::Recording => TimeAxis::of_series(&mut instants, end, self.clock.scale()),
+            Purpose::Stream => instants.collect().map(TimeAxis::Instants),
+        };
         Ok(Received {
+            double_hour: self.clock.double_hour(0.0),
+            own_instants: false,
             name: self.options.name.clone(),
             start: self.clock.start(0.0),
             zone: self.clock.zone(),
@@ -186,8 +210,22 @@ impl<'o> Table<'o> {
         })
     }
 
+    /// What was met among the rows.
+    fn notes(&self) -> Vec<Warning> {
+        let mut notes = Vec::new();
+        if self.duplicates > 0 {
+            notes.push(self.options.purpose.duplicate_time(self.duplicates));
+        }
+        if self.empty_rows > 0 {
+            let detail = format!("{} empty rows skipped", self.empty_rows);
+            notes.push(Warning::of_recording("empty_rows", detail));
+        }
+        notes
+    }
+
     /// What can be told at the end only.
     fn check(&mut self, samples: usize) {
+        let least = self.options.purpose.least_instants();
         let others = self
             .names
             .iter()
@@ -204,25 +242,10 @@ impl<'o> Table<'o> {
         if n_signals == 0 && self.faults.is_empty() {
             let detail = "no column but the time has a number in it".to_owned();
             self.faults.invalid(Fault::anywhere("no_signals", detail));
-        } else if self.faults.is_empty() && samples < MIN_SAMPLES {
-            let detail =
-                format!("{samples} rows with distinct times; at least {MIN_SAMPLES} are needed");
+        } else if self.faults.is_empty() && samples < least {
+            let detail = format!("{samples} rows with distinct times; at least {least} are needed");
             self.faults
                 .invalid(Fault::at_line("too_few_samples", 1, None, detail));
         }
     }
-}
-
-fn notes(duplicates: usize, empty_rows: usize) -> Vec<Warning> {
-    let mut notes = Vec::new();
-    if duplicates > 0 {
-        notes.push(Warning::duplicate_time(duplicates));
-    }
-    if empty_rows > 0 {
-        notes.push(Warning::of_recording(
-            "empty_rows",
-            format!("{empty_rows} empty rows skipped"),
-        ));
-    }
-    notes
 }

@@ -2,11 +2,9 @@
 
 use super::super::error::Faults;
 use super::super::units::{self, Unit};
-use super::super::{Fault, ReadError};
+use super::super::{Fault, Purpose, ReadError};
 use super::scalar::Scalar;
-use crate::recording::{
-    MAX_SIGNALS, MIN_SAMPLES, Recording, Signal, TimeAxis, Warning, name_fault,
-};
+use crate::recording::{MAX_SIGNALS, Recording, Signal, TimeAxis, Warning, name_fault};
 use jiff::Timestamp;
 use std::collections::HashSet;
 
@@ -133,7 +131,7 @@ impl Document {
     }
 
     /// The recording, or all faults.
-    pub(super) fn into_recording(mut self) -> Result<Recording, ReadError> {
+    pub(super) fn into_recording(mut self, purpose: Purpose) -> Result<Recording, ReadError> {
         let time = self.check_time();
         let samples = time.as_ref().map(Vec::len).or_else(|| {
             self.signals
@@ -150,15 +148,16 @@ impl Document {
                 .invalid(fault("no_signals", "/signals".to_owned(), detail));
         }
         let signals = self.check_signals(samples);
-        let few = samples.filter(|samples| *samples < MIN_SAMPLES);
+        let least = purpose.least_instants();
+        let few = samples.filter(|samples| *samples < least);
         if let Some(samples) = few.filter(|_| self.faults.is_empty()) {
-            let detail = format!("{samples} samples; at least {MIN_SAMPLES} are needed");
+            let detail = format!("{samples} samples; at least {least} are needed");
             self.faults
                 .invalid(fault("too_few_samples", "/signals".to_owned(), &detail));
         }
         self.faults.result()?;
         let mut recording = match (time, self.sample_time) {
-            (Some(instants), _) => over_instants(instants, signals),
+            (Some(instants), _) => over_instants(instants, signals, purpose),
             (None, sample_time) => {
                 let sample_time = sample_time.expect("its absence is a fault");
                 let samples = samples.expect("a document without signals is a fault");
@@ -277,15 +276,26 @@ impl Document {
     }
 }
 
-/// The recording over listed times; of samples at the same time the first stays.
-fn over_instants(times: Vec<f64>, mut signals: Vec<Signal>) -> Recording {
+/// The recording over listed times. Of samples at one time the first stays in a recording, and the
+/// last one that is not missing in a batch of a stream.
+fn over_instants(times: Vec<f64>, mut signals: Vec<Signal>, purpose: Purpose) -> Recording {
     let scale = times
         .iter()
         .fold(0.0_f64, |largest, time| largest.max(time.abs()));
     let first = times[0];
-    let keep: Vec<bool> = (0..times.len())
-        .map(|k| k == 0 || times[k] > times[k - 1])
-        .collect();
+    let is_kept = |k: usize| match purpose {
+        Purpose::Recording => k == 0 || times[k] > times[k - 1],
+        Purpose::Stream => k + 1 == times.len() || times[k + 1] > times[k],
+    };
+    let keep: Vec<bool> = (0..times.len()).map(is_kept).collect();
+    if purpose.is_later_right() {
+        let is_repeat = |k: &usize| times[*k] == times[k - 1];
+        for k in (1..times.len()).filter(is_repeat) {
+            signals
+                .iter_mut()
+                .for_each(|signal| carry(&mut signal.values, k));
+        }
+    }
     let duplicates = keep.iter().filter(|keep| !**keep).count();
     let mut instants: Vec<f64> = times.into_iter().map(|time| time - first).collect();
     if duplicates > 0 {
@@ -294,11 +304,18 @@ fn over_instants(times: Vec<f64>, mut signals: Vec<Signal>) -> Recording {
             retain(&mut signal.values, &keep);
         }
     }
-    let mut recording = Recording::new(TimeAxis::from_instants(instants, scale), signals);
+    let mut recording = Recording::new(purpose.axis(instants, scale), signals);
     if duplicates > 0 {
-        recording.notes.push(Warning::duplicate_time(duplicates));
+        recording.notes.push(purpose.duplicate_time(duplicates));
     }
     recording
+}
+
+/// Has a missing value say what the one before says.
+fn carry(values: &mut [f64], k: usize) {
+    if values[k].is_nan() {
+        values[k] = values[k - 1];
+    }
 }
 
 fn retain(values: &mut Vec<f64>, keep: &[bool]) {

@@ -14,7 +14,7 @@ mod document;
 mod node;
 mod scalar;
 
-use super::{Fault, ReadError};
+use super::{Fault, Purpose, ReadError};
 use crate::recording::Recording;
 use document::Document;
 use node::Node;
@@ -27,14 +27,14 @@ use std::io::{BufReader, Read};
 /// # Errors
 /// When the source fails, when the text is not JSON, or with everything that is wrong with the
 /// document.
-pub fn read(reader: impl Read) -> Result<Recording, ReadError> {
+pub fn read(reader: impl Read, purpose: Purpose) -> Result<Recording, ReadError> {
     let mut document = Document::default();
     let mut text = serde_json::Deserializer::from_reader(BufReader::new(reader));
     Node::Document(&mut document)
         .deserialize(&mut text)
         .and_then(|()| text.end())
         .map_err(from_json)?;
-    document.into_recording()
+    document.into_recording(purpose)
 }
 
 pub(super) fn from_json(error: serde_json::Error) -> ReadError {

@@ -5,7 +5,7 @@ use crate::recording::TimeAxis;
 use proptest::prelude::*;
 
 fn parse(text: &str) -> Result<Recording, ReadError> {
-    read(text.as_bytes())
+    read(text.as_bytes(), Purpose::Recording)
 }
 
 /// Pointer and code of every fault.

@@ -1,7 +1,8 @@
 //! One tag: its samples in their order, and at the instants of all.
 
 use super::super::column::Column;
-use crate::recording::{Class, Interpolation, Rule, TimeAxis, resample};
+use super::super::options::Purpose;
+use crate::recording::{Class, Interpolation, Rule, TimeAxis, Warning, resample};
 
 /// A tag with its own instants.
 pub(super) struct Tag {
@@ -34,9 +35,10 @@ impl Tag {
         }
     }
 
-    /// Sorts by instant and drops the later of two samples at one. Answers how many samples stood
-    /// behind a later one, and how many were dropped.
-    pub(super) fn order(&mut self) -> (usize, usize) {
+    /// Sorts by instant and keeps one of the samples at an instant: the first of a recording, and of
+    /// a batch of a stream the last that says something. Answers how many samples stood behind a
+    /// later one, and how many were dropped.
+    pub(super) fn order(&mut self, purpose: Purpose) -> (usize, usize) {
         let is_later = |pair: &&[f64]| pair[1] < pair[0];
         let mut disordered = self.instants.windows(2).filter(is_later).count();
         if disordered > 0 {
@@ -51,9 +53,21 @@ impl Tag {
             self.classes = order.iter().map(|k| self.classes[*k]).collect();
         }
         let instants = &self.instants;
-        let keep: Vec<bool> = (0..instants.len())
-            .map(|k| k == 0 || instants[k] > instants[k - 1])
-            .collect();
+        let is_kept = |k: usize| match purpose {
+            Purpose::Recording => k == 0 || instants[k] > instants[k - 1],
+            Purpose::Stream => k + 1 == instants.len() || instants[k + 1] > instants[k],
+        };
+        let keep: Vec<bool> = (0..instants.len()).map(is_kept).collect();
+        if purpose.is_later_right() {
+            let says_nothing = |k: usize| self.values[k].is_nan() && self.classes[k] == Class::Good;
+            let is_repeat = |k: usize| instants[k] == instants[k - 1];
+            let silent: Vec<usize> = (1..instants.len())
+                .filter(|k| is_repeat(*k) && says_nothing(*k))
+                .collect();
+            for k in silent {
+                (self.values[k], self.classes[k]) = (self.values[k - 1], self.classes[k - 1]);
+            }
+        }
         let dropped = keep.iter().filter(|keep| !**keep).count();
         if dropped > 0 {
             retain(&mut self.instants, &keep);
@@ -61,6 +75,15 @@ impl Tag {
             retain(&mut self.classes, &keep);
         }
         (disordered, dropped)
+    }
+
+    /// Says how many samples have no value though their source does not call them bad.
+    pub(super) fn missing(&self) -> Option<Warning> {
+        let samples = self.values.iter().zip(&self.classes);
+        let is_missing = |(value, class): &(&f64, &Class)| value.is_nan() && **class == Class::Good;
+        let missing = samples.filter(is_missing).count();
+        let detail = || format!("{missing} of {} samples are missing", self.values.len());
+        (missing > 0).then(|| Warning::of_signal("missing_samples", &self.column.name, detail()))
     }
 
     /// The values and classes at the instants that all signals have.

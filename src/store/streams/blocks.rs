@@ -1,8 +1,10 @@
 //! The blocks of a stream: rows of samples that lie together in time.
 
+use std::ops::ControlFlow;
+
 use super::StreamRow;
 use crate::recording::{Class, Merged, RowColumn, Rows};
-use crate::store::database::{self, Row};
+use crate::store::database::{self, Connection, Row};
 use crate::store::writer::Tx;
 use crate::store::{StoreError, corrupt};
 
@@ -21,6 +23,141 @@ pub(super) struct Block {
     pub(super) rows: u64,
     /// What they take.
     pub(super) bytes: u64,
+}
+
+/// The instants from one up to, and without, another, nanoseconds since 1970.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Span {
+    pub(super) from: i64,
+    pub(super) to: i64,
+}
+
+/// Which block of a span is looked at first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Order {
+    OldestFirst,
+    NewestFirst,
+}
+
+/// Hands over the rows of a stream in a span, block by block, until `take` breaks with an answer.
+pub(super) async fn visit<T>(
+    connection: &mut Connection,
+    stream: &StreamRow,
+    (span, order): (Span, Order),
+    mut take: impl FnMut(Rows) -> ControlFlow<T>,
+) -> Result<Option<T>, StoreError> {
+    let identity = stream.identity();
+    // Blocks do not overlap: the next one lies beyond the one before.
+    let mut rest = span;
+    while rest.from < rest.to {
+        let block: Option<(i64, i64, i64, Vec<u8>)> = database::query_as(match order {
+            Order::OldestFirst => {
+                "select first_ns, last_ns, rows, samples from stream_blocks where stream = $1 \
+                 and first_ns < $2 and last_ns >= $3 order by first_ns limit 1"
+            }
+            Order::NewestFirst => {
+                "select first_ns, last_ns, rows, samples from stream_blocks where stream = $1 \
+                 and first_ns < $2 and last_ns >= $3 order by first_ns desc limit 1"
+            }
+        })
+        .bind(&identity)
+        .bind(rest.to)
+        .bind(rest.from)
+        .fetch_optional(&mut *connection)
+        .await?;
+        let Some((first, last, n_rows, samples)) = block else {
+            break;
+        };
+        let rows = decode(&identity, n_rows, &samples, stream.signals.len())?;
+        if let ControlFlow::Break(answer) = take(rows.within(span.from, span.to)) {
+            return Ok(Some(answer));
+        }
+        match order {
+            Order::OldestFirst => rest.from = last.saturating_add(1),
+            Order::NewestFirst => rest.to = first,
+        }
+    }
+    Ok(None)
+}
+
+/// The rows of a stream in a span, `most` at the most; nothing where there are more.
+pub(super) async fn between(
+    connection: &mut Connection,
+    stream: &StreamRow,
+    span: Span,
+    most: usize,
+) -> Result<Option<Rows>, StoreError> {
+    let mut rows = Rows::of_columns(stream.signals.len());
+    let too_many = visit(connection, stream, (span, Order::OldestFirst), |part| {
+        if rows.rows() + part.rows() > most {
+            return ControlFlow::Break(());
+        }
+        rows.append(part);
+        ControlFlow::Continue(())
+    });
+    let is_too_many = too_many.await?.is_some();
+    Ok((!is_too_many).then_some(rows))
+}
+
+/// The first instant of a stream at or after one.
+pub(super) async fn first_from(
+    connection: &mut Connection,
+    stream: &str,
+    from: i64,
+) -> Result<Option<i64>, StoreError> {
+    let block: Option<(i64, Vec<u8>)> = database::query_as(
+        "select rows, samples from stream_blocks where stream = $1 and last_ns >= $2 \
+         order by first_ns limit 1",
+    )
+    .bind(stream)
+    .bind(from)
+    .fetch_optional(connection)
+    .await?;
+    let Some((rows, samples)) = block else {
+        return Ok(None);
+    };
+    let instants = instants(stream, rows, &samples)?;
+    Ok(instants.into_iter().find(|instant| *instant >= from))
+}
+
+/// The last instant of a stream up to and with one.
+pub(super) async fn last_until(
+    connection: &mut Connection,
+    stream: &str,
+    until: i64,
+) -> Result<Option<i64>, StoreError> {
+    let block: Option<(i64, Vec<u8>)> = database::query_as(
+        "select rows, samples from stream_blocks where stream = $1 and first_ns <= $2 \
+         order by first_ns desc limit 1",
+    )
+    .bind(stream)
+    .bind(until)
+    .fetch_optional(connection)
+    .await?;
+    let Some((rows, samples)) = block else {
+        return Ok(None);
+    };
+    let instants = instants(stream, rows, &samples)?;
+    Ok(instants.into_iter().rfind(|instant| *instant <= until))
+}
+
+/// Removes the rows of a span from their blocks. Says how many went.
+pub(super) async fn remove(tx: &mut Tx, stream: &StreamRow, span: Span) -> Result<u64, StoreError> {
+    let identity = stream.identity();
+    let columns = stream.signals.len();
+    let most = rows_of_a_block(columns);
+    let mut removed = 0;
+    for block in all(tx, &identity).await? {
+        if block.last < span.from || block.first >= span.to {
+            continue;
+        }
+        let rows = take(tx, &identity, &block, columns).await?;
+        let mut kept = rows.within(i64::MIN, span.from);
+        kept.append(rows.within(span.to, i64::MAX));
+        removed += (rows.rows() - kept.rows()) as u64;
+        insert(tx, &identity, &kept, most).await?;
+    }
+    Ok(removed)
 }
 
 /// The blocks of a stream, the oldest first.
@@ -53,7 +190,7 @@ pub(super) async fn merge(
     let identity = stream.identity();
     let blocks = all(tx, &identity).await?;
     let columns = stream.signals.len();
-    let most = (BLOCK_VALUES / columns.max(1)).max(1);
+    let most = rows_of_a_block(columns);
     let mut merged = Merged::default();
     let mut begin = 0;
     while begin < rows.rows() {
@@ -79,6 +216,11 @@ pub(super) async fn merge(
         begin = end;
     }
     Ok(merged)
+}
+
+/// The rows that a block of so many signals holds at the most.
+fn rows_of_a_block(columns: usize) -> usize {
+    (BLOCK_VALUES / columns.max(1)).max(1)
 }
 
 /// Whether rows from an instant on had better begin a block of their own.

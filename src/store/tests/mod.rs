@@ -12,6 +12,7 @@ mod moving;
 mod nodes;
 mod retention;
 mod slices;
+mod streams;
 mod upgrades;
 
 use std::collections::BTreeMap;
