@@ -13,6 +13,7 @@
 //! | P8 one key, one job | [`kill`], and `tests/service/idempotency.rs` |
 //! | P9 one bad job stops no other | [`isolation`], and `tests/service/slow.rs` |
 //! | the same for the windows of a monitor | [`watch`] |
+//! | no sample of a stream is lost, moved or made up | [`streams`] |
 //! | events reach a receiver at least once | [`deliveries`] |
 //! | spans reach a collector | [`traces`] |
 //! | P10 no request makes a 500 | `tests/service/faults.rs` |
@@ -28,5 +29,6 @@ mod nodes;
 mod plant;
 mod server;
 mod stop;
+mod streams;
 mod traces;
 mod watch;
