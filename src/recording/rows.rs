@@ -333,6 +333,8 @@ impl Rows {
             [first, .., last] => (first, last),
             _ => return None,
         };
+        let says_all = |column: &RowColumn| (0..self.rows()).all(|k| !is_unsaid(column.sample(k)));
+        let own_instants = !self.columns.iter().all(says_all);
         let instants = self.instants.iter();
         let instants: Vec<f64> = instants.map(|ns| (ns - first) as f64 * 1e-9).collect();
         let scale = ROUNDED_AS.max((last - first) as f64 * 1e-9);
@@ -352,7 +354,7 @@ impl Rows {
         Some(Recording {
             start: Timestamp::from_nanosecond(first.into()).ok(),
             source,
-            own_instants: true,
+            own_instants,
             ..Recording::new(TimeAxis::from_instants(instants, scale), signals)
         })
     }
