@@ -1,13 +1,14 @@
 //! Cancel, pause and resume. Each is idempotent.
 //!
 //! A job that is not at work changes its state here and now. A running job is asked to stop: the
-//! worker sees the request, ends the slice and writes the state together with the best estimate.
+//! worker sees the request, ends the slice and writes the state together with the best estimate. The
+//! request holds whatever the slice comes to (see `endings`).
 
 use super::database;
 use super::jobs::{self, JobRow};
 use super::stop_request::StopRequest;
 use super::writer::Tx;
-use super::{Change, Store, StoreError, queue, results, slices};
+use super::{Change, Store, StoreError, endings, queue, results};
 use crate::access::Project;
 use crate::job::{Event, JobId, Status};
 
@@ -18,7 +19,7 @@ pub enum Control {
     Accepted(Box<JobRow>),
     /// There is no such job.
     NotFound,
-    /// The job's state does not allow it.
+    /// The job's state does not allow it: the one that the job is in, or the end that it was promised.
     Refused(Status),
 }
 
@@ -69,8 +70,9 @@ async fn control(
     let Some(row) = jobs::fetch(&mut *tx, id).await? else {
         return Ok(Control::NotFound);
     };
-    let Some(step) = wish.of(&row) else {
-        return Ok(Control::Refused(row.status));
+    let step = match wish.of(&row) {
+        Ok(step) => step,
+        Err(status) => return Ok(Control::Refused(status)),
     };
     apply(&queue, tx, (id, &row.project), step).await?;
     let row = jobs::fetch(&mut *tx, id).await?;
@@ -94,27 +96,27 @@ enum Step {
 }
 
 impl Wish {
-    fn of(self, row: &JobRow) -> Option<Step> {
-        let asked = row.stop_request;
-        match (self, row.status) {
-            (Wish::Cancel, Status::Queued | Status::Paused) => {
-                Some(Step::Become(Status::Cancelled))
+    /// The step that the wish takes, or the state that allows none. A job that was asked to cancel is
+    /// treated as cancelled: whoever asked was told that it ends so.
+    fn of(self, row: &JobRow) -> Result<Step, Status> {
+        match (self, row.status, row.stop_request) {
+            (Wish::Cancel, Status::Queued | Status::Paused, _) => {
+                Ok(Step::Become(Status::Cancelled))
             }
-            (Wish::Cancel, Status::Running) if asked != Some(StopRequest::Cancel) => {
-                Some(Step::Ask(StopRequest::Cancel))
+            (Wish::Cancel, Status::Running, None | Some(StopRequest::Pause)) => {
+                Ok(Step::Ask(StopRequest::Cancel))
             }
-            (Wish::Pause, Status::Queued) => Some(Step::Become(Status::Paused)),
-            (Wish::Pause, Status::Running) if asked.is_none() => {
-                Some(Step::Ask(StopRequest::Pause))
+            (Wish::Pause | Wish::Resume, Status::Running, Some(StopRequest::Cancel)) => {
+                Err(Status::Cancelled)
             }
-            (Wish::Resume, Status::Paused) => Some(Step::Become(Status::Queued)),
-            (Wish::Resume, Status::Running) if asked == Some(StopRequest::Pause) => {
-                Some(Step::Withdraw)
-            }
-            (Wish::Cancel, Status::Running | Status::Cancelled)
-            | (Wish::Pause, Status::Paused | Status::Running)
-            | (Wish::Resume, Status::Queued | Status::Running) => Some(Step::Nothing),
-            (_, Status::Succeeded | Status::Failed | Status::Cancelled) => None,
+            (Wish::Pause, Status::Queued, _) => Ok(Step::Become(Status::Paused)),
+            (Wish::Pause, Status::Running, None) => Ok(Step::Ask(StopRequest::Pause)),
+            (Wish::Resume, Status::Paused, _) => Ok(Step::Become(Status::Queued)),
+            (Wish::Resume, Status::Running, Some(StopRequest::Pause)) => Ok(Step::Withdraw),
+            (Wish::Cancel, Status::Running | Status::Cancelled, _)
+            | (Wish::Pause, Status::Paused | Status::Running, _)
+            | (Wish::Resume, Status::Queued | Status::Running, _) => Ok(Step::Nothing),
+            (_, Status::Succeeded | Status::Failed | Status::Cancelled, _) => Err(row.status),
         }
     }
 }
@@ -136,7 +138,7 @@ async fn apply(
         Step::Become(Status::Queued) => {
             queue::renew(queue, tx, id, project).await?;
             let status = Status::Queued;
-            slices::change_status(tx, id, status, &[Event::State { status }]).await
+            endings::change_status(tx, id, status, &[Event::State { status }]).await
         }
         Step::Become(status) => {
             let mut reported = vec![Event::State { status }];
@@ -144,7 +146,7 @@ async fn apply(
                 reported.push(Event::End { status });
                 results::mark_cancelled(tx, id).await?;
             }
-            slices::change_status(tx, id, status, &reported).await
+            endings::change_status(tx, id, status, &reported).await
         }
     }
 }

@@ -15,6 +15,7 @@ mod checkpoints;
 mod control;
 mod database;
 mod datasets;
+mod endings;
 mod error;
 mod events;
 mod figures;
@@ -64,6 +65,7 @@ pub use candidates::{CandidatePage, NewCandidates};
 pub use checkpoints::Checkpoint;
 pub use control::Control;
 pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
+pub use endings::Ending;
 pub use error::{Meaning, QuotaExceeded, StoreError};
 pub use events::StoredEvent;
 pub use figures::Figures;
@@ -77,7 +79,7 @@ pub use queue::{QUEUE, SliceOfJob, project_of, queue_of};
 pub use quotas::Quotas;
 pub use retention::{Retention, Tidied};
 pub use shared_parts::SharedPart;
-pub use slices::{Begin, Ending, HandedOn, Hold, Lease, Record, Reported, Slice};
+pub use slices::{Begin, HandedOn, Hold, Lease, Record, Reported, Slice};
 pub use stop_request::StopRequest;
 pub use streams::{
     Appended, BatchOutcome, DEFAULT_KEEP_MIB, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,

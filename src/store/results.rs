@@ -6,7 +6,7 @@ use super::database;
 use super::jobs::from_json;
 use super::writer::Tx;
 use super::{Store, StoreError};
-use crate::job::JobId;
+use crate::job::{JobId, Status};
 
 impl Store {
     /// The result of a job: final for one that succeeded, the best so far for one that was paused
@@ -24,8 +24,20 @@ impl Store {
     }
 }
 
-/// Writes the result; one that a pause left is replaced.
-pub(super) async fn put(tx: &mut Tx, job: JobId, outcome: &Value) -> Result<(), StoreError> {
+/// Writes the result of a job that comes to a state; one that a pause left is replaced. A result of a job
+/// that was paused or cancelled says so, whatever the computation came to before it learned of that.
+pub(super) async fn put(
+    tx: &mut Tx,
+    job: JobId,
+    mut outcome: Value,
+    status: Status,
+) -> Result<(), StoreError> {
+    // The result of a design does not say why the design ended.
+    if let (Status::Paused | Status::Cancelled, Some(reason)) =
+        (status, outcome.get_mut("stop_reason"))
+    {
+        *reason = status.as_str().into();
+    }
     database::query(
         "insert into results (job, outcome) values ($1, $2) \
          on conflict (job) do update set outcome = excluded.outcome",
@@ -45,10 +57,11 @@ pub(super) async fn mark_cancelled(tx: &mut Tx, job: JobId) -> Result<(), StoreE
             .bind(&key)
             .fetch_optional(&mut **tx)
             .await?;
-    let Some(outcome) = outcome else {
-        return Ok(());
-    };
-    let mut outcome: Value = from_json("result", &key, &outcome)?;
-    outcome["stop_reason"] = "cancelled".into();
-    put(tx, job, &outcome).await
+    match outcome {
+        Some(outcome) => {
+            let outcome = from_json("result", &key, &outcome)?;
+            put(tx, job, outcome, Status::Cancelled).await
+        }
+        None => Ok(()),
+    }
 }

@@ -1,13 +1,12 @@
-//! The worker's side: a slice begins, records what it did, and hands on or ends the job.
+//! The worker's side: a slice begins, records what it did, and hands the job on or ends it (see
+//! `endings`).
 //!
 //! `jobs.epoch` fences: the transaction that begins a slice raises it, and a write with an older
 //! one changes no row and says [`Hold::Lost`], which ends that worker's slice.
 
 use std::time::Duration;
 
-use jiff::Timestamp;
 use riverqueue::Client;
-use serde_json::Value;
 
 use super::database;
 use super::jobs::{self, JobRow};
@@ -15,8 +14,8 @@ use super::nodes::{SUSPECT_FROM, wait_after};
 use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{
-    Change, Checkpoint, NewCandidates, SharedPart, Store, StoreError, candidates, checkpoints,
-    events, generations, queue, quotas, results, shared_parts, webhooks,
+    Change, Checkpoint, Ending, NewCandidates, SharedPart, Store, StoreError, candidates,
+    checkpoints, endings, events, generations, queue, quotas, shared_parts,
 };
 use crate::job::{Event, Failure, GenerationEvent, JobId, Progress, Status};
 
@@ -68,7 +67,7 @@ pub enum Begin {
     Nothing,
     /// Lives of the server ended with it: its next slice waits a little.
     NotYet,
-    /// The server always went down with the job, so it has failed now.
+    /// The server always went down with the job, so it has failed now, or ended as was asked of it.
     Poisoned,
 }
 
@@ -126,17 +125,6 @@ pub struct Record {
     pub is_shared: bool,
 }
 
-/// The end of a job, or its pause.
-#[derive(Clone, Debug)]
-pub struct Ending {
-    /// Paused or terminal.
-    pub status: Status,
-    /// The result, or the best so far.
-    pub outcome: Option<Value>,
-    /// Why it failed.
-    pub error: Option<Failure>,
-}
-
 impl Store {
     /// Begins a slice for a queue entry, or, without one, for a job that was asked to stop.
     /// A job that `death_limit` lives of the server in a row ended with fails instead.
@@ -177,20 +165,6 @@ impl Store {
         self.inner
             .writer
             .write(move |tx| Box::pin(hand_on(queue, tx, (lease, record), must)))
-            .await
-    }
-
-    /// Writes what a slice did last, and the state, the result and the last events of its job, in
-    /// one transaction.
-    pub async fn finish(
-        &self,
-        lease: Lease,
-        record: Record,
-        ending: Ending,
-    ) -> Result<Hold, StoreError> {
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(finish(tx, lease, record, ending)))
             .await
     }
 }
@@ -241,7 +215,11 @@ async fn begin(tx: &mut Tx, id: JobId, entry: Option<i64>, now: Now) -> Result<B
         return Ok(Begin::Nothing);
     }
     if control.deaths >= now.death_limit {
-        fail_poisoned(tx, id, control.deaths).await?;
+        let failed = Ending::Failed(Failure::crashed_too_often(control.deaths));
+        let status = row
+            .stop_request
+            .map_or(Status::Failed, StopRequest::leads_to);
+        endings::end(tx, id, status, failed).await?;
         return Ok(Begin::Poisoned);
     }
     if entry.is_some() && is_to_wait(tx, control.deaths, now).await? {
@@ -249,7 +227,7 @@ async fn begin(tx: &mut Tx, id: JobId, entry: Option<i64>, now: Now) -> Result<B
     }
     if row.status == Status::Queued {
         let status = Status::Running;
-        change_status(tx, id, status, &[Event::State { status }]).await?;
+        endings::change_status(tx, id, status, &[Event::State { status }]).await?;
     }
     database::query(
         "update jobs set epoch = epoch + 1, attempt = attempt + 1, revision = revision + 1, \
@@ -319,15 +297,6 @@ async fn is_to_wait(tx: &mut Tx, deaths: u32, now: Now) -> Result<bool, StoreErr
     Ok(another)
 }
 
-async fn fail_poisoned(tx: &mut Tx, id: JobId, deaths: u32) -> Result<(), StoreError> {
-    let ending = Ending {
-        status: Status::Failed,
-        outcome: None,
-        error: Some(Failure::crashed_too_often(deaths)),
-    };
-    end(tx, id, &ending).await
-}
-
 async fn hand_on(
     queue: Client,
     tx: &mut Tx,
@@ -340,29 +309,25 @@ async fn hand_on(
     if !must && !queue::is_waited_for(tx).await? {
         return Ok(HandedOn::Stays);
     }
-    let id = lease.job.to_string();
+    queue_again(&queue, tx, lease.job).await?;
+    Ok(HandedOn::ToTheQueue)
+}
+
+/// Has the next slice of a job wait in the queue.
+pub(super) async fn queue_again(queue: &Client, tx: &mut Tx, job: JobId) -> Result<(), StoreError> {
+    let id = job.to_string();
     let project: String = database::query_scalar("select project from jobs where id = $1")
         .bind(&id)
         .fetch_one(&mut **tx)
         .await?;
-    queue::renew(&queue, tx, lease.job, &jobs::project(&id, &project)?).await?;
-    Ok(HandedOn::ToTheQueue)
+    queue::renew(queue, tx, job, &jobs::project(&id, &project)?).await
 }
 
-async fn finish(
+pub(super) async fn write_record(
     tx: &mut Tx,
     lease: Lease,
     record: Record,
-    ending: Ending,
 ) -> Result<Hold, StoreError> {
-    let hold = write_record(tx, lease, record).await?;
-    if hold == Hold::Kept {
-        end(tx, lease.job, &ending).await?;
-    }
-    Ok(hold)
-}
-
-async fn write_record(tx: &mut Tx, lease: Lease, record: Record) -> Result<Hold, StoreError> {
     let last_event: Option<i64> = database::query_scalar(
         "update jobs set last_event = last_event + $1, revision = revision + 1, \
          running_ms = running_ms + $2, \
@@ -401,74 +366,6 @@ async fn write_record(tx: &mut Tx, lease: Lease, record: Record) -> Result<Hold,
     }
     tx.announce(Change::Job(lease.job));
     Ok(Hold::Kept)
-}
-
-async fn end(tx: &mut Tx, id: JobId, ending: &Ending) -> Result<(), StoreError> {
-    let status = ending.status;
-    if let Some(outcome) = &ending.outcome {
-        results::put(tx, id, outcome).await?;
-    }
-    if let Some(error) = &ending.error {
-        database::query("update jobs set error = $1 where id = $2")
-            .bind(jobs::json(error))
-            .bind(id.to_string())
-            .execute(&mut **tx)
-            .await?;
-    }
-    let mut reported = Vec::new();
-    if status.is_terminal()
-        && let Some(outcome) = &ending.outcome
-    {
-        reported.push(Event::of_result(outcome));
-    }
-    reported.push(Event::State { status });
-    if status.is_terminal() {
-        reported.push(Event::End { status });
-    }
-    change_status(tx, id, status, &reported).await
-}
-
-/// Brings a job into a state and tells of it. The only place where a job changes its state.
-pub(super) async fn change_status(
-    tx: &mut Tx,
-    id: JobId,
-    to: Status,
-    reported: &[Event],
-) -> Result<(), StoreError> {
-    let key = id.to_string();
-    let from: String = database::query_scalar("select status from jobs where id = $1")
-        .bind(&key)
-        .fetch_one(&mut **tx)
-        .await?;
-    let from: Status = from
-        .parse()
-        .map_err(|why| super::corrupt("status", &key, why))?;
-    let to = from
-        .advance_to(to)
-        .map_err(|why| super::corrupt("status", &key, why))?;
-    let now = Timestamp::now().to_string();
-    let n_events = i64::try_from(reported.len()).expect("a change tells of little");
-    let last_event: i64 = database::query_scalar(
-        "update jobs set status = $1, request = null, revision = revision + 1, at_work_in = null, is_shared = 0, \
-         last_event = last_event + $2, started_at = coalesce(started_at, $3), finished_at = $4 \
-         where id = $5 returning last_event",
-    )
-    .bind(to.as_str())
-    .bind(n_events)
-    .bind((to == Status::Running).then_some(&now))
-    .bind(to.is_terminal().then_some(&now))
-    .bind(&key)
-    .fetch_one(&mut **tx)
-    .await?;
-    events::insert(tx, id, last_event - n_events + 1, reported).await?;
-    if to.is_terminal() {
-        checkpoints::forget(tx, id).await?;
-        shared_parts::forget(tx, id).await?;
-        metrics::counter!("greybox_jobs_ended_total", "status" => to.as_str()).increment(1);
-        webhooks::tell_of_end(tx, id).await?;
-    }
-    tx.announce(Change::Job(id));
-    Ok(())
 }
 
 impl Slice {

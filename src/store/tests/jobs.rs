@@ -283,6 +283,7 @@ async fn a_running_job_is_asked_and_a_pause_can_be_taken_back(fixture: Fixture) 
 async fn the_estimate_of_a_paused_job_outlives_its_cancellation(fixture: Fixture) {
     let id = fixture.submit().await.id;
     let slice = fixture.begin(id).await;
+    fixture.store.request_pause(id).await.expect("a wish");
     assert_eq!(fixture.finish(&slice, Status::Paused).await, Hold::Kept);
     fixture.store.request_cancel(id).await.expect("a wish");
     let mut expected = outcome();

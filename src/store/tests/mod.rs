@@ -23,7 +23,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::job::{Event, GenerationEvent, Phase, Progress, Status};
+use crate::job::{Event, Failure, GenerationEvent, Phase, Progress, Status};
 
 /// Tests that hold on SQLite and on PostgreSQL.
 macro_rules! on_both {
@@ -142,10 +142,10 @@ impl Fixture {
     }
 
     async fn finish(&self, slice: &Slice, status: Status) -> Hold {
-        let ending = Ending {
-            status,
-            outcome: Some(outcome()),
-            error: None,
+        let ending = match status {
+            Status::Succeeded => Ending::Succeeded(outcome()),
+            Status::Failed => Ending::Failed(Failure::no_estimate()),
+            _ => Ending::Stopped(Some(outcome())),
         };
         self.store
             .finish(slice.lease, Record::default(), ending)

@@ -15,7 +15,6 @@ on_both! {
     entries_that_a_dead_server_left_running_are_available_at_once,
     events_are_replayed_from_any_id,
 }
-use crate::job::Failure;
 
 async fn a_job_survives_the_server_that_took_it(fixture: Fixture) {
     let row = fixture.submit().await;

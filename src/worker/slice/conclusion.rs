@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::{After, Computed, Current, End, SliceWorker};
-use crate::job::{Failure, Status};
+use crate::job::Failure;
 use crate::store::{Checkpoint, Ending, HandedOn, Hold, Record, StopRequest, StoreError};
 use crate::worker::between_slices::Left;
 use crate::worker::places::Place;
@@ -40,21 +40,14 @@ impl Conclusion<'_> {
         };
         let (run, end) = match computed {
             Ok(computed) => computed,
-            Err(failure) => return self.end_without_result(request, failure).await,
+            Err(failure) => return self.finish(None, Ending::Failed(failure)).await,
         };
         match (end, request) {
-            (End::Finished, _) => self.end_with(run, None, Status::Succeeded).await,
-            (_, Some(StopRequest::Cancel)) => {
-                self.end_with(run, Some(StopReason::Cancelled), Status::Cancelled)
-                    .await
-            }
-            (_, Some(StopRequest::Pause)) => {
-                self.end_with(run, Some(StopReason::Paused), Status::Paused)
-                    .await
-            }
+            (End::Finished, _) => self.end_with(run, None).await,
+            (_, Some(StopRequest::Cancel)) => self.end_with(run, Some(StopReason::Cancelled)).await,
+            (_, Some(StopRequest::Pause)) => self.end_with(run, Some(StopReason::Paused)).await,
             (_, None) if self.current.is_out_of_time() => {
-                self.end_with(run, Some(StopReason::TimeLimit), Status::Succeeded)
-                    .await
+                self.end_with(run, Some(StopReason::TimeLimit)).await
             }
             (_, None) => self.hand_on(run).await,
         }
@@ -92,32 +85,23 @@ impl Conclusion<'_> {
         mut self,
         run: Box<dyn Run>,
         stopped: Option<StopReason>,
-        status: Status,
     ) -> Result<After, StoreError> {
         let (run, outcome) = match self.outcome(run, stopped).await {
             Ok(computed) => computed,
-            Err(failure) => return self.end_without_result(None, failure).await,
+            Err(failure) => return self.finish(None, Ending::Failed(failure)).await,
         };
-        if status == Status::Succeeded && self.worker.active.all_are_stopped() && stopped.is_some()
-        {
+        if stopped == Some(StopReason::TimeLimit) && self.worker.active.all_are_stopped() {
             // The next server has the time that this one had not.
             return self.hand_on(run).await;
         }
         drop(self.place.take());
-        if outcome.is_none() && status == Status::Succeeded {
-            return self.end_without_result(None, Failure::no_estimate()).await;
-        }
-        self.recorder.report(Timestamp::now());
-        let mut record = self.last_record();
-        if status == Status::Paused {
-            record.checkpoint = Some(self.checkpoint(&*run));
-        }
-        let ending = Ending {
-            status,
-            outcome,
-            error: None,
+        let ending = match (stopped, outcome) {
+            (Some(StopReason::Cancelled | StopReason::Paused), outcome) => Ending::Stopped(outcome),
+            (_, Some(outcome)) => Ending::Succeeded(outcome),
+            (_, None) => Ending::Failed(Failure::no_estimate()),
         };
-        self.finish(record, ending).await
+        let checkpoint = self.checkpoint(&*run);
+        self.finish(Some(checkpoint), ending).await
     }
 
     /// The result. What takes long about one that nobody waits for is left out: the job was asked to
@@ -152,35 +136,23 @@ impl Conclusion<'_> {
         }
     }
 
-    /// Ends a job whose computation broke. One that was to be cancelled is.
-    async fn end_without_result(
+    /// Writes what the job came to. A checkpoint lets a job go on that was asked to pause while its result
+    /// was computed: the next slice comes to the result with the same bits.
+    async fn finish(
         mut self,
-        request: Option<StopRequest>,
-        failure: Failure,
+        checkpoint: Option<Checkpoint>,
+        ending: Ending,
     ) -> Result<After, StoreError> {
-        let (status, error) = match request {
-            Some(StopRequest::Cancel) => (Status::Cancelled, None),
-            _ => (Status::Failed, Some(failure)),
-        };
-        if let Some(failure) = &error {
+        if let Ending::Failed(failure) = &ending {
             tracing::warn!(job = %self.current.lease.job, detail = failure.detail, "a job failed");
         }
         self.recorder.report(Timestamp::now());
-        let record = self.last_record();
-        let ending = Ending {
-            status,
-            outcome: None,
-            error,
+        let record = Record {
+            checkpoint,
+            ..self.last_record()
         };
-        self.finish(record, ending).await
-    }
-
-    async fn finish(&self, record: Record, ending: Ending) -> Result<After, StoreError> {
-        let hold = self
-            .worker
-            .store
-            .finish(self.current.lease, record, ending)
-            .await?;
+        let lease = self.current.lease;
+        let hold = self.worker.store.finish(lease, record, ending).await?;
         if hold == Hold::Lost {
             tracing::info!(job = %self.current.lease.job, "another slice has begun; this one is void");
         }

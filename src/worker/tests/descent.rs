@@ -15,11 +15,14 @@ pub(crate) struct Descent {
     pub(crate) gate: Arc<Gate>,
 }
 
-/// Where a run with `wait_at` waits until it is stopped; tests wait for it to get there.
+/// Where a run with `wait_at` waits until it is stopped, and a result with `hold_result` until the gate is
+/// opened; tests wait for them to get there.
 #[derive(Default)]
 pub(crate) struct Gate {
     n_waiting: Mutex<usize>,
     arrived: Condvar,
+    /// Raised for runs that wait with their results.
+    is_open: AtomicBool,
 }
 
 impl Gate {
@@ -29,6 +32,11 @@ impl Gate {
         while !stop.load(Ordering::Relaxed) {
             std::thread::yield_now();
         }
+    }
+
+    /// Lets the results go that wait here, now and later.
+    pub(crate) fn open(&self) {
+        self.is_open.store(true, Ordering::Relaxed);
     }
 
     pub(crate) fn wait_for_arrival(&self) {
@@ -57,6 +65,15 @@ struct Orders {
     /// Whether what is said of the best so far takes until somebody hurries it.
     #[serde(default)]
     analyse_for_ever: bool,
+    /// Whether the result of the finished run waits at the gate until that is opened.
+    #[serde(default)]
+    hold_result: bool,
+    /// Whether the best so far of a run that was stopped waits there too.
+    #[serde(default)]
+    hold_best: bool,
+    /// Where the run waits until it is stopped, unless the gate is open.
+    #[serde(default)]
+    wait_once_at: Option<u32>,
 }
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -99,6 +116,10 @@ impl DescentRun {
         (self.state.best - 3.0).powi(2)
     }
 
+    fn is_finished(&self) -> bool {
+        self.state.unit >= self.orders.generations + self.orders.refinements
+    }
+
     /// The trials of a unit, and the best so far once more, as a run tells that has forgotten it.
     fn search(&mut self) -> Vec<Candidate> {
         let mut trials = Vec::new();
@@ -127,8 +148,15 @@ impl DescentRun {
 
 impl Run for DescentRun {
     fn advance(&mut self, stop: &AtomicBool, rows: &mut dyn FnMut(Row)) -> Advance {
+        if self.is_finished() {
+            return Advance::Finished;
+        }
         let unit = self.state.unit + 1;
         if self.orders.wait_at == Some(unit) {
+            self.gate.hold_until(stop);
+            return Advance::Interrupted;
+        }
+        if self.orders.wait_once_at == Some(unit) && !self.gate.is_open.load(Ordering::Relaxed) {
             self.gate.hold_until(stop);
             return Advance::Interrupted;
         }
@@ -164,10 +192,9 @@ impl Run for DescentRun {
                 cost: self.cost(),
             });
         }
-        if unit >= self.orders.generations + self.orders.refinements {
-            Advance::Finished
-        } else {
-            Advance::Working
+        match self.is_finished() {
+            true => Advance::Finished,
+            false => Advance::Working,
         }
     }
 
@@ -197,6 +224,13 @@ impl Run for DescentRun {
         if self.orders.analyse_for_ever && stopped.is_some() {
             self.gate.hold_until(hurry);
         }
+        let is_held = match stopped {
+            None => self.orders.hold_result,
+            Some(_) => self.orders.hold_best,
+        };
+        if is_held {
+            self.gate.hold_until(&self.gate.is_open);
+        }
         let reason = stopped.unwrap_or(StopReason::GenerationLimit).name();
         Ok(Some(json!({
             "job": self.id,
@@ -217,6 +251,9 @@ pub(crate) fn unbroken(generations: u32, refinements: u32) -> u64 {
             wait_at: None,
             panic_at: None,
             analyse_for_ever: false,
+            hold_result: false,
+            hold_best: false,
+            wait_once_at: None,
         },
         state: State {
             unit: 0,
