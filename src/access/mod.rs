@@ -11,7 +11,13 @@ mod role;
 mod scope;
 mod secret;
 
+use std::time::Duration;
+
 pub use project::{InvalidProject, Project};
 pub use role::{InvalidRole, Role, Roles};
 pub use scope::{InvalidScope, Scope};
 pub use secret::{Digest, Secret, random_bytes};
+
+/// For how long a server believes what it read of a token. Whoever revokes a token waits for as long
+/// before the token is said to be revoked.
+pub const BELIEVED: Duration = Duration::from_secs(1);

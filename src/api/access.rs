@@ -25,13 +25,11 @@ use super::error::{Answer, Kind, Problem};
 use super::events::EVENT_STREAM;
 use super::places::as_caller;
 use super::{ApiState, session_cookie};
-use crate::access::{Digest, Roles, Scope, Secret};
+use crate::access::{BELIEVED, Digest, Roles, Scope, Secret};
 use crate::store::TokenRow;
 
 /// What a request brings that brings another text than the secret of a token.
 pub(super) const NO_TOKEN: &str = "no token of this server";
-/// How long what the database says of a token is believed.
-const BELIEVED: Duration = Duration::from_secs(1);
 /// Tokens that are remembered at the most.
 const REMEMBERED: usize = 1000;
 /// How often at the most it is noted that a token was used.
@@ -73,14 +71,29 @@ pub(super) struct Callers {
     /// Whether everybody has to say who they are.
     asks: AtomicBool,
     looked: Mutex<Option<Instant>>,
-    tokens: Mutex<HashMap<Digest, Remembered>>,
+    tokens: Mutex<Tokens>,
+}
+
+/// The tokens that callers brought lately, and the tokens of their sessions.
+#[derive(Default)]
+struct Tokens {
+    remembered: HashMap<Digest, Remembered>,
+    /// How many sessions have ended here.
+    ended: u64,
 }
 
 struct Remembered {
     row: TokenRow,
+    /// When it was begun to read the row.
     read: Instant,
     /// When its use was last written down.
     noted: Instant,
+}
+
+/// What holds when it is begun to read a token from the database.
+struct Reading {
+    at: Instant,
+    ended: u64,
 }
 
 impl Callers {
@@ -134,11 +147,11 @@ impl Callers {
         let secret = secret.ok_or_else(|| refused("nothing that says who asks"))?;
         let digest = secret.session_digest();
         let row = match self.remembered(&digest) {
-            Some(row) => Some(row),
-            None => state.store.session(&digest).await?,
+            // Who signs out at another node is signed out at this one too.
+            Some(row) if !state.store.is_shared() => row,
+            _ => self.session(state, &digest).await?,
         };
-        let row = row.ok_or_else(|| refused("a session that is over"))?;
-        let row = self.checked(state, digest, row)?;
+        let row = self.checked(state, &digest, row)?;
         Ok(Client {
             has_session: true,
             ..Client::of_token(row, address)
@@ -149,23 +162,36 @@ impl Callers {
     pub(super) async fn token(&self, state: &ApiState, secret: &Secret) -> Answer<TokenRow> {
         let digest = secret.digest();
         let row = match self.remembered(&digest) {
-            Some(row) => Some(row),
-            None => state.store.token(&digest).await?,
+            Some(row) => row,
+            None => {
+                let reading = self.reading();
+                let row = state.store.token(&digest).await?;
+                let row = row.ok_or_else(|| refused(NO_TOKEN))?;
+                self.remember(&digest, &row, reading);
+                row
+            }
         };
-        let row = row.ok_or_else(|| refused(NO_TOKEN))?;
-        self.checked(state, digest, row)
+        self.checked(state, &digest, row)
+    }
+
+    /// The token of a session, from the database.
+    async fn session(&self, state: &ApiState, digest: &Digest) -> Answer<TokenRow> {
+        let reading = self.reading();
+        let row = state.store.session(digest).await?;
+        let row = row.ok_or_else(|| refused("a session that is over"))?;
+        self.remember(digest, &row, reading);
+        Ok(row)
     }
 
     /// What stands for a caller, where it still counts; that it was used is noted.
-    fn checked(&self, state: &ApiState, digest: Digest, row: TokenRow) -> Answer<TokenRow> {
-        self.remember(digest.clone(), &row);
+    fn checked(&self, state: &ApiState, digest: &Digest, row: TokenRow) -> Answer<TokenRow> {
         if row.revoked_at.is_some() {
             return Err(refused("a token that was revoked"));
         }
         if !row.is_valid_at(Timestamp::now()) {
             return Err(refused("a token that has expired"));
         }
-        if self.is_to_be_noted(&digest) {
+        if self.is_to_be_noted(digest) {
             let (store, id) = (state.store.clone(), row.id);
             tokio::spawn(async move {
                 let noted = store.note_use(id).await;
@@ -176,36 +202,46 @@ impl Callers {
         Ok(row)
     }
 
+    /// What is believed of a token.
     fn remembered(&self, digest: &Digest) -> Option<TokenRow> {
         let tokens = lock(&self.tokens);
-        let known = tokens.get(digest)?;
+        let known = tokens.remembered.get(digest)?;
         (known.read.elapsed() < BELIEVED).then(|| known.row.clone())
     }
 
-    /// Forgets a session, so that it ends at once.
-    pub(super) fn forget(&self, digest: &Digest) {
-        lock(&self.tokens).remove(digest);
+    /// Says that a token is now read from the database.
+    fn reading(&self) -> Reading {
+        let ended = lock(&self.tokens).ended;
+        let at = Instant::now();
+        Reading { at, ended }
     }
 
-    fn remember(&self, digest: Digest, row: &TokenRow) {
+    /// Forgets a session that has ended, and lets nobody remember a row that was read before that.
+    pub(super) fn forget(&self, digest: &Digest) {
         let mut tokens = lock(&self.tokens);
-        let is_fresh = |known: &Remembered| known.read.elapsed() < BELIEVED;
-        if tokens.get(&digest).is_some_and(is_fresh) {
+        tokens.remembered.remove(digest);
+        tokens.ended += 1;
+    }
+
+    fn remember(&self, digest: &Digest, row: &TokenRow, reading: Reading) {
+        let mut tokens = lock(&self.tokens);
+        if tokens.ended != reading.ended {
             return;
         }
-        if tokens.len() >= REMEMBERED && !tokens.contains_key(&digest) {
-            tokens.clear();
+        let all = &mut tokens.remembered;
+        if all.len() >= REMEMBERED && !all.contains_key(digest) {
+            all.clear();
         }
         let now = Instant::now();
         let long_ago = now.checked_sub(NOTED_EVERY).unwrap_or(now);
-        let noted = tokens.get(&digest).map_or(long_ago, |known| known.noted);
-        let (row, read) = (row.clone(), now);
-        tokens.insert(digest, Remembered { row, read, noted });
+        let noted = all.get(digest).map_or(long_ago, |known| known.noted);
+        let (row, read) = (row.clone(), reading.at);
+        all.insert(digest.clone(), Remembered { row, read, noted });
     }
 
     fn is_to_be_noted(&self, digest: &Digest) -> bool {
         let mut tokens = lock(&self.tokens);
-        let known = tokens.get_mut(digest);
+        let known = tokens.remembered.get_mut(digest);
         known.is_some_and(|known| {
             let is_due = known.noted.elapsed() >= NOTED_EVERY;
             if is_due {

@@ -7,7 +7,7 @@ use super::database::{self, Pool, postgres, sqlite};
 use super::jobs::{project, time};
 use super::opening::{Opened, PATIENCE_OF_A_COMMAND};
 use super::{DatabasePlace, DatabaseSettings, Store, StoreError, corrupt, schema_version};
-use crate::access::{Digest, Project, Scope};
+use crate::access::{BELIEVED, Digest, Project, Scope};
 
 /// A token to be made.
 #[derive(Clone, Debug)]
@@ -164,7 +164,8 @@ pub async fn list(database: &DatabasePlace) -> Result<Vec<TokenRow>, StoreError>
     rows.into_iter().map(Columns::read).collect()
 }
 
-/// Ends the token of a name. Says whether there was one.
+/// Ends the token of a name. Says whether there was one. Returns when no server believes any more what it
+/// read of the token before: no request that begins later passes with it.
 ///
 /// # Errors
 /// The database cannot be opened or written.
@@ -177,6 +178,9 @@ pub async fn revoke(database: &DatabasePlace, name: &str) -> Result<bool, StoreE
             .execute(&connection)
             .await?;
     connection.close().await;
+    if revoked == 1 {
+        tokio::time::sleep(BELIEVED).await;
+    }
     Ok(revoked == 1)
 }
 

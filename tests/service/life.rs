@@ -64,6 +64,73 @@ async fn a_paused_job_goes_on_where_it_stopped() {
     status_after(&app, &id, "cancelled").await;
 }
 
+/// Submits a short job, and asks something of it when its stream has told so many events. Answers the job
+/// and whether it was promised to be as it was asked.
+async fn short_job_asked(app: &TestApp, dataset: &str, deed: &str, after: usize) -> (String, bool) {
+    let id = app.submit(&drive_job(dataset)).await;
+    let mut stream = crate::events::Stream::open(app, &id, None).await;
+    for _ in 0..after {
+        stream.next().await.expect("an event");
+    }
+    let answer = app.post(&format!("/v1/jobs/{id}/{deed}")).await;
+    let is_promised = answer.status == 200;
+    if !is_promised {
+        answer.problem(409);
+        assert_eq!(app.ended(&id).await["status"], "succeeded");
+    }
+    (id, is_promised)
+}
+
+/// Checks the events of a job that has ended in a state.
+async fn ended_once(app: &TestApp, id: &str, status: &str) {
+    let events = crate::events::Stream::open(app, id, None).await;
+    let events = events.rest().await;
+    let ids: Vec<u64> = events.iter().map(|event| event.id).collect();
+    assert_eq!(ids, (1..=events.len() as u64).collect::<Vec<_>>());
+    let ends = events.iter().filter(|event| event.name == "end");
+    assert_eq!(ends.count(), 1);
+    let results = events.iter().filter(|event| event.name == "result");
+    assert!(results.count() <= 1);
+    assert_eq!(events.last().expect("an end").data["status"], status);
+}
+
+/// How often a short job is asked at each moment of its life.
+const ROUNDS: usize = 8;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_a_short_job_was_answered_holds_at_every_moment_of_its_life() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let id = app.submit(&drive_job(&dataset)).await;
+    let events = crate::events::Stream::open(&app, &id, None).await;
+    let moments = events.rest().await.len();
+    let expected = app.get(&format!("/v1/jobs/{id}/result")).await.json();
+    for after in (0..moments - 2).flat_map(|after| [after; ROUNDS]) {
+        let (id, is_promised) = short_job_asked(&app, &dataset, "cancel", after).await;
+        let result = format!("/v1/jobs/{id}/result");
+        if is_promised {
+            assert_eq!(app.ended(&id).await["status"], "cancelled");
+            ended_once(&app, &id, "cancelled").await;
+            let answer = app.get(&result).await;
+            if answer.status == 200 {
+                assert_eq!(answer.json()["stop_reason"], "cancelled");
+            }
+        }
+        let (id, is_promised) = short_job_asked(&app, &dataset, "pause", after).await;
+        let path = format!("/v1/jobs/{id}");
+        if is_promised {
+            status_after(&app, &id, "paused").await;
+            app.post(&format!("{path}/resume")).await.expect(200);
+        }
+        assert_eq!(app.ended(&id).await["status"], "succeeded");
+        ended_once(&app, &id, "succeeded").await;
+        let result = app.get(&format!("{path}/result")).await.expect(200).json();
+        for member in ["parameters", "fit", "stop_reason"] {
+            assert_eq!(result[member], expected[member], "{member}");
+        }
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn only_a_job_that_has_ended_is_forgotten() {
     let app = TestApp::start().await;
