@@ -1,7 +1,7 @@
 //! P1 to P5 and P8: a server that is killed fifty times at random moments, and what it promised.
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use futures_util::future::join_all;
 use rand::{RngExt, SeedableRng};
@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::cluster;
 use super::follower::Follower;
 use super::plant;
-use super::server::{Options, PATIENCE, Server, file, text};
+use super::server::{Options, Server, file, text};
 
 const KILLS: usize = 50;
 /// Lives of the server at the most: where jobs go fast, more of the kills meet none.
@@ -219,25 +219,67 @@ async fn survive(database: &str) {
     assert_eq!(ids.len(), listed.len());
 }
 
-/// Samples of which a generation takes so long that the kills below meet it at work.
+/// Samples of the recording whose units of work are cut off.
 const MANY_SAMPLES: usize = 20_000;
+/// Kills within one unit of work.
+const CUT_OFF: u64 = 5;
+/// Candidates of a unit: the first number of them that takes longer than five kills is taken.
+const POPULATIONS: [u32; 5] = [8, 32, 128, 1000, 8000];
+
+/// A job whose unit of work is cut off.
+struct CutOff<'a> {
+    folder: &'a Path,
+    job: String,
+}
+
+impl CutOff<'_> {
+    /// Kills servers within one unit of work of the job; nothing where the units were too short for
+    /// that, and the server that goes on with the job where not.
+    async fn within_one_unit(&self, mut server: Server) -> Result<Server, Server> {
+        let mut cut_off = 0;
+        loop {
+            let shown = server.show(&format!("/v1/jobs/{}", self.job)).await;
+            assert_ne!(shown["status"], "failed", "{shown}");
+            if shown["status"] == "succeeded" {
+                return Err(server);
+            }
+            // Slices that began since the last checkpoint. A unit that was done sets it back.
+            let begun = shown["attempt"].as_u64().expect("a number of slices");
+            cut_off = cut_off.min(begun);
+            if cut_off == CUT_OFF {
+                return Ok(server);
+            }
+            if begun > cut_off {
+                server.kill();
+                cut_off += 1;
+                server = Server::start(self.folder, UNBROKEN);
+            }
+        }
+    }
+}
 
 #[tokio::test(flavor = "multi_thread")]
 async fn p3_five_kills_within_one_long_unit_of_work_do_not_fail_its_job() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut server = Server::start(folder.path(), UNBROKEN);
     let dataset = server.store(&plant::recording(MANY_SAMPLES)).await;
-    let job = plant::job(&dataset, 1, 1);
-    let job = server.submit(&job, "long").await.expect("an answer");
-    for kills in 0..5 {
-        // Its slice has begun once more; none before it left a checkpoint.
-        let begun = async || server.show(&format!("/v1/jobs/{job}")).await["attempt"].as_u64();
-        let asked = Instant::now();
-        while begun().await <= Some(kills) {
-            assert!(asked.elapsed() < PATIENCE, "no slice began");
-        }
-        server.kill();
-        server = Server::start(folder.path(), UNBROKEN);
+    for population in POPULATIONS {
+        let mut job = plant::job(&dataset, 1, 1);
+        job["method"]["population"] = population.into();
+        let key = format!("{population} candidates");
+        let job = server.submit(&job, &key).await.expect("an answer");
+        let folder = folder.path();
+        let cut_off = CutOff { folder, job };
+        server = match cut_off.within_one_unit(server).await {
+            Ok(server) => {
+                assert_eq!(server.ended(&cut_off.job).await["status"], "succeeded");
+                return;
+            }
+            Err(server) => server,
+        };
     }
-    assert_eq!(server.ended(&job).await["status"], "succeeded");
+    panic!(
+        "a unit of {} candidates was done within five kills",
+        POPULATIONS[4]
+    );
 }
