@@ -205,9 +205,9 @@ impl Store {
         let mut connection = self.readers().acquire().await?;
         let mut after = i64::MIN;
         loop {
-            let block: Option<(i64, i64, Vec<u8>)> = database::query_as(
-                "select first_ns, rows, samples from stream_blocks where stream = $1 \
-                 and first_ns < $2 and last_ns >= $3 and first_ns > $4 order by first_ns limit 1",
+            let block = database::query(
+                "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
+                 where stream = $1 and first_ns < $2 and last_ns >= $3 and first_ns > $4 order by first_ns limit 1",
             )
             .bind(&identity)
             .bind(to)
@@ -215,17 +215,17 @@ impl Store {
             .bind(after)
             .fetch_optional(&mut connection)
             .await?;
-            let Some((first, rows, samples)) = block else {
+            let Some(row) = block else {
                 return Ok(Some(all));
             };
-            let block = blocks::decode(&identity, rows, &samples, columns)?;
+            let block = blocks::decode(&row, columns)?;
             let start = block.instants.partition_point(|instant| *instant < from);
             let end = block.instants.partition_point(|instant| *instant < to);
             if all.rows() + (end - start) > most {
                 return Ok(None);
             }
             all.append(block.slice(start..end));
-            after = first;
+            after = row.try_get("first_ns")?;
         }
     }
 
@@ -236,18 +236,18 @@ impl Store {
         from: i64,
     ) -> Result<Option<i64>, StoreError> {
         let identity = stream.identity();
-        let block: Option<(i64, Vec<u8>)> = database::query_as(
-            "select rows, samples from stream_blocks where stream = $1 and last_ns >= $2 \
-             order by first_ns limit 1",
+        let block = database::query(
+            "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
+             where stream = $1 and last_ns >= $2 order by first_ns limit 1",
         )
         .bind(&identity)
         .bind(from)
         .fetch_optional(self.readers())
         .await?;
-        let Some((rows, samples)) = block else {
+        let Some(block) = block else {
             return Ok(None);
         };
-        let instants = blocks::instants(&identity, rows, &samples)?;
+        let instants = blocks::instants(&block)?;
         Ok(instants.into_iter().find(|instant| *instant >= from))
     }
 
