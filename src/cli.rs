@@ -22,7 +22,7 @@ mod table;
 mod telemetry;
 mod token;
 
-use crate::config::{DatabaseArguments, Settings};
+use crate::config::Settings;
 use clap::{Parser, Subcommand};
 use error::CommandError;
 use std::process::ExitCode;
@@ -57,7 +57,7 @@ enum Command {
     #[command(subcommand)]
     Database(database::Command),
     /// Say whether a database or a backup is sound
-    Check(DatabaseArguments),
+    Check(database::CheckArguments),
     /// Make, list and revoke the tokens that programs ask a server with
     #[command(subcommand)]
     Token(token::Command),

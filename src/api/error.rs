@@ -11,6 +11,8 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::job::{Fault, IllegalTransition};
+use std::sync::Arc;
+
 use crate::store::{Meaning, QuotaExceeded, StoreError};
 
 /// The faults that one answer tells at the most; the rest are counted.
@@ -57,6 +59,8 @@ pub enum Kind {
     HeadersTooLarge,
     /// The path is longer than any that names something.
     PathTooLong,
+    /// What is stored is not what was written.
+    DamagedData,
     /// The server failed.
     Internal,
     /// Another error status, made by the framework.
@@ -74,7 +78,9 @@ impl Kind {
             Kind::TooLarge => StatusCode::PAYLOAD_TOO_LARGE,
             Kind::UnsupportedMediaType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
             Kind::Invalid | Kind::KeyReused => StatusCode::UNPROCESSABLE_ENTITY,
-            Kind::Busy => StatusCode::SERVICE_UNAVAILABLE,
+            // The server is at fault and not the caller, and the same request is served once what is stored was
+            // brought back.
+            Kind::Busy | Kind::DamagedData => StatusCode::SERVICE_UNAVAILABLE,
             Kind::NoRoom => StatusCode::INSUFFICIENT_STORAGE,
             Kind::WrongHost => StatusCode::MISDIRECTED_REQUEST,
             Kind::WrongOrigin => StatusCode::FORBIDDEN,
@@ -88,7 +94,8 @@ impl Kind {
         }
     }
 
-    fn uri(self) -> &'static str {
+    /// The `type` of the document.
+    pub(super) fn uri(self) -> &'static str {
         match self {
             Kind::Malformed => "/problems/malformed",
             Kind::NotFound => "/problems/not-found",
@@ -109,6 +116,7 @@ impl Kind {
             Kind::Quota => "/problems/quota",
             Kind::HeadersTooLarge => "/problems/headers-too-large",
             Kind::PathTooLong => "/problems/path-too-long",
+            Kind::DamagedData => "/problems/damaged-data",
             Kind::Internal => "/problems/internal",
             Kind::Other(_) => "about:blank",
         }
@@ -135,6 +143,7 @@ impl Kind {
             Kind::Quota => "The project has as much as it may",
             Kind::HeadersTooLarge => "The headers are too large",
             Kind::PathTooLong => "The path is too long",
+            Kind::DamagedData => "What is stored is damaged",
             Kind::Internal => "The server failed",
             Kind::Other(status) => status.canonical_reason().unwrap_or("Error"),
         }
@@ -164,6 +173,7 @@ pub struct Problem {
     detail: String,
     errors: Vec<ProblemFault>,
     headers: Vec<(HeaderName, HeaderValue)>,
+    damage: Option<Arc<StoreError>>,
 }
 
 /// What a handler answers.
@@ -177,6 +187,7 @@ impl Problem {
             detail: detail.into(),
             errors: Vec::new(),
             headers: Vec::new(),
+            damage: None,
         }
     }
 
@@ -206,6 +217,11 @@ impl Problem {
         const LONGEST: usize = 80;
         let name: String = name.chars().take(LONGEST).collect();
         Self::new(Kind::NotFound, format!("there is no {what} `{name}`"))
+    }
+
+    /// The error that tells of the damage, where the problem is one of damage.
+    pub fn damage(&self) -> Option<&StoreError> {
+        self.damage.as_deref()
     }
 
     /// What kind of problem it is.
@@ -258,6 +274,7 @@ impl Problem {
                 let detail = "the server's database cannot be written just now";
                 Self::new(Kind::Busy, detail).retry_after(5)
             }
+            Meaning::Damaged => Self::new(Kind::DamagedData, "the server's database is damaged"),
             Meaning::Fault => Self::of_status(StatusCode::INTERNAL_SERVER_ERROR),
         }
     }
@@ -336,7 +353,19 @@ impl From<StoreError> for Problem {
         if meaning != Meaning::ShuttingDown {
             tracing::error!(%error, "the store failed while a request was served");
         }
-        Self::of_meaning(meaning)
+        let problem = Self::of_meaning(meaning);
+        if meaning != Meaning::Damaged {
+            return problem;
+        }
+        let detail = match error.corrupt_row() {
+            Some(_) => error.to_string(),
+            None => problem.detail,
+        };
+        Self {
+            detail,
+            damage: Some(Arc::new(error)),
+            ..problem
+        }
     }
 }
 

@@ -14,10 +14,11 @@ use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
+use serde_json::json;
 use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
-use super::error::Answer;
+use super::error::{Answer, Kind};
 use super::extract::Named;
 use super::http_headers::header_fault;
 use super::jobs::no_job;
@@ -113,6 +114,7 @@ pub(super) fn follow(feed: impl Follow, of: String, permit: Place) -> Response {
         feed,
         of,
         greeted: false,
+        broken: false,
         _permit: permit,
     };
     replay.into_response()
@@ -158,6 +160,8 @@ struct Replay<F> {
     feed: F,
     of: String,
     greeted: bool,
+    /// Whether the stream has told why it ends.
+    broken: bool,
     _permit: Place,
 }
 
@@ -179,12 +183,20 @@ impl<F: Follow> Replay<F> {
         match tokio::time::timeout(KEEP_ALIVE, self.feed.next()).await {
             Err(_silence) => Some(Bytes::from_static(COMMENT.as_bytes())),
             Ok(Ok(events)) => events.map(|events| written(&events)),
+            Ok(Err(_)) if self.broken => None,
             Ok(Err(error)) => {
                 tracing::error!(%error, of = self.of, "an event stream broke off");
-                None
+                self.broken = true;
+                error.corrupt_row().map(|_| told_of_damage(&error))
             }
         }
     }
+}
+
+/// The last event of a stream that comes to a damaged one: it has no id and names the damage.
+fn told_of_damage(error: &StoreError) -> Bytes {
+    let data = json!({"type": Kind::DamagedData.uri(), "detail": error.to_string()});
+    format!("event: problem\ndata: {data}\n\n").into()
 }
 
 /// A stream of events as an answer.

@@ -3,8 +3,9 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
-use axum::extract::State;
+use axum::extract::{Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
+use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -26,6 +27,25 @@ pub struct Health {
     /// `alive` or `ready`.
     #[schema(value_type = String, example = "ready")]
     status: &'static str,
+    /// Damaged rows that this process has met since it began; absent where it met none. What needs one of them
+    /// is refused, the rest is served.
+    #[serde(skip_serializing_if = "is_zero")]
+    #[schema(required = false)]
+    damaged_rows: usize,
+}
+
+impl Health {
+    fn of(status: &'static str) -> Self {
+        Self {
+            status,
+            damaged_rows: 0,
+        }
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+fn is_zero(number: &usize) -> bool {
+    *number == 0
 }
 
 /// What this process is.
@@ -50,7 +70,7 @@ pub struct Version {
     responses((status = 200, description = "It is", body = Health))
 )]
 pub async fn livez() -> Response {
-    json(StatusCode::OK, &Health { status: "alive" })
+    json(StatusCode::OK, &Health::of("alive"))
 }
 
 /// The database answers, takes writes, and the workers run.
@@ -62,12 +82,14 @@ pub async fn livez() -> Response {
 pub async fn readyz(State(state): State<ApiState>) -> Answer {
     let not_ready = |detail: &str| Problem::new(Kind::Busy, detail).retry_after(RETRY_S);
     if let Err(error) = state.store.ping().await {
+        state.store.note_damage(&error);
         tracing::warn!(%error, "the database does not answer");
         return Err(not_ready("the database does not answer"));
     }
     match tokio::time::timeout(LONGEST_PROBE, state.store.probe()).await {
         Ok(Ok(())) => {}
         Ok(Err(error)) => {
+            state.store.note_damage(&error);
             tracing::warn!(%error, "the database takes no writes");
             return Err(not_ready(match error.meaning() {
                 Meaning::NoRoom => "the disk is full: nothing can be stored",
@@ -79,7 +101,35 @@ pub async fn readyz(State(state): State<ApiState>) -> Answer {
     if !(state.workers_run)() {
         return Err(not_ready("the workers do not run"));
     }
-    Ok(json(StatusCode::OK, &Health { status: "ready" }))
+    // One damaged row is no reason to take a server away that serves all others and takes in what comes. Where
+    // the database is not sound itself, more would be harmed by writing on.
+    let damage = state.store.damage();
+    if damage.is_of_the_database {
+        return Err(Problem::new(
+            Kind::DamagedData,
+            "the database is damaged: stop the server and restore a backup",
+        ));
+    }
+    let ready = Health {
+        damaged_rows: damage.rows,
+        ..Health::of("ready")
+    };
+    Ok(json(StatusCode::OK, &ready))
+}
+
+/// Notes the damage that a request met.
+pub(super) async fn note_damage(
+    State(state): State<ApiState>,
+    request: Request,
+    next: Next,
+) -> Response {
+    let response = next.run(request).await;
+    if let Some(problem) = response.extensions().get::<Problem>()
+        && let Some(damage) = problem.damage()
+    {
+        state.store.note_damage(damage);
+    }
+    response
 }
 
 /// The build and the schema.

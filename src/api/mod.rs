@@ -289,6 +289,7 @@ pub fn resources(state: ApiState) -> Router {
     let (router, _openapi) = described().split_for_parts();
     router
         .layer(from_fn_with_state(state.clone(), access::authorise))
+        .layer(from_fn_with_state(state.clone(), health::note_damage))
         .with_state(state)
 }
 

@@ -28,6 +28,16 @@ pub struct RestoreArguments {
     database: DatabaseArguments,
 }
 
+/// What `check` is given.
+#[derive(Debug, Args)]
+pub struct CheckArguments {
+    /// Then seal the rows from before there were seals: what changes from then on is found
+    #[arg(long)]
+    seal: bool,
+    #[command(flatten)]
+    database: DatabaseArguments,
+}
+
 /// What `database` does.
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -79,15 +89,34 @@ pub fn restore(arguments: &RestoreArguments) -> Result<(), CommandError> {
 }
 
 /// Says whether a database is sound.
-pub fn check(arguments: &DatabaseArguments) -> Result<(), CommandError> {
-    let database = arguments.path().map_err(CommandError::input)?;
-    let findings = block_on(async {
-        let findings = backup::check(&database).await;
-        findings.map_err(CommandError::failed)
+pub fn check(arguments: &CheckArguments) -> Result<(), CommandError> {
+    let place = arguments.database.place().map_err(CommandError::input)?;
+    let checked = block_on(async {
+        let checked = match &place {
+            DatabasePlace::File(path) => backup::check(path).await,
+            DatabasePlace::Postgres(options) => backup::check_postgres(options).await,
+        };
+        checked.map_err(CommandError::failed)
     })?;
-    if findings.is_empty() {
-        println!("{} is sound", database.display());
-        return Ok(());
+    if !checked.findings.is_empty() {
+        return Err(CommandError::failed(checked.findings.join("\nerror: ")));
     }
-    Err(CommandError::failed(findings.join("\nerror: ")))
+    println!("{place} is sound");
+    let unsealed = checked.unsealed;
+    if arguments.seal {
+        let sealed = block_on(async {
+            let sealed = match &place {
+                DatabasePlace::File(path) => backup::seal(path).await,
+                DatabasePlace::Postgres(options) => backup::seal_postgres(options).await,
+            };
+            sealed.map_err(CommandError::failed)
+        })?;
+        println!("{sealed} rows were sealed as they are");
+    } else if unsealed > 0 {
+        println!(
+            "{unsealed} rows from before there were seals were not checked; `greybox check --seal` seals them as \
+             they are"
+        );
+    }
+    Ok(())
 }

@@ -62,6 +62,13 @@ impl Tail {
     }
 }
 
+/// Some events of a job, as the store has them.
+struct Page {
+    events: Vec<Arc<StoredEvent>>,
+    /// Whether the store had no more.
+    is_last: bool,
+}
+
 impl Feed {
     pub(super) fn new(subscription: Subscription, store: Store, after: i64) -> Self {
         Self {
@@ -116,9 +123,11 @@ impl Feed {
         }
         // Whatever came until here is in the reading; what comes from here on is news.
         let news = *self.subscription.news.borrow();
-        let events = self.page().await?;
+        let Page {
+            events,
+            is_last: all,
+        } = self.page().await?;
         self.ended = events.is_empty() && self.nothing_will_come().await?;
-        let all = events.len() < PAGE as usize;
         if all {
             self.read = news;
         }
@@ -131,7 +140,7 @@ impl Feed {
 
     /// A page for this reader alone.
     async fn catch_up(&mut self, news: u64) -> Result<Vec<Arc<StoredEvent>>, StoreError> {
-        let events = self.page().await?;
+        let Page { events, .. } = self.page().await?;
         if events.is_empty() {
             self.ended = self.nothing_will_come().await?;
             self.read = news;
@@ -139,10 +148,20 @@ impl Feed {
         Ok(events)
     }
 
-    async fn page(&self) -> Result<Vec<Arc<StoredEvent>>, StoreError> {
+    async fn page(&self) -> Result<Page, StoreError> {
         let job = self.subscription.job;
-        let events = self.store.events_after(job, self.after, PAGE).await?;
-        Ok(events.into_iter().map(Arc::new).collect())
+        let (events, limit) = match self.store.events_after(job, self.after, PAGE).await {
+            // Events before a damaged one are handed out one by one.
+            Err(error) if error.corrupt_row().is_some() => {
+                self.store.note_damage(&error);
+                (self.store.events_after(job, self.after, 1).await?, 1)
+            }
+            events => (events?, PAGE),
+        };
+        Ok(Page {
+            is_last: events.len() < limit as usize,
+            events: events.into_iter().map(Arc::new).collect(),
+        })
     }
 
     async fn nothing_will_come(&self) -> Result<bool, StoreError> {

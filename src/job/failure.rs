@@ -15,7 +15,7 @@ pub struct Failure {
     pub kind: Cow<'static, str>,
     /// The kind in words.
     pub title: Cow<'static, str>,
-    /// 422 where the job itself is at fault, 500 where the program is.
+    /// 422 where the job itself is at fault, 500 where the program is, 503 where what is stored is damaged.
     pub status: u16,
     /// What happened.
     pub detail: String,
@@ -75,6 +75,20 @@ impl Failure {
                      same"
                 .to_owned(),
             errors,
+        }
+    }
+
+    /// What is stored of the job, or what it is worked from, is not what was written.
+    pub fn damaged_data(what: &dyn std::error::Error) -> Self {
+        Self {
+            kind: "/problems/damaged-data".into(),
+            title: "What is stored is damaged".into(),
+            status: 503,
+            detail: format!(
+                "{what}; bring back what is damaged, from where it came or from a backup, and submit the \
+                 job again"
+            ),
+            errors: Vec::new(),
         }
     }
 

@@ -40,7 +40,10 @@ impl Steps {
             match self.take(row).await {
                 Ok(true) => taken += 1,
                 Ok(false) => {}
-                Err(error) => tracing::error!(%error, monitor = %id, "a monitor cannot go on"),
+                Err(error) => {
+                    self.store.note_damage(&error);
+                    tracing::error!(%error, monitor = %id, "a monitor cannot go on");
+                }
             }
         }
         Ok(taken)

@@ -11,11 +11,12 @@ use std::time::Duration;
 
 use serde_json::Value;
 use sha2::{Digest, Sha256};
-use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::sqlite::{SqliteConnectOptions, SqlitePoolOptions};
 use sqlx::{Connection, SqliteConnection};
 
-use super::database::sqlite;
+use super::database::{Pool, sqlite};
 use super::lock::FileLock;
+use super::sealed::check::{self, Checked};
 use super::{StoreError, schema_version};
 
 /// How long a statement waits for the server's lock.
@@ -51,7 +52,7 @@ pub async fn backup(database: &Path, into: &Path) -> Result<(), StoreError> {
 /// # Errors
 /// The backup is damaged or of a newer version, the database is in use or there already.
 pub async fn restore(backup: &Path, database: &Path, replace: bool) -> Result<(), StoreError> {
-    if let Some(finding) = check(backup).await?.into_iter().next() {
+    if let Some(finding) = check(backup).await?.findings.into_iter().next() {
         return Err(super::corrupt("backup", backup.display(), finding));
     }
     let there = fs::metadata(database).is_ok_and(|file| file.len() > 0);
@@ -67,18 +68,59 @@ pub async fn restore(backup: &Path, database: &Path, replace: bool) -> Result<()
     put(&partial, database)
 }
 
-/// All that is wrong with a database, in sentences; nothing where it is sound.
-pub async fn check(database: &Path) -> Result<Vec<String>, StoreError> {
+pub use check::{check_postgres, seal_postgres};
+
+/// Looks at all of a database: its pages, its rows, and whether they are what was written.
+pub async fn check(database: &Path) -> Result<Checked, StoreError> {
+    let mut checked = Checked {
+        findings: check_file(database).await?,
+        unsealed: 0,
+    };
+    if checked.findings.is_empty() && is_up_to_date(database).await? {
+        let pool = pool(database).await?;
+        let looked = check::look(&pool, &mut checked).await;
+        pool.close().await;
+        looked?;
+    }
+    Ok(checked)
+}
+
+/// Seals all rows of a database that have no seal, while a server may work with it; answers how many.
+pub async fn seal(database: &Path) -> Result<u64, StoreError> {
+    let pool = pool(database).await?;
+    let sealed = check::seal_all(&pool).await;
+    pool.close().await;
+    sealed
+}
+
+async fn pool(database: &Path) -> Result<Pool, StoreError> {
+    let pool = SqlitePoolOptions::new().max_connections(1);
+    Ok(Pool::Sqlite(pool.connect_with(options(database)?).await?))
+}
+
+async fn is_up_to_date(database: &Path) -> Result<bool, StoreError> {
+    let mut connection = open(database).await?;
+    let newest = newest(&mut connection).await?;
+    connection.close().await?;
+    Ok(newest == schema_version())
+}
+
+/// The schema of a database.
+async fn newest(connection: &mut SqliteConnection) -> Result<i64, StoreError> {
+    let newest: Option<i64> = sqlx::query_scalar("select max(version) from _sqlx_migrations")
+        .fetch_one(connection)
+        .await?;
+    Ok(newest.unwrap_or(0))
+}
+
+async fn check_file(database: &Path) -> Result<Vec<String>, StoreError> {
     let mut connection = open(database).await?;
     let mut findings: Vec<String> = sqlx::query_scalar("pragma integrity_check")
         .fetch_all(&mut connection)
         .await?;
     findings.retain(|line| line != "ok");
     if findings.is_empty() {
-        let newest: Option<i64> = sqlx::query_scalar("select max(version) from _sqlx_migrations")
-            .fetch_one(&mut connection)
-            .await?;
-        let newest = newest.unwrap_or(0);
+        let newest = newest(&mut connection).await?;
         if newest > schema_version() {
             findings.push(format!(
                 "its schema {newest} is newer than {}, which this program knows",
@@ -180,13 +222,15 @@ async fn look_at_recordings(
 }
 
 async fn open(path: &Path) -> Result<SqliteConnection, StoreError> {
+    Ok(SqliteConnection::connect_with(&options(path)?).await?)
+}
+
+fn options(path: &Path) -> Result<SqliteConnectOptions, StoreError> {
     if !path.is_file() {
         return Err(file_error(path, io::ErrorKind::NotFound.into()));
     }
-    let options = SqliteConnectOptions::new()
-        .filename(path)
-        .busy_timeout(BUSY_TIMEOUT);
-    Ok(SqliteConnection::connect_with(&options).await?)
+    let options = SqliteConnectOptions::new().filename(path);
+    Ok(options.busy_timeout(BUSY_TIMEOUT))
 }
 
 /// Brings a file to disk, and then under its name.

@@ -6,6 +6,7 @@ use futures_util::TryStreamExt;
 
 use super::database::{self, QueryBuilder};
 use super::jobs::{self, from_json};
+use super::sealed::{CANDIDATE_RECORDS, CANDIDATES};
 use super::writer::Tx;
 use super::{Store, StoreError, corrupt, unsigned};
 use crate::job::candidate::Failure;
@@ -44,13 +45,6 @@ pub struct CandidatePage {
     pub more_after: Option<u32>,
 }
 
-#[derive(sqlx::FromRow)]
-struct RecordRow {
-    columns: String,
-    kept: i64,
-    cut_in_generation: Option<i64>,
-}
-
 impl Store {
     /// Candidates of a job from generations above `after`, in order: of at most `generations`
     /// generations, and no further generation once there are `enough` candidates.
@@ -62,8 +56,9 @@ impl Store {
         enough: usize,
     ) -> Result<CandidatePage, StoreError> {
         let job = job.to_string();
-        let record: Option<RecordRow> = database::query_as(
-            "select columns, kept, cut_in_generation from candidate_records where job = $1",
+        let record = database::query(
+            "select job, columns, kept, cut_in_generation, seal from candidate_records \
+             where job = $1",
         )
         .bind(&job)
         .fetch_optional(self.readers())
@@ -71,33 +66,35 @@ impl Store {
         let Some(record) = record else {
             return Ok(CandidatePage::default());
         };
+        CANDIDATE_RECORDS.verify(&record)?;
+        let cut: Option<i64> = record.try_get("cut_in_generation")?;
         let mut page = CandidatePage {
-            columns: from_json("candidate columns", &job, &record.columns)?,
+            columns: from_json("candidate columns", &job, record.try_get("columns")?)?,
             candidates: Vec::new(),
-            kept: record.kept.unsigned_abs(),
-            cut_in_generation: record
-                .cut_in_generation
+            kept: record.try_get::<i64>("kept")?.unsigned_abs(),
+            cut_in_generation: cut
                 .map(|value| unsigned("generation", &job, value))
                 .transpose()?,
             more_after: None,
         };
         // One more says whether there are more.
-        let mut rows = database::query_as::<(i64, Vec<u8>)>(
-            "select generation, candidates from candidates where job = $1 and generation > $2 \
-             order by generation limit $3 + 1",
+        let mut rows = database::query(
+            "select job, generation, candidates, seal from candidates \
+             where job = $1 and generation > $2 order by generation limit $3 + 1",
         )
         .bind(&job)
         .bind(after)
         .bind(generations)
         .fetch(self.readers());
         let mut read = 0;
-        while let Some((generation, blob)) = rows.try_next().await? {
+        while let Some(row) = rows.try_next().await? {
             if read == generations || page.candidates.len() >= enough {
                 page.more_after = page.candidates.last().map(|last| last.generation);
                 break;
             }
-            let generation = unsigned("generation", &job, generation)?;
-            let decoded = decode(generation, &blob, page.columns.len());
+            CANDIDATES.verify(&row)?;
+            let generation = unsigned("generation", &job, row.try_get("generation")?)?;
+            let decoded = decode(generation, row.try_get("candidates")?, page.columns.len());
             let decoded = decoded.map_err(|why| corrupt("candidates", &job, why))?;
             page.candidates.extend(decoded);
             read += 1;
@@ -109,25 +106,38 @@ impl Store {
 /// Writes candidates. A generation that is there already stays as it is.
 pub(super) async fn insert(tx: &mut Tx, job: JobId, new: &NewCandidates) -> Result<(), StoreError> {
     let job = job.to_string();
+    let columns = jobs::json(&new.columns);
+    let kept = i64::try_from(new.kept).unwrap_or(i64::MAX);
+    let parts = [
+        (&job).into(),
+        (&columns).into(),
+        kept.into(),
+        new.cut_in_generation.into(),
+    ];
     database::query(
-        "insert into candidate_records (job, columns, kept, cut_in_generation) \
-         values ($1, $2, $3, $4) on conflict (job) do update set \
-         kept = excluded.kept, cut_in_generation = excluded.cut_in_generation",
+        "insert into candidate_records (job, columns, kept, cut_in_generation, seal) \
+         values ($1, $2, $3, $4, $5) on conflict (job) do update set columns = excluded.columns, \
+         kept = excluded.kept, cut_in_generation = excluded.cut_in_generation, seal = excluded.seal",
     )
     .bind(&job)
-    .bind(jobs::json(&new.columns))
-    .bind(i64::try_from(new.kept).unwrap_or(i64::MAX))
+    .bind(&columns)
+    .bind(kept)
     .bind(new.cut_in_generation)
+    .bind(CANDIDATE_RECORDS.seal(&parts))
     .execute(&mut **tx)
     .await?;
     let same_generation = |a: &Candidate, b: &Candidate| a.generation == b.generation;
     let generations: Vec<&[Candidate]> = new.candidates.chunk_by(same_generation).collect();
     for rows in generations.chunks(ROWS_PER_STATEMENT) {
-        let mut query = QueryBuilder::new("insert into candidates (job, generation, candidates) ");
+        let mut query =
+            QueryBuilder::new("insert into candidates (job, generation, candidates, seal) ");
         query.push_values(rows, |mut row, candidates| {
+            let (generation, blob) = (candidates[0].generation, encode(candidates));
+            let seal = CANDIDATES.seal(&[(&job).into(), generation.into(), (&blob).into()]);
             row.push_bind(job.clone())
-                .push_bind(candidates[0].generation)
-                .push_bind(encode(candidates));
+                .push_bind(generation)
+                .push_bind(blob)
+                .push_bind(seal);
         });
         query.push(" on conflict do nothing");
         // Each number of rows is another statement; they are not worth keeping.

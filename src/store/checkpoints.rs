@@ -1,17 +1,17 @@
 //! Where unfinished jobs can go on.
 
 use super::database::{self, Target};
+use super::sealed::CHECKPOINTS;
 use super::writer::Tx;
-use super::{Store, StoreError};
+use super::{Store, StoreError, unsigned};
 use crate::job::JobId;
 
 /// Where a job can go on.
-#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Checkpoint {
     /// The method's own state.
     pub state: Vec<u8>,
     /// Iterations of the refinement that went before it.
-    #[sqlx(try_from = "i64")]
     pub refinements: u32,
 }
 
@@ -26,12 +26,20 @@ pub(super) async fn fetch<'c>(
     on: impl Into<Target<'c>>,
     job: JobId,
 ) -> Result<Option<Checkpoint>, StoreError> {
-    let checkpoint =
-        database::query_as("select state, refinements from checkpoints where job = $1")
-            .bind(job.to_string())
+    let job = job.to_string();
+    let row =
+        database::query("select job, state, refinements, seal from checkpoints where job = $1")
+            .bind(&job)
             .fetch_optional(on)
             .await?;
-    Ok(checkpoint)
+    let Some(row) = row else {
+        return Ok(None);
+    };
+    CHECKPOINTS.verify(&row)?;
+    Ok(Some(Checkpoint {
+        state: row.try_get("state")?,
+        refinements: unsigned("checkpoint", &job, row.try_get("refinements")?)?,
+    }))
 }
 
 /// Keeps where a job can go on; what happened before is no longer held against it.
@@ -40,18 +48,22 @@ pub(super) async fn put(
     job: JobId,
     checkpoint: &Checkpoint,
 ) -> Result<(), StoreError> {
+    let job = job.to_string();
+    let Checkpoint { state, refinements } = checkpoint;
+    let parts = [(&job).into(), state.into(), (*refinements).into()];
     database::query(
-        "insert into checkpoints (job, state, refinements) values ($1, $2, $3) \
+        "insert into checkpoints (job, state, refinements, seal) values ($1, $2, $3, $4) \
          on conflict (job) do update set state = excluded.state, \
-         refinements = excluded.refinements",
+         refinements = excluded.refinements, seal = excluded.seal",
     )
-    .bind(job.to_string())
-    .bind(&checkpoint.state)
-    .bind(checkpoint.refinements)
+    .bind(&job)
+    .bind(state)
+    .bind(*refinements)
+    .bind(CHECKPOINTS.seal(&parts))
     .execute(&mut **tx)
     .await?;
     database::query("update jobs set attempt = 0, deaths = 0, at_work_in = null where id = $1")
-        .bind(job.to_string())
+        .bind(job)
         .execute(&mut **tx)
         .await?;
     Ok(())

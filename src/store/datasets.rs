@@ -10,8 +10,9 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use tokio::sync::mpsc;
 
-use super::database::{self, QueryBuilder};
+use super::database::{self, QueryBuilder, Row};
 use super::jobs::{Page, from_json, json, project, time};
+use super::sealed::{DATASET_CHUNKS, DATASETS};
 use super::writer::Tx;
 use super::{Change, Quotas, Store, StoreError, corrupt, quotas};
 use crate::access::Project;
@@ -112,13 +113,10 @@ impl Store {
             Ok(row) => return Ok(Some(row)),
             Err(reading) => reading,
         };
-        let row = database::query_as::<Columns>(
-            "select id, project, name, digest, summary, created_at from datasets where id = $1",
-        )
-        .bind(id.to_string())
-        .fetch_optional(self.readers())
-        .await?;
-        let row = row.map(Columns::read).transpose()?.map(Arc::new);
+        let mut query = QueryBuilder::new(SELECT);
+        query.push(" where id = ").push_bind(id.to_string());
+        let row = query.build().fetch_optional(self.readers()).await?;
+        let row = row.as_ref().map(read).transpose()?.map(Arc::new);
         if let Some(row) = &row {
             recent.keep(id, reading, row);
         }
@@ -132,21 +130,16 @@ impl Store {
         before: Option<DatasetId>,
         limit: u32,
     ) -> Result<Page<DatasetRow, DatasetId>, StoreError> {
-        let mut query = QueryBuilder::new(
-            "select id, project, name, digest, summary, created_at from datasets where project = ",
-        );
-        query.push_bind(project.as_str());
+        let mut query = QueryBuilder::new(SELECT);
+        query.push(" where project = ").push_bind(project.as_str());
         if let Some(before) = before {
             query.push(" and id < ").push_bind(before.to_string());
         }
         query
             .push(" order by id desc limit ")
             .push_bind(i64::from(limit) + 1);
-        let rows: Vec<Columns> = query.build_query_as().fetch_all(self.readers()).await?;
-        let rows = rows
-            .into_iter()
-            .map(Columns::read)
-            .collect::<Result<Vec<_>, _>>()?;
+        let rows = query.build().fetch_all(self.readers()).await?;
+        let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         Ok(Page::cut(rows, limit, |row| row.id))
     }
 
@@ -166,17 +159,18 @@ impl Store {
     async fn read_recording(&self, id: DatasetId) -> Result<Option<Recording>, StoreError> {
         let key = id.to_string();
         let mut transaction = self.readers().begin_read().await?;
-        let stored: Option<(Option<String>, String)> =
-            database::query_as("select name, description from datasets where id = $1")
-                .bind(&key)
-                .fetch_optional(&mut transaction)
-                .await?;
-        let Some((name, description)) = stored else {
+        let mut query = QueryBuilder::new(SELECT);
+        query.push(" where id = ").push_bind(&key);
+        let stored = query.build().fetch_optional(&mut transaction).await?;
+        let Some(stored) = stored else {
             return Ok(None);
         };
-        let description: Description = from_json("description", &key, &description)?;
+        DATASETS.verify(&stored)?;
+        let name = stored.try_get("name")?;
+        let description: Description =
+            from_json("description", &key, stored.try_get("description")?)?;
         let chunks = database::query(
-            "select position, samples from dataset_chunks where dataset = $1 \
+            "select dataset, position, chunk, samples, seal from dataset_chunks where dataset = $1 \
              order by position, chunk",
         )
         .bind(&key)
@@ -184,6 +178,7 @@ impl Store {
         .await?;
         let mut series = vec![Vec::new(); description.signals.len() + 1];
         for chunk in &chunks {
+            DATASET_CHUNKS.verify(chunk)?;
             let position: i64 = chunk.try_get("position")?;
             let samples: &[u8] = chunk.try_get("samples")?;
             let into = usize::try_from(position)
@@ -204,30 +199,21 @@ impl Store {
     }
 }
 
-#[derive(sqlx::FromRow)]
-struct Columns {
-    id: String,
-    project: String,
-    name: Option<String>,
-    digest: String,
-    summary: String,
-    created_at: String,
-}
+const SELECT: &str =
+    "select id, project, name, digest, description, summary, created_at, seal from datasets";
 
-impl Columns {
-    fn read(self) -> Result<DatasetRow, StoreError> {
-        Ok(DatasetRow {
-            summary: from_json("summary", &self.id, &self.summary)?,
-            created_at: time(&self.id, &self.created_at)?,
-            project: project(&self.id, &self.project)?,
-            id: self
-                .id
-                .parse()
-                .map_err(|why| corrupt("identifier", &self.id, why))?,
-            name: self.name,
-            digest: self.digest,
-        })
-    }
+/// A recording without its samples, from its row.
+fn read(row: &Row) -> Result<DatasetRow, StoreError> {
+    DATASETS.verify(row)?;
+    let id: &str = row.try_get("id")?;
+    Ok(DatasetRow {
+        project: project(id, row.try_get("project")?)?,
+        name: row.try_get("name")?,
+        digest: row.try_get("digest")?,
+        summary: from_json("summary", id, row.try_get("summary")?)?,
+        created_at: time(id, row.try_get("created_at")?)?,
+        id: id.parse().map_err(|why| corrupt("identifier", id, why))?,
+    })
 }
 
 async fn insert(
@@ -246,14 +232,11 @@ pub(super) async fn insert_as(
     allowed: Quotas,
 ) -> Result<(DatasetRow, bool), StoreError> {
     let identity = format!("{} {}", new.project, new.digest);
-    let same: Option<Columns> = database::query_as(
-        "select id, project, name, digest, summary, created_at from datasets where identity = $1",
-    )
-    .bind(&identity)
-    .fetch_optional(&mut **tx)
-    .await?;
+    let mut query = QueryBuilder::new(SELECT);
+    query.push(" where identity = ").push_bind(&identity);
+    let same = query.build().fetch_optional(&mut **tx).await?;
     if let Some(same) = same {
-        return Ok((same.read()?, false));
+        return Ok((read(&same)?, false));
     }
     let bytes = bytes_of(&new.recording);
     quotas::check_dataset(tx, &allowed, &new.project, bytes).await?;
@@ -266,19 +249,31 @@ pub(super) async fn insert_as(
         created_at: Timestamp::now(),
     };
     let key = row.id.to_string();
+    let (description, summary) = (json(&describe(&new.recording)), json(&row.summary));
+    let created_at = row.created_at.to_string();
+    let seal = DATASETS.seal(&[
+        (&key).into(),
+        row.project.as_str().into(),
+        (&row.name).into(),
+        (&row.digest).into(),
+        (&description).into(),
+        (&summary).into(),
+        (&created_at).into(),
+    ]);
     database::query(
         "insert into datasets (id, project, identity, name, digest, description, summary, \
-         created_at, bytes) values ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
+         created_at, bytes, seal) values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)",
     )
     .bind(&key)
     .bind(row.project.as_str())
     .bind(&identity)
     .bind(&row.name)
     .bind(&row.digest)
-    .bind(json(&describe(&new.recording)))
-    .bind(json(&row.summary))
-    .bind(row.created_at.to_string())
+    .bind(description)
+    .bind(summary)
+    .bind(created_at)
     .bind(i64::try_from(bytes).unwrap_or(i64::MAX))
+    .bind(seal)
     .execute(&mut **tx)
     .await?;
     insert_samples(tx, &key, new.recording).await?;
@@ -304,13 +299,22 @@ async fn insert_samples(tx: &mut Tx, dataset: &str, recording: Received) -> Resu
             number,
             samples,
         } = chunk;
+        let parts = [
+            dataset.into(),
+            position.into(),
+            number.into(),
+            (&samples).into(),
+        ];
+        let seal = DATASET_CHUNKS.seal(&parts);
         database::query(
-            "insert into dataset_chunks (dataset, position, chunk, samples) values ($1, $2, $3, $4)",
+            "insert into dataset_chunks (dataset, position, chunk, samples, seal) \
+             values ($1, $2, $3, $4, $5)",
         )
         .bind(dataset)
         .bind(position)
         .bind(number)
         .bind(samples)
+        .bind(seal)
         .execute(&mut **tx)
         .await?;
     }

@@ -88,7 +88,7 @@ async fn finish(
 }
 
 /// What a job is asked to do, as it stands in this transaction.
-async fn asked(tx: &mut Tx, id: JobId) -> Result<Option<StopRequest>, StoreError> {
+pub(super) async fn asked(tx: &mut Tx, id: JobId) -> Result<Option<StopRequest>, StoreError> {
     let id = id.to_string();
     let word: Option<Option<String>> =
         database::query_scalar("select request from jobs where id = $1")

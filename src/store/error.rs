@@ -169,6 +169,8 @@ mod code {
     pub(super) const IOERR: i32 = 10;
     pub(super) const FULL: i32 = 13;
     pub(super) const CANTOPEN: i32 = 14;
+    pub(super) const CORRUPT: i32 = 11;
+    pub(super) const NOTADB: i32 = 26;
 }
 
 /// PostgreSQL's: <https://www.postgresql.org/docs/current/errcodes-appendix.html>.
@@ -181,6 +183,10 @@ mod postgres_code {
     /// A character that a text cannot have.
     pub(super) const NO_TEXT: &str = "22021";
     pub(super) const DISK_FULL: &str = "53100";
+    /// The class of data, and of indices, that are not sound.
+    pub(super) const CORRUPT: &str = "XX";
+    /// A fault of the program, of the same class.
+    pub(super) const INTERNAL: &str = "XX000";
 }
 
 impl WriteFailure {
@@ -193,7 +199,10 @@ impl WriteFailure {
             }
             other => Self {
                 why: other.to_string(),
-                meaning: Meaning::Fault,
+                meaning: match other {
+                    StoreError::Corrupt { .. } => Meaning::Damaged,
+                    _ => Meaning::Fault,
+                },
             },
         }
     }
@@ -210,6 +219,10 @@ impl WriteFailure {
                 None,
                 sqlx::Error::PoolTimedOut | sqlx::Error::WorkerCrashed | sqlx::Error::Io(_),
             ) => Meaning::Unavailable,
+            // A text that is none, a number where there has to be a text.
+            (None, None, sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_)) => {
+                Meaning::Damaged
+            }
             _ => Meaning::Fault,
         };
         Self {
@@ -247,6 +260,7 @@ fn of_sqlite(code: i32) -> Meaning {
         code::BUSY | code::LOCKED | code::READONLY | code::IOERR | code::CANTOPEN => {
             Meaning::Unavailable
         }
+        code::CORRUPT | code::NOTADB => Meaning::Damaged,
         _ => Meaning::Fault,
     }
 }
@@ -259,6 +273,8 @@ fn of_postgres(code: &str) -> Meaning {
             Meaning::Unavailable
         }
         postgres_code::NO_TEXT => Meaning::NoText,
+        postgres_code::INTERNAL => Meaning::Fault,
+        _ if code.starts_with(postgres_code::CORRUPT) => Meaning::Damaged,
         _ if ["08", "40", "53", "57", "58"].contains(&&code[..2]) => Meaning::Unavailable,
         _ => Meaning::Fault,
     }
@@ -280,7 +296,9 @@ pub enum Meaning {
     NoRoom,
     /// The database cannot be written or read just now.
     Unavailable,
-    /// The program or its database is at fault.
+    /// What is stored is not what was written.
+    Damaged,
+    /// The program is at fault.
     Fault,
 }
 
@@ -292,6 +310,16 @@ impl StoreError {
             Self::Closed | Self::Database(sqlx::Error::PoolClosed) => Meaning::ShuttingDown,
             Self::Scratch(error) | Self::File { source: error, .. } => Meaning::of_file(error),
             other => WriteFailure::of(other).meaning,
+        }
+    }
+
+    /// What a damaged row is and which it is, where the error names one.
+    #[must_use]
+    pub fn corrupt_row(&self) -> Option<(&'static str, &str)> {
+        match self {
+            Self::Corrupt { what, of, .. } => Some((what, of)),
+            Self::Together(error) => error.corrupt_row(),
+            _ => None,
         }
     }
 }

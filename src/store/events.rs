@@ -1,6 +1,7 @@
 //! The events of jobs, as they are stored and replayed.
 
-use super::database::{self, QueryBuilder};
+use super::database::{self, QueryBuilder, Row};
+use super::sealed::{EVENTS, Sealed};
 use super::writer::Tx;
 use super::{Store, StoreError};
 use crate::job::{Event, JobId};
@@ -9,7 +10,7 @@ use crate::job::{Event, JobId};
 const ROWS_PER_STATEMENT: usize = 1000;
 
 /// An event as it is sent.
-#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoredEvent {
     /// 1, 2, 3 … without a gap.
     pub id: i64,
@@ -28,21 +29,39 @@ impl StoredEvent {
 
 impl Store {
     /// Events of a job with an id above `after`, in order, at most `limit`.
+    ///
+    /// # Errors
+    /// One of them is damaged, or the database fails.
     pub async fn events_after(
         &self,
         job: JobId,
         after: i64,
         limit: u32,
     ) -> Result<Vec<StoredEvent>, StoreError> {
-        Ok(database::query_as(
-            "select id, name, data from events where job = $1 and id > $2 order by id limit $3",
+        let rows = database::query(
+            "select job, id, name, data, seal from events where job = $1 and id > $2 \
+             order by id limit $3",
         )
         .bind(job.to_string())
         .bind(after)
         .bind(limit)
         .fetch_all(self.readers())
-        .await?)
+        .await?;
+        read(&EVENTS, &rows)
     }
+}
+
+/// The events of rows of a table.
+pub(super) fn read(of: &Sealed, rows: &[Row]) -> Result<Vec<StoredEvent>, StoreError> {
+    let events = rows.iter().map(|row| {
+        of.verify(row)?;
+        Ok(StoredEvent {
+            id: row.try_get("id")?,
+            name: row.try_get("name")?,
+            data: row.try_get("data")?,
+        })
+    });
+    events.collect()
 }
 
 /// Writes events with the ids from `first` on. The caller moves `jobs.last_event`.
@@ -55,17 +74,25 @@ pub(super) async fn insert(
     let job = job.to_string();
     let mut rows = (first..).zip(events).peekable();
     while rows.peek().is_some() {
-        let mut query = QueryBuilder::new("insert into events (job, id, name, data) ");
+        let mut query = QueryBuilder::new("insert into events (job, id, name, data, seal) ");
         query.push_values(
             rows.by_ref().take(ROWS_PER_STATEMENT),
             |mut row, (id, event)| {
+                let (name, data) = (event.name(), event.data());
+                let seal = seal(&job, id, (name, &data));
                 row.push_bind(job.clone())
                     .push_bind(id)
-                    .push_bind(event.name())
-                    .push_bind(event.data());
+                    .push_bind(name)
+                    .push_bind(data)
+                    .push_bind(seal);
             },
         );
         query.build().execute(&mut **tx).await?;
     }
     Ok(())
+}
+
+/// The seal of an event of a job, which has a name and data.
+pub(super) fn seal(job: &str, id: i64, (name, data): (&str, &str)) -> i64 {
+    EVENTS.seal(&[job.into(), id.into(), name.into(), data.into()])
 }

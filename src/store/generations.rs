@@ -1,7 +1,8 @@
 //! The history of a search: a row a generation, none left out.
 
-use super::database::{self, QueryBuilder};
+use super::database::{self, QueryBuilder, Row};
 use super::jobs::from_json;
+use super::sealed::GENERATIONS;
 use super::writer::Tx;
 use super::{Store, StoreError, jobs};
 use crate::job::{GenerationEvent, JobId};
@@ -17,20 +18,23 @@ impl Store {
         after: u32,
         limit: u32,
     ) -> Result<Vec<GenerationEvent>, StoreError> {
-        let job = job.to_string();
-        let rows: Vec<String> = database::query_scalar(
-            "select row from generations where job = $1 and generation > $2 \
+        let rows = database::query(
+            "select job, generation, row, seal from generations where job = $1 and generation > $2 \
              order by generation limit $3",
         )
-        .bind(&job)
+        .bind(job.to_string())
         .bind(after)
         .bind(limit)
         .fetch_all(self.readers())
         .await?;
-        rows.iter()
-            .map(|row| from_json("generation", &job, row))
-            .collect()
+        rows.iter().map(read).collect()
     }
+}
+
+/// The generation of a row.
+pub(super) fn read(row: &Row) -> Result<GenerationEvent, StoreError> {
+    GENERATIONS.verify(row)?;
+    from_json("generation", row.try_get("job")?, row.try_get("row")?)
 }
 
 /// Writes generations. One that is done again after a crash came to the same row.
@@ -41,13 +45,18 @@ pub(super) async fn insert(
 ) -> Result<(), StoreError> {
     let job = job.to_string();
     for rows in generations.chunks(ROWS_PER_STATEMENT) {
-        let mut query = QueryBuilder::new("insert into generations (job, generation, row) ");
+        let mut query = QueryBuilder::new("insert into generations (job, generation, row, seal) ");
         query.push_values(rows, |mut row, generation| {
+            let (number, json) = (generation.generation, jobs::json(generation));
+            let seal = GENERATIONS.seal(&[(&job).into(), number.into(), (&json).into()]);
             row.push_bind(job.clone())
-                .push_bind(generation.generation)
-                .push_bind(jobs::json(generation));
+                .push_bind(number)
+                .push_bind(json)
+                .push_bind(seal);
         });
-        query.push(" on conflict (job, generation) do update set row = excluded.row");
+        query.push(
+            " on conflict (job, generation) do update set row = excluded.row, seal = excluded.seal",
+        );
         // Each number of rows is another statement; they are not worth keeping.
         query.build().persistent(false).execute(&mut **tx).await?;
     }

@@ -6,7 +6,9 @@ use jiff::Timestamp;
 use serde::Deserialize;
 
 use super::database::{Kind, QueryBuilder, Row};
-use super::jobs::{from_json, optional, optional_time, parse_id, push_filter, time};
+use super::jobs::{
+    from_json, method, optional, optional_time, parse_id, parse_status, push_filter, time,
+};
 use super::{JobFilter, Page, Store, StoreError, corrupt};
 use crate::access::Project;
 use crate::job::{JobId, Progress, Status};
@@ -51,8 +53,13 @@ pub struct NamedDataset {
     pub name: Option<String>,
 }
 
-const COLUMNS: &str = "id, project, name, labels, model, method, status, progress, created_at, started_at, \
+const COLUMNS: &str = "id, project, name, labels, model, status, progress, created_at, started_at, \
      finished_at, (select trust from results where job = jobs.id) as trust, ";
+
+/// What is made of other columns: the method of a job, and its recordings as JSON.
+fn made(kind: Kind) -> String {
+    format!("{} as method, {}", method(kind), datasets(kind))
+}
 
 /// The recordings of a job as JSON.
 fn datasets(kind: Kind) -> &'static str {
@@ -75,7 +82,7 @@ impl Store {
         let mut query = QueryBuilder::new("select ");
         query
             .push(COLUMNS)
-            .push(datasets(self.readers().kind()))
+            .push(made(self.readers().kind()))
             .push(" from jobs where project = ")
             .push_bind(filter.project.as_str().to_owned());
         push_filter(&mut query, self.readers().kind(), filter);
@@ -90,7 +97,7 @@ impl Store {
             return Ok(Vec::new());
         }
         let mut query = QueryBuilder::new("select ");
-        query.push(COLUMNS).push(datasets(self.readers().kind()));
+        query.push(COLUMNS).push(made(self.readers().kind()));
         query.push(" from jobs where id in (");
         let mut listed = query.separated(", ");
         for job in jobs {
@@ -115,7 +122,7 @@ fn read(row: &Row) -> Result<JobSummaryRow, StoreError> {
         model: row.try_get("model")?,
         method: row.try_get("method")?,
         datasets: from_json("recordings", &id, row.try_get("datasets")?)?,
-        status: status.parse().map_err(|why| corrupt("status", &id, why))?,
+        status: parse_status(&id, &status)?,
         progress: optional(row, "progress", &id)?,
         trust: row.try_get("trust")?,
         created_at: time(&id, row.try_get("created_at")?)?,

@@ -9,6 +9,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::database::{self, Connection, Kind, QueryBuilder, Row};
+use super::sealed::JOBS;
 use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{Store, StoreError, corrupt, unsigned};
@@ -142,7 +143,7 @@ pub enum JobRemoval {
 }
 
 const COLUMNS: &str = "id, project, name, labels, model, spec, status, request, progress, attempt, error, \
-     created_at, started_at, finished_at, last_event, revision";
+     created_at, started_at, finished_at, last_event, revision, seal";
 
 impl Store {
     /// A job, if there is one.
@@ -190,12 +191,7 @@ impl Store {
                 .fetch_all(self.readers())
                 .await?;
         rows.into_iter()
-            .map(|(status, count)| {
-                let known = status
-                    .parse()
-                    .map_err(|why| corrupt("status", "a job", why))?;
-                Ok((known, count.unsigned_abs()))
-            })
+            .map(|(status, count)| Ok((parse_status("a job", &status)?, count.unsigned_abs())))
             .collect()
     }
 
@@ -222,7 +218,7 @@ pub(super) fn push_filter(query: &mut QueryBuilder, kind: Kind, filter: &JobFilt
         filter.status.map(|status| status.as_str().to_owned()),
     );
     equal("model", filter.model.clone());
-    equal("method", filter.method.clone());
+    equal(method(kind), filter.method.clone());
     if let Some((label, value)) = &filter.label {
         query
             .push(" and id in (select job from job_labels where label = ")
@@ -255,6 +251,11 @@ pub(super) fn push_filter(query: &mut QueryBuilder, kind: Kind, filter: &JobFilt
         .push_bind(i64::from(filter.limit) + 1);
 }
 
+/// The name of a job's method; nothing where its specification is damaged so that it cannot be read.
+pub(super) fn method(kind: Kind) -> &'static str {
+    kind.either("case when json_valid(spec) then method end", "method")
+}
+
 fn push_search(query: &mut QueryBuilder, kind: Kind, text: &str) {
     // Both take a letter for its capital.
     let like = kind.either("like", "ilike");
@@ -281,11 +282,18 @@ fn push_search(query: &mut QueryBuilder, kind: Kind, text: &str) {
 }
 
 pub(super) async fn delete(tx: &mut Tx, id: JobId) -> Result<JobRemoval, StoreError> {
-    let Some(row) = fetch(&mut *tx, id).await? else {
-        return Ok(JobRemoval::NotFound);
+    let status = match fetch(&mut *tx, id).await {
+        Ok(None) => return Ok(JobRemoval::NotFound),
+        Ok(Some(row)) => row.status,
+        Err(error) if error.corrupt_row().is_some() => match status(tx, id).await? {
+            Status::Running => Status::Running,
+            // A damaged job can neither go on nor be cancelled.
+            _ => Status::Failed,
+        },
+        Err(error) => return Err(error),
     };
-    if !row.status.is_terminal() {
-        return Ok(JobRemoval::Unfinished(row.status));
+    if !status.is_terminal() {
+        return Ok(JobRemoval::Unfinished(status));
     }
     database::query("delete from jobs where id = $1")
         .bind(id.to_string())
@@ -293,6 +301,20 @@ pub(super) async fn delete(tx: &mut Tx, id: JobId) -> Result<JobRemoval, StoreEr
         .await?;
     tx.announce(super::Change::Job(id));
     Ok(JobRemoval::Removed)
+}
+
+/// The state of a job that is there.
+pub(super) async fn status(tx: &mut Tx, id: JobId) -> Result<Status, StoreError> {
+    let key = id.to_string();
+    let word: String = database::query_scalar("select status from jobs where id = $1")
+        .bind(&key)
+        .fetch_one(&mut **tx)
+        .await?;
+    parse_status(&key, &word)
+}
+
+pub(super) fn parse_status(of: &str, word: &str) -> Result<Status, StoreError> {
+    word.parse().map_err(|why| corrupt("status", of, why))
 }
 
 pub(super) async fn fetch(
@@ -309,6 +331,7 @@ pub(super) async fn fetch(
 }
 
 fn read(row: &Row) -> Result<JobRow, StoreError> {
+    JOBS.verify(row)?;
     let id: String = row.try_get("id")?;
     let status: String = row.try_get("status")?;
     let request: Option<String> = row.try_get("request")?;
@@ -317,7 +340,7 @@ fn read(row: &Row) -> Result<JobRow, StoreError> {
         labels: from_json("labels", &id, row.try_get("labels")?)?,
         model: row.try_get("model")?,
         spec: from_json("specification", &id, row.try_get("spec")?)?,
-        status: status.parse().map_err(|why| corrupt("status", &id, why))?,
+        status: parse_status(&id, &status)?,
         stop_request: request
             .map(|word| StopRequest::read(&word, &id))
             .transpose()?,

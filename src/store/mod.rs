@@ -13,6 +13,7 @@ pub mod backup;
 mod candidates;
 mod checkpoints;
 mod control;
+mod damage;
 mod database;
 mod datasets;
 mod endings;
@@ -36,6 +37,7 @@ mod recent;
 mod recordings;
 mod results;
 mod retention;
+mod sealed;
 mod sessions;
 mod shared_parts;
 mod slices;
@@ -64,6 +66,7 @@ pub use audit::{AuditEntry, AuditRow};
 pub use candidates::{CandidatePage, NewCandidates};
 pub use checkpoints::Checkpoint;
 pub use control::Control;
+pub use damage::DamageMet;
 pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
 pub use endings::Ending;
 pub use error::{Meaning, QuotaExceeded, StoreError};
@@ -78,6 +81,7 @@ pub use opening::{DatabasePlace, DatabaseSettings};
 pub use queue::{QUEUE, SliceOfJob, project_of, queue_of};
 pub use quotas::Quotas;
 pub use retention::{Retention, Tidied};
+pub use sealed::check::Checked;
 pub use shared_parts::SharedPart;
 pub use slices::{Begin, HandedOn, Hold, Lease, Record, Reported, Slice};
 pub use stop_request::StopRequest;
@@ -89,6 +93,7 @@ pub use submit::{NewJob, Submitted};
 pub use tokens::TokenRow;
 pub use webhooks::{Attempt, DeliveryRow, DeliveryState, WebhookRow};
 
+use damage::Damage;
 use database::{Kind, Pool, sqlite};
 use lock::FileLock;
 use news::News;
@@ -149,6 +154,7 @@ struct Inner {
     submissions: Submissions,
     recent: RecentReads,
     quotas: Quotas,
+    damage: Damage,
     node: Node,
     /// What tells other nodes, and hears from them.
     exchange: tokio::sync::Mutex<JoinSet<()>>,
@@ -213,6 +219,7 @@ impl Store {
                 submissions: Submissions::default(),
                 recent,
                 quotas,
+                damage: Damage::default(),
                 node,
                 exchange: tokio::sync::Mutex::new(exchange),
                 closing,

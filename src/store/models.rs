@@ -2,10 +2,10 @@
 
 use jiff::Timestamp;
 use serde_json::Value;
-use sqlx::FromRow;
 
-use super::database::{self, QueryBuilder};
+use super::database::{self, QueryBuilder, Row};
 use super::jobs::{from_json, time};
+use super::sealed::MODELS;
 use super::writer::Tx;
 use super::{Store, StoreError};
 use crate::access::Project;
@@ -65,23 +65,18 @@ pub enum ModelRemoval {
     InUse(Vec<JobId>),
 }
 
-#[derive(FromRow)]
-struct Columns {
-    reference: String,
-    digest: String,
-    document: String,
-    created_at: String,
-}
+const SELECT: &str = "select project, reference, digest, document, created_at, seal from models";
 
-impl Columns {
-    fn read(self) -> Result<ModelRow, StoreError> {
-        Ok(ModelRow {
-            document: from_json("document", &self.reference, &self.document)?,
-            created_at: time(&self.reference, &self.created_at)?,
-            reference: self.reference,
-            digest: self.digest,
-        })
-    }
+/// A model of its row.
+fn read(row: &Row) -> Result<ModelRow, StoreError> {
+    MODELS.verify(row)?;
+    let reference: &str = row.try_get("reference")?;
+    Ok(ModelRow {
+        document: from_json("document", reference, row.try_get("document")?)?,
+        created_at: time(reference, row.try_get("created_at")?)?,
+        digest: row.try_get("digest")?,
+        reference: reference.to_owned(),
+    })
 }
 
 impl Store {
@@ -102,15 +97,11 @@ impl Store {
         if !reference.contains('@') {
             return Ok(None);
         }
-        let row: Option<Columns> = database::query_as(
-            "select reference, digest, document, created_at from models \
-             where project = $1 and reference = $2",
-        )
-        .bind(project.as_str())
-        .bind(reference)
-        .fetch_optional(self.readers())
-        .await?;
-        row.map(Columns::read).transpose()
+        let mut query = QueryBuilder::new(SELECT);
+        query.push(" where project = ").push_bind(project.as_str());
+        query.push(" and reference = ").push_bind(reference);
+        let row = query.build().fetch_optional(self.readers()).await?;
+        row.as_ref().map(read).transpose()
     }
 
     /// A stored model, whose ever it is: a reference names the same document everywhere. The names
@@ -119,26 +110,20 @@ impl Store {
         if !reference.contains('@') {
             return Ok(None);
         }
-        let row: Option<Columns> = database::query_as(
-            "select reference, digest, document, created_at from models where reference = $1 \
-             limit 1",
-        )
-        .bind(reference)
-        .fetch_optional(self.readers())
-        .await?;
-        row.map(Columns::read).transpose()
+        let mut query = QueryBuilder::new(SELECT);
+        query.push(" where reference = ").push_bind(reference);
+        query.push(" limit 1");
+        let row = query.build().fetch_optional(self.readers()).await?;
+        row.as_ref().map(read).transpose()
     }
 
     /// All models of a project, newest first.
     pub async fn models(&self, project: &Project) -> Result<Vec<ModelRow>, StoreError> {
-        let rows: Vec<Columns> = database::query_as(
-            "select reference, digest, document, created_at from models where project = $1 \
-             order by created_at desc, reference",
-        )
-        .bind(project.as_str())
-        .fetch_all(self.readers())
-        .await?;
-        rows.into_iter().map(Columns::read).collect()
+        let mut query = QueryBuilder::new(SELECT);
+        query.push(" where project = ").push_bind(project.as_str());
+        query.push(" order by created_at desc, reference");
+        let rows = query.build().fetch_all(self.readers()).await?;
+        rows.iter().map(read).collect()
     }
 
     /// Removes a model of a project that no job of it was made with.
@@ -156,29 +141,36 @@ impl Store {
 }
 
 pub(super) async fn insert(tx: &mut Tx, new: NewModel) -> Result<ModelStored, StoreError> {
-    let same: Option<Columns> = database::query_as(
-        "select reference, digest, document, created_at from models \
-         where project = $1 and digest = $2",
-    )
-    .bind(new.project.as_str())
-    .bind(&new.digest)
-    .fetch_optional(&mut **tx)
-    .await?;
+    let mut query = QueryBuilder::new(SELECT);
+    query
+        .push(" where project = ")
+        .push_bind(new.project.as_str());
+    query.push(" and digest = ").push_bind(&new.digest);
+    let same = query.build().fetch_optional(&mut **tx).await?;
     if let Some(same) = same {
-        return Ok(ModelStored::There(same.read()?));
+        return Ok(ModelStored::There(read(&same)?));
     }
     let created_at = Timestamp::now();
+    let (document, at) = (new.document.to_string(), created_at.to_string());
+    let seal = MODELS.seal(&[
+        new.project.as_str().into(),
+        (&new.reference).into(),
+        (&new.digest).into(),
+        (&document).into(),
+        (&at).into(),
+    ]);
     database::query(
-        "insert into models (project, reference, name, digest, document, created_at, client) \
-         values ($1, $2, $3, $4, $5, $6, $7)",
+        "insert into models (project, reference, name, digest, document, created_at, client, seal) \
+         values ($1, $2, $3, $4, $5, $6, $7, $8)",
     )
     .bind(new.project.as_str())
     .bind(&new.reference)
     .bind(&new.name)
     .bind(&new.digest)
-    .bind(new.document.to_string())
-    .bind(created_at.to_string())
+    .bind(document)
+    .bind(at)
     .bind(&new.client)
+    .bind(seal)
     .execute(&mut **tx)
     .await?;
     make_room(tx, &new.project, &new.reference).await?;

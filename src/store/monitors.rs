@@ -13,9 +13,10 @@ use serde_json::Value;
 
 use super::database::{self, Connection, QueryBuilder, Row};
 use super::datasets::NewDataset;
-use super::events::StoredEvent;
+use super::events::{self, StoredEvent};
 use super::idempotency::Idempotency;
 use super::jobs::{self, Page, from_json, time};
+use super::sealed::{MONITOR_ALARMS, MONITOR_EVENTS, MONITOR_WINDOWS, MONITORS};
 use super::submit::{NewJob, Submitted};
 use super::{Store, StoreError, corrupt};
 use crate::access::Project;
@@ -190,7 +191,8 @@ impl Store {
             .await
     }
 
-    /// Monitors that have something to do: a window is due, its job has ended, or data stopped.
+    /// Monitors that have something to do: a window is due, its job has ended, or data stopped. Those that are
+    /// damaged are left out, noted and logged.
     pub async fn monitors_to_step(&self) -> Result<Vec<MonitorRow>, StoreError> {
         let mut query = QueryBuilder::new(SELECT);
         query.push(
@@ -214,7 +216,15 @@ impl Store {
             " then 1 else 0 end from streams where streams.identity = monitors.stream) order by id",
         );
         let rows = query.build().fetch_all(self.readers()).await?;
-        rows.iter().map(read).collect()
+        let sound = rows.iter().filter_map(|row| {
+            read(row)
+                .inspect_err(|error| {
+                    self.note_damage(error);
+                    tracing::error!(%error, "a monitor cannot go on");
+                })
+                .ok()
+        });
+        Ok(sound.collect())
     }
 
     /// Takes a step; says whether it was taken.
@@ -233,7 +243,7 @@ impl Store {
         number: i64,
     ) -> Result<Option<StoredWindow>, StoreError> {
         let row = database::query(
-            "select number, job, dataset, row from monitor_windows \
+            "select monitor, number, job, dataset, row, seal from monitor_windows \
              where monitor = $1 and number = $2",
         )
         .bind(id.to_string())
@@ -251,7 +261,7 @@ impl Store {
         limit: u32,
     ) -> Result<Page<StoredWindow, i64>, StoreError> {
         let rows = database::query(
-            "select number, job, dataset, row from monitor_windows \
+            "select monitor, number, job, dataset, row, seal from monitor_windows \
              where monitor = $1 and number < $2 order by number desc limit $3",
         )
         .bind(id.to_string())
@@ -270,8 +280,8 @@ impl Store {
         before: Option<i64>,
         limit: u32,
     ) -> Result<Page<(i64, Value), i64>, StoreError> {
-        let rows: Vec<(i64, String)> = database::query_as(
-            "select id, row from monitor_alarms where monitor = $1 and id < $2 \
+        let rows = database::query(
+            "select monitor, id, row, seal from monitor_alarms where monitor = $1 and id < $2 \
              order by id desc limit $3",
         )
         .bind(id.to_string())
@@ -279,35 +289,43 @@ impl Store {
         .bind(i64::from(limit) + 1)
         .fetch_all(self.readers())
         .await?;
-        let of = id.to_string();
+        let alarm = |row: &Row| {
+            MONITOR_ALARMS.verify(row)?;
+            let alarm = from_json("alarm", row.try_get("monitor")?, row.try_get("row")?)?;
+            Ok((row.try_get("id")?, alarm))
+        };
         let rows = rows
-            .into_iter()
-            .map(|(number, row)| Ok((number, from_json("alarm", &of, &row)?)))
+            .iter()
+            .map(alarm)
             .collect::<Result<Vec<_>, StoreError>>()?;
         Ok(Page::cut(rows, limit, |(number, _)| *number))
     }
 
     /// Events of a monitor with an id above `after`, in order, at most `limit`.
+    ///
+    /// # Errors
+    /// One of them is damaged, or the database fails.
     pub async fn monitor_events_after(
         &self,
         id: MonitorId,
         after: i64,
         limit: u32,
     ) -> Result<Vec<StoredEvent>, StoreError> {
-        Ok(database::query_as(
-            "select id, name, data from monitor_events where monitor = $1 and id > $2 \
+        let rows = database::query(
+            "select monitor, id, name, data, seal from monitor_events where monitor = $1 and id > $2 \
              order by id limit $3",
         )
         .bind(id.to_string())
         .bind(after)
         .bind(limit)
         .fetch_all(self.readers())
-        .await?)
+        .await?;
+        events::read(&MONITOR_EVENTS, &rows)
     }
 }
 
 const SELECT: &str = "select id, project, name, stream, spec, state, due_ns, job, silent, \
-                      revision, last_event, last_alarm, created_at from monitors";
+                      revision, last_event, last_alarm, created_at, seal from monitors";
 
 async fn fetch(
     connection: &mut Connection,
@@ -320,6 +338,7 @@ async fn fetch(
 }
 
 fn read(row: &Row) -> Result<MonitorRow, StoreError> {
+    MONITORS.verify(row)?;
     let id: String = row.try_get("id")?;
     let job: Option<String> = row.try_get("job")?;
     let stream: &str = row.try_get("stream")?;
@@ -342,6 +361,7 @@ fn read(row: &Row) -> Result<MonitorRow, StoreError> {
 }
 
 fn window(row: &Row) -> Result<StoredWindow, StoreError> {
+    MONITOR_WINDOWS.verify(row)?;
     let job: Option<String> = row.try_get("job")?;
     let dataset: Option<String> = row.try_get("dataset")?;
     let dataset = dataset.map(|id| id.parse().map_err(|why| corrupt("identifier", &id, why)));
@@ -349,6 +369,6 @@ fn window(row: &Row) -> Result<StoredWindow, StoreError> {
         number: row.try_get("number")?,
         job: job.as_deref().map(jobs::parse_id).transpose()?,
         dataset: dataset.transpose()?,
-        row: from_json("window", "a monitor", row.try_get("row")?)?,
+        row: from_json("window", row.try_get("monitor")?, row.try_get("row")?)?,
     })
 }

@@ -2,8 +2,9 @@
 
 use serde_json::Value;
 
-use super::database;
+use super::database::{self, Target};
 use super::jobs::from_json;
+use super::sealed::RESULTS;
 use super::writer::Tx;
 use super::{Store, StoreError};
 use crate::job::{JobId, Status};
@@ -12,16 +13,21 @@ impl Store {
     /// The result of a job: final for one that succeeded, the best so far for one that was paused
     /// or cancelled, nothing before.
     pub async fn result(&self, job: JobId) -> Result<Option<Value>, StoreError> {
-        let job = job.to_string();
-        let outcome: Option<String> =
-            database::query_scalar("select outcome from results where job = $1")
-                .bind(&job)
-                .fetch_optional(self.readers())
-                .await?;
-        outcome
-            .map(|text| from_json("result", &job, &text))
-            .transpose()
+        fetch(self.readers(), job).await
     }
+}
+
+async fn fetch<'c>(on: impl Into<Target<'c>>, job: JobId) -> Result<Option<Value>, StoreError> {
+    let job = job.to_string();
+    let row = database::query("select job, outcome, seal from results where job = $1")
+        .bind(&job)
+        .fetch_optional(on)
+        .await?;
+    let Some(row) = row else {
+        return Ok(None);
+    };
+    RESULTS.verify(&row)?;
+    from_json("result", &job, row.try_get("outcome")?).map(Some)
 }
 
 /// Writes the result of a job that comes to a state; one that a pause left is replaced. A result of a job
@@ -38,12 +44,15 @@ pub(super) async fn put(
     {
         *reason = status.as_str().into();
     }
+    let (job, outcome) = (job.to_string(), outcome.to_string());
+    let seal = RESULTS.seal(&[(&job).into(), (&outcome).into()]);
     database::query(
-        "insert into results (job, outcome) values ($1, $2) \
-         on conflict (job) do update set outcome = excluded.outcome",
+        "insert into results (job, outcome, seal) values ($1, $2, $3) \
+         on conflict (job) do update set outcome = excluded.outcome, seal = excluded.seal",
     )
-    .bind(job.to_string())
-    .bind(outcome.to_string())
+    .bind(job)
+    .bind(outcome)
+    .bind(seal)
     .execute(&mut **tx)
     .await?;
     Ok(())
@@ -51,17 +60,13 @@ pub(super) async fn put(
 
 /// Says in a result that a pause left that the job was then cancelled.
 pub(super) async fn mark_cancelled(tx: &mut Tx, job: JobId) -> Result<(), StoreError> {
-    let key = job.to_string();
-    let outcome: Option<String> =
-        database::query_scalar("select outcome from results where job = $1")
-            .bind(&key)
-            .fetch_optional(&mut **tx)
-            .await?;
+    let outcome = match fetch(&mut **tx, job).await {
+        // The job is cancelled all the same; whoever asks for the result is told of the damage.
+        Err(error) if error.corrupt_row().is_some() => None,
+        outcome => outcome?,
+    };
     match outcome {
-        Some(outcome) => {
-            let outcome = from_json("result", &key, &outcome)?;
-            put(tx, job, outcome, Status::Cancelled).await
-        }
+        Some(outcome) => put(tx, job, outcome, Status::Cancelled).await,
         None => Ok(()),
     }
 }

@@ -1,6 +1,7 @@
 //! What several nodes do of one job together: the parts that each has done, for all of them.
 
 use super::database::{self, QueryBuilder};
+use super::sealed::SHARED_PARTS;
 use super::writer::Tx;
 use super::{Change, Store, StoreError, jobs};
 use crate::job::JobId;
@@ -42,24 +43,33 @@ impl Store {
         Ok(None)
     }
 
-    /// The parts of a job that were written after the one with a number, and the last number.
+    /// The parts of a job that were written after the one with a number, and the last number. Those that are
+    /// damaged are left out: whoever needs one does it again.
     pub async fn shared_parts(
         &self,
         job: JobId,
         after: i64,
     ) -> Result<(Vec<SharedPart>, i64), StoreError> {
-        let rows: Vec<(i64, String, String)> = database::query_as(
-            "select number, name, part from shared_parts where job = $1 and number > $2 \
-             order by number",
+        let rows = database::query(
+            "select job, number, name, part, seal from shared_parts \
+             where job = $1 and number > $2 order by number",
         )
         .bind(job.to_string())
         .bind(after)
         .fetch_all(self.readers())
         .await?;
-        let last = rows.last().map_or(after, |(number, ..)| *number);
-        let parts = rows.into_iter();
-        let parts = parts.map(|(_, name, part)| SharedPart { name, part });
-        Ok((parts.collect(), last))
+        let last = rows.last().map_or(Ok(after), |row| row.try_get("number"))?;
+        let mut parts = Vec::with_capacity(rows.len());
+        for row in &rows {
+            if let Err(error) = SHARED_PARTS.verify(row) {
+                self.note_damage(&error);
+                tracing::warn!(%error, "what another node has done is not used");
+                continue;
+            }
+            let (name, part) = (row.try_get("name")?, row.try_get("part")?);
+            parts.push(SharedPart { name, part });
+        }
+        Ok((parts, last))
     }
 
     /// Writes what was done for the node that works a job; says whether help is still wanted.
@@ -92,11 +102,14 @@ pub(super) async fn insert(
 ) -> Result<(), StoreError> {
     let job_text = job.to_string();
     for some in parts.chunks(TOGETHER) {
-        let mut query = QueryBuilder::new("insert into shared_parts (job, name, part) ");
+        let mut query = QueryBuilder::new("insert into shared_parts (job, name, part, seal) ");
         query.push_values(some, |mut row, part| {
+            let SharedPart { name, part } = part;
+            let seal = SHARED_PARTS.seal(&[(&job_text).into(), name.into(), part.into()]);
             row.push_bind(&job_text)
-                .push_bind(&part.name)
-                .push_bind(&part.part);
+                .push_bind(name)
+                .push_bind(part)
+                .push_bind(seal);
         });
         query.push(" on conflict (job, name) do nothing");
         query.build().execute(&mut **tx).await?;

@@ -4,20 +4,21 @@
 //! `jobs.epoch` fences: the transaction that begins a slice raises it, and a write with an older
 //! one changes no row and says [`Hold::Lost`], which ends that worker's slice.
 
+mod beginning;
+
 use std::time::Duration;
 
 use riverqueue::Client;
 
 use super::database;
 use super::jobs::{self, JobRow};
-use super::nodes::{SUSPECT_FROM, wait_after};
 use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{
-    Change, Checkpoint, Ending, NewCandidates, SharedPart, Store, StoreError, candidates,
-    checkpoints, endings, events, generations, queue, quotas, shared_parts,
+    Change, Checkpoint, NewCandidates, SharedPart, Store, StoreError, candidates, checkpoints,
+    events, generations, queue, quotas, shared_parts,
 };
-use crate::job::{Event, Failure, GenerationEvent, JobId, Progress, Status};
+use crate::job::{Event, GenerationEvent, JobId, Progress};
 
 /// The right to write about a job, until its next slice begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,8 +68,8 @@ pub enum Begin {
     Nothing,
     /// Lives of the server ended with it: its next slice waits a little.
     NotYet,
-    /// The server always went down with the job, so it has failed now, or ended as was asked of it.
-    Poisoned,
+    /// The job has ended now: the server always went down with it, or what is stored of it is damaged.
+    Ended,
 }
 
 /// All that a worker needs to go on with a job.
@@ -134,14 +135,15 @@ impl Store {
         entry: Option<i64>,
         death_limit: u32,
     ) -> Result<Begin, StoreError> {
-        let now = Now {
+        let now = beginning::Now {
             life: self.inner.node.life,
             age: self.inner.opened.elapsed(),
             death_limit,
+            damage: self.inner.damage.clone(),
         };
         self.inner
             .writer
-            .write(move |tx| Box::pin(begin(tx, job, entry, now)))
+            .write(move |tx| Box::pin(beginning::begin(tx, job, entry, now)))
             .await
     }
 
@@ -167,134 +169,6 @@ impl Store {
             .write(move |tx| Box::pin(hand_on(queue, tx, (lease, record), must)))
             .await
     }
-}
-
-/// When a slice is to begin.
-#[derive(Clone, Copy)]
-struct Now {
-    /// The life of the server.
-    life: i64,
-    /// How long it has lasted.
-    age: Duration,
-    death_limit: u32,
-}
-
-#[derive(sqlx::FromRow)]
-struct Control {
-    epoch: i64,
-    #[sqlx(try_from = "i64")]
-    deaths: u32,
-    at_work_in: Option<i64>,
-    queue_entry: i64,
-    is_shared: i64,
-    running_ms: i64,
-    #[sqlx(try_from = "i64")]
-    told_generation: u32,
-    #[sqlx(try_from = "i64")]
-    told_refinements: u32,
-    told_at_ms: i64,
-}
-
-async fn begin(tx: &mut Tx, id: JobId, entry: Option<i64>, now: Now) -> Result<Begin, StoreError> {
-    let Some(row) = jobs::fetch(&mut *tx, id).await? else {
-        return Ok(Begin::Nothing);
-    };
-    let control: Control = database::query_as(
-        "select epoch, deaths, at_work_in, queue_entry, is_shared, running_ms, told_generation, told_refinements, \
-         told_at_ms from jobs where id = $1",
-    )
-    .bind(id.to_string())
-    .fetch_one(&mut **tx)
-    .await?;
-    let stale = entry.is_some_and(|entry| entry != control.queue_entry);
-    if stale || !matches!(row.status, Status::Queued | Status::Running) {
-        return Ok(Begin::Nothing);
-    }
-    if entry.is_none() && control.at_work_in.is_some_and(|life| life != now.life) {
-        // The node that works it ends it.
-        return Ok(Begin::Nothing);
-    }
-    if control.deaths >= now.death_limit {
-        let failed = Ending::Failed(Failure::crashed_too_often(control.deaths));
-        let status = row
-            .stop_request
-            .map_or(Status::Failed, StopRequest::leads_to);
-        endings::end(tx, id, status, failed).await?;
-        return Ok(Begin::Poisoned);
-    }
-    if entry.is_some() && is_to_wait(tx, control.deaths, now).await? {
-        return Ok(Begin::NotYet);
-    }
-    if row.status == Status::Queued {
-        let status = Status::Running;
-        endings::change_status(tx, id, status, &[Event::State { status }]).await?;
-    }
-    database::query(
-        "update jobs set epoch = epoch + 1, attempt = attempt + 1, revision = revision + 1, \
-         at_work_in = $1 where id = $2",
-    )
-    .bind(now.life)
-    .bind(id.to_string())
-    .execute(&mut **tx)
-    .await?;
-    tx.announce(Change::Job(id));
-    let checkpoint = checkpoints::fetch(&mut **tx, id).await?;
-    let reported = Reported {
-        generation: control.told_generation,
-        refinements: control.told_refinements,
-        at_ms: control.told_at_ms,
-    };
-    let unreported = newest_generation(tx, id, reported.generation).await?;
-    let job = jobs::fetch(&mut *tx, id).await?.unwrap_or(row);
-    Ok(Begin::Slice(Box::new(Slice {
-        lease: Lease {
-            job: id,
-            epoch: control.epoch + 1,
-        },
-        job,
-        checkpoint,
-        running_ms: control.running_ms.unsigned_abs(),
-        reported,
-        unreported,
-        is_shared: control.is_shared != 0,
-    })))
-}
-
-async fn newest_generation(
-    tx: &mut Tx,
-    id: JobId,
-    above: u32,
-) -> Result<Option<GenerationEvent>, StoreError> {
-    let id = id.to_string();
-    let row: Option<String> = database::query_scalar(
-        "select row from generations where job = $1 and generation > $2 \
-         order by generation desc limit 1",
-    )
-    .bind(&id)
-    .bind(above)
-    .fetch_optional(&mut **tx)
-    .await?;
-    row.map(|row| jobs::from_json("generation", &id, &row))
-        .transpose()
-}
-
-/// Whether a job that lives of the server ended with is still to wait: for the server to have been
-/// up for a while, and for no other such job to be at work.
-async fn is_to_wait(tx: &mut Tx, deaths: u32, now: Now) -> Result<bool, StoreError> {
-    if deaths < SUSPECT_FROM {
-        return Ok(false);
-    }
-    if now.age < wait_after(deaths) {
-        return Ok(true);
-    }
-    let another: bool = database::query_scalar(
-        "select exists (select 1 from jobs where at_work_in = $1 and deaths >= $2)",
-    )
-    .bind(now.life)
-    .bind(SUSPECT_FROM)
-    .fetch_one(&mut **tx)
-    .await?;
-    Ok(another)
 }
 
 async fn hand_on(

@@ -227,8 +227,11 @@ pub(super) async fn tell_of_end(tx: &mut Tx, id: JobId) -> Result<(), StoreError
     if !wanted {
         return Ok(());
     }
-    let Some(row) = jobs::fetch(&mut *tx, id).await? else {
-        return Ok(());
+    let row = match jobs::fetch(&mut *tx, id).await {
+        Ok(Some(row)) => row,
+        Ok(None) => return Ok(()),
+        Err(error) if error.corrupt_row().is_some() => return tell_of_damaged(tx, &key).await,
+        Err(error) => return Err(error),
     };
     let data = json!({
         "job": key,
@@ -242,6 +245,27 @@ pub(super) async fn tell_of_end(tx: &mut Tx, id: JobId) -> Result<(), StoreError
         "links": {"self": format!("/v1/jobs/{key}"), "result": format!("/v1/jobs/{key}/result")},
     });
     tell(tx, &row.project, "job.ended", &data).await
+}
+
+/// Tells of the end of a job whose specification is damaged what does not stand in that.
+async fn tell_of_damaged(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
+    let row = database::query("select project, status, error from jobs where id = $1")
+        .bind(id)
+        .fetch_one(&mut **tx)
+        .await?;
+    let data = json!({
+        "job": id,
+        "status": row.try_get::<&str>("status")?,
+        "error": jobs::optional::<Value>(&row, "error", id)?,
+        "links": {"self": format!("/v1/jobs/{id}"), "result": format!("/v1/jobs/{id}/result")},
+    });
+    tell(
+        tx,
+        &project(id, row.try_get("project")?)?,
+        "job.ended",
+        &data,
+    )
+    .await
 }
 
 impl Store {

@@ -34,7 +34,10 @@ pub(super) async fn run(slices: SliceWorker, hub: EventHub, closing: Cancellatio
         match help_one(&slices, &pauses.at(Instant::now()), &closing).await {
             Ok(Some((id, parts))) => pauses.note(id, parts, Instant::now()),
             Ok(None) => {}
-            Err(error) => tracing::error!(%error, "another node could not be helped"),
+            Err(error) => {
+                slices.store.note_damage(&error);
+                tracing::error!(%error, "another node could not be helped");
+            }
         }
         tokio::select! {
             () = closing.cancelled() => return,

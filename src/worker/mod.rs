@@ -184,6 +184,7 @@ impl riverqueue::Worker<SliceOfJob> for SliceWorker {
             Ok(After::NotYet) => Ok(WorkOutcome::Snooze(NOT_YET_AFTER)),
             Ok(After::Done | After::Again) => Ok(WorkOutcome::Complete),
             Err(error) => {
+                self.store.note_damage(&error);
                 tracing::error!(%job, %error, "a slice could not be worked and is tried again");
                 Err(error)
             }

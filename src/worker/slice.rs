@@ -28,7 +28,7 @@ use crate::job::spec::design::DesignTask;
 use crate::job::{DatasetId, Failure, JobId, Progress};
 use crate::recording::Recording;
 use crate::span;
-use crate::store::{Begin, Hold, JobRow, Lease, SharedPart, Slice, Store, StoreError};
+use crate::store::{Begin, Hold, JobRow, Lease, Meaning, SharedPart, Slice, Store, StoreError};
 use conclusion::{Conclusion, broke};
 
 /// How often what a slice did is written.
@@ -180,7 +180,7 @@ impl SliceWorker {
         let slice = match self.store.begin_slice(id, entry, DEATH_LIMIT).await? {
             Begin::Slice(slice) => *slice,
             Begin::NotYet => return Ok(After::NotYet),
-            Begin::Nothing | Begin::Poisoned => return Ok(After::Done),
+            Begin::Nothing | Begin::Ended => return Ok(After::Done),
         };
         let stop = job.stop_flag();
         if slice.stop_request().is_some() {
@@ -207,9 +207,9 @@ impl SliceWorker {
         let begun = match run {
             Some(run) => Ok(Begun::Left(run)),
             None => self
-                .materials(&slice.job)
-                .await?
-                .map(|own| Begun::New(Box::new(own))),
+                .or_damage(self.materials(&slice.job).await)?
+                .flatten()
+                .map(|materials| Begun::New(Box::new(materials))),
         };
         let computed = match begun {
             Ok(begun) => {
@@ -219,10 +219,11 @@ impl SliceWorker {
                     .write_units(&current, (&mut recorder, is_new), units)
                     .await;
                 let computed = computation.await;
-                if written? == Hold::Lost {
-                    return Ok(After::Done);
+                match self.or_damage(written)? {
+                    Ok(Hold::Kept) => computed,
+                    Ok(Hold::Lost) => return Ok(After::Done),
+                    Err(failure) => Err(failure),
                 }
-                computed
             }
             Err(failure) => Err(failure),
         };
@@ -233,6 +234,17 @@ impl SliceWorker {
             recorder,
         };
         conclusion.draw(computed).await
+    }
+
+    /// What was read or written, or why the job fails: what is damaged does not read at another attempt.
+    fn or_damage<T>(&self, done: Result<T, StoreError>) -> Result<Result<T, Failure>, StoreError> {
+        match done {
+            Err(error) if error.meaning() == Meaning::Damaged => {
+                self.store.note_damage(&error);
+                Ok(Err(Failure::damaged_data(&error)))
+            }
+            done => done.map(Ok),
+        }
     }
 
     /// What a job is worked from.

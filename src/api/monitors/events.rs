@@ -68,8 +68,15 @@ impl Follow for MonitorFeed {
     async fn next(&mut self) -> Result<Option<Vec<Arc<StoredEvent>>>, StoreError> {
         loop {
             self.news.mark_unchanged();
-            let events = self.store.monitor_events_after(self.id, self.after, EVENTS);
-            let events = events.await?;
+            let page = |limit| self.store.monitor_events_after(self.id, self.after, limit);
+            let events = match page(EVENTS).await {
+                // Events before a damaged one are handed out one by one.
+                Err(error) if error.corrupt_row().is_some() => {
+                    self.store.note_damage(&error);
+                    page(1).await?
+                }
+                events => events?,
+            };
             if let Some(last) = events.last() {
                 self.after = last.id;
                 return Ok(Some(events.into_iter().map(Arc::new).collect()));

@@ -204,15 +204,6 @@ impl<T: Record> QueryAs<T> {
     ) -> Result<T, sqlx::Error> {
         self.query.fetch_one(on).await?.read()
     }
-
-    /// The rows as they come.
-    pub(in crate::store) fn fetch(self, pool: &Pool) -> BoxStream<'_, Result<T, sqlx::Error>>
-    where
-        T: 'static,
-    {
-        let rows = self.query.fetch(pool);
-        rows.map(|row| row.and_then(|row| row.read())).boxed()
-    }
 }
 
 /// A statement whose rows have one column.

@@ -8,6 +8,7 @@ use super::{Advance, AdvanceWindow, MonitorRow, NewMonitor, fetch};
 use crate::job::{DatasetId, JobId, MonitorId};
 use crate::store::database::{self, Connection};
 use crate::store::idempotency::{self, Idempotency};
+use crate::store::sealed::{MONITOR_ALARMS, MONITOR_EVENTS, MONITOR_WINDOWS, MONITORS};
 use crate::store::submit::Submitted;
 use crate::store::submit::batch::{self, Known};
 use crate::store::writer::Tx;
@@ -38,19 +39,30 @@ pub(super) async fn insert(
         return Ok(None);
     }
     let id = MonitorId::new();
+    let (spec, state) = (new.spec.to_string(), new.state.to_string());
+    let seal = MONITORS.seal(&[
+        (&id.to_string()).into(),
+        new.project.as_str().into(),
+        (&new.name).into(),
+        (&stream).into(),
+        (&spec).into(),
+        (&state).into(),
+        new.due_ns.into(),
+    ]);
     database::query(
         "insert into monitors (id, project, name, stream, spec, state, due_ns, patience_ms, \
-         created_at) values ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
+         created_at, seal) values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)",
     )
     .bind(id.to_string())
     .bind(new.project.as_str())
     .bind(&new.name)
     .bind(&stream)
-    .bind(new.spec.to_string())
-    .bind(new.state.to_string())
+    .bind(spec)
+    .bind(state)
     .bind(new.due_ns)
     .bind(i64::try_from(new.patience.as_millis()).unwrap_or(i64::MAX))
     .bind(Timestamp::now().to_string())
+    .bind(seal)
     .execute(&mut **tx)
     .await?;
     if let Some(idempotency) = &new.idempotency {
@@ -125,17 +137,31 @@ pub(super) async fn advance(
         insert_alarm(tx, &from, last_alarm, &alarm).await?;
         told.tell(tx, "alarm", &alarm).await?;
     }
+    // What was asked for is written again, as the seal takes it.
+    let (id, spec, state) = (from.id.to_string(), now.spec.to_string(), state.to_string());
+    let stream = streams::identity(&now.project, &now.stream);
+    let seal = MONITORS.seal(&[
+        (&id).into(),
+        now.project.as_str().into(),
+        (&now.name).into(),
+        (&stream).into(),
+        (&spec).into(),
+        (&state).into(),
+        due_ns.into(),
+    ]);
     database::query(
         "update monitors set state = $1, due_ns = $2, silent = $3, job = $4, revision = revision + 1, \
-         last_event = $5, last_alarm = $6 where id = $7",
+         last_event = $5, last_alarm = $6, spec = $7, seal = $8 where id = $9",
     )
-    .bind(state.to_string())
+    .bind(state)
     .bind(due_ns)
     .bind(i64::from(silent))
     .bind(job.map(|job| job.to_string()))
     .bind(told.last_event)
     .bind(last_alarm)
-    .bind(from.id.to_string())
+    .bind(spec)
+    .bind(seal)
+    .bind(id)
     .execute(&mut **tx)
     .await?;
     forget(tx, from.id, forget_before).await?;
@@ -156,7 +182,8 @@ async fn put_window(
         job,
     } = window;
     let before = database::query(
-        "select number, job, dataset, row from monitor_windows where monitor = $1 and number = $2",
+        "select monitor, number, job, dataset, row, seal from monitor_windows \
+         where monitor = $1 and number = $2",
     )
     .bind(monitor.to_string())
     .bind(number)
@@ -190,17 +217,21 @@ async fn put_window(
             id = stored.first().map(|job| job.id);
         }
     }
+    let (key, json) = (monitor.to_string(), row.to_string());
+    let seal = MONITOR_WINDOWS.seal(&[(&key).into(), number.into(), (&json).into()]);
     database::query(
-        "insert into monitor_windows (monitor, number, job, dataset, row) values ($1, $2, $3, $4, $5) \
-         on conflict (monitor, number) do update set row = excluded.row, \
+        "insert into monitor_windows (monitor, number, job, dataset, row, seal) \
+         values ($1, $2, $3, $4, $5, $6) \
+         on conflict (monitor, number) do update set row = excluded.row, seal = excluded.seal, \
          job = coalesce(excluded.job, monitor_windows.job), \
          dataset = coalesce(excluded.dataset, monitor_windows.dataset)",
     )
-    .bind(monitor.to_string())
+    .bind(key)
     .bind(number)
     .bind(id.map(|id: JobId| id.to_string()))
     .bind(dataset.map(|id: DatasetId| id.to_string()))
-    .bind(row.to_string())
+    .bind(json)
+    .bind(seal)
     .execute(&mut **tx)
     .await?;
     // A job that worked the window before, and whose estimate was not taken.
@@ -213,7 +244,7 @@ async fn put_window(
 /// Removes the jobs and the recordings of windows before a number; what was estimated stays.
 async fn forget(tx: &mut Tx, monitor: MonitorId, before: i64) -> Result<(), StoreError> {
     let old = database::query(
-        "select number, job, dataset, row from monitor_windows where monitor = $1 \
+        "select monitor, number, job, dataset, row, seal from monitor_windows where monitor = $1 \
          and number < $2 and (job is not null or dataset is not null)",
     )
     .bind(monitor.to_string())
@@ -259,10 +290,13 @@ async fn insert_alarm(
     id: i64,
     alarm: &Value,
 ) -> Result<(), StoreError> {
-    database::query("insert into monitor_alarms (monitor, id, row) values ($1, $2, $3)")
-        .bind(monitor.id.to_string())
+    let (key, row) = (monitor.id.to_string(), alarm.to_string());
+    let seal = MONITOR_ALARMS.seal(&[(&key).into(), id.into(), (&row).into()]);
+    database::query("insert into monitor_alarms (monitor, id, row, seal) values ($1, $2, $3, $4)")
+        .bind(key)
         .bind(id)
-        .bind(alarm.to_string())
+        .bind(row)
+        .bind(seal)
         .execute(&mut **tx)
         .await?;
     let data = json!({"monitor": monitor.id.to_string(), "alarm": alarm});
@@ -278,13 +312,22 @@ struct Told {
 impl Told {
     async fn tell(&mut self, tx: &mut Tx, name: &str, data: &Value) -> Result<(), StoreError> {
         self.last_event += 1;
+        let (key, data) = (self.monitor.to_string(), data.to_string());
+        let parts = [
+            (&key).into(),
+            self.last_event.into(),
+            name.into(),
+            (&data).into(),
+        ];
+        let seal = MONITOR_EVENTS.seal(&parts);
         database::query(
-            "insert into monitor_events (monitor, id, name, data) values ($1, $2, $3, $4)",
+            "insert into monitor_events (monitor, id, name, data, seal) values ($1, $2, $3, $4, $5)",
         )
-        .bind(self.monitor.to_string())
+        .bind(key)
         .bind(self.last_event)
         .bind(name)
-        .bind(data.to_string())
+        .bind(data)
+        .bind(seal)
         .execute(&mut **tx)
         .await?;
         Ok(())

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use super::StreamRow;
 use crate::recording::{Class, Merged, RowColumn, Rows};
 use crate::store::database::{self, Connection, Row};
+use crate::store::sealed::STREAM_BLOCKS;
 use crate::store::writer::Tx;
 use crate::store::{StoreError, corrupt};
 
@@ -50,14 +51,14 @@ pub(super) async fn visit<T>(
     // Blocks do not overlap: the next one lies beyond the one before.
     let mut rest = span;
     while rest.from < rest.to {
-        let block: Option<(i64, i64, i64, Vec<u8>)> = database::query_as(match order {
+        let block = database::query(match order {
             Order::OldestFirst => {
-                "select first_ns, last_ns, rows, samples from stream_blocks where stream = $1 \
-                 and first_ns < $2 and last_ns >= $3 order by first_ns limit 1"
+                "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
+                 where stream = $1 and first_ns < $2 and last_ns >= $3 order by first_ns limit 1"
             }
             Order::NewestFirst => {
-                "select first_ns, last_ns, rows, samples from stream_blocks where stream = $1 \
-                 and first_ns < $2 and last_ns >= $3 order by first_ns desc limit 1"
+                "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
+                 where stream = $1 and first_ns < $2 and last_ns >= $3 order by first_ns desc limit 1"
             }
         })
         .bind(&identity)
@@ -65,16 +66,16 @@ pub(super) async fn visit<T>(
         .bind(rest.from)
         .fetch_optional(&mut *connection)
         .await?;
-        let Some((first, last, n_rows, samples)) = block else {
+        let Some(block) = block else {
             break;
         };
-        let rows = decode(&identity, n_rows, &samples, stream.signals.len())?;
+        let rows = decode(&block, stream.signals.len())?;
         if let ControlFlow::Break(answer) = take(rows.within(span.from, span.to)) {
             return Ok(Some(answer));
         }
         match order {
-            Order::OldestFirst => rest.from = last.saturating_add(1),
-            Order::NewestFirst => rest.to = first,
+            Order::OldestFirst => rest.from = block.try_get::<i64>("last_ns")?.saturating_add(1),
+            Order::NewestFirst => rest.to = block.try_get("first_ns")?,
         }
     }
     Ok(None)
@@ -105,19 +106,20 @@ pub(super) async fn first_from(
     stream: &str,
     from: i64,
 ) -> Result<Option<i64>, StoreError> {
-    let block: Option<(i64, Vec<u8>)> = database::query_as(
-        "select rows, samples from stream_blocks where stream = $1 and last_ns >= $2 \
-         order by first_ns limit 1",
+    let block = database::query(
+        "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
+         where stream = $1 and last_ns >= $2 order by first_ns limit 1",
     )
     .bind(stream)
     .bind(from)
     .fetch_optional(connection)
     .await?;
-    let Some((rows, samples)) = block else {
+    let Some(block) = block else {
         return Ok(None);
     };
-    let instants = instants(stream, rows, &samples)?;
-    Ok(instants.into_iter().find(|instant| *instant >= from))
+    Ok(instants(&block)?
+        .into_iter()
+        .find(|instant| *instant >= from))
 }
 
 /// The last instant of a stream up to and with one.
@@ -126,18 +128,18 @@ pub(super) async fn last_until(
     stream: &str,
     until: i64,
 ) -> Result<Option<i64>, StoreError> {
-    let block: Option<(i64, Vec<u8>)> = database::query_as(
-        "select rows, samples from stream_blocks where stream = $1 and first_ns <= $2 \
-         order by first_ns desc limit 1",
+    let block = database::query(
+        "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
+         where stream = $1 and first_ns <= $2 order by first_ns desc limit 1",
     )
     .bind(stream)
     .bind(until)
     .fetch_optional(connection)
     .await?;
-    let Some((rows, samples)) = block else {
+    let Some(block) = block else {
         return Ok(None);
     };
-    let instants = instants(stream, rows, &samples)?;
+    let instants = instants(&block)?;
     Ok(instants.into_iter().rfind(|instant| *instant <= until))
 }
 
@@ -235,14 +237,15 @@ async fn take(
     block: &Block,
     columns: usize,
 ) -> Result<Rows, StoreError> {
-    let (rows, samples): (i64, Vec<u8>) = database::query_as(
-        "delete from stream_blocks where stream = $1 and first_ns = $2 returning rows, samples",
+    let row = database::query(
+        "delete from stream_blocks where stream = $1 and first_ns = $2 \
+         returning stream, first_ns, last_ns, rows, samples, seal",
     )
     .bind(stream)
     .bind(block.first)
     .fetch_one(&mut **tx)
     .await?;
-    decode(stream, rows, &samples, columns)
+    decode(&row, columns)
 }
 
 /// Puts rows in, cut into blocks.
@@ -254,15 +257,26 @@ async fn insert(tx: &mut Tx, stream: &str, rows: &Rows, most: usize) -> Result<(
         let (Some(first), Some(last)) = (block.instants.first(), block.instants.last()) else {
             continue;
         };
+        let rows = i64::try_from(block.rows()).expect("a block is small");
+        let samples = encode(&block);
+        let parts = [
+            stream.into(),
+            (*first).into(),
+            (*last).into(),
+            rows.into(),
+            (&samples).into(),
+        ];
+        let seal = STREAM_BLOCKS.seal(&parts);
         database::query(
-            "insert into stream_blocks (stream, first_ns, last_ns, rows, samples) \
-             values ($1, $2, $3, $4, $5)",
+            "insert into stream_blocks (stream, first_ns, last_ns, rows, samples, seal) \
+             values ($1, $2, $3, $4, $5, $6)",
         )
         .bind(stream)
         .bind(*first)
         .bind(*last)
-        .bind(i64::try_from(block.rows()).expect("a block is small"))
-        .bind(encode(&block))
+        .bind(rows)
+        .bind(samples)
+        .bind(seal)
         .execute(&mut **tx)
         .await?;
     }
@@ -288,23 +302,21 @@ fn encode(rows: &Rows) -> Vec<u8> {
     bytes
 }
 
-/// The instants of a block.
-pub(super) fn instants(stream: &str, rows: i64, bytes: &[u8]) -> Result<Vec<i64>, StoreError> {
-    let rows = usize::try_from(rows).unwrap_or_default();
-    let part = bytes.get(..rows * WORD);
+/// The instants of a block, of its row.
+pub(super) fn instants(row: &Row) -> Result<Vec<i64>, StoreError> {
+    STREAM_BLOCKS.verify(row)?;
+    let (stream, bytes): (&str, &[u8]) = (row.try_get("stream")?, row.try_get("samples")?);
+    let rows = usize::try_from(row.try_get::<i64>("rows")?).unwrap_or_default();
+    let part = bytes.get(..rows.saturating_mul(WORD));
     let part = part.ok_or_else(|| corrupt("stream", stream, "a block is too short"))?;
     let (words, _) = part.as_chunks();
     Ok(words.iter().map(|word| i64::from_le_bytes(*word)).collect())
 }
 
-/// The rows of a block. Signals that came after it was written have no samples in it.
-pub(super) fn decode(
-    stream: &str,
-    rows: i64,
-    bytes: &[u8],
-    columns: usize,
-) -> Result<Rows, StoreError> {
-    let instants = instants(stream, rows, bytes)?;
+/// The rows of a block, of its row. Signals that came after it was written have no samples in it.
+pub(super) fn decode(row: &Row, columns: usize) -> Result<Rows, StoreError> {
+    let instants = instants(row)?;
+    let (stream, bytes): (&str, &[u8]) = (row.try_get("stream")?, row.try_get("samples")?);
     let rows = instants.len();
     let rest = &bytes[rows * WORD..];
     let own = rest.len() / (rows * (WORD + 1)).max(1);

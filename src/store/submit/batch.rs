@@ -15,8 +15,9 @@ use crate::store::database::{self, QueryBuilder, Separated};
 use crate::store::idempotency::{Earlier, Idempotency};
 use crate::store::jobs::{JobRow, json};
 use crate::store::quotas::{JobRoom, Quotas};
+use crate::store::sealed::JOBS as SEALED_JOBS;
 use crate::store::writer::Tx;
-use crate::store::{Change, StoreError, queue};
+use crate::store::{Change, StoreError, events, queue};
 
 /// Rows in one statement; SQLite takes 32766 values in one, and no row has more than 9.
 const ROWS_PER_STATEMENT: usize = 4000;
@@ -261,10 +262,10 @@ async fn insert(tx: &mut Tx, jobs: &[Fresh]) -> Result<(), StoreError> {
 /// What inserts jobs and all that belongs to them, in the order of their references.
 fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder>; 5] {
     const JOBS: &str = "insert into jobs (id, project, name, labels, model, spec, status, queue_entry, \
-                        last_event, created_at) ";
+                        last_event, created_at, seal) ";
     const LABELS: &str = "insert into job_labels (job, label, value) ";
     const DATASETS: &str = "insert into job_datasets (job, dataset) ";
-    const EVENTS: &str = "insert into events (job, id, name, data) ";
+    const EVENTS: &str = "insert into events (job, id, name, data, seal) ";
     const KEYS: &str = "insert into idempotency (project, key, body_digest, made) ";
     let labels = jobs.iter().flat_map(|fresh| {
         let labels = fresh.job.labels.iter();
@@ -282,16 +283,33 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder>; 5] {
     };
     [
         rows((JOBS, ""), jobs.iter(), |row, fresh| {
-            row.push_bind(fresh.id.to_string())
-                .push_bind(fresh.job.project.to_string())
-                .push_bind(fresh.job.name.clone())
-                .push_bind(json(&fresh.job.labels))
-                .push_bind(fresh.job.model.clone())
-                .push_bind(fresh.job.spec.to_string())
+            let NewJob {
+                project,
+                name,
+                model,
+                ..
+            } = &fresh.job;
+            let id = fresh.id.to_string();
+            let (labels, spec) = (json(&fresh.job.labels), fresh.job.spec.to_string());
+            let seal = SEALED_JOBS.seal(&[
+                (&id).into(),
+                project.as_str().into(),
+                name.into(),
+                (&labels).into(),
+                model.into(),
+                (&spec).into(),
+            ]);
+            row.push_bind(id)
+                .push_bind(project.as_str())
+                .push_bind(name)
+                .push_bind(labels)
+                .push_bind(model)
+                .push_bind(spec)
                 .push("'queued'")
                 .push_bind(fresh.entry)
                 .push("1")
-                .push_bind(fresh.created_at.to_string());
+                .push_bind(fresh.created_at.to_string())
+                .push_bind(seal);
         }),
         rows((LABELS, ""), labels, |row, (job, (label, value))| {
             row.push_bind(job.to_string())
@@ -307,10 +325,13 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder>; 5] {
             },
         ),
         rows((EVENTS, ""), jobs.iter(), |row, fresh| {
-            row.push_bind(fresh.id.to_string())
+            let (id, name, data) = (fresh.id.to_string(), first.name(), first.data());
+            let seal = events::seal(&id, 1, (name, &data));
+            row.push_bind(id)
                 .push("1")
-                .push_bind(first.name())
-                .push_bind(first.data());
+                .push_bind(name)
+                .push_bind(data)
+                .push_bind(seal);
         }),
         rows((KEYS, ""), keys, |row, (job, idempotency)| {
             row.push_bind(idempotency.project.to_string())

@@ -28,7 +28,7 @@ async fn a_backup_of_a_database_at_work_has_every_job_that_was_acknowledged_befo
     let (copied, ()) = tokio::join!(file::backup(fixture.file(), &copy), submitting);
     copied.expect("a copy");
     let findings = file::check(&copy).await.expect("a readable file");
-    assert_eq!(findings, [""; 0]);
+    assert_eq!(findings, Checked::default());
     let again = file::backup(fixture.file(), &copy).await;
     assert!(matches!(again, Err(StoreError::File { .. })), "it is there");
 
@@ -96,7 +96,7 @@ async fn a_damaged_file_is_found_and_never_restored() {
         fs::write(&copy, damaged).expect("a file");
         let sound = file::check(&copy)
             .await
-            .is_ok_and(|findings| findings.is_empty());
+            .is_ok_and(|findings| findings.findings.is_empty());
         assert!(!sound, "page {page}");
         let restored = file::restore(&copy, &fixture.beside("restored.db"), false).await;
         assert!(restored.is_err(), "page {page}");
@@ -117,7 +117,7 @@ async fn a_table_that_is_gone_is_found_by_check_and_at_the_start() {
             .await
             .expect("a table less");
         let findings = file::check(fixture.file()).await;
-        let findings = findings.expect("a readable file");
+        let findings = findings.expect("a readable file").findings;
         let told = format!("the table {table} is missing");
         assert!(findings.contains(&told), "{findings:?}");
         let Fixture {
@@ -148,7 +148,10 @@ async fn a_newer_database_is_refused() {
         })
     });
     write.await.expect("a newer schema");
-    let findings = file::check(fixture.file()).await.expect("a readable file");
+    let findings = file::check(fixture.file())
+        .await
+        .expect("a readable file")
+        .findings;
     assert!(findings[0].contains("is newer than"), "{findings:?}");
     let Fixture {
         store, settings, ..

@@ -4,6 +4,7 @@ mod backup;
 mod candidates;
 mod cluster;
 mod comparisons;
+mod damage;
 mod datasets;
 mod full;
 mod jobs;

@@ -113,7 +113,7 @@ async fn a_job_that_five_lives_of_the_server_end_with_fails(mut fixture: Fixture
         fixture = fixture.cut_off().await;
     }
     let sixth = fixture.store.begin_slice(id, None, 5).await;
-    assert!(matches!(sixth, Ok(Begin::Poisoned)));
+    assert!(matches!(sixth, Ok(Begin::Ended)));
     let row = fixture.store.job(id).await.expect("a read").expect("a job");
     assert_eq!((row.status, row.attempt), (Status::Failed, 5));
     let expected = serde_json::to_value(Failure::crashed_too_often(5)).expect("JSON");

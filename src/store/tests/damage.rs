@@ -1,0 +1,243 @@
+//! Rows that are changed behind the store's back: each is found when it is read and by `check`, and named.
+
+use super::*;
+use crate::store::backup as file;
+use crate::store::database::{Kind, QueryBuilder};
+use crate::store::sealed::check::{Checked, look, seal_all};
+use crate::store::sealed::{Column, Sealed, TABLES};
+
+on_both! {
+    a_changed_recording_is_found_when_it_is_read,
+    a_changed_job_fails_and_can_be_removed,
+    a_changed_checkpoint_is_not_used_and_the_job_goes_back,
+    changed_results_events_generations_and_candidates_are_found_when_they_are_read,
+    rows_in_each_others_place_are_found,
+    changes_of_any_column_are_found_by_check,
+    rows_without_a_seal_are_counted_until_they_are_sealed,
+}
+
+/// Does something to the rows of the database that the store knows nothing of.
+async fn harm(fixture: &Fixture, statement: &'static str) {
+    full::execute(fixture, statement).await.expect("a change");
+}
+
+async fn looked(fixture: &Fixture) -> Checked {
+    let mut checked = Checked::default();
+    look(fixture.store.readers(), &mut checked)
+        .await
+        .expect("a look");
+    checked
+}
+
+fn is_damage<T>(read: Result<T, StoreError>, what: &str) {
+    match read {
+        Err(error) => assert_eq!(error.corrupt_row().expect("a row").0, what, "{error}"),
+        Ok(_) => panic!("a damaged {what} is read"),
+    }
+}
+
+/// A job that has left something of each kind, before its end.
+async fn at_work(fixture: &Fixture) -> Slice {
+    let id = fixture.submit().await.id;
+    let slice = fixture.begin(id).await;
+    let record = Record {
+        generations: (1..=3).map(generation).collect(),
+        events: vec![Event::Generation(generation(1))],
+        checkpoint: Some(Checkpoint {
+            state: b"state".to_vec(),
+            refinements: 2,
+        }),
+        parts: vec![SharedPart {
+            name: "refit 1".to_owned(),
+            part: "{}".to_owned(),
+        }],
+        ..candidates::record(vec![candidates::candidate(1, 0)], 1, None)
+    };
+    let hold = fixture.store.record(slice.lease, record).await;
+    assert_eq!(hold.expect("a write"), Hold::Kept);
+    slice
+}
+
+async fn a_changed_recording_is_found_when_it_is_read(fixture: Fixture) {
+    let (row, _) = datasets::insert(&fixture, "sha256:1").await;
+    let kind = fixture.store.readers().kind();
+    harm(
+        &fixture,
+        kind.either(
+            "update dataset_chunks set samples = x'00' || substr(samples, 2) where position = 2",
+            "update dataset_chunks set samples = set_byte(samples, 0, 1) where position = 2",
+        ),
+    )
+    .await;
+    is_damage(fixture.store.recording(row.id).await, "part of the samples");
+    assert_eq!(looked(&fixture).await.findings.len(), 1);
+    harm(
+        &fixture,
+        "update datasets set summary = replace(summary, 'bar', 'Bar')",
+    )
+    .await;
+    let fixture = fixture.reopen().await;
+    is_damage(fixture.store.dataset(row.id).await, "description");
+    is_damage(fixture.store.recording(row.id).await, "description");
+}
+
+async fn a_changed_job_fails_and_can_be_removed(fixture: Fixture) {
+    let id = fixture.submit().await.id;
+    harm(&fixture, "update jobs set spec = replace(spec, '1', '2')").await;
+    let begun = fixture.store.begin_slice(id, None, 5).await;
+    assert!(matches!(begun, Ok(Begin::Ended)), "{begun:?}");
+    assert_eq!(fixture.store.damage().rows, 1);
+    let events = fixture.events(id).await;
+    assert_eq!(names(&events), ["state", "state", "end"]);
+    let fixture = fixture.reopen().await;
+    is_damage(fixture.store.job(id).await, "specification");
+    let removed = fixture.store.delete_job(id).await;
+    assert_eq!(removed.expect("an answer"), JobRemoval::Removed);
+}
+
+async fn a_changed_checkpoint_is_not_used_and_the_job_goes_back(fixture: Fixture) {
+    let slice = at_work(&fixture).await;
+    harm(&fixture, "update checkpoints set refinements = 3").await;
+    is_damage(
+        fixture.store.checkpoint(slice.lease.job).await,
+        "checkpoint",
+    );
+    let next = fixture.begin(slice.lease.job).await;
+    assert_eq!(next.checkpoint, None);
+    assert_eq!(fixture.store.damage().rows, 1);
+}
+
+async fn changed_results_events_generations_and_candidates_are_found_when_they_are_read(
+    fixture: Fixture,
+) {
+    let slice = at_work(&fixture).await;
+    let id = slice.lease.job;
+    assert_eq!(fixture.finish(&slice, Status::Succeeded).await, Hold::Kept);
+    assert_eq!(looked(&fixture).await, Checked::default());
+    harm(
+        &fixture,
+        "update results set outcome = replace(outcome, '58', '59')",
+    )
+    .await;
+    harm(
+        &fixture,
+        "update events set data = replace(data, 'queued', 'running') where id = 1",
+    )
+    .await;
+    harm(
+        &fixture,
+        "update generations set row = replace(row, '400', '401') where generation = 2",
+    )
+    .await;
+    harm(&fixture, "update candidate_records set kept = kept + 1").await;
+    let store = &fixture.store;
+    is_damage(store.result(id).await, "result");
+    is_damage(store.events_after(id, 0, 10).await, "event");
+    assert!(store.events_after(id, 1, 10).await.is_ok());
+    is_damage(store.generations(id, 0, 10).await, "generation");
+    assert_eq!(store.generations(id, 2, 10).await.expect("rows").len(), 1);
+    is_damage(store.candidates(id, 0, 10, 10).await, "list of candidates");
+    assert_eq!(looked(&fixture).await.findings.len(), 4);
+}
+
+async fn rows_in_each_others_place_are_found(fixture: Fixture) {
+    let slice = at_work(&fixture).await;
+    harm(
+        &fixture,
+        "update generations set generation = 7 - generation where generation > 2",
+    )
+    .await;
+    let read = fixture.store.generations(slice.lease.job, 0, 10).await;
+    is_damage(read, "generation");
+    assert_eq!(looked(&fixture).await.findings.len(), 1);
+}
+
+/// A statement that changes a column of all rows of a table.
+fn change(kind: Kind, table: &Sealed, column: Column) -> QueryBuilder {
+    let name = column.name();
+    let changed = match column {
+        Column::Text(_) => format!("coalesce(\"{name}\", '') || ' '"),
+        Column::Integer(_) => format!("coalesce(\"{name}\", 0) + 1"),
+        Column::Bytes(_) => kind.either(
+            format!("cast(\"{name}\" || x'01' as blob)"),
+            format!("\"{name}\" || '\\x01'::bytea"),
+        ),
+    };
+    let mut update = QueryBuilder::new("update ");
+    update.push(format_args!("{} set \"{name}\" = {changed}", table.table));
+    update
+}
+
+async fn changes_of_any_column_are_found_by_check(fixture: Fixture) {
+    let slice = at_work(&fixture).await;
+    assert_eq!(fixture.begin(slice.lease.job).await.job.attempt, 1);
+    let ended = at_work(&fixture).await;
+    assert_eq!(fixture.finish(&ended, Status::Succeeded).await, Hold::Kept);
+    datasets::insert(&fixture, "sha256:1").await;
+    assert_eq!(looked(&fixture).await, Checked::default());
+    let kind = fixture.store.readers().kind();
+    for table in TABLES {
+        for column in table.content {
+            let mut count = QueryBuilder::new("select count(*) from ");
+            count.push(table.table);
+            let rows: i64 = count
+                .build_query_scalar()
+                .fetch_one(fixture.store.readers())
+                .await
+                .expect("a count");
+            let pool = &fixture.store.inner.writer_pool;
+            let mut tx = pool.begin_write().await.expect("a transaction");
+            let changed = change(kind, table, *column).build().execute(&mut tx).await;
+            // A column with a rule of its own, as one that has to be JSON, may refuse the change.
+            if changed.is_err() {
+                continue;
+            }
+            tx.commit().await.expect("a change");
+            let findings = looked(&fixture).await.findings;
+            assert!(
+                findings.len() as i64 >= rows.min(1),
+                "{}.{}",
+                table.table,
+                column.name()
+            );
+            seal_again(&fixture).await;
+            assert_eq!(looked(&fixture).await, Checked::default());
+        }
+    }
+}
+
+/// Takes all rows as they are for what was written.
+async fn seal_again(fixture: &Fixture) {
+    for table in TABLES {
+        let mut update = QueryBuilder::new("update ");
+        update.push(table.table).push(" set seal = null");
+        let pool = &fixture.store.inner.writer_pool;
+        let mut tx = pool.begin_write().await.expect("a transaction");
+        update.build().execute(&mut tx).await.expect("a change");
+        tx.commit().await.expect("a change");
+    }
+    seal_all(&fixture.store.inner.writer_pool)
+        .await
+        .expect("seals");
+}
+
+async fn rows_without_a_seal_are_counted_until_they_are_sealed(fixture: Fixture) {
+    let slice = at_work(&fixture).await;
+    harm(&fixture, "update generations set seal = null").await;
+    assert_eq!(looked(&fixture).await.unsealed, 3);
+    let rows = fixture.store.generations(slice.lease.job, 0, 10).await;
+    assert_eq!(rows.expect("rows").len(), 3);
+    let sealed = seal_all(&fixture.store.inner.writer_pool).await;
+    assert_eq!(sealed.expect("seals"), 3);
+    assert_eq!(looked(&fixture).await, Checked::default());
+}
+
+#[tokio::test]
+async fn check_names_a_damaged_row_of_a_file() {
+    let fixture = Fixture::new().await;
+    let id = fixture.submit().await.id;
+    harm(&fixture, "update events set data = replace(data, 'q', 'k')").await;
+    let checked = file::check(fixture.file()).await.expect("a readable file");
+    let told = format!("the stored event of {id} 1 does not read back: it is not what was written");
+    assert_eq!(checked.findings, [told]);
+}
