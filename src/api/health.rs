@@ -30,7 +30,7 @@ pub struct Health {
     /// Damaged rows that this process has met since it began; absent where it met none. What needs one of them
     /// is refused, the rest is served.
     #[serde(skip_serializing_if = "is_zero")]
-    #[schema(required = false)]
+    #[schema(ignore)]
     damaged_rows: usize,
 }
 

@@ -124,6 +124,10 @@ async fn a_slice_that_lost_its_job_keeps_no_candidates_and_a_deleted_job_has_non
 const AS_BEFORE: &str = "drop table candidates; drop table candidate_records; \
      drop table comparison_jobs; drop table comparisons; drop table nodes; drop table shared_parts; drop index jobs_shared; \
      alter table jobs drop column is_shared; \
+     alter table jobs drop column seal; alter table datasets drop column seal; \
+     alter table dataset_chunks drop column seal; alter table checkpoints drop column seal; \
+     alter table results drop column seal; alter table events drop column seal; \
+     alter table generations drop column seal; \
      drop table write_probes; drop index jobs_at_work; drop index jobs_with_deaths; \
      drop table monitor_events; drop table monitor_alarms; drop table monitor_windows; \
      drop table monitors; drop table stream_batches; drop table stream_blocks; \

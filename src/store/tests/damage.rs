@@ -64,7 +64,7 @@ async fn a_changed_recording_is_found_when_it_is_read(fixture: Fixture) {
     harm(
         &fixture,
         kind.either(
-            "update dataset_chunks set samples = x'00' || substr(samples, 2) where position = 2",
+            "update dataset_chunks set samples = cast(x'01' || substr(samples, 2) as blob) where position = 2",
             "update dataset_chunks set samples = set_byte(samples, 0, 1) where position = 2",
         ),
     )
@@ -116,7 +116,7 @@ async fn changed_results_events_generations_and_candidates_are_found_when_they_a
     assert_eq!(looked(&fixture).await, Checked::default());
     harm(
         &fixture,
-        "update results set outcome = replace(outcome, '58', '59')",
+        "update results set outcome = replace(outcome, 'paused', 'Paused')",
     )
     .await;
     harm(
