@@ -15,6 +15,7 @@
 //! | the same for the windows of a monitor | [`watch`] |
 //! | events reach a receiver at least once | [`deliveries`] |
 //! | spans reach a collector | [`traces`] |
+//! | no body takes more than four times its size and 64 MiB of memory | [`memory`] |
 //! | P10 no request makes a 500 | `tests/service/faults.rs` |
 
 #[path = "../../src/store/tests/cluster.rs"]
@@ -22,8 +23,10 @@ mod cluster;
 mod deliveries;
 mod disk;
 mod follower;
+mod hostile;
 mod isolation;
 mod kill;
+mod memory;
 mod nodes;
 mod plant;
 mod server;

@@ -20,6 +20,8 @@ pub(super) struct Tag {
 pub(super) struct Common {
     pub(super) instants: Vec<f64>,
     pub(super) sample_time: Option<f64>,
+    /// Every tag has its samples at these instants.
+    pub(super) are_all: bool,
 }
 
 impl Tag {
@@ -44,31 +46,88 @@ impl Tag {
                 // Newest first is an order too.
                 disordered = 0;
             }
-            let mut order: Vec<usize> = (0..self.instants.len()).collect();
-            order.sort_by(|a, b| self.instants[*a].total_cmp(&self.instants[*b]));
-            self.instants = order.iter().map(|k| self.instants[*k]).collect();
-            self.values = order.iter().map(|k| self.values[*k]).collect();
-            self.classes = order.iter().map(|k| self.classes[*k]).collect();
+            self.sort();
         }
-        let instants = &self.instants;
-        let keep: Vec<bool> = (0..instants.len())
-            .map(|k| k == 0 || instants[k] > instants[k - 1])
-            .collect();
-        let dropped = keep.iter().filter(|keep| !**keep).count();
-        if dropped > 0 {
-            retain(&mut self.instants, &keep);
-            retain(&mut self.values, &keep);
-            retain(&mut self.classes, &keep);
-        }
+        let dropped = self.drop_repeated();
         (disordered, dropped)
     }
 
-    /// The values and classes at the instants that all signals have.
-    pub(super) fn on(&self, common: &Common) -> (Vec<f64>, Vec<Class>) {
-        let at = &common.instants;
-        if self.instants == *at {
-            return (self.values.clone(), self.classes.clone());
+    /// Puts the samples in the order of their instants; those at one instant stay in theirs. Beside the
+    /// samples memory holds four bytes for each.
+    fn sort(&mut self) {
+        /// Marks a place that has its sample.
+        const DONE: u32 = 1 << 31;
+        let samples = u32::try_from(self.instants.len()).expect("fewer samples than are held");
+        let mut order: Vec<u32> = (0..samples).collect();
+        let instant = |k: u32| self.instants[k as usize];
+        order.sort_unstable_by(|a, b| instant(*a).total_cmp(&instant(*b)).then(a.cmp(b)));
+        for first in 0..order.len() {
+            if order[first] & DONE != 0 {
+                continue;
+            }
+            let moved = self.sample(first);
+            let mut place = first;
+            loop {
+                let from = order[place] as usize;
+                order[place] |= DONE;
+                let sample = if from == first {
+                    moved
+                } else {
+                    self.sample(from)
+                };
+                self.set(place, sample);
+                if from == first {
+                    break;
+                }
+                place = from;
+            }
         }
+    }
+
+    /// Drops the later of two samples at one instant; answers how many were dropped.
+    fn drop_repeated(&mut self) -> usize {
+        let samples = self.instants.len();
+        let mut kept = 0;
+        for k in 0..samples {
+            if kept == 0 || self.instants[k] > self.instants[kept - 1] {
+                self.set(kept, self.sample(k));
+                kept += 1;
+            }
+        }
+        self.instants.truncate(kept);
+        self.values.truncate(kept);
+        self.classes.truncate(kept);
+        samples - kept
+    }
+
+    fn sample(&self, k: usize) -> (f64, f64, Class) {
+        (self.instants[k], self.values[k], self.classes[k])
+    }
+
+    fn set(&mut self, k: usize, (instant, value, class): (f64, f64, Class)) {
+        self.instants[k] = instant;
+        self.values[k] = value;
+        self.classes[k] = class;
+    }
+
+    /// The values and classes at the instants that all signals have; the tag has no samples then.
+    pub(super) fn take_on(&mut self, common: &Common) -> (Vec<f64>, Vec<Class>) {
+        if common.are_all || self.instants == common.instants {
+            self.instants = Vec::new();
+            return (
+                std::mem::take(&mut self.values),
+                std::mem::take(&mut self.classes),
+            );
+        }
+        let on = self.on(common);
+        self.instants = Vec::new();
+        self.values = Vec::new();
+        self.classes = Vec::new();
+        on
+    }
+
+    fn on(&self, common: &Common) -> (Vec<f64>, Vec<Class>) {
+        let at = &common.instants;
         let Some(sample_time) = common.sample_time else {
             let place =
                 |instant: &f64| self.instants.binary_search_by(|own| own.total_cmp(instant));
@@ -81,7 +140,7 @@ impl Tag {
             );
         };
         let rule = Rule::of(self.column.interpolation, Interpolation::Linear);
-        let own_time = TimeAxis::from_instants(self.instants.clone(), 0.0).sample_time();
+        let own_time = TimeAxis::sample_time_of(&self.instants, 0.0);
         let rule = rule.scaled(own_time / sample_time);
         let samples = (self.instants.as_slice(), self.values.as_slice());
         let values = resample(samples, at.iter().copied(), sample_time, rule);
@@ -97,9 +156,4 @@ impl Tag {
         };
         (values, at.iter().map(class).collect())
     }
-}
-
-fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
-    let mut keep = keep.iter();
-    values.retain(|_| *keep.next().expect("as long as the values"));
 }
