@@ -12,11 +12,7 @@ use axum::middleware::Next;
 use axum::response::Response;
 
 use super::watched_body::watched;
-
-/// Bytes that each byte of a compressed body may unpack to, on the whole.
-const MOST_RATIO: u64 = 250;
-/// Bytes that any body may unpack to: short ones have large ratios.
-const ALWAYS: u64 = 1 << 20;
+use crate::intake::{MOST_RATIO, may_unpack};
 
 /// Bytes of a compressed body that have come.
 #[derive(Clone, Default)]
@@ -54,7 +50,7 @@ impl Packed {
     /// Refuses so many unpacked bytes where they are too many for what has come.
     fn allows(&self, unpacked: u64) -> Result<(), Error> {
         let packed = self.0.load(Ordering::Relaxed);
-        if unpacked <= ALWAYS || unpacked / MOST_RATIO <= packed {
+        if may_unpack(packed, unpacked) {
             return Ok(());
         }
         let why = format!("it unpacks to more than {MOST_RATIO} times its size");

@@ -234,6 +234,34 @@ pub(super) fn invalid(fault: Fault) -> ReadError {
     ReadError::Invalid(vec![fault])
 }
 
+/// A fault on its way through readers of text.
+#[derive(Debug)]
+struct Broken(Fault);
+
+impl fmt::Display for Broken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl std::error::Error for Broken {}
+
+/// A fault for a reader of text to pass on.
+pub(super) fn broken(fault: Fault) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, Broken(fault))
+}
+
+/// The fault that a reader of text passed on.
+pub(super) fn told(error: ReadError) -> ReadError {
+    let ReadError::Io(error) = error else {
+        return error;
+    };
+    match error.downcast::<Broken>() {
+        Ok(Broken(fault)) => malformed(fault),
+        Err(error) => ReadError::Io(error),
+    }
+}
+
 /// The start of a text, short enough for a sentence.
 pub(super) fn excerpt(text: &str) -> String {
     /// The longest piece that is repeated, in characters.

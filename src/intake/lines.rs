@@ -6,13 +6,11 @@
 use super::cell::Cell;
 use super::clock::Clock;
 use super::error::{Fault, ReadError, excerpt, malformed};
+use super::memory::{LONGEST_ROW, Memory};
 use super::options::Options;
 use super::tags::{Quality, Sample, Tags};
 use crate::recording::Received;
 use std::io::{BufRead, BufReader, Read};
-
-/// The longest line that is read `[bytes]`.
-const LONGEST_LINE: u64 = 1 << 20;
 
 /// Whether a text begins like the protocol.
 pub(super) fn looks_like(head: &[u8]) -> bool {
@@ -25,19 +23,23 @@ pub(super) fn looks_like(head: &[u8]) -> bool {
 }
 
 /// Reads all lines.
-pub(super) fn read(source: impl Read, options: &Options) -> Result<Received, ReadError> {
+pub(super) fn read(
+    source: impl Read,
+    options: &Options,
+    memory: &Memory,
+) -> Result<Received, ReadError> {
     let mut source = BufReader::new(source);
-    let mut tags = Tags::new(Clock::new("timestamp", "", options), options, None);
+    let mut tags = Tags::new(Clock::new("timestamp", "", options), options, None, memory);
     let (mut text, mut number) = (String::new(), 0);
     loop {
         text.clear();
         number += 1;
-        let length = (&mut source).take(LONGEST_LINE).read_line(&mut text)?;
+        let length = (&mut source).take(LONGEST_ROW).read_line(&mut text)?;
         if length == 0 || tags.is_full() {
             break;
         }
-        if length as u64 == LONGEST_LINE {
-            let detail = format!("the line has more than {LONGEST_LINE} bytes");
+        if length as u64 == LONGEST_ROW {
+            let detail = format!("the line has more than {LONGEST_ROW} bytes");
             return Err(malformed(Fault::at_line(
                 "line_too_long",
                 number,

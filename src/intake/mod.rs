@@ -20,6 +20,7 @@ mod format;
 mod historian;
 pub mod json;
 mod lines;
+mod memory;
 mod options;
 mod quality;
 mod stamp;
@@ -29,12 +30,14 @@ mod value;
 
 pub use error::{Fault, MAX_FAULTS, ReadError};
 pub use format::{Format, Kind};
+pub use memory::{MEMORY_ALWAYS, MEMORY_PER_BYTE, MOST_RATIO, may_unpack};
 pub use options::{Options, Purpose};
 pub use tags::MAX_HELD_SAMPLES;
 
 use crate::recording::{NewScratch, Received, Recording};
 use encoding::Text;
 use error::malformed;
+use memory::Memory;
 use std::io::{BufRead, BufReader, Cursor, Read};
 
 /// How much of a text is looked at to tell what it is `[bytes]`.
@@ -61,6 +64,7 @@ pub fn receive(
     options: &Options,
     scratch: Option<NewScratch>,
 ) -> Result<Received, ReadError> {
+    let (memory, source) = Memory::counting(source);
     let mut source = BufReader::with_capacity(HEAD_BYTES as usize, source);
     let format = options.format.or(Format::of_magic(source.fill_buf()?));
     if let Some(instead) = format.and_then(Format::instead) {
@@ -70,7 +74,7 @@ pub fn receive(
         options.refuse(&["sheet"], format.map_or("this format", Format::name))?;
     }
     if let Some(format @ (Format::Excel | Format::Parquet)) = format {
-        return binary::receive(format, source, options, scratch);
+        return binary::receive(format, source, options, scratch, &memory);
     }
     if format.is_none() && kind == Kind::Binary {
         return Err(ReadError::Unsupported(
@@ -103,9 +107,9 @@ pub fn receive(
             }
             Received::from(recording)
         }),
-        Format::InfluxLines => lines::read(whole, options),
-        json if json.is_json() => historian::read(whole, json, options),
-        csv => csv::receive_as(csv, (&head, whole), options, scratch),
+        Format::InfluxLines => lines::read(whole, options, &memory),
+        json if json.is_json() => historian::read(whole, json, options, &memory),
+        csv => csv::receive_as(csv, (&head, whole), options, scratch, &memory),
     }
 }
 

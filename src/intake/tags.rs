@@ -1,12 +1,14 @@
 //! What a historian has: tags, each with its own instants, values and quality; and the recording
 //! that they make.
 //!
-//! All of it is held in memory, 17 bytes a sample, [`MAX_HELD_SAMPLES`] samples at the most.
+//! All of it is held in memory, 17 bytes a sample and as many as [`SAMPLE_BYTES`] while it is sorted:
+//! [`MAX_HELD_SAMPLES`] samples at the most, and no more than [`Memory`] allows for the body.
 
 use super::cell::Cell;
 use super::clock::Clock;
 use super::column::Column;
 use super::error::{Fault, Faults, ReadError};
+use super::memory::Memory;
 use super::options::{Grid, Options, Purpose};
 use super::quality::Scheme;
 use crate::recording::columns::Columns;
@@ -22,6 +24,25 @@ mod tag;
 /// The most samples of a source that is held in memory until its end, all tags together.
 pub const MAX_HELD_SAMPLES: usize = 16_000_000;
 
+/// Bytes that a sample takes at the most until it is at its instant: its own, the room that lists of
+/// samples have for more, and what sorting takes.
+const SAMPLE_BYTES: u64 = 26;
+
+/// Bytes of a sample at one of the common instants.
+const COMMON_SAMPLE_BYTES: u64 = 8;
+
+/// Bytes of a common instant itself: a list of instants, one of intervals and the classes of a signal.
+const COMMON_INSTANT_BYTES: u64 = 32;
+
+/// Bytes of samples in a row that are of one class, from here to where they are stored.
+const SPAN_BYTES: u64 = 256;
+
+/// What a sender can do whose samples are too many.
+const INSTEAD: &str = "send fewer at once, or a CSV with a column for each signal";
+
+/// What a sender can do whose signals take too much on common instants.
+const COARSER: &str = "say a coarser `grid`, leave signals out with `ignore`, or send less at once";
+
 /// A grid may have so many samples for each that was recorded.
 const MOST_GRID_SAMPLES: usize = 20;
 
@@ -36,6 +57,9 @@ pub(super) struct Tags<'o> {
     tags: Vec<Tag>,
     by_key: HashMap<String, usize>,
     samples: usize,
+    memory: Memory,
+    /// More samples came than memory may hold.
+    is_too_much: bool,
 }
 
 /// A sample as the source has it.
@@ -61,7 +85,12 @@ pub(super) type Place<'p> = &'p dyn Fn(&'static str, String) -> Fault;
 
 impl<'o> Tags<'o> {
     /// No tags yet. `scheme` is what the format itself says of its codes of quality.
-    pub(super) fn new(clock: Clock, options: &'o Options, scheme: Option<Scheme>) -> Self {
+    pub(super) fn new(
+        clock: Clock,
+        options: &'o Options,
+        scheme: Option<Scheme>,
+        memory: &Memory,
+    ) -> Self {
         Self {
             options,
             clock,
@@ -71,12 +100,14 @@ impl<'o> Tags<'o> {
             tags: Vec::new(),
             by_key: HashMap::new(),
             samples: 0,
+            memory: memory.clone(),
+            is_too_much: false,
         }
     }
 
     /// Whether so much is wrong that reading on is pointless.
     pub(super) fn is_full(&self) -> bool {
-        self.faults.full() || self.samples > MAX_HELD_SAMPLES
+        self.faults.full() || self.is_too_much
     }
 
     /// The tag of that name, which may be new.
@@ -168,13 +199,25 @@ impl<'o> Tags<'o> {
         tag.values.push(value);
         tag.classes.push(class);
         self.samples += 1;
-        if self.samples > MAX_HELD_SAMPLES {
-            let detail = format!(
-                "more than {MAX_HELD_SAMPLES} samples, which this format holds in memory; send \
-                 fewer at once, or a CSV with a column for each signal"
-            );
+        if let Some(detail) = self.too_many() {
+            self.is_too_much = true;
             self.faults.invalid(place("too_many_samples", detail));
         }
+    }
+
+    /// Why the samples that came are too many, where they are.
+    fn too_many(&self) -> Option<String> {
+        if self.samples > MAX_HELD_SAMPLES {
+            return Some(format!(
+                "more than {MAX_HELD_SAMPLES} samples, which this format holds in memory; {INSTEAD}"
+            ));
+        }
+        let what = "samples of this format";
+        self.memory.refusal(self.held_bytes(), what, INSTEAD)
+    }
+
+    fn held_bytes(&self) -> u64 {
+        SAMPLE_BYTES * self.samples as u64
     }
 
     fn class(&mut self, quality: &Quality<'_>, place: Place<'_>) -> Class {
@@ -225,15 +268,19 @@ impl<'o> Tags<'o> {
         std::mem::take(&mut self.faults).result()?;
         let first = self.order();
         let common = self.common_instants()?;
-        let own_instants = self.tags.iter().any(|tag| tag.instants != common.instants);
+        let own_instants = !common.are_all && common.sample_time.is_none();
+        let mut bytes = self.common_bytes(&common);
         let options = self.options;
         if own_instants && options.purpose == Purpose::Stream {
             self.notes.extend(self.tags.iter().filter_map(Tag::missing));
         }
         let mut signals = Vec::with_capacity(self.tags.len());
         let mut columns = Vec::with_capacity(self.tags.len());
-        for (k, tag) in self.tags.into_iter().enumerate() {
-            let (values, classes) = tag.on(&common);
+        for (k, mut tag) in self.tags.into_iter().enumerate() {
+            let (values, classes) = tag.take_on(&common);
+            bytes += SPAN_BYTES * ClassSpan::count(&classes) as u64;
+            let what = "samples whose quality changes so often";
+            self.memory.hold(bytes, what, INSTEAD)?;
             signals.push(Named {
                 name: tag.column.name,
                 unit: tag.column.unit.si.into_owned(),
@@ -251,7 +298,7 @@ impl<'o> Tags<'o> {
             zone: self.clock.zone(),
             source: options.source(format),
             double_hour: self.clock.double_hour(first),
-            own_instants: own_instants && common.sample_time.is_none(),
+            own_instants,
             time: options.purpose.axis(common.instants, self.clock.scale()),
             signals,
             notes: self.notes,
@@ -328,10 +375,11 @@ impl<'o> Tags<'o> {
             Purpose::Stream => Some(Grid::None),
         };
         if all_equal && !matches!(grid, Some(Grid::Every(_))) {
-            let instants = first.clone();
-            return enough(instants, least).map(|instants| Common {
-                instants,
+            let instants = std::mem::take(&mut self.tags[0].instants);
+            return Ok(Common {
+                instants: enough(instants, least)?,
                 sample_time: None,
+                are_all: true,
             });
         }
         if grid == Some(Grid::None) {
@@ -339,17 +387,19 @@ impl<'o> Tags<'o> {
             self.tags
                 .iter()
                 .for_each(|tag| instants.extend(&tag.instants));
-            instants.sort_by(f64::total_cmp);
+            instants.sort_unstable_by(f64::total_cmp);
             instants.dedup();
-            return enough(instants, least).map(|instants| Common {
-                instants,
+            self.check_common(instants.len())?;
+            instants.shrink_to_fit();
+            return Ok(Common {
+                instants: enough(instants, least)?,
                 sample_time: None,
+                are_all: false,
             });
         }
-        let medians = self.tags.iter().map(|tag| {
-            let time = TimeAxis::from_instants(tag.instants.clone(), self.clock.scale());
-            time.sample_time()
-        });
+        let scale = self.clock.scale();
+        let times = self.tags.iter();
+        let medians = times.map(|tag| TimeAxis::sample_time_of(&tag.instants, scale));
         let fastest = medians
             .filter(|time| *time > 0.0)
             .fold(f64::INFINITY, f64::min);
@@ -374,6 +424,7 @@ impl<'o> Tags<'o> {
                 detail,
             )));
         }
+        self.check_common(points as usize)?;
         let detail = format!(
             "the signals have instants of their own; they were put on a grid of {} s, {said}: \
              held ones keep their last value, others are interpolated linearly",
@@ -382,10 +433,29 @@ impl<'o> Tags<'o> {
         self.notes
             .push(Warning::of_recording("put_on_grid", detail));
         let instants = (0..=(points - 1.0 + 1e-6) as usize).map(|k| k as f64 * sample_time);
-        enough(instants.collect(), least).map(|instants| Common {
-            instants,
+        Ok(Common {
+            instants: enough(instants.collect(), least)?,
             sample_time: Some(sample_time),
+            are_all: false,
         })
+    }
+
+    /// Refuses so many common instants where the samples at them take too much memory.
+    fn check_common(&self, instants: usize) -> Result<(), ReadError> {
+        let signals = self.tags.len();
+        let what = format!("{signals} signals at {instants} common instants");
+        let each = COMMON_SAMPLE_BYTES * signals as u64 + COMMON_INSTANT_BYTES;
+        let bytes = self.held_bytes() + each.saturating_mul(instants as u64);
+        self.memory.hold(bytes, &what, COARSER)
+    }
+
+    /// Bytes of the samples, and of those at the common instants where the tags have others.
+    fn common_bytes(&self, common: &Common) -> u64 {
+        let each = match common.are_all {
+            true => 0,
+            false => COMMON_SAMPLE_BYTES * self.tags.len() as u64 + COMMON_INSTANT_BYTES,
+        };
+        self.held_bytes() + each * common.instants.len() as u64
     }
 }
 

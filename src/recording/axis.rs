@@ -64,6 +64,16 @@ impl TimeAxis {
         }
     }
 
+    /// The sample time `[s]` of the axis of such instants.
+    pub(crate) fn sample_time_of(instants: &[f64], scale: f64) -> f64 {
+        let last = instants.last().copied().unwrap_or(0.0);
+        let grid = Grid::through(instants.len(), last, scale);
+        match grid.filter(|grid| grid.holds(0, instants)) {
+            Some(grid) => grid.sample_time,
+            None => usual_interval(instants),
+        }
+    }
+
     /// The same of so many instants up to the `last` one that need not be in memory.
     pub(crate) fn of_series(
         instants: &mut dyn Series,

@@ -115,6 +115,17 @@ impl ClassSpan {
     }
 }
 
+impl ClassSpan {
+    /// How many spans samples of these classes make.
+    pub(crate) fn count(classes: &[Class]) -> usize {
+        let begins = |k: &usize| {
+            let class = classes[*k];
+            class != Class::Good && (*k == 0 || classes[*k - 1] != class)
+        };
+        (0..classes.len()).filter(begins).count()
+    }
+}
+
 impl Signal {
     /// A signal that is in SI already.
     #[must_use]

@@ -16,6 +16,7 @@
 //! | no sample of a stream is lost, moved or made up | [`streams`] |
 //! | events reach a receiver at least once | [`deliveries`] |
 //! | spans reach a collector | [`traces`] |
+//! | no body takes more than four times its size and 64 MiB of memory | [`memory`] |
 //! | P10 no request makes a 500 | `tests/service/faults.rs` |
 
 #[path = "../../src/store/tests/cluster.rs"]
@@ -23,8 +24,10 @@ mod cluster;
 mod deliveries;
 mod disk;
 mod follower;
+mod hostile;
 mod isolation;
 mod kill;
+mod memory;
 mod nodes;
 mod plant;
 mod server;

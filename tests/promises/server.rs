@@ -93,6 +93,28 @@ impl Server {
         set.is_ok_and(|status| status.success())
     }
 
+    /// The most memory that the process had since it began or since [`Self::forget_memory`] `[bytes]`.
+    #[cfg(target_os = "linux")]
+    pub fn most_memory(&self) -> u64 {
+        let path = format!("/proc/{}/status", self.process.id());
+        let status = std::fs::read_to_string(path).expect("a live process");
+        let mut lines = status.lines();
+        let most = lines.find_map(|line| line.strip_prefix("VmHWM:"));
+        let kib = most.and_then(|most| most.trim().strip_suffix(" kB"));
+        let kib: u64 = kib.and_then(|kib| kib.parse().ok()).expect("a size in kB");
+        kib << 10
+    }
+
+    /// Has [`Self::most_memory`] begin with what the process has now; without the right to it, with
+    /// what the process had at the most.
+    #[cfg(target_os = "linux")]
+    pub fn forget_memory(&self) {
+        let path = format!("/proc/{}/clear_refs", self.process.id());
+        if let Err(error) = std::fs::write(path, "5") {
+            eprintln!("the most memory since the start is taken for the rest: {error}");
+        }
+    }
+
     /// Starts the program on the database of an address.
     pub fn start_on(database: &str, options: Options) -> Self {
         let program = Command::new(env!("CARGO_BIN_EXE_greybox"));

@@ -1,20 +1,18 @@
 //! A worksheet of an Excel workbook (`.xlsx`).
 
-use super::super::error::{invalid, malformed};
-use super::{Rows, Text, broken, push_field, push_number, receive_rows};
+use super::super::error::{broken, invalid, malformed};
+use super::super::memory::Memory;
+use super::{Rows, TEXT_AT_ONCE, Text, push_field, push_number, receive_rows, workbook};
 use crate::intake::options::Options;
 use crate::intake::{Fault, Format, ReadError};
 use crate::recording::{MAX_SIGNALS, NewScratch, Received, Warning};
 use bytes::Bytes;
 use calamine::{Cell, DataRef, ExcelDateTime, Reader, SheetType, SheetVisible, Xlsx};
 use calamine::{XlsxCellReader, XlsxError};
-use std::io::{self, Cursor, Read, Write};
-use zip::ZipArchive;
+use std::io::{self, Cursor, Write};
 
-/// The bytes of a workbook's parts together when they are unpacked, at the most.
-const MAX_UNPACKED: u64 = 2 << 30;
-/// The rows that are turned into text at once.
-const ROWS_AT_ONCE: usize = 256;
+/// The rows of a worksheet, at the most: those that Excel has.
+const MOST_ROWS: u32 = 1 << 20;
 /// Seconds in a day.
 const DAY_S: f64 = 86_400.0;
 
@@ -24,6 +22,7 @@ pub(super) fn receive(
     bytes: Bytes,
     options: &Options,
     scratch: Option<NewScratch>,
+    memory: &Memory,
 ) -> Result<Received, ReadError> {
     if !bytes.starts_with(b"PK") {
         return Err(ReadError::Unsupported(
@@ -32,8 +31,8 @@ pub(super) fn receive(
                 .to_owned(),
         ));
     }
-    check_size(&bytes)?;
-    let mut workbook = Xlsx::new(Cursor::new(bytes)).map_err(|error| not_read(&error))?;
+    let checked = workbook::checked(bytes, memory)?;
+    let mut workbook = Xlsx::new(Cursor::new(checked)).map_err(|error| not_read(&error))?;
     let (sheet, notes) = sheet(&mut workbook, options)?;
     let cells = workbook.worksheet_cells_reader(&sheet);
     let cells = cells.map_err(|error| not_read(&error))?;
@@ -44,35 +43,12 @@ pub(super) fn receive(
         row: 0,
         header: None,
     });
-    receive_rows(Format::Excel, (rows, notes), options, scratch)
+    receive_rows(Format::Excel, (rows, notes), options, scratch, memory)
 }
 
 fn not_read(error: &XlsxError) -> ReadError {
     let detail = format!("this is no Excel workbook that can be read: {error}");
     malformed(Fault::anywhere("not_a_workbook", detail))
-}
-
-/// Refuses a workbook whose parts unpack to more than any memory holds, by unpacking them: what they say
-/// of their sizes need not be true.
-fn check_size(bytes: &Bytes) -> Result<(), ReadError> {
-    let refuse = |detail: String| malformed(Fault::anywhere("not_a_workbook", detail));
-    let archive = ZipArchive::new(Cursor::new(bytes.clone()));
-    let mut archive = archive.map_err(|error| refuse(format!("this is no workbook: {error}")))?;
-    let mut room = MAX_UNPACKED;
-    for place in 0..archive.len() {
-        let part = archive.by_index(place);
-        let part = part.map_err(|error| refuse(format!("this is no workbook: {error}")))?;
-        let unpacked = io::copy(&mut part.take(room + 1), &mut io::sink());
-        let unpacked =
-            unpacked.map_err(|error| refuse(format!("the workbook is broken: {error}")))?;
-        room = room.checked_sub(unpacked).ok_or_else(|| {
-            let gib = MAX_UNPACKED >> 30;
-            refuse(format!(
-                "the workbook unpacks to more than {gib} GiB; send CSV"
-            ))
-        })?;
-    }
-    Ok(())
 }
 
 /// The sheet to read: the one that an option names, or the first that can be seen and has cells.
@@ -173,7 +149,7 @@ impl<'w> Sheet<'w> {
             let line = u64::from(row) + 1;
             broken(Fault::at_line("out_of_place", line, None, detail))
         };
-        if row < self.row {
+        if row < self.row || row >= MOST_ROWS {
             return Err(out_of_place("rows do not follow each other"));
         }
         text.resize(text.len() + (row - self.row) as usize, b'\n');
@@ -216,7 +192,7 @@ impl<'w> Sheet<'w> {
 
 impl Rows for Sheet<'_> {
     fn write(&mut self, text: &mut Vec<u8>) -> io::Result<bool> {
-        for _ in 0..ROWS_AT_ONCE {
+        while text.len() < TEXT_AT_ONCE {
             let Some(first) = self.next()? else {
                 return Ok(!text.is_empty());
             };

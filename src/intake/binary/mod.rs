@@ -4,14 +4,16 @@
 //! column for each signal, or with a row for each sample. Line numbers are those of the rows.
 
 mod excel;
+mod markup;
 mod parquet;
+mod workbook;
 
-use super::error::malformed;
+use super::error::{malformed, told};
+use super::memory::Memory;
 use super::options::Options;
 use super::{Fault, Format, HEAD_BYTES, ReadError, csv};
 use crate::recording::{NewScratch, Received, Warning};
 use bytes::Bytes;
-use std::fmt;
 use std::io::{self, Cursor, Read};
 use std::panic::{self, AssertUnwindSafe};
 
@@ -19,12 +21,16 @@ use std::panic::{self, AssertUnwindSafe};
 /// whole is held in memory.
 const MAX_BYTES: usize = 256 << 20;
 
+/// The text of rows that is made before it is read, beside the last row `[bytes]`.
+const TEXT_AT_ONCE: usize = 64 << 10;
+
 /// Reads a file of one of these formats.
 pub(super) fn receive(
     format: Format,
     source: impl Read,
     options: &Options,
     scratch: Option<NewScratch>,
+    memory: &Memory,
 ) -> Result<Received, ReadError> {
     options.refuse(&["encoding", "decimal"], format.name())?;
     let mut bytes = Vec::new();
@@ -37,10 +43,11 @@ pub(super) fn receive(
         );
         return Err(malformed(Fault::anywhere("too_large", detail)));
     }
+    memory.take(bytes.len() as u64);
     let bytes = Bytes::from(bytes);
     let read = || match format {
-        Format::Excel => excel::receive(bytes, options, scratch),
-        _ => parquet::receive(bytes, options, scratch),
+        Format::Excel => excel::receive(bytes, options, scratch, memory),
+        _ => parquet::receive(bytes, options, scratch, memory),
     };
     unless_it_panics(format, read)
 }
@@ -66,6 +73,7 @@ fn receive_rows(
     (mut rows, notes): (impl Read, Vec<Warning>),
     options: &Options,
     scratch: Option<NewScratch>,
+    memory: &Memory,
 ) -> Result<Received, ReadError> {
     let mut head = Vec::new();
     let read = rows.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
@@ -77,39 +85,11 @@ fn receive_rows(
     let layout = csv::recognised(&head);
     options.refuse(layout.without(), layout.name())?;
     let whole = Cursor::new(head.clone()).chain(rows);
-    let received = csv::receive_as(layout, (&head, whole), options, scratch);
+    let received = csv::receive_as(layout, (&head, whole), options, scratch, memory);
     let mut received = received.map_err(told)?;
     received.source.format = format.name().to_owned();
     received.notes.splice(0..0, notes);
     Ok(received)
-}
-
-/// A fault in the rows, on its way through readers of text.
-#[derive(Debug)]
-struct Broken(Fault);
-
-impl fmt::Display for Broken {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
-    }
-}
-
-impl std::error::Error for Broken {}
-
-/// A fault for a reader of text to pass on.
-fn broken(fault: Fault) -> io::Error {
-    io::Error::new(io::ErrorKind::InvalidData, Broken(fault))
-}
-
-/// The fault that a reader of text passed on.
-fn told(error: ReadError) -> ReadError {
-    let ReadError::Io(error) = error else {
-        return error;
-    };
-    match error.downcast::<Broken>() {
-        Ok(Broken(fault)) => malformed(fault),
-        Err(error) => ReadError::Io(error),
-    }
 }
 
 /// Rows as text, made as they are read.

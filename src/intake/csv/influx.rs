@@ -4,8 +4,10 @@
 use super::super::cell::Cell;
 use super::super::clock::Clock;
 use super::super::error::{Fault, ReadError};
+use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::tags::{Quality, Sample, Tags};
+use super::rows::Rows;
 use super::{is_empty, line_of, read_row, texts};
 use crate::recording::Received;
 use ::csv::{ByteRecord, Reader};
@@ -23,9 +25,13 @@ struct Table {
 const OWN: [&str; 7] = ["", "result", "table", "_start", "_stop", "_time", "_value"];
 
 /// Reads all tables.
-pub(super) fn read(mut rows: Reader<impl Read>, options: &Options) -> Result<Received, ReadError> {
+pub(super) fn read(
+    mut rows: Reader<Rows<impl Read>>,
+    options: &Options,
+    memory: &Memory,
+) -> Result<Received, ReadError> {
     let mut record = ByteRecord::new();
-    let mut tags = Tags::new(Clock::new("_time", "", options), options, None);
+    let mut tags = Tags::new(Clock::new("_time", "", options), options, None, memory);
     let mut table = Table::default();
     while !tags.is_full() && read_row(&mut rows, &mut record)? {
         let fields = texts(&record)?;

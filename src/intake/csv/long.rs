@@ -4,9 +4,11 @@
 use super::super::cell::Cell;
 use super::super::clock::Clock;
 use super::super::error::{Fault, ReadError, invalid};
+use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::quality::Scheme;
 use super::super::tags::{Quality, Sample, Tags};
+use super::rows::Rows;
 use super::{is_empty, line_of, read_row, texts};
 use crate::recording::Received;
 use ::csv::{ByteRecord, Reader};
@@ -76,7 +78,11 @@ impl Places {
 }
 
 /// Reads all rows.
-pub(super) fn read(mut rows: Reader<impl Read>, options: &Options) -> Result<Received, ReadError> {
+pub(super) fn read(
+    mut rows: Reader<Rows<impl Read>>,
+    options: &Options,
+    memory: &Memory,
+) -> Result<Received, ReadError> {
     let mut record = ByteRecord::new();
     read_row(&mut rows, &mut record)?;
     let titles = texts(&record)?;
@@ -87,7 +93,7 @@ pub(super) fn read(mut rows: Reader<impl Read>, options: &Options) -> Result<Rec
     })?;
     let clock = Clock::new(titles[places.time], "", options);
     let scheme = places.quality.and_then(|(_, scheme)| scheme);
-    let mut tags = Tags::new(clock, options, scheme);
+    let mut tags = Tags::new(clock, options, scheme, memory);
     while !tags.is_full() && read_row(&mut rows, &mut record)? {
         if !is_empty(&record) {
             push(&mut tags, places, &record)?;

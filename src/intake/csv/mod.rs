@@ -12,19 +12,22 @@
 mod header;
 mod influx;
 mod long;
+mod rows;
 mod simulink;
 mod sniff;
 mod table;
 
 pub use super::options::Options;
 
-use super::error::malformed;
+use super::error::{malformed, told};
+use super::memory::Memory;
 use super::options::Decimal;
 use super::{Fault, Format, Kind, ReadError};
 use crate::recording::{NewScratch, Received, Recording, Warning};
 use ::csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
 use header::Header;
 pub(super) use header::time_name_and_unit;
+use rows::Rows;
 use sniff::Sniff;
 use std::io::{self, Read};
 use table::Table;
@@ -61,6 +64,7 @@ pub(super) fn receive_as(
     (head, text): (&[u8], impl Read),
     options: &Options,
     scratch: Option<NewScratch>,
+    memory: &Memory,
 ) -> Result<Received, ReadError> {
     let sniff = Sniff::new(head);
     let mut notes = Vec::new();
@@ -75,11 +79,11 @@ pub(super) fn receive_as(
         .flexible(true)
         .has_headers(false)
         // Every row ends with its line, the last one too.
-        .from_reader(text.chain(&b"\n"[..]));
+        .from_reader(Rows::of(text.chain(&b"\n"[..])));
     let mut received = match format {
-        Format::LongCsv => long::read(rows, &options),
-        Format::SimulinkCsv => simulink::read(rows, &options),
-        Format::InfluxCsv => influx::read(rows, &options),
+        Format::LongCsv => long::read(rows, &options, memory),
+        Format::SimulinkCsv => simulink::read(rows, &options, memory),
+        Format::InfluxCsv => influx::read(rows, &options, memory),
         _ => wide(rows, &sniff, &options, scratch),
     }?;
     received.notes.splice(0..0, notes);
@@ -87,7 +91,7 @@ pub(super) fn receive_as(
 }
 
 fn wide(
-    mut rows: Reader<impl Read>,
+    mut rows: Reader<Rows<impl Read>>,
     sniff: &Sniff,
     options: &Options,
     scratch: Option<NewScratch>,
@@ -105,7 +109,11 @@ fn wide(
 }
 
 /// The next row; false at the end.
-fn read_row(rows: &mut Reader<impl Read>, record: &mut ByteRecord) -> Result<bool, ReadError> {
+fn read_row(
+    rows: &mut Reader<Rows<impl Read>>,
+    record: &mut ByteRecord,
+) -> Result<bool, ReadError> {
+    rows.get_mut().begin();
     let is_one = rows.read_byte_record(record).map_err(from_csv)?;
     // The reader counts from where it began to look, which may be empty lines before the row.
     if let Some(mut position) = record.position().cloned() {
@@ -141,7 +149,7 @@ fn not_utf8(line: u64) -> Fault {
 fn from_csv(error: ::csv::Error) -> ReadError {
     let line = error.position().map_or(1, ::csv::Position::line);
     match error.into_kind() {
-        ErrorKind::Io(error) => ReadError::Io(error),
+        ErrorKind::Io(error) => told(ReadError::Io(error)),
         kind => ReadError::Io(io::Error::other(format!("line {line}: {kind:?}"))),
     }
 }

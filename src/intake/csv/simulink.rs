@@ -4,8 +4,10 @@
 use super::super::cell::Cell;
 use super::super::clock::Clock;
 use super::super::error::{Fault, ReadError, invalid};
+use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::tags::{Quality, Sample, Tags};
+use super::rows::Rows;
 use super::{is_empty, line_of, read_row, texts};
 use crate::recording::{Interpolation, Received};
 use ::csv::{ByteRecord, Reader};
@@ -19,10 +21,14 @@ struct Place {
 }
 
 /// Reads all rows.
-pub(super) fn read(mut rows: Reader<impl Read>, options: &Options) -> Result<Received, ReadError> {
+pub(super) fn read(
+    mut rows: Reader<Rows<impl Read>>,
+    options: &Options,
+    memory: &Memory,
+) -> Result<Received, ReadError> {
     let mut record = ByteRecord::new();
     read_row(&mut rows, &mut record)?;
-    let mut tags = Tags::new(Clock::new("time", "s", options), options, None);
+    let mut tags = Tags::new(Clock::new("time", "s", options), options, None, memory);
     let places = signals(&mut tags, &record)?;
     while !tags.is_full() && read_row(&mut rows, &mut record)? {
         let line = line_of(&record);

@@ -10,6 +10,7 @@ mod records;
 mod walk;
 
 use super::clock::Clock;
+use super::memory::Memory;
 use super::options::Options;
 use super::tags::Tags;
 use super::{Format, ReadError, json};
@@ -60,6 +61,7 @@ pub(super) fn read(
     source: impl Read,
     format: Format,
     options: &Options,
+    memory: &Memory,
 ) -> Result<Received, ReadError> {
     let source = BufReader::new(source);
     let is_frame = matches!(
@@ -67,7 +69,7 @@ pub(super) fn read(
         Format::PandasRecords | Format::PandasSplit | Format::PandasTable
     );
     let clock = Clock::new("timestamp", "", options);
-    let tags = Tags::new(clock, options, Records::scheme(format));
+    let tags = Tags::new(clock, options, Records::scheme(format), memory);
     if is_frame {
         let mut frame = Frame::new(tags);
         walk(source, &mut frame).map_err(json::from_json)?;

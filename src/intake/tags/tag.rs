@@ -21,6 +21,8 @@ pub(super) struct Tag {
 pub(super) struct Common {
     pub(super) instants: Vec<f64>,
     pub(super) sample_time: Option<f64>,
+    /// Every tag has its samples at these instants.
+    pub(super) are_all: bool,
 }
 
 impl Tag {
@@ -46,52 +48,103 @@ impl Tag {
                 // Newest first is an order too.
                 disordered = 0;
             }
-            let mut order: Vec<usize> = (0..self.instants.len()).collect();
-            order.sort_by(|a, b| self.instants[*a].total_cmp(&self.instants[*b]));
-            self.instants = order.iter().map(|k| self.instants[*k]).collect();
-            self.values = order.iter().map(|k| self.values[*k]).collect();
-            self.classes = order.iter().map(|k| self.classes[*k]).collect();
+            self.sort();
         }
-        let instants = &self.instants;
-        let is_kept = |k: usize| match purpose {
-            Purpose::Recording => k == 0 || instants[k] > instants[k - 1],
-            Purpose::Stream => k + 1 == instants.len() || instants[k + 1] > instants[k],
-        };
-        let keep: Vec<bool> = (0..instants.len()).map(is_kept).collect();
-        if purpose.is_later_right() {
-            let says_nothing = |k: usize| self.values[k].is_nan() && self.classes[k] == Class::Good;
-            let is_repeat = |k: usize| instants[k] == instants[k - 1];
-            let silent: Vec<usize> = (1..instants.len())
-                .filter(|k| is_repeat(*k) && says_nothing(*k))
-                .collect();
-            for k in silent {
-                (self.values[k], self.classes[k]) = (self.values[k - 1], self.classes[k - 1]);
-            }
-        }
-        let dropped = keep.iter().filter(|keep| !**keep).count();
-        if dropped > 0 {
-            retain(&mut self.instants, &keep);
-            retain(&mut self.values, &keep);
-            retain(&mut self.classes, &keep);
-        }
+        let dropped = self.drop_repeated(purpose);
         (disordered, dropped)
     }
 
     /// Says how many samples have no value though their source does not call them bad.
     pub(super) fn missing(&self) -> Option<Warning> {
-        let samples = self.values.iter().zip(&self.classes);
-        let is_missing = |(value, class): &(&f64, &Class)| value.is_nan() && **class == Class::Good;
-        let missing = samples.filter(is_missing).count();
+        let missing = (0..self.values.len())
+            .filter(|k| self.says_nothing(*k))
+            .count();
         let detail = || format!("{missing} of {} samples are missing", self.values.len());
         (missing > 0).then(|| Warning::of_signal("missing_samples", &self.column.name, detail()))
     }
 
-    /// The values and classes at the instants that all signals have.
-    pub(super) fn on(&self, common: &Common) -> (Vec<f64>, Vec<Class>) {
-        let at = &common.instants;
-        if self.instants == *at {
-            return (self.values.clone(), self.classes.clone());
+    fn says_nothing(&self, k: usize) -> bool {
+        self.values[k].is_nan() && self.classes[k] == Class::Good
+    }
+
+    /// Puts the samples in the order of their instants; those at one instant stay in theirs. Beside the
+    /// samples memory holds four bytes for each.
+    fn sort(&mut self) {
+        /// Marks a place that has its sample.
+        const DONE: u32 = 1 << 31;
+        let samples = u32::try_from(self.instants.len()).expect("fewer samples than are held");
+        let mut order: Vec<u32> = (0..samples).collect();
+        let instant = |k: u32| self.instants[k as usize];
+        order.sort_unstable_by(|a, b| instant(*a).total_cmp(&instant(*b)).then(a.cmp(b)));
+        for first in 0..order.len() {
+            if order[first] & DONE != 0 {
+                continue;
+            }
+            let moved = self.sample(first);
+            let mut place = first;
+            loop {
+                let from = order[place] as usize;
+                order[place] |= DONE;
+                let sample = if from == first {
+                    moved
+                } else {
+                    self.sample(from)
+                };
+                self.set(place, sample);
+                if from == first {
+                    break;
+                }
+                place = from;
+            }
         }
+    }
+
+    /// Keeps one of the samples at an instant; answers how many were dropped.
+    fn drop_repeated(&mut self, purpose: Purpose) -> usize {
+        let samples = self.instants.len();
+        let mut kept = 0;
+        for k in 0..samples {
+            if kept == 0 || self.instants[k] > self.instants[kept - 1] {
+                self.set(kept, self.sample(k));
+                kept += 1;
+            } else if purpose.is_later_right() && !self.says_nothing(k) {
+                self.set(kept - 1, self.sample(k));
+            }
+        }
+        self.instants.truncate(kept);
+        self.values.truncate(kept);
+        self.classes.truncate(kept);
+        samples - kept
+    }
+
+    fn sample(&self, k: usize) -> (f64, f64, Class) {
+        (self.instants[k], self.values[k], self.classes[k])
+    }
+
+    fn set(&mut self, k: usize, (instant, value, class): (f64, f64, Class)) {
+        self.instants[k] = instant;
+        self.values[k] = value;
+        self.classes[k] = class;
+    }
+
+    /// The values and classes at the instants that all signals have; the tag has no samples then.
+    pub(super) fn take_on(&mut self, common: &Common) -> (Vec<f64>, Vec<Class>) {
+        if common.are_all || self.instants == common.instants {
+            self.instants = Vec::new();
+            return (
+                std::mem::take(&mut self.values),
+                std::mem::take(&mut self.classes),
+            );
+        }
+        let on = self.on(common);
+        self.instants = Vec::new();
+        self.values = Vec::new();
+        self.classes = Vec::new();
+        on
+    }
+
+    fn on(&self, common: &Common) -> (Vec<f64>, Vec<Class>) {
+        let at = &common.instants;
         let Some(sample_time) = common.sample_time else {
             let place =
                 |instant: &f64| self.instants.binary_search_by(|own| own.total_cmp(instant));
@@ -104,7 +157,7 @@ impl Tag {
             );
         };
         let rule = Rule::of(self.column.interpolation, Interpolation::Linear);
-        let own_time = TimeAxis::from_instants(self.instants.clone(), 0.0).sample_time();
+        let own_time = TimeAxis::sample_time_of(&self.instants, 0.0);
         let rule = rule.scaled(own_time / sample_time);
         let samples = (self.instants.as_slice(), self.values.as_slice());
         let values = resample(samples, at.iter().copied(), sample_time, rule);
@@ -120,9 +173,4 @@ impl Tag {
         };
         (values, at.iter().map(class).collect())
     }
-}
-
-fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
-    let mut keep = keep.iter();
-    values.retain(|_| *keep.next().expect("as long as the values"));
 }

@@ -4,8 +4,9 @@ mod decoded;
 mod headers;
 mod meaning;
 
-use super::super::error::malformed;
-use super::{Rows, Text, broken, push_field, receive_rows};
+use super::super::error::{broken, malformed};
+use super::super::memory::Memory;
+use super::{Rows, Text, push_field, receive_rows};
 use crate::intake::options::Options;
 use crate::intake::{Fault, Format, ReadError};
 use crate::recording::{MAX_SIGNALS, NewScratch, Received, Warning};
@@ -24,6 +25,7 @@ pub(super) fn receive(
     bytes: Bytes,
     options: &Options,
     scratch: Option<NewScratch>,
+    memory: &Memory,
 ) -> Result<Received, ReadError> {
     let not_read = |why: &dyn fmt::Display| {
         let detail = format!("this is no Parquet file that can be read: {why}");
@@ -55,7 +57,7 @@ pub(super) fn receive(
         row: None,
     };
     let rows = (Text::new(table), note.into_iter().collect());
-    receive_rows(Format::Parquet, rows, options, scratch)
+    receive_rows(Format::Parquet, rows, options, scratch, memory)
 }
 
 /// A column that is read.

@@ -1,0 +1,81 @@
+//! No body takes more memory than a multiple of its size and a constant, whatever it holds: the process
+//! is asked how much it had at the most.
+//!
+//! Each body comes to a server of its own, which has done nothing else: what an allocator keeps of an
+//! earlier body does not count for a later one.
+
+#![cfg(target_os = "linux")]
+
+use greybox::intake::{MEMORY_ALWAYS, MEMORY_PER_BYTE};
+use reqwest::StatusCode;
+
+use super::hostile::{Body, Outcome, bodies};
+use super::server::{Options, Server, answer};
+
+/// What became of a body.
+struct Told {
+    /// The memory that it took beyond what the server had before `[bytes]`.
+    memory: u64,
+    status: StatusCode,
+    answer: serde_json::Value,
+}
+
+async fn sent(body: Body) -> Told {
+    let folder = tempfile::tempdir().expect("a folder");
+    let server = Server::start(folder.path(), Options::new(1, 1.0));
+    // What the first request makes is not the body's.
+    let first = server
+        .post("/v1/datasets")
+        .header("content-type", "text/csv");
+    let first = answer(first.body("time [s],a\n0,1\n1,2\n")).await;
+    assert!(first.expect("an answer").0.is_success());
+    server.forget_memory();
+    let before = server.most_memory();
+    let path = format!("/v1/datasets{}", body.query);
+    let mut request = server.post(&path).header("content-type", body.media_type);
+    if body.is_gzip {
+        request = request.header("content-encoding", "gzip");
+    }
+    let answered = answer(request.body(body.bytes)).await;
+    let (status, answer) = answered.unwrap_or_else(|error| panic!("{}: {error}", body.name));
+    let memory = server.most_memory() - before;
+    let alive = server.get("/livez").send().await;
+    assert!(alive.is_ok_and(|alive| alive.status().is_success()));
+    Told {
+        memory,
+        status,
+        answer,
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn no_body_takes_more_than_four_times_its_size_and_64_mib_of_memory() {
+    let mut broken = Vec::new();
+    for body in bodies() {
+        let (name, size, outcome) = (body.name, body.size, body.outcome);
+        let told = sent(body).await;
+        let most = MEMORY_PER_BYTE * size + MEMORY_ALWAYS;
+        let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+        let row = format!(
+            "{name}: {:.1} MiB took {:.0} of {:.0} MiB, {}: {}",
+            mib(size),
+            mib(told.memory),
+            mib(most),
+            told.status,
+            told.answer["detail"].as_str().unwrap_or_default()
+        );
+        println!("{row}");
+        let is_expected = match outcome {
+            Outcome::Stored => told.status.is_success(),
+            Outcome::Refused(code) => {
+                let faults = told.answer["faults"].as_array().into_iter().flatten();
+                let mut codes = faults.map(|fault| &fault["code"]);
+                told.status.is_client_error() && codes.any(|met| met == code)
+            }
+        };
+        if told.memory > most || !is_expected {
+            broken.push(row);
+        }
+    }
+    assert!(broken.is_empty(), "{}", broken.join("\n"));
+}
