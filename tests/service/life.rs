@@ -95,7 +95,7 @@ async fn ended_once(app: &TestApp, id: &str, status: &str) {
 }
 
 /// How often a short job is asked at each moment of its life.
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 3;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_a_short_job_was_answered_holds_at_every_moment_of_its_life() {
