@@ -4,7 +4,7 @@
 //! into and no others, so that one late sample costs as much as one that comes in time. What is older
 //! or more than a stream is to keep goes block by block, the oldest first.
 
-mod answers;
+pub(super) mod answers;
 mod blocks;
 
 use std::collections::HashMap;

@@ -265,7 +265,7 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder>; 5] {
     const LABELS: &str = "insert into job_labels (job, label, value) ";
     const DATASETS: &str = "insert into job_datasets (job, dataset) ";
     const EVENTS: &str = "insert into events (job, id, name, data) ";
-    const KEYS: &str = "insert into idempotency (project, key, body_digest, made) ";
+    const KEYS: &str = "insert into idempotency (project, key, body_digest, made, created_at) ";
     let labels = jobs.iter().flat_map(|fresh| {
         let labels = fresh.job.labels.iter();
         labels.map(|label| (fresh.id, label))
@@ -276,7 +276,7 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder>; 5] {
     });
     let keys = jobs
         .iter()
-        .filter_map(|fresh| Some((fresh.id, fresh.job.idempotency.as_ref()?)));
+        .filter_map(|fresh| Some((fresh, fresh.job.idempotency.as_ref()?)));
     let first = Event::State {
         status: Status::Queued,
     };
@@ -312,11 +312,12 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder>; 5] {
                 .push_bind(first.name())
                 .push_bind(first.data());
         }),
-        rows((KEYS, ""), keys, |row, (job, idempotency)| {
+        rows((KEYS, ""), keys, |row, (fresh, idempotency)| {
             row.push_bind(idempotency.project.to_string())
                 .push_bind(idempotency.key.clone())
                 .push_bind(idempotency.body_digest.clone())
-                .push_bind(job.to_string());
+                .push_bind(fresh.id.to_string())
+                .push_bind(fresh.created_at.to_string());
         }),
     ]
 }

@@ -6,6 +6,7 @@ mod cluster;
 mod comparisons;
 mod datasets;
 mod full;
+mod growth;
 mod jobs;
 mod life;
 mod moving;
