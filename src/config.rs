@@ -4,6 +4,7 @@
 
 mod database;
 mod error;
+mod tls;
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::num::NonZeroUsize;
@@ -25,6 +26,7 @@ use crate::worker::WorkerSettings;
 pub use database::DatabaseArguments;
 use database::database_place;
 pub use error::SettingsError;
+pub use tls::TlsFiles;
 
 /// Connections that read the database at the same time.
 const READERS: u32 = 4;
@@ -38,12 +40,16 @@ const DEFAULT_STAMPS_AHEAD_H: u32 = 24;
 const DEFAULT_MAX_CANDIDATES: u64 = 1_000_000;
 /// Recordings of a project.
 const DEFAULT_MAX_DATASETS: u64 = 100_000;
-/// The size of their samples `[MiB]`.
+/// The size of all that a project keeps `[MiB]`.
 const DEFAULT_MAX_STORED_MIB: u32 = 100 << 10;
 /// Unfinished jobs of a project.
 const DEFAULT_MAX_UNFINISHED_JOBS: u64 = 100_000;
 /// Days that the audit log is kept.
 const DEFAULT_KEEP_AUDIT_DAYS: u16 = 400;
+/// Entries of the audit log: 30 days of three changes in two seconds, about 1 GiB.
+const DEFAULT_KEEP_AUDIT_ENTRIES: u64 = 4_000_000;
+/// Days that idempotency keys are kept.
+const DEFAULT_KEEP_KEYS_DAYS: u16 = 7;
 /// Days that deliveries are kept that are over.
 const DEFAULT_KEEP_DELIVERIES_DAYS: u16 = 30;
 /// Connections that are open at the same time at the most, where the system allows so many files.
@@ -164,7 +170,8 @@ pub struct Settings {
     )]
     pub max_datasets: u64,
 
-    /// The size of the samples of a project's recordings and streams, all together `[MiB]`
+    /// The size of what a project keeps `[MiB]`: the samples of its recordings and streams, its jobs with
+    /// their candidates and results, and its idempotency keys
     #[arg(
         long,
         env = "GREYBOX_MAX_STORED_MIB",
@@ -270,6 +277,27 @@ pub struct Settings {
     )]
     pub keep_audit_days: u16,
 
+    /// Entries of the audit log that are kept, the newest; an entry says how many older ones went, and of when
+    #[arg(
+        long,
+        env = "GREYBOX_KEEP_AUDIT_ENTRIES",
+        value_name = "N",
+        default_value_t = DEFAULT_KEEP_AUDIT_ENTRIES,
+        value_parser = clap::value_parser!(u64).range(1000..)
+    )]
+    pub keep_audit_entries: u64,
+
+    /// Days that idempotency keys are kept, at the least until the job that a key made has ended: for so long
+    /// the same key makes nothing a second time
+    #[arg(
+        long,
+        env = "GREYBOX_KEEP_KEYS_DAYS",
+        value_name = "DAYS",
+        default_value_t = DEFAULT_KEEP_KEYS_DAYS,
+        value_parser = clap::value_parser!(u16).range(1..)
+    )]
+    pub keep_keys_days: u16,
+
     /// Days that deliveries are kept that are over
     #[arg(
         long,
@@ -321,17 +349,6 @@ pub struct Settings {
     pub otlp_endpoint: Option<String>,
 }
 
-/// The files of a server's TLS, each in PEM.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct TlsFiles {
-    /// Its certificate, with those of its authorities.
-    pub certificate: PathBuf,
-    /// The key of that.
-    pub key: PathBuf,
-    /// The authorities of whom every client has to have a certificate, where it has to.
-    pub client_authority: Option<PathBuf>,
-}
-
 fn default_listen() -> SocketAddr {
     (Ipv4Addr::LOCALHOST, 8080).into()
 }
@@ -367,6 +384,8 @@ impl Default for Settings {
             keep_jobs: None,
             keep_candidates_days: None,
             keep_audit_days: DEFAULT_KEEP_AUDIT_DAYS,
+            keep_audit_entries: DEFAULT_KEEP_AUDIT_ENTRIES,
+            keep_keys_days: DEFAULT_KEEP_KEYS_DAYS,
             keep_deliveries_days: DEFAULT_KEEP_DELIVERIES_DAYS,
             tls_cert: None,
             tls_key: None,
@@ -423,7 +442,7 @@ impl Settings {
         });
         Ok(Quotas {
             datasets: self.max_datasets,
-            dataset_bytes: u64::from(self.max_stored_mib) << 20,
+            stored_bytes: u64::from(self.max_stored_mib) << 20,
             unfinished_jobs: self.max_unfinished_jobs,
             work_per_day: work_per_day.transpose()?,
         })
@@ -437,17 +456,10 @@ impl Settings {
             most_jobs: self.keep_jobs,
             candidates: self.keep_candidates_days.map(days),
             audit: Some(days(self.keep_audit_days)),
+            most_audit: Some(self.keep_audit_entries),
+            keys: Some(days(self.keep_keys_days)),
             deliveries: Some(days(self.keep_deliveries_days)),
         }
-    }
-
-    /// The files of its TLS, where it speaks that.
-    pub fn tls(&self) -> Option<TlsFiles> {
-        Some(TlsFiles {
-            certificate: self.tls_cert.clone()?,
-            key: self.tls_key.clone()?,
-            client_authority: self.tls_client_ca.clone(),
-        })
     }
 
     /// Where events may be delivered.

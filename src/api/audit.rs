@@ -1,5 +1,6 @@
 //! The log of who did what: written before the answer is sent, and read by administrators.
 
+use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -21,10 +22,15 @@ use super::session_cookie;
 use crate::access::Project;
 use crate::store::{AuditEntry, AuditRow, Store};
 
-/// Refusals that are written down in so long at the most; of more, their number is.
-const REFUSALS: u32 = 60;
-/// How long.
-const REFUSALS_IN: Duration = Duration::from_secs(60);
+/// Requests of a caller that changed nothing and are written down singly at once, at the most. Of more, their
+/// number is.
+const AT_ONCE: u32 = 60;
+/// After so long one more of them is written down: about a thousand in a day.
+const ONE_MORE_AFTER: Duration = Duration::from_secs(90);
+/// Callers that are remembered before those that are owed nothing are forgotten.
+const REMEMBERED: usize = 10_000;
+/// What callers that are not known are called, all of them together.
+const UNKNOWN: &str = "unknown";
 /// The characters of a path that are written down.
 const PATH_CHARS: usize = 200;
 
@@ -32,27 +38,38 @@ const PATH_CHARS: usize = 200;
 #[derive(Clone)]
 pub struct Audit {
     store: Store,
-    refusals: Arc<Mutex<Refusals>>,
+    callers: Arc<Mutex<HashMap<String, InVain>>>,
 }
 
-/// How many refusals were written down lately.
-struct Refusals {
-    since: Instant,
-    written: u32,
+/// What a caller asked lately that changed nothing.
+struct InVain {
+    /// How many more are written down now.
+    room: f64,
+    seen: Instant,
+    /// How many were not written down since the last entry.
     left_out: u64,
 }
 
-impl Refusals {
-    /// Whether one more is written down, and how many before it were not.
-    fn one_more(&mut self) -> Option<u64> {
-        if self.since.elapsed() >= REFUSALS_IN {
-            (self.since, self.written) = (Instant::now(), 0);
+impl InVain {
+    /// Of a caller that has not asked yet.
+    fn none(now: Instant) -> Self {
+        Self {
+            room: f64::from(AT_ONCE),
+            seen: now,
+            left_out: 0,
         }
-        if self.written >= REFUSALS {
+    }
+
+    /// Counts one more. Says whether it is written down, and how many before it were not.
+    fn one_more(&mut self, now: Instant) -> Option<u64> {
+        let passed = now.duration_since(self.seen).as_secs_f64();
+        let room = self.room + passed / ONE_MORE_AFTER.as_secs_f64();
+        (self.room, self.seen) = (room.min(f64::from(AT_ONCE)), now);
+        if self.room < 1.0 {
             self.left_out += 1;
             return None;
         }
-        self.written += 1;
+        self.room -= 1.0;
         Some(std::mem::take(&mut self.left_out))
     }
 }
@@ -72,40 +89,47 @@ pub(super) struct Asked<'a> {
 impl Audit {
     /// A log in a database.
     pub fn new(store: Store) -> Self {
-        let refusals = Refusals {
-            since: Instant::now(),
-            written: 0,
-            left_out: 0,
-        };
         Self {
             store,
-            refusals: Arc::new(Mutex::new(refusals)),
+            callers: Arc::default(),
         }
     }
 
+    /// Counts a request of a caller. Says whether it is written down, and how many before it were not. What
+    /// changed something always is.
+    fn count(&self, who: &str, in_vain: bool) -> Option<u64> {
+        let now = Instant::now();
+        let mut callers = self.callers.lock().unwrap_or_else(PoisonError::into_inner);
+        if !in_vain {
+            let caller = callers.get_mut(who);
+            return Some(caller.map_or(0, |caller| std::mem::take(&mut caller.left_out)));
+        }
+        if callers.len() >= REMEMBERED && !callers.contains_key(who) {
+            let long_ago = ONE_MORE_AFTER * AT_ONCE;
+            callers.retain(|_, caller| caller.left_out > 0 || caller.seen.elapsed() < long_ago);
+        }
+        let caller = callers.entry(who.to_owned());
+        caller.or_insert_with(|| InVain::none(now)).one_more(now)
+    }
+
     /// Writes down what is to be: who was refused, and, where callers have to say who they are,
-    /// what changes something.
+    /// what changes something or was to.
     pub(super) async fn note(&self, asked: Asked<'_>) {
         let guesses = asked.status == 429 && asked.path == session_cookie::PATH;
         let refused = guesses || matches!(asked.status, 401 | 403 | 421);
-        let is_known = asked.client.as_ref().is_some_and(|client| client.is_known);
         let changes = !matches!(*asked.method, Method::GET | Method::HEAD | Method::OPTIONS);
-        let left_out = if refused {
-            let mut refusals = self.refusals.lock();
-            let refusals = refusals.as_mut().map_err(PoisonError::get_mut);
-            match refusals.unwrap_or_else(|refusals| refusals).one_more() {
-                Some(left_out) => left_out,
-                None => return,
-            }
-        } else if changes && is_known {
-            0
-        } else {
+        let client = asked.client.filter(|client| client.is_known);
+        let is_noted = refused || (changes && client.is_some());
+        if !is_noted {
+            return;
+        }
+        let who = client.as_ref().map_or(UNKNOWN, |client| &client.who);
+        let Some(left_out) = self.count(who, asked.status >= 400) else {
             return;
         };
-        let client = asked.client.filter(|client| client.is_known);
         let entry = AuditEntry {
-            project: client.as_ref().map(|client| client.project.clone()),
-            who: client.map_or_else(|| "unknown".to_owned(), |client| client.who),
+            who: who.to_owned(),
+            project: client.map(|client| client.project),
             address: asked.address,
             method: asked.method.as_str().chars().take(20).collect(),
             path: asked.path.chars().take(PATH_CHARS).collect(),
@@ -127,7 +151,7 @@ pub struct AuditRecord {
     /// When it was written.
     #[schema(value_type = String, format = DateTime)]
     at: Timestamp,
-    /// Who asked: `token <name>`, `person <name>` or `unknown`.
+    /// Who asked: `token <name>`, `person <name>` or `unknown`; `greybox` where entries were lost.
     #[schema(example = "token mes")]
     who: String,
     /// In which project; `null` of a caller that is not known.
@@ -145,12 +169,25 @@ pub struct AuditRecord {
     status: u16,
     /// The request's identifier, under which the server logged it.
     request_id: String,
-    /// Refusals before this one that were too many to be written down singly.
+    /// Requests of this caller before this one that changed nothing and were too many to be written down
+    /// singly. Where entries were lost, how many, of all projects.
     left_out: u64,
+    /// Where entries were let go because the log had too many, when the first of them was written.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    lost_from: Option<Timestamp>,
+    /// Where entries were let go because the log had too many, when the last of them was written.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    lost_to: Option<Timestamp>,
 }
 
 impl From<AuditRow> for AuditRecord {
-    fn from(AuditRow { id, at, entry }: AuditRow) -> Self {
+    fn from(row: AuditRow) -> Self {
+        let AuditRow {
+            id,
+            at,
+            entry,
+            loss,
+        } = row;
         Self {
             id,
             at,
@@ -162,6 +199,8 @@ impl From<AuditRow> for AuditRecord {
             status: entry.status,
             request_id: entry.request_id,
             left_out: entry.left_out,
+            lost_from: loss.map(|loss| loss.from),
+            lost_to: loss.map(|loss| loss.to),
         }
     }
 }
@@ -177,7 +216,10 @@ impl FromQuery for WhichEntries {
 
 /// Read who did what, newest first: every change, and whoever was refused. As JSON, or as CSV.
 ///
-/// Callers that are not known are told of to the administrators of the project `default`.
+/// Callers that are not known are told of to the administrators of the project `default`. Of each caller 60
+/// requests that changed nothing are written down at once and one every 90 s after that; the others are counted in
+/// `left_out` of the caller's next entry. Where the log had too many entries (`--keep-audit-entries`), one entry
+/// says how many of the oldest went, and of when.
 #[utoipa::path(
     get, path = "/v1/audit", operation_id = "read_audit", tag = "access",
     params(PageParams),
@@ -224,18 +266,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_flood_of_refusals_is_counted() {
-        let mut refusals = Refusals {
-            since: Instant::now(),
-            written: 0,
-            left_out: 0,
-        };
-        for _ in 0..REFUSALS {
-            assert_eq!(refusals.one_more(), Some(0));
+    fn a_flood_of_requests_that_change_nothing_is_counted() {
+        let begun = Instant::now();
+        let mut caller = InVain::none(begun);
+        for _ in 0..AT_ONCE {
+            assert_eq!(caller.one_more(begun), Some(0));
         }
-        assert_eq!(refusals.one_more(), None);
-        assert_eq!(refusals.one_more(), None);
-        refusals.since -= REFUSALS_IN;
-        assert_eq!(refusals.one_more(), Some(2));
+        assert_eq!(caller.one_more(begun), None);
+        assert_eq!(caller.one_more(begun), None);
+        assert_eq!(caller.one_more(begun + ONE_MORE_AFTER), Some(2));
+        assert_eq!(caller.one_more(begun + ONE_MORE_AFTER), None);
+    }
+
+    #[test]
+    fn a_day_of_refusals_is_a_thousand_entries_that_count_all_others() {
+        let begun = Instant::now();
+        let mut caller = InVain::none(begun);
+        let (mut entries, mut counted) = (0_u64, 0);
+        let day = Duration::from_hours(24);
+        let requests = day.as_secs() * 2;
+        for request in 0..requests {
+            let at = begun + Duration::from_millis(500 * request);
+            if let Some(left_out) = caller.one_more(at) {
+                entries += 1;
+                counted += left_out + 1;
+            }
+        }
+        assert!(entries <= u64::from(AT_ONCE) + 960, "{entries}");
+        assert_eq!(counted + caller.left_out, requests);
     }
 }

@@ -165,6 +165,14 @@ pub async fn metrics(State(state): State<ApiState>) -> Answer {
     metrics::gauge!("greybox_database_bytes").set(figures.bytes as f64);
     metrics::gauge!("greybox_database_free_bytes").set(figures.free_bytes as f64);
     metrics::gauge!("greybox_deliveries_waiting").set(figures.deliveries_waiting as f64);
+    metrics::gauge!("greybox_audit_entries").set(figures.audit_entries as f64);
+    for (of, bytes) in [
+        ("samples", figures.stored.samples),
+        ("jobs", figures.stored.jobs),
+        ("keys", figures.stored.keys),
+    ] {
+        metrics::gauge!("greybox_stored_bytes", "of" => of).set(bytes as f64);
+    }
     let streams = state.limits.streams_at_once - state.0.streams.free();
     metrics::gauge!("greybox_streams_open").set(streams as f64);
     for (project, worked) in state.store.work_by_project().await? {

@@ -365,6 +365,17 @@ impl<'o> Tags<'o> {
         first
     }
 
+    /// The instants of all tags together, in their order.
+    fn all_instants(&self) -> Vec<f64> {
+        let mut instants: Vec<f64> = Vec::with_capacity(self.samples);
+        self.tags
+            .iter()
+            .for_each(|tag| instants.extend(&tag.instants));
+        instants.sort_unstable_by(f64::total_cmp);
+        instants.dedup();
+        instants
+    }
+
     /// The instants that all signals will have.
     fn common_instants(&mut self) -> Result<Common, ReadError> {
         let first = &self.tags[0].instants;
@@ -383,12 +394,7 @@ impl<'o> Tags<'o> {
             });
         }
         if grid == Some(Grid::None) {
-            let mut instants: Vec<f64> = Vec::with_capacity(self.samples);
-            self.tags
-                .iter()
-                .for_each(|tag| instants.extend(&tag.instants));
-            instants.sort_unstable_by(f64::total_cmp);
-            instants.dedup();
+            let mut instants = self.all_instants();
             self.check_common(instants.len())?;
             instants.shrink_to_fit();
             return Ok(Common {

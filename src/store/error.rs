@@ -10,23 +10,34 @@ use std::time::Duration;
 use jiff::Timestamp;
 use sqlx::postgres::PgDatabaseError;
 
+use super::StoredBytes;
+
 /// A project has as much as it may.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum QuotaExceeded {
     /// Of recordings.
     #[error("the project has as many recordings as it may, {0}; remove some first")]
     Datasets(u64),
-    /// Of the bytes of recordings and streams.
+    /// Of bytes, by samples.
     #[error(
-        "the recordings and streams of the project have {has} bytes and this adds {adds}; together \
-         they may have {limit}; remove some first"
+        "the project has {has}, and this adds {adds}; together they may have {limit}; remove some first"
     )]
-    DatasetBytes {
-        /// Bytes that it has.
-        has: u64,
-        /// Bytes of the one more.
+    Stored {
+        /// What the project has.
+        has: StoredBytes,
+        /// Bytes of the samples that came.
         adds: u64,
-        /// Bytes that it may have.
+        /// Bytes that the project may have.
+        limit: u64,
+    },
+    /// Of bytes, by a job, which would write more of them.
+    #[error(
+        "the project has {has}; together they may have {limit}; remove some before more jobs are taken"
+    )]
+    StoredForJobs {
+        /// What the project has.
+        has: StoredBytes,
+        /// Bytes that the project may have.
         limit: u64,
     },
     /// Of jobs.
@@ -50,7 +61,7 @@ impl QuotaExceeded {
     #[must_use]
     pub fn retry_after(self, now: Timestamp) -> Option<Duration> {
         match self {
-            Self::Datasets(_) | Self::DatasetBytes { .. } => None,
+            Self::Datasets(_) | Self::Stored { .. } | Self::StoredForJobs { .. } => None,
             Self::UnfinishedJobs(_) => Some(Duration::from_secs(60)),
             Self::Work { until, .. } => {
                 let left = until.duration_since(now);

@@ -6,7 +6,7 @@ use jiff::Timestamp;
 
 use super::database;
 use super::jobs::time;
-use super::{Store, StoreError};
+use super::{Store, StoreError, StoredBytes, audit};
 
 /// How the database is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +19,10 @@ pub struct Figures {
     pub free_bytes: u64,
     /// Deliveries that are to be sent.
     pub deliveries_waiting: u64,
+    /// What all projects keep.
+    pub stored: StoredBytes,
+    /// Entries of the audit log, by their numbers.
+    pub audit_entries: u64,
 }
 
 impl Store {
@@ -48,11 +52,21 @@ impl Store {
             database::query_scalar("select count(*) from deliveries where state = 'waiting'")
                 .fetch_one(&mut connection)
                 .await?;
+        let stored = database::query_as(
+            "select cast(coalesce(sum(samples), 0) as bigint) as samples, \
+             cast(coalesce(sum(jobs), 0) as bigint) as jobs, \
+             cast(coalesce(sum(keys), 0) as bigint) as keys from stored_bytes",
+        )
+        .fetch_one(&mut connection)
+        .await?;
+        let audit_entries = audit::numbers(&mut connection).await?;
         Ok(Figures {
             queue_age,
             bytes: bytes.unsigned_abs(),
             free_bytes: free_bytes.unsigned_abs(),
             deliveries_waiting: deliveries_waiting.unsigned_abs(),
+            stored,
+            audit_entries: audit_entries.map_or(0, |(first, last)| first.abs_diff(last) + 1),
         })
     }
 }

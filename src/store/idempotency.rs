@@ -1,7 +1,10 @@
-//! What was made by requests that came with a key.
+//! What was made by requests that came with a key, for as long as keys are kept.
+
+use jiff::Timestamp;
 
 use super::StoreError;
 use super::database::{self, Connection};
+use super::streams::answers;
 use super::writer::Tx;
 use crate::access::Project;
 
@@ -49,13 +52,35 @@ pub(super) async fn remember(
     made: &str,
 ) -> Result<(), StoreError> {
     database::query(
-        "insert into idempotency (project, key, body_digest, made) values ($1, $2, $3, $4)",
+        "insert into idempotency (project, key, body_digest, made, created_at) \
+         values ($1, $2, $3, $4, $5)",
     )
     .bind(idempotency.project.as_str())
     .bind(&idempotency.key)
     .bind(&idempotency.body_digest)
     .bind(made)
+    .bind(Timestamp::now().to_string())
     .execute(&mut **tx)
     .await?;
     Ok(())
+}
+
+/// Removes some of the oldest keys that came before a time, with the answers to their batches. The key of a
+/// job or a comparison that has not ended stays, and that of a monitor that is there. Says how many went.
+pub(super) async fn forget(tx: &mut Tx, cutoff: &str, at_most: i64) -> Result<u64, StoreError> {
+    let made: Vec<String> = database::query_scalar(
+        "delete from idempotency where (project, key) in (\
+             select project, key from idempotency as old where created_at < $1 \
+             and not exists (select 1 from jobs where id = old.made and finished_at is null) \
+             and not exists (select 1 from comparison_jobs join jobs on id = job \
+                 where comparison = old.made and finished_at is null) \
+             and not exists (select 1 from monitors where id = old.made) \
+             order by created_at limit $2) returning made",
+    )
+    .bind(cutoff)
+    .bind(at_most)
+    .fetch_all(&mut **tx)
+    .await?;
+    answers::forget(tx, &made).await?;
+    Ok(made.len() as u64)
 }

@@ -62,7 +62,7 @@ use tokio_util::sync::CancellationToken;
 use crate::access::Project;
 use crate::job::{DatasetId, JobId, MonitorId};
 
-pub use audit::{AuditEntry, AuditRow};
+pub use audit::{AuditEntry, AuditRow, Loss};
 pub use candidates::{CandidatePage, NewCandidates};
 pub use checkpoints::Checkpoint;
 pub use control::Control;
@@ -79,7 +79,7 @@ pub use models::{MAX_UNUSED_MODELS, ModelRemoval, ModelRow, ModelStored, NewMode
 pub use monitors::{Advance, AdvanceWindow, MonitorRow, NewMonitor, NewWindowJob, StoredWindow};
 pub use opening::{DatabasePlace, DatabaseSettings};
 pub use queue::{QUEUE, SliceOfJob, project_of, queue_of};
-pub use quotas::Quotas;
+pub use quotas::{Quotas, StoredBytes};
 pub use retention::{Retention, Tidied};
 pub use sealed::check::Checked;
 pub use shared_parts::SharedPart;

@@ -16,7 +16,7 @@ const BYTES_TOGETHER: usize = 1 << 20;
 const ROWS_TOGETHER: usize = 100;
 
 /// What is copied; a table comes after those that its rows belong to.
-pub(super) const TABLES: [&str; 28] = [
+pub(super) const TABLES: [&str; 29] = [
     "jobs",
     "job_labels",
     "job_datasets",
@@ -32,6 +32,7 @@ pub(super) const TABLES: [&str; 28] = [
     "comparison_jobs",
     "streams",
     "stream_blocks",
+    "signal_lists",
     "stream_batches",
     "monitors",
     "monitor_windows",
@@ -45,6 +46,21 @@ pub(super) const TABLES: [&str; 28] = [
     "webhooks",
     "deliveries",
     "sessions",
+];
+
+/// Tables whose rows triggers count. While many rows are copied into a PostgreSQL the triggers are off, because
+/// each statement would leave a version of its project's count.
+const COUNTED: [&str; 10] = [
+    "datasets",
+    "streams",
+    "jobs",
+    "job_bytes",
+    "events",
+    "generations",
+    "candidates",
+    "results",
+    "idempotency",
+    "signal_lists",
 ];
 
 /// What of a job stays behind: who works it, by which entry of the queue.
@@ -87,6 +103,10 @@ async fn copy_all(source: &Alone, target: &Alone) -> Result<Vec<CopiedTable>, St
         }
     }
     let mut tx = target.pool().begin_write().await?;
+    let is_counted_after = target.pool().kind() == Kind::Postgres;
+    if is_counted_after {
+        set_triggers(&mut tx, "disable").await?;
+    }
     let mut copied = Vec::new();
     let mut digests = Vec::new();
     for table in &tables {
@@ -97,6 +117,12 @@ async fn copy_all(source: &Alone, target: &Alone) -> Result<Vec<CopiedTable>, St
         });
         digests.push((rows, digest));
     }
+    if is_counted_after {
+        database::query("select count_all_bytes()")
+            .execute(&mut tx)
+            .await?;
+        set_triggers(&mut tx, "enable").await?;
+    }
     tx.commit().await?;
     for (table, copied) in tables.iter().zip(digests) {
         if digest_of(table, target.pool()).await? != copied {
@@ -105,6 +131,16 @@ async fn copy_all(source: &Alone, target: &Alone) -> Result<Vec<CopiedTable>, St
         }
     }
     Ok(copied)
+}
+
+/// Turns the triggers of the counted tables of a PostgreSQL off (`disable`) or on (`enable`).
+async fn set_triggers(tx: &mut Connection, how: &'static str) -> Result<(), StoreError> {
+    for table in COUNTED {
+        let mut change = QueryBuilder::new("alter table ");
+        change.push(table).push(" ").push(how).push(" trigger user");
+        change.build().execute(&mut *tx).await?;
+    }
+    Ok(())
 }
 
 /// A database that no other has while it is open.

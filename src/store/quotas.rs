@@ -1,6 +1,7 @@
 //! How much a project may have. It is counted in the transaction that adds to it.
 
 use std::collections::HashMap;
+use std::fmt;
 use std::time::Duration;
 
 use jiff::{Timestamp, ToSpan, civil::Date, tz::TimeZone};
@@ -15,8 +16,8 @@ use crate::access::Project;
 pub struct Quotas {
     /// Recordings.
     pub datasets: u64,
-    /// The bytes of their samples, with those of its streams.
-    pub dataset_bytes: u64,
+    /// The bytes of all that [`StoredBytes`] counts.
+    pub stored_bytes: u64,
     /// Jobs that are queued, running or paused.
     pub unfinished_jobs: u64,
     /// The time that its jobs are at work in a day (UTC); nothing for no limit.
@@ -28,10 +29,45 @@ impl Default for Quotas {
     fn default() -> Self {
         Self {
             datasets: u64::MAX,
-            dataset_bytes: u64::MAX,
+            stored_bytes: u64::MAX,
             unfinished_jobs: u64::MAX,
             work_per_day: None,
         }
+    }
+}
+
+/// What is kept of a project, or of all of them, in bytes of texts and numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, sqlx::FromRow)]
+pub struct StoredBytes {
+    /// The samples of recordings and streams.
+    #[sqlx(try_from = "i64")]
+    pub samples: u64,
+    /// The specifications, events, histories, candidates and results of jobs.
+    #[sqlx(try_from = "i64")]
+    pub jobs: u64,
+    /// Idempotency keys, with the answers to batches.
+    #[sqlx(try_from = "i64")]
+    pub keys: u64,
+}
+
+impl StoredBytes {
+    fn total(self) -> u64 {
+        self.samples + self.jobs + self.keys
+    }
+}
+
+impl fmt::Display for StoredBytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            samples,
+            jobs,
+            keys,
+        } = self;
+        write!(
+            f,
+            "{samples} bytes of recordings and streams, {jobs} of jobs with their histories, candidates and \
+             results, and {keys} of idempotency keys"
+        )
     }
 }
 
@@ -86,6 +122,13 @@ async fn job_room(
             }));
         }
     }
+    let limit = quotas.stored_bytes;
+    if limit < u64::MAX {
+        let has = stored_bytes(tx, project).await?;
+        if has.total() >= limit {
+            return Ok(Err(QuotaExceeded::StoredForJobs { has, limit }));
+        }
+    }
     if quotas.unfinished_jobs == u64::MAX {
         return Ok(Ok(u64::MAX));
     }
@@ -118,29 +161,32 @@ pub(super) async fn check_dataset(
     check_bytes(tx, quotas, project, adds).await
 }
 
-/// Whether a project has room for so many bytes more of samples, those of its streams counted.
+/// Whether a project has room for so many bytes more of samples.
 pub(super) async fn check_bytes(
     tx: &mut Tx,
     quotas: &Quotas,
     project: &Project,
     adds: u64,
 ) -> Result<(), StoreError> {
-    if quotas.dataset_bytes == u64::MAX {
+    let limit = quotas.stored_bytes;
+    if limit == u64::MAX {
         return Ok(());
     }
-    let bytes: i64 = database::query_scalar(
-        "select cast((select coalesce(sum(bytes), 0) from datasets where project = $1) \
-         + (select coalesce(sum(bytes), 0) from streams where project = $1) as bigint)",
-    )
-    .bind(project.as_str())
-    .fetch_one(&mut **tx)
-    .await?;
-    let has = bytes.unsigned_abs();
-    let limit = quotas.dataset_bytes;
-    if has.saturating_add(adds) > limit {
-        return Err(QuotaExceeded::DatasetBytes { has, adds, limit }.into());
+    let has = stored_bytes(tx, project).await?;
+    if has.total().saturating_add(adds) > limit {
+        return Err(QuotaExceeded::Stored { has, adds, limit }.into());
     }
     Ok(())
+}
+
+/// What is kept of a project, as triggers of the database count it.
+async fn stored_bytes(tx: &mut Tx, project: &Project) -> Result<StoredBytes, StoreError> {
+    let stored: Option<StoredBytes> =
+        database::query_as("select samples, jobs, keys from stored_bytes where project = $1")
+            .bind(project.as_str())
+            .fetch_optional(&mut **tx)
+            .await?;
+    Ok(stored.unwrap_or_default())
 }
 
 /// Adds the time that a slice of a job was at work to that of its project.

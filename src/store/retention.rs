@@ -7,7 +7,7 @@ use jiff::{SignedDuration, Timestamp};
 
 use super::database::{self, Kind, QueryBuilder};
 use super::writer::Tx;
-use super::{Change, Store, StoreError, jobs};
+use super::{Change, Store, StoreError, audit, idempotency, jobs};
 use crate::access::Project;
 
 /// Jobs that go in one transaction.
@@ -30,6 +30,10 @@ pub struct Retention {
     pub candidates: Option<Duration>,
     /// The audit log, 30 days at the least.
     pub audit: Option<Duration>,
+    /// Entries of the audit log, the newest, about.
+    pub most_audit: Option<u64>,
+    /// Idempotency keys, with the answers to batches.
+    pub keys: Option<Duration>,
     /// Deliveries that are over.
     pub deliveries: Option<Duration>,
 }
@@ -45,6 +49,8 @@ pub struct Tidied {
     pub audit: u64,
     /// Deliveries.
     pub deliveries: u64,
+    /// Idempotency keys.
+    pub keys: u64,
 }
 
 impl Tidied {
@@ -110,9 +116,15 @@ async fn tidy(tx: &mut Tx, retention: Retention, now: Timestamp) -> Result<Tidie
     if let Some(cutoff) = before(retention.candidates) {
         tidied.candidates = forget_candidates(tx, &cutoff).await?;
     }
-    let audit = retention.audit.map(|age| age.max(AUDIT_AT_LEAST));
-    if let Some(cutoff) = before(audit) {
+    let audit_age = retention.audit.map(|age| age.max(AUDIT_AT_LEAST));
+    if let Some(cutoff) = before(audit_age) {
         tidied.audit = forget(tx, "audit", "at < ?", &cutoff).await?;
+    }
+    if let Some(most) = retention.most_audit {
+        tidied.audit += audit::shorten(tx, most, ROWS_AT_ONCE).await?;
+    }
+    if let Some(cutoff) = before(retention.keys) {
+        tidied.keys = idempotency::forget(tx, &cutoff, ROWS_AT_ONCE).await?;
     }
     if let Some(cutoff) = before(retention.deliveries) {
         let over = "state <> 'waiting' and created_at < ?";

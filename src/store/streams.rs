@@ -5,7 +5,7 @@
 //! or more than a stream is to keep goes block by block, the oldest first. Samples whose stamps lie
 //! ahead of the server's clock do not count for the age of others, nor for what is due.
 
-mod answers;
+pub(super) mod answers;
 mod blocks;
 mod double_hour;
 mod removal;

@@ -186,15 +186,13 @@ impl Gateway {
         let mut stored = BTreeMap::new();
         for (signal, name) in SIGNALS.iter().enumerate() {
             let values = window["samples"]["signals"][name]["values"].as_array();
-            for (time, value) in times.iter().zip(values.into_iter().flatten()) {
-                let Some(value) = value.as_f64() else {
-                    continue;
-                };
-                let after = (time.as_f64().expect("a time") * 1e9).round() as i64;
+            let samples = times.iter().zip(values.into_iter().flatten());
+            stored.extend(samples.filter_map(|(time, value)| {
+                let after = (time.as_f64()? * 1e9).round() as i64;
                 let ns = i64::try_from(begin_ns).expect("this year") + after;
                 assert_eq!(ns % MS, 0, "stamps have milliseconds: {ns} ns");
-                stored.insert((signal, ns / MS), value);
-            }
+                Some(((signal, ns / MS), value.as_f64()?))
+            }));
         }
         stored
     }

@@ -82,20 +82,15 @@ impl Tag {
             }
             let moved = self.sample(first);
             let mut place = first;
-            loop {
-                let from = order[place] as usize;
+            let mut from = order[place] as usize;
+            while from != first {
                 order[place] |= DONE;
-                let sample = if from == first {
-                    moved
-                } else {
-                    self.sample(from)
-                };
-                self.set(place, sample);
-                if from == first {
-                    break;
-                }
+                self.set(place, self.sample(from));
                 place = from;
+                from = order[place] as usize;
             }
+            order[place] |= DONE;
+            self.set(place, moved);
         }
     }
 

@@ -1,10 +1,12 @@
-//! What was answered to batches that came with a key.
+//! What was answered to batches that came with a key, for as long as their keys are kept. The signals of the
+//! stream, which are most of an answer, are kept once for all answers that list the same signals.
 
+use sha2::{Digest, Sha256};
 use uuid::Uuid;
 
-use super::{Appended, BatchOutcome};
+use super::{Appended, BatchOutcome, StreamRow};
 use crate::store::StoreError;
-use crate::store::database;
+use crate::store::database::{self, QueryBuilder};
 use crate::store::idempotency::{self, Idempotency};
 use crate::store::jobs::{from_json, json};
 use crate::store::writer::Tx;
@@ -21,15 +23,22 @@ pub(super) async fn earlier(
         return Ok(None);
     };
     let made = earlier.made;
-    let answer: Option<String> =
-        database::query_scalar("select answer from stream_batches where id = $1")
-            .bind(&made)
-            .fetch_optional(&mut **tx)
-            .await?;
-    Ok(Some(match answer.filter(|_| earlier.is_same_body) {
-        Some(answer) => BatchOutcome::Replayed(from_json("batch", &made, &answer)?),
-        None => BatchOutcome::KeyReused,
-    }))
+    let kept: Option<(String, Option<String>)> = database::query_as(
+        "select answer, signal_lists.signals from stream_batches \
+         left join signal_lists on signal_lists.id = stream_batches.signals \
+         where stream_batches.id = $1",
+    )
+    .bind(&made)
+    .fetch_optional(&mut **tx)
+    .await?;
+    let Some((answer, signals)) = kept.filter(|_| earlier.is_same_body) else {
+        return Ok(Some(BatchOutcome::KeyReused));
+    };
+    let mut appended: Box<Appended> = from_json("batch", &made, &answer)?;
+    if let Some(signals) = signals {
+        appended.stream.signals = from_json("signals", &made, &signals)?;
+    }
+    Ok(Some(BatchOutcome::Replayed(appended)))
 }
 
 /// Keeps the answer to a batch that came with a key.
@@ -39,10 +48,56 @@ pub(super) async fn remember(
     appended: &Appended,
 ) -> Result<(), StoreError> {
     let id = format!("{BATCH}{}", Uuid::now_v7().simple());
-    database::query("insert into stream_batches (id, answer) values ($1, $2)")
+    let signals = json(&appended.stream.signals);
+    let digest = Sha256::digest(&signals);
+    let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+    let list = format!("{} {digest}", idempotency.project);
+    database::query(
+        "insert into signal_lists (id, project, signals) values ($1, $2, $3) \
+         on conflict (id) do nothing",
+    )
+    .bind(&list)
+    .bind(idempotency.project.as_str())
+    .bind(signals)
+    .execute(&mut **tx)
+    .await?;
+    let without_signals = Appended {
+        stream: StreamRow {
+            signals: Vec::new(),
+            ..appended.stream.clone()
+        },
+        ..appended.clone()
+    };
+    database::query("insert into stream_batches (id, answer, signals) values ($1, $2, $3)")
         .bind(&id)
-        .bind(json(appended))
+        .bind(json(&without_signals))
+        .bind(list)
         .execute(&mut **tx)
         .await?;
     idempotency::remember(tx, idempotency, &id).await
+}
+
+/// Removes the answers to batches whose keys have gone, given what each key made, and the lists of signals that
+/// no answer names any more.
+pub(in crate::store) async fn forget(tx: &mut Tx, made: &[String]) -> Result<(), StoreError> {
+    let batches: Vec<&String> = made.iter().filter(|id| id.starts_with(BATCH)).collect();
+    if batches.is_empty() {
+        return Ok(());
+    }
+    let mut removal = QueryBuilder::new("delete from stream_batches where id in (");
+    let mut listed = removal.separated(", ");
+    for id in batches {
+        listed.push_bind(id.clone());
+    }
+    removal.push(")");
+    // Each number of answers is another statement; they are not worth keeping.
+    let removal = removal.build().persistent(false);
+    removal.execute(&mut **tx).await?;
+    database::query(
+        "delete from signal_lists where not exists \
+         (select 1 from stream_batches where stream_batches.signals = signal_lists.id)",
+    )
+    .execute(&mut **tx)
+    .await?;
+    Ok(())
 }

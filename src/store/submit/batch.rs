@@ -266,7 +266,7 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder>; 5] {
     const LABELS: &str = "insert into job_labels (job, label, value) ";
     const DATASETS: &str = "insert into job_datasets (job, dataset) ";
     const EVENTS: &str = "insert into events (job, id, name, data, seal) ";
-    const KEYS: &str = "insert into idempotency (project, key, body_digest, made) ";
+    const KEYS: &str = "insert into idempotency (project, key, body_digest, made, created_at) ";
     let labels = jobs.iter().flat_map(|fresh| {
         let labels = fresh.job.labels.iter();
         labels.map(|label| (fresh.id, label))
@@ -277,40 +277,12 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder>; 5] {
     });
     let keys = jobs
         .iter()
-        .filter_map(|fresh| Some((fresh.id, fresh.job.idempotency.as_ref()?)));
+        .filter_map(|fresh| Some((fresh, fresh.job.idempotency.as_ref()?)));
     let first = Event::State {
         status: Status::Queued,
     };
     [
-        rows((JOBS, ""), jobs.iter(), |row, fresh| {
-            let NewJob {
-                project,
-                name,
-                model,
-                ..
-            } = &fresh.job;
-            let id = fresh.id.to_string();
-            let (labels, spec) = (json(&fresh.job.labels), fresh.job.spec.to_string());
-            let seal = SEALED_JOBS.seal(&[
-                (&id).into(),
-                project.as_str().into(),
-                name.into(),
-                (&labels).into(),
-                model.into(),
-                (&spec).into(),
-            ]);
-            row.push_bind(id)
-                .push_bind(project.as_str())
-                .push_bind(name)
-                .push_bind(labels)
-                .push_bind(model)
-                .push_bind(spec)
-                .push("'queued'")
-                .push_bind(fresh.entry)
-                .push("1")
-                .push_bind(fresh.created_at.to_string())
-                .push_bind(seal);
-        }),
+        rows((JOBS, ""), jobs.iter(), push_job),
         rows((LABELS, ""), labels, |row, (job, (label, value))| {
             row.push_bind(job.to_string())
                 .push_bind(label.clone())
@@ -333,13 +305,45 @@ fn statements(jobs: &[Fresh]) -> [Vec<QueryBuilder>; 5] {
                 .push_bind(data)
                 .push_bind(seal);
         }),
-        rows((KEYS, ""), keys, |row, (job, idempotency)| {
+        rows((KEYS, ""), keys, |row, (fresh, idempotency)| {
             row.push_bind(idempotency.project.to_string())
                 .push_bind(idempotency.key.clone())
                 .push_bind(idempotency.body_digest.clone())
-                .push_bind(job.to_string());
+                .push_bind(fresh.id.to_string())
+                .push_bind(fresh.created_at.to_string());
         }),
     ]
+}
+
+/// Adds the columns of a job to the row that inserts it.
+fn push_job(row: &mut Separated<'_>, fresh: &Fresh) {
+    let NewJob {
+        project,
+        name,
+        model,
+        ..
+    } = &fresh.job;
+    let id = fresh.id.to_string();
+    let (labels, spec) = (json(&fresh.job.labels), fresh.job.spec.to_string());
+    let seal = SEALED_JOBS.seal(&[
+        (&id).into(),
+        project.as_str().into(),
+        name.into(),
+        (&labels).into(),
+        model.into(),
+        (&spec).into(),
+    ]);
+    row.push_bind(id)
+        .push_bind(project.as_str())
+        .push_bind(name)
+        .push_bind(labels)
+        .push_bind(model)
+        .push_bind(spec)
+        .push("'queued'")
+        .push_bind(fresh.entry)
+        .push("1")
+        .push_bind(fresh.created_at.to_string())
+        .push_bind(seal);
 }
 
 /// The statements that insert rows; none where there are none.

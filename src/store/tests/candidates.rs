@@ -121,7 +121,13 @@ async fn a_slice_that_lost_its_job_keeps_no_candidates_and_a_deleted_job_has_non
 }
 
 /// Makes a database what it was before candidates were recorded and comparisons had a table.
-const AS_BEFORE: &str = "drop table candidates; drop table candidate_records; \
+const AS_BEFORE: &str = "drop trigger recordings_come; drop trigger recordings_go; drop trigger streams_come; \
+     drop trigger streams_grow; drop trigger streams_go; drop trigger jobs_come; \
+     drop trigger jobs_go; drop trigger events_come; drop trigger generations_come; \
+     drop trigger generations_change; drop trigger candidates_come; drop trigger candidates_go; \
+     drop trigger results_come; drop trigger results_change; drop trigger keys_come; \
+     drop trigger keys_go; drop trigger signal_lists_come; drop trigger signal_lists_go; \
+     drop table job_bytes; drop table stored_bytes; drop table candidates; drop table candidate_records; \
      drop table comparison_jobs; drop table comparisons; drop table nodes; drop table shared_parts; drop index jobs_shared; \
      alter table jobs drop column is_shared; \
      alter table jobs drop column seal; alter table datasets drop column seal; \
@@ -130,7 +136,7 @@ const AS_BEFORE: &str = "drop table candidates; drop table candidate_records; \
      alter table generations drop column seal; \
      drop table write_probes; drop index jobs_at_work; drop index jobs_with_deaths; \
      drop table monitor_events; drop table monitor_alarms; drop table monitor_windows; \
-     drop table monitors; drop table stream_batches; drop table stream_blocks; \
+     drop table monitors; drop table stream_batches; drop table signal_lists; drop table stream_blocks; \
      drop table streams; drop table deliveries; drop table webhooks; drop table project_days; \
      drop table audit; drop table sessions; drop table tokens; drop index jobs_by_project; \
      drop index jobs_by_project_and_status; drop index jobs_by_project_and_model; \

@@ -203,6 +203,12 @@ impl Life {
         }
     }
 
+    async fn has_ended_unless(&mut self, is_lost: bool, store: &Store, end: SliceEnd) {
+        if !is_lost {
+            self.has_ended(store, end).await;
+        }
+    }
+
     /// Ends all slices that were begun, the newest last.
     async fn end(&mut self, store: &Store, end: SliceEnd) {
         let record = Record {
@@ -221,16 +227,24 @@ impl Life {
                 SliceEnd::Stops => Ending::Stopped(Some(concluded("paused"))),
                 SliceEnd::HandsOn { must } => {
                     let handed_on = store.hand_on(lease, record, must).await;
-                    if handed_on.expect("a write") != HandedOn::Lost {
-                        self.has_ended(store, end).await;
-                    }
+                    let is_lost = handed_on.expect("a write") == HandedOn::Lost;
+                    self.has_ended_unless(is_lost, store, end).await;
                     continue;
                 }
             };
             let hold = store.finish(lease, record, ending).await;
-            if hold.expect("a write") == Hold::Kept {
-                self.has_ended(store, end).await;
-            }
+            let is_lost = hold.expect("a write") == Hold::Lost;
+            self.has_ended_unless(is_lost, store, end).await;
+        }
+    }
+
+    /// Lives through a moment of a plan: the first call, the second call, or the end of the slice.
+    async fn live(&mut self, store: &Store, plan: &Plan, moment: u32) {
+        match (moment, plan.end) {
+            (0, _) => self.ask(store, plan.first).await,
+            (1, _) => self.ask(store, plan.second).await,
+            (_, Some(end)) => self.end(store, end).await,
+            (_, None) => {}
         }
     }
 
@@ -332,12 +346,7 @@ async fn no_ending_of_a_slice_contradicts_what_two_calls_were_answered(mut fixtu
             }
             let store = &fixture.store;
             let done = lives.iter_mut().zip(&plans).map(async |(life, plan)| {
-                match (moment, plan.end) {
-                    (0, _) => life.ask(store, plan.first).await,
-                    (1, _) => life.ask(store, plan.second).await,
-                    (_, Some(end)) => life.end(store, end).await,
-                    (_, None) => {}
-                }
+                life.live(store, plan, moment).await;
                 life.check(store).await;
             });
             join_all(done).await;

@@ -7,6 +7,7 @@ mod comparisons;
 mod damage;
 mod datasets;
 mod full;
+mod growth;
 mod jobs;
 mod life;
 mod moving;

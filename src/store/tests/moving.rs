@@ -5,8 +5,15 @@ use super::*;
 use crate::store::tokens::{self, NewToken};
 
 /// Tables that are not copied: who worked with the database, what the queue and the migrations keep, and
-/// what is found again.
-const NOT_COPIED: [&str; 4] = ["_sqlx_migrations", "nodes", "shared_parts", "write_probes"];
+/// what is found or counted again.
+const NOT_COPIED: [&str; 6] = [
+    "_sqlx_migrations",
+    "job_bytes",
+    "nodes",
+    "shared_parts",
+    "stored_bytes",
+    "write_probes",
+];
 
 fn is_copied(table: &str) -> bool {
     let is_own = !table.starts_with("sqlite_") && !table.starts_with("river_");
@@ -74,6 +81,7 @@ async fn a_file_moves_to_postgresql_and_back_and_its_jobs_go_on() {
     let (fixture, at_work) = filled().await;
     let events = fixture.events(at_work).await;
     let row = fixture.store.job(at_work).await.expect("a read");
+    let stored = fixture.store.figures().await.expect("figures").stored;
     let (settings, _folder) = ended(fixture).await;
     let copied = moving::copy(&settings.place, &there).await.expect("a copy");
     let rows = |name: &str| {
@@ -95,6 +103,8 @@ async fn a_file_moves_to_postgresql_and_back_and_its_jobs_go_on() {
         ..settings.clone()
     };
     let store = open(&at(there.clone()), &Arc::default()).await;
+    let counted = store.figures().await.expect("figures").stored;
+    assert_eq!(counted, stored);
     assert_eq!(store.job(at_work).await.expect("a read"), row);
     assert_eq!(
         store.events_after(at_work, 0, 1000).await.expect("events"),
@@ -119,6 +129,8 @@ async fn a_file_moves_to_postgresql_and_back_and_its_jobs_go_on() {
     let back = moving::copy(&there, &file(&folder)).await.expect("a copy");
     assert_eq!(back, copied);
     let store = open(&at(file(&folder)), &Arc::default()).await;
+    let counted = store.figures().await.expect("figures").stored;
+    assert_eq!(counted, stored);
     let begun = store.begin_slice(at_work, None, 5).await.expect("a slice");
     let Begin::Slice(slice) = begun else {
         panic!("not begun: {begun:?}");
