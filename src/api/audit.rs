@@ -74,6 +74,11 @@ impl InVain {
     }
 }
 
+/// What a request acted on, as its handler says it where the path alone does not. An answer carries it to
+/// the log.
+#[derive(Clone)]
+pub(super) struct ActedOn(pub(super) String);
+
 /// A request that was answered.
 pub(super) struct Asked<'a> {
     /// Who asked, where that is known.

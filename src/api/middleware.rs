@@ -16,7 +16,7 @@ use tower_http::decompression::RequestDecompressionLayer;
 use tracing::Instrument as _;
 use uuid::Uuid;
 
-use super::audit::{Asked, Audit};
+use super::audit::{ActedOn, Asked, Audit};
 use super::client::{Client, PeerAddress};
 use super::error::{PROBLEM_JSON, Problem};
 use super::http_headers::GZIP_TAG_END;
@@ -76,6 +76,7 @@ async fn answer(State(audit): State<Option<Audit>>, request: Request, next: Next
     };
     let mut response = next.run(request).instrument(span.clone()).await;
     let client = response.extensions_mut().remove::<Client>();
+    let acted_on = response.extensions_mut().remove::<ActedOn>();
     let mut response = with_problem(response, &path, &id);
     mark_compressed(response.headers_mut());
     let value = HeaderValue::from_str(&id).expect("the id was checked or made here");
@@ -92,7 +93,7 @@ async fn answer(State(audit): State<Option<Audit>>, request: Request, next: Next
             client,
             address,
             method: &method,
-            path: &path,
+            path: acted_on.as_ref().map_or(&path, |ActedOn(text)| text),
             status,
             request_id: &id,
         };

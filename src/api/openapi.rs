@@ -273,9 +273,9 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 16,
+            n_bodies, 17,
             "three forms of a recording and of a batch, two of a model, a simulation, a design, \
-             a job, a comparison, a part of a stream, a monitor, a webhook and a token"
+             a job, a comparison, a part of a stream, a monitor and its move, a webhook and a token"
         );
     }
 }

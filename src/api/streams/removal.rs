@@ -8,6 +8,7 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::{StreamName, nanoseconds, read_instants};
 use crate::api::ApiState;
+use crate::api::audit::ActedOn;
 use crate::api::client::Client;
 use crate::api::error::{Answer, Problem};
 use crate::api::extract::Named;
@@ -62,6 +63,9 @@ pub async fn remove_samples(
     Named(StreamName(name)): Named<StreamName>,
     Params(span): Params<RemovedSpan>,
 ) -> Answer {
+    let text = |instant: Option<Timestamp>| instant.map_or_else(String::new, |at| at.to_string());
+    let (from, to) = (text(span.from), text(span.to));
+    let acted_on = ActedOn(format!("/v1/streams/{name}/samples?from={from}&to={to}"));
     let ns = |instant: Option<Timestamp>, open| instant.map_or(open, nanoseconds);
     let span = (ns(span.from, i64::MIN), ns(span.to, i64::MAX));
     let cleared = state.store.remove_samples(&client.project, &name, span);
@@ -71,5 +75,7 @@ pub async fn remove_samples(
         removed: cleared.removed,
         stream: cleared.stream,
     };
-    Ok(json(StatusCode::OK, &shown))
+    let mut response = json(StatusCode::OK, &shown);
+    response.extensions_mut().insert(acted_on);
+    Ok(response)
 }

@@ -236,6 +236,7 @@ async fn worked(fixture: &Fixture, key: &str) -> JobId {
         let hold = fixture.store.record(slice.lease, record).await;
         assert_eq!(hold.expect("a write"), Hold::Kept);
     }
+    fixture.store.request_pause(row.id).await.expect("a write");
     assert_eq!(fixture.finish(&slice, Status::Paused).await, Hold::Kept);
     fixture.store.request_cancel(row.id).await.expect("a write");
     row.id

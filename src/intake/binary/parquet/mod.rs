@@ -6,7 +6,7 @@ mod meaning;
 
 use super::super::error::{broken, malformed};
 use super::super::memory::Memory;
-use super::{Rows, Text, push_field, receive_rows};
+use super::{Rows, TEXT_AT_ONCE, Text, push_field, receive_rows};
 use crate::intake::options::Options;
 use crate::intake::{Fault, Format, ReadError};
 use crate::recording::{MAX_SIGNALS, NewScratch, Received, Warning};
@@ -54,6 +54,7 @@ pub(super) fn receive(
         file,
         columns,
         group: 0,
+        left: 0,
         row: None,
     };
     let rows = (Text::new(table), note.into_iter().collect());
@@ -110,6 +111,8 @@ struct Table {
     columns: Vec<Column>,
     /// The row groups that have been begun.
     group: usize,
+    /// The rows that are decoded and not written.
+    left: usize,
     /// The rows that have been written; none before the header.
     row: Option<u64>,
 }
@@ -182,18 +185,20 @@ impl Rows for Table {
             self.row = Some(0);
             return Ok(true);
         }
-        let rows = loop {
+        while self.left == 0 {
             match self.fill() {
                 Ok(0) if self.group == self.file.metadata().num_row_groups() => return Ok(false),
                 Ok(0) => self.begin_group().map_err(|error| self.fault(&error))?,
-                Ok(rows) => break rows,
+                Ok(rows) => self.left = rows,
                 Err(error) => return Err(self.fault(&error)),
             }
-        };
-        for _ in 0..rows {
-            self.write_row(text)?;
         }
-        self.row = self.row.map(|row| row + rows as u64);
+        // A dictionary may say one long word in every row.
+        while self.left > 0 && text.len() < TEXT_AT_ONCE {
+            self.write_row(text)?;
+            self.left -= 1;
+            self.row = self.row.map(|row| row + 1);
+        }
         Ok(true)
     }
 }
