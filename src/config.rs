@@ -4,16 +4,16 @@
 
 mod database;
 mod error;
+mod network;
 mod tls;
 
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::net::{Ipv4Addr, SocketAddr};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use axum::http::HeaderName;
 use clap::Args;
-use ipnet::IpNet;
 
 use crate::access::{Role, Roles};
 use crate::api::Limits;
@@ -26,6 +26,7 @@ use crate::worker::WorkerSettings;
 pub use database::DatabaseArguments;
 use database::database_place;
 pub use error::SettingsError;
+use network::network;
 pub use tls::TlsFiles;
 
 /// Connections that read the database at the same time.
@@ -491,13 +492,6 @@ impl Settings {
             ..Limits::default()
         }
     }
-}
-
-/// A network, or the one address of a text.
-fn network(text: &str) -> Result<IpNet, SettingsError> {
-    let one = text.parse::<IpAddr>().map(IpNet::from);
-    one.or_else(|_| text.parse())
-        .map_err(|_| SettingsError::Network(text.to_owned()))
 }
 
 #[cfg(test)]

@@ -143,7 +143,7 @@ const PLACES: &[(&str, &[&str])] = &[
     // Texts of plants come in the encodings of their country, and tables in files that are no text.
     ("encoding_rs", &["intake"]),
     ("calamine", &["intake/binary/excel.rs"]),
-    ("zip", &["intake/binary/excel.rs"]),
+    ("zip", &["intake/binary/workbook.rs"]),
     ("parquet", &["intake/binary/mod.rs", "intake/binary/parquet"]),
     ("zmij", &["intake/binary/mod.rs"]),
     // "Did you mean" belongs to the reading of documents and of queries.

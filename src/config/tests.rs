@@ -1,5 +1,7 @@
 //! Flags into settings.
 
+use std::net::IpAddr;
+
 use clap::Parser;
 
 use super::*;

@@ -65,6 +65,11 @@ impl Memory {
         self.taken.set(self.taken.get().saturating_add(bytes));
     }
 
+    /// Gives bytes back that were taken.
+    pub(super) fn release(&self, bytes: u64) {
+        self.taken.set(self.taken.get().saturating_sub(bytes));
+    }
+
     /// A sentence where so many bytes are too many for what was read of the body. `what` would take
     /// the bytes, and `instead` is what the sender can do.
     pub(super) fn refusal(&self, bytes: u64, what: &str, instead: &str) -> Option<String> {

@@ -368,9 +368,7 @@ impl<'o> Tags<'o> {
     /// The instants of all tags together, in their order.
     fn all_instants(&self) -> Vec<f64> {
         let mut instants: Vec<f64> = Vec::with_capacity(self.samples);
-        self.tags
-            .iter()
-            .for_each(|tag| instants.extend(&tag.instants));
+        instants.extend(self.tags.iter().flat_map(|tag| &tag.instants));
         instants.sort_unstable_by(f64::total_cmp);
         instants.dedup();
         instants

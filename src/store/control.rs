@@ -2,13 +2,14 @@
 //!
 //! A job that is not at work changes its state here and now. A running job is asked to stop: the
 //! worker sees the request, ends the slice and writes the state together with the best estimate. The
-//! request holds whatever the slice comes to (see `endings`).
+//! request holds whatever the slice comes to (see `slices/endings`).
 
 use super::database;
 use super::jobs::{self, JobRow};
+use super::slices::endings;
 use super::stop_request::StopRequest;
 use super::writer::Tx;
-use super::{Change, Store, StoreError, endings, queue, results};
+use super::{Change, Store, StoreError, queue, results};
 use crate::access::Project;
 use crate::job::{Event, JobId, Status};
 

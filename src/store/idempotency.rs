@@ -4,7 +4,6 @@ use jiff::Timestamp;
 
 use super::StoreError;
 use super::database::{self, Connection};
-use super::streams::answers;
 use super::writer::Tx;
 use crate::access::Project;
 
@@ -65,9 +64,13 @@ pub(super) async fn remember(
     Ok(())
 }
 
-/// Removes some of the oldest keys that came before a time, with the answers to their batches. The key of a
-/// job or a comparison that has not ended stays, and that of a monitor that is there. Says how many went.
-pub(super) async fn forget(tx: &mut Tx, cutoff: &str, at_most: i64) -> Result<u64, StoreError> {
+/// Removes some of the oldest keys that came before a time, and answers what they made. The key of a
+/// job or a comparison that has not ended stays, and the key of a monitor that is there.
+pub(super) async fn forget(
+    tx: &mut Tx,
+    cutoff: &str,
+    at_most: i64,
+) -> Result<Vec<String>, StoreError> {
     let made: Vec<String> = database::query_scalar(
         "delete from idempotency where (project, key) in (\
              select project, key from idempotency as old where created_at < $1 \
@@ -81,6 +84,5 @@ pub(super) async fn forget(tx: &mut Tx, cutoff: &str, at_most: i64) -> Result<u6
     .bind(at_most)
     .fetch_all(&mut **tx)
     .await?;
-    answers::forget(tx, &made).await?;
-    Ok(made.len() as u64)
+    Ok(made)
 }

@@ -16,7 +16,6 @@ mod control;
 mod damage;
 mod database;
 mod datasets;
-mod endings;
 mod error;
 mod events;
 mod figures;
@@ -42,6 +41,7 @@ mod sessions;
 mod shared_parts;
 mod slices;
 mod stop_request;
+mod stored_bytes;
 mod streams;
 mod submit;
 #[cfg(test)]
@@ -68,7 +68,6 @@ pub use checkpoints::Checkpoint;
 pub use control::Control;
 pub use damage::DamageMet;
 pub use datasets::{DatasetRemoval, DatasetRow, NewDataset};
-pub use endings::Ending;
 pub use error::{Meaning, QuotaExceeded, StoreError};
 pub use events::StoredEvent;
 pub use figures::Figures;
@@ -79,12 +78,13 @@ pub use models::{MAX_UNUSED_MODELS, ModelRemoval, ModelRow, ModelStored, NewMode
 pub use monitors::{Advance, AdvanceWindow, MonitorRow, NewMonitor, NewWindowJob, StoredWindow};
 pub use opening::{DatabasePlace, DatabaseSettings};
 pub use queue::{QUEUE, SliceOfJob, project_of, queue_of};
-pub use quotas::{Quotas, StoredBytes};
+pub use quotas::Quotas;
 pub use retention::{Retention, Tidied};
 pub use sealed::check::Checked;
 pub use shared_parts::SharedPart;
-pub use slices::{Begin, HandedOn, Hold, Lease, Record, Reported, Slice};
+pub use slices::{Begin, Ending, HandedOn, Hold, Lease, Record, Reported, Slice};
 pub use stop_request::StopRequest;
+pub use stored_bytes::StoredBytes;
 pub use streams::{
     Appended, BatchOutcome, DEFAULT_KEEP_MIB, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,
 };

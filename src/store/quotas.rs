@@ -1,14 +1,13 @@
 //! How much a project may have. It is counted in the transaction that adds to it.
 
 use std::collections::HashMap;
-use std::fmt;
 use std::time::Duration;
 
 use jiff::{Timestamp, ToSpan, civil::Date, tz::TimeZone};
 
 use super::database;
 use super::writer::Tx;
-use super::{QuotaExceeded, Store, StoreError};
+use super::{QuotaExceeded, Store, StoreError, StoredBytes};
 use crate::access::Project;
 
 /// What each project may have at the most.
@@ -33,41 +32,6 @@ impl Default for Quotas {
             unfinished_jobs: u64::MAX,
             work_per_day: None,
         }
-    }
-}
-
-/// What is kept of a project, or of all of them, in bytes of texts and numbers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, sqlx::FromRow)]
-pub struct StoredBytes {
-    /// The samples of recordings and streams.
-    #[sqlx(try_from = "i64")]
-    pub samples: u64,
-    /// The specifications, events, histories, candidates and results of jobs.
-    #[sqlx(try_from = "i64")]
-    pub jobs: u64,
-    /// Idempotency keys, with the answers to batches.
-    #[sqlx(try_from = "i64")]
-    pub keys: u64,
-}
-
-impl StoredBytes {
-    fn total(self) -> u64 {
-        self.samples + self.jobs + self.keys
-    }
-}
-
-impl fmt::Display for StoredBytes {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            samples,
-            jobs,
-            keys,
-        } = self;
-        write!(
-            f,
-            "{samples} bytes of recordings and streams, {jobs} of jobs with their histories, candidates and \
-             results, and {keys} of idempotency keys"
-        )
     }
 }
 

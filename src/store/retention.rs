@@ -6,6 +6,7 @@ use std::time::Duration;
 use jiff::{SignedDuration, Timestamp};
 
 use super::database::{self, Kind, QueryBuilder};
+use super::streams::answers;
 use super::writer::Tx;
 use super::{Change, Store, StoreError, audit, idempotency, jobs};
 use crate::access::Project;
@@ -124,7 +125,9 @@ async fn tidy(tx: &mut Tx, retention: Retention, now: Timestamp) -> Result<Tidie
         tidied.audit += audit::shorten(tx, most, ROWS_AT_ONCE).await?;
     }
     if let Some(cutoff) = before(retention.keys) {
-        tidied.keys = idempotency::forget(tx, &cutoff, ROWS_AT_ONCE).await?;
+        let made = idempotency::forget(tx, &cutoff, ROWS_AT_ONCE).await?;
+        answers::forget(tx, &made).await?;
+        tidied.keys = made.len() as u64;
     }
     if let Some(cutoff) = before(retention.deliveries) {
         let over = "state <> 'waiting' and created_at < ?";

@@ -5,10 +5,13 @@
 //! one changes no row and says [`Hold::Lost`], which ends that worker's slice.
 
 mod beginning;
+pub(super) mod endings;
 
 use std::time::Duration;
 
 use riverqueue::Client;
+
+pub use endings::Ending;
 
 use super::database;
 use super::jobs::{self, JobRow};

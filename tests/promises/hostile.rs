@@ -3,7 +3,7 @@
 use std::io::{Cursor, Read, Write};
 use std::sync::Arc;
 
-use parquet::basic::{Compression, ZstdLevel};
+use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
 use parquet::file::properties::{WriterProperties, WriterPropertiesBuilder};
 use parquet::file::writer::SerializedFileWriter;
@@ -269,9 +269,41 @@ fn documents() -> Vec<Body> {
     vec![
         Body::new("lists in lists", JSON, "[".repeat(SIZE)).refused("not_json"),
         Body::new(
+            "a list beside the rows",
+            JSON,
+            repeated(
+                "{\"columns\":[\"t\",\"a\"],\"index\":[1",
+                ",1",
+                "],\"data\":[[1,2],[3,4]]}",
+            ),
+        )
+        .refused("too_much_memory"),
+        Body::new(
+            "texts beside the rows",
+            JSON,
+            repeated(
+                "{\"columns\":[\"t\",\"a\"],\"index\":[1",
+                ",\"\"",
+                "],\"data\":[[1,2]]}",
+            ),
+        )
+        .refused("too_much_memory"),
+        Body::new(
+            "fields of one object",
+            JSON,
+            repeated("[{\"t\":0", ",\"\":1", "}]"),
+        )
+        .refused("too_much_memory"),
+        Body::new(
             "a key of 24 MiB",
             JSON,
             format!("[{{\"t\":0,\"{key}\":1}}]"),
+        )
+        .refused("name_too_long"),
+        Body::new(
+            "a name of 24 MiB",
+            JSON,
+            format!("{{\"sample_time_s\":1,\"signals\":{{\"{key}\":{{\"values\":[1,2]}}}}}}"),
         )
         .refused("name_too_long"),
         Body::new(
@@ -311,11 +343,20 @@ fn columns() -> Vec<Body> {
         || WriterProperties::builder().set_compression(Compression::ZSTD(ZstdLevel::default()));
     let whole = |builder: WriterPropertiesBuilder| builder.set_data_page_size_limit(usize::MAX);
     let plain = whole(zstd()).set_dictionary_enabled(false);
+    let delta = whole(zstd())
+        .set_dictionary_enabled(false)
+        .set_column_encoding("a".into(), Encoding::DELTA_BYTE_ARRAY);
     vec![
         Body::new(
             "a dictionary of one long word",
             BINARY,
             parquet_file(&words(1 << 19, 10_000), zstd()),
+        )
+        .refused("no_signals"),
+        Body::new(
+            "long words that begin alike",
+            BINARY,
+            parquet_file(&words(1 << 17, 4000), delta),
         )
         .refused("no_signals"),
         Body::new(

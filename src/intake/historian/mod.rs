@@ -13,7 +13,7 @@ use super::clock::Clock;
 use super::memory::Memory;
 use super::options::Options;
 use super::tags::Tags;
-use super::{Format, ReadError, json};
+use super::{Format, ReadError};
 use crate::recording::Received;
 use frames::Frame;
 use records::Records;
@@ -72,10 +72,10 @@ pub(super) fn read(
     let tags = Tags::new(clock, options, Records::scheme(format), memory);
     if is_frame {
         let mut frame = Frame::new(tags);
-        walk(source, &mut frame).map_err(json::from_json)?;
+        walk(source, memory, &mut frame)?;
         return frame.into_tags().into_received(format.name());
     }
     let mut records = Records::new(format, tags);
-    walk(source, &mut records).map_err(json::from_json)?;
+    walk(source, memory, &mut records)?;
     records.into_tags().into_received(format.name())
 }

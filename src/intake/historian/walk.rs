@@ -1,11 +1,17 @@
 //! One walk through a document of JSON.
 
 use super::super::cell::Cell;
-use super::super::error::Fault;
-use serde::de::{DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
+use super::super::error::{Fault, ReadError, malformed};
+use super::super::json;
+use super::super::memory::Memory;
+use serde::de::{self, DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
 use std::fmt;
 use std::io::Read;
 use std::rc::Rc;
+
+/// Memory that a value takes in a list that grows by doubling, and a field with its key `[bytes]`.
+const VALUE_BYTES: u64 = 2 * size_of::<Leaf>() as u64;
+const FIELD_BYTES: u64 = 2 * size_of::<(Rc<str>, Leaf)>() as u64;
 
 /// Different keys that are kept for the next object.
 const KEPT_KEYS: usize = 64;
@@ -52,17 +58,36 @@ pub(super) trait Visit {
     fn is_full(&self) -> bool;
 }
 
-/// Walks through the document.
-pub(super) fn walk(source: impl Read, visit: &mut impl Visit) -> Result<(), serde_json::Error> {
-    let mut text = serde_json::Deserializer::from_reader(source);
+/// Walks through the document. Values that wait for the end of their list or object take memory.
+pub(super) fn walk(
+    source: impl Read,
+    memory: &Memory,
+    visit: &mut impl Visit,
+) -> Result<(), ReadError> {
     let mut walker = Walker {
+        memory: memory.clone(),
+        held: 0,
+        refusal: None,
         visit,
         objects: Vec::new(),
         path: Vec::new(),
         keys: Vec::new(),
     };
+    let walked = through(source, &mut walker);
+    memory.release(walker.held);
+    match walker.refusal {
+        Some(detail) => Err(malformed(Fault::anywhere("too_much_memory", detail))),
+        None => walked.map_err(json::from_json),
+    }
+}
+
+fn through<V: Visit>(
+    source: impl Read,
+    walker: &mut Walker<'_, V>,
+) -> Result<(), serde_json::Error> {
+    let mut text = serde_json::Deserializer::from_reader(source);
     let node = Node {
-        walker: &mut walker,
+        walker: &mut *walker,
         in_list: false,
     };
     node.deserialize(&mut text)?;
@@ -73,6 +98,11 @@ pub(super) fn walk(source: impl Read, visit: &mut impl Visit) -> Result<(), serd
 }
 
 struct Walker<'v, V> {
+    memory: Memory,
+    /// Bytes of the values that wait.
+    held: u64,
+    /// Why the values that wait are too many, where they are.
+    refusal: Option<String>,
     visit: &'v mut V,
     objects: Vec<Fields>,
     path: Vec<Step>,
@@ -80,6 +110,32 @@ struct Walker<'v, V> {
 }
 
 impl<V> Walker<'_, V> {
+    /// Holds a value until its list or object ends.
+    fn hold<E: de::Error>(&mut self, leaf: &Leaf, bytes: u64) -> Result<(), E> {
+        let bytes = match leaf {
+            Leaf::Text(text) => bytes + text.len() as u64,
+            _ => bytes,
+        };
+        self.memory.take(bytes);
+        self.held += bytes;
+        if self.memory.left() > 0 {
+            return Ok(());
+        }
+        let detail = format!(
+            "values beside the samples take {} MiB of memory, which is all that a body of this size \
+             leaves for them; send the samples alone",
+            self.held >> 20
+        );
+        self.refusal = Some(detail.clone());
+        Err(E::custom(detail))
+    }
+
+    /// Lets go of what came since so much was held.
+    fn let_go(&mut self, held: u64) {
+        self.memory.release(self.held - held);
+        self.held = held;
+    }
+
     fn key(&mut self, key: &str) -> Rc<str> {
         if let Some(known) = self.keys.iter().find(|known| &***known == key) {
             return Rc::clone(known);
@@ -141,6 +197,7 @@ impl<'de, V: Visit> Visitor<'de> for Node<'_, '_, V> {
         let walker = self.walker;
         let mut scalars = Vec::new();
         let mut all_scalars = true;
+        let held = walker.held;
         for index in 0.. {
             walker.path.push(Step::Index(index));
             let node = Node {
@@ -152,7 +209,10 @@ impl<'de, V: Visit> Visitor<'de> for Node<'_, '_, V> {
             match element {
                 None => break,
                 Some(Leaf::List(_) | Leaf::Object(_) | Leaf::Taken) => all_scalars = false,
-                Some(scalar) => scalars.push(scalar),
+                Some(scalar) => {
+                    walker.hold(&scalar, VALUE_BYTES)?;
+                    scalars.push(scalar);
+                }
             }
         }
         if self.in_list && all_scalars {
@@ -161,17 +221,20 @@ impl<'de, V: Visit> Visitor<'de> for Node<'_, '_, V> {
                 path: &walker.path,
             };
             walker.visit.row(&around, &scalars);
+            walker.let_go(held);
             return Ok(Leaf::Taken);
         }
-        Ok(match all_scalars {
-            true => Leaf::List(scalars),
-            false => Leaf::Taken,
-        })
+        if all_scalars {
+            return Ok(Leaf::List(scalars));
+        }
+        walker.let_go(held);
+        Ok(Leaf::Taken)
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Leaf, A::Error> {
         let walker = self.walker;
         walker.objects.push(Fields::default());
+        let held = walker.held;
         while let Some(key) = map.next_key_seed(Key(walker))? {
             walker.path.push(Step::Key(Rc::clone(&key)));
             let node = Node {
@@ -180,6 +243,7 @@ impl<'de, V: Visit> Visitor<'de> for Node<'_, '_, V> {
             };
             let value = map.next_value_seed(node)?;
             walker.path.pop();
+            walker.hold(&value, FIELD_BYTES)?;
             let fields = walker.objects.last_mut().expect("this object's fields");
             fields.0.push((key, value));
         }
@@ -189,10 +253,11 @@ impl<'de, V: Visit> Visitor<'de> for Node<'_, '_, V> {
             path: &walker.path,
         };
         let is_taken = walker.visit.is_full() || walker.visit.object(&around, &fields);
-        Ok(match is_taken {
-            true => Leaf::Taken,
-            false => Leaf::Object(fields),
-        })
+        if is_taken {
+            walker.let_go(held);
+            return Ok(Leaf::Taken);
+        }
+        Ok(Leaf::Object(fields))
     }
 }
 

@@ -4,7 +4,9 @@ use super::super::error::Faults;
 use super::super::units::{self, Unit};
 use super::super::{Fault, Purpose, ReadError};
 use super::scalar::Scalar;
-use crate::recording::{MAX_SIGNALS, Recording, Signal, TimeAxis, Warning, name_fault};
+use crate::recording::{
+    MAX_NAME_CHARACTERS, MAX_SIGNALS, Recording, Signal, TimeAxis, Warning, name_fault,
+};
 use jiff::Timestamp;
 use std::collections::HashSet;
 
@@ -40,9 +42,10 @@ pub(super) fn fault(code: &'static str, pointer: String, detail: &str) -> Fault 
     Fault::at_pointer(code, pointer, detail)
 }
 
-/// A key as a part of a JSON pointer (RFC 6901).
+/// A key as a part of a JSON pointer (RFC 6901), as far as a name may be long.
 pub(super) fn escape(key: &str) -> String {
-    key.replace('~', "~0").replace('/', "~1")
+    let shown: String = key.chars().take(MAX_NAME_CHARACTERS).collect();
+    shown.replace('~', "~0").replace('/', "~1")
 }
 
 impl Document {

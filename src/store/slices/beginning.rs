@@ -2,15 +2,13 @@
 
 use std::time::Duration;
 
-use super::{Begin, Lease, Reported, Slice};
+use super::{Begin, Ending, Lease, Reported, Slice, endings};
 use crate::job::{Event, Failure, GenerationEvent, JobId, Status};
 use crate::store::damage::Damage;
 use crate::store::database;
 use crate::store::nodes::{SUSPECT_FROM, wait_after};
 use crate::store::writer::Tx;
-use crate::store::{
-    Change, Checkpoint, Ending, StopRequest, StoreError, checkpoints, endings, generations, jobs,
-};
+use crate::store::{Change, Checkpoint, StopRequest, StoreError, checkpoints, generations, jobs};
 
 /// When a slice is to begin, and where damage is noted.
 #[derive(Clone)]

@@ -10,9 +10,6 @@ use ::parquet::data_type::{
 use ::parquet::errors::ParquetError;
 use std::io::{self, Write};
 
-/// The rows that are decoded at once.
-const ROWS_AT_ONCE: usize = 4096;
-
 /// Rows of a column that have been decoded, and where reading goes on.
 pub(super) enum Decoded {
     Bool(Batch<BoolType>),
@@ -39,17 +36,17 @@ impl Decoded {
         }
     }
 
-    /// Decodes some rows; says how many.
-    pub(super) fn fill(&mut self) -> Result<usize, ParquetError> {
+    /// Decodes so many rows at the most; says how many.
+    pub(super) fn fill(&mut self, rows: usize) -> Result<usize, ParquetError> {
         match self {
-            Self::Bool(own) => own.fill(),
-            Self::Int32(own) => own.fill(),
-            Self::Int64(own) => own.fill(),
-            Self::Int96(own) => own.fill(),
-            Self::Float(own) => own.fill(),
-            Self::Double(own) => own.fill(),
-            Self::Bytes(own) => own.fill(),
-            Self::Fixed(own) => own.fill(),
+            Self::Bool(own) => own.fill(rows),
+            Self::Int32(own) => own.fill(rows),
+            Self::Int64(own) => own.fill(rows),
+            Self::Int96(own) => own.fill(rows),
+            Self::Float(own) => own.fill(rows),
+            Self::Double(own) => own.fill(rows),
+            Self::Bytes(own) => own.fill(rows),
+            Self::Fixed(own) => own.fill(rows),
         }
     }
 
@@ -124,15 +121,15 @@ impl<T: DataType> Batch<T> {
         }
     }
 
-    fn fill(&mut self) -> Result<usize, ParquetError> {
+    fn fill(&mut self, most_rows: usize) -> Result<usize, ParquetError> {
         self.levels.clear();
         self.values.clear();
         (self.row, self.value) = (0, 0);
         let mut rows = 0;
         // A call may end early, with a page.
-        while rows < ROWS_AT_ONCE {
+        while rows < most_rows {
             let levels = (self.most > 0).then_some(&mut self.levels);
-            let wanted = ROWS_AT_ONCE - rows;
+            let wanted = most_rows - rows;
             let read = self
                 .reader
                 .read_records(wanted, levels, None, &mut self.values);

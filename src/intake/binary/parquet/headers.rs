@@ -8,12 +8,22 @@
 //! Source: the compact protocol, <https://github.com/apache/thrift/blob/master/doc/specs/thrift-compact-protocol.md>;
 //! the file's layout and the page's header, <https://parquet.apache.org/docs/file-format/>.
 
+use crate::intake::memory::may_unpack;
 use ::parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData};
 
 /// What ends a file: four bytes with the length of the footer, and these.
 const END: &[u8; 4] = b"PAR1";
-/// The field of a page's header that says how many bytes follow it.
+/// The fields of a page's header: the bytes that it unpacks to, the bytes that follow it, and what is said
+/// of a page of data of the first and of the second version.
+const UNCOMPRESSED_PAGE_SIZE: i64 = 2;
 const COMPRESSED_PAGE_SIZE: i64 = 3;
+const DATA_PAGE: i64 = 5;
+const DATA_PAGE_V2: i64 = 8;
+/// The field of each that says how values are encoded.
+const ENCODING: i64 = 2;
+const ENCODING_V2: i64 = 4;
+/// The encoding in which a value says how much of the value before it begins with.
+const DELTA_BYTE_ARRAY: i64 = 7;
 /// Structures within each other, at the most.
 const MOST_DEPTH: u32 = 64;
 
@@ -25,54 +35,120 @@ pub(super) fn footer_is_sound(bytes: &[u8]) -> bool {
         let length = usize::try_from(u32::from_le_bytes(*length)).ok()?;
         let begin = rest.len().checked_sub(length)?;
         (end == END).then_some(())?;
-        Header(&rest[begin..]).structure(MOST_DEPTH)
+        Header(&rest[begin..]).step_over(MOST_DEPTH)
     };
     footer().is_some()
 }
 
-/// Whether the headers of all pages can be stepped through.
-pub(super) fn pages_are_sound(bytes: &[u8], metadata: &ParquetMetaData) -> bool {
-    let groups = metadata.row_groups().iter();
-    groups
-        .flat_map(|group| group.columns())
-        .all(|column| walk_pages(bytes, column).is_some())
+/// What the headers of pages say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Pages {
+    /// Bytes of the largest pages of all columns together, unpacked: they are in memory at once.
+    pub(super) unpacked: u64,
+    /// Whether values say how much of the value before they begin with: short ones may be long then.
+    pub(super) have_prefixes: bool,
 }
 
-fn walk_pages(bytes: &[u8], column: &ColumnChunkMetaData) -> Option<()> {
+/// What the headers of all pages say; nothing where they cannot be stepped through, or say that a page
+/// unpacks to more than a compressed body may.
+pub(super) fn pages(bytes: &[u8], metadata: &ParquetMetaData) -> Option<Pages> {
+    let mut all = Pages::default();
+    for group in metadata.row_groups() {
+        let mut unpacked = 0;
+        for column in group.columns() {
+            let pages = walk_pages(bytes, column)?;
+            unpacked += pages.unpacked;
+            all.have_prefixes |= pages.have_prefixes;
+        }
+        all.unpacked = all.unpacked.max(unpacked);
+    }
+    Some(all)
+}
+
+fn walk_pages(bytes: &[u8], column: &ColumnChunkMetaData) -> Option<Pages> {
     let begin = column
         .dictionary_page_offset()
         .unwrap_or(column.data_page_offset());
     let begin = usize::try_from(begin).ok()?;
     let length = usize::try_from(column.compressed_size()).ok()?;
     let mut header = Header(bytes.get(begin..begin.checked_add(length)?)?);
+    let mut pages = Pages::default();
     while !header.0.is_empty() {
-        let size = header.structure(MOST_DEPTH)?;
-        header.skip(usize::try_from(size).ok()?)?;
+        let page = header.page()?;
+        header.skip(usize::try_from(page.packed).ok()?)?;
+        if !may_unpack(page.packed, page.unpacked) {
+            return None;
+        }
+        // A dictionary stays in memory beside the page at hand.
+        pages.unpacked = pages.unpacked.max(2 * page.unpacked);
+        pages.have_prefixes |= page.encoding == DELTA_BYTE_ARRAY;
     }
-    Some(())
+    Some(pages)
+}
+
+/// The header of a page.
+#[derive(Default)]
+struct Page {
+    packed: u64,
+    unpacked: u64,
+    encoding: i64,
 }
 
 /// What is left of a header.
 struct Header<'b>(&'b [u8]);
 
 impl Header<'_> {
-    /// Steps over a structure; answers its field [`COMPRESSED_PAGE_SIZE`], 0 where it has none.
-    fn structure(&mut self, depth: u32) -> Option<i64> {
-        let (mut id, mut size) = (0_i64, 0);
+    fn page(&mut self) -> Option<Page> {
+        let mut page = Page::default();
+        self.structure(&mut |header, id, kind| match (id, kind) {
+            (UNCOMPRESSED_PAGE_SIZE, 4..=6) => {
+                page.unpacked = u64::try_from(header.number()?).ok()?;
+                Some(())
+            }
+            (COMPRESSED_PAGE_SIZE, 4..=6) => {
+                page.packed = u64::try_from(header.number()?).ok()?;
+                Some(())
+            }
+            (DATA_PAGE, 12) => header.encoding(ENCODING, &mut page),
+            (DATA_PAGE_V2, 12) => header.encoding(ENCODING_V2, &mut page),
+            _ => header.value(kind, MOST_DEPTH),
+        })?;
+        Some(page)
+    }
+
+    /// Steps over what is said of a page of data, and notes how its values are encoded.
+    fn encoding(&mut self, field: i64, page: &mut Page) -> Option<()> {
+        self.structure(&mut |header, id, kind| match (id, kind) {
+            (id, 4..=6) if id == field => {
+                page.encoding = header.number()?;
+                Some(())
+            }
+            _ => header.value(kind, MOST_DEPTH),
+        })
+    }
+
+    /// Steps over a structure.
+    fn step_over(&mut self, depth: u32) -> Option<()> {
+        self.structure(&mut |header, _, kind| header.value(kind, depth))
+    }
+
+    /// Goes through the fields of a structure: `take` gets the number and the kind of each, and steps
+    /// over its value.
+    fn structure(&mut self, take: &mut dyn FnMut(&mut Self, i64, u8) -> Option<()>) -> Option<()> {
+        let mut id = 0_i64;
         loop {
             let field = self.byte()?;
             if field == 0 {
-                return Some(size);
+                return Some(());
             }
             id = match field >> 4 {
                 0 => self.number()?,
                 delta => id + i64::from(delta),
             };
             match field & 0xf {
-                4..=6 if id == COMPRESSED_PAGE_SIZE => size = self.number()?,
                 // A truth value is in the kind itself.
                 1 | 2 => {}
-                kind => self.value(kind, depth)?,
+                kind => take(self, id, kind)?,
             }
         }
     }
@@ -104,7 +180,7 @@ impl Header<'_> {
                     self.value(kinds & 0xf, depth)
                 })
             }
-            12 => self.structure(depth).map(|_| ()),
+            12 => self.step_over(depth),
             13 => self.skip(16),
             _ => None,
         }

@@ -18,6 +18,9 @@ use meaning::Meaning;
 use std::fmt;
 use std::io;
 
+/// The rows that are decoded at once, where no value may be long though its bytes are few.
+const ROWS_AT_ONCE: usize = 4096;
+
 /// What pandas calls an index without a name.
 const UNNAMED_INDEX: &str = "__index_level_0__";
 
@@ -35,9 +38,10 @@ pub(super) fn receive(
         return Err(not_read(&"its footer does not read"));
     }
     let file = SerializedFileReader::new(bytes.clone()).map_err(|error| not_read(&error))?;
-    if !headers::pages_are_sound(&bytes, file.metadata()) {
+    let Some(pages) = headers::pages(&bytes, file.metadata()) else {
         return Err(super::damaged(Format::Parquet));
-    }
+    };
+    memory.hold(pages.unpacked, "pages of this file", "write smaller pages")?;
     let (columns, left_out) = columns(&file, options);
     if columns.len() > MAX_SIGNALS + 1 {
         let detail = format!("more than {MAX_SIGNALS} signals");
@@ -51,6 +55,7 @@ pub(super) fn receive(
         Warning::of_recording("columns_left_out", detail)
     });
     let table = Table {
+        rows_at_once: if pages.have_prefixes { 1 } else { ROWS_AT_ONCE },
         file,
         columns,
         group: 0,
@@ -107,6 +112,8 @@ fn columns(file: &SerializedFileReader<Bytes>, options: &Options) -> (Vec<Column
 
 /// All rows of a file.
 struct Table {
+    /// The rows that are decoded at once.
+    rows_at_once: usize,
     file: SerializedFileReader<Bytes>,
     columns: Vec<Column>,
     /// The row groups that have been begun.
@@ -144,7 +151,7 @@ impl Table {
         let mut rows = None;
         for column in &mut self.columns {
             let own = match &mut column.decoded {
-                Some(decoded) => decoded.fill()?,
+                Some(decoded) => decoded.fill(self.rows_at_once)?,
                 None => 0,
             };
             if *rows.get_or_insert(own) != own {

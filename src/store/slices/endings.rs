@@ -8,16 +8,14 @@ use jiff::Timestamp;
 use riverqueue::Client;
 use serde_json::Value;
 
-use super::database;
-use super::jobs;
-use super::slices::{queue_again, write_record};
-use super::stop_request::StopRequest;
-use super::writer::Tx;
-use super::{
-    Change, Hold, Lease, Record, Store, StoreError, checkpoints, events, results, shared_parts,
+use super::{Hold, Lease, Record, queue_again, write_record};
+use crate::job::{Event, Failure, JobId, Status};
+use crate::store::stop_request::StopRequest;
+use crate::store::writer::Tx;
+use crate::store::{
+    Change, Store, StoreError, checkpoints, corrupt, database, events, jobs, results, shared_parts,
     webhooks,
 };
-use crate::job::{Event, Failure, JobId, Status};
 
 /// What the last slice of a job came to, for now.
 #[derive(Clone, Debug)]
@@ -88,7 +86,10 @@ async fn finish(
 }
 
 /// What a job is asked to do, as it stands in this transaction.
-pub(super) async fn asked(tx: &mut Tx, id: JobId) -> Result<Option<StopRequest>, StoreError> {
+pub(in crate::store) async fn asked(
+    tx: &mut Tx,
+    id: JobId,
+) -> Result<Option<StopRequest>, StoreError> {
     let id = id.to_string();
     let word: Option<Option<String>> =
         database::query_scalar("select request from jobs where id = $1")
@@ -100,7 +101,7 @@ pub(super) async fn asked(tx: &mut Tx, id: JobId) -> Result<Option<StopRequest>,
 }
 
 /// Brings a job into the state that it ends or is held in, with its result or its failure.
-pub(super) async fn end(
+pub(in crate::store) async fn end(
     tx: &mut Tx,
     id: JobId,
     status: Status,
@@ -135,7 +136,7 @@ pub(super) async fn end(
 }
 
 /// Brings a job into a state and tells of it. The only place where a job changes its state.
-pub(super) async fn change_status(
+pub(in crate::store) async fn change_status(
     tx: &mut Tx,
     id: JobId,
     to: Status,
@@ -146,12 +147,10 @@ pub(super) async fn change_status(
         .bind(&key)
         .fetch_one(&mut **tx)
         .await?;
-    let from: Status = from
-        .parse()
-        .map_err(|why| super::corrupt("status", &key, why))?;
+    let from: Status = from.parse().map_err(|why| corrupt("status", &key, why))?;
     let to = from
         .advance_to(to)
-        .map_err(|why| super::corrupt("status", &key, why))?;
+        .map_err(|why| corrupt("status", &key, why))?;
     let now = Timestamp::now().to_string();
     let n_events = i64::try_from(reported.len()).expect("a change tells of little");
     let last_event: i64 = database::query_scalar(
