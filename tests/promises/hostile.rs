@@ -236,8 +236,10 @@ fn tags() -> Vec<Body> {
             "rows of commas of 900 tags",
             CSV,
             repeated(&influx, &row, ""),
-        ),
-        Body::new("lines of 1000 fields", TEXT, repeated("", &line, "")),
+        )
+        .refused("too_many_samples"),
+        Body::new("lines of 1000 fields", TEXT, repeated("", &line, ""))
+            .refused("too_many_samples"),
         Body {
             query: "?time_unit=s",
             ..Body::new("sparse tags on a grid", CSV, [&*sparse, &*dense].concat())

@@ -68,8 +68,8 @@ async fn no_body_takes_more_than_four_times_its_size_and_64_mib_of_memory() {
         let is_expected = match outcome {
             Outcome::Stored => told.status.is_success(),
             Outcome::Refused(code) => {
-                let faults = told.answer["faults"].as_array().into_iter().flatten();
-                let mut codes = faults.map(|fault| &fault["code"]);
+                let errors = told.answer["errors"].as_array().into_iter().flatten();
+                let mut codes = errors.map(|error| &error["code"]);
                 told.status.is_client_error() && codes.any(|met| met == code)
             }
         };
