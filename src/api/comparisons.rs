@@ -173,7 +173,8 @@ fn read_methods(field: &Field<'_>) -> Option<Vec<String>> {
     params(
         ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
          description = "Makes the submission safe to repeat: the same key and body give the same \
-                        answer again")
+                        answer again. The key counts for 7 days (`--keep-keys-days`) and at the \
+                        least until its jobs have ended")
     ),
     request_body(content = ComparisonSpec, content_type = "application/json"),
     responses(

@@ -148,7 +148,8 @@ pub struct PlannedInstants {
                         has ended, or after N seconds (at most 60)"),
         ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
          description = "Makes a job of its own safe to submit again: the same key and body give \
-                        the same answer")
+                        the same answer. The key counts for 7 days (`--keep-keys-days`) and at the \
+                        least until its job has ended")
     ),
     request_body(content = DesignDocument, content_type = "application/json"),
     responses((status = 200, description = "The experiment", body = Design),

@@ -139,7 +139,7 @@ fn no_monitor(id: MonitorId) -> Problem {
     post, path = "/v1/monitors", operation_id = "create_monitor", tag = "monitors",
     params(("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
             description = "Makes the request safe to repeat: the same key and body give the same \
-                           monitor again")),
+                           monitor again, as long as it is there")),
     request_body(content = MonitorSpec, content_type = "application/json"),
     responses(
         (status = 201, description = "The stream is watched", body = Monitor,

@@ -128,7 +128,7 @@ impl FromQuery for BatchQuery {
               description = "`gzip` where the body is compressed"),
         ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
          description = "Makes the batch safe to repeat: the same key and body give the same answer \
-                        again")
+                        again for 7 days (`--keep-keys-days`)")
     ),
     request_body(
         description = "The samples",

@@ -104,7 +104,8 @@ impl Validation {
         SubmitQuery,
         ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
          description = "Makes the submission safe to repeat: the same key and body give the same \
-                        answer again"),
+                        answer again. The key counts for 7 days (`--keep-keys-days`) and at the \
+                        least until its jobs have ended"),
         ("Prefer" = Option<String>, Header, example = "wait=30",
          description = "`wait=N`: answer when the job has ended or was paused, or after N seconds \
                         (at most 60)")

@@ -133,6 +133,9 @@ impl IntoIterator for Look<'_> {
             let detail = "no unit given; the values are taken as SI".to_owned();
             found.push(self.warning("no_unit", detail));
         }
+        if samples - missing < MIN_SAMPLES {
+            return found.into_iter();
+        }
         if values.is_constant() {
             let detail = format!("every sample is {}", shown(values.min.value));
             found.push(self.warning("constant_signal", detail));
