@@ -202,11 +202,11 @@ impl Callers {
         Ok(row)
     }
 
-    /// What is believed of a token.
+    /// The row of a token, as long as it is believed.
     fn remembered(&self, digest: &Digest) -> Option<TokenRow> {
         let tokens = lock(&self.tokens);
-        let known = tokens.remembered.get(digest)?;
-        (known.read.elapsed() < BELIEVED).then(|| known.row.clone())
+        let remembered = tokens.remembered.get(digest)?;
+        (remembered.read.elapsed() < BELIEVED).then(|| remembered.row.clone())
     }
 
     /// Says that a token is now read from the database.

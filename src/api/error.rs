@@ -59,7 +59,7 @@ pub enum Kind {
     HeadersTooLarge,
     /// The path is longer than any that names something.
     PathTooLong,
-    /// What is stored is not what was written.
+    /// Stored data are not what was written.
     DamagedData,
     /// The server failed.
     Internal,

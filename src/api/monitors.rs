@@ -82,7 +82,7 @@ pub struct ShownMonitor {
     windows: Vec<ShownWindow>,
     /// Its newest alarms, twenty at the most, the newest first. `…/alarms` has them all.
     alarms: Vec<Alarm>,
-    /// What it waits for; `null` while a job works a window.
+    /// The window and the samples that the monitor waits for; `null` while a job works a window.
     waits_for: Option<WaitsFor>,
 }
 

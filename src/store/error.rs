@@ -307,7 +307,7 @@ pub enum Meaning {
     NoRoom,
     /// The database cannot be written or read just now.
     Unavailable,
-    /// What is stored is not what was written.
+    /// Stored data are not what was written.
     Damaged,
     /// The program is at fault.
     Fault,

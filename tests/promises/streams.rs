@@ -199,8 +199,8 @@ impl Gateway {
 }
 
 fn kills() -> usize {
-    let said = std::env::var("GREYBOX_TESTS_KILLS").ok();
-    said.map_or(KILLS, |text| text.parse().expect("a number of kills"))
+    let wanted = std::env::var("GREYBOX_TESTS_KILLS").ok();
+    wanted.map_or(KILLS, |text| text.parse().expect("a number of kills"))
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -74,7 +74,7 @@ struct Item {
     kind: Kind,
     /// The tags around it.
     depth: usize,
-    /// Its bytes so far.
+    /// The bytes of the text so far.
     bytes: usize,
 }
 

@@ -178,8 +178,8 @@ async fn a_batch_of_an_hour_that_both_passes_have_is_refused(fixture: Fixture) {
     for value in [1.0, 2.0] {
         append(store, in_double_hour(0..60, value)).await;
     }
-    let other = store.append(in_double_hour(0..60, 3.0)).await;
-    assert_eq!(other.expect("an answer"), BatchOutcome::HourCameTwice);
+    let refused = store.append(in_double_hour(0..60, 3.0)).await;
+    assert_eq!(refused.expect("an answer"), BatchOutcome::HourCameTwice);
     assert!(!rows(store).await.columns[0].values.contains(&3.0));
 }
 
