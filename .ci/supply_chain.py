@@ -173,7 +173,7 @@ def sbom(data):
             "component": {
                 "type": "application",
                 "bom-ref": purl(program),
-                "name": program["name"],
+                "name": program["default_run"],
                 "version": program["version"],
                 "licenses": [{"expression": program["license"]}],
                 "purl": purl(program),

@@ -21,13 +21,13 @@ use crate::config::{FILES_KEPT, MAX_CONNECTIONS, SHUTDOWN_LIMIT, Settings, Setti
 use crate::dashboard;
 use crate::delivery::Sender;
 use crate::event::EventHub;
-use crate::model::Catalogue;
 use crate::monitor::Monitors;
 use crate::store::{Retention, Store, StoreError};
 use crate::worker::Worker;
 use crate::worker::method::Methods;
 use crate::worker::run::Method;
 use addresses::Addresses;
+use greybox::model::Catalogue;
 use tls::Tls;
 pub use tls::TlsError;
 
@@ -366,9 +366,10 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::job::{JobId, Status};
+    use crate::job::Status;
     use crate::store::{NewJob, Submitted};
     use crate::worker::tests::descent::{Descent, Gate};
+    use greybox::identification::JobId;
 
     struct Fixture {
         app: App,

@@ -1,47 +1,5 @@
-//! greybox finds the physical parameters of a plant from recorded data: of a model whose equations
-//! are known and some of whose numbers are not. It runs as an HTTP service and as a library.
-//!
-//! # As a library
-//!
-//! A [`Recording`] is what was measured, a [`Model`] the equations, an [`Identification`] what is
-//! known and what is not; its [`run`](Identification::run) gives an [`Outcome`] with an estimate
-//! and a standard error of each unknown, and a verdict that says how far to trust them.
-//!
-//! ```no_run
-//! use greybox::{Identification, Model, Recording};
-//! use std::fs::File;
-//!
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let recording = Recording::from_csv(File::open("rig.csv")?)?;
-//! let servo = Model::named("single_rod_servo").expect("it is in the catalogue");
-//! let found = Identification::new(&servo, recording)
-//!     .free("mass", 20.0..=120.0)
-//!     .fix("supply_pressure", 7e6)
-//!     .noise("position", 2e-5)
-//!     .seed(1)
-//!     .run()?;
-//! for parameter in &found.parameters {
-//!     let known = &parameter.estimate;
-//!     println!("{}: {} ± {:?}", parameter.name, known.estimate, known.standard_error);
-//! }
-//! println!("trust: {:?}", found.verdict.trust);
-//! # Ok(())
-//! # }
-//! ```
-//!
-//! Where to go on:
-//!
-//! - several recordings, windows, initial states: [`Experiment`];
-//! - equations of one's own, as text: [`Model::from_text`]; in Rust: [`model`];
-//! - looking on, stopping, saving and resuming: [`Run`] and [`estimation::Observer`];
-//! - the settings of the search: [`estimation::Settings`]; of the intervals:
-//!   [`uncertainty::Settings`];
-//! - what an outcome says: [`job::outcome`].
-//!
-//! The method is synchronous and seeded, reads neither clock nor files, and gives the same bits
-//! for the same recording, specification and seed on any number of threads.
-//!
-//! # As a service
+//! The HTTP service and the command line of greybox. The method that they serve is the library
+//! [`greybox`].
 //!
 //! A job travels through these modules in the order in which they are declared:
 //!
@@ -66,9 +24,9 @@ pub mod api;
 
 pub mod access;
 
-pub mod dashboard;
+pub(crate) mod admission;
 
-pub mod report;
+pub mod dashboard;
 
 pub mod job;
 
@@ -83,34 +41,3 @@ pub mod span;
 pub mod monitor;
 
 pub mod worker;
-
-pub mod identification;
-
-pub mod estimation;
-
-pub mod credit;
-
-pub mod genetic;
-
-pub mod uncertainty;
-
-pub mod demo;
-
-pub mod model;
-
-pub mod simulation;
-
-pub(crate) mod language;
-
-pub mod intake;
-
-pub mod recording;
-
-pub mod parsing;
-
-pub mod numerics;
-
-pub use identification::{Experiment, Identification, IdentificationError, Run};
-pub use job::Outcome;
-pub use model::Model;
-pub use recording::Recording;

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    greybox::cli::main()
+    greybox_service::cli::main()
 }

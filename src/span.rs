@@ -9,7 +9,7 @@ use tracing::{Span, info_span};
 use tracing_opentelemetry::OpenTelemetrySpanExt as _;
 
 use crate::access::Project;
-use crate::job::JobId;
+use greybox::identification::JobId;
 
 /// The target of all spans, by which they are told from the log.
 pub const TARGET: &str = "greybox::span";

@@ -12,160 +12,142 @@ use circles::Files;
 use source::{Source, after_path_starts, first_names};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
-/// Each module in the order in which a job travels, and the modules that it may import.
+/// A crate: where its sources are, and its rooms in the order in which a job travels, each with the
+/// rooms of the crate that it may import. What one crate may import of another is said by its
+/// manifest. Files that belong to no room of the table are a room of the crate's own name.
+struct Crate {
+    name: &'static str,
+    folder: &'static str,
+    rooms: &'static [(&'static str, &'static [&'static str])],
+}
+
 #[rustfmt::skip]
-const LAYERS: &[(&str, &[&str])] = &[
-    // The command line starts servers, runs the method without one, and looks after the database of
-    // one that does not run.
-    ("cli", &["app", "config", "api", "access", "delivery", "store", "span", "identification", "job", "parsing", "estimation", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording"]),
-    // The composition root; only the command line imports it.
-    ("app", &["config", "api", "dashboard", "delivery", "job", "store", "event", "monitor", "worker", "model"]),
-    // Settings are handed to the parts as the parts' own types.
-    ("config", &["api", "access", "delivery", "store", "worker"]),
-    // Simulation stands behind `/v1/simulations` only.
-    ("api", &["access", "dashboard", "delivery", "report", "event", "span", "monitor", "store", "job", "intake", "recording", "model", "simulation", "parsing"]),
-    // Names of projects, scopes and secrets: nothing of ours.
-    ("access", &[]),
-    ("dashboard", &[]),
-    // A report for the file has the equations.
-    ("report", &["job", "recording", "model"]),
-    // The settings of the method and the forms of its results are part of a job; a problem is
-    // assembled, and looked over beforehand, from the statistics of its recordings.
-    ("job", &["estimation", "uncertainty", "model", "simulation", "recording", "parsing", "numerics"]),
-    ("store", &["access", "job", "recording"]),
-    ("delivery", &["access", "event", "store", "job"]),
-    ("event", &["access", "store", "job"]),
-    // What a collector is told: requests and slices.
-    ("span", &["access", "job"]),
-    // A window of a stream becomes a job that is read as any other.
-    ("monitor", &["access", "event", "store", "job", "model", "parsing", "recording", "numerics"]),
-    ("worker", &["access", "event", "span", "store", "identification", "job", "estimation", "model", "recording"]),
-    // What a program asks for is what a client asks for: a specification, and the problem that is
-    // assembled from it.
-    ("identification", &["job", "uncertainty", "estimation", "model", "intake", "recording", "parsing"]),
-    ("estimation", &["credit", "genetic", "model", "simulation", "recording", "numerics"]),
-    ("credit", &["numerics"]),
-    ("genetic", &["numerics"]),
-    ("uncertainty", &["estimation", "model", "simulation", "recording", "numerics"]),
-    // Recordings that the program makes are simulated ones.
-    ("demo", &["model", "simulation", "recording", "numerics"]),
-    // A model may be a document that a user wrote.
-    ("model", &["simulation", "language", "parsing", "numerics"]),
-    // The program of a document is made from the graph of its equations.
-    ("simulation", &["language", "numerics"]),
-    ("language", &["numerics"]),
-    ("intake", &["recording", "parsing", "numerics"]),
-    ("recording", &["numerics"]),
-    ("parsing", &[]),
-    ("numerics", &[]),
+const CRATES: [Crate; 5] = [
+    Crate { name: "service", folder: "src", rooms: &[
+        // The command line starts servers, runs the method without one, and looks after the
+        // database of one that does not run.
+        ("cli", &["app", "config", "api", "access", "delivery", "store", "span", "job"]),
+        // The composition root; only the command line imports it.
+        ("app", &["config", "api", "dashboard", "delivery", "job", "store", "event", "monitor", "worker"]),
+        // Settings are handed to the parts as the parts' own types.
+        ("config", &["api", "access", "delivery", "store", "worker"]),
+        ("api", &["access", "admission", "dashboard", "delivery", "event", "span", "monitor", "store", "job"]),
+        // Names of projects, scopes and secrets: nothing of ours.
+        ("access", &[]),
+        // Permits in fair turns.
+        ("admission", &[]),
+        ("dashboard", &[]),
+        ("job", &[]),
+        ("store", &["access", "job"]),
+        ("delivery", &["access", "event", "store", "job"]),
+        ("event", &["access", "store", "job"]),
+        // What a collector is told: requests and slices.
+        ("span", &["access", "job"]),
+        // A window of a stream becomes a job that is read as any other.
+        ("monitor", &["access", "event", "store", "job"]),
+        ("worker", &["access", "admission", "event", "span", "store", "job"]),
+    ] },
+    Crate { name: "greybox", folder: "crates/greybox/src", rooms: &[
+        ("report", &["identification"]),
+        ("identification", &["uncertainty", "estimation"]),
+        // Recordings that the program makes are simulated ones.
+        ("demo", &[]),
+        ("uncertainty", &["estimation"]),
+        ("estimation", &["credit", "genetic"]),
+        ("credit", &[]),
+        ("genetic", &[]),
+    ] },
+    Crate { name: "recording", folder: "crates/recording/src", rooms: &[
+        ("intake", &["recording"]),
+        ("recording", &[]),
+    ] },
+    Crate { name: "simulation", folder: "crates/simulation/src", rooms: &[
+        // A model may be a document that a user wrote.
+        ("model", &["simulation", "language"]),
+        // The program of a document is made from the graph of its equations.
+        ("simulation", &["language"]),
+        ("language", &[]),
+    ] },
+    Crate { name: "numerics", folder: "crates/numerics/src", rooms: &[
+        ("parsing", &[]),
+        ("numerics", &[]),
+    ] },
 ];
 
-/// The half that knows files, clocks and the network.
-const SERVICE: &[&str] = &[
-    "cli",
-    "app",
-    "api",
-    "access",
-    "dashboard",
-    "store",
-    "delivery",
-    "event",
-    "span",
-    "monitor",
-    "worker",
-];
-
-/// The half that is synchronous and seeded.
-#[rustfmt::skip]
-const METHOD: &[&str] = &[
-    "identification", "estimation", "credit", "genetic", "uncertainty", "demo", "model", "simulation", "language", "intake", "recording", "parsing", "numerics",
-];
-
-/// What the method half does without.
+/// What the library does without.
 #[rustfmt::skip]
 const OUTSIDE_WORLD: &[&str] = &[
     "std::env", "std::fs", "std::net", "std::process", "std::time", "std::io::std", "Timestamp::now",
 ];
 
-/// Where each third party may be used: modules or files.
+/// The files and folders where a third party may be used; a third party that is not named here is
+/// free wherever the manifest has it.
 #[rustfmt::skip]
 const PLACES: &[(&str, &[&str])] = &[
     // Settings name headers, and spans come from them.
-    ("axum", &["api", "dashboard", "app", "config", "span.rs"]),
-    ("hyper", &["app", "cli", "delivery"]),
-    ("hyper_util", &["app", "cli", "delivery"]),
-    ("url", &["delivery"]),
-    ("rustls", &["app", "cli", "delivery"]),
-    ("tokio_rustls", &["app", "cli", "delivery"]),
-    ("rustls_native_certs", &["delivery"]),
-    ("hmac", &["delivery"]),
-    ("base64", &["delivery"]),
-    ("tokio_io_timeout", &["app"]),
-    ("http_body", &["api"]),
+    ("axum", &["src/api", "src/dashboard", "src/app", "src/config", "src/span.rs"]),
+    ("hyper", &["src/app", "src/cli", "src/delivery"]),
+    ("hyper_util", &["src/app", "src/cli", "src/delivery"]),
+    ("url", &["src/delivery"]),
+    ("rustls", &["src/app", "src/cli", "src/delivery"]),
+    ("tokio_rustls", &["src/app", "src/cli", "src/delivery"]),
+    ("rustls_native_certs", &["src/delivery"]),
+    ("hmac", &["src/delivery"]),
+    ("base64", &["src/delivery"]),
+    ("tokio_io_timeout", &["src/app"]),
+    ("http_body", &["src/api"]),
     // A command reads the answer of a server over TLS.
-    ("http_body_util", &["cli"]),
-    ("ipnet", &["api", "app", "config", "delivery"]),
-    ("getrandom", &["access", "delivery"]),
+    ("http_body_util", &["src/cli"]),
+    ("ipnet", &["src/api", "src/app", "src/config", "src/delivery"]),
+    ("getrandom", &["src/access", "src/delivery"]),
     // Connections are files.
-    ("rlimit", &["app"]),
-    ("tower", &["api", "dashboard", "app"]),
-    ("tower_http", &["api", "dashboard", "app"]),
-    ("utoipa_axum", &["api"]),
-    ("sqlx", &["store", "worker"]),
-    ("riverqueue", &["store", "worker"]),
-    ("tokio", SERVICE),
-    ("tokio_stream", SERVICE),
-    ("tokio_util", SERVICE),
-    ("futures_util", SERVICE),
-    ("tracing", SERVICE),
-    ("tracing_subscriber", &["cli"]),
-    ("tracing_appender", &["cli/telemetry.rs"]),
-    ("metrics", &["api", "app", "delivery", "store", "worker"]),
-    ("metrics_exporter_prometheus", &["api", "app"]),
-    ("reqwest", &["cli"]),
+    ("rlimit", &["src/app"]),
+    ("tower", &["src/api", "src/dashboard", "src/app"]),
+    ("tower_http", &["src/api", "src/dashboard", "src/app"]),
+    ("utoipa_axum", &["src/api"]),
+    ("sqlx", &["src/store", "src/worker"]),
+    ("riverqueue", &["src/store", "src/worker"]),
+    ("tracing_subscriber", &["src/cli"]),
+    ("tracing_appender", &["src/cli/telemetry.rs"]),
+    ("metrics", &["src/api", "src/app", "src/delivery", "src/store", "src/worker"]),
+    ("metrics_exporter_prometheus", &["src/api", "src/app"]),
+    ("reqwest", &["src/cli"]),
     // Spans are made in one place and sent from another.
-    ("opentelemetry", &["span.rs", "cli/telemetry.rs"]),
-    ("opentelemetry_otlp", &["cli/telemetry.rs"]),
-    ("opentelemetry_sdk", &["cli/telemetry.rs"]),
-    ("tracing_opentelemetry", &["span.rs", "cli/telemetry.rs"]),
+    ("opentelemetry", &["src/span.rs", "src/cli/telemetry.rs"]),
+    ("opentelemetry_otlp", &["src/cli/telemetry.rs"]),
+    ("opentelemetry_sdk", &["src/cli/telemetry.rs"]),
+    ("tracing_opentelemetry", &["src/span.rs", "src/cli/telemetry.rs"]),
     // Where samples are put aside on their way into the database.
-    ("tempfile", &["store"]),
+    ("tempfile", &["src/store"]),
     // Settings are flags as well as variables.
-    ("clap", &["cli", "config"]),
-    ("clap_complete", &["cli"]),
-    ("clap_mangen", &["cli"]),
+    ("clap", &["src/cli", "src/config"]),
+    ("clap_complete", &["src/cli"]),
+    ("clap_mangen", &["src/cli"]),
     // The guides are Markdown.
-    ("pulldown_cmark", &["dashboard"]),
-    ("directories", &["config"]),
-    ("indicatif", &["cli"]),
-    ("comfy_table", &["cli"]),
-    // Texts of plants come in the encodings of their country, and tables in files that are no text.
-    ("encoding_rs", &["intake"]),
-    ("calamine", &["intake/binary/excel.rs"]),
-    ("zip", &["intake/binary/workbook.rs"]),
-    ("parquet", &["intake/binary/mod.rs", "intake/binary/parquet"]),
-    ("zmij", &["intake/binary/mod.rs"]),
-    // "Did you mean" belongs to the reading of documents and of queries.
-    ("strsim", &["parsing", "api"]),
-    ("saphyr_parser", &["parsing"]),
-    ("nalgebra", &["numerics", "uncertainty"]),
-    ("rand", &["numerics/rng.rs"]),
-    ("rand_chacha", &["numerics/rng.rs"]),
+    ("pulldown_cmark", &["src/dashboard"]),
+    ("directories", &["src/config"]),
+    ("indicatif", &["src/cli"]),
+    ("comfy_table", &["src/cli"]),
+    ("calamine", &["crates/recording/src/intake/binary/excel.rs"]),
+    ("zip", &["crates/recording/src/intake/binary/workbook.rs"]),
+    ("parquet", &["crates/recording/src/intake/binary/mod.rs", "crates/recording/src/intake/binary/parquet"]),
+    ("saphyr_parser", &["crates/numerics/src/parsing"]),
+    // Every random number comes from one place.
+    ("rand", &["crates/numerics/src/rng.rs"]),
+    ("rand_chacha", &["crates/numerics/src/rng.rs"]),
     // The pool is the process's: whoever starts the process sizes it.
-    (
-        "rayon",
-        &["simulation/batch.rs", "estimation/refinement.rs", "estimation/search.rs", "uncertainty", "app", "cli"],
-    ),
+    ("rayon", &[
+        "crates/simulation/src/batch.rs", "crates/greybox/src/estimation/refinement.rs",
+        "crates/greybox/src/estimation/search.rs", "crates/greybox/src/uncertainty", "src/app", "src/cli",
+    ]),
 ];
 
-/// What may be used anywhere: the forms of data, errors and identifiers, and mathematics whose
-/// bits are the same on every machine. `utoipa` is among them because its derives stand on the
-/// types that clients see, wherever those are: a second set of types for the documentation would
-/// say everything twice.
+/// What the library must not bring into a program that uses it, by whatever way.
 #[rustfmt::skip]
-const ANYWHERE: &[&str] = &[
-    "serde", "serde_json", "thiserror", "utoipa", "uuid", "jiff", "csv", "sha2", "libm", "bytes",
+const SERVICE_ALONE: [&str; 9] = [
+    "tokio", "axum", "hyper", "tower", "sqlx", "libsqlite3-sys", "reqwest", "rustls", "riverqueue",
 ];
 
 fn package() -> &'static Path {
@@ -197,18 +179,33 @@ fn files(folder: &str, extensions: &[&str]) -> Vec<PathBuf> {
     found
 }
 
+impl Crate {
+    fn sources(&self) -> Vec<Source> {
+        let root = package().join(self.folder);
+        let name = |path: &Path| -> String {
+            let inside = path.strip_prefix(&root).expect("a file below its folder");
+            inside.to_string_lossy().replace('\\', "/")
+        };
+        files(self.folder, &["rs"])
+            .iter()
+            .map(|path| (name(path), path))
+            .filter(|(name, _)| !name.split('/').any(|part| part.starts_with("tests")))
+            .map(|(path, file)| Source::new(self.folder, path, &read(file)))
+            .collect()
+    }
+
+    /// The room that a module at the crate's root belongs to.
+    fn room<'a>(&self, module: &'a str) -> &'a str
+    where
+        'static: 'a,
+    {
+        let has_room = self.rooms.iter().any(|(room, _)| *room == module);
+        if has_room { module } else { self.name }
+    }
+}
+
 fn sources() -> Vec<Source> {
-    let root = package().join("src");
-    let name = |path: &Path| -> String {
-        let inside = path.strip_prefix(&root).expect("a file below src");
-        inside.to_string_lossy().replace('\\', "/")
-    };
-    files("src", &["rs"])
-        .iter()
-        .map(|path| (name(path), path))
-        .filter(|(name, _)| !name.split('/').any(|part| part.starts_with("tests")))
-        .map(|(path, file)| Source::new(path, &read(file)))
-        .collect()
+    CRATES.iter().flat_map(Crate::sources).collect()
 }
 
 fn assert_none(faults: &[String]) {
@@ -217,19 +214,24 @@ fn assert_none(faults: &[String]) {
 
 #[test]
 fn modules_import_only_what_their_layer_may() {
-    let layers: BTreeMap<_, _> = LAYERS.iter().copied().collect();
     let mut faults = Vec::new();
-    for source in sources() {
-        let module = source.module();
-        if matches!(module, "lib" | "main") {
-            continue;
-        }
-        let allowed = layers.get(module).copied().unwrap_or_default();
-        for edge in source.edges() {
-            let known = layers.contains_key(edge.as_str());
-            if known && edge != module && !allowed.contains(&edge.as_str()) {
-                faults.push(format!("src/{} imports {edge}", source.path));
-            }
+    for part in &CRATES {
+        let rooms: BTreeMap<_, _> = part.rooms.iter().copied().collect();
+        for source in part.sources() {
+            let room = part.room(source.module());
+            let Some(allowed) = rooms.get(room) else {
+                continue;
+            };
+            let edges = source.edges();
+            let edges = edges.iter().map(|edge| part.room(edge));
+            let forbidden =
+                |edge: &&str| rooms.contains_key(edge) && *edge != room && !allowed.contains(edge);
+            let forbidden: BTreeSet<&str> = edges.filter(forbidden).collect();
+            faults.extend(
+                forbidden
+                    .iter()
+                    .map(|edge| format!("{} imports {edge}", source.file)),
+            );
         }
     }
     assert_none(&faults);
@@ -237,33 +239,37 @@ fn modules_import_only_what_their_layer_may() {
 
 #[test]
 fn no_files_need_each_other() {
-    let sources = sources();
-    let files = Files::new(&sources);
-    let circles = files.circles();
-    let circles: Vec<String> = circles.iter().map(|own| own.join(" ")).collect();
-    assert_none(&circles);
+    for part in &CRATES {
+        let sources = part.sources();
+        let files = Files::new(&sources);
+        let circles = files.circles();
+        let circles: Vec<String> = circles.iter().map(|circle| circle.join(" ")).collect();
+        assert_none(&circles);
+    }
 }
 
 #[test]
 fn only_the_command_line_starts_programs() {
     let sources = sources();
-    let main = sources.iter().find(|source| source.path == "main.rs");
+    let main = sources.iter().find(|source| source.file == "src/main.rs");
     let main = &main.expect("a program").code;
-    let named: Vec<_> = after_path_starts(main, "greybox::")
+    let named: Vec<_> = after_path_starts(main, "greybox_service::")
         .flat_map(first_names)
         .collect();
     assert_eq!(named, ["cli"]);
 }
 
 #[test]
-fn the_map_declares_every_module_in_the_order_of_the_table() {
-    let map = read(&package().join("src/lib.rs"));
-    let declared: Vec<&str> = map
-        .lines()
-        .filter_map(|line| line.split_once("mod ")?.1.strip_suffix(';'))
-        .collect();
-    let table: Vec<&str> = LAYERS.iter().map(|(module, _)| *module).collect();
-    assert_eq!(declared, table);
+fn the_maps_declare_every_room_in_the_order_of_the_table() {
+    for part in &CRATES[..2] {
+        let map = read(&package().join(part.folder).join("lib.rs"));
+        let declared: Vec<&str> = map
+            .lines()
+            .filter_map(|line| line.split_once("mod ")?.1.strip_suffix(';'))
+            .collect();
+        let table: Vec<&str> = part.rooms.iter().map(|(room, _)| *room).collect();
+        assert_eq!(declared, table);
+    }
 }
 
 #[test]
@@ -272,7 +278,7 @@ fn third_parties_stay_in_their_place() {
     for source in sources() {
         for (name, places) in PLACES {
             if source.names_crate(name) && !source.stands_in(places) {
-                faults.push(format!("src/{} uses {name}", source.path));
+                faults.push(format!("{} uses {name}", source.file));
             }
         }
     }
@@ -280,29 +286,44 @@ fn third_parties_stay_in_their_place() {
 }
 
 #[test]
-fn every_dependency_has_a_place() {
-    let manifest = read(&package().join("Cargo.toml"));
-    let section = manifest
-        .split("\n[")
-        .find_map(|section| section.strip_prefix("dependencies]"));
-    let declared: BTreeSet<String> = section
-        .expect("dependencies")
+fn the_library_brings_nothing_of_the_service() {
+    let tree = Command::new(env!("CARGO"))
+        .args(["tree", "--package=greybox", "--features=excel,parquet"])
+        .args([
+            "--edges=normal,build",
+            "--prefix=none",
+            "--format={p}",
+            "--offline",
+        ])
+        .current_dir(package())
+        .output()
+        .expect("cargo runs");
+    assert!(
+        tree.status.success(),
+        "{}",
+        String::from_utf8_lossy(&tree.stderr)
+    );
+    let tree = String::from_utf8(tree.stdout).expect("text");
+    let packages: BTreeSet<&str> = tree
         .lines()
-        .filter_map(|line| Some(line.split_once(" = ")?.0.replace('-', "_")))
+        .filter_map(|line| line.split(' ').next())
         .collect();
-    let placed = PLACES.iter().map(|(name, _)| name).chain(ANYWHERE);
-    assert_eq!(declared, placed.map(|name| (*name).to_owned()).collect());
+    assert!(packages.contains("nalgebra"), "{packages:?}");
+    let foreign = SERVICE_ALONE.iter().filter(|name| packages.contains(*name));
+    let foreign: Vec<String> = foreign.map(|name| (*name).to_owned()).collect();
+    assert_none(&foreign);
+    assert!(packages.len() <= 150, "{} packages", packages.len());
 }
 
 #[test]
-fn the_method_knows_neither_clock_nor_files_nor_network() {
+fn the_library_knows_neither_clock_nor_files_nor_network() {
     let mut faults = Vec::new();
-    for source in sources().iter().filter(|source| source.stands_in(METHOD)) {
+    for source in CRATES[1..].iter().flat_map(Crate::sources) {
         for name in OUTSIDE_WORLD
             .iter()
             .filter(|name| source.code.contains(*name))
         {
-            faults.push(format!("src/{} uses {name}", source.path));
+            faults.push(format!("{} uses {name}", source.file));
         }
     }
     assert_none(&faults);
@@ -313,9 +334,9 @@ fn only_the_settings_read_the_environment() {
     let readers = sources()
         .into_iter()
         .filter(|source| source.code.contains("env::var"));
-    let readers: Vec<String> = readers.map(|source| source.path).collect();
+    let readers: Vec<String> = readers.map(|source| source.file).collect();
     assert!(
-        readers.iter().all(|path| path == "config.rs"),
+        readers.iter().all(|path| path == "src/config.rs"),
         "{readers:?}"
     );
 }
@@ -325,13 +346,13 @@ fn no_source_panics_on_what_is_not_there() {
     let unwrapping = sources()
         .into_iter()
         .filter(|source| source.code.contains(".unwrap()"));
-    let faults: Vec<String> = unwrapping.map(|source| source.path).collect();
+    let faults: Vec<String> = unwrapping.map(|source| source.file).collect();
     assert_none(&faults);
 }
 
 /// Files of this project's own writing.
 fn own_files() -> Vec<PathBuf> {
-    let folders = ["src", "tests", "benches"];
+    let folders = ["src", "crates", "tests", "benches"];
     folders
         .iter()
         .flat_map(|folder| files(folder, &["rs", "js", "css", "html", "sql"]))

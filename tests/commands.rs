@@ -1,6 +1,6 @@
 //! The commands as a user types them: files in, files and exit codes out.
 
-use greybox::job::Outcome;
+use greybox::identification::Outcome;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
 use std::path::Path;

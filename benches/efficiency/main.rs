@@ -21,12 +21,11 @@
 
 mod theory;
 
-use greybox::Identification;
 use greybox::demo::{self, Demo};
 use greybox::estimation::{Estimation, Problem, Settings};
 use greybox::numerics::rng::{self, Purpose};
 use greybox::recording::Recording;
-use greybox::uncertainty;
+use greybox::{Identification, uncertainty};
 use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;

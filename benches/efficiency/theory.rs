@@ -1,9 +1,7 @@
 //! What theory says of a recording, at the values that are known to be true.
 
 use super::NEVER;
-use greybox::estimation::Problem;
-use greybox::estimation::refine;
-use greybox::estimation::sensitivity;
+use greybox::estimation::{Problem, refine, sensitivity};
 use greybox::numerics::least_squares::Rows;
 use greybox::simulation::Accuracy;
 

@@ -3,7 +3,7 @@
 //! `cargo bench --bench hostile` prints a row for each body of `tests/documents/bodies.rs`; the
 //! shortest of several runs counts, because whatever else the machine does only adds to a time.
 
-#[path = "../../tests/documents/bodies.rs"]
+#[path = "../../crates/greybox/tests/documents/bodies.rs"]
 mod bodies;
 
 use bodies::{Body, bodies};

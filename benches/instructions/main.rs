@@ -77,7 +77,7 @@ fn in_rust(accuracy: Accuracy) -> Work {
 }
 
 fn written(accuracy: Accuracy) -> Work {
-    let text = include_str!("../../tests/documents/models/single_rod_servo.json");
+    let text = include_str!("../../crates/greybox/tests/documents/models/single_rod_servo.json");
     let document = serde_json::from_str(text).expect("a document of the tests is JSON");
     let read = document::read(&document).expect("a document of the tests is sound");
     Work::of(Arc::new(read.model), accuracy)

@@ -5,12 +5,13 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use futures_util::future::try_join_all;
+use greybox::identification::JobId;
 use greybox::intake::csv;
-use greybox::job::{JobId, Status};
 use greybox::model::Catalogue;
-use greybox::store::JobRow;
-use greybox::worker::method::Methods;
-use greybox::worker::run::{Advance, Assignment, Method};
+use greybox_service::job::Status;
+use greybox_service::store::JobRow;
+use greybox_service::worker::method::Methods;
+use greybox_service::worker::run::{Advance, Assignment, Method};
 use jiff::Timestamp;
 use serde_json::Value;
 

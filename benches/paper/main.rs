@@ -17,7 +17,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// Where the figures go.
-const FIGURES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/figures");
+const FIGURES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../benches/figures");
 
 /// The seed of the recording and of the search.
 const SEED: u64 = 1;

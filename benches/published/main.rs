@@ -1,10 +1,10 @@
 //! How long a candidate of a published problem takes: alone, and where thirty share the work, on
-//! one thread. `benches/published.py` sets the figures beside other programs.
+//! one thread. `benches/studies/published.py` sets the figures beside other programs.
 //!
 //! The problems are those of `tests/documents/published.rs`; where they are not at hand nothing is
 //! measured.
 
-#[path = "../../tests/documents/published.rs"]
+#[path = "../../crates/greybox/tests/documents/published.rs"]
 #[expect(dead_code, reason = "the tests in it are not run here")]
 mod published;
 

@@ -1,18 +1,17 @@
 //! How fast the method is: the population simulation, a whole estimate, reading a recording.
 //!
 //! `cargo bench --bench speed` prints a table; with `-- --json` one JSON object instead, which
-//! `benches/compare.py` sets beside other programs. Each figure is the shortest of several runs,
+//! `benches/studies/compare.py` sets beside other programs. Each figure is the shortest of several runs,
 //! because whatever else the machine does only adds to a time.
 
 mod limits;
 mod population;
 
-use greybox::Identification;
 use greybox::demo::{self, Demo};
 use greybox::estimation::{Estimation, Problem, Report};
+use greybox::identification::JobSpec;
 use greybox::intake::csv;
-use greybox::job::JobSpec;
-use greybox::uncertainty;
+use greybox::{Identification, uncertainty};
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;

@@ -53,7 +53,8 @@ struct Work<'a> {
 impl Bench {
     /// The same with the servo written as a document.
     fn written() -> Bench {
-        let text = include_str!("../../tests/documents/models/single_rod_servo.json");
+        let text =
+            include_str!("../../crates/greybox/tests/documents/models/single_rod_servo.json");
         let document = serde_json::from_str(text).expect("a document of the tests is JSON");
         let read = document::read(&document).expect("a document of the tests is sound");
         Bench {

@@ -20,10 +20,10 @@ use futures_util::StreamExt;
 use ipnet::IpNet;
 use jiff::Timestamp;
 
+use super::admission::as_caller;
 use super::client::{Client, PeerAddress};
 use super::error::{Answer, Kind, Problem};
 use super::events::EVENT_STREAM;
-use super::places::as_caller;
 use super::{ApiState, session_cookie};
 use crate::access::{BELIEVED, Digest, Roles, Scope, Secret};
 use crate::store::TokenRow;

@@ -11,14 +11,13 @@ use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::ApiState;
 use super::client::Client;
 use super::error::Answer;
 use super::http_headers::prefers;
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, Params, QueryReader};
 use super::results::csv;
-use super::session_cookie;
+use super::{ApiState, session_cookie};
 use crate::access::Project;
 use crate::store::{AuditEntry, AuditRow, Store};
 
@@ -151,20 +150,20 @@ impl Audit {
 /// An entry of the log.
 #[derive(Serialize, ToSchema)]
 pub struct AuditRecord {
-    /// Its number; later entries have larger ones.
+    /// The number of the entry; later entries have larger numbers.
     id: i64,
-    /// When it was written.
+    /// When the entry was written.
     #[schema(value_type = String, format = DateTime)]
     at: Timestamp,
-    /// Who asked: `token <name>`, `person <name>` or `unknown`; `greybox` where entries were lost.
+    /// The caller: `token <name>`, `person <name>` or `unknown`; `greybox` where entries were lost.
     #[schema(example = "token mes")]
     who: String,
-    /// In which project; `null` of a caller that is not known.
+    /// The project of the caller; `null` for an unknown caller.
     #[schema(value_type = Option<String>)]
     project: Option<String>,
     /// The address that the request came from.
     address: String,
-    /// The method.
+    /// The HTTP method.
     #[schema(example = "POST")]
     method: String,
     /// The path, without its query.

@@ -18,13 +18,13 @@ use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::http_headers::hex;
 use super::spool::Spool;
-use crate::intake::ReadError;
-use crate::parsing::{json, yaml};
 use crate::store::Meaning;
+use greybox::intake::ReadError;
+use greybox::parsing::{json, yaml};
 
-/// A client that sends a body brings so much of it …
+/// Bytes of a body that a client has to send in each [`LEAST_BYTES_IN`], or the rest of the body.
 const LEAST_BYTES: usize = 16 << 10;
-/// … each time so long has passed, or what was left.
+/// The time in which a client has to send [`LEAST_BYTES`] of a body, or the rest of the body.
 const LEAST_BYTES_IN: Duration = Duration::from_secs(20);
 
 /// A body of so many bytes at the most waits in memory until all of it is there.
@@ -34,9 +34,9 @@ const IN_MEMORY: usize = 256 << 10;
 /// than handing it to another thread.
 const SMALL_BYTES: usize = 32 << 10;
 
-/// What came of a body: the parser's answer, and the digest of all the bytes.
+/// A parsed body: the parser's answer, and the digest of all the bytes.
 pub struct Parsed<T> {
-    /// What the parser made of it.
+    /// What the parser made of the body.
     pub value: T,
     /// SHA-256 of the body, after any decompression.
     pub digest: Sha256,
@@ -45,7 +45,7 @@ pub struct Parsed<T> {
 /// A body that has come.
 pub struct Received {
     content: Content,
-    /// SHA-256 of it, after any decompression.
+    /// SHA-256 of the body, after any decompression.
     pub digest: Sha256,
 }
 
@@ -168,19 +168,23 @@ impl Pace {
                     let detail = format!("the body broke off: {error}");
                     return Err(Problem::new(Kind::Malformed, detail));
                 }
-                Err(_time_is_up) if self.bytes >= LEAST_BYTES => *self = Self::begin(),
-                Err(_time_is_up) => return Err(self.too_slow()),
+                Err(_time_is_up) => self.time_is_up()?,
             }
         }
     }
 
-    fn too_slow(&self) -> Problem {
+    /// Begins anew where enough came; else a problem.
+    fn time_is_up(&mut self) -> Answer<()> {
+        if self.bytes >= LEAST_BYTES {
+            *self = Self::begin();
+            return Ok(());
+        }
         let detail = format!(
             "{} bytes came in {} s; at least {LEAST_BYTES} do of a body that goes on",
             self.bytes,
             LEAST_BYTES_IN.as_secs()
         );
-        Problem::new(Kind::RequestTimeout, detail)
+        Err(Problem::new(Kind::RequestTimeout, detail))
     }
 }
 
@@ -428,25 +432,13 @@ mod tests {
         assert_eq!(status(read(body, 50).await), StatusCode::BAD_REQUEST);
     }
 
-    /// Pieces of so many bytes, one each ten seconds.
-    fn trickle(bytes: usize, pieces: usize) -> impl Stream<Item = io::Result<Bytes>> {
-        let piece = Bytes::from(vec![b' '; bytes]);
-        futures_util::stream::iter(0..pieces).then(move |_| after_ten_seconds(piece.clone()))
-    }
-
-    async fn after_ten_seconds(piece: Bytes) -> io::Result<Bytes> {
-        tokio::time::sleep(Duration::from_secs(10)).await;
-        Ok(piece)
-    }
-
-    #[tokio::test]
-    async fn a_body_that_comes_byte_by_byte_is_let_go_and_one_that_is_only_long_is_not() {
-        let (state, _folder) = state().await;
-        tokio::time::pause();
-        let slow = receive_chunks(&state, trickle(1, 20), 100).await;
-        let refused = slow.err().expect("too slow").into_response();
+    #[test]
+    fn a_body_that_comes_byte_by_byte_is_let_go_and_one_that_is_only_long_is_not() {
+        let mut pace = Pace::begin();
+        pace.bytes = LEAST_BYTES;
+        pace.time_is_up().expect("it comes as fast as it must");
+        pace.bytes = LEAST_BYTES - 1;
+        let refused = pace.time_is_up().expect_err("too slow").into_response();
         assert_eq!(refused.status(), StatusCode::REQUEST_TIMEOUT);
-        let long = receive_chunks(&state, trickle(LEAST_BYTES, 12), 1 << 20).await;
-        assert!(long.is_ok(), "it comes as fast as it must");
     }
 }

@@ -14,8 +14,9 @@ use super::http_headers::{json, prefers};
 use super::jobs::no_job;
 use super::query::Params;
 use super::results::{GenerationsQuery, csv};
-use crate::job::{Candidate, CandidateColumn, JobId, candidate};
+use crate::job::{Candidate, CandidateColumn, candidate};
 use crate::store::CandidatePage;
+use greybox::identification::JobId;
 
 /// An answer ends with the generation that brings it to so many candidates.
 const ENOUGH: usize = 50_000;
@@ -42,14 +43,14 @@ pub struct Candidates {
 /// One candidate.
 #[derive(Serialize, ToSchema)]
 struct CandidateItem {
-    /// The generation in which it was judged first, from 1.
+    /// The generation in which the candidate was judged first, from 1.
     generation: u32,
-    /// Its place in that population, from 0.
+    /// The place of the candidate in the population of `generation`, from 0.
     place: u32,
-    /// Its cost, at the accuracy of the search; `null` where its simulation failed.
+    /// The cost, at the accuracy of the search; `null` where the simulation failed.
     cost: Option<f64>,
-    /// How its simulation failed: `diverged`, `out_of_range` or `step_budget`; `null` where it
-    /// did not.
+    /// How the simulation failed: `diverged`, `out_of_range` or `step_budget`; `null` where the
+    /// simulation did not fail.
     failure: Option<&'static str>,
     /// Each unknown's value, SI.
     #[schema(value_type = Object, example = json!({"mass": 57.2}))]

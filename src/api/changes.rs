@@ -19,12 +19,12 @@ use super::client::Client;
 use super::error::Answer;
 use super::events::{COMMENT, KEEP_ALIVE, RETRY, streamed};
 use super::job_list::JobSummary;
-use super::places::Place;
 use super::query::{NoQuery, Params};
 use crate::access::Project;
+use crate::admission::Permit;
 use crate::event::ChangedJobs;
-use crate::job::JobId;
 use crate::store::{Store, StoreError};
+use greybox::identification::JobId;
 
 /// Changes are gathered for so long.
 const GATHERING: Duration = Duration::from_millis(250);
@@ -80,7 +80,7 @@ struct Follower {
     /// Whose jobs are followed.
     project: Project,
     greeted: bool,
-    _permit: Place,
+    _permit: Permit,
 }
 
 impl Follower {

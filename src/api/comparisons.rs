@@ -14,7 +14,6 @@ use serde::Serialize;
 use serde_json::{Value, json as object};
 use utoipa::ToSchema;
 
-use super::ApiState;
 use super::body::JsonDocument;
 use super::client::Client;
 use super::error::{Answer, Problem};
@@ -22,14 +21,16 @@ use super::extract::Named;
 use super::http_headers::{idempotency_key, json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use super::submit;
+use super::{ApiState, submit};
 use crate::job::comparison::{self, Comparison, Trial};
-use crate::job::spec::MethodName;
-use crate::job::{ComparisonId, Fault, JobId, JobSpec, Outcome, Status};
-use crate::parsing::reader::{Faults, Field};
+use crate::job::{ComparisonId, Status};
 use crate::store::{
     ComparisonRow, ComparisonSummary, Idempotency, JobRow, NewComparison, Submitted,
 };
+use greybox::identification::spec::MethodName;
+use greybox::identification::{JobId, JobSpec, Outcome};
+use greybox::parsing::Fault;
+use greybox::parsing::reader::{Faults, Field};
 
 /// The label that the jobs of a comparison carry.
 const LABEL: &str = "comparison";
@@ -60,9 +61,9 @@ pub struct ComparisonSpec {
 /// How far a comparison has come.
 #[derive(Serialize, ToSchema)]
 pub struct ComparisonState {
-    /// Its identifier, which its jobs carry in the label `comparison`.
+    /// The identifier of the comparison; the jobs carry the identifier in the label `comparison`.
     id: ComparisonId,
-    /// When it was accepted.
+    /// When the comparison was accepted.
     #[schema(value_type = String, format = DateTime)]
     created_at: Timestamp,
     /// Whether every run has come to its end.
@@ -79,12 +80,12 @@ pub struct ComparisonState {
 pub struct ComparedJob {
     /// The job.
     id: JobId,
-    /// Its method.
+    /// The method of the job.
     #[schema(example = "icra_genetic")]
     method: String,
-    /// Its seed.
+    /// The seed of the job.
     seed: u64,
-    /// Its state.
+    /// The state of the job.
     status: Status,
 }
 
@@ -265,14 +266,14 @@ fn run_of(job: &Value, id: &ComparisonId, (method, seed): (&str, u64)) -> Value 
 /// A comparison in a list.
 #[derive(Serialize, ToSchema)]
 pub struct ListedComparison {
-    /// Its identifier.
+    /// The identifier of the comparison.
     id: ComparisonId,
-    /// When it was accepted.
+    /// When the comparison was accepted.
     #[schema(value_type = String, format = DateTime)]
     created_at: Timestamp,
-    /// Its runs.
+    /// How many runs the comparison has.
     runs: u64,
-    /// Those that have ended.
+    /// How many runs have ended.
     ended: u64,
     /// Whether every run has come to its end.
     finished: bool,

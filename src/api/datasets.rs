@@ -22,13 +22,13 @@ use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::extract::Named;
 use super::http_headers::{hex, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
-use super::places::Place;
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use crate::intake::{self, Options};
-use crate::job::DatasetId;
-use crate::job::spec::MAX_NAME_CHARS;
-use crate::recording::{Recording, Samples, Summary};
+use crate::admission::Permit;
 use crate::store::{DatasetRemoval, DatasetRow, NewDataset};
+use greybox::identification::DatasetId;
+use greybox::identification::spec::MAX_NAME_CHARS;
+use greybox::intake::{self, Options};
+use greybox::recording::{Recording, Samples, Summary};
 
 /// Points of a plot when the client does not say.
 const DEFAULT_POINTS: u64 = 2000;
@@ -40,17 +40,17 @@ const CSV_BUFFER_BYTES: usize = 64 * 1024;
 /// A stored recording.
 #[derive(Serialize, ToSchema)]
 pub struct Dataset {
-    /// Its identifier.
+    /// The identifier of the recording.
     id: DatasetId,
     /// A name for people.
     name: Option<String>,
     /// SHA-256 of the uncompressed bytes that came, followed by the options that came with them.
     #[schema(example = "sha256:9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08")]
     digest: String,
-    /// What it holds.
+    /// What the recording holds.
     #[serde(flatten)]
     summary: Summary,
-    /// When it was stored.
+    /// When the recording was stored.
     #[schema(value_type = String, format = DateTime)]
     created_at: Timestamp,
 }
@@ -466,7 +466,7 @@ fn csv(mut recording: Recording, query: SamplesQuery) -> Answer<Recording> {
 
 /// A recording as CSV: written to disk at once and from there as fast as its client reads, so that
 /// nothing in memory waits for a slow one. The permit is for the recording.
-pub(super) async fn csv_answer(state: &ApiState, recording: Recording, permit: Place) -> Answer {
+pub(super) async fn csv_answer(state: &ApiState, recording: Recording, permit: Permit) -> Answer {
     let (store, room) = (state.store.clone(), state.0.spool_room.clone());
     let written = state.convert(move || {
         let (_permit, recording) = (permit, recording);

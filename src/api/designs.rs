@@ -17,13 +17,13 @@ use super::jobs::Job;
 use super::query::{NoQuery, Params};
 use super::work::stopped;
 use super::{ApiState, models, submit};
-use crate::job::JobId;
-use crate::job::assemble;
-use crate::job::design::Design;
-use crate::job::spec::design::{DesignSpec, DesignTask, PastJob};
-use crate::job::spec::{InitialStateSpec, LimitsSpec, ModelOfJob, ParameterSpec};
-use crate::model::Model;
+use crate::job::DesignTask;
 use crate::store::{Idempotency, NewJob, NewModel};
+use greybox::identification::design::Design;
+use greybox::identification::spec::design::{DesignSpec, PastJob};
+use greybox::identification::spec::{InitialStateSpec, LimitsSpec, ModelOfJob, ParameterSpec};
+use greybox::identification::{JobId, assemble};
+use greybox::model::Model;
 
 /// What a design is asked for: a model with what is known of its parameters, or a finished job to go
 /// on from; what is measured; and what may be played.
@@ -192,7 +192,7 @@ struct Ready {
     past: Option<FinishedJob>,
     spec: DesignSpec,
     model: Arc<Model>,
-    /// Its model, where it brings a new one.
+    /// The model of the design, where the request brings a new model.
     new: Option<NewModel>,
     /// The document, with the model's name in the place of the model.
     document: Value,

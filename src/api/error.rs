@@ -10,7 +10,8 @@ use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::job::{Fault, IllegalTransition};
+use crate::job::IllegalTransition;
+use greybox::parsing::Fault;
 use std::sync::Arc;
 
 use crate::store::{Meaning, QuotaExceeded, StoreError};
@@ -240,7 +241,7 @@ impl Problem {
         self.with_header(header::RETRY_AFTER, HeaderValue::from(seconds))
     }
 
-    /// The same, of a document that stands at a place of the body.
+    /// Puts `parent`, the place of the document in the body, before the pointer of each fault.
     pub fn below(mut self, parent: &str) -> Self {
         for fault in &mut self.errors {
             fault.pointer = fault.pointer.take().map(|own| format!("{parent}{own}"));
@@ -248,7 +249,7 @@ impl Problem {
         self
     }
 
-    /// The answer carries this header too.
+    /// Adds a header to the answer.
     pub fn with_header(mut self, name: HeaderName, value: HeaderValue) -> Self {
         self.headers.push((name, value));
         self

@@ -22,11 +22,11 @@ use super::error::{Answer, Kind};
 use super::extract::Named;
 use super::http_headers::header_fault;
 use super::jobs::no_job;
-use super::places::Place;
 use super::query::{FromQuery, Params, QueryReader};
+use crate::admission::Permit;
 use crate::event::Feed;
-use crate::job::JobId;
 use crate::store::{StoreError, StoredEvent};
+use greybox::identification::JobId;
 
 /// What the answer is called.
 pub(super) const EVENT_STREAM: HeaderValue = HeaderValue::from_static("text/event-stream");
@@ -109,7 +109,7 @@ impl Follow for Feed {
 }
 
 /// Streams the events of what has this identifier.
-pub(super) fn follow(feed: impl Follow, of: String, permit: Place) -> Response {
+pub(super) fn follow(feed: impl Follow, of: String, permit: Permit) -> Response {
     let replay = Replay {
         feed,
         of,
@@ -162,7 +162,7 @@ struct Replay<F> {
     greeted: bool,
     /// Whether the stream has told why it ends.
     broken: bool,
-    _permit: Place,
+    _permit: Permit,
 }
 
 impl<F: Follow> Replay<F> {

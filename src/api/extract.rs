@@ -10,8 +10,9 @@ use super::ApiState;
 use super::client::Client;
 use super::error::{Answer, Problem};
 use crate::access::Project;
-use crate::job::{ComparisonId, DatasetId, DeliveryId, JobId, MonitorId, WebhookId};
+use crate::job::{ComparisonId, DeliveryId, MonitorId, WebhookId};
 use crate::store::StoreError;
+use greybox::identification::{DatasetId, JobId};
 
 /// What the one parameter of a path names: something of the caller's project, or nothing.
 pub struct Named<T>(pub T);

@@ -10,26 +10,28 @@ use serde_json::Value;
 use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::jobs::{no_job, retry_after};
-use super::places::Place;
 use super::work::stopped;
-use crate::job::assemble::{self, ExperimentTrajectory, PastResult};
-use crate::job::{Fault, JobId, JobKind, JobSpec, Outcome, Status};
-use crate::model::Model;
-use crate::recording::Recording;
+use crate::admission::Permit;
+use crate::job::{JobKind, Status};
 use crate::store::JobRow;
+use greybox::identification::assemble::{self, ExperimentTrajectory, PastResult};
+use greybox::identification::{JobId, JobSpec, Outcome};
+use greybox::model::Model;
+use greybox::parsing::Fault;
+use greybox::recording::Recording;
 
 /// A job that has a result, its recordings and its model.
 pub struct FinishedJob {
     /// The job as it is stored.
     pub row: Arc<JobRow>,
-    /// What was asked.
+    /// The specification of the job.
     pub spec: JobSpec,
-    /// What came of it.
+    /// The result of the job.
     pub outcome: Outcome,
     recordings: Vec<Arc<Recording>>,
     model: Arc<Model>,
     /// Recordings take memory: only so many at once.
-    _permit: Place,
+    _permit: Permit,
 }
 
 impl FinishedJob {
@@ -61,12 +63,12 @@ impl FinishedJob {
         })
     }
 
-    /// The model that it was made with.
+    /// The model that the result was made with.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// The same, for whoever keeps it.
+    /// A shared reference to the model, for a caller that keeps the model.
     pub fn shared_model(&self) -> Arc<Model> {
         Arc::clone(&self.model)
     }

@@ -51,13 +51,13 @@ fn is_zero(number: &usize) -> bool {
 /// What this process is.
 #[derive(Serialize, ToSchema)]
 pub struct Version {
-    /// The program.
+    /// The name of the program.
     #[schema(value_type = String, example = "greybox")]
     name: &'static str,
-    /// Its version.
+    /// The version of the program.
     #[schema(value_type = String, example = "0.1.0")]
     version: &'static str,
-    /// The version of the API, the first part of its paths.
+    /// The version of the API, the first part of the API's paths.
     #[schema(value_type = String, example = "v1")]
     api: &'static str,
     /// The version of the database's schema.

@@ -16,10 +16,12 @@ use super::jobs::Job;
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, Params, QueryReader};
 use crate::access::Project;
-use crate::job::outcome::Trust;
-use crate::job::spec::{MAX_NAME_CHARS, MethodName};
-use crate::job::{DatasetId, JobId, Progress, Status};
+use crate::job::Status;
 use crate::store::{JobFilter, JobSummaryRow, NamedDataset};
+use greybox::estimation::Progress;
+use greybox::identification::outcome::Trust;
+use greybox::identification::spec::{MAX_NAME_CHARS, MethodName};
+use greybox::identification::{DatasetId, JobId};
 
 /// How much of each job a list shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
@@ -122,34 +124,34 @@ fn short(text: &str) -> Result<String, String> {
 /// A job in short.
 #[derive(Serialize, ToSchema)]
 pub struct JobSummary {
-    /// Its identifier.
+    /// The identifier of the job.
     id: JobId,
     /// A name for people.
     name: Option<String>,
-    /// Words to find it by.
+    /// Words to find the job by.
     labels: BTreeMap<String, String>,
-    /// Where it is in its life.
+    /// The state of the job.
     status: Status,
-    /// The model whose parameters it estimates.
+    /// The model whose parameters the job estimates.
     #[schema(example = "single_rod_servo")]
     model: String,
-    /// Its method.
+    /// The method of the job.
     #[schema(example = "icra_genetic")]
     method: Option<String>,
-    /// The recordings that it reads.
+    /// The recordings that the job reads.
     datasets: Vec<DatasetName>,
-    /// The grade of its verdict: `high`, `moderate` or `low`; `null` without a verdict.
+    /// The grade of the verdict: `high`, `moderate` or `low`; `null` without a verdict.
     #[schema(example = "high")]
     trust: Option<String>,
-    /// How far it came; `null` before its first slice.
+    /// How far the job came; `null` before the first slice.
     progress: Option<Progress>,
-    /// When it was accepted.
+    /// When the job was accepted.
     #[schema(value_type = String, format = DateTime)]
     created_at: Timestamp,
-    /// When its first slice began.
+    /// When the first slice of the job began.
     #[schema(value_type = Option<String>, format = DateTime)]
     started_at: Option<Timestamp>,
-    /// When it came to its end.
+    /// When the job ended.
     #[schema(value_type = Option<String>, format = DateTime)]
     finished_at: Option<Timestamp>,
 }
@@ -157,9 +159,9 @@ pub struct JobSummary {
 /// A recording by its name.
 #[derive(Serialize, ToSchema)]
 struct DatasetName {
-    /// Its identifier.
+    /// The identifier of the recording.
     id: String,
-    /// A name for people; `null` where it has none or was removed.
+    /// A name for people; `null` where the recording has no name or was removed.
     name: Option<String>,
 }
 

@@ -18,9 +18,10 @@ use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
 use super::http_headers::{MAX_WAIT_S, json, tagged};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use crate::job::spec::design::DesignTask;
-use crate::job::{Failure, IllegalTransition, JobId, JobKind, JobSpec, Phase, Progress, Status};
+use crate::job::{DesignTask, Failure, IllegalTransition, JobKind, Status};
 use crate::store::{Control, JobRemoval, JobRow, StoreError};
+use greybox::estimation::{Phase, Progress};
+use greybox::identification::{JobId, JobSpec};
 
 /// When a client may ask again if nothing better is known `[s]`.
 const RETRY_S: f64 = 2.0;
@@ -30,39 +31,39 @@ const MAX_RETRY_S: f64 = 60.0;
 /// A job.
 #[derive(Serialize, ToSchema)]
 pub struct Job {
-    /// Its identifier.
+    /// The identifier of the job.
     id: JobId,
     /// A name for people.
     name: Option<String>,
-    /// Words to find it by.
+    /// Words to find the job by.
     labels: BTreeMap<String, String>,
-    /// What it does.
+    /// What the job does.
     kind: JobKind,
-    /// Where it is in its life.
+    /// The state of the job.
     status: Status,
-    /// The model whose parameters it estimates.
+    /// The model whose parameters the job estimates.
     #[schema(example = "single_rod_servo")]
     model: String,
-    /// What it was asked to do; an identification's with every default completed.
+    /// The specification of the job; of an identification, with every default completed.
     #[schema(value_type = SpecOfJob)]
     spec: Value,
-    /// How far it came.
+    /// How far the job came.
     progress: Progress,
     /// Slices begun since the last checkpoint: 1 in a life without crashes, 0 before the first.
     attempt: u32,
-    /// Why it failed; `null` unless it did.
+    /// Why the job failed; `null` unless the job failed.
     #[schema(value_type = Option<Failure>)]
     error: Option<Value>,
-    /// When it was accepted.
+    /// When the job was accepted.
     #[schema(value_type = String, format = DateTime)]
     created_at: Timestamp,
-    /// When its first slice began.
+    /// When the first slice of the job began.
     #[schema(value_type = Option<String>, format = DateTime)]
     started_at: Option<Timestamp>,
-    /// When it came to its end.
+    /// When the job ended.
     #[schema(value_type = Option<String>, format = DateTime)]
     finished_at: Option<Timestamp>,
-    /// Where its other resources are.
+    /// Where the other resources of the job are.
     links: Links,
 }
 
@@ -83,17 +84,17 @@ struct Links {
     /// The job.
     #[serde(rename = "self")]
     job: String,
-    /// What happens to it, as a stream.
+    /// What happens to the job, as a stream of events.
     events: String,
-    /// The history of its search.
+    /// The history of the search.
     generations: String,
-    /// What came of it.
+    /// The result of the job.
     result: String,
     /// Measured beside simulated outputs.
     trajectory: String,
     /// The result as one page for the file.
     report: String,
-    /// POST here to end it.
+    /// POST here to end the job.
     cancel: String,
 }
 

@@ -5,6 +5,7 @@
 //! stand beside it.
 
 pub mod access;
+mod admission;
 pub mod audit;
 pub mod body;
 pub mod candidates;
@@ -27,7 +28,6 @@ pub mod monitors;
 pub mod openapi;
 pub mod origin;
 pub mod page;
-mod places;
 pub mod query;
 mod rates;
 pub mod report;
@@ -58,16 +58,18 @@ use utoipa_axum::routes;
 use crate::access::Project;
 use crate::delivery::Destinations;
 use crate::event::EventHub;
-use crate::job::{Fault, JobSpec};
-use crate::model::{Catalogue, Model};
-use crate::recording::Recording;
 use crate::store::Store;
+use greybox::identification::JobSpec;
+use greybox::model::{Catalogue, Model};
+use greybox::parsing::Fault;
+use greybox::recording::Recording;
 
+use crate::admission::Permit;
 use access::{AccessSettings, Callers};
+use admission::Limited;
 use error::{Answer, Problem};
 pub use middleware::{Around, with_middleware};
 pub use openapi::openapi;
-use places::{Place, Places};
 use rates::Rates;
 use simulated::SimulatedCache;
 use spec_cache::SpecCache;
@@ -151,13 +153,13 @@ pub struct ApiState(Arc<Shared>);
 /// The parts, and the permits for what is dear.
 pub struct Shared {
     parts: Parts,
-    recordings: Places,
-    computations: Places,
-    conversions: Places,
+    recordings: Limited,
+    computations: Limited,
+    conversions: Limited,
     spool_room: SpoolRoom,
     checked: SpecCache,
     simulated: SimulatedCache,
-    streams: Places,
+    streams: Limited,
     callers: Callers,
     rates: Rates,
     sign_ins: Rates,
@@ -168,9 +170,12 @@ impl ApiState {
     pub fn new(parts: Parts) -> Self {
         let limits = &parts.limits;
         Self(Arc::new(Shared {
-            recordings: Places::new(limits.recordings_at_once, "too many recordings at once"),
-            computations: Places::new(limits.computations_at_once, "too many computations at once"),
-            conversions: Places::new(limits.conversions_at_once, "too many documents at once"),
+            recordings: Limited::new(limits.recordings_at_once, "too many recordings at once"),
+            computations: Limited::new(
+                limits.computations_at_once,
+                "too many computations at once",
+            ),
+            conversions: Limited::new(limits.conversions_at_once, "too many documents at once"),
             spool_room: SpoolRoom::new(limits.spool_bytes),
             checked: SpecCache::default(),
             simulated: SimulatedCache::default(),
@@ -181,13 +186,13 @@ impl ApiState {
             ),
             sign_ins: session::sign_ins(),
             callers: Callers::new(parts.access.clone()),
-            streams: Places::new(limits.streams_at_once, "too many event streams are open"),
+            streams: Limited::new(limits.streams_at_once, "too many event streams are open"),
             parts,
         }))
     }
 
     /// A whole recording takes memory: only so many at once, others wait.
-    async fn recording_permit(&self) -> Answer<Place> {
+    async fn recording_permit(&self) -> Answer<Permit> {
         self.0.recordings.take().await
     }
 
@@ -223,7 +228,7 @@ impl ApiState {
     }
 
     /// An event stream takes a connection and a place: only so many at once.
-    fn stream_permit(&self) -> Answer<Place> {
+    fn stream_permit(&self) -> Answer<Permit> {
         self.0.streams.try_take()
     }
 }

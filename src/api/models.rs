@@ -16,16 +16,16 @@ use super::error::{Answer, Kind, Problem};
 use super::extract::{ModelName, Named};
 use super::http_headers::{json, tagged_json};
 use super::query::{NoQuery, Params};
-use crate::job::Fault;
-use crate::model::document::{self, Referenced};
-use crate::model::{Model, ModelDescription};
 use crate::store::{ModelRemoval, ModelRow, ModelStored, NewModel};
+use greybox::model::document::{self, Referenced};
+use greybox::model::{Model, ModelDescription};
+use greybox::parsing::Fault;
 
 /// All models.
 #[derive(Serialize, ToSchema)]
 pub struct Models {
-    /// Those of the program in the order of the catalogue, then those that users wrote, newest
-    /// first.
+    /// The models of the program in the order of the catalogue, then models that users wrote,
+    /// newest first.
     items: Vec<ModelDescription>,
 }
 

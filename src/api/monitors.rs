@@ -23,13 +23,14 @@ use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use super::submit::stored;
 use super::{ApiState, models};
-use crate::job::spec::Context;
-use crate::job::{DatasetId, Fault, JobSpec, MonitorId};
+use crate::job::MonitorId;
 use crate::monitor::state::instant;
-use crate::monitor::warm;
-use crate::monitor::{Alarm, MonitorSpec, MonitorWindow, ShownWindow, State as MonitorState};
-use crate::recording::{Source, Summary};
+use crate::monitor::{Alarm, MonitorSpec, MonitorWindow, ShownWindow, State as MonitorState, warm};
 use crate::store::{Idempotency, MonitorRow, NewMonitor, StoredWindow, StreamRow};
+use greybox::identification::spec::Context;
+use greybox::identification::{DatasetId, JobSpec};
+use greybox::parsing::Fault;
+use greybox::recording::{Source, Summary};
 use waiting::WaitsFor;
 
 /// Windows that a monitor shows of itself, and alarms.
@@ -39,22 +40,22 @@ const SHOWN_ALARMS: u32 = 20;
 /// A monitor as it stands.
 #[derive(Serialize, ToSchema)]
 pub struct Monitor {
-    /// Its identifier.
+    /// The identifier of the monitor.
     id: MonitorId,
     /// A name for people.
     name: Option<String>,
-    /// The stream that it watches.
+    /// The stream that the monitor watches.
     stream: String,
-    /// What it is doing.
+    /// What the monitor is doing.
     status: MonitorStatus,
-    /// What was asked for.
+    /// The specification of the monitor.
     spec: MonitorSpec,
     /// The window that is worked, or the next that will be.
     next_window: i64,
-    /// When the stream must have a sample for that to be worked.
+    /// The instant at or after which the stream must have a sample for `next_window` to be worked.
     #[schema(value_type = String, format = DateTime)]
     due: Timestamp,
-    /// When it was accepted.
+    /// When the monitor was accepted.
     #[schema(value_type = String, format = DateTime)]
     created_at: Timestamp,
 }
@@ -77,10 +78,10 @@ pub struct ShownMonitor {
     /// The monitor.
     #[serde(flatten)]
     monitor: Monitor,
-    /// Its newest windows, a hundred at the most, the oldest first: each parameter over time with its
-    /// intervals. `…/windows` has them all.
+    /// The newest windows, a hundred at the most, the oldest first: each parameter over time with
+    /// intervals. `…/windows` has all windows.
     windows: Vec<ShownWindow>,
-    /// Its newest alarms, twenty at the most, the newest first. `…/alarms` has them all.
+    /// The newest alarms, twenty at the most, the newest first. `…/alarms` has all alarms.
     alarms: Vec<Alarm>,
     /// The window and the samples that the monitor waits for; `null` while a job works a window.
     waits_for: Option<WaitsFor>,
@@ -247,7 +248,7 @@ async fn check(
         .filter(|name| !searched.contains_key(*name))
     {
         let detail = format!("the job does not look for `{name}`");
-        let place = crate::job::fault::pointer_to("/drift", name);
+        let place = greybox::parsing::fault::pointer_to("/drift", name);
         faults.push(Fault::new(place, "unknown_parameter", detail));
     }
     if let Some(only) = &spec.only_when

@@ -13,8 +13,10 @@ use utoipa::openapi::link::Link;
 use utoipa::openapi::path::{Operation, PathItem};
 use utoipa::openapi::response::Response as Description;
 use utoipa::openapi::schema::{Schema, SchemaType, Type};
-use utoipa::openapi::{InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, Ref, RefOr, Required};
-use utoipa::openapi::{ResponseBuilder, tag::TagBuilder};
+use utoipa::openapi::{
+    InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, Ref, RefOr, Required, ResponseBuilder,
+    tag::TagBuilder,
+};
 
 use super::error::{PROBLEM_JSON, ProblemDocument};
 use super::http_headers::tagged_json;

@@ -91,7 +91,7 @@ impl<T: Serialize> Page<T> {
     }
 }
 
-/// The same list, from another place.
+/// The path and query of `uri` with `token` as the `page_token`: another part of the list.
 fn with_token(uri: &Uri, token: &str) -> String {
     let others = uri.query().unwrap_or_default().split('&');
     let others = others.filter(|pair| !pair.is_empty() && !pair.starts_with("page_token="));

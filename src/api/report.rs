@@ -13,9 +13,9 @@ use super::extract::Named;
 use super::finished_job::FinishedJob;
 use super::http_headers::json;
 use super::query::{FromQuery, Params, QueryReader};
-use crate::job::{JobId, JobSpec};
-use crate::report::{self, RecordingFacts, Report, ReportDocument};
 use crate::store::DatasetRow;
+use greybox::identification::{JobId, JobSpec};
+use greybox::report::{self, GenerationCosts, RecordingFacts, Report, ReportDocument};
 
 /// Generations that a page shows at the most.
 const MAX_GENERATIONS: u32 = 100_000;
@@ -79,6 +79,7 @@ pub async fn report(
 ) -> Answer {
     let job = FinishedJob::read(&state, id).await?;
     let generations = state.store.generations(id, 0, MAX_GENERATIONS).await?;
+    let generations: Vec<_> = generations.iter().map(GenerationCosts::from).collect();
     let recordings = recordings(&state, &job.spec).await?;
     let rendered = state.compute(move |stop| {
         let experiments = job.trajectory(stop)?;

@@ -13,8 +13,9 @@ use super::finished_job::{result_of, unreadable};
 use super::http_headers::{json, prefers, tagged_json};
 use super::jobs::no_job;
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use crate::job::design::Design;
-use crate::job::{GenerationEvent, JobId, JobKind, Outcome};
+use crate::job::{GenerationEvent, JobKind};
+use greybox::identification::design::Design;
+use greybox::identification::{JobId, Outcome};
 
 /// Rows of the history in one answer when the client does not say.
 const DEFAULT_ROWS: u64 = 1000;
@@ -126,14 +127,14 @@ pub async fn result(
     Ok(tagged_json(&headers, &outcome))
 }
 
-/// What came of a job.
+/// The result of a job.
 #[derive(Serialize, ToSchema)]
 #[serde(untagged)]
 #[expect(dead_code, reason = "a shape for the description of the API alone")]
 enum ResultOfJob {
-    /// Of an identification.
+    /// The result of an identification.
     Identification(Box<Outcome>),
-    /// Of a design.
+    /// The result of a design.
     Design(Box<Design>),
 }
 

@@ -23,7 +23,7 @@ use super::query::{NoQuery, Params};
 use super::rates::Rates;
 use super::session_cookie::{cookie, set_cookie};
 use crate::access::Secret;
-use crate::parsing::reader::{Faults, Field};
+use greybox::parsing::reader::{Faults, Field};
 
 /// How long a session lasts.
 const LIFE: SignedDuration = SignedDuration::from_hours(12);

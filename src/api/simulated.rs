@@ -4,8 +4,8 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::job::JobId;
-use crate::job::assemble::ExperimentTrajectory;
+use greybox::identification::JobId;
+use greybox::identification::assemble::ExperimentTrajectory;
 
 /// Numbers that are kept at the most, all results together: 128 MB.
 const MOST_NUMBERS: usize = 16 << 20;
@@ -55,7 +55,7 @@ fn numbers(simulated: &Simulated) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::DatasetId;
+    use greybox::identification::DatasetId;
 
     fn simulated(samples: usize) -> Simulated {
         Arc::new(vec![ExperimentTrajectory {

@@ -17,12 +17,12 @@ use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
 use super::work::stopped;
 use super::{ApiState, models};
-use crate::intake;
-use crate::job::fault::Fault;
-use crate::job::spec::simulation::{SimulationSpec, Source};
-use crate::job::spec::{InitialStateSpec, ModelOfJob, WindowSpec};
-use crate::job::{DatasetId, simulation, spec::FixedValue};
-use crate::recording::{Recording, SampledSignal};
+use greybox::identification::spec::simulation::{SimulationSpec, Source};
+use greybox::identification::spec::{FixedValue, InitialStateSpec, ModelOfJob, WindowSpec};
+use greybox::identification::{DatasetId, simulation};
+use greybox::intake;
+use greybox::parsing::fault::Fault;
+use greybox::recording::{Recording, SampledSignal};
 
 /// Points of the answer at the most.
 const MAX_POINTS: u64 = 100_000;

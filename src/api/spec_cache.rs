@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use crate::job::JobSpec;
+use greybox::identification::JobSpec;
 
 /// Specifications that are remembered at the most.
 const LIMIT: usize = 1024;

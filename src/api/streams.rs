@@ -25,13 +25,13 @@ use super::http_headers::{idempotency_key, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::access::Project;
-use crate::intake::{self, Options, Purpose};
 use crate::monitor::MAX_WINDOW_SAMPLES;
-use crate::recording::{MAX_SIGNALS, Recording, Samples, Source};
-use crate::store::StoreError;
 use crate::store::{
-    Appended, BatchOutcome, Idempotency, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,
+    Appended, BatchOutcome, Idempotency, Keep, MAX_STREAMS, NewBatch, StoreError, StreamRemoval,
+    StreamRow,
 };
+use greybox::intake::{self, Options, Purpose};
+use greybox::recording::{MAX_SIGNALS, Recording, Samples, Source};
 
 /// The characters of a stream's name at the most.
 const MAX_NAME: usize = 100;

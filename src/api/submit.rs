@@ -20,12 +20,14 @@ use super::query::{FromQuery, Params, QueryReader};
 use super::spec_cache::SpecKey;
 use super::{ApiState, models};
 use crate::access::Project;
-use crate::job::assemble::{self, Assembly, Finding, Identifiability, Preflight};
-use crate::job::budget::BudgetLine;
-use crate::job::spec::Context;
-use crate::job::{Fault, JobSpec, Status};
-use crate::model::Model;
+use crate::job::Status;
 use crate::store::{Idempotency, JobRow, NewJob, NewModel, Submitted};
+use greybox::identification::JobSpec;
+use greybox::identification::assemble::{self, Assembly, Finding, Identifiability, Preflight};
+use greybox::identification::budget::BudgetLine;
+use greybox::identification::spec::Context;
+use greybox::model::Model;
+use greybox::parsing::Fault;
 
 /// How to treat the submitted job.
 #[derive(IntoParams)]
@@ -196,7 +198,7 @@ pub(super) struct Ready {
     project: Project,
     spec: JobSpec,
     model: Arc<Model>,
-    /// Its model, where it brings a new one.
+    /// The model of the job, where the request brings a new model.
     pub(super) new: Option<NewModel>,
 }
 

@@ -9,19 +9,18 @@ use axum::http::{HeaderMap, StatusCode};
 use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
-use super::ApiState;
 use super::error::Answer;
 use super::extract::Named;
 use super::finished_job::FinishedJob;
 use super::http_headers::{json, prefers};
 use super::jobs::no_job;
 use super::query::{FromQuery, Params, QueryReader};
-use super::results;
 use super::simulated::Simulated;
-use crate::job::assemble::{ExperimentTrajectory, OutputTrajectory};
-use crate::job::spec::MAX_EXPERIMENTS;
-use crate::job::{DatasetId, JobId};
-use crate::recording::kept_indices;
+use super::{ApiState, results};
+use greybox::identification::assemble::{ExperimentTrajectory, OutputTrajectory};
+use greybox::identification::spec::MAX_EXPERIMENTS;
+use greybox::identification::{DatasetId, JobId};
+use greybox::recording::kept_indices;
 
 /// Points of a plot when the client does not say.
 const DEFAULT_POINTS: u64 = 2000;
@@ -94,7 +93,7 @@ pub struct Trajectory {
 #[derive(Serialize, ToSchema)]
 #[schema(as = TrajectoryExperiment)]
 struct Experiment {
-    /// Its number in the order of the job, from 0.
+    /// The number of the experiment in the order of the job, from 0.
     experiment: usize,
     /// The recording.
     dataset: DatasetId,

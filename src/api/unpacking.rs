@@ -12,7 +12,7 @@ use axum::middleware::Next;
 use axum::response::Response;
 
 use super::watched_body::watched;
-use crate::intake::{MOST_RATIO, may_unpack};
+use greybox::intake::{MOST_RATIO, may_unpack};
 
 /// Bytes of a compressed body that have come.
 #[derive(Clone, Default)]

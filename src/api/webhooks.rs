@@ -17,9 +17,10 @@ use super::http_headers::json;
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::delivery::{RefusedDestination, SigningSecret};
-use crate::job::{DeliveryId, Fault, WebhookId};
-use crate::parsing::reader::{Faults, Field};
+use crate::job::{DeliveryId, WebhookId};
 use crate::store::{DeliveryRow, WebhookRow};
+use greybox::parsing::Fault;
+use greybox::parsing::reader::{Faults, Field};
 
 /// The types of events that are delivered.
 pub const EVENTS: [&str; 2] = ["job.ended", "monitor.alarm"];
@@ -41,17 +42,17 @@ pub struct WebhookSpec {
 /// A webhook.
 #[derive(Serialize, ToSchema)]
 pub struct Webhook {
-    /// Its identifier.
+    /// The identifier of the webhook.
     id: WebhookId,
     /// The address that events are sent to.
     url: String,
     /// The types of events that are sent.
     events: Vec<String>,
-    /// What deliveries are signed with (Standard Webhooks); shown once, when it is made.
+    /// What deliveries are signed with (Standard Webhooks); shown once, when the webhook is made.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false, example = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw")]
     secret: Option<String>,
-    /// When it was made.
+    /// When the webhook was made.
     #[schema(value_type = String, format = DateTime)]
     created_at: Timestamp,
 }
@@ -78,14 +79,14 @@ pub struct Webhooks {
 /// A delivery.
 #[derive(Serialize, ToSchema)]
 pub struct Delivery {
-    /// Its identifier, the header `webhook-id` of each attempt.
+    /// The identifier of the delivery, the header `webhook-id` of each attempt.
     id: DeliveryId,
     /// The webhook.
     webhook: WebhookId,
     /// The type of the event.
     #[schema(example = "job.ended")]
     event: String,
-    /// What is sent.
+    /// The document that is sent.
     #[schema(value_type = Object)]
     payload: Value,
     /// `waiting`, `delivered`, or `given_up` after three days.
@@ -93,7 +94,7 @@ pub struct Delivery {
     state: &'static str,
     /// Attempts so far.
     attempts: u32,
-    /// When the next attempt is due; `null` where none is.
+    /// When the next attempt is due; `null` where no attempt is due.
     #[schema(value_type = Option<String>, format = DateTime)]
     next_attempt_at: Option<Timestamp>,
     /// The status that the receiver answered last.
@@ -103,7 +104,7 @@ pub struct Delivery {
     /// When the event happened.
     #[schema(value_type = String, format = DateTime)]
     created_at: Timestamp,
-    /// When the receiver took it.
+    /// When the receiver took the delivery.
     #[schema(value_type = Option<String>, format = DateTime)]
     delivered_at: Option<Timestamp>,
 }

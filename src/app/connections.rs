@@ -145,7 +145,8 @@ async fn answer((stream, peer): Taken, routes: Router, times: Times, closing: Ca
     answer_on(stream, peer, routes, times, closing).await;
 }
 
-/// The same over TLS. A client may take as long to agree on that as for the head of a request.
+/// Answers the requests of a connection over TLS. The TLS handshake may take as long as the
+/// head of a request.
 async fn answer_over_tls(
     tls: TlsAcceptor,
     (stream, peer): Taken,

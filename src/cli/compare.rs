@@ -3,11 +3,11 @@
 
 use super::error::CommandError;
 use super::{estimate, files};
-use crate::estimation::settings::MethodName;
-use crate::estimation::{Estimation, Problem, Report, Settings};
 use crate::job::comparison::{self, Comparison, Spread, Trial};
 use clap::Args;
 use comfy_table::{Table, presets};
+use greybox::estimation::settings::MethodName;
+use greybox::estimation::{Estimation, Problem, Report, Settings};
 use serde_json::json;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;

@@ -1,6 +1,6 @@
 //! What ends a command early, and the exit code that says of what kind it was.
 
-use crate::job::Fault;
+use greybox::parsing::Fault;
 use std::fmt;
 use std::process::ExitCode;
 

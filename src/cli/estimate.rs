@@ -3,12 +3,12 @@
 use super::error::CommandError;
 use super::progress::{self, Progress};
 use super::{files, said, table};
-use crate::estimation::{Advance, Finding, GenerationRow, Observer, RefinementRow, StopReason};
-use crate::identification::{Identification, IdentificationError, Run};
 use crate::job::candidate::{self, Selection};
-use crate::job::{Candidate, CandidateColumn, GenerationEvent, JobSpec, Outcome};
-use crate::recording::Recording;
+use crate::job::{Candidate, CandidateColumn, GenerationEvent};
 use clap::Args;
+use greybox::estimation::{Advance, Finding, GenerationRow, Observer, RefinementRow, StopReason};
+use greybox::identification::{Identification, IdentificationError, JobSpec, Outcome, Run};
+use greybox::recording::Recording;
 use serde_json::{Value, json};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};

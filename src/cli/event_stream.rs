@@ -12,9 +12,9 @@ const LONGEST_EVENT: usize = 1 << 20;
 /// One event.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
-    /// Its name.
+    /// The name of the event.
     pub name: String,
-    /// Its data.
+    /// The data of the event.
     pub data: Value,
 }
 

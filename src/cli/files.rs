@@ -1,11 +1,10 @@
 //! Reading and writing the files that commands are given.
 
 use super::error::CommandError;
-use crate::intake;
-use crate::model::document as model_document;
-use crate::model::{Catalogue, Model};
-use crate::parsing::{json, yaml};
-use crate::recording::Recording;
+use greybox::intake;
+use greybox::model::{Catalogue, Model, document as model_document};
+use greybox::parsing::{json, yaml};
+use greybox::recording::Recording;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::fs::File;

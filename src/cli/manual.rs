@@ -1,8 +1,7 @@
 //! `greybox completions` and `greybox man`.
 
-use super::CommandLine;
 use super::error::CommandError;
-use super::files;
+use super::{CommandLine, files};
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 use std::path::PathBuf;

@@ -2,8 +2,8 @@
 
 use super::error::CommandError;
 use super::files;
-use crate::demo::{self, Demo};
 use clap::{Args, ValueEnum};
+use greybox::demo::{self, Demo};
 use std::path::PathBuf;
 
 /// The recordings by their letters.

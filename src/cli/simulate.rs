@@ -2,9 +2,10 @@
 
 use super::error::CommandError;
 use super::files;
-use crate::job::spec::simulation::SimulationSpec;
-use crate::job::{Fault, simulation};
 use clap::Args;
+use greybox::identification::simulation;
+use greybox::identification::spec::simulation::SimulationSpec;
+use greybox::parsing::Fault;
 use serde_json::json;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;

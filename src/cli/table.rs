@@ -1,7 +1,7 @@
 //! A result as people read it: a table of parameters (Markdown), the verdict and how well the outputs fit.
 
-use crate::job::outcome::{Estimate, Outcome, OutputFit, Trust};
 use comfy_table::{Table, presets};
+use greybox::identification::outcome::{Estimate, Outcome, OutputFit, Trust};
 use std::collections::BTreeMap;
 
 /// What is shown of a result; `truths` are the known values of a plant that has them.

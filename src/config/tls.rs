@@ -7,11 +7,11 @@ use super::Settings;
 /// The files of a server's TLS, each in PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TlsFiles {
-    /// Its certificate, with those of its authorities.
+    /// The certificate of the server, with the certificates of its authorities.
     pub certificate: PathBuf,
-    /// The key of that.
+    /// The key of the certificate.
     pub key: PathBuf,
-    /// The authorities of whom every client has to have a certificate, where it has to.
+    /// The authorities that sign the certificates of clients, where clients need a certificate.
     pub client_authority: Option<PathBuf>,
 }
 

@@ -1,17 +1,17 @@
-//! The guides: Markdown in `docs/`, written once, shown as pages under `/docs/` and as they are with
-//! `.md` behind their names.
+//! The guides are Markdown in `docs/`. The server shows them as pages under `/docs/`, and as they are
+//! written under the same address with `.md` behind it.
 
 use std::fmt::Write as _;
 
 use pulldown_cmark::{CowStr, Event, Options, Parser, Tag, TagEnd, html};
 
-/// A guide.
+/// A guide is a text in Markdown with a name and a title.
 pub struct Guide {
-    /// Its name in the address.
+    /// The address of the guide ends with its name.
     pub name: &'static str,
-    /// What it is called in the navigation.
+    /// The navigation shows the title.
     title: &'static str,
-    /// Its text.
+    /// The text is written in Markdown.
     pub markdown: &'static str,
 }
 
@@ -25,7 +25,7 @@ macro_rules! guide {
     };
 }
 
-/// All guides, in the order of the navigation.
+/// The guides stand in the order of the navigation.
 pub static GUIDES: [Guide; 10] = [
     guide!("start", "First job"),
     guide!("import", "Recordings and units"),
@@ -39,11 +39,11 @@ pub static GUIDES: [Guide; 10] = [
     guide!("running", "Running it for others"),
 ];
 
-/// The guide as a page without a script.
+/// Writes the guide as a page without a script.
 pub fn page(guide: &Guide) -> String {
     let mut links = String::new();
-    for other in &GUIDES {
-        let current = if other.name == guide.name {
+    for entry in &GUIDES {
+        let current = if entry.name == guide.name {
             " aria-current=\"page\""
         } else {
             ""
@@ -51,17 +51,17 @@ pub fn page(guide: &Guide) -> String {
         writeln!(
             links,
             "<a href=\"/docs/{}\"{current}>{}</a>",
-            other.name, other.title
+            entry.name, entry.title
         )
         .expect("writing to a string does not fail");
     }
-    include_str!("assets/guide.html")
+    include_str!("assets/docs/guide.html")
         .replace("{title}", guide.title)
         .replace("{links}", &links)
         .replace("{body}", &body(guide.markdown))
 }
 
-/// Markdown as HTML; headings can be linked to by their words.
+/// Writes Markdown as HTML; headings can be linked to by their words.
 fn body(markdown: &str) -> String {
     let options = Options::ENABLE_TABLES;
     let mut events: Vec<Event<'_>> = Parser::new_ext(markdown, options).collect();
@@ -81,7 +81,7 @@ fn body(markdown: &str) -> String {
             *id = Some(CowStr::from(anchor(&text)));
         }
     }
-    // What may be wider than the page scrolls by itself, and can be reached by keyboard.
+    // Tables and examples may be wider than the page: each scrolls by itself, and by keyboard.
     let mut frames = 0;
     let framed = events.into_iter().flat_map(|event| match &event {
         Event::Start(Tag::Table(_) | Tag::CodeBlock(_)) => {
@@ -106,7 +106,7 @@ fn body(markdown: &str) -> String {
     written
 }
 
-/// What a heading is linked to by.
+/// Gives the words of a heading as the anchor of its links.
 fn anchor(text: &str) -> String {
     let lower = text.to_lowercase();
     let words: Vec<&str> = lower

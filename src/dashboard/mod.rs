@@ -1,4 +1,4 @@
-//! The pages that the server shows to people, embedded in the program.
+//! This module serves the pages for people, which are embedded in the program.
 //!
 //! `/` is the dashboard, `/docs` the API reference, and `/docs/start` and its neighbours are the
 //! guides, whose texts stand in `docs/`. The pages are files without a build step: plain
@@ -22,7 +22,7 @@ use axum::routing::get;
 use guides::{GUIDES, Guide};
 use sha2::{Digest, Sha256};
 
-/// A file of the pages.
+/// An asset is a file of the pages, or a page that is made from a guide.
 struct Asset {
     path: Cow<'static, str>,
     content_type: &'static str,
@@ -30,13 +30,13 @@ struct Asset {
     bytes: Bytes,
 }
 
-/// What the dashboard may load: its own files and the API beside it, nothing inline.
+/// The dashboard may load its own files and the API beside it, and nothing inline.
 const DASHBOARD_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
      img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; \
      frame-ancestors 'none'";
 
-/// What the API reference may load. Its viewer sets style attributes, so styles may be inline;
-/// scripts may not.
+/// The viewer of the API reference sets style attributes, so styles may be inline there; scripts may
+/// not.
 const REFERENCE_POLICY: &str = "default-src 'none'; script-src 'self'; \
      style-src 'self' 'unsafe-inline'; img-src 'self' data:; connect-src 'self'; \
      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -56,7 +56,7 @@ fn page(path: &'static str, bytes: &'static [u8], policy: &'static str) -> Asset
     }
 }
 
-/// A guide as a page, and its text as it is written.
+/// Gives a guide as a page, and its text as it is written.
 fn guide(guide: &'static Guide) -> [Asset; 2] {
     let shown = Asset {
         path: format!("/docs/{}", guide.name).into(),
@@ -73,97 +73,67 @@ fn guide(guide: &'static Guide) -> [Asset; 2] {
     [shown, text]
 }
 
-/// The file of that name in `assets/`, served as `/assets/…`.
-macro_rules! asset {
-    ($name:literal, $content_type:expr) => {
-        Asset {
-            path: Cow::Borrowed(concat!("/assets/", $name)),
-            content_type: $content_type,
+/// Embeds the files of each folder of `assets/`, which are served as `/assets/…`.
+macro_rules! assets {
+    ($($folder:literal: $($file:literal)+;)+) => {
+        [$($(Asset {
+            path: Cow::Borrowed(concat!("/assets/", $folder, "/", $file)),
+            content_type: content_type($file),
             policy: DASHBOARD_POLICY,
-            bytes: Bytes::from_static(include_bytes!(concat!("assets/", $name))),
-        }
+            bytes: Bytes::from_static(include_bytes!(concat!("assets/", $folder, "/", $file))),
+        }),+),+]
     };
 }
 
+/// The type of an asset follows from the end of its name; licences are plain text.
+fn content_type(file: &str) -> &'static str {
+    match file.rsplit('.').next() {
+        Some("css") => CSS,
+        Some("js") => SCRIPT,
+        Some("svg") => SVG,
+        _ => TEXT,
+    }
+}
+
 static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
-    let mut assets = embedded();
+    let mut assets = vec![
+        page(
+            "/",
+            include_bytes!("assets/shell/index.html"),
+            DASHBOARD_POLICY,
+        ),
+        page(
+            "/docs",
+            include_bytes!("assets/docs/reference.html"),
+            REFERENCE_POLICY,
+        ),
+    ];
+    assets.extend(embedded());
     assets.extend(GUIDES.iter().flat_map(guide));
     assets
 });
 
 #[rustfmt::skip]
-fn embedded() -> Vec<Asset> { vec![
-    page("/", include_bytes!("assets/index.html"), DASHBOARD_POLICY),
-    page(
-        "/docs",
-        include_bytes!("assets/docs.html"),
-        REFERENCE_POLICY,
-    ),
-    asset!("guide.css", CSS),
-    asset!("models.js", SCRIPT),
-    asset!("model_editor.js", SCRIPT),
-    asset!("model_language.js", SCRIPT),
-    asset!("model_trial.js", SCRIPT),
-    asset!("model_picture.js", SCRIPT),
-    asset!("excitation.js", SCRIPT),
-    asset!("document_text.js", SCRIPT),
-    asset!("editor.js", SCRIPT),
-    asset!("style.css", CSS),
-    asset!("icon.svg", SVG),
-    asset!("main.js", SCRIPT),
-    asset!("api.js", SCRIPT),
-    asset!("dom.js", SCRIPT),
-    asset!("format.js", SCRIPT),
-    asset!("axes.js", SCRIPT),
-    asset!("plot.js", SCRIPT),
-    asset!("plot.css", CSS),
-    asset!("plot_group.js", SCRIPT),
-    asset!("plot_save.js", SCRIPT),
-    asset!("plot_math.js", SCRIPT),
-    asset!("try_model.js", SCRIPT),
-    asset!("job_live.js", SCRIPT),
-    asset!("plot_theme.js", SCRIPT),
-    asset!("units.js", SCRIPT),
-    asset!("session.js", SCRIPT),
-    asset!("jobs.js", SCRIPT),
-    asset!("jobs.css", CSS),
-    asset!("job_filter.js", SCRIPT),
-    asset!("job_rows.js", SCRIPT),
-    asset!("compare.js", SCRIPT),
-    asset!("compare_diff.js", SCRIPT),
-    asset!("comparisons.js", SCRIPT),
-    asset!("job.js", SCRIPT),
-    asset!("job_design.js", SCRIPT),
-    asset!("job_feed.js", SCRIPT),
-    asset!("job_progress.js", SCRIPT),
-    asset!("job_result.js", SCRIPT),
-    asset!("job_tables.js", SCRIPT),
-    asset!("job_profiles.js", SCRIPT),
-    asset!("job_residuals.js", SCRIPT),
-    asset!("heat.js", SCRIPT),
-    asset!("verdict.js", SCRIPT),
-    asset!("job_trajectory.js", SCRIPT),
-    asset!("datasets.js", SCRIPT),
-    asset!("upload.js", SCRIPT),
-    asset!("equation.js", SCRIPT),
-    asset!("new_job.js", SCRIPT),
-    asset!("new_job.css", CSS),
-    asset!("new_model.js", SCRIPT),
-    asset!("new_parameters.js", SCRIPT),
-    asset!("new_recordings.js", SCRIPT),
-    asset!("job_draft.js", SCRIPT),
-    asset!("preflight.js", SCRIPT),
-    asset!("docs.js", SCRIPT),
-    asset!("vendor/uplot-1.6.32.min.js", SCRIPT),
-    asset!("vendor/uplot-1.6.32.min.css", CSS),
-    asset!("vendor/uplot-1.6.32.LICENSE", TEXT),
-    asset!("vendor/codemirror-6.43.15.min.js", SCRIPT),
-    asset!("vendor/codemirror-6.43.15.LICENSE", TEXT),
-    asset!("vendor/rapidoc-9.3.8-min.js", SCRIPT),
-    asset!("vendor/rapidoc-9.3.8.LICENSE", TEXT),
-] }
+fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
+    "compare": "differences.js" "jobs.js" "methods.js";
+    "data": "datasets.js" "upload.js";
+    "docs": "guide.css" "reference.js";
+    "job": "design.js" "feed.js" "heat.js" "job.js" "live.js" "profiles.js" "progress.js"
+        "residuals.js" "result.js" "tables.js" "trajectory.js" "verdict.js";
+    "list": "filter.js" "jobs.css" "jobs.js" "rows.js";
+    "model": "description.js" "editor.js" "equation.js" "excitation.js" "language.js" "models.js"
+        "parameters.js" "picture.js" "signals.js" "simulation.js" "sliders.js" "trial.js";
+    "new": "draft.js" "job.css" "job.js" "model.js" "parameters.js" "preflight.js" "recordings.js"
+        "trial.js";
+    "plot": "axes.js" "group.js" "math.js" "plot.css" "plot.js" "save.js" "theme.js" "units.js";
+    "shell": "api.js" "dom.js" "format.js" "icon.svg" "main.js" "prepared.js" "session.js"
+        "style.css";
+    "text": "document.js" "editor.js";
+    "vendor": "codemirror-6.43.15.LICENSE" "codemirror-6.43.15.min.js" "rapidoc-9.3.8-min.js"
+        "rapidoc-9.3.8.LICENSE" "uplot-1.6.32.LICENSE" "uplot-1.6.32.min.css" "uplot-1.6.32.min.js";
+} }
 
-/// The routes of the pages. Unknown paths are left to the router that this one is merged into.
+/// Gives the routes of the pages. Unknown paths are left to the router that they are merged into.
 pub fn router() -> Router {
     ASSETS.iter().fold(Router::new(), |router, asset| {
         let tag = entity_tag(&asset.bytes);
@@ -174,7 +144,7 @@ pub fn router() -> Router {
     })
 }
 
-/// A strong entity tag: the content and nothing else decides it.
+/// The entity tag is strong: the content alone decides it.
 fn entity_tag(bytes: &[u8]) -> HeaderValue {
     let digest = Sha256::digest(bytes);
     let hex: String = digest
@@ -204,8 +174,8 @@ fn serve(asset: &'static Asset, tag: &HeaderValue, request: &HeaderMap) -> Respo
     }
 }
 
-/// Whether the client has the file already (RFC 9110, section 13.1.2). A tag that a compressing
-/// layer made weak still names the same content.
+/// Answers whether the client has the file already (RFC 9110, section 13.1.2). A tag that a
+/// compressing layer made weak still names the same content.
 fn is_known_to(request: &HeaderMap, tag: &HeaderValue) -> bool {
     let same = |candidate: &str| {
         let candidate = candidate.trim();
@@ -227,9 +197,9 @@ mod tests {
     use std::collections::BTreeSet;
     use tower::ServiceExt;
 
-    async fn fetch(path: &str, known: Option<&HeaderValue>) -> Response {
+    async fn fetch(path: &str, tag: Option<&HeaderValue>) -> Response {
         let mut request = Request::get(path);
-        if let Some(tag) = known {
+        if let Some(tag) = tag {
             request = request.header(IF_NONE_MATCH, tag);
         }
         router()
@@ -255,14 +225,14 @@ mod tests {
             fetch("/", Some(&weak)).await.status(),
             StatusCode::NOT_MODIFIED
         );
-        let other = fetch("/assets/style.css", Some(tag)).await;
-        assert_eq!(other.status(), StatusCode::OK);
+        let stylesheet = fetch("/assets/shell/style.css", Some(tag)).await;
+        assert_eq!(stylesheet.status(), StatusCode::OK);
     }
 
     #[tokio::test]
     async fn every_file_that_a_page_or_module_names_is_served() {
         let mut paths = vec!["/".to_owned(), "/docs".to_owned()];
-        // Texts are there for whoever asks for them by name.
+        // No page names the texts of the guides; clients ask for them by name.
         paths.extend(
             GUIDES
                 .iter()
@@ -287,19 +257,33 @@ mod tests {
         );
     }
 
-    /// The quoted paths in a page (`"/assets/…"`) or a module (`"./….js"`) of ours.
+    /// Lists the quoted paths in a page (`"/assets/…"`) or a module (`"./….js"`, `"../….js"`).
     async fn named_by(path: &str) -> Vec<String> {
         if path.contains("/vendor/") {
             return Vec::new();
         }
-        let asset = |piece: &str| match piece.strip_prefix("./") {
-            Some(module) if module.ends_with(".js") => Some(format!("/assets/{module}")),
-            _ => {
-                let is_file = piece.starts_with("/assets/") || piece.starts_with("/docs/");
-                is_file.then(|| piece.split('#').next().unwrap_or_default().to_owned())
+        let (folder, _) = path.rsplit_once('/').unwrap();
+        let asset = |piece: &str| {
+            if piece.starts_with('.') && piece.ends_with(".js") {
+                return Some(module_beside(folder, piece));
             }
+            let is_file = piece.starts_with("/assets/") || piece.starts_with("/docs/");
+            is_file.then(|| piece.split('#').next().unwrap_or_default().to_owned())
         };
         text(path).await.split('"').filter_map(asset).collect()
+    }
+
+    /// Gives the address of a module that a module of the folder imports as `./…` or `../…`.
+    fn module_beside(folder: &str, name: &str) -> String {
+        let mut parts: Vec<&str> = folder.split('/').collect();
+        for part in name.split('/') {
+            match part {
+                "." => {}
+                ".." => drop(parts.pop()),
+                part => parts.push(part),
+            }
+        }
+        parts.join("/")
     }
 
     #[tokio::test]
@@ -330,7 +314,7 @@ mod tests {
             .filter(|asset| !asset.path.contains("/vendor/"))
         {
             let text = text(&asset.path).await;
-            // Names that are never given to a host stand in examples.
+            // These are names in examples, which no host ever has.
             let text = text.replace("http://www.w3.org/", "");
             let text = text.replace("https://mes.plant.example", "");
             let text = text.replace("https://greybox.plant.example", "");

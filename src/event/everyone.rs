@@ -10,9 +10,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 
-use crate::job::JobId;
+use greybox::identification::JobId;
 
-/// Those who follow all jobs.
+/// The followers of all jobs.
 #[derive(Default)]
 pub(super) struct Followers(Mutex<Vec<Weak<Waiting>>>);
 

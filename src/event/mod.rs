@@ -16,8 +16,8 @@ use tokio::sync::{Notify, watch};
 use tokio_util::sync::CancellationToken;
 
 use crate::access::Project;
-use crate::job::JobId;
 use crate::store::{Change, OnChange, Store};
+use greybox::identification::JobId;
 
 pub use everyone::ChangedJobs;
 use everyone::Followers;

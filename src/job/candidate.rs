@@ -10,9 +10,9 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::estimation::problem::{Problem, Target};
-use crate::estimation::{GenerationRow, Simulated};
-pub use crate::simulation::Failure;
+use greybox::estimation::problem::{Problem, Target};
+use greybox::estimation::{GenerationRow, Simulated};
+pub use greybox::simulation::Failure;
 
 /// What one of a candidate's values stands for.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
@@ -20,7 +20,7 @@ pub struct CandidateColumn {
     /// The name of the value, as in the history of the search.
     #[schema(example = "mass")]
     pub name: String,
-    /// Its SI unit.
+    /// The SI unit of the value.
     #[schema(example = "kg")]
     pub unit: String,
     /// Of an initial state, and of a parameter of one experiment, the experiment, counted from 0;
@@ -35,11 +35,11 @@ pub struct CandidateColumn {
 pub struct Candidate {
     /// The generation in which it was judged first, from 1.
     pub generation: u32,
-    /// Its place in that population, from 0.
+    /// The place of the candidate in the population of that generation, from 0.
     pub place: u32,
-    /// Its cost; none where its simulation failed.
+    /// The cost of the candidate; none where the simulation failed.
     pub cost: Option<f64>,
-    /// How its simulation failed, if it did.
+    /// How the simulation of the candidate failed; none where it did not.
     pub failure: Option<Failure>,
     /// A value for each column, SI.
     pub values: Vec<f64>,
@@ -142,7 +142,7 @@ impl Selection {
         self.cut_in_generation = self.cut_in_generation.or(cut_in_generation);
     }
 
-    /// Those that come through.
+    /// Returns the candidates that are new, up to the limit.
     pub fn admit(&mut self, mut candidates: Vec<Candidate>) -> Vec<Candidate> {
         candidates.retain(|candidate| self.admits(candidate));
         candidates

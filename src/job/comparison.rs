@@ -44,13 +44,13 @@ pub struct MethodRow {
     pub method: String,
     /// Runs that have ended.
     pub runs: u64,
-    /// Of them, those that came within 1 % of the lowest cost.
+    /// Runs that came within 1 % of the lowest cost.
     pub found: u64,
     /// Candidates judged in a run.
     pub evaluations: Option<Spread>,
     /// How long a run took `[s]`, from its first slice to its end.
     pub seconds: Option<Spread>,
-    /// The cost of a run over the lowest.
+    /// The cost of a run divided by the lowest cost.
     pub cost_ratio: Option<Spread>,
     /// Of the runs that found the minimum, how far the estimate that differs most lies from that
     /// of the lowest run `[%]`.
@@ -60,11 +60,11 @@ pub struct MethodRow {
 /// Many values in short.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Spread {
-    /// The middle one.
+    /// The middle value.
     pub median: f64,
-    /// The least.
+    /// The smallest value.
     pub least: f64,
-    /// The largest.
+    /// The largest value.
     pub largest: f64,
 }
 

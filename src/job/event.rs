@@ -7,9 +7,10 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::Status;
-use super::design::{Design, RankedProposal};
-use super::outcome::{Fit, ParameterEstimate};
-use crate::estimation::{Finding, GenerationRow};
+use greybox::estimation::{Finding, GenerationRow};
+use greybox::identification::design::{Design, RankedProposal};
+use greybox::identification::outcome::{Fit, ParameterEstimate};
+use greybox::report::GenerationCosts;
 
 /// One event of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
@@ -123,6 +124,16 @@ impl From<&GenerationRow> for GenerationEvent {
             entropy: finite(row.entropy),
             credit_updates: row.credit_updates,
             best: best.collect(),
+        }
+    }
+}
+
+impl From<&GenerationEvent> for GenerationCosts {
+    fn from(row: &GenerationEvent) -> Self {
+        Self {
+            generation: row.generation,
+            best: row.best_cost,
+            mean: row.mean_cost,
         }
     }
 }

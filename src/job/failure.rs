@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::Fault;
+use greybox::parsing::Fault;
 
 /// Why a job failed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]

@@ -52,7 +52,7 @@ pub struct Point {
     pub window: i64,
     /// The estimate.
     pub value: f64,
-    /// Its variance.
+    /// The variance of the estimate.
     pub variance: f64,
 }
 
@@ -128,7 +128,7 @@ impl Mean {
         points.iter().fold(Self::default(), Self::with)
     }
 
-    /// Its standard deviation.
+    /// The standard deviation of the mean.
     #[must_use]
     pub fn deviation(&self) -> f64 {
         (1.0 / self.weight).sqrt()
@@ -138,17 +138,17 @@ impl Mean {
 /// A change that was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Change {
-    /// Who found it.
+    /// The detector that found the change.
     pub detector: DetectorName,
-    /// What it reached.
+    /// The value that the statistic of the detector reached.
     pub statistic: f64,
-    /// What it was not to reach.
+    /// The threshold that the statistic exceeded.
     pub threshold: f64,
     /// The window from which on the estimates most likely are others.
     pub since: i64,
-    /// What was estimated before.
+    /// The mean of the estimates before the change.
     pub before: Mean,
-    /// What has been estimated since.
+    /// The mean of the estimates since the change.
     pub after: Mean,
 }
 
@@ -157,11 +157,11 @@ pub struct Change {
 pub struct Detector {
     /// The estimates since the last change that are not among the `points`.
     base: Mean,
-    /// All of them.
+    /// All estimates since the last change.
     mean: Mean,
-    /// The last of them, the oldest first.
+    /// The last estimates, the oldest first.
     points: Vec<Point>,
-    /// Their scores.
+    /// The scores of the `points`.
     scores: Vec<f64>,
     /// The mean square of the scores, and of how many.
     scatter: f64,
@@ -255,7 +255,7 @@ impl Detector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::numerics::rng;
+    use greybox::numerics::rng;
 
     /// Estimates with these true values and standard errors of one.
     fn estimates(seed: u64, truth: impl Fn(i64) -> f64) -> impl Iterator<Item = Point> {

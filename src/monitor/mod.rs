@@ -24,8 +24,8 @@ use std::time::Duration;
 use tokio::task::JoinHandle;
 
 use crate::event::EventHub;
-use crate::model::Catalogue;
 use crate::store::Store;
+use greybox::model::Catalogue;
 
 pub use record::{Alarm, MonitorWindow, ShownWindow, WindowStatus};
 pub use spec::MonitorSpec;

@@ -5,34 +5,34 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::detector::DetectorName;
-use crate::job::outcome::{ConfidenceInterval, Outcome, TotalInterval, Trust};
-use crate::job::{DatasetId, JobId};
+use greybox::identification::outcome::{ConfidenceInterval, Outcome, TotalInterval, Trust};
+use greybox::identification::{DatasetId, JobId};
 
 /// A window of a stream, and what was estimated from it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct MonitorWindow {
     /// Counts from 0; a gap in the data leaves numbers out.
     pub number: i64,
-    /// Its first instant.
+    /// The first instant of the window.
     #[schema(value_type = String, format = DateTime)]
     pub from: Timestamp,
-    /// The instant at which it ends, which belongs to the next.
+    /// The instant at which the window ends, which belongs to the next window.
     #[schema(value_type = String, format = DateTime)]
     pub to: Timestamp,
-    /// What became of it.
+    /// What became of the window.
     pub status: WindowStatus,
     /// Why nothing was estimated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub reason: Option<String>,
-    /// Where its search began.
+    /// Where the search of the window began.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub start: Option<Start>,
     /// How far the estimate can be trusted.
     #[serde(default)]
     pub trust: Option<Trust>,
-    /// What speaks against it, for programs.
+    /// What speaks against the estimate, for programs.
     #[serde(default)]
     pub doubts: Vec<String>,
     /// What was estimated.
@@ -44,20 +44,20 @@ pub struct MonitorWindow {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WindowStatus {
-    /// Its job is on its way.
+    /// The job of the window has not ended.
     Running,
-    /// Its parameters were estimated.
+    /// The parameters of the window were estimated.
     Estimated,
     /// Nothing moved: nothing was estimated.
     Quiet,
-    /// The stream has no samples in it.
+    /// The stream has no samples in the window.
     NoData,
-    /// Its job came to no estimate.
+    /// The job of the window came to no estimate.
     Failed,
 }
 
 impl WindowStatus {
-    /// The word for it.
+    /// The name of the status.
     #[must_use]
     pub fn as_str(self) -> &'static str {
         match self {
@@ -83,15 +83,15 @@ pub enum Start {
 /// A parameter in a window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct WatchedEstimate {
-    /// Its name.
+    /// The name of the parameter.
     #[schema(example = "bulk_modulus")]
     pub name: String,
     /// The SI unit of every number below.
     #[schema(example = "Pa")]
     pub unit: String,
-    /// Its value.
+    /// The estimated value of the parameter.
     pub estimate: f64,
-    /// One standard deviation of its error.
+    /// One standard deviation of the error of the estimate.
     pub standard_error: Option<f64>,
     /// The range that holds the true value with the stated probability.
     pub confidence_interval: Option<ConfidenceInterval>,
@@ -161,30 +161,30 @@ pub enum AlarmKind {
 /// A parameter that has changed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ParameterChange {
-    /// Its name.
+    /// The name of the parameter.
     #[schema(example = "bulk_modulus")]
     pub parameter: String,
     /// The SI unit of the values.
     #[schema(example = "Pa")]
     pub unit: String,
-    /// Who found it.
+    /// The detector that found the change.
     pub detector: DetectorName,
-    /// What the detector reached.
+    /// The value that the statistic of the detector reached.
     pub statistic: f64,
-    /// What it was not to reach.
+    /// The threshold that the statistic exceeded.
     pub threshold: f64,
     /// The first window that most likely has the new value.
     pub since_window: i64,
-    /// When that begins.
+    /// When the window `since_window` begins.
     #[schema(value_type = String, format = DateTime)]
     pub since: Timestamp,
-    /// The mean of the windows before.
+    /// The mean of the windows before the change.
     pub before: f64,
-    /// One standard deviation of its error, of what windows do not share.
+    /// One standard deviation of the error of `before`, of what windows do not share.
     pub before_standard_error: f64,
-    /// The mean of the windows since.
+    /// The mean of the windows since the change.
     pub after: f64,
-    /// One standard deviation of its error, of what windows do not share.
+    /// One standard deviation of the error of `after`, of what windows do not share.
     pub after_standard_error: f64,
 }
 
@@ -196,6 +196,6 @@ pub struct ShownWindow {
     pub window: MonitorWindow,
     /// The job that worked it, where one did and is still kept.
     pub job: Option<JobId>,
-    /// Its recording, where it is still kept.
+    /// The recording of the window, where it is still kept.
     pub dataset: Option<DatasetId>,
 }

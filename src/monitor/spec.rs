@@ -8,9 +8,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use utoipa::ToSchema;
 
-use crate::job::spec::MAX_NAME_CHARS;
-use crate::job::{DatasetId, Fault};
-use crate::parsing::reader::{Faults, Field};
+use greybox::identification::DatasetId;
+use greybox::identification::spec::MAX_NAME_CHARS;
+use greybox::parsing::Fault;
+use greybox::parsing::reader::{Faults, Field};
 
 /// A window is so long at the least `[s]`.
 const LEAST_LENGTH_S: f64 = 1e-3;
@@ -49,7 +50,7 @@ pub struct MonitorSpec {
     pub name: Option<String>,
     /// The stream that is watched.
     pub stream: String,
-    /// Which windows of it.
+    /// Which windows of the stream are watched.
     pub window: WindowPlan,
     /// Which of them are worth a job; left out, those in which an input of the model moves by more
     /// than a twentieth of all that it moved so far. In the others nothing is estimated.
@@ -100,7 +101,7 @@ pub struct WindowPlan {
 pub struct Movement {
     /// The signal of the stream.
     pub signal: String,
-    /// Its range in a window, as a share of its range in all windows so far.
+    /// The range of the signal in a window, as a share of its range in all windows so far.
     #[schema(minimum = 0, maximum = 1, example = 0.2)]
     pub moves_more_than: f64,
 }

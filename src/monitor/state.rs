@@ -11,9 +11,9 @@ use super::record::{
 };
 use super::spec::{MonitorSpec, WindowPlan};
 use super::warm::{self, Alone, Errors, Known};
-use crate::job::outcome::{Outcome, Trust};
-use crate::job::spec::SearchRange;
-use crate::recording::{RowSignal, Rows, shown};
+use greybox::identification::outcome::{Outcome, Trust};
+use greybox::identification::spec::SearchRange;
+use greybox::recording::{RowSignal, Rows, shown};
 
 /// Nanoseconds in a second.
 const NS: f64 = 1e9;
@@ -355,7 +355,7 @@ pub fn instant(ns: i64) -> Timestamp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::{Class, RowColumn};
+    use greybox::recording::{Class, RowColumn};
 
     const PLAN: WindowPlan = WindowPlan {
         length_s: 10.0,

@@ -10,15 +10,17 @@ use super::record::{Alarm, MonitorWindow, Start, WindowStatus};
 use super::spec::MonitorSpec;
 use super::state::{State, Worked, instant, silence};
 use super::warm::{self, Known};
-use crate::job::outcome::Outcome;
-use crate::job::spec::{Context, SearchRange};
-use crate::job::{DatasetId, Fault, JobId, JobSpec, Status};
-use crate::model::{Catalogue, Model, document};
-use crate::recording::{Recording, RowSignal, Rows, Source};
+use crate::job::Status;
 use crate::store::{
     Advance, AdvanceWindow, JobRow, MonitorRow, NewDataset, NewJob, NewWindowJob, Store,
     StoreError, StreamRow,
 };
+use greybox::identification::outcome::Outcome;
+use greybox::identification::spec::{Context, SearchRange};
+use greybox::identification::{DatasetId, JobId, JobSpec};
+use greybox::model::{Catalogue, Model, document};
+use greybox::parsing::Fault;
+use greybox::recording::{Recording, RowSignal, Rows, Source};
 
 /// Instants in a window at the most.
 pub const MAX_WINDOW_SAMPLES: usize = 2_000_000;
@@ -222,8 +224,8 @@ struct Step {
 /// A window that is there, for a job to be read against.
 struct Window<'a> {
     dataset: DatasetId,
-    summary: &'a crate::recording::Summary,
-    models: Vec<&'a crate::model::ModelDescription>,
+    summary: &'a greybox::recording::Summary,
+    models: Vec<&'a greybox::model::ModelDescription>,
 }
 
 impl Window<'_> {
@@ -241,7 +243,7 @@ impl Window<'_> {
 fn descriptions<'a>(
     catalogue: &'a Catalogue,
     model: Option<&'a Arc<Model>>,
-) -> Vec<&'a crate::model::ModelDescription> {
+) -> Vec<&'a greybox::model::ModelDescription> {
     let all = catalogue.iter().chain(model);
     all.map(|model| model.description()).collect()
 }
@@ -445,7 +447,7 @@ impl Step {
 }
 
 /// The recorded signals that a job takes for inputs of its model.
-fn inputs(job: &JobSpec, models: &[&crate::model::ModelDescription]) -> Vec<String> {
+fn inputs(job: &JobSpec, models: &[&greybox::model::ModelDescription]) -> Vec<String> {
     let model = models.iter().find(|model| model.name == job.model);
     let names = model
         .into_iter()

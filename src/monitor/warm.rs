@@ -9,12 +9,12 @@ use serde_json::{Value, json};
 
 use super::record::WatchedEstimate;
 use super::spec::MonitorSpec;
-use crate::job::JobSpec;
-use crate::job::outcome::{Correlation, Outcome, Trust};
-use crate::job::spec::{ParameterSpec, SearchRange};
-use crate::model::Scale;
-use crate::numerics::normal::Normal;
-use crate::numerics::symmetric;
+use greybox::identification::JobSpec;
+use greybox::identification::outcome::{Correlation, Outcome, Trust};
+use greybox::identification::spec::{ParameterSpec, SearchRange};
+use greybox::model::Scale;
+use greybox::numerics::normal::Normal;
+use greybox::numerics::symmetric;
 
 /// Without a drift, the prior of the next window is so many standard errors wider: the window then
 /// has nine tenths of the weight.
@@ -35,7 +35,7 @@ const LEAST_NEWS: f64 = 1e-3;
 pub struct Known {
     /// The parameters.
     names: Vec<String>,
-    /// Their coordinates.
+    /// The distribution of the coordinates of the parameters.
     #[serde(flatten)]
     normal: Normal,
 }
@@ -65,9 +65,9 @@ impl Known {
 /// The errors of which a distribution is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Errors {
-    /// Those of the data, and of what was known before.
+    /// The errors of the data, and of what was known before.
     Statistical,
-    /// Those of all that was taken as known too.
+    /// The errors of the data, of what was known before, and of all that was taken as known.
     Total,
 }
 

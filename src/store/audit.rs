@@ -44,13 +44,13 @@ pub struct Loss {
 /// An entry as it is kept.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AuditRow {
-    /// Its number; later entries have larger ones.
+    /// The number of the entry; later entries have larger numbers.
     pub id: i64,
-    /// When it was written.
+    /// When the entry was written.
     pub at: Timestamp,
     /// What was asked, and by whom.
     pub entry: AuditEntry,
-    /// The loss that it states, if any.
+    /// The loss that the entry states, if any.
     pub loss: Option<Loss>,
 }
 

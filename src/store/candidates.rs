@@ -10,7 +10,8 @@ use super::sealed::{CANDIDATE_RECORDS, CANDIDATES};
 use super::writer::Tx;
 use super::{Store, StoreError, corrupt, unsigned};
 use crate::job::candidate::Failure;
-use crate::job::{Candidate, CandidateColumn, JobId};
+use crate::job::{Candidate, CandidateColumn};
+use greybox::identification::JobId;
 
 /// Rows in one statement; SQLite takes 32766 values in one.
 const ROWS_PER_STATEMENT: usize = 1000;

@@ -4,7 +4,7 @@ use super::database::{self, Target};
 use super::sealed::CHECKPOINTS;
 use super::writer::Tx;
 use super::{Store, StoreError, unsigned};
-use crate::job::JobId;
+use greybox::identification::JobId;
 
 /// Where a job can go on.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -4,14 +4,14 @@
 //! worker sees the request, ends the slice and writes the state together with the best estimate. The
 //! request holds whatever the slice comes to (see `slices/endings`).
 
-use super::database;
 use super::jobs::{self, JobRow};
 use super::slices::endings;
 use super::stop_request::StopRequest;
 use super::writer::Tx;
-use super::{Change, Store, StoreError, queue, results};
+use super::{Change, Store, StoreError, database, queue, results};
 use crate::access::Project;
-use crate::job::{Event, JobId, Status};
+use crate::job::{Event, Status};
+use greybox::identification::JobId;
 
 /// The answer to a wish to cancel, pause or resume.
 #[derive(Clone, Debug, PartialEq)]

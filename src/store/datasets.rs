@@ -16,8 +16,8 @@ use super::sealed::{DATASET_CHUNKS, DATASETS};
 use super::writer::Tx;
 use super::{Change, Quotas, Store, StoreError, corrupt, quotas};
 use crate::access::Project;
-use crate::job::{DatasetId, JobId};
-use crate::recording::{
+use greybox::identification::{DatasetId, JobId};
+use greybox::recording::{
     Named, NewScratch, Received, Recording, Source, Summary, TimeAxis, Warning,
 };
 
@@ -43,17 +43,17 @@ pub struct NewDataset {
 /// A recording as it is shown: all but its samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DatasetRow {
-    /// Its identifier.
+    /// The identifier of the recording.
     pub id: DatasetId,
-    /// Whose it is.
+    /// The project that the recording belongs to.
     pub project: Project,
     /// A name for people.
     pub name: Option<String>,
     /// A digest of the bytes that came and of the options they were read with.
     pub digest: String,
-    /// What it holds, in a few numbers.
+    /// What the recording holds, in a few numbers.
     pub summary: Summary,
-    /// When it was stored.
+    /// When the recording was stored.
     pub created_at: Timestamp,
 }
 
@@ -224,7 +224,8 @@ async fn insert(
     insert_as(tx, DatasetId::new(), new, allowed).await
 }
 
-/// The same, by an identifier that was chosen before.
+/// Stores a recording by the identifier `id`. A stored recording of the same project and digest
+/// stays instead. Returns the row, and whether it is new.
 pub(super) async fn insert_as(
     tx: &mut Tx,
     id: DatasetId,

@@ -104,13 +104,13 @@ pub enum StoreError {
          one can work; this one is of {own}: use a newer greybox"
     )]
     TooNew {
-        /// Where it is.
+        /// Where the database is.
         database: String,
-        /// Its schema.
+        /// The schema of the database.
         schema: i64,
-        /// The oldest that can work with it.
+        /// The oldest schema whose servers can work with the database.
         oldest: i64,
-        /// That of this program.
+        /// The schema of this program.
         own: i64,
     },
     /// Servers that are too old work with the database that is to be brought up to date.
@@ -119,11 +119,11 @@ pub enum StoreError {
          with it cannot work with: stop all of them first"
     )]
     InTheWay {
-        /// Where it is.
+        /// Where the database is.
         database: String,
-        /// Its schema.
+        /// The schema of the database.
         schema: i64,
-        /// That of this program.
+        /// The schema of this program.
         own: i64,
     },
     /// A database that is to be copied into has something.

@@ -4,7 +4,8 @@ use super::database::{self, QueryBuilder, Row};
 use super::sealed::{EVENTS, Sealed};
 use super::writer::Tx;
 use super::{Store, StoreError};
-use crate::job::{Event, JobId};
+use crate::job::Event;
+use greybox::identification::JobId;
 
 /// Rows in one statement; SQLite takes 32766 values in one.
 const ROWS_PER_STATEMENT: usize = 1000;

@@ -4,9 +4,8 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 
-use super::database;
 use super::jobs::time;
-use super::{Store, StoreError, StoredBytes, audit};
+use super::{Store, StoreError, StoredBytes, audit, database};
 
 /// How the database is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,7 +5,8 @@ use super::jobs::from_json;
 use super::sealed::GENERATIONS;
 use super::writer::Tx;
 use super::{Store, StoreError, jobs};
-use crate::job::{GenerationEvent, JobId};
+use crate::job::GenerationEvent;
+use greybox::identification::JobId;
 
 /// Rows in one statement; SQLite takes 32766 values in one.
 const ROWS_PER_STATEMENT: usize = 1000;

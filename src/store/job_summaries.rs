@@ -11,45 +11,47 @@ use super::jobs::{
 };
 use super::{JobFilter, Page, Store, StoreError, corrupt};
 use crate::access::Project;
-use crate::job::{JobId, Progress, Status};
+use crate::job::Status;
+use greybox::estimation::Progress;
+use greybox::identification::JobId;
 
 /// A job in short.
 #[derive(Clone, Debug)]
 pub struct JobSummaryRow {
-    /// Whose it is.
+    /// The project that the job belongs to.
     pub project: Project,
-    /// Its identifier.
+    /// The identifier of the job.
     pub id: JobId,
     /// The name for people.
     pub name: Option<String>,
-    /// Labels to find it by.
+    /// Labels to find the job by.
     pub labels: BTreeMap<String, String>,
     /// The model's name.
     pub model: String,
     /// The method's name.
     pub method: Option<String>,
-    /// The recordings that it reads.
+    /// The recordings that the job reads.
     pub datasets: Vec<NamedDataset>,
-    /// Where it is in its life.
+    /// The state of the job.
     pub status: Status,
-    /// How far it came; nothing before its first slice.
+    /// How far the job came; nothing before the first slice.
     pub progress: Option<Progress>,
-    /// The grade of its verdict: `high`, `moderate` or `low`; nothing without a verdict.
+    /// The grade of the verdict: `high`, `moderate` or `low`; nothing without a verdict.
     pub trust: Option<String>,
-    /// When it was accepted.
+    /// When the job was accepted.
     pub created_at: Timestamp,
-    /// When its first slice began.
+    /// When the first slice of the job began.
     pub started_at: Option<Timestamp>,
-    /// When it came to its end.
+    /// When the job ended.
     pub finished_at: Option<Timestamp>,
 }
 
 /// A recording by its name.
 #[derive(Clone, Debug, Deserialize)]
 pub struct NamedDataset {
-    /// Its identifier.
+    /// The identifier of the recording.
     pub id: String,
-    /// The name for people; nothing where it has none or was removed.
+    /// The name for people; nothing where the recording has no name or was removed.
     pub name: Option<String>,
 }
 
@@ -91,7 +93,7 @@ impl Store {
         Ok(Page::cut(rows, filter.limit, |row| row.id))
     }
 
-    /// Those of these jobs that there are, in short, in no order.
+    /// Summaries of the jobs in `jobs` that exist, in no order.
     pub async fn job_summaries_of(&self, jobs: &[JobId]) -> Result<Vec<JobSummaryRow>, StoreError> {
         if jobs.is_empty() {
             return Ok(Vec::new());

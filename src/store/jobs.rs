@@ -14,40 +14,42 @@ use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{Store, StoreError, corrupt, unsigned};
 use crate::access::Project;
-use crate::job::{DatasetId, JobId, Progress, Status};
+use crate::job::Status;
+use greybox::estimation::Progress;
+use greybox::identification::{DatasetId, JobId};
 
 /// A job as it stands.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobRow {
-    /// Its identifier.
+    /// The identifier of the job.
     pub id: JobId,
-    /// Whose it is.
+    /// The project that the job belongs to.
     pub project: Project,
     /// The name for people.
     pub name: Option<String>,
-    /// Labels to find it by.
+    /// Labels to find the job by.
     pub labels: BTreeMap<String, String>,
     /// The model's name.
     pub model: String,
     /// The completed specification.
     pub spec: Value,
-    /// Where it is in its life.
+    /// The state of the job.
     pub status: Status,
-    /// What was asked of it and has not taken effect yet.
+    /// A request to stop the job that has not taken effect yet.
     pub stop_request: Option<StopRequest>,
-    /// How far it came; nothing before its first slice.
+    /// How far the job came; nothing before the first slice.
     pub progress: Option<Progress>,
     /// Slices begun since the last checkpoint: 1 in a life without crashes, 0 before the first.
     pub attempt: u32,
-    /// Why it failed.
+    /// Why the job failed.
     pub error: Option<Value>,
-    /// When it was accepted.
+    /// When the job was accepted.
     pub created_at: Timestamp,
-    /// When its first slice began.
+    /// When the first slice of the job began.
     pub started_at: Option<Timestamp>,
-    /// When it came to its end.
+    /// When the job ended.
     pub finished_at: Option<Timestamp>,
-    /// The id of its last event.
+    /// The id of the last event of the job.
     pub last_event: i64,
     /// Grows with every change of what is shown.
     pub revision: i64,
@@ -89,26 +91,26 @@ impl JobRow {
 /// Which jobs to list.
 #[derive(Clone, Debug, Default)]
 pub struct JobFilter {
-    /// Those of this project.
+    /// Only jobs of this project.
     pub project: Project,
-    /// Only those in this state.
+    /// Only jobs in this state.
     pub status: Option<Status>,
-    /// Only those with this label, and with this value where one is given.
+    /// Only jobs with this label, and with this value where a value is given.
     pub label: Option<(String, Option<String>)>,
-    /// Only those of this model.
+    /// Only jobs of this model.
     pub model: Option<String>,
-    /// Only those that read this recording.
+    /// Only jobs that read this recording.
     pub dataset: Option<DatasetId>,
-    /// Only those of this method.
+    /// Only jobs of this method.
     pub method: Option<String>,
-    /// Only those whose verdict has this grade: `high`, `moderate` or `low`.
+    /// Only jobs whose verdict has this grade: `high`, `moderate` or `low`.
     pub trust: Option<String>,
-    /// Only those with this text in the name, the identifier, the model, a label or the name of a
+    /// Only jobs with this text in the name, the identifier, the model, a label or the name of a
     /// recording, in letters of either case.
     pub text: Option<String>,
-    /// Only those older than this one: the last of the page before.
+    /// Only jobs older than this job: the last job of the previous page.
     pub before: Option<JobId>,
-    /// At most so many.
+    /// How many jobs to list at the most.
     pub limit: u32,
 }
 

@@ -60,7 +60,8 @@ use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 use crate::access::Project;
-use crate::job::{DatasetId, JobId, MonitorId};
+use crate::job::MonitorId;
+use greybox::identification::{DatasetId, JobId};
 
 pub use audit::{AuditEntry, AuditRow, Loss};
 pub use candidates::{CandidatePage, NewCandidates};

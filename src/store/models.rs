@@ -9,7 +9,7 @@ use super::sealed::MODELS;
 use super::writer::Tx;
 use super::{Store, StoreError};
 use crate::access::Project;
-use crate::job::JobId;
+use greybox::identification::JobId;
 
 /// The models that no job was made with that one server keeps at the most. One more takes the place
 /// of the oldest of the client that has the most of them.
@@ -48,9 +48,9 @@ pub struct ModelRow {
 /// What became of a model that was to be stored.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ModelStored {
-    /// It is new.
+    /// The model is new.
     Created(ModelRow),
-    /// The same document came before.
+    /// A model with the same document was stored before.
     There(ModelRow),
 }
 

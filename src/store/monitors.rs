@@ -20,7 +20,8 @@ use super::sealed::{MONITOR_ALARMS, MONITOR_EVENTS, MONITOR_WINDOWS, MONITORS};
 use super::submit::{NewJob, Submitted};
 use super::{Store, StoreError, corrupt};
 use crate::access::Project;
-use crate::job::{DatasetId, JobId, MonitorId};
+use crate::job::MonitorId;
+use greybox::identification::{DatasetId, JobId};
 
 /// A monitor to be stored.
 #[derive(Clone, Debug)]
@@ -46,31 +47,31 @@ pub struct NewMonitor {
 /// A monitor as it stands.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MonitorRow {
-    /// Its identifier.
+    /// The identifier of the monitor.
     pub id: MonitorId,
-    /// Whose it is, and its stream.
+    /// The project that the monitor and the stream belong to.
     pub project: Project,
     /// A name for people.
     pub name: Option<String>,
-    /// The stream that it watches.
+    /// The stream that the monitor watches.
     pub stream: String,
-    /// What was asked for.
+    /// The specification of the monitor.
     pub spec: Value,
-    /// What it knows by now.
+    /// What the monitor knows by now.
     pub state: Value,
-    /// When its next window ends, nanoseconds since 1970.
+    /// When the next window ends, nanoseconds since 1970.
     pub due_ns: i64,
     /// The job that works a window, where one does.
     pub job: Option<JobId>,
-    /// Whether it said that data have stopped.
+    /// Whether the monitor has said that data have stopped.
     pub silent: bool,
     /// Grows with every step.
     pub revision: i64,
-    /// The id of its last event.
+    /// The id of the last event of the monitor.
     pub last_event: i64,
-    /// The id of its last alarm.
+    /// The id of the last alarm of the monitor.
     pub last_alarm: i64,
-    /// When it was accepted.
+    /// When the monitor was accepted.
     pub created_at: Timestamp,
 }
 
@@ -106,20 +107,20 @@ pub struct AdvanceWindow {
 pub struct NewWindowJob {
     /// The job.
     pub job: NewJob,
-    /// Its recording, by an identifier that the job names; nothing where it is stored already.
+    /// The recording, by an identifier that the job names; nothing where it is stored already.
     pub dataset: Option<(DatasetId, NewDataset)>,
 }
 
 /// A window as it is kept.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredWindow {
-    /// Its number.
+    /// The number of the window.
     pub number: i64,
-    /// The job that worked it, where one did and is still kept.
+    /// The job that worked the window, where such a job is still kept.
     pub job: Option<JobId>,
-    /// Its recording, where it is still kept.
+    /// The recording of the window, where the recording is still kept.
     pub dataset: Option<DatasetId>,
-    /// What is shown of it.
+    /// What is shown of the window.
     pub row: Value,
 }
 

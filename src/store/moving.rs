@@ -73,9 +73,9 @@ const LEFT_BEHIND: [(&str, &str, Value); 3] = [
 /// A table that was copied.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CopiedTable {
-    /// Its name.
+    /// The name of the table.
     pub name: &'static str,
-    /// How many rows it has.
+    /// How many rows the table has.
     pub rows: u64,
 }
 
@@ -184,7 +184,7 @@ impl Alone {
 struct Table {
     name: &'static str,
     columns: Vec<Column>,
-    /// Its columns in the order of its key.
+    /// The columns of the primary key, in the order of the key.
     key: Vec<String>,
 }
 

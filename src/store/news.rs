@@ -153,7 +153,7 @@ fn read(text: &str) -> Option<(i64, Vec<Change>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::JobId;
+    use greybox::identification::JobId;
 
     #[test]
     fn what_is_told_is_read_as_it_was() {

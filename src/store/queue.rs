@@ -15,7 +15,7 @@ use super::database::{self, Kind, Pool, QueryBuilder, Transaction};
 use super::writer::Tx;
 use super::{Change, Store, StoreError};
 use crate::access::Project;
-use crate::job::JobId;
+use greybox::identification::JobId;
 
 /// The queue that slices of jobs wait in: this one those of the project `default`, one of its own
 /// those of each other project, so that no project has to wait for the queue of another.

@@ -5,9 +5,8 @@ use std::time::Duration;
 
 use jiff::{Timestamp, ToSpan, civil::Date, tz::TimeZone};
 
-use super::database;
 use super::writer::Tx;
-use super::{QuotaExceeded, Store, StoreError, StoredBytes};
+use super::{QuotaExceeded, Store, StoreError, StoredBytes, database};
 use crate::access::Project;
 
 /// What each project may have at the most.

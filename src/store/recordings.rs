@@ -5,8 +5,8 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::job::DatasetId;
-use crate::recording::{Recording, TimeAxis};
+use greybox::identification::DatasetId;
+use greybox::recording::{Recording, TimeAxis};
 
 /// What is kept at the most, in bytes of samples.
 const LIMIT: usize = 64 << 20;

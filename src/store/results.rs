@@ -7,7 +7,8 @@ use super::jobs::from_json;
 use super::sealed::RESULTS;
 use super::writer::Tx;
 use super::{Store, StoreError};
-use crate::job::{JobId, Status};
+use crate::job::Status;
+use greybox::identification::JobId;
 
 impl Store {
     /// The result of a job: final for one that succeeded, the best so far for one that was paused

@@ -2,10 +2,9 @@
 
 use jiff::Timestamp;
 
-use super::database;
 use super::jobs::time;
 use super::tokens::{Columns, TokenRow};
-use super::{Store, StoreError};
+use super::{Store, StoreError, database};
 use crate::access::Digest;
 
 /// Sessions of one token that are kept; one more takes the place of the oldest.

@@ -4,17 +4,17 @@ use super::database::{self, QueryBuilder};
 use super::sealed::SHARED_PARTS;
 use super::writer::Tx;
 use super::{Change, Store, StoreError, jobs};
-use crate::job::JobId;
+use greybox::identification::JobId;
 
 /// Parts that are written with one statement.
 const TOGETHER: usize = 100;
 
-/// A part by its name, with what came of it, in JSON.
+/// A part of a job's work that nodes share, by its name, with its result in JSON.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SharedPart {
-    /// What was to be done.
+    /// The name of the part: what was to be done.
     pub name: String,
-    /// What came of it.
+    /// The result of the part, in JSON.
     pub part: String,
 }
 

@@ -13,15 +13,16 @@ use riverqueue::Client;
 
 pub use endings::Ending;
 
-use super::database;
 use super::jobs::{self, JobRow};
 use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{
     Change, Checkpoint, NewCandidates, SharedPart, Store, StoreError, candidates, checkpoints,
-    events, generations, queue, quotas, shared_parts,
+    database, events, generations, queue, quotas, shared_parts,
 };
-use crate::job::{Event, GenerationEvent, JobId, Progress};
+use crate::job::{Event, GenerationEvent};
+use greybox::estimation::Progress;
+use greybox::identification::JobId;
 
 /// The right to write about a job, until its next slice begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,27 +50,27 @@ pub enum Hold {
     Lost,
 }
 
-/// What came of handing a job on.
+/// The outcome of handing a job on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use]
 pub enum HandedOn {
-    /// It waits in the queue, with a new entry.
+    /// The job waits in the queue, with a new entry.
     ToTheQueue,
-    /// Nobody waits: whoever has its entry goes on.
+    /// No other job waits: the worker that has the job's entry goes on.
     Stays,
     /// Another slice has begun; nothing was written.
     Lost,
 }
 
-/// What came of the wish to begin a slice.
+/// The outcome of an attempt to begin a slice.
 #[derive(Clone, Debug)]
 pub enum Begin {
-    /// Work it.
+    /// The slice began and is to be worked.
     Slice(Box<Slice>),
     /// The job ended, is paused, is gone or at work in another node, or the entry is stale: there is
     /// nothing to do.
     Nothing,
-    /// Lives of the server ended with it: its next slice waits a little.
+    /// Server processes ended while the job was at work: the next slice waits a little.
     NotYet,
     /// The job has ended now: the server always went down with it, or what is stored of it is damaged.
     Ended,

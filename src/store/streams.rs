@@ -18,12 +18,11 @@ use utoipa::ToSchema;
 use super::database::{self, Connection, QueryBuilder, Row};
 use super::idempotency::Idempotency;
 use super::jobs::{self, Page, from_json, json, time};
-use super::quotas;
 use super::writer::Tx;
-use super::{Change, Quotas, Store, StoreError, corrupt, unsigned};
+use super::{Change, Quotas, Store, StoreError, corrupt, quotas, unsigned};
 use crate::access::Project;
-use crate::recording::{Batch, Merged, QualityReport, RowSignal, Rows};
 use blocks::{Block, Span};
+use greybox::recording::{Batch, Merged, QualityReport, RowSignal, Rows};
 use signals::places;
 
 /// What a stream keeps when nobody says `[MiB]`.
@@ -60,24 +59,24 @@ pub struct Keep {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[schema(as = Stream)]
 pub struct StreamRow {
-    /// Whose it is.
+    /// The project that the stream belongs to.
     #[serde(skip)]
     pub project: Project,
-    /// Its name.
+    /// The name of the stream.
     #[schema(example = "rig-4")]
     pub name: String,
-    /// Its signals, in the order in which they came.
+    /// The signals, in the order in which they came.
     pub signals: Vec<RowSignal>,
-    /// The time zone that its source counted in; `null` where it said none, or UTC.
+    /// The time zone that the source counted in; `null` where the source said none, or UTC.
     pub zone: Option<String>,
-    /// The instants that it has samples of.
+    /// How many instants the stream has samples of.
     pub samples: u64,
-    /// What they take of the database.
+    /// Bytes that the samples take of the database.
     pub bytes: u64,
-    /// The first of them; `null` where there are none.
+    /// The first instant with samples; `null` where there are no samples.
     #[schema(value_type = Option<String>, format = DateTime)]
     pub first: Option<Timestamp>,
-    /// The last of them; `null` where there are none.
+    /// The last instant with samples; `null` where there are no samples.
     #[schema(value_type = Option<String>, format = DateTime)]
     pub last: Option<Timestamp>,
     /// How long before the last sample that is not ahead of the server's clock others are kept `[s]`; `null`: as long as there is room.
@@ -145,9 +144,9 @@ pub struct Appended {
 /// The answer to a batch.
 #[derive(Clone, Debug, PartialEq)]
 pub enum BatchOutcome {
-    /// It is stored; whether the stream is new.
+    /// The batch is stored; whether the stream is new.
     Stored(Box<Appended>, bool),
-    /// The same key and body came before; the answer that was given.
+    /// A batch with the same key and body came before; the answer that was given.
     Replayed(Box<Appended>),
     /// The key came before with another body. Nothing was stored.
     KeyReused,
@@ -155,7 +154,7 @@ pub enum BatchOutcome {
     UnitsDiffer(String, String, String),
     /// The samples are of a local hour that came twice, and both of its passes have others already.
     HourCameTwice,
-    /// The stream would have more than [`crate::recording::MAX_SIGNALS`].
+    /// The stream would have more than [`greybox::recording::MAX_SIGNALS`].
     TooManySignals,
     /// The project has [`MAX_STREAMS`] already.
     TooManyStreams,

@@ -20,7 +20,7 @@ use super::jobs::{self, JobRow};
 use super::writer::Tx;
 use super::{QuotaExceeded, Quotas, Store, StoreError};
 use crate::access::Project;
-use crate::job::{DatasetId, JobId};
+use greybox::identification::{DatasetId, JobId};
 
 /// A job to be stored.
 #[derive(Clone, Debug)]

@@ -27,19 +27,19 @@ pub struct NewToken {
 /// A token as it is kept.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TokenRow {
-    /// Its number.
+    /// The number of the token.
     pub id: i64,
-    /// What it is called.
+    /// The name of the token.
     pub name: String,
-    /// How much it allows.
+    /// How much the token allows.
     pub scope: Scope,
-    /// Where.
+    /// The project that the token gives access to.
     pub project: Project,
-    /// When it was made.
+    /// When the token was made.
     pub created_at: Timestamp,
-    /// When it ends by itself.
+    /// When the token expires.
     pub expires_at: Option<Timestamp>,
-    /// When it was revoked.
+    /// When the token was revoked.
     pub revoked_at: Option<Timestamp>,
     /// When it was used last, to the minute.
     pub last_used_at: Option<Timestamp>,

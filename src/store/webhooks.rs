@@ -12,7 +12,8 @@ use super::jobs::{self, Page, from_json, project, time};
 use super::writer::Tx;
 use super::{Change, Store, StoreError, corrupt, unsigned};
 use crate::access::Project;
-use crate::job::{DeliveryId, JobId, WebhookId};
+use crate::job::{DeliveryId, WebhookId};
+use greybox::identification::JobId;
 
 /// A delivery is tried for so long.
 const TRIED_FOR: Duration = Duration::from_hours(72);
@@ -24,17 +25,17 @@ const LONGEST_WAIT: Duration = Duration::from_hours(6);
 /// A place that events are delivered to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WebhookRow {
-    /// Its identifier.
+    /// The identifier of the webhook.
     pub id: WebhookId,
-    /// Whose it is: events of that project go there.
+    /// The project whose events go to the webhook.
     pub project: Project,
     /// The address.
     pub url: String,
-    /// The types of events that it wants.
+    /// The types of events that are sent to the webhook.
     pub events: Vec<String>,
-    /// What its deliveries are signed with.
+    /// What deliveries are signed with.
     pub secret: String,
-    /// When it was made.
+    /// When the webhook was made.
     pub created_at: Timestamp,
 }
 
@@ -64,15 +65,15 @@ impl DeliveryState {
 /// An event on its way to one place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeliveryRow {
-    /// Its identifier, the same at each attempt.
+    /// The identifier of the delivery, the same at each attempt.
     pub id: DeliveryId,
-    /// Where it goes.
+    /// The webhook that the event is delivered to.
     pub webhook: WebhookId,
     /// The type of the event.
     pub event: String,
-    /// What is sent.
+    /// The document that is sent.
     pub payload: String,
-    /// How far it has come.
+    /// The state of the delivery.
     pub state: DeliveryState,
     /// Attempts so far.
     pub attempts: u32,
@@ -84,16 +85,16 @@ pub struct DeliveryRow {
     pub last_error: Option<String>,
     /// When the event happened.
     pub created_at: Timestamp,
-    /// When the receiver took it.
+    /// When the receiver took the delivery.
     pub delivered_at: Option<Timestamp>,
 }
 
-/// What came of an attempt.
+/// The outcome of an attempt to deliver.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Attempt {
     /// The status that the receiver answered.
     pub status: Option<u16>,
-    /// Why it failed; nothing where the receiver has taken it.
+    /// Why the attempt failed; nothing where the receiver has taken the delivery.
     pub error: Option<String>,
 }
 

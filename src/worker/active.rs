@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::job::JobId;
+use greybox::identification::JobId;
 
 /// The jobs at work. Cheap to clone.
 #[derive(Clone, Debug, Default)]

@@ -8,13 +8,16 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::run::{Advance, Assignment, Past, Row, Run, StopReason, unread};
-use crate::job::assemble::{COST_OF_JOB, Designing, Looked, PastResult};
-use crate::job::design::Design;
 use crate::job::event::DesignEvent;
-use crate::job::spec::design::{DesignSpec, DesignTask, PastJob};
-use crate::job::{Failure, Fault, JobSpec, Outcome, Phase, Progress};
-use crate::model::Model;
-use crate::recording::Recording;
+use crate::job::{DesignTask, Failure};
+use greybox::estimation::{Phase, Progress};
+use greybox::identification::assemble::{COST_OF_JOB, Designing, Looked, PastResult};
+use greybox::identification::design::Design;
+use greybox::identification::spec::design::{DesignSpec, PastJob};
+use greybox::identification::{JobSpec, Outcome};
+use greybox::model::Model;
+use greybox::parsing::Fault;
+use greybox::recording::Recording;
 
 /// Experiments that are looked at in one unit of work.
 const EXPERIMENTS_A_UNIT: usize = 4;

@@ -13,12 +13,12 @@ use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 
 use super::exchange::Pace;
-use super::places::Place;
 use super::run::{Assignment, Helped, Run, Share};
 use super::slice::SliceWorker;
+use crate::admission::Permit;
 use crate::event::EventHub;
-use crate::job::JobId;
 use crate::store::{SharedPart, StoreError};
+use greybox::identification::JobId;
 
 /// How soon it is looked again where nobody wants help.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
@@ -52,7 +52,7 @@ pub(super) async fn run(slices: SliceWorker, hub: EventHub, closing: Cancellatio
 struct Pauses(HashMap<JobId, (Instant, Duration)>);
 
 impl Pauses {
-    /// Those that are left alone.
+    /// The jobs that are left alone at `now`.
     fn at(&self, now: Instant) -> Vec<JobId> {
         let paused = self.0.iter().filter(|(_, (until, _))| *until > now);
         paused.map(|(id, _)| *id).collect()
@@ -72,7 +72,7 @@ impl Pauses {
     }
 }
 
-/// Helps with one job, for as long as nobody waits for the place; answers which, and how many parts it did.
+/// Helps with one job, for as long as nobody waits for the permit; answers which, and how many parts it did.
 async fn help_one(
     slices: &SliceWorker,
     but: &[JobId],
@@ -87,7 +87,7 @@ async fn help_one(
     let Some(job) = slices.store.job(id).await? else {
         return Ok(None);
     };
-    let Some(place) = slices.places.take_free(job.project.clone()) else {
+    let Some(permit) = slices.admission.take_free(job.project.as_str()) else {
         return Ok(None);
     };
     let (materials, checkpoint) = (
@@ -114,7 +114,7 @@ async fn help_one(
         id,
         stop: Arc::default(),
     };
-    let parts = helper.help(run, place, closing).await?;
+    let parts = helper.help(run, permit, closing).await?;
     Ok(Some((id, parts)))
 }
 
@@ -133,11 +133,11 @@ struct Helper<'a> {
 }
 
 impl Helper<'_> {
-    /// Does shares until nothing is left, the job has ended, or the place is wanted; answers how many parts.
+    /// Does shares until nothing is left, the job has ended, or the permit is wanted; answers how many parts.
     async fn help(
         &self,
         mut run: Box<dyn Run>,
-        place: Place,
+        permit: Permit,
         closing: &CancellationToken,
     ) -> Result<usize, StoreError> {
         let store = &self.slices.store;
@@ -174,11 +174,11 @@ impl Helper<'_> {
                 break;
             }
         }
-        drop(place);
+        drop(permit);
         Ok(parts)
     }
 
-    /// Does something on a blocking thread; raises the flag when the place is wanted. Nothing where the
+    /// Does something on a blocking thread; raises the flag when the permit is wanted. Nothing where the
     /// computation broke.
     async fn compute(
         &self,
@@ -196,7 +196,7 @@ impl Helper<'_> {
             tokio::select! {
                 computed = &mut computing => return computed.ok(),
                 () = tokio::time::sleep(ROOM_INTERVAL) => {
-                    if closing.is_cancelled() || self.slices.places.are_waited_for() {
+                    if closing.is_cancelled() || self.slices.admission.is_waited_for() {
                         self.stop.store(true, Ordering::Relaxed);
                     }
                 }

@@ -7,12 +7,13 @@ use std::sync::atomic::AtomicBool;
 use serde_json::Value;
 
 use super::run::{Advance, Assignment, Helped, Row, Run, Share, StopReason, unread};
-use crate::estimation::{Finding, GenerationRow, Observer, RefinementRow};
-use crate::identification::{self, IdentificationError, Part};
-use crate::job::{Candidate, CandidateColumn, Failure, Fault, GenerationEvent, JobSpec, Progress};
-use crate::model::Model;
-use crate::recording::Recording;
+use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent};
 use crate::store::{JobRow, SharedPart};
+use greybox::estimation::{Finding, GenerationRow, Observer, Progress, RefinementRow};
+use greybox::identification::{self, IdentificationError, JobSpec, Part};
+use greybox::model::Model;
+use greybox::parsing::Fault;
+use greybox::recording::Recording;
 
 /// Begins the identification of a model's parameters from recordings, or resumes it where it was
 /// saved.

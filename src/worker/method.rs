@@ -4,11 +4,10 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use super::design;
-use super::identification;
 use super::run::{Assignment, Method, Run};
+use super::{design, identification};
 use crate::job::{Failure, JobKind};
-use crate::model::{Catalogue, Model, document};
+use greybox::model::{Catalogue, Model, document};
 
 /// Begins the runs of jobs of every kind.
 #[derive(Debug)]

@@ -14,7 +14,6 @@ mod exchange;
 mod helping;
 mod identification;
 pub mod method;
-mod places;
 mod recorder;
 pub mod run;
 mod slice;
@@ -34,12 +33,12 @@ use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 use crate::event::EventHub;
-use crate::job::JobId;
 use crate::store::{QUEUE, SliceOfJob, Store, StoreError, project_of};
+use greybox::identification::JobId;
 
+use crate::admission::Admission;
 use active::ActiveJobs;
 use between_slices::BetweenSlices;
-use places::Places;
 use run::Method;
 use slice::{After, SliceWorker};
 use wake::Wake;
@@ -92,7 +91,7 @@ impl Worker {
             method,
             active: ActiveJobs::default(),
             between_slices: BetweenSlices::new(settings.jobs_at_once),
-            places: Places::new(settings.jobs_at_once),
+            admission: Admission::new(settings.jobs_at_once),
             slice_length: settings.slice_length,
             max_candidates: settings.max_candidates,
             store,

@@ -10,9 +10,9 @@ use jiff::Timestamp;
 
 use super::candidates::Candidates;
 use super::run::Row;
-use crate::estimation::Finding;
-use crate::job::{Event, GenerationEvent, Progress};
+use crate::job::{Event, GenerationEvent};
 use crate::store::{CandidatePage, Record, Reported, SharedPart, Slice};
+use greybox::estimation::{Finding, Progress};
 
 /// The least time between two `generation` events of a job: five a second.
 const GENERATION_EVENT_GAP: Duration = Duration::from_millis(200);
@@ -264,7 +264,7 @@ mod tests {
     fn the_time_left_follows_from_the_time_worked_in_all_slices() {
         let mut recorder = recorder();
         let progress = Progress {
-            phase: crate::job::Phase::Search,
+            phase: greybox::estimation::Phase::Search,
             generation: 1,
             generations: 4,
             evaluations: 30,

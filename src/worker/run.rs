@@ -8,13 +8,14 @@ use std::sync::atomic::AtomicBool;
 
 use serde_json::Value;
 
-use crate::estimation::Finding;
-pub use crate::estimation::{Advance, Share, StopReason};
+use greybox::estimation::Finding;
+pub use greybox::estimation::{Advance, Share, StopReason};
 
 use crate::job::event::DesignEvent;
-use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, Progress};
-use crate::recording::Recording;
+use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent};
 use crate::store::{JobRow, SharedPart};
+use greybox::estimation::Progress;
+use greybox::recording::Recording;
 
 /// Begins the runs of jobs.
 pub trait Method: Send + Sync + 'static {
@@ -40,9 +41,9 @@ pub struct Assignment {
 /// A finished job, as it is stored.
 #[derive(Clone, Debug)]
 pub struct Past {
-    /// What it was asked.
+    /// The specification of the job.
     pub spec: Value,
-    /// What came of it.
+    /// The result of the job.
     pub outcome: Value,
 }
 
@@ -52,14 +53,14 @@ pub(super) fn unread(error: &dyn std::error::Error) -> Failure {
     Failure::cannot_run(detail, Vec::new())
 }
 
-/// What was done for the node that has a run.
+/// Work that was done for the node that has a run.
 #[derive(Debug, Default)]
 pub struct Helped {
-    /// What came of it; none where nothing was left to do.
+    /// The results of the work; empty where nothing was left to do.
     pub parts: Vec<SharedPart>,
-    /// Refits of an analysis.
+    /// How many refits of an analysis were done.
     pub refits: usize,
-    /// Generations of searches.
+    /// How many generations of searches were done.
     pub generations: usize,
 }
 

@@ -20,16 +20,17 @@ use super::active::{ActiveJob, ActiveJobs};
 use super::between_slices::BetweenSlices;
 use super::candidates::Candidates;
 use super::exchange::Exchange;
-use super::places::{Place, Places};
 use super::recorder::Recorder;
 use super::run::{Advance, Assignment, Method, Past, Row, Run, Share};
 use crate::access::Project;
-use crate::job::spec::design::DesignTask;
-use crate::job::{DatasetId, Failure, JobId, Progress};
-use crate::recording::Recording;
+use crate::admission::{Admission, Permit};
+use crate::job::{DesignTask, Failure};
 use crate::span;
 use crate::store::{Begin, Hold, JobRow, Lease, Meaning, SharedPart, Slice, Store, StoreError};
 use conclusion::{Conclusion, broke};
+use greybox::estimation::Progress;
+use greybox::identification::{DatasetId, JobId};
+use greybox::recording::Recording;
 
 /// How often what a slice did is written.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(200);
@@ -68,8 +69,8 @@ pub(super) struct SliceWorker {
     pub(super) active: ActiveJobs,
     pub(super) between_slices: BetweenSlices,
     /// Computations at the same time. More entries may have been taken from the queue: the next
-    /// ones wait here, so that no place is empty while the queue is asked or an end is written.
-    pub(super) places: Places,
+    /// ones wait here, so that no permit is idle while the queue is asked or an end is written.
+    pub(super) admission: Admission,
     pub(super) slice_length: Duration,
     pub(super) max_candidates: u64,
 }
@@ -143,7 +144,7 @@ impl SliceWorker {
     ) -> Result<After, StoreError> {
         let taken = Instant::now();
         loop {
-            let place = self.places.take(project.clone()).await;
+            let permit = self.admission.take(project.as_str()).await;
             if self.active.all_are_stopped() {
                 self.store.give_back(id, entry).await?;
                 return Ok(After::Done);
@@ -151,7 +152,7 @@ impl SliceWorker {
             let Some(job) = self.active.take(id) else {
                 return Ok(After::Later);
             };
-            let slice = self.slice(id, Some((entry, place)), (&job, taken));
+            let slice = self.slice(id, Some((entry, permit)), (&job, taken));
             match slice.instrument(span::slice(id, &project)).await? {
                 After::Again => {}
                 after => return Ok(after),
@@ -173,10 +174,10 @@ impl SliceWorker {
     async fn slice(
         &self,
         id: JobId,
-        entry: Option<(i64, Place)>,
+        entry: Option<(i64, Permit)>,
         (job, entry_taken): (&ActiveJob, Instant),
     ) -> Result<After, StoreError> {
-        let (entry, place) = entry.unzip();
+        let (entry, permit) = entry.unzip();
         let slice = match self.store.begin_slice(id, entry, DEATH_LIMIT).await? {
             Begin::Slice(slice) => *slice,
             Begin::NotYet => return Ok(After::NotYet),
@@ -229,7 +230,7 @@ impl SliceWorker {
         };
         let conclusion = Conclusion {
             worker: self,
-            place,
+            permit,
             current,
             recorder,
         };

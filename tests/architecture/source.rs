@@ -5,7 +5,9 @@ use std::collections::BTreeSet;
 
 /// A source file without comments, literals and test code.
 pub struct Source {
-    /// From the folder `src`, e.g. `model/mod.rs`.
+    /// From the top of the repository, e.g. `src/api/mod.rs`.
+    pub file: String,
+    /// From the sources of its crate, e.g. `api/mod.rs`.
     pub path: String,
     /// What is left of it.
     pub code: String,
@@ -13,9 +15,10 @@ pub struct Source {
 
 impl Source {
     /// The source of a file.
-    pub fn new(path: String, text: &str) -> Source {
+    pub fn new(folder: &str, path: String, text: &str) -> Source {
         let code = without_tests(&without_comments_and_literals(text));
-        Source { path, code }
+        let file = format!("{folder}/{path}");
+        Source { file, path, code }
     }
 
     /// The module of the crate that it belongs to.
@@ -27,7 +30,7 @@ impl Source {
     /// How many `super` lead from the file's module to the crate.
     fn depth(&self) -> usize {
         let folders = self.path.matches('/').count();
-        folders + usize::from(!self.path.ends_with("mod.rs"))
+        folders + usize::from(!self.path.ends_with("mod.rs") && self.path != "lib.rs")
     }
 
     /// The modules of this crate that the code names.
@@ -35,6 +38,9 @@ impl Source {
         let root = "super::".repeat(self.depth());
         let mut edges = BTreeSet::new();
         for prefix in ["crate::", &root] {
+            if prefix.is_empty() {
+                continue;
+            }
             for rest in after_path_starts(&self.code, prefix) {
                 edges.extend(first_names(rest));
             }
@@ -51,11 +57,17 @@ impl Source {
             || self.code.contains(&format!("#[{name}"))
     }
 
-    /// Whether it is one of the files or belongs to one of the modules.
+    /// Whether it is one of the files or lies in one of the folders; the file beside a folder, of the
+    /// folder's name, counts as part of the folder.
     pub fn stands_in(&self, places: &[&str]) -> bool {
-        places
-            .iter()
-            .any(|place| self.path == *place || self.module() == *place)
+        let file = self.file.trim_end_matches(".rs");
+        places.iter().any(|place| {
+            let place = place.trim_end_matches(".rs");
+            file == place
+                || file
+                    .strip_prefix(place)
+                    .is_some_and(|rest| rest.starts_with('/'))
+        })
     }
 }
 
@@ -186,7 +198,7 @@ mod reader {
     use super::Source;
 
     fn source(path: &str, text: &str) -> Source {
-        Source::new(path.to_owned(), text)
+        Source::new("src", path.to_owned(), text)
     }
 
     #[test]

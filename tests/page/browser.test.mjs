@@ -1,123 +1,53 @@
-// The page in a browser, against a server that runs: from a file to a report, by mouse and by
-// keyboard; lists, comparisons and guides; accessibility; nothing fetched from elsewhere.
+// The tests use the page in a browser, against a running server: they go from a file to a report by
+// mouse and by keyboard, look at lists, comparisons and guides, check accessibility, and see that
+// nothing is fetched from elsewhere.
 //
-// GREYBOX_URL names the server, PAGE_TOOLS a folder with puppeteer-core and axe-core in its
-// node_modules, CHROMIUM the browser, SCREENSHOTS a folder for pictures of every page.
+// The variables that name the server and the browser are described in server.mjs and browser.mjs.
 
 import assert from "node:assert/strict";
 import fs from "node:fs";
-import { createRequire } from "node:module";
 import os from "node:os";
 import path from "node:path";
 import { after, before, test } from "node:test";
+import {
+  launch,
+  open,
+  PATIENCE,
+  picture,
+  SIZES,
+  says,
+  specification,
+  text,
+  tools,
+  write,
+} from "./browser.mjs";
+import { base, designJob, ended, JOB, post, recording } from "./server.mjs";
 
-const { GREYBOX_URL: base, PAGE_TOOLS: tools, CHROMIUM = "/usr/bin/chromium", SCREENSHOTS: pictures } = process.env;
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
-const PATIENCE = { timeout: 60_000 };
-const SIZES = [{ width: 1400, height: 900, scheme: "light" }, { width: 1400, height: 900, scheme: "dark" },
-  { width: 390, height: 844, scheme: "light" }, { width: 390, height: 844, scheme: "dark" }];
-
-const known = { folder: null, browser: null, axe: null, dataset: null, jobs: [] };
-
-async function post(address, body, type = "application/json", headers = {}) {
-  const answer = await fetch(base + address, { method: "POST", headers: { "content-type": type, ...headers }, body: typeof body === "string" ? body : JSON.stringify(body) });
-  assert.ok(answer.ok, `${address}: ${answer.status} ${await answer.clone().text()}`);
-  return answer.json();
-}
-
-// A drive that is pushed to and fro, with known parameters and a little noise of a fixed pattern.
-async function recording() {
-  const samples = 600;
-  const force = Array.from({ length: samples }, (_, k) => 60 * Math.sign(Math.sin(k / 23)) + 25 * Math.sin(k / 7));
-  const { outputs } = await post("/v1/simulations", { model: "positioning_drive", parameters: { mass: { value: 95 } },
-    inputs: { sample_time_s: 0.01, signals: { force: { unit: "N", values: force } } } });
-  const rows = force.map((value, k) => `${(k * 0.01).toFixed(2)},${value.toFixed(4)},${(outputs.position.values[k] + 2e-5 * (((k * 7919) % 101) / 50 - 1)).toFixed(8)}`);
-  return `time [s],drive_force [N],position [m]\n${rows.join("\n")}\n`;
-}
-
-const JOB = (dataset, method) => ({ name: `drive ${method}`, labels: { site: "hall 2" }, model: "positioning_drive",
-  experiments: [{ dataset, signals: { force: "drive_force", position: "position" } }], outputs: { position: { noise_std: 2e-5 } },
-  method: { name: method, population: 12, generations: 10 }, validation: { fraction: 0.25 }, seed: 1 });
-
-// A design for the drive, as a job.
-const DESIGN = { model: "positioning_drive",
-  parameters: { mass: { estimate: {}, prior: { mean: 95, std: 10 } }, viscous_friction: { estimate: {}, prior: { mean: 200, std: 50 } } },
-  initial_state: { position: 0, velocity: 0 }, outputs: { position: { noise_std: 1e-4 } }, sensors: { velocity: { noise_std: 1e-3 } },
-  inputs: { force: { lower: -100, upper: 100, rate_per_s: 2000 } }, families: ["steps", "sine"], sample_time_s: 0.02, duration_s: 2, points: 2 };
-const designJob = () => post("/v1/designs", DESIGN, "application/json", { prefer: "respond-async" });
-
-async function ended(id) {
-  for (;;) {
-    const job = await (await fetch(`${base}/v1/jobs/${id}?wait=30`)).json();
-    if (["succeeded", "failed", "cancelled"].includes(job.status)) {
-      return job;
-    }
-  }
-}
-
-// A page that says what went wrong in it, and what it asked of others.
-async function open(address, { width, height, scheme } = SIZES[0]) {
-  const page = await known.browser.newPage();
-  page.faults = [];
-  await page.setViewport({ width, height });
-  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
-  page.on("console", (message) => message.type() === "error" && page.faults.push(message.text()));
-  page.on("pageerror", (error) => page.faults.push(error.message));
-  page.on("request", (request) => {
-    const url = new URL(request.url());
-    if (!["data:", "blob:"].includes(url.protocol) && url.origin !== base) {
-      page.faults.push(`asked ${url}`);
-    }
-  });
-  await page.goto(base + address, { waitUntil: "domcontentloaded" });
-  return page;
-}
-
-const text = (page, selector) => page.$eval(selector, (element) => element.textContent);
-const says = (page, words) => page.waitForFunction((wanted) => document.body.innerText.includes(wanted), PATIENCE, words);
-
-const specification = (page) => page.$eval("#panel-json .editor", (editor) => JSON.parse(editor.getText()));
-
-// Other text in an editor, by keyboard.
-async function write(page, editor, text) {
-  await (await page.waitForSelector(`${editor} >>> .cm-content`, PATIENCE)).focus();
-  await page.keyboard.down("Control");
-  await page.keyboard.press("a");
-  await page.keyboard.up("Control");
-  await page.keyboard.press("Delete");
-  await page.keyboard.sendCharacter(text);
-}
-
-async function picture(page, name) {
-  if (pictures) {
-    fs.mkdirSync(pictures, { recursive: true });
-    await page.screenshot({ path: path.join(pictures, `${name}.png`), fullPage: true });
-  }
-}
+// The tests share the browser, the recording as a file and on the server, and jobs that have ended.
+const shared = { browser: null, checker: null, folder: null, file: null, dataset: null, jobs: [] };
 
 before(async () => {
   if (skip) {
     return;
   }
-  const require = createRequire(path.resolve(tools, "package.json"));
-  known.axe = fs.readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
-  known.browser = await require("puppeteer-core").launch({ executablePath: CHROMIUM, headless: true, args: ["--no-sandbox", "--disable-gpu"] });
-  known.folder = fs.mkdtempSync(path.join(os.tmpdir(), "page-"));
+  Object.assign(shared, await launch());
+  shared.folder = fs.mkdtempSync(path.join(os.tmpdir(), "page-"));
   const csv = await recording();
-  known.file = path.join(known.folder, "drive run 3.csv");
-  fs.writeFileSync(known.file, csv);
-  known.dataset = (await post("/v1/datasets?name=drive", csv, "text/csv")).id;
+  shared.file = path.join(shared.folder, "drive run 3.csv");
+  fs.writeFileSync(shared.file, csv);
+  shared.dataset = (await post("/v1/datasets?name=drive", csv, "text/csv")).id;
   for (const method of ["icra_genetic", "cma_es"]) {
-    known.jobs.push((await post("/v1/jobs", JOB(known.dataset, method))).id);
+    shared.jobs.push((await post("/v1/jobs", JOB(shared.dataset, method))).id);
   }
-  for (const id of known.jobs) {
+  for (const id of shared.jobs) {
     assert.equal((await ended(id)).status, "succeeded");
   }
 });
 
 after(async () => {
-  await known.browser?.close();
-  known.folder && fs.rmSync(known.folder, { recursive: true });
+  await shared.browser?.close();
+  shared.folder && fs.rmSync(shared.folder, { recursive: true });
 });
 
 test("from a file to a report with the mouse, without JSON", { skip }, async () => {
@@ -128,14 +58,25 @@ test("from a file to a report with the mouse, without JSON", { skip }, async () 
     await (await page.waitForSelector(selector, { ...PATIENCE, visible: true })).click();
   };
   const file = await page.waitForSelector("input[type=file]");
-  await file.uploadFile(known.file);
+  await file.uploadFile(shared.file);
   clicks += 2;
   await click(".drop button[type=submit]");
   await says(page, "Experiment 1");
   clicks += 1;
-  await (await page.waitForSelector("::-p-xpath(//button[@role='radio'][contains(., 'Positioning drive')])", PATIENCE)).click();
+  await (
+    await page.waitForSelector(
+      "::-p-xpath(//button[@role='radio'][contains(., 'Positioning drive')])",
+      PATIENCE,
+    )
+  ).click();
   await says(page, "The job can start.");
-  assert.equal(await page.$eval(".experiment select[title], .experiment .fields label:nth-of-type(1) select", (select) => select.value), "drive_force");
+  assert.equal(
+    await page.$eval(
+      ".experiment select[title], .experiment .fields label:nth-of-type(1) select",
+      (select) => select.value,
+    ),
+    "drive_force",
+  );
   assert.match(await text(page, ".expected"), /±/);
   await picture(page, "new-job-filled");
   await click("aside .primary");
@@ -152,7 +93,7 @@ test("from a file to a report with the mouse, without JSON", { skip }, async () 
 });
 
 test("a window is chosen by dragging, and by keyboard; JSON follows and is followed", { skip }, async () => {
-  const page = await open(`/#/new?dataset=${known.dataset}&model=positioning_drive`);
+  const page = await open(`/#/new?dataset=${shared.dataset}&model=positioning_drive`);
   await page.waitForSelector(".experiment canvas", PATIENCE);
   await page.waitForSelector(".surface:not(.empty) .u-over", PATIENCE);
   const over = await page.$(".experiment .u-over");
@@ -164,7 +105,10 @@ test("a window is chosen by dragging, and by keyboard; JSON follows and is follo
   await page.mouse.up();
   const spec = () => specification(page);
   const dragged = (await spec()).experiments[0].window;
-  assert.ok(Math.abs(dragged.from_s - 1.5) < 0.1 && Math.abs(dragged.to_s - 4.5) < 0.1, JSON.stringify(dragged));
+  assert.ok(
+    Math.abs(dragged.from_s - 1.5) < 0.1 && Math.abs(dragged.to_s - 4.5) < 0.1,
+    JSON.stringify(dragged),
+  );
 
   await page.focus(".experiment .surface");
   await page.keyboard.press("End");
@@ -177,7 +121,11 @@ test("a window is chosen by dragging, and by keyboard; JSON follows and is follo
 
   await page.click("#tab-json");
   const job = await spec();
-  await write(page, "#panel-json .editor", JSON.stringify({ ...job, parameters: { mass: { value: 95, tolerance: "1 %" } } }));
+  await write(
+    page,
+    "#panel-json .editor",
+    JSON.stringify({ ...job, parameters: { mass: { value: 95, tolerance: "1 %" } } }),
+  );
   await page.click("#tab-guided");
   await page.waitForSelector("input[aria-label='mass, value']", PATIENCE);
   assert.equal(await page.$eval("input[aria-label='mass, tolerance']", (input) => input.value), "1 %");
@@ -192,9 +140,13 @@ test("from a file to a report by keyboard alone", { skip }, async () => {
     for (let presses = 0; presses < 150; presses += 1) {
       await page.keyboard.press("Tab");
       const here = await page.evaluate(() => {
-        const { activeElement: own } = document;
-        // With no focus anywhere the body is active, and its text holds every word.
-        return own === document.body ? "" : [own.getAttribute("aria-label"), own.labels?.[0]?.textContent, own.textContent].join(" ");
+        const { activeElement: element } = document;
+        // While no element has the focus, the body is active, and its text holds every word.
+        return element === document.body
+          ? ""
+          : [element.getAttribute("aria-label"), element.labels?.[0]?.textContent, element.textContent].join(
+              " ",
+            );
       });
       if (here.includes(words)) {
         return;
@@ -204,10 +156,11 @@ test("from a file to a report by keyboard alone", { skip }, async () => {
   };
   await reach("choose a file");
   const chooser = page.waitForFileChooser(PATIENCE);
-  // Messages and keys reach the page by two ways: the answer tells that the page holds the dialog back before a key opens it.
+  // Messages and keys reach the page by two ways: the answer tells that the page holds the dialog back
+  // before a key opens it.
   await page.evaluate(() => document.hasFocus());
   await page.keyboard.press("Enter");
-  await (await chooser).accept([known.file]);
+  await (await chooser).accept([shared.file]);
   await reach("Upload");
   await page.keyboard.press("Enter");
   await says(page, "Experiment 1");
@@ -222,7 +175,10 @@ test("from a file to a report by keyboard alone", { skip }, async () => {
   await page.keyboard.up("Control");
   await page.keyboard.type("50");
   await page.keyboard.press("Tab");
-  await page.waitForFunction(() => document.activeElement.getAttribute("aria-label") === "mass, upper bound", PATIENCE);
+  await page.waitForFunction(
+    () => document.activeElement.getAttribute("aria-label") === "mass, upper bound",
+    PATIENCE,
+  );
   await reach("Start the job");
   await page.keyboard.press("Enter");
   await page.waitForFunction(() => location.hash.startsWith("#/jobs/job_"), PATIENCE);
@@ -254,65 +210,107 @@ outputs:
   position: {unit: m, expression: x}
 `;
 
-test("own equations are checked as they are typed, tried and made a job, by keyboard, without JSON", { skip }, async () => {
-  const page = await open(`/#/equations?dataset=${known.dataset}`);
+test("own equations are checked as they are typed, tried and made a job, by keyboard, without JSON", {
+  skip,
+}, async () => {
+  const page = await open(`/#/equations?dataset=${shared.dataset}`);
   await says(page, "No fault");
   await write(page, ".editor", EQUATIONS.replace("d*v -", "d*x -").replace("unit: kg", "unit: kgg"));
   await says(page, "line 5, column 27");
-  await page.waitForFunction(() => document.querySelector(".editor").shadowRoot.querySelector(".cm-lintRange-error"), PATIENCE);
+  await page.waitForFunction(
+    () => document.querySelector(".editor").shadowRoot.querySelector(".cm-lintRange-error"),
+    PATIENCE,
+  );
   await write(page, ".editor", EQUATIONS.replace("d*v -", "d*x -"));
   await says(page, "line 10, column 51");
   assert.match(await text(page, ".faults"), /F is in N .* and d\*x is in kg·m·s\^-1/);
   await write(page, ".editor", EQUATIONS);
   await says(page, "No fault");
-  await page.waitForFunction(() => document.body.innerText.includes("position, measured and simulated"), PATIENCE);
+  await page.waitForFunction(
+    () => document.body.innerText.includes("position, measured and simulated"),
+    PATIENCE,
+  );
   assert.match(await text(page, "table"), /friction.*N\*s\/m/s);
-  // Completion names what is in scope, and the keyboard finds its way out.
+  // The completion lists the names in scope, and the keyboard finds its way out.
   await page.keyboard.sendCharacter("  extra: {unit: m, expression: so");
   await page.keyboard.down("Control");
   await page.keyboard.press("Space");
   await page.keyboard.up("Control");
   await page.waitForSelector(".editor >>> .cm-tooltip-autocomplete", PATIENCE);
-  assert.match(await page.$eval(".editor >>> .cm-tooltip-autocomplete", (list) => list.textContent), /soft_sign\(v, width\)/);
+  assert.match(
+    await page.$eval(".editor >>> .cm-tooltip-autocomplete", (list) => list.textContent),
+    /soft_sign\(v, width\)/,
+  );
   await page.keyboard.press("Escape");
   await write(page, ".editor", EQUATIONS);
   await says(page, "No fault");
   await page.keyboard.press("Escape");
   await page.keyboard.press("Tab");
-  assert.equal(await page.evaluate(() => document.activeElement.textContent), "Keep this model, and set up a job");
+  assert.equal(
+    await page.evaluate(() => document.activeElement.textContent),
+    "Keep this model, and set up a job",
+  );
   await page.keyboard.press("Enter");
   await page.waitForFunction(() => location.hash.startsWith("#/new?"), PATIENCE);
   await says(page, "The job can start.");
   const { model, experiments } = await specification(page);
   assert.match(model, /^sliding_mass@/);
-  assert.deepEqual(experiments, [{ dataset: known.dataset, signals: { drive_force: "drive_force", position: "position" } }]);
-  assert.deepEqual(page.faults.filter((fault) => !fault.includes("422")), []);
+  assert.deepEqual(experiments, [
+    { dataset: shared.dataset, signals: { drive_force: "drive_force", position: "position" } },
+  ]);
+  assert.deepEqual(
+    page.faults.filter((fault) => !fault.includes("422")),
+    [],
+  );
   await page.close();
 });
 
 test("a plot reads the part that is shown: a single sample is seen at every zoom", { skip }, async () => {
   const samples = 40_000;
   const spike = 27_312;
-  const rows = Array.from({ length: samples }, (_, k) => `${(k / 1000).toFixed(3)},${k === spike ? 9 : Math.sin(k / 900).toFixed(4)}`);
-  const { id } = await post("/v1/datasets?name=spike", `time [s],level [m]\n${rows.join("\n")}\n`, "text/csv");
+  const rows = Array.from(
+    { length: samples },
+    (_, k) => `${(k / 1000).toFixed(3)},${k === spike ? 9 : Math.sin(k / 900).toFixed(4)}`,
+  );
+  const { id } = await post(
+    "/v1/datasets?name=spike",
+    `time [s],level [m]\n${rows.join("\n")}\n`,
+    "text/csv",
+  );
   const page = await open(`/#/datasets/${id}`);
   await page.waitForSelector(".surface:not(.empty) canvas", PATIENCE);
-  const highest = () => page.$eval(".surface", (surface) => Number(/level .* to ([\d.]+)/.exec(surface.getAttribute("aria-label"))[1]));
+  const highest = () =>
+    page.$eval(".surface", (surface) =>
+      Number(/level .* to ([\d.]+)/.exec(surface.getAttribute("aria-label"))[1]),
+    );
   assert.equal(await highest(), 9);
   await page.focus(".surface");
-  await page.evaluate(() => document.querySelector(".surface").dispatchEvent(new KeyboardEvent("keydown", { key: "Home", bubbles: true })));
+  await page.evaluate(() =>
+    document
+      .querySelector(".surface")
+      .dispatchEvent(new KeyboardEvent("keydown", { key: "Home", bubbles: true })),
+  );
   const over = await (await page.$(".u-over")).boundingBox();
   const at = (share) => over.x + share * over.width;
   await page.mouse.move(at(0.66), over.y + 20);
   await page.mouse.down();
   await page.mouse.move(at(0.71), over.y + 20, { steps: 4 });
-  const read = page.waitForResponse((response) => response.url().includes("/samples") && response.url().includes("from="), PATIENCE);
+  const read = page.waitForResponse(
+    (response) => response.url().includes("/samples") && response.url().includes("from="),
+    PATIENCE,
+  );
   await page.mouse.up();
   const part = await (await read).json();
   assert.ok(part.time_s.length > 1000, `${part.time_s.length} samples of two seconds`);
-  assert.ok(part.time_s.every((time, k) => k === 0 || time - part.time_s[k - 1] < 0.0011), "every sample is there");
+  assert.ok(
+    part.time_s.every((time, k) => k === 0 || time - part.time_s[k - 1] < 0.0011),
+    "every sample is there",
+  );
   assert.equal(Math.max(...part.signals.level.values), 9);
-  await page.waitForFunction(() => / to 9/.test(document.querySelector(".surface").getAttribute("aria-label")), PATIENCE);
+  await page.waitForFunction(
+    () => / to 9/.test(document.querySelector(".surface").getAttribute("aria-label")),
+    PATIENCE,
+  );
   assert.deepEqual(page.faults, []);
   await page.close();
 });
@@ -324,19 +322,30 @@ test("jobs are searched, sorted, kept up to date and compared", { skip }, async 
     input.value = "";
     input.dispatchEvent(new Event("input", { bubbles: true }));
   });
-  await page.waitForFunction((ids) => ids.every((id) => document.querySelector(`a[href='#/jobs/${id}']`)), PATIENCE, known.jobs);
+  await page.waitForFunction(
+    (ids) => ids.every((id) => document.querySelector(`a[href='#/jobs/${id}']`)),
+    PATIENCE,
+    shared.jobs,
+  );
   assert.equal(await page.evaluate(() => location.hash), "#/jobs");
   const box = (id) => `tr:has(a[href='#/jobs/${id}']) input`;
-  await page.click(box(known.jobs[0]));
-  await page.focus(box(known.jobs[1]));
-  const { id } = await post("/v1/jobs", JOB(known.dataset, "cma_es"));
+  await page.click(box(shared.jobs[0]));
+  await page.focus(box(shared.jobs[1]));
+  const { id } = await post("/v1/jobs", JOB(shared.dataset, "cma_es"));
   await page.waitForSelector(`a[href='#/jobs/${id}']`, PATIENCE);
-  assert.ok(await page.$eval(box(known.jobs[0]), (input) => input.checked), "the selection is kept");
-  assert.ok(await page.$eval(box(known.jobs[1]), (input) => input === document.activeElement), "the focus is kept");
-  await page.waitForFunction((row) => document.querySelector(row)?.innerText.includes("succeeded"), PATIENCE, `tr:has(a[href='#/jobs/${id}'])`);
+  assert.ok(await page.$eval(box(shared.jobs[0]), (input) => input.checked), "the selection is kept");
+  assert.ok(
+    await page.$eval(box(shared.jobs[1]), (input) => input === document.activeElement),
+    "the focus is kept",
+  );
+  await page.waitForFunction(
+    (row) => document.querySelector(row)?.innerText.includes("succeeded"),
+    PATIENCE,
+    `tr:has(a[href='#/jobs/${id}'])`,
+  );
   await fetch(`${base}/v1/jobs/${id}`, { method: "DELETE" });
   await page.waitForFunction((link) => !document.querySelector(link), PATIENCE, `a[href='#/jobs/${id}']`);
-  await page.click(box(known.jobs[1]));
+  await page.click(box(shared.jobs[1]));
   await page.click("::-p-text(Compare 2)");
   await says(page, "What was asked differently");
   await says(page, "/method/name");
@@ -345,7 +354,7 @@ test("jobs are searched, sorted, kept up to date and compared", { skip }, async 
 });
 
 test("the verdict prepares the job to run next", { skip }, async () => {
-  const job = JOB(known.dataset, "icra_genetic");
+  const job = JOB(shared.dataset, "icra_genetic");
   job.parameters = { mass: { estimate: { lower: 10, upper: 60 } } };
   const { id } = await post("/v1/jobs", job);
   await ended(id);
@@ -362,7 +371,9 @@ test("a design as a job shows what to play and what it would bring", { skip }, a
   const page = await open(`/#/jobs/${id}`);
   await says(page, "What it would bring");
   await says(page, "Play force");
-  const after = await page.$$eval("table tbody tr", (rows) => rows.map((row) => row.innerText).filter((row) => row.startsWith("mass")));
+  const after = await page.$$eval("table tbody tr", (rows) =>
+    rows.map((row) => row.innerText).filter((row) => row.startsWith("mass")),
+  );
   assert.ok(after.length > 0);
   assert.equal(await page.$("::-p-text(Use as template)"), null);
   assert.deepEqual(page.faults, []);
@@ -370,7 +381,7 @@ test("a design as a job shows what to play and what it would bring", { skip }, a
 });
 
 test("conditions and an earlier job's estimate are said without JSON", { skip }, async () => {
-  const page = await open(`/#/new?dataset=${known.dataset}&model=positioning_drive`);
+  const page = await open(`/#/new?dataset=${shared.dataset}&model=positioning_drive`);
   const spec = () => specification(page);
   const type = async (hint, words) => {
     await page.waitForSelector(`input[placeholder^="${hint}"]`, PATIENCE);
@@ -379,7 +390,7 @@ test("conditions and an earlier job's estimate are said without JSON", { skip },
   };
   await type("tau1", "mass > 60; mass < 150");
   assert.deepEqual((await spec()).constraints, ["mass > 60", "mass < 150"]);
-  await type("job_", known.jobs[0]);
+  await type("job_", shared.jobs[0]);
   await says(page, "Known beforehand");
   const [prior] = (await spec()).priors;
   assert.ok(prior.parameters.includes("mass") && prior.mean.length === prior.std.length);
@@ -392,33 +403,60 @@ test("conditions and an earlier job's estimate are said without JSON", { skip },
 });
 
 test("every page is accessible, fits its width and makes no fault, in both schemes", { skip }, async () => {
-  const [one, other] = known.jobs;
+  const [job, neighbour] = shared.jobs;
   const { id: design } = await designJob();
   await ended(design);
-  const pages = { jobs: "/#/jobs", job: `/#/jobs/${one}`, design: `/#/jobs/${design}`, compare: `/#/compare?jobs=${one},${other}`, comparisons: "/#/comparisons",
-    datasets: "/#/datasets", dataset: `/#/datasets/${known.dataset}`, models: "/#/models", model: "/#/models/positioning_drive", own_equations: `/#/equations?dataset=${known.dataset}`,
-    new: `/#/new?from=${one}`, start: "/docs/start", import: "/docs/import", equations: "/docs/equations", verdicts: "/docs/verdicts", method: "/docs/method",
-    guide_models: "/docs/models", guide_jobs: "/docs/jobs", reference: "/docs", report: `/v1/jobs/${one}/report` };
+  const pages = {
+    jobs: "/#/jobs",
+    job: `/#/jobs/${job}`,
+    design: `/#/jobs/${design}`,
+    compare: `/#/compare?jobs=${job},${neighbour}`,
+    comparisons: "/#/comparisons",
+    datasets: "/#/datasets",
+    dataset: `/#/datasets/${shared.dataset}`,
+    models: "/#/models",
+    model: "/#/models/positioning_drive",
+    own_equations: `/#/equations?dataset=${shared.dataset}`,
+    new: `/#/new?from=${job}`,
+    start: "/docs/start",
+    import: "/docs/import",
+    equations: "/docs/equations",
+    verdicts: "/docs/verdicts",
+    method: "/docs/method",
+    guide_models: "/docs/models",
+    guide_jobs: "/docs/jobs",
+    reference: "/docs",
+    report: `/v1/jobs/${job}/report`,
+  };
   const faults = [];
   for (const [name, address] of Object.entries(pages)) {
-    // The reference is long: it is checked once.
+    // The reference is long, so it is checked once.
     for (const size of name === "reference" ? SIZES.slice(0, 1) : SIZES) {
       const page = await open(address, size);
       const where = `${name} ${size.width} ${size.scheme}`;
       await page.waitForNetworkIdle({ idleTime: 400, timeout: 15_000, concurrency: 2 }).catch(() => {});
-      await page.evaluate(() => document.querySelectorAll("details").forEach((details) => {
-        details.open = !details.classList.contains("save");
-      }));
+      await page.evaluate(() =>
+        document.querySelectorAll("details").forEach((details) => {
+          details.open = !details.classList.contains("save");
+        }),
+      );
       await page.waitForNetworkIdle({ idleTime: 300, timeout: 15_000, concurrency: 2 }).catch(() => {});
       await picture(page, where.replaceAll(" ", "-"));
-      const wide = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+      const wide = await page.evaluate(
+        () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
+      );
       // The report is made for paper; on a phone it is scrolled.
       wide > 0 && name !== "report" && faults.push(`${where}: ${wide} pixels too wide`);
-      // The policy lets no script in but the page's own; the checker comes in beside it.
-      await page.evaluate(known.axe);
-      const { violations } = await page.evaluate(() => globalThis.axe.run(document, { resultTypes: ["violations"] }));
-      violations.forEach(({ id, nodes }) => faults.push(`${where}: ${id}: ${nodes.slice(0, 2).map(({ html }) => html.slice(0, 160)).join(" | ")}`));
-      page.faults.forEach((fault) => faults.push(`${where}: ${fault}`));
+      // The policy lets in no script but the page's own, so the checker comes in beside it.
+      await page.evaluate(shared.checker);
+      const { violations } = await page.evaluate(() =>
+        globalThis.axe.run(document, { resultTypes: ["violations"] }),
+      );
+      for (const { id, nodes } of violations) {
+        const places = nodes.slice(0, 2).map(({ html }) => html.slice(0, 160));
+        faults.push(`${where}: ${id}: ${places.join(" | ")}`);
+      }
+      faults.push(...page.faults.map((fault) => `${where}: ${fault}`));
       await page.close();
     }
   }

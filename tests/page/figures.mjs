@@ -1,11 +1,11 @@
-// Figures of the page, printed as they are measured; nothing is asserted, since machines differ.
+// This program measures the page and prints the figures; it asserts nothing, since machines differ.
 //
 //   GREYBOX_URL=… PAGE_TOOLS=… node tests/page/figures.mjs [samples] [jobs] [memory] [paths]
 //
 // GREYBOX_URL names a server of a release build that has nothing else to do, PAGE_TOOLS a folder with
-// puppeteer-core in its node_modules, CHROMIUM the browser. JOBS is how many jobs the list shall have
-// (10000), MINUTES how long live jobs are watched (4). SERVO and LAB name recordings on this disk for
-// the paths of a new user; without them those are left out.
+// puppeteer-core in its node_modules, CHROMIUM the browser. JOBS is the length of the list of jobs
+// (10000), MINUTES the time for which live jobs are watched (4). SERVO and LAB name recordings on the
+// disk for the paths of a new user; a path without its recording is left out.
 
 import fs from "node:fs";
 import { createRequire } from "node:module";
@@ -13,9 +13,23 @@ import os from "node:os";
 import path from "node:path";
 import { performance } from "node:perf_hooks";
 
-const { GREYBOX_URL: base, PAGE_TOOLS: tools, CHROMIUM = "/usr/bin/chromium", JOBS = "10000", MINUTES = "4", SERVO, LAB, PDF } = process.env;
+const {
+  GREYBOX_URL: base,
+  PAGE_TOOLS: tools,
+  CHROMIUM = "/usr/bin/chromium",
+  JOBS = "10000",
+  MINUTES = "4",
+  SERVO,
+  LAB,
+  PDF,
+} = process.env;
 const require = createRequire(path.resolve(tools, "package.json"));
-const browser = await require("puppeteer-core").launch({ executablePath: CHROMIUM, headless: true, args: ["--no-sandbox", "--disable-gpu"], protocolTimeout: 600_000 });
+const browser = await require("puppeteer-core").launch({
+  executablePath: CHROMIUM,
+  headless: true,
+  args: ["--no-sandbox", "--disable-gpu"],
+  protocolTimeout: 600_000,
+});
 const folder = fs.mkdtempSync(path.join(os.tmpdir(), "figures-"));
 const PATIENCE = { timeout: 300_000 };
 const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
@@ -23,7 +37,11 @@ const say = (name, value) => console.log(`${name.padEnd(72)} ${value}`);
 const ms = (value) => `${Math.round(value)} ms`;
 
 async function post(address, body, type = "application/json") {
-  const answer = await fetch(base + address, { method: "POST", headers: { "content-type": type }, body: typeof body === "string" ? body : JSON.stringify(body) });
+  const answer = await fetch(base + address, {
+    method: "POST",
+    headers: { "content-type": type },
+    body: typeof body === "string" ? body : JSON.stringify(body),
+  });
   if (!answer.ok) {
     throw new Error(`${address}: ${answer.status} ${(await answer.text()).slice(0, 300)}`);
   }
@@ -37,10 +55,11 @@ async function open(address) {
   return page;
 }
 
-const says = (page, words) => page.waitForFunction((wanted) => document.body.innerText.includes(wanted), PATIENCE, words);
+const says = (page, words) =>
+  page.waitForFunction((text) => document.body.innerText.includes(text), PATIENCE, words);
 
-// A million samples: from the end of the upload to the first plot, the server's time for zooms, and
-// whether a single sample stays in sight.
+// Measures a recording of a million samples: the time from the end of the upload to the first plot, the
+// server's time for zooms, and whether a single sample stays in sight.
 async function samples() {
   const count = 1_000_000;
   const spike = 683_412;
@@ -48,8 +67,11 @@ async function samples() {
   const out = fs.createWriteStream(file);
   out.write("time [s],level [m],flow [m^3/s]\n");
   for (let from = 0; from < count; from += 10_000) {
-    const rows = Array.from({ length: 10_000 }, (_, k) => from + k).map((k) => `${(k / 1000).toFixed(3)},${k === spike ? 9 : Math.sin(k / 9000).toFixed(5)},${Math.cos(k / 700).toFixed(5)}`);
-    out.write(`${rows.join("\n")}\n`) || await new Promise((resolve) => out.once("drain", resolve));
+    const rows = Array.from({ length: 10_000 }, (_, k) => from + k).map(
+      (k) =>
+        `${(k / 1000).toFixed(3)},${k === spike ? 9 : Math.sin(k / 9000).toFixed(5)},${Math.cos(k / 700).toFixed(5)}`,
+    );
+    out.write(`${rows.join("\n")}\n`) || (await new Promise((resolve) => out.once("drain", resolve)));
   }
   await new Promise((resolve) => out.end(resolve));
   say("recording", `${count} samples of 2 signals, ${(fs.statSync(file).size / 1e6).toFixed(1)} MB of CSV`);
@@ -58,16 +80,23 @@ async function samples() {
   await page.evaluate(() => {
     globalThis.marks = {};
     const drawn = () => {
-      const chart = [...document.querySelectorAll(".surface")].find((surface) => !surface.classList.contains("empty") && surface.querySelector("canvas"));
-      globalThis.marks.plot ??= chart && location.hash.startsWith("#/datasets/ds_") ? performance.now() : undefined;
+      const chart = [...document.querySelectorAll(".surface")].find(
+        (surface) => !surface.classList.contains("empty") && surface.querySelector("canvas"),
+      );
+      globalThis.marks.plot ??=
+        chart && location.hash.startsWith("#/datasets/ds_") ? performance.now() : undefined;
       globalThis.marks.plot || requestAnimationFrame(drawn);
     };
     const fetched = globalThis.fetch;
     globalThis.fetch = async (address, options) => {
       const upload = options?.method === "POST" && String(address).startsWith("/v1/datasets");
-      upload && (globalThis.marks.sent = performance.now());
+      if (upload) {
+        globalThis.marks.sent = performance.now();
+      }
       const answer = await fetched(address, options);
-      upload && (globalThis.marks.stored = performance.now());
+      if (upload) {
+        globalThis.marks.stored = performance.now();
+      }
       return answer;
     };
     drawn();
@@ -75,13 +104,15 @@ async function samples() {
   const input = await page.waitForSelector("input[type=file]", PATIENCE);
   await input.uploadFile(file);
   await (await page.waitForSelector(".drop button[type=submit]:not([disabled])", PATIENCE)).click();
-  // The page of the recording comes by itself, or by its link.
+  // The page of the recording opens by itself or by its link.
   await page.waitForFunction(() => globalThis.marks.stored, PATIENCE);
-  await page.evaluate(() => setTimeout(() => {
-    if (!location.hash.startsWith("#/datasets/ds_")) {
-      document.querySelector("a[href^='#/datasets/ds_']")?.click();
-    }
-  }, 50));
+  await page.evaluate(() =>
+    setTimeout(() => {
+      if (!location.hash.startsWith("#/datasets/ds_")) {
+        document.querySelector("a[href^='#/datasets/ds_']")?.click();
+      }
+    }, 50),
+  );
   await page.waitForFunction(() => globalThis.marks.plot, PATIENCE);
   const marks = await page.evaluate(() => globalThis.marks);
   say("upload, read and stored", ms(marks.stored - marks.sent));
@@ -93,15 +124,23 @@ async function samples() {
     for (const at of [0, 0.37, 0.683412]) {
       const from = Math.max(0, Math.min(1000 - width, at * 1000 - width / 2));
       const before = performance.now();
-      const answer = await fetch(`${base}/v1/datasets/${id}/samples?signals=level,flow&from=${from}&to=${from + width}&max_points=5200`);
+      const answer = await fetch(
+        `${base}/v1/datasets/${id}/samples?signals=level,flow&from=${from}&to=${from + width}&max_points=5200`,
+      );
       await answer.arrayBuffer();
       times.push(performance.now() - before);
     }
   }
   times.sort((a, b) => a - b);
-  say(`reading a part, ${times.length} zooms (median, longest)`, `${ms(times[times.length >> 1])}, ${ms(times.at(-1))}`);
+  say(
+    `reading a part, ${times.length} zooms (median, longest)`,
+    `${ms(times[times.length >> 1])}, ${ms(times.at(-1))}`,
+  );
 
-  const highest = () => page.$eval(".surface", (surface) => Number(/level .* to ([\d.]+)/.exec(surface.getAttribute("aria-label"))[1]));
+  const highest = () =>
+    page.$eval(".surface", (surface) =>
+      Number(/level .* to ([\d.]+)/.exec(surface.getAttribute("aria-label"))[1]),
+    );
   let seen = (await highest()) === 9 ? 1 : 0;
   let zooms = 1;
   let shown = [0, (count - 1) / 1000];
@@ -109,7 +148,10 @@ async function samples() {
     const over = await (await page.$(".u-over")).boundingBox();
     const at = (time) => over.x + ((time - shown[0]) / (shown[1] - shown[0])) * over.width;
     const middle = spike / 1000;
-    const [left, right] = [Math.max(shown[0], middle - width * 0.4), Math.min(shown[1], middle + width * 0.6)];
+    const [left, right] = [
+      Math.max(shown[0], middle - width * 0.4),
+      Math.min(shown[1], middle + width * 0.6),
+    ];
     const read = page.waitForResponse((response) => response.url().includes("/samples"), PATIENCE);
     await page.mouse.move(Math.max(over.x + 1, at(left)), over.y + 20);
     await page.mouse.down();
@@ -125,15 +167,28 @@ async function samples() {
   await page.close();
 }
 
-const CHEAP = (dataset, k) => ({ name: `figure ${k}`, labels: { line: `l${k % 20}` }, model: "positioning_drive",
-  experiments: [{ dataset, signals: { force: "force", position: "position" } }], method: { name: "cma_es", population: 4, generations: 1 },
-  parameters: { mass: { estimate: { lower: 20, upper: 300 } } }, seed: k });
+const CHEAP = (dataset, k) => ({
+  name: `figure ${k}`,
+  labels: { line: `l${k % 20}` },
+  model: "positioning_drive",
+  experiments: [{ dataset, signals: { force: "force", position: "position" } }],
+  method: { name: "cma_es", population: 4, generations: 1 },
+  parameters: { mass: { estimate: { lower: 20, upper: 300 } } },
+  seed: k,
+});
 
 async function drive(count = 40) {
   const force = Array.from({ length: count }, (_, k) => 60 * Math.sign(Math.sin(k / 6)));
-  const { outputs } = await post("/v1/simulations", { model: "positioning_drive", inputs: { sample_time_s: 0.01, signals: { force: { unit: "N", values: force } } } });
-  const rows = force.map((value, k) => `${(k * 0.01).toFixed(2)},${value},${outputs.position.values[k].toFixed(9)}`);
-  return (await post("/v1/datasets?name=drive", `time [s],force [N],position [m]\n${rows.join("\n")}\n`, "text/csv")).id;
+  const { outputs } = await post("/v1/simulations", {
+    model: "positioning_drive",
+    inputs: { sample_time_s: 0.01, signals: { force: { unit: "N", values: force } } },
+  });
+  const rows = force.map(
+    (value, k) => `${(k * 0.01).toFixed(2)},${value},${outputs.position.values[k].toFixed(9)}`,
+  );
+  return (
+    await post("/v1/datasets?name=drive", `time [s],force [N],position [m]\n${rows.join("\n")}\n`, "text/csv")
+  ).id;
 }
 
 async function waiting() {
@@ -141,36 +196,48 @@ async function waiting() {
   return items.map(({ id }) => id);
 }
 
-// Eight at a time.
+// Handles eight elements of the list at a time.
 async function each(list, act) {
   const rest = [...list];
-  await Promise.all(Array.from({ length: 8 }, async () => {
-    while (rest.length) {
-      await act(rest.pop());
-    }
-  }));
+  await Promise.all(
+    Array.from({ length: 8 }, async () => {
+      while (rest.length) {
+        await act(rest.pop());
+      }
+    }),
+  );
 }
 
-// A list of many jobs: usable, whole, filtered. What has not run after half a minute is cancelled, so
-// that the list is measured and not the search.
+// Measures when a list of many jobs is usable and whole, and how fast it is filtered. Jobs that still
+// wait after half a minute are cancelled, so that the figures are about the list and not about the
+// search.
 async function jobs() {
   const dataset = await drive();
-  const wanted = Number(JOBS);
+  const number = Number(JOBS);
   const before = performance.now();
-  await each(Array.from({ length: wanted }, (_, k) => k + 1), async (k) => {
-    for (;;) {
-      const answer = await fetch(`${base}/v1/jobs`, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(CHEAP(dataset, k)) });
-      await answer.arrayBuffer();
-      if (answer.ok) {
-        break;
+  await each(
+    Array.from({ length: number }, (_, k) => k + 1),
+    async (k) => {
+      for (;;) {
+        const answer = await fetch(`${base}/v1/jobs`, {
+          method: "POST",
+          headers: { "content-type": "application/json" },
+          body: JSON.stringify(CHEAP(dataset, k)),
+        });
+        await answer.arrayBuffer();
+        if (answer.ok) {
+          break;
+        }
+        await pause(500);
       }
-      await pause(500);
-    }
-  });
-  say(`${wanted} jobs submitted`, `${((performance.now() - before) / 1000).toFixed(0)} s`);
+    },
+  );
+  say(`${number} jobs submitted`, `${((performance.now() - before) / 1000).toFixed(0)} s`);
   await pause(30_000);
   for (let ids = await waiting(); ids.length; ids = await waiting()) {
-    await each(ids, async (id) => (await fetch(`${base}/v1/jobs/${id}/cancel`, { method: "POST" })).arrayBuffer());
+    await each(ids, async (id) =>
+      (await fetch(`${base}/v1/jobs/${id}/cancel`, { method: "POST" })).arrayBuffer(),
+    );
   }
   for (const round of [1, 2, 3]) {
     const page = await browser.newPage();
@@ -180,7 +247,10 @@ async function jobs() {
       const look = () => {
         const rows = document.querySelectorAll("tbody tr a[href^='#/jobs/job_']").length;
         globalThis.marks.rows ??= rows > 10 ? performance.now() : undefined;
-        globalThis.marks.most = Math.max(globalThis.marks.most ?? 0, Number(document.body?.innerText.match(/([\d\u202f]+) jobs/)?.[1].replaceAll("\u202f", "") ?? 0));
+        globalThis.marks.most = Math.max(
+          globalThis.marks.most ?? 0,
+          Number(document.body?.innerText.match(/([\d\u202f]+) jobs/)?.[1].replaceAll("\u202f", "") ?? 0),
+        );
         if (globalThis.marks.most >= globalThis.wanted) {
           globalThis.marks.all = performance.now();
           return;
@@ -191,7 +261,7 @@ async function jobs() {
     });
     await page.evaluateOnNewDocument((least) => {
       globalThis.wanted = least;
-    }, wanted);
+    }, number);
     await page.goto(`${base}/#/jobs`);
     await page.waitForFunction(() => globalThis.marks.all, PATIENCE);
     const marks = await page.evaluate(() => globalThis.marks);
@@ -209,21 +279,29 @@ async function jobs() {
     });
     say(`round ${round}: rows of the list to be seen and used`, ms(marks.rows));
     say(`round ${round}: all ${marks.most} jobs in the list`, ms(marks.all));
-    say(`round ${round}: filter as one types, until drawn (longest of ${filtered.length})`, ms(Math.max(...filtered)));
+    say(
+      `round ${round}: filter as one types, until drawn (longest of ${filtered.length})`,
+      ms(Math.max(...filtered)),
+    );
     await page.close();
   }
 }
 
-// The heap of the page while jobs come, run, end and go, on the list and on the page of one long job.
+// Measures the heap of the page while jobs come, run, end and go, on the list and on the page of a long
+// job.
 async function memory() {
   const dataset = await drive();
-  const long = await post("/v1/jobs", { ...CHEAP(dataset, 1), name: "long", method: { name: "icra_genetic", population: 64, generations: 1_000_000, stagnation_generations: 0 }, limits: { max_duration_s: 60 * Number(MINUTES) + 600 } })
-    .catch((error) => {
-      say("long job refused", error.message);
-      return null;
-    });
+  const long = await post("/v1/jobs", {
+    ...CHEAP(dataset, 1),
+    name: "long",
+    method: { name: "icra_genetic", population: 64, generations: 1_000_000, stagnation_generations: 0 },
+    limits: { max_duration_s: 60 * Number(MINUTES) + 600 },
+  }).catch((error) => {
+    say("long job refused", error.message);
+    return null;
+  });
   const list = await open("/#/jobs");
-  const one = long && await open(`/#/jobs/${long.id}`);
+  const detail = long && (await open(`/#/jobs/${long.id}`));
   const heap = async (page) => {
     const client = await page.createCDPSession();
     await client.send("HeapProfiler.collectGarbage");
@@ -247,14 +325,21 @@ async function memory() {
     }
     if (Date.now() >= look) {
       look = Date.now() + 15_000;
-      const generation = long ? (await (await fetch(`${base}/v1/jobs/${long.id}`)).json()).progress?.generation : null;
-      say(`heap after ${made} jobs that came, ran and went`, `list ${(await heap(list)).toFixed(2)} MB, ${await nodes(list)} nodes` +
-        (one ? `; long job, generation ${generation}: ${(await heap(one)).toFixed(2)} MB, ${await nodes(one)} nodes` : ""));
+      const generation = long
+        ? (await (await fetch(`${base}/v1/jobs/${long.id}`)).json()).progress?.generation
+        : null;
+      say(
+        `heap after ${made} jobs that came, ran and went`,
+        `list ${(await heap(list)).toFixed(2)} MB, ${await nodes(list)} nodes` +
+          (detail
+            ? `; long job, generation ${generation}: ${(await heap(detail)).toFixed(2)} MB, ${await nodes(detail)} nodes`
+            : ""),
+      );
     }
   }
-  long && await fetch(`${base}/v1/jobs/${long.id}/cancel`, { method: "POST" });
+  long && (await fetch(`${base}/v1/jobs/${long.id}/cancel`, { method: "POST" }));
   await list.close();
-  await one?.close();
+  await detail?.close();
 }
 
 const LAB_MODEL = `name: temperature_lab
@@ -284,10 +369,10 @@ outputs:
   temperature_2: {unit: K, expression: Tc2}
 `;
 
-// What a new user does, counted: from a file on the disk to a report on paper.
+// Counts what a new user does from a file on the disk to a report on paper.
 async function path_(name, file, choose) {
   const page = await open("/#/jobs");
-  const begun = performance.now();
+  const start = performance.now();
   const did = { clicks: 0, keys: 0 };
   const click = async (selector) => {
     did.clicks += 1;
@@ -295,7 +380,7 @@ async function path_(name, file, choose) {
   };
   await click("a.button[href='#/new']");
   const input = await page.waitForSelector("input[type=file]", PATIENCE);
-  // The field, and the file in the system's dialog.
+  // The user clicks the field, and the file in the dialog of the system.
   did.clicks += 2;
   await input.uploadFile(file);
   await click(".drop button[type=submit]:not([disabled])");
@@ -305,18 +390,21 @@ async function path_(name, file, choose) {
   const ready = performance.now();
   await click("aside .primary:not([disabled])");
   await page.waitForSelector(".verdict .grade", PATIENCE);
-  const found = performance.now();
+  const end = performance.now();
   const address = await page.$eval("a.button[href$='/report']", (link) => link.href);
   did.clicks += 1;
   const report = await browser.newPage();
   await report.goto(address, { waitUntil: "load" });
   const printed = path.join(PDF ?? folder, `${name.replaceAll(" ", "-")}.pdf`);
-  // Ctrl+P, and the button of the print dialog.
+  // The user presses Ctrl+P and the button of the print dialog.
   did.clicks += 1;
   did.keys += 1;
   await report.pdf({ path: printed, preferCSSPageSize: true });
   const seconds = (from, to) => ((to - from) / 1000).toFixed(1);
-  say(`${name}: to the printed report`, `${did.clicks} clicks, ${did.keys} keys, ${seconds(begun, performance.now())} s of which the job ${seconds(ready, found)} s`);
+  say(
+    `${name}: to the printed report`,
+    `${did.clicks} clicks, ${did.keys} keys, ${seconds(start, performance.now())} s of which the job ${seconds(ready, end)} s`,
+  );
   say(`${name}: verdict`, await page.$eval(".verdict .grade", (grade) => grade.textContent));
   await report.close();
   await page.close();
@@ -326,7 +414,12 @@ async function paths() {
   if (SERVO) {
     await path_("servo axis", SERVO, async ({ page, did }) => {
       did.clicks += 1;
-      await (await page.waitForSelector("::-p-xpath(//button[@role='radio'][contains(., 'Positioning drive')])", PATIENCE)).click();
+      await (
+        await page.waitForSelector(
+          "::-p-xpath(//button[@role='radio'][contains(., 'Positioning drive')])",
+          PATIENCE,
+        )
+      ).click();
     });
   }
   if (LAB) {
@@ -348,9 +441,9 @@ async function paths() {
 }
 
 const all = { samples, jobs, memory, paths };
-const asked = process.argv.slice(2);
+const names = process.argv.slice(2);
 for (const [name, measure] of Object.entries(all)) {
-  if (asked.length === 0 || asked.includes(name)) {
+  if (names.length === 0 || names.includes(name)) {
     await measure();
   }
 }

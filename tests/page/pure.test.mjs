@@ -1,34 +1,75 @@
-// The parts of the page that need no page. Run with `node --test tests/page/`.
+// The tests call the parts of the page that need no page. They run with `node --test
+// tests/page/pure.test.mjs`.
 
 import assert from "node:assert/strict";
 import test from "node:test";
 
 const part = (name) => import(new URL(`../../src/dashboard/assets/${name}`, import.meta.url));
-const { changed, conditionsOf, conditionText, entryOf, inputSet, labelText, labelsOf, likeness, numberOf, parameterRows, priorOfResult, suggestSignals, withModel } = await part("job_draft.js");
-const { arranged, fromQuery, matches, seconds, toQuery } = await part("job_filter.js");
-const { commonRange, differences, place, sideBySide } = await part("compare_diff.js");
-const { parse, parted } = await part("equation.js");
-const { describedBy, equationsOf, MODEL_WORDS, namesOf, wordsAt } = await part("model_language.js");
-const { asYaml, placed, readText } = await part("document_text.js");
-const { excitationOf, STEP_SAMPLES, stepOf } = await part("excitation.js");
-const { lineOf } = await part("model_picture.js");
-const { profileCurve } = await part("plot_math.js");
+const { changed, conditionsOf, conditionText, labelText, labelsOf, priorOfResult, withModel } =
+  await part("new/draft.js");
+const { entryOf, parameterRows } = await part("model/parameters.js");
+const { inputSet, likeness, suggestSignals } = await part("model/signals.js");
+const { numberOf } = await part("shell/format.js");
+const { arranged, fromQuery, matches, seconds, toQuery } = await part("list/filter.js");
+const { commonRange, differences, place, sideBySide } = await part("compare/differences.js");
+const { parse, parted } = await part("model/equation.js");
+const { describedBy, equationsOf, MODEL_WORDS, namesOf, wordsAt } = await part("model/language.js");
+const { asYaml, placed, readText } = await part("text/document.js");
+const { excitationOf, STEP_SAMPLES, stepOf } = await part("model/excitation.js");
+const { lineOf } = await part("model/picture.js");
+const { profileCurve } = await part("plot/math.js");
 const yaml = await part("vendor/codemirror-6.43.15.min.js");
 
-const MASS = { name: "mass", symbol: "M", unit: "kg", default: 50, lower: 20, upper: 120, scale: "linear", unknown_by_default: true };
-const SUPPLY = { name: "supply_pressure", symbol: "ps", unit: "Pa", default: 7e6, lower: 1e6, upper: 3e7, scale: "linear", unknown_by_default: false };
+const MASS = {
+  name: "mass",
+  symbol: "M",
+  unit: "kg",
+  default: 50,
+  lower: 20,
+  upper: 120,
+  scale: "linear",
+  unknown_by_default: true,
+};
+const SUPPLY = {
+  name: "supply_pressure",
+  symbol: "ps",
+  unit: "Pa",
+  default: 7e6,
+  lower: 1e6,
+  upper: 3e7,
+  scale: "linear",
+  unknown_by_default: false,
+};
 const MODEL = {
-  name: "servo", parameters: [MASS, SUPPLY],
-  inputs: [{ name: "reference", symbol: "r", unit: "m" }, { name: "command", symbol: "u", unit: "1" }],
-  input_sets: [["reference"], ["command"]], outputs: [{ name: "position", symbol: "x", unit: "m" }, { name: "pressure", symbol: "p1", unit: "Pa" }],
+  name: "servo",
+  parameters: [MASS, SUPPLY],
+  inputs: [
+    { name: "reference", symbol: "r", unit: "m" },
+    { name: "command", symbol: "u", unit: "1" },
+  ],
+  input_sets: [["reference"], ["command"]],
+  outputs: [
+    { name: "position", symbol: "x", unit: "m" },
+    { name: "pressure", symbol: "p1", unit: "Pa" },
+  ],
 };
 
 test("signals are found by name, symbol and unit", () => {
-  const recorded = [{ name: "Valve_Command", unit: "1" }, { name: "cyl.position", unit: "m" }, { name: "p1", unit: "Pa" }];
-  assert.deepEqual(suggestSignals(MODEL, recorded), { inputs: ["command"], signals: { command: "Valve_Command", position: "cyl.position", pressure: "p1" },
-    score: suggestSignals(MODEL, recorded).score });
+  const recorded = [
+    { name: "Valve_Command", unit: "1" },
+    { name: "cyl.position", unit: "m" },
+    { name: "p1", unit: "Pa" },
+  ];
+  assert.deepEqual(suggestSignals(MODEL, recorded), {
+    inputs: ["command"],
+    signals: { command: "Valve_Command", position: "cyl.position", pressure: "p1" },
+    score: suggestSignals(MODEL, recorded).score,
+  });
   assert.ok(likeness(MODEL.outputs[0], { name: "speed", unit: "m/s" }) < 2);
-  assert.ok(likeness(MODEL.outputs[0], { name: "position", unit: "m" }) > likeness(MODEL.outputs[0], { name: "position_filtered", unit: "m" }));
+  assert.ok(
+    likeness(MODEL.outputs[0], { name: "position", unit: "m" }) >
+      likeness(MODEL.outputs[0], { name: "position_filtered", unit: "m" }),
+  );
 });
 
 test("the set of inputs is the one whose signals are named", () => {
@@ -50,17 +91,48 @@ test("a specification says of a parameter only what the model does not", () => {
   assert.equal(entryOf(mass), undefined);
   assert.equal(entryOf(supply), undefined);
   assert.deepEqual(entryOf({ ...mass, upper: 90 }), { estimate: { upper: 90 } });
-  assert.deepEqual(entryOf({ ...mass, free: false, value: 58, tolerance: "1 %" }), { value: 58, tolerance: "1 %" });
-  assert.deepEqual(entryOf({ ...supply, free: true, prior: { range_95: [6e6, 8e6] } }), { estimate: {}, prior: { range_95: [6e6, 8e6] } });
+  assert.deepEqual(entryOf({ ...mass, free: false, value: 58, tolerance: "1 %" }), {
+    value: 58,
+    tolerance: "1 %",
+  });
+  assert.deepEqual(entryOf({ ...supply, free: true, prior: { range_95: [6e6, 8e6] } }), {
+    estimate: {},
+    prior: { range_95: [6e6, 8e6] },
+  });
   assert.deepEqual(entryOf({ ...supply, tolerance: "7e4" }), { value: 7e6, tolerance: 7e4 });
-  const said = { mass: { estimate: { upper: 90 } } };
-  assert.deepEqual(entryOf(parameterRows(MODEL, said)[0]), said.mass);
+  const entries = { mass: { estimate: { upper: 90 } } };
+  assert.deepEqual(entryOf(parameterRows(MODEL, entries)[0]), entries.mass);
 });
 
 test("another model keeps the recordings and looks for its own signals", () => {
-  const known = new Map([["ds", { id: "ds", signals: [{ name: "command", unit: "1" }, { name: "position", unit: "m" }] }]]);
-  const spec = withModel({ name: "n", parameters: { old: {} }, experiments: [{ dataset: "ds", window: { to_s: 5 }, parameters: { old: {} } }] }, MODEL, known);
-  assert.deepEqual(spec, { name: "n", model: "servo", experiments: [{ dataset: "ds", window: { to_s: 5 }, signals: { command: "command", position: "position" } }] });
+  const datasets = new Map([
+    [
+      "ds",
+      {
+        id: "ds",
+        signals: [
+          { name: "command", unit: "1" },
+          { name: "position", unit: "m" },
+        ],
+      },
+    ],
+  ]);
+  const spec = withModel(
+    {
+      name: "n",
+      parameters: { old: {} },
+      experiments: [{ dataset: "ds", window: { to_s: 5 }, parameters: { old: {} } }],
+    },
+    MODEL,
+    datasets,
+  );
+  assert.deepEqual(spec, {
+    name: "n",
+    model: "servo",
+    experiments: [
+      { dataset: "ds", window: { to_s: 5 }, signals: { command: "command", position: "position" } },
+    ],
+  });
 });
 
 test("conditions are parted by semicolons, and forgotten with the model", () => {
@@ -72,14 +144,33 @@ test("conditions are parted by semicolons, and forgotten with the model", () => 
 });
 
 test("what a job found is a prior with its total errors and correlations", () => {
-  const found = (name, estimate, rest) => ({ name, estimate, experiment: null, ...rest });
+  const estimateOf = (name, estimate, rest) => ({ name, estimate, experiment: null, ...rest });
   const result = {
-    parameters: [found("mass", 58, { standard_error: 1, total_standard_error: 2 }), found("damping", 400, { standard_error: 9 }),
-      found("offset", 3, { standard_error: null }), { ...found("mass", 4, { standard_error: 1 }), experiment: 1 }],
-    correlation: { names: ["mass", "offset", "damping"], matrix: [[1, 0.1, 0.3], [0.1, 1, null], [0.3, null, 1]] },
+    parameters: [
+      estimateOf("mass", 58, { standard_error: 1, total_standard_error: 2 }),
+      estimateOf("damping", 400, { standard_error: 9 }),
+      estimateOf("offset", 3, { standard_error: null }),
+      { ...estimateOf("mass", 4, { standard_error: 1 }), experiment: 1 },
+    ],
+    correlation: {
+      names: ["mass", "offset", "damping"],
+      matrix: [
+        [1, 0.1, 0.3],
+        [0.1, 1, null],
+        [0.3, null, 1],
+      ],
+    },
   };
-  assert.deepEqual(priorOfResult(result), { parameters: ["mass", "damping"], mean: [58, 400], std: [2, 9], correlation: [[1, 0.3], [0.3, 1]] });
-  assert.equal(priorOfResult({ parameters: [found("offset", 3, { standard_error: null })] }), undefined);
+  assert.deepEqual(priorOfResult(result), {
+    parameters: ["mass", "damping"],
+    mean: [58, 400],
+    std: [2, 9],
+    correlation: [
+      [1, 0.3],
+      [0.3, 1],
+    ],
+  });
+  assert.equal(priorOfResult({ parameters: [estimateOf("offset", 3, { standard_error: null })] }), undefined);
 });
 
 test("labels and numbers are read as people type them", () => {
@@ -90,14 +181,44 @@ test("labels and numbers are read as people type them", () => {
   assert.ok(Number.isNaN(numberOf("")) && Number.isNaN(numberOf("1.2.3")));
 });
 
-const job = (id, more) => ({ id, name: null, labels: {}, status: "succeeded", model: "servo", method: "cma_es", datasets: [], trust: null,
-  created_at: "2026-01-01T00:00:00Z", started_at: null, finished_at: null, ...more });
+const job = (id, more) => ({
+  id,
+  name: null,
+  labels: {},
+  status: "succeeded",
+  model: "servo",
+  method: "cma_es",
+  datasets: [],
+  trust: null,
+  created_at: "2026-01-01T00:00:00Z",
+  started_at: null,
+  finished_at: null,
+  ...more,
+});
 
 test("jobs are found by every word, by trust, label and recording", () => {
-  const one = job("job_1", { name: "Rig 4", labels: { site: "hall 2" }, datasets: [{ id: "ds_1", name: "run 3" }], trust: "low" });
-  const of = (query) => matches(one, fromQuery(new URLSearchParams(query)));
-  assert.ok(of("text=rig run") && of("text=HALL") && of("trust=low") && of("label=site") && of("label=site:hall 2") && of("dataset=ds_1"));
-  assert.ok(!of("text=rig run 5") && !of("trust=none") && !of("label=site:hall 3") && !of("model=tank") && !of("status=failed"));
+  const cylinder = job("job_1", {
+    name: "Rig 4",
+    labels: { site: "hall 2" },
+    datasets: [{ id: "ds_1", name: "run 3" }],
+    trust: "low",
+  });
+  const passes = (query) => matches(cylinder, fromQuery(new URLSearchParams(query)));
+  assert.ok(
+    passes("text=rig run") &&
+      passes("text=HALL") &&
+      passes("trust=low") &&
+      passes("label=site") &&
+      passes("label=site:hall 2") &&
+      passes("dataset=ds_1"),
+  );
+  assert.ok(
+    !passes("text=rig run 5") &&
+      !passes("trust=none") &&
+      !passes("label=site:hall 3") &&
+      !passes("model=tank") &&
+      !passes("status=failed"),
+  );
   assert.ok(matches(job("job_2"), fromQuery(new URLSearchParams("trust=none"))));
 });
 
@@ -108,7 +229,11 @@ test("what is looked for goes into the address and comes back", () => {
 });
 
 test("jobs are sorted, alike ones newest first", () => {
-  const jobs = [job("job_1", { trust: "low" }), job("job_2", { trust: "high" }), job("job_3", { trust: "low" })];
+  const jobs = [
+    job("job_1", { trust: "low" }),
+    job("job_2", { trust: "high" }),
+    job("job_3", { trust: "low" }),
+  ];
   const ids = (query) => arranged(jobs, fromQuery(new URLSearchParams(query)), 0).map(({ id }) => id);
   assert.deepEqual(ids(""), ["job_3", "job_2", "job_1"]);
   assert.deepEqual(ids("sort=trust:down"), ["job_2", "job_3", "job_1"]);
@@ -117,58 +242,111 @@ test("jobs are sorted, alike ones newest first", () => {
 });
 
 test("specifications are told apart leaf by leaf", () => {
-  const found = differences([{ a: { b: 1, "c/d": [1, 2] }, e: {} }, { a: { b: 1, "c/d": [1, 3] } }]);
-  assert.deepEqual(found, [["/a/c~1d/1", [2, 3]], ["/e", ["{}", undefined]]]);
+  const changes = differences([{ a: { b: 1, "c/d": [1, 2] }, e: {} }, { a: { b: 1, "c/d": [1, 3] } }]);
+  assert.deepEqual(changes, [
+    ["/a/c~1d/1", [2, 3]],
+    ["/e", ["{}", undefined]],
+  ]);
 });
 
 test("estimates stand side by side on a range that shows them all", () => {
-  const result = (estimate, lower, upper) => ({ parameters: [{ name: "mass", unit: "kg", estimate, confidence_interval: { lower, upper } }] });
+  const result = (estimate, lower, upper) => ({
+    parameters: [{ name: "mass", unit: "kg", estimate, confidence_interval: { lower, upper } }],
+  });
   const [row] = sideBySide([result(10, 9, 11), null, result(12, 11, null)]);
   assert.equal(row.key, "mass");
-  assert.equal(row.of[1], null);
-  const range = commonRange(row.of);
+  assert.equal(row.parameters[1], null);
+  const range = commonRange(row.parameters);
   assert.ok(!range.log && range.low < 9 && range.high > 12);
   assert.equal(place(range.low, range), 0);
-  const wide = commonRange(sideBySide([result(1, 0.1, 1000)])[0].of);
+  const wide = commonRange(sideBySide([result(1, 0.1, 1000)])[0].parameters);
   assert.ok(wide.log && Math.abs(place(10, wide) - 0.5) < 1e-9);
 });
 
 test("equations are read with their precedence", () => {
-  assert.deepEqual(parse("x' = -a*b^2/c"), ["row", ["primed", ["name", "x"], 1], ["relation", "="],
-    ["fraction", ["infix", "*", ["prefix", "-", ["name", "a"]], ["power", ["name", "b"], ["number", "2"]]], ["name", "c"]]]);
+  assert.deepEqual(parse("x' = -a*b^2/c"), [
+    "row",
+    ["primed", ["name", "x"], 1],
+    ["relation", "="],
+    [
+      "fraction",
+      ["infix", "*", ["prefix", "-", ["name", "a"]], ["power", ["name", "b"], ["number", "2"]]],
+      ["name", "c"],
+    ],
+  ]);
   assert.equal(parse("two words"), null);
   assert.equal(parse("(a"), null);
-  assert.deepEqual([parted("Km"), parted("tau1"), parted("v"), parted("command")], [["K", "m"], ["τ", "1"], ["v", ""], ["command", ""]]);
+  assert.deepEqual(
+    [parted("Km"), parted("tau1"), parted("v"), parted("command")],
+    [
+      ["K", "m"],
+      ["τ", "1"],
+      ["v", ""],
+      ["command", ""],
+    ],
+  );
 });
 
-const { conclusions, listed } = await part("verdict.js");
+const { conclusions, listed } = await part("job/verdict.js");
 
 test("what is about the same parameters becomes one sentence with the job to run next", () => {
   const reason = (code, concerns) => ({ code, detail: `${code} detail`, concerns });
-  const known = (name, more) => ({ name, unit: "kg", estimate: 57.123456, lower: 20, upper: 120, at_bound: false, ...more });
+  const parameterOf = (name, more) => ({
+    name,
+    unit: "kg",
+    estimate: 57.123456,
+    lower: 20,
+    upper: 120,
+    at_bound: false,
+    ...more,
+  });
   const result = {
-    verdict: { trust: "low", reasons: [reason("misfit"), reason("correlated", ["mass", "gain"]), reason("not_identifiable", ["stiffness"]),
-      reason("correlated", ["gain", "stiffness"]), reason("residuals_not_white")] },
-    parameters: [known("mass"), known("gain"), known("stiffness")],
-    budget: [{ assumption: "dead_band", kind: "absent_effect", score: 2 }, { assumption: "coulomb_friction", kind: "absent_effect", score: -9 },
-      { assumption: "supply_pressure", kind: "tolerance", score: 1 }],
+    verdict: {
+      trust: "low",
+      reasons: [
+        reason("misfit"),
+        reason("correlated", ["mass", "gain"]),
+        reason("not_identifiable", ["stiffness"]),
+        reason("correlated", ["gain", "stiffness"]),
+        reason("residuals_not_white"),
+      ],
+    },
+    parameters: [parameterOf("mass"), parameterOf("gain"), parameterOf("stiffness")],
+    budget: [
+      { assumption: "dead_band", kind: "absent_effect", score: 2 },
+      { assumption: "coulomb_friction", kind: "absent_effect", score: -9 },
+      { assumption: "supply_pressure", kind: "tolerance", score: 1 },
+    ],
   };
   const spec = { seed: 1, experiments: [], parameters: { coulomb_friction: { value: 0 } } };
-  const found = conclusions(result, spec, MODEL);
-  assert.deepEqual(found.map(({ codes }) => codes), [["misfit", "residuals_not_white"], ["correlated", "not_identifiable"]]);
-  assert.match(found[1].text, /cannot tell mass, gain and stiffness apart/);
-  assert.deepEqual(found[1].actions.map(({ label }) => label), ["Fix mass", "Fix gain", "Fix stiffness"]);
-  assert.deepEqual(found[1].actions[0].spec.parameters.mass, { value: 57.12 });
-  assert.deepEqual(found[0].actions[0].spec.model_search, { effects: ["coulomb_friction", "dead_band"] });
-  assert.deepEqual(found[0].actions[1].spec.parameters.coulomb_friction, { estimate: {} });
+  const points = conclusions(result, spec, MODEL);
+  assert.deepEqual(
+    points.map(({ codes }) => codes),
+    [
+      ["misfit", "residuals_not_white"],
+      ["correlated", "not_identifiable"],
+    ],
+  );
+  assert.match(points[1].text, /cannot tell mass, gain and stiffness apart/);
+  assert.deepEqual(
+    points[1].actions.map(({ label }) => label),
+    ["Fix mass", "Fix gain", "Fix stiffness"],
+  );
+  assert.deepEqual(points[1].actions[0].spec.parameters.mass, { value: 57.12 });
+  assert.deepEqual(points[0].actions[0].spec.model_search, { effects: ["coulomb_friction", "dead_band"] });
+  assert.deepEqual(points[0].actions[1].spec.parameters.coulomb_friction, { estimate: {} });
   assert.equal(listed(["load[1]"]), "load in experiment 2");
 });
 
 test("an estimate at its bound gets a wider range, within what is possible", () => {
   const at = { name: "mass", unit: "kg", estimate: 120, lower: 20, upper: 120, at_bound: true };
   const result = { verdict: { reasons: [{ code: "at_bound", detail: "d" }] }, parameters: [at], budget: [] };
-  const next = (about) => conclusions(result, { experiments: [] }, { parameters: [{ name: "mass", scale: "linear", ...about }] })[0].actions;
-  assert.deepEqual(next({})[0].spec.parameters.mass, { estimate: { lower: 20, upper: 320, scale: "linear" } });
+  const next = (about) =>
+    conclusions(result, { experiments: [] }, { parameters: [{ name: "mass", scale: "linear", ...about }] })[0]
+      .actions;
+  assert.deepEqual(next({})[0].spec.parameters.mass, {
+    estimate: { lower: 20, upper: 320, scale: "linear" },
+  });
   assert.equal(next({ maximum: 200 })[0].spec.parameters.mass.estimate.upper, 200);
   assert.deepEqual(next({ maximum: 120 }), []);
 });
@@ -190,14 +368,23 @@ test("what the server says of a document is shown at its line and column", () =>
   const read = readText(yaml, LAG);
   assert.deepEqual(read.faults, []);
   assert.equal(read.value.states.y.derivative, "(u - y)/T");
-  const where = (fault) => placed(read, LAG, [{ detail: "", ...fault }], "/model").map(({ from, to, line, column }) => [line, column, LAG.slice(from, to)])[0];
+  const where = (fault) =>
+    placed(read, LAG, [{ detail: "", ...fault }], "/model").map(({ from, to, line, column }) => [
+      line,
+      column,
+      LAG.slice(from, to),
+    ])[0];
   assert.deepEqual(where({ pointer: "/model/states/y/derivative", line: 1, column: "9" }), [7, 37, "T"]);
-  assert.deepEqual(where({ pointer: "/model/outputs/measured/expression", line: 1, column: 1 }), [11, 17, "y"]);
+  assert.deepEqual(where({ pointer: "/model/outputs/measured/expression", line: 1, column: 1 }), [
+    11,
+    17,
+    "y",
+  ]);
   assert.deepEqual(where({ pointer: "/model/states/y/scale" }), [7, 3, "y"]);
   assert.deepEqual(where({ pointer: "/model/parameters/time/lower" }), [5, 49, "0.1"]);
   assert.deepEqual(where({ pointer: "/model" }), [1, 1, "name: lag"]);
   assert.equal(readText(yaml, "name: a\n  b: [\nc").faults.length > 0, true);
-  assert.deepEqual(readText(yaml, "{\"a\": [1, {\"b\": true}]}").value, { a: [1, { b: true }] });
+  assert.deepEqual(readText(yaml, '{"a": [1, {"b": true}]}').value, { a: [1, { b: true }] });
 });
 
 test("a document is the same after it was written as YAML", () => {
@@ -211,8 +398,10 @@ test("words are offered where they can stand", () => {
   const { value } = readText(yaml, LAG);
   const labels = (before) => wordsAt(before, value)?.options.map(({ label }) => label) ?? null;
   const formula = labels("states:\n  y: {unit: V, derivative: (u - ");
-  ["u", "T", "time", "y", "pi", "soft_sign", "clip"].forEach((name) => assert.ok(formula.includes(name), name));
-  assert.ok(labels("states:\n  y: {unit: V, derivative: \"clip(u, ").includes("T"));
+  for (const name of ["u", "T", "time", "y", "pi", "soft_sign", "clip"]) {
+    assert.ok(formula.includes(name), name);
+  }
+  assert.ok(labels('states:\n  y: {unit: V, derivative: "clip(u, ').includes("T"));
   assert.ok(labels("states:\n  y: {unit: V, initial: f").includes("first sample of output measured"));
   assert.deepEqual(labels("parameters:\n  a: {scale: l"), ["linear", "log"]);
   assert.ok(labels("parameters:\n  a: {unit: m, def").includes("default"));
@@ -225,8 +414,21 @@ test("words are offered where they can stand", () => {
 test("a document is told as equations, names and parameters", () => {
   const { value } = readText(yaml, LAG);
   assert.deepEqual(equationsOf(value), ["y' = (u - y)/T", "measured = y"]);
-  assert.deepEqual(namesOf(value).filter(({ of }) => of === "time"), [{ name: "time", kind: "parameter", unit: "s", of: "time" }, { name: "T", kind: "parameter", unit: "s", of: "time" }]);
-  assert.deepEqual(describedBy(value).parameters.map(({ name, lower, unknown_by_default: unknown }) => [name, lower, unknown]), [["time", 0.1, true]]);
+  assert.deepEqual(
+    namesOf(value).filter(({ entry }) => entry === "time"),
+    [
+      { name: "time", kind: "parameter", unit: "s", entry: "time" },
+      { name: "T", kind: "parameter", unit: "s", entry: "time" },
+    ],
+  );
+  assert.deepEqual(
+    describedBy(value).parameters.map(({ name, lower, unknown_by_default: unknown }) => [
+      name,
+      lower,
+      unknown,
+    ]),
+    [["time", 0.1, true]],
+  );
   assert.deepEqual(equationsOf(null), []);
   assert.deepEqual(describedBy({ parameters: "x" }).parameters, []);
 });
@@ -234,12 +436,16 @@ test("a document is told as equations, names and parameters", () => {
 test("each word of a document has its kind", () => {
   const kinds = (line) => {
     const parser = yaml.StreamLanguage.define(MODEL_WORDS).parser;
-    const found = [];
+    const marks = [];
     const tree = parser.parse(line);
-    tree.iterate({ enter: ({ name, from, to }) => { name !== "Document" && found.push([line.slice(from, to), name]); } });
-    return found;
+    tree.iterate({
+      enter: ({ name, from, to }) => {
+        name !== "Document" && marks.push([line.slice(from, to), name]);
+      },
+    });
+    return marks;
   };
-  const words = kinds("y: {derivative: \"(u - 2.5e-3*y)/soft_sign(T, 1)\", unit: m} # held");
+  const words = kinds('y: {derivative: "(u - 2.5e-3*y)/soft_sign(T, 1)", unit: m} # held');
   const kind = (word) => words.find(([text]) => text === word)?.[1];
   assert.equal(kind("derivative"), "propertyName");
   assert.equal(kind("2.5e-3"), "number");
@@ -251,10 +457,16 @@ test("each word of a document has its kind", () => {
 
 test("a model is shown under a step of one set of its inputs", () => {
   const unknown = excitationOf(MODEL);
-  assert.deepEqual([unknown.seconds, unknown.before, unknown.after], [10, { reference: 0 }, { reference: 1 }]);
+  assert.deepEqual(
+    [unknown.seconds, unknown.before, unknown.after],
+    [10, { reference: 0 }, { reference: 1 }],
+  );
   const { sample_time_s: every, signals } = stepOf(unknown);
   assert.equal(every * STEP_SAMPLES, 10);
-  assert.deepEqual([signals.reference.unit, signals.reference.values[0], signals.reference.values.at(-1)], ["m", 0, 1]);
+  assert.deepEqual(
+    [signals.reference.unit, signals.reference.values[0], signals.reference.values.at(-1)],
+    ["m", 0, 1],
+  );
   assert.equal(lineOf([0, 1], [2, 4], { width: 100, height: 20, edge: 0 }), "M0.0 20.0L100.0 0.0");
   assert.equal(lineOf([0, 1], [2, 2], { width: 100, height: 20, edge: 0 }), "M0.0 10.0L100.0 10.0");
 });
@@ -262,7 +474,12 @@ test("a model is shown under a step of one set of its inputs", () => {
 test("the profile of a linear model is drawn as the parabola that it is", () => {
   const fits = [-1, -0.5, 0, 1].map((off) => ({ value: 5 + 2 * off, excess: off * off }));
   const points = profileCurve(fits);
-  assert.deepEqual(points.filter(([, , fit]) => fit !== null).map(([value, rise]) => [value, rise]), fits.map(({ value, excess }) => [value, excess]));
+  assert.deepEqual(
+    points.filter(([, , fit]) => fit !== null).map(([value, rise]) => [value, rise]),
+    fits.map(({ value, excess }) => [value, excess]),
+  );
   assert.ok(points.length > 50);
-  points.forEach(([value, rise]) => assert.ok(Math.abs(rise - ((value - 5) / 2) ** 2) < 1e-12));
+  for (const [value, rise] of points) {
+    assert.ok(Math.abs(rise - ((value - 5) / 2) ** 2) < 1e-12);
+  }
 });

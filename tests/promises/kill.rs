@@ -8,10 +8,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-use super::cluster;
 use super::follower::Follower;
-use super::plant;
 use super::server::{Options, Server, file, text};
+use super::{cluster, plant};
 
 const KILLS: usize = 50;
 /// Lives of the server at the most: where jobs go fast, more of the kills meet none.

@@ -8,11 +8,10 @@ use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
-use super::cluster;
 use super::follower::Follower;
 use super::kill::{GENERATIONS, SAMPLES, check, follow_for, unbroken};
-use super::plant;
 use super::server::{Options, PATIENCE, Server};
+use super::{cluster, plant};
 
 /// A node is dead after a second without a beat.
 const OPTIONS: Options = Options {

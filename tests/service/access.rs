@@ -1,9 +1,9 @@
 //! Who may ask what: tokens, scopes, projects, people behind a proxy, and the log of it.
 
-use greybox::access::Scope;
-use greybox::app::App;
-use greybox::config::Settings;
-use greybox::store::tokens;
+use greybox_service::access::Scope;
+use greybox_service::app::App;
+use greybox_service::config::Settings;
+use greybox_service::store::tokens;
 use jiff::{SignedDuration, Timestamp};
 use reqwest::{Method, RequestBuilder};
 use serde_json::Value;

@@ -2,11 +2,11 @@
 
 use std::net::Ipv4Addr;
 
-use greybox::access::{Scope, Secret};
-use greybox::app::App;
-use greybox::config::Settings;
-use greybox::store::DatabasePlace;
-use greybox::store::tokens::{self, NewToken};
+use greybox_service::access::{Scope, Secret};
+use greybox_service::app::App;
+use greybox_service::config::Settings;
+use greybox_service::store::DatabasePlace;
+use greybox_service::store::tokens::{self, NewToken};
 use jiff::Timestamp;
 use reqwest::header::HeaderMap;
 use reqwest::{Method, RequestBuilder, StatusCode};
@@ -125,6 +125,18 @@ impl TestApp {
         }
         let app = Self::at(home, change).await;
         (app, secrets.try_into().unwrap())
+    }
+
+    /// A server on a database file that was written elsewhere.
+    pub async fn on_file(database: &[u8]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("greybox.db");
+        std::fs::write(&path, database).unwrap();
+        let home = Home {
+            url: format!("sqlite://{}", path.display()),
+            _folder: folder,
+        };
+        Self::at(home, |_settings| ()).await
     }
 
     async fn at(home: Home, change: impl FnOnce(&mut Settings)) -> Self {

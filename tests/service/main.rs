@@ -35,6 +35,8 @@ mod models;
 
 mod monitors;
 
+mod older;
+
 mod quad_tank;
 
 mod streams;

@@ -82,7 +82,7 @@ pub(super) fn monitor() -> Value {
 }
 
 /// The events of a monitor, as they come.
-struct Events {
+pub(super) struct Events {
     response: reqwest::Response,
     text: String,
 }
@@ -96,7 +96,7 @@ fn parsed(block: &str) -> Option<(u64, String, Value)> {
 }
 
 impl Events {
-    async fn of(app: &TestApp, id: &str) -> Self {
+    pub(super) async fn of(app: &TestApp, id: &str) -> Self {
         let path = format!("/v1/monitors/{id}/events");
         let response = app
             .request(reqwest::Method::GET, &path)
@@ -135,7 +135,7 @@ impl Events {
     }
 
     /// Everything up to the end of a window.
-    async fn until_window(&mut self, number: u64) -> Vec<(u64, String, Value)> {
+    pub(super) async fn until_window(&mut self, number: u64) -> Vec<(u64, String, Value)> {
         let mut all = Vec::new();
         loop {
             let event = self.next().await;

@@ -1,6 +1,6 @@
 //! What a project may have and a caller may ask, and whose turn it is.
 
-use greybox::access::Scope;
+use greybox_service::access::Scope;
 use reqwest::Method;
 use serde_json::{Value, json};
 
@@ -78,7 +78,8 @@ async fn a_project_that_has_had_its_time_today_is_told_until_when() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_caller_that_asks_too_fast_is_told_to_wait_and_others_are_not() {
     let tokens = [("a", Scope::Read, "default"), ("b", Scope::Read, "default")];
-    let slow = |settings: &mut greybox::config::Settings| settings.requests_per_second = 0.001;
+    let slow =
+        |settings: &mut greybox_service::config::Settings| settings.requests_per_second = 0.001;
     let (app, [a, b]) = TestApp::with_tokens(tokens, slow).await;
     let get = |secret: &str| app.request(Method::GET, "/v1/jobs").bearer_auth(secret);
     app.send(get(&a)).await.expect(200);
@@ -121,7 +122,7 @@ async fn a_newcomers_job_does_not_wait_for_those_of_another_project() {
         ("a", Scope::Submit, "hall-a"),
         ("b", Scope::Submit, "hall-b"),
     ];
-    let alone = |settings: &mut greybox::config::Settings| {
+    let alone = |settings: &mut greybox_service::config::Settings| {
         settings.jobs_at_once = std::num::NonZeroUsize::new(1);
         settings.slice_s = 0.5;
         settings.requests_per_second = 1e6;

@@ -1,8 +1,8 @@
 //! Sessions of people at the page: a token becomes a cookie, which other sites cannot use.
 
-use greybox::access::Scope;
-use greybox::config::Settings;
-use greybox::store::tokens;
+use greybox_service::access::Scope;
+use greybox_service::config::Settings;
+use greybox_service::store::tokens;
 use reqwest::{Method, RequestBuilder};
 use serde_json::{Value, json};
 

@@ -12,11 +12,12 @@ use crate::api::error::{Answer, Kind, Problem};
 use crate::api::extract::Named;
 use crate::api::http_headers::json;
 use crate::api::query::{NoQuery, Params};
-use crate::job::{Fault, MonitorId};
+use crate::job::MonitorId;
 use crate::monitor::WindowStatus;
 use crate::monitor::state::instant;
-use crate::parsing::reader::{Faults, Field};
 use crate::store::Advance;
+use greybox::parsing::Fault;
+use greybox::parsing::reader::{Faults, Field};
 
 /// Windows that are looked through for the newest that was worked.
 const LOOKED_THROUGH: u32 = 1000;

@@ -15,10 +15,10 @@ use crate::store::MonitorRow;
 pub struct WaitsFor {
     /// The number of the window.
     window: i64,
-    /// Its first instant.
+    /// The first instant of the window.
     #[schema(value_type = String, format = DateTime)]
     from: Timestamp,
-    /// The instant at which it ends, which belongs to the next.
+    /// The instant at which the window ends; that instant belongs to the next window.
     #[schema(value_type = String, format = DateTime)]
     to: Timestamp,
     /// The instant at or after which the stream must have a sample.

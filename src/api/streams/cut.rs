@@ -14,10 +14,10 @@ use crate::api::error::{Answer, Problem};
 use crate::api::extract::Named;
 use crate::api::http_headers::hex;
 use crate::api::query::{NoQuery, Params};
-use crate::job::Fault;
-use crate::parsing::reader::{Faults, Field};
-use crate::recording::Rows;
 use crate::store::NewDataset;
+use greybox::parsing::Fault;
+use greybox::parsing::reader::{Faults, Field};
+use greybox::recording::Rows;
 
 /// A part of a stream to be cut out.
 #[derive(ToSchema)]
@@ -51,7 +51,7 @@ fn read_part(document: &Field<'_>) -> Option<StreamPart> {
     let mut root = document.object()?;
     let name = root.optional("name").and_then(|field| {
         let name = field.text()?;
-        if name.chars().count() > crate::job::spec::MAX_NAME_CHARS {
+        if name.chars().count() > greybox::identification::spec::MAX_NAME_CHARS {
             field.fault("too_long", "the name is too long");
         }
         Some(name.to_owned())

@@ -5,9 +5,9 @@ use jiff::Timestamp;
 use super::{invalid, nanoseconds};
 use crate::api::Limits;
 use crate::api::error::{Answer, Kind, Problem, ProblemFault};
-use crate::intake;
 use crate::monitor::state::instant;
-use crate::recording::{Batch, Recording};
+use greybox::intake;
+use greybox::recording::{Batch, Recording};
 
 /// The latest stamp that a sample may have.
 pub(super) fn latest(limits: &Limits) -> Timestamp {

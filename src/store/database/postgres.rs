@@ -9,7 +9,7 @@ use sqlx::{Connection as _, PgConnection, PgPool};
 
 use crate::store::StoreError;
 
-/// Its schema.
+/// The migrations that make the schema of a PostgreSQL database.
 pub(in crate::store) static SCHEMA: Migrator = sqlx::migrate!("./migrations/postgres");
 
 /// The oldest schema whose servers may be at work while the schema is brought up to date, and after: what

@@ -12,7 +12,7 @@ use sqlx::{Connection as _, SqliteConnection, SqlitePool};
 
 use crate::store::StoreError;
 
-/// Its schema.
+/// The migrations that make the schema of a SQLite database.
 pub(in crate::store) static SCHEMA: Migrator = sqlx::migrate!("./migrations");
 
 /// The one connection that writes. A disk that is full can leave it inside a transaction that SQLite

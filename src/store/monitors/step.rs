@@ -5,7 +5,7 @@ use riverqueue::Client;
 use serde_json::{Value, json};
 
 use super::{Advance, AdvanceWindow, MonitorRow, NewMonitor, fetch};
-use crate::job::{DatasetId, JobId, MonitorId};
+use crate::job::MonitorId;
 use crate::store::database::{self, Connection};
 use crate::store::idempotency::{self, Idempotency};
 use crate::store::sealed::{MONITOR_ALARMS, MONITOR_EVENTS, MONITOR_WINDOWS, MONITORS};
@@ -13,6 +13,7 @@ use crate::store::submit::Submitted;
 use crate::store::submit::batch::{self, Known};
 use crate::store::writer::Tx;
 use crate::store::{Change, Quotas, StoreError, corrupt, datasets, jobs, streams, webhooks};
+use greybox::identification::{DatasetId, JobId};
 
 /// Monitors that a project can have.
 const MAX_MONITORS: i64 = 1000;

@@ -3,12 +3,14 @@
 use std::time::Duration;
 
 use super::{Begin, Ending, Lease, Reported, Slice, endings};
-use crate::job::{Event, Failure, GenerationEvent, JobId, Status};
+use crate::job::{Event, Failure, GenerationEvent, Status};
 use crate::store::damage::Damage;
-use crate::store::database;
 use crate::store::nodes::{SUSPECT_FROM, wait_after};
 use crate::store::writer::Tx;
-use crate::store::{Change, Checkpoint, StopRequest, StoreError, checkpoints, generations, jobs};
+use crate::store::{
+    Change, Checkpoint, StopRequest, StoreError, checkpoints, database, generations, jobs,
+};
+use greybox::identification::JobId;
 
 /// When a slice is to begin, and where damage is noted.
 #[derive(Clone)]

@@ -9,13 +9,14 @@ use riverqueue::Client;
 use serde_json::Value;
 
 use super::{Hold, Lease, Record, queue_again, write_record};
-use crate::job::{Event, Failure, JobId, Status};
+use crate::job::{Event, Failure, Status};
 use crate::store::stop_request::StopRequest;
 use crate::store::writer::Tx;
 use crate::store::{
     Change, Store, StoreError, checkpoints, corrupt, database, events, jobs, results, shared_parts,
     webhooks,
 };
+use greybox::identification::JobId;
 
 /// What the last slice of a job came to, for now.
 #[derive(Clone, Debug)]

@@ -3,11 +3,11 @@
 use std::ops::ControlFlow;
 
 use super::StreamRow;
-use crate::recording::{Class, Merged, RowColumn, Rows};
 use crate::store::database::{self, Connection, Row};
 use crate::store::sealed::STREAM_BLOCKS;
 use crate::store::writer::Tx;
 use crate::store::{StoreError, corrupt};
+use greybox::recording::{Class, Merged, RowColumn, Rows};
 
 /// Values in a block at the most, all signals together: with their classes and instants, half a MiB.
 const BLOCK_VALUES: usize = 1 << 15;
@@ -16,13 +16,13 @@ const WORD: usize = 8;
 
 /// A block without its samples.
 pub(super) struct Block {
-    /// Its first instant.
+    /// The first instant of the block, nanoseconds since 1970.
     pub(super) first: i64,
-    /// Its last instant.
+    /// The last instant of the block, nanoseconds since 1970.
     pub(super) last: i64,
-    /// Its instants.
+    /// How many instants the block has.
     pub(super) rows: u64,
-    /// What they take.
+    /// Bytes that the samples of the block take.
     pub(super) bytes: u64,
 }
 

@@ -15,9 +15,9 @@ use jiff::Timestamp;
 
 use super::blocks::{self, Order, Span};
 use super::{StreamRow, now_ns};
-use crate::recording::{DoubleHour, Rows, Warning};
 use crate::store::StoreError;
 use crate::store::writer::Tx;
+use greybox::recording::{DoubleHour, Rows, Warning};
 
 /// How far a source's clock may be ahead of the server's: five minutes [ns].
 const CLOCKS_DIFFER_NS: i64 = 300 * 1_000_000_000;

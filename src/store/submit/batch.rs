@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::{NewJob, Submitted, answer_again};
 use crate::access::Project;
-use crate::job::{Event, JobId, Status};
+use crate::job::{Event, Status};
 use crate::store::database::{self, QueryBuilder, Separated};
 use crate::store::idempotency::{Earlier, Idempotency};
 use crate::store::jobs::{JobRow, json};
@@ -18,6 +18,7 @@ use crate::store::quotas::{JobRoom, Quotas};
 use crate::store::sealed::JOBS as SEALED_JOBS;
 use crate::store::writer::Tx;
 use crate::store::{Change, StoreError, events, queue};
+use greybox::identification::JobId;
 
 /// Rows in one statement; SQLite takes 32766 values in one, and no row has more than 9.
 const ROWS_PER_STATEMENT: usize = 4000;
@@ -127,7 +128,7 @@ pub(in crate::store) struct Known {
     /// The digest and the job that came with a key.
     keys: HashMap<Key, (String, String)>,
     datasets: HashSet<String>,
-    /// Their projects and references.
+    /// Models by project and reference.
     models: HashSet<(String, String)>,
 }
 

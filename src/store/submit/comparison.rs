@@ -6,7 +6,7 @@ use riverqueue::Client;
 use super::batch::{self, Known};
 use super::{NewJob, Submitted};
 use crate::access::Project;
-use crate::job::{ComparisonId, JobId};
+use crate::job::ComparisonId;
 use crate::store::database::{self, Connection, QueryBuilder};
 use crate::store::idempotency::{self, Idempotency};
 use crate::store::jobs::{self, JobRow, Page, time};
@@ -14,17 +14,18 @@ use crate::store::models::{self, ModelStored, NewModel};
 use crate::store::quotas::{JobRoom, Quotas};
 use crate::store::writer::Tx;
 use crate::store::{Store, StoreError, corrupt};
+use greybox::identification::JobId;
 
 /// A comparison to be stored.
 #[derive(Clone, Debug)]
 pub struct NewComparison {
-    /// Its identifier.
+    /// The identifier of the comparison.
     pub id: ComparisonId,
-    /// Whose it is.
+    /// The project that the comparison belongs to.
     pub project: Project,
-    /// Its runs, in order. None has a key of its own.
+    /// The runs, in order. No run has an idempotency key of its own.
     pub jobs: Vec<NewJob>,
-    /// The model of all, where they bring a new one.
+    /// The model of all runs, where the request brings a new model.
     pub model: Option<NewModel>,
     /// Makes the submission safe to repeat.
     pub idempotency: Option<Idempotency>,
@@ -33,24 +34,24 @@ pub struct NewComparison {
 /// A comparison with its runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ComparisonRow {
-    /// Its identifier.
+    /// The identifier of the comparison.
     pub id: ComparisonId,
-    /// When it was accepted.
+    /// When the comparison was accepted.
     pub created_at: Timestamp,
-    /// Its runs, in the order in which they were asked for; those that were deleted are missing.
+    /// The runs, in the order in which they were asked for; deleted runs are missing.
     pub jobs: Vec<JobRow>,
 }
 
 /// A comparison as it is listed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ComparisonSummary {
-    /// Its identifier.
+    /// The identifier of the comparison.
     pub id: ComparisonId,
-    /// When it was accepted.
+    /// When the comparison was accepted.
     pub created_at: Timestamp,
-    /// Its runs.
+    /// How many runs the comparison has.
     pub runs: u64,
-    /// Those that have ended.
+    /// How many runs have ended.
     pub ended: u64,
 }
 

@@ -7,7 +7,8 @@ on_both! {
     a_key_makes_one_comparison_or_one_job_and_nothing_with_another_body,
     whoever_brings_the_most_models_makes_room_for_others,
 }
-use crate::job::{ComparisonId, DatasetId};
+use crate::job::ComparisonId;
+use greybox::identification::DatasetId;
 
 fn comparison(key: Option<(&str, &str)>) -> NewComparison {
     NewComparison {

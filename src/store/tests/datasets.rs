@@ -10,9 +10,9 @@ on_both! {
     a_job_on_a_recording_that_is_not_there_is_refused,
     a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_scratch,
 }
-use crate::intake::csv;
-use crate::job::DatasetId;
-use crate::recording::{Recording, Signal, TimeAxis, Warning};
+use greybox::identification::DatasetId;
+use greybox::intake::csv;
+use greybox::recording::{Recording, Signal, TimeAxis, Warning};
 
 fn recording(time: TimeAxis, values: Vec<f64>) -> Recording {
     Recording {

@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use super::*;
-use crate::recording::{Batch, Class, QualityReport, RowColumn, RowSignal, Rows};
 use crate::store::database::QueryBuilder;
 use crate::store::{AuditEntry, AuditRow, Keep, NewBatch, Retention, StoredBytes};
+use greybox::recording::{Batch, Class, QualityReport, RowColumn, RowSignal, Rows};
 
 on_both! {
     the_key_of_a_job_goes_with_age_and_not_before_the_end_of_the_job,

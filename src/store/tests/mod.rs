@@ -25,7 +25,8 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::job::{Event, Failure, GenerationEvent, Phase, Progress, Status};
+use crate::job::{Event, Failure, GenerationEvent, Status};
+use greybox::estimation::{Phase, Progress};
 
 /// Tests that hold on SQLite and on PostgreSQL.
 macro_rules! on_both {

@@ -1,7 +1,7 @@
 //! Streams: what is kept, what is taken out, and the hour that comes twice.
 
 use super::*;
-use crate::recording::{Batch, Class, DoubleHour, QualityReport, RowColumn, RowSignal, Rows};
+use greybox::recording::{Batch, Class, DoubleHour, QualityReport, RowColumn, RowSignal, Rows};
 use jiff::Timestamp;
 
 /// Nanoseconds in a second, and in an hour.

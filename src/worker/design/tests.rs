@@ -3,11 +3,11 @@
 use serde_json::json;
 
 use super::*;
-use crate::model::Catalogue;
 use crate::store::JobRow;
 use crate::worker::method::Methods;
 use crate::worker::run::Method;
 use crate::worker::tests::at_work;
+use greybox::model::Catalogue;
 
 /// Nobody raises it.
 static NEVER: AtomicBool = AtomicBool::new(false);

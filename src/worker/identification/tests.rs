@@ -5,12 +5,12 @@ use std::sync::atomic::Ordering;
 use serde_json::json;
 
 use super::*;
-use crate::job::Phase;
-use crate::model::Catalogue;
-use crate::recording::{Signal, TimeAxis};
 use crate::worker::method::Methods;
 use crate::worker::run::Method;
 use crate::worker::tests::at_work;
+use greybox::estimation::Phase;
+use greybox::model::Catalogue;
+use greybox::recording::{Signal, TimeAxis};
 
 /// Nobody raises it.
 static NEVER: AtomicBool = AtomicBool::new(false);
@@ -66,7 +66,7 @@ fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
         "seed": 7
     });
     change(&mut document);
-    let identification = crate::Identification::of_job(document, recording());
+    let identification = greybox::Identification::of_job(document, recording());
     let (spec, _) = identification
         .specification()
         .expect("a sound specification");

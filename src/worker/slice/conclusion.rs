@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::{After, Computed, Current, End, SliceWorker};
+use crate::admission::Permit;
 use crate::job::Failure;
 use crate::store::{Checkpoint, Ending, HandedOn, Hold, Record, StopRequest, StoreError};
 use crate::worker::between_slices::Left;
-use crate::worker::places::Place;
 use crate::worker::recorder::Recorder;
 use crate::worker::run::{Run, StopReason};
 use jiff::Timestamp;
@@ -25,7 +25,7 @@ const HURRY_INTERVAL: Duration = Duration::from_millis(20);
 pub(in crate::worker) struct Conclusion<'a> {
     pub(in crate::worker) worker: &'a SliceWorker,
     /// Given up when nothing is left to be computed.
-    pub(in crate::worker) place: Option<Place>,
+    pub(in crate::worker) permit: Option<Permit>,
     pub(in crate::worker) current: Current,
     pub(in crate::worker) recorder: Recorder,
 }
@@ -59,9 +59,9 @@ impl Conclusion<'_> {
         record.checkpoint = Some(self.checkpoint(&*run));
         record.is_shared = run.is_shareable() && self.worker.store.share().is_some();
         let must = self.worker.active.all_are_stopped()
-            || self.worker.places.are_waited_for()
+            || self.worker.admission.is_waited_for()
             || self.current.entry_is_old();
-        drop(self.place.take());
+        drop(self.permit.take());
         let lease = self.current.lease;
         let handed_on = self.worker.store.hand_on(lease, record, must).await?;
         if handed_on == HandedOn::Lost {
@@ -94,7 +94,7 @@ impl Conclusion<'_> {
             // The next server has the time that this one had not.
             return self.hand_on(run).await;
         }
-        drop(self.place.take());
+        drop(self.permit.take());
         let ending = match (stopped, outcome) {
             (Some(StopReason::Cancelled | StopReason::Paused), outcome) => Ending::Stopped(outcome),
             (_, Some(outcome)) => Ending::Succeeded(outcome),

@@ -7,8 +7,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::PATIENCE;
-use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, JobId, Phase, Progress};
+use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent};
 use crate::worker::run::{Advance, Assignment, Method, Row, Run, StopReason};
+use greybox::estimation::{Phase, Progress};
+use greybox::identification::JobId;
 
 /// Looks for the minimum of (x − 3)² by seeded trial; then halves the distance a few times.
 pub(crate) struct Descent {

@@ -12,11 +12,12 @@ use serde_json::{Value, json};
 
 use super::{Worker, WorkerSettings};
 use crate::event::EventHub;
-use crate::job::{JobId, Status};
+use crate::job::Status;
 use crate::store::{
     CandidatePage, DatabaseSettings, JobRow, NewJob, Store, StoredEvent, Submitted,
 };
 use descent::{Descent, Gate, unbroken};
+use greybox::identification::JobId;
 
 /// Nothing here takes so long unless it hangs.
 const PATIENCE: Duration = Duration::from_secs(60);

@@ -4,7 +4,8 @@ use serde_json::json;
 
 use super::descent::unbroken;
 use super::{LONG, Server, names};
-use crate::job::{JobId, Status};
+use crate::job::Status;
+use greybox::identification::JobId;
 
 /// A job whose run has finished, and whose result is held back until the gate is opened.
 async fn with_its_result_at_hand(server: &Server) -> JobId {

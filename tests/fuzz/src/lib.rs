@@ -1,37 +1,10 @@
-//! The parts of the project that read what strangers send, built without the server, and what the
-//! fuzz targets share. What is read soundly must also run: nothing may panic, hang or grow.
+//! What the fuzz targets share: a model that is read soundly must also run; nothing may panic, hang
+//! or grow.
 
-#[path = "../../../src/credit/mod.rs"]
-pub mod credit;
-#[path = "../../../src/demo/mod.rs"]
-pub mod demo;
-#[path = "../../../src/parsing/mod.rs"]
-pub mod parsing;
-#[path = "../../../src/estimation/mod.rs"]
-pub mod estimation;
-#[path = "../../../src/genetic/mod.rs"]
-pub mod genetic;
-#[path = "../../../src/intake/mod.rs"]
-pub mod intake;
-#[path = "../../../src/job/mod.rs"]
-pub mod job;
-#[path = "../../../src/language/mod.rs"]
-pub mod language;
-#[path = "../../../src/model/mod.rs"]
-pub mod model;
-#[path = "../../../src/numerics/mod.rs"]
-pub mod numerics;
-#[path = "../../../src/recording/mod.rs"]
-pub mod recording;
-#[path = "../../../src/simulation/mod.rs"]
-pub mod simulation;
-#[path = "../../../src/uncertainty/mod.rs"]
-pub mod uncertainty;
-
-use model::document::Read;
-use numerics::lanes::{LANES, Lanes};
+use greybox::model::document::{self, Read};
+use greybox::numerics::lanes::{LANES, Lanes};
+use greybox::simulation::{Accuracy, Candidate, Candidates, Excitation};
 use serde_json::Value;
-use simulation::{Accuracy, Candidate, Candidates, Excitation};
 use std::sync::atomic::AtomicBool;
 
 /// Samples that a model runs for.
@@ -39,7 +12,7 @@ const SAMPLES: usize = 3;
 
 /// Reads a model document; one that is sound is simulated for a moment.
 pub fn read_and_run(document: &Value) {
-    let Ok(Read { model, .. }) = model::document::read(document) else {
+    let Ok(Read { model, .. }) = document::read(document) else {
         return;
     };
     let description = model.description();

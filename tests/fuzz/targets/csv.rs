@@ -2,7 +2,7 @@
 
 #![no_main]
 
-use greybox_fuzz::intake::csv::{self, Options};
+use greybox::intake::csv::{self, Options};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -3,7 +3,7 @@
 
 #![no_main]
 
-use greybox_fuzz::intake::{self, Kind, Options};
+use greybox::intake::{self, Kind, Options};
 use libfuzzer_sys::fuzz_target;
 use std::sync::LazyLock;
 

@@ -3,7 +3,7 @@
 
 #![no_main]
 
-use greybox_fuzz::intake::{self, Kind, Options};
+use greybox::intake::{self, Kind, Options};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -2,12 +2,12 @@
 
 #![no_main]
 
-use greybox_fuzz::recording::Summary;
-use greybox_fuzz::demo::{self, Demo};
-use greybox_fuzz::parsing;
-use greybox_fuzz::job::DatasetId;
-use greybox_fuzz::job::spec::{Context, JobSpec};
-use greybox_fuzz::model::Catalogue;
+use greybox::recording::Summary;
+use greybox::demo::{self, Demo};
+use greybox::parsing;
+use greybox::identification::DatasetId;
+use greybox::identification::spec::{Context, JobSpec};
+use greybox::model::Catalogue;
 use libfuzzer_sys::fuzz_target;
 use std::collections::HashMap;
 use std::sync::LazyLock;

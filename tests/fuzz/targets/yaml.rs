@@ -2,7 +2,8 @@
 
 #![no_main]
 
-use greybox_fuzz::{parsing, read_and_run};
+use greybox::parsing;
+use greybox_fuzz::read_and_run;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|text: &str| {

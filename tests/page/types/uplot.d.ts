@@ -1,3 +1,3 @@
-// The plots come with declarations of their own, which are not kept here.
+// The declarations of the plots are published with them and are not kept here.
 declare const uPlot: any;
 export default uPlot;

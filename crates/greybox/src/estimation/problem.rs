@@ -1,0 +1,426 @@
+//! What is estimated: a model, the experiments that it shall explain, and which of its numbers
+//! are unknown.
+//!
+//! The unknowns are *coordinates*: parameters shared by all experiments, parameters of single
+//! experiments, and initial states of single experiments. A candidate is a vector of *positions*,
+//! one for each coordinate, from 0 (lower bound) to 1 (upper bound) along the coordinate's scale.
+
+mod experiment;
+
+pub use experiment::{Experiment, UnknownStart};
+
+use super::loss::Loss;
+use super::prior::{JointPrior, Prior, PriorRow};
+use greybox_simulation::batch::Run;
+use greybox_simulation::model::document::Condition;
+use greybox_simulation::model::{Model, Scale};
+use greybox_simulation::{Accuracy, Candidate, Excitation, Plant};
+use std::sync::Arc;
+
+/// An output that is measured in at least one experiment.
+#[derive(Clone, Debug)]
+pub struct MeasuredOutput {
+    /// The output's place among the model's outputs.
+    pub index: usize,
+    /// The name of the output.
+    pub name: String,
+    /// The SI unit of the output.
+    pub unit: String,
+    /// The standard deviation of its measurement noise, where the job declares it; the root mean
+    /// square where the samples differ ([`Experiment::weights`]).
+    pub noise_std: Option<f64>,
+    /// What residuals are divided by in the cost: the declared noise, else the spread of the
+    /// measured signal.
+    pub residual_scale: f64,
+}
+
+/// What a coordinate stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// A parameter that all experiments share but those with a value of their own, by its place
+    /// in the model's description.
+    Parameter(usize),
+    /// A parameter of one experiment, both by their places.
+    ExperimentParameter {
+        /// The experiment.
+        experiment: usize,
+        /// The parameter.
+        parameter: usize,
+    },
+    /// A state at the first sample of an experiment, both by their places.
+    InitialState {
+        /// The experiment.
+        experiment: usize,
+        /// The state.
+        state: usize,
+    },
+}
+
+impl Target {
+    /// The experiment that the unknown belongs to; none: all experiments.
+    #[must_use]
+    pub fn experiment(self) -> Option<usize> {
+        match self {
+            Target::Parameter(_) => None,
+            Target::ExperimentParameter { experiment, .. }
+            | Target::InitialState { experiment, .. } => Some(experiment),
+        }
+    }
+}
+
+/// One unknown number.
+#[derive(Clone, Debug)]
+pub struct Coordinate {
+    /// The name of the unknown, which no other coordinate has: the parameter's, or one made of
+    /// the parameter's or the state's and the experiment.
+    pub name: String,
+    /// The name of the parameter or the state.
+    pub quantity: String,
+    /// The symbol of the unknown in the equations.
+    pub symbol: String,
+    /// The SI unit of the unknown.
+    pub unit: String,
+    /// What the coordinate stands for.
+    pub target: Target,
+    /// The search range, SI.
+    pub lower: f64,
+    /// The search range, SI.
+    pub upper: f64,
+    /// How the range is laid out.
+    pub scale: Scale,
+    /// What is known of the unknown beside the data.
+    pub prior: Option<Prior>,
+}
+
+/// What an assumption stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Assumed {
+    /// A number of the model.
+    Model(Target),
+    /// A number of the sensor of an output, by the output's place among the compared ones.
+    Sensor {
+        /// The output.
+        output: usize,
+        /// Which number.
+        number: SensorNumber,
+    },
+    /// The clock that the samples of all recordings are taken by.
+    Clock,
+}
+
+/// The numbers of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SensorNumber {
+    /// What the sensor multiplies its signal by.
+    Gain,
+    /// What the sensor adds.
+    Offset,
+    /// How late the sensor is `[s]`.
+    Lag,
+}
+
+/// A number that is taken as known, and how well it is: numbers of the model stand first.
+#[derive(Clone, Debug)]
+pub struct Assumption {
+    /// The name of the number, which no other assumption has.
+    pub name: String,
+    /// The SI unit of the number.
+    pub unit: String,
+    /// What the assumption stands for.
+    pub target: Assumed,
+    /// The value that is taken, SI.
+    pub value: f64,
+    /// One standard deviation of what is not known of the number, above zero, SI.
+    pub tolerance: f64,
+    /// Whether the number is of an effect that is left out.
+    pub is_absent_effect: bool,
+    /// The least and the largest possible value, where there are such.
+    pub limits: [Option<f64>; 2],
+}
+
+impl Coordinate {
+    /// The value at a position, SI.
+    #[must_use]
+    pub fn value(&self, position: f64) -> f64 {
+        self.scale.value(position, self.lower, self.upper)
+    }
+
+    /// dvalue/dposition at a position.
+    #[must_use]
+    pub fn slope(&self, position: f64) -> f64 {
+        match self.scale {
+            Scale::Linear => self.upper - self.lower,
+            Scale::Log => self.value(position) * libm::log(self.upper / self.lower),
+        }
+    }
+}
+
+/// The whole problem.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// The structure.
+    pub model: Arc<Model>,
+    /// A value for each parameter; those of free parameters are replaced.
+    pub parameters: Vec<f64>,
+    /// The unknowns.
+    pub coordinates: Vec<Coordinate>,
+    /// The outputs that are compared.
+    pub outputs: Vec<MeasuredOutput>,
+    /// The experiments, at least one; shared by the problems that differ in something else.
+    pub experiments: Arc<Vec<Experiment>>,
+    /// How much a residual counts.
+    pub loss: Loss,
+    /// What is taken as known, but not exactly.
+    pub assumptions: Arc<Vec<Assumption>>,
+    /// What is known of several parameters together beside the data.
+    pub joint_priors: Arc<Vec<JointPrior>>,
+    /// Conditions that the parameters keep.
+    pub constraints: Arc<Vec<Condition>>,
+}
+
+/// A candidate spelled out for one experiment.
+#[derive(Clone, Debug)]
+pub struct Filled {
+    /// A value for each parameter, SI.
+    pub parameters: Vec<f64>,
+    /// Where each state starts.
+    pub initial_state: Vec<Option<f64>>,
+}
+
+impl Problem {
+    /// Whether the noise of every output is declared, so that a cost of one is what noise alone
+    /// leaves.
+    #[must_use]
+    pub fn declares_noise(&self) -> bool {
+        let declares = |output: &MeasuredOutput| output.noise_std == Some(output.residual_scale);
+        self.outputs.iter().all(declares)
+    }
+
+    /// The residuals of the priors at a candidate's positions.
+    pub fn prior_rows(&self, positions: &[f64]) -> Vec<PriorRow> {
+        let pairs = self.coordinates.iter().zip(positions).enumerate();
+        let own = pairs.filter_map(|(index, (coordinate, position))| {
+            let prior = coordinate.prior?;
+            let value = coordinate.value(*position);
+            let slope = prior.slope(value) * coordinate.slope(*position);
+            Some(PriorRow {
+                residual: prior.residual(value),
+                slopes: vec![(index, slope)],
+            })
+        });
+        let mut rows: Vec<PriorRow> = own.collect();
+        for joint in self.joint_priors.iter() {
+            let places = |parameter: &usize| self.place_of(*parameter);
+            let places: Vec<Option<usize>> = joint.parameters.iter().map(places).collect();
+            let members = joint.parameters.iter().zip(&places);
+            let members = members.map(|(parameter, place)| {
+                let slope = |place: usize| self.coordinates[place].slope(positions[place]);
+                (
+                    self.shared_value(*parameter, positions),
+                    place.map_or(0.0, slope),
+                )
+            });
+            rows.extend(joint.rows(&members.collect::<Vec<_>>(), &places));
+        }
+        rows
+    }
+
+    /// The coordinate of a parameter that experiments share, by its place; none where it is known.
+    #[must_use]
+    pub fn place_of(&self, parameter: usize) -> Option<usize> {
+        let mut coordinates = self.coordinates.iter();
+        coordinates.position(|own| own.target == Target::Parameter(parameter))
+    }
+
+    /// The value of a parameter that experiments share at a candidate's positions, SI.
+    #[must_use]
+    pub fn shared_value(&self, parameter: usize, positions: &[f64]) -> f64 {
+        match self.place_of(parameter) {
+            Some(place) => self.coordinates[place].value(positions[place]),
+            None => self.parameters[parameter],
+        }
+    }
+
+    /// What is known of a coordinate before the data are looked at: its own prior, or its share of
+    /// a joint one.
+    #[must_use]
+    pub fn prior_of(&self, coordinate: usize) -> Option<Prior> {
+        let own = &self.coordinates[coordinate];
+        let Target::Parameter(parameter) = own.target else {
+            return own.prior;
+        };
+        let mut joint = self.joint_priors.iter();
+        own.prior
+            .or_else(|| joint.find_map(|joint| joint.marginal(parameter)))
+    }
+
+    /// The sum of squares of the priors' residuals, and how many they are.
+    #[must_use]
+    pub fn prior_sum(&self, positions: &[f64]) -> (f64, usize) {
+        let rows = self.prior_rows(positions);
+        let squares = rows.iter().map(|row| row.residual * row.residual);
+        (squares.sum(), rows.len())
+    }
+
+    /// The value of each coordinate at a candidate's positions, SI.
+    #[must_use]
+    pub fn values(&self, positions: &[f64]) -> Vec<f64> {
+        let pairs = self.coordinates.iter().zip(positions);
+        pairs
+            .map(|(coordinate, position)| coordinate.value(*position))
+            .collect()
+    }
+
+    /// The names of the coordinates with their values at a candidate's positions, SI.
+    #[must_use]
+    pub fn named_values(&self, positions: &[f64]) -> Vec<(String, f64)> {
+        let names = self
+            .coordinates
+            .iter()
+            .map(|coordinate| coordinate.name.clone());
+        names.zip(self.values(positions)).collect()
+    }
+
+    /// The candidate spelled out for an experiment.
+    #[must_use]
+    pub fn fill(&self, experiment: usize, positions: &[f64]) -> Filled {
+        let experiment = &self.experiments[experiment];
+        let mut filled = Filled {
+            parameters: self.parameters.clone(),
+            initial_state: experiment.initial_state.clone(),
+        };
+        let pairs = self.coordinates.iter().zip(positions);
+        let mut own = experiment.parameters.clone();
+        for (coordinate, position) in pairs {
+            let value = coordinate.value(*position);
+            match coordinate.target {
+                Target::Parameter(index) => filled.parameters[index] = value,
+                target if target.experiment() != Some(experiment.place) => {}
+                Target::ExperimentParameter { parameter, .. } => own.push((parameter, value)),
+                Target::InitialState { state, .. } => {
+                    filled.initial_state[state].get_or_insert(value);
+                }
+            }
+        }
+        for (parameter, value) in own {
+            filled.parameters[parameter] = value;
+        }
+        filled
+    }
+
+    /// The model's equations for the candidates of this problem: what all of them take as known
+    /// is settled.
+    #[must_use]
+    pub fn plant(&self) -> Arc<dyn Plant> {
+        let mut fixed: Vec<Option<f64>> = self.parameters.iter().copied().map(Some).collect();
+        for coordinate in &self.coordinates {
+            if let Target::Parameter(parameter) | Target::ExperimentParameter { parameter, .. } =
+                coordinate.target
+            {
+                fixed[parameter] = None;
+            }
+        }
+        for (parameter, value) in self.experiments.iter().flat_map(|own| &own.parameters) {
+            fixed[*parameter] = fixed[*parameter].filter(|common| common == value);
+        }
+        self.model.plant_with(&fixed)
+    }
+
+    /// The fastest rate of the candidate in any experiment, as far as its model tells [1/s].
+    #[must_use]
+    pub fn fastest_rate(&self, positions: &[f64]) -> f64 {
+        let plant = self.plant();
+        let rate = |experiment| plant.fastest_rate(&self.fill(experiment, positions).parameters);
+        (0..self.experiments.len()).map(rate).fold(0.0, f64::max)
+    }
+
+    /// Residuals at hand: samples that are there, over all outputs and experiments, in the part
+    /// that is estimated from.
+    #[must_use]
+    pub fn n_residuals(&self) -> usize {
+        let count = |experiment: &Experiment| -> usize {
+            let part = |values: &Vec<f64>| present(&values[..experiment.estimation_samples]);
+            experiment.measured.iter().map(part).sum()
+        };
+        self.experiments.iter().map(count).sum()
+    }
+}
+
+fn present(values: &[f64]) -> usize {
+    values.iter().filter(|value| !value.is_nan()).count()
+}
+
+/// How much of each experiment is simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// What is estimated from.
+    Estimation,
+    /// The whole experiment.
+    Whole,
+}
+
+/// Candidates spelled out for all experiments, ready for a batch.
+#[derive(Debug)]
+pub struct Spelled {
+    filled: Vec<Vec<Filled>>,
+    /// How many, from the first on, take the steps of the first.
+    in_step: usize,
+}
+
+impl Spelled {
+    /// Spells candidates out, each with the steps that it needs.
+    #[must_use]
+    pub fn new(problem: &Problem, candidates: &[Vec<f64>]) -> Self {
+        let of_experiment = |experiment| {
+            candidates
+                .iter()
+                .map(|positions| problem.fill(experiment, positions))
+                .collect()
+        };
+        let filled = (0..problem.experiments.len()).map(of_experiment).collect();
+        Spelled { filled, in_step: 0 }
+    }
+
+    /// Lets the first `members` take the same steps: those that the first of them needs.
+    #[must_use]
+    pub fn in_step(self, members: usize) -> Self {
+        Spelled {
+            in_step: members,
+            ..self
+        }
+    }
+
+    /// One run for each experiment.
+    #[must_use]
+    pub fn runs<'a>(
+        &'a self,
+        problem: &'a Problem,
+        extent: Extent,
+        accuracy: Accuracy,
+    ) -> Vec<Run<'a>> {
+        let pairs = problem.experiments.iter().zip(&self.filled);
+        pairs
+            .map(|(experiment, filled)| Run {
+                excitation: Excitation {
+                    sample_time: experiment.sample_time,
+                    instants: experiment.instants.as_deref(),
+                    samples: match extent {
+                        Extent::Estimation => experiment.estimation_samples,
+                        Extent::Whole => experiment.samples,
+                    },
+                    input_set: experiment.input_set,
+                    inputs: &experiment.inputs,
+                    accuracy,
+                },
+                candidates: filled
+                    .iter()
+                    .map(|filled| Candidate {
+                        parameters: &filled.parameters,
+                        initial_state: &filled.initial_state,
+                    })
+                    .collect(),
+                in_step: self.in_step,
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,112 @@
+//! The residuals linearised at a candidate, and what the linear model promises.
+
+use super::{SMALLEST_DAMPING, sides};
+use crate::estimation::feasible::{self, Limit};
+use crate::estimation::problem::Problem;
+use crate::estimation::sensitivity::{Neighbourhood, SensitivityError};
+use greybox_numerics::least_squares::{Rows, Triangle};
+use greybox_simulation::{Accuracy, Failure};
+use std::sync::atomic::AtomicBool;
+
+/// The residuals linearised at a candidate.
+#[derive(Clone, Debug)]
+pub struct Linearisation {
+    /// The triangle of `[J | r]`.
+    pub triangle: Triangle,
+    /// The mean square of the residuals, those of the priors among them.
+    pub cost: f64,
+    /// The constraints.
+    pub limits: Vec<Limit>,
+}
+
+/// Linearises the residuals at a candidate.
+///
+/// # Errors
+/// When the stop flag was raised, or a simulation failed.
+pub fn linearise(
+    problem: &Problem,
+    positions: &[f64],
+    accuracy: Accuracy,
+    stop: &AtomicBool,
+) -> Result<Linearisation, SensitivityError> {
+    let middle = (positions, sides(problem, accuracy));
+    Neighbourhood::along_axes(problem, middle, &[], (accuracy, stop))
+        .ok_or(SensitivityError::Interrupted)
+        .and_then(|around| Linearisation::of(&around).map_err(SensitivityError::Failed))
+}
+
+impl Linearisation {
+    pub(super) fn of(around: &Neighbourhood<'_>) -> Result<Linearisation, Failure> {
+        let mut rows = Rows::new(around.n_columns());
+        let mut sum = 0.0;
+        let loss = around.loss();
+        around.visit(|row| {
+            let (residual, slope) = (loss.bent(row.residual), loss.slope(row.residual));
+            rows.add(row.derivatives.iter().map(|d| d * slope), residual);
+            sum += residual * residual;
+        })?;
+        for prior in around.prior_rows() {
+            let row = (0..around.n_columns()).map(|column| prior.slope(column));
+            rows.add(row, prior.residual);
+            sum += prior.residual * prior.residual;
+        }
+        let triangle = rows.finish();
+        let cost = sum / triangle.rows() as f64;
+        if !cost.is_finite() || !triangle.is_usable() {
+            return Err(Failure::Diverged);
+        }
+        let limits = around.limits();
+        Ok(Linearisation {
+            triangle,
+            cost,
+            limits,
+        })
+    }
+
+    /// Where a damped step leads, which breaks no constraint, and what the linear model promises of
+    /// it. None where there is none.
+    pub(super) fn moved(
+        &self,
+        problem: &Problem,
+        positions: &[f64],
+        damping: f64,
+    ) -> Option<Outlook> {
+        let step = if self.limits.is_empty() {
+            let free = feasible::movable(&self.triangle, positions);
+            self.triangle.damped_step(damping, &free)?
+        } else {
+            let inequalities = feasible::inequalities(&self.limits, positions);
+            self.triangle.damped_step_within(damping, &inequalities)?
+        };
+        let pairs = positions.iter().zip(step.iter());
+        let moved = pairs.map(|(z, d)| (z + d).clamp(0.0, 1.0)).collect();
+        let sum = self.cost * self.triangle.rows() as f64;
+        Some(Outlook {
+            // Constraints that are not linear are broken a little.
+            positions: feasible::nearest(problem, moved)?,
+            gain: self.triangle.reduction(&step) / sum,
+        })
+    }
+
+    /// Where the linear model has its minimum, and how much of the cost, as a share, is gained
+    /// there. Nothing where the data do not fix it.
+    #[must_use]
+    pub fn outlook(&self, problem: &Problem, positions: &[f64]) -> Option<Outlook> {
+        self.moved(problem, positions, SMALLEST_DAMPING)
+    }
+
+    /// How far two candidates are apart, in standard errors.
+    pub fn distance(&self, one: &[f64], other: &[f64]) -> f64 {
+        let step: Vec<f64> = one.iter().zip(other).map(|(a, b)| a - b).collect();
+        (self.triangle.movement(&step) / self.cost).sqrt()
+    }
+}
+
+/// What the linear model promises of a step.
+#[derive(Clone, Debug)]
+pub struct Outlook {
+    /// Where it leads.
+    pub positions: Vec<f64>,
+    /// The share of the cost that is gained there.
+    pub gain: f64,
+}

@@ -1,0 +1,61 @@
+//! Identifications as other programs run them: what is known, what is unknown, and a run that
+//! comes to an estimate.
+//!
+//! [`Identification`] says what is asked, [`Run`] works on it. The worker, the command line, the
+//! tests and the benchmarks go through the same two types; what a program says is checked by the
+//! same reader as what a client submits, so the faults have the same words and the same places.
+
+pub mod assemble;
+pub mod budget;
+mod description;
+pub mod design;
+mod experiment;
+pub mod id;
+pub mod outcome;
+mod run;
+pub mod simulation;
+pub mod spec;
+
+pub use description::Identification;
+pub use experiment::Experiment;
+pub use id::{DatasetId, InvalidId, JobId};
+pub use outcome::Outcome;
+pub use run::{Checkpoint, Part, Run};
+pub use spec::JobSpec;
+
+use crate::estimation::{CheckpointError, Finding};
+use greybox_numerics::parsing::Fault;
+use std::fmt;
+
+/// Why an identification comes to no result.
+#[derive(Debug, thiserror::Error)]
+pub enum IdentificationError {
+    /// What is asked for cannot be done: all that is wrong with it, with JSON pointers into the
+    /// specification.
+    #[error("{}", listed(.0))]
+    Invalid(Vec<Fault>),
+    /// The unknowns can change along what is named here, and the outputs stay as they are.
+    #[error("the data do not fix the unknowns: {}", listed(&details(.0)))]
+    NotIdentifiable(Vec<Finding>),
+    /// No candidate could be simulated over the recordings.
+    #[error("no candidate could be simulated over the recordings")]
+    NoEstimate,
+    /// The checkpoint belongs to another problem.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+}
+
+fn listed(items: &[impl fmt::Display]) -> String {
+    let items: Vec<String> = items.iter().map(ToString::to_string).collect();
+    items.join("; ")
+}
+
+fn details(findings: &[Finding]) -> Vec<&str> {
+    findings
+        .iter()
+        .map(|finding| finding.detail.as_str())
+        .collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,132 @@
+//! What a job takes as known, with how well it is known.
+
+use super::experiment;
+use crate::estimation::problem::{Assumed, Assumption, MeasuredOutput, SensorNumber, Target};
+use crate::identification::spec::{
+    FixedValue, InitialStateSpec, JobSpec, OutputSpec, ParameterSpec,
+};
+use greybox_simulation::model::{ModelDescription, ParameterDescription};
+
+/// Every number of a specification that is taken as known, but not exactly: parameters that
+/// experiments share, those of single experiments, and where states start; then those of the sensors
+/// and the clock.
+pub(super) fn assumptions(
+    spec: &JobSpec,
+    description: &ModelDescription,
+    outputs: &[MeasuredOutput],
+) -> Vec<Assumption> {
+    let mut found = Vec::new();
+    let described = || description.parameters.iter().enumerate();
+    for (index, parameter) in described() {
+        let said = spec.parameters.get(&*parameter.name);
+        if let Some(ParameterSpec::Fixed(fixed)) = said
+            && spec.shares(&parameter.name)
+        {
+            found.extend(of_parameter(parameter, *fixed, Target::Parameter(index)));
+        }
+    }
+    for (experiment, own) in spec.experiments.iter().enumerate() {
+        for (index, parameter) in described() {
+            if let Some(ParameterSpec::Fixed(fixed)) = own.parameters.get(&*parameter.name) {
+                let target = Target::ExperimentParameter {
+                    experiment,
+                    parameter: index,
+                };
+                found.extend(of_parameter(parameter, *fixed, target));
+            }
+        }
+        for (state, description) in description.states.iter().enumerate() {
+            let said = own.initial_state.get(&*description.name);
+            if let Some(InitialStateSpec::Fixed(fixed)) = said
+                && let Some(tolerance) = size(*fixed)
+            {
+                found.push(Assumption {
+                    name: experiment::name_of_start(&description.name, experiment),
+                    unit: description.unit.to_string(),
+                    target: Assumed::Model(Target::InitialState { experiment, state }),
+                    value: fixed.value,
+                    tolerance,
+                    is_absent_effect: false,
+                    limits: [None, None],
+                });
+            }
+        }
+    }
+    found.extend(outputs.iter().enumerate().flat_map(|(place, output)| {
+        let said = spec.outputs.get(&output.name);
+        said.into_iter()
+            .flat_map(move |said| of_sensor(said, place, output))
+    }));
+    let clock = spec.clock_tolerance.map(|tolerance| tolerance.of(1.0));
+    found.extend(
+        clock
+            .filter(|tolerance| *tolerance > 0.0)
+            .map(|tolerance| Assumption {
+                name: "clock".to_owned(),
+                unit: String::new(),
+                target: Assumed::Clock,
+                value: 1.0,
+                tolerance,
+                is_absent_effect: false,
+                limits: [Some(0.0), None],
+            }),
+    );
+    found
+}
+
+/// What is known of an output's sensor.
+fn of_sensor(
+    said: &OutputSpec,
+    place: usize,
+    output: &MeasuredOutput,
+) -> impl Iterator<Item = Assumption> {
+    let gain = said.gain_tolerance.map(|tolerance| tolerance.of(1.0));
+    let numbers = [
+        (SensorNumber::Gain, "gain", "", 1.0, gain),
+        (
+            SensorNumber::Offset,
+            "offset",
+            &*output.unit,
+            0.0,
+            said.offset_tolerance,
+        ),
+        (SensorNumber::Lag, "lag", "s", 0.0, said.lag_tolerance_s),
+    ];
+    let known = numbers.map(|(number, word, unit, value, tolerance)| {
+        Some(Assumption {
+            name: format!("{}.{word}", output.name),
+            unit: unit.to_owned(),
+            target: Assumed::Sensor {
+                output: place,
+                number,
+            },
+            value,
+            tolerance: tolerance.filter(|tolerance| *tolerance > 0.0)?,
+            is_absent_effect: false,
+            limits: [(number == SensorNumber::Lag).then_some(0.0), None],
+        })
+    });
+    known.into_iter().flatten()
+}
+
+/// The tolerance, where the value is not exact.
+fn size(fixed: FixedValue) -> Option<f64> {
+    let size = fixed.tolerance?.of(fixed.value);
+    (size > 0.0).then_some(size)
+}
+
+fn of_parameter(
+    parameter: &ParameterDescription,
+    fixed: FixedValue,
+    target: Target,
+) -> Option<Assumption> {
+    Some(Assumption {
+        name: super::name_of(parameter, target),
+        unit: parameter.unit.to_string(),
+        target: Assumed::Model(target),
+        value: fixed.value,
+        tolerance: size(fixed)?,
+        is_absent_effect: parameter.default == 0.0 && fixed.value == 0.0,
+        limits: [parameter.minimum, parameter.maximum],
+    })
+}

@@ -1,0 +1,52 @@
+//! The budget of the method as that of the result document.
+
+use crate::estimation::problem::{Assumed, Problem};
+use crate::identification::budget::{AssumptionKind, BudgetContribution, BudgetLine, Suggested};
+use crate::uncertainty::budget::{Budget, Line};
+
+/// The lines of a budget at some positions of a problem.
+pub(super) fn lines(problem: &Problem, positions: &[f64], budget: &Budget) -> Vec<BudgetLine> {
+    let line = |line: &Line| {
+        let assumption = &line.assumption;
+        let pairs = problem.coordinates.iter().zip(positions);
+        let contributions = pairs.zip(&line.contributions);
+        let contributions = contributions.filter_map(|((coordinate, position), own)| {
+            let (own, slope) = ((*own)?, coordinate.slope(*position).abs());
+            let contribution = BudgetContribution {
+                standard_error: own.deviation * slope,
+                share: own.share,
+                total_if_better: own.total_if_better * slope,
+            };
+            let numbers = [
+                contribution.standard_error,
+                contribution.share,
+                contribution.total_if_better,
+            ];
+            let is_finite = numbers.iter().all(|number| number.is_finite());
+            is_finite.then(|| (coordinate.name.clone(), contribution))
+        });
+        BudgetLine {
+            assumption: assumption.name.clone(),
+            kind: match assumption.target {
+                Assumed::Sensor { .. } => AssumptionKind::Sensor,
+                Assumed::Clock => AssumptionKind::Clock,
+                Assumed::Model(_) if assumption.is_absent_effect => AssumptionKind::AbsentEffect,
+                Assumed::Model(_) => AssumptionKind::Tolerance,
+            },
+            value: assumption.value,
+            tolerance: assumption.tolerance,
+            unit: assumption.unit.clone(),
+            score: line.score.filter(|score| score.is_finite()),
+            suggested: line
+                .suggested
+                .filter(|(value, error)| value.is_finite() && error.is_finite())
+                .map(|(value, standard_error)| Suggested {
+                    value,
+                    standard_error,
+                }),
+            unnoticed_up_to: line.unnoticed.filter(|size| size.is_finite()),
+            contributions: contributions.collect(),
+        }
+    };
+    budget.lines.iter().map(line).collect()
+}

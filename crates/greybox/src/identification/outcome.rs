@@ -1,0 +1,462 @@
+//! The result document of a job: what was estimated, how well it is known, and what made it.
+//!
+//! Every number in it is finite. A number that could not be had is absent (`null`) and a
+//! `…_reason` beside it says why.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+mod interval;
+mod monte_carlo;
+mod search;
+
+pub use interval::{ConfidenceInterval, Correlation, ProfilePoint, TotalInterval};
+pub use monte_carlo::MonteCarlo;
+pub use search::{FloorReport, SearchEnd, SearchReport, StartReport};
+
+use super::budget::BudgetLine;
+
+/// The result of a job.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct Outcome {
+    /// The job that it belongs to.
+    #[schema(example = "job_0198c0de-0000-7000-8000-000000000001")]
+    pub job: String,
+    /// The model whose parameters were estimated.
+    #[schema(example = "single_rod_servo")]
+    pub model: String,
+    /// Why the search ended: `generation_limit`, `cost_target`, `noise_floor`, `stagnation`,
+    /// `time_limit`, `cancelled` or `paused`.
+    #[schema(example = "stagnation")]
+    pub stop_reason: String,
+    /// Whether to trust the numbers, and why not.
+    pub verdict: Verdict,
+    /// The estimated parameters, in the order of the model.
+    pub parameters: Vec<ParameterEstimate>,
+    /// The estimated initial states, experiment by experiment.
+    pub initial_states: Vec<InitialStateEstimate>,
+    /// Where experiments start that only validate, fitted to their first samples.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schema(required = false)]
+    pub validation_starts: Vec<ValidationStart>,
+    /// How the estimates' errors hang together; `null` where no covariance could be had.
+    pub correlation: Option<Correlation>,
+    /// Combinations of unknowns that the data do not see, in words; each also lowers the verdict.
+    #[serde(default)]
+    pub flat_directions: Vec<String>,
+    /// What was taken as known, how well it is, and what that does to the parameters.
+    #[serde(default)]
+    pub budget: Vec<BudgetLine>,
+    /// How well the simulated outputs follow the measured ones.
+    pub fit: Fit,
+    /// What the residuals look like, by output.
+    pub residuals: BTreeMap<String, ResidualReport>,
+    /// The cost at the estimate and the usual information criteria.
+    pub criteria: Criteria,
+    /// What the search did.
+    pub search: SearchReport,
+    /// Each of the searches; several where `method.restarts` asks for them.
+    #[serde(default)]
+    pub searches: Vec<SearchEnd>,
+    /// Each start of the refinement and where it ended.
+    pub starts: Vec<StartReport>,
+    /// How sure it is that the lowest cost is the floor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub floor: Option<FloorReport>,
+    /// Which effects the data support, where `model_search` asks for it; `parameters` holds those.
+    #[serde(default)]
+    pub model_search: Option<ModelSearchReport>,
+    /// What made this result; equal engines make equal bits.
+    pub engine: Engine,
+}
+
+impl Outcome {
+    /// The estimate of a parameter that experiments share, or that only one of them has.
+    #[must_use]
+    pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
+        self.parameters.iter().find(|known| known.name == name)
+    }
+}
+
+/// How far a result can be trusted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct Verdict {
+    /// The grade.
+    pub trust: Trust,
+    /// What it comes to, in one sentence: who can be trusted how far.
+    #[serde(default)]
+    pub summary: String,
+    /// What speaks against the result, the gravest first; empty when nothing does.
+    pub reasons: Vec<Reason>,
+}
+
+/// The grade of a verdict.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Trust {
+    /// Do not use the numbers.
+    Low,
+    /// Use the numbers with the reasons in mind.
+    Moderate,
+    /// Nothing speaks against the numbers.
+    High,
+}
+
+/// One thing that speaks against a result.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct Reason {
+    /// What kind of doubt, for programs.
+    #[schema(example = "residuals_not_white")]
+    pub code: String,
+    /// What the doubt is and what to do next, for people, with the numbers in it.
+    pub detail: String,
+    /// The parameters and initial states that it concerns; absent where it concerns all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub concerns: Option<Vec<String>>,
+}
+
+/// One estimated parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct ParameterEstimate {
+    /// The name in the job, e.g. `mass`.
+    #[schema(example = "mass")]
+    pub name: String,
+    /// The experiment whose value it is, counted from 0 in the order of the job; absent where
+    /// experiments share it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub experiment: Option<usize>,
+    /// The symbol in the equations.
+    #[schema(example = "M")]
+    pub symbol: String,
+    /// The SI unit of every number below.
+    #[schema(example = "kg")]
+    pub unit: String,
+    /// What is known about its value.
+    #[serde(flatten)]
+    pub estimate: Estimate,
+}
+
+impl ParameterEstimate {
+    /// A name that no other parameter of the result has: `mass`, or `load[1]` for the second
+    /// experiment's own.
+    #[must_use]
+    pub fn key(&self) -> String {
+        match self.experiment {
+            None => self.name.clone(),
+            Some(experiment) => format!("{}[{experiment}]", self.name),
+        }
+    }
+
+    /// What it is called in tables, e.g. `mass (M)`.
+    #[must_use]
+    pub fn label(&self) -> String {
+        let label = format!("{} ({})", self.name, self.symbol);
+        match self.experiment {
+            None => label,
+            Some(experiment) => format!("{label} in experiment {experiment}"),
+        }
+    }
+}
+
+/// Where a state starts in an experiment that only validates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct ValidationStart {
+    /// The experiment, counted from 0 in the order of the job.
+    pub experiment: usize,
+    /// The state of the model.
+    #[schema(example = "velocity")]
+    pub state: String,
+    /// The SI unit of the value.
+    #[schema(example = "m/s")]
+    pub unit: String,
+    /// The fitted start, SI.
+    pub value: f64,
+    /// How long a stretch it was fitted to `[s]`, which counts in no score.
+    pub fitted_s: f64,
+}
+
+/// One estimated initial state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct InitialStateEstimate {
+    /// The experiment, counted from 0 in the order of the job.
+    pub experiment: usize,
+    /// The state of the model.
+    #[schema(example = "velocity")]
+    pub state: String,
+    /// The SI unit of every number below.
+    #[schema(example = "m/s")]
+    pub unit: String,
+    /// What is known about its value.
+    #[serde(flatten)]
+    pub estimate: Estimate,
+}
+
+/// An estimated value and how well it is known.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Estimate {
+    /// The value with the lowest cost.
+    #[schema(example = 58.02)]
+    pub estimate: f64,
+    /// One standard deviation of the estimate's error.
+    #[schema(example = 0.31)]
+    pub standard_error: Option<f64>,
+    /// Why there is no standard error.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub standard_error_reason: Option<String>,
+    /// The range that holds the true value with the stated probability.
+    pub confidence_interval: Option<ConfidenceInterval>,
+    /// Why there is no confidence interval.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confidence_interval_reason: Option<String>,
+    /// The likelihood profile from which the interval is, where `uncertainty.intervals` asks for it:
+    /// all other estimates fitted again while this one is held.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub profile: Vec<ProfilePoint>,
+    /// One standard deviation of the estimate's error with all that was taken as known, and not
+    /// of noise alone.
+    #[serde(default)]
+    #[schema(example = 0.82)]
+    pub total_standard_error: Option<f64>,
+    /// The range that holds the true value with the stated probability, whatever the truth of
+    /// what was taken as known within its tolerances.
+    #[serde(default)]
+    pub total_interval: Option<TotalInterval>,
+    /// The total standard error and interval by drawing, where
+    /// `uncertainty.monte_carlo_samples` asks for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub monte_carlo: Option<MonteCarlo>,
+    /// How far the total interval can be relied on.
+    #[serde(default)]
+    pub trust: Option<Trust>,
+    /// How many standard deviations of its prior the estimate is off its middle; absent without
+    /// a prior.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub prior_shift: Option<f64>,
+    /// The lower bound of the search.
+    #[schema(example = 20.0)]
+    pub lower: f64,
+    /// The upper bound of the search.
+    #[schema(example = 120.0)]
+    pub upper: f64,
+    /// Whether the estimate lies at a bound: the true value may then be outside.
+    pub at_bound: bool,
+    /// Whether the data determine it at all.
+    pub identifiable: bool,
+    /// For each measured output the root mean square of its change when the value grows by 100 %,
+    /// linearised at the estimate, SI.
+    #[serde(default)]
+    #[schema(example = json!({"position": 4.8e-5}))]
+    pub output_change: BTreeMap<String, f64>,
+}
+
+/// The fit over the data used for estimation, and over the data held back.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct Fit {
+    /// Over the data that were used, by output.
+    pub estimation: BTreeMap<String, OutputFit>,
+    /// Over the data that were held back, by output; empty when none were.
+    pub validation: BTreeMap<String, OutputFit>,
+}
+
+/// How one simulated output follows the measured one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct OutputFit {
+    /// `100·(1 − ‖y − ŷ‖ / ‖y − mean(y)‖)`; `null` where the measured output is constant.
+    #[schema(example = 97.3)]
+    pub fit_percent: Option<f64>,
+    /// Root-mean-square error, SI.
+    #[schema(example = 1.1e-5)]
+    pub rmse: Option<f64>,
+    /// Largest error, SI.
+    #[schema(example = 9e-5)]
+    pub max_abs_error: Option<f64>,
+    /// The number of samples compared; missing samples are not.
+    #[schema(example = 9000)]
+    pub samples: u64,
+    /// Why a number above is `null`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+/// What the residuals of one output look like over the estimation data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct ResidualReport {
+    /// The noise level that the cost was scaled with, SI.
+    pub noise_std: f64,
+    /// Where the noise level came from: `given` in the job, or `estimated` from the residuals.
+    #[schema(example = "given")]
+    pub noise_std_source: String,
+    /// Mean squared residual in units of the noise level; near 1 when the model explains the data.
+    pub chi_square_per_sample: Option<f64>,
+    /// The correlation of neighbouring residuals.
+    pub lag_1_autocorrelation: Option<f64>,
+    /// Whether the residuals pass for white noise at the 1 % level; `null` when too few.
+    pub white: Option<bool>,
+    /// How many independent residuals the residuals are worth.
+    pub effective_samples: Option<f64>,
+    /// Residuals beyond `method.huber_threshold`, which counted less than their square; absent
+    /// where all counted squared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub outliers: Option<u64>,
+    /// For each input that varies, how the residuals follow it.
+    #[serde(default)]
+    pub inputs: BTreeMap<String, InputCorrelation>,
+}
+
+/// How residuals follow an input.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct InputCorrelation {
+    /// The residuals' largest correlation with what the input was at lags 0 to 25.
+    #[schema(example = 0.03)]
+    pub correlation: Option<f64>,
+    /// The lag of the largest correlation, in samples.
+    pub lag: u64,
+    /// Whether the correlation is more than chance, at the 1 % level: then the model misses a part
+    /// of the input's effect.
+    pub significant: bool,
+}
+
+/// The cost and the information criteria.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct Criteria {
+    /// The cost at the estimate.
+    pub cost: Option<f64>,
+    /// Akaike's information criterion.
+    pub aic: Option<f64>,
+    /// Akaike's criterion, corrected for few samples.
+    pub aicc: Option<f64>,
+    /// The Bayesian information criterion.
+    pub bic: Option<f64>,
+    /// Akaike's final prediction error.
+    pub fpe: Option<f64>,
+    /// Why a number above is `null`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+/// Which of the effects that were left open the data support.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct ModelSearchReport {
+    /// The effects of the model with the lowest criterion.
+    #[schema(example = json!(["coulomb_friction", "dead_band"]))]
+    pub supported: Vec<String>,
+    /// The data that the models were compared by: `validation`, or `estimation` where none were
+    /// held back.
+    #[schema(example = "validation")]
+    pub compared_on: String,
+    /// Every model that was fitted, the best first.
+    pub tried: Vec<TriedModel>,
+}
+
+/// A model with some of the effects.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct TriedModel {
+    /// The effects that the model has; other effects stand at the model's defaults.
+    pub effects: Vec<String>,
+    /// The number of unknowns of the model, effects included.
+    pub unknowns: u64,
+    /// The cost; `null` where the model could not be fitted.
+    pub cost: Option<f64>,
+    /// Schwarz's criterion of the data that the models are compared by; `null` where the model
+    /// could not be fitted.
+    pub bic: Option<f64>,
+    /// How well the model explains what it was fitted to, by output.
+    pub estimation: BTreeMap<String, OutputFit>,
+    /// How well the model explains what was held back, by output.
+    pub validation: BTreeMap<String, OutputFit>,
+}
+
+/// What made a result.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct Engine {
+    /// The seed of every random number.
+    pub seed: u64,
+    /// The version of greybox.
+    pub version: String,
+    /// The digest of the completed specification.
+    #[schema(example = "sha256:9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08")]
+    pub spec_digest: String,
+    /// The digests of the recordings, in the order of the experiments.
+    pub dataset_digests: Vec<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_estimate_stands_beside_its_name_as_the_contract_shows_it() {
+        let parameter = ParameterEstimate {
+            experiment: None,
+            name: "mass".into(),
+            symbol: "M".into(),
+            unit: "kg".into(),
+            estimate: Estimate {
+                estimate: 58.02,
+                standard_error: None,
+                standard_error_reason: Some("the job was cancelled".into()),
+                confidence_interval: Some(ConfidenceInterval {
+                    level: 0.95,
+                    lower: Some(57.4),
+                    upper: None,
+                    method: "fisher".into(),
+                }),
+                confidence_interval_reason: None,
+                total_standard_error: Some(0.82),
+                total_interval: Some(TotalInterval {
+                    level: 0.95,
+                    lower: Some(56.4),
+                    upper: None,
+                }),
+                profile: Vec::new(),
+                monte_carlo: None,
+                trust: Some(Trust::High),
+                prior_shift: None,
+                lower: 20.0,
+                upper: 120.0,
+                at_bound: false,
+                identifiable: true,
+                output_change: BTreeMap::from([("position".into(), 4.8e-5)]),
+            },
+        };
+        let json = serde_json::to_value(&parameter).unwrap();
+        assert_eq!(
+            json,
+            serde_json::json!({
+                "name": "mass", "symbol": "M", "unit": "kg", "estimate": 58.02,
+                "standard_error": null, "standard_error_reason": "the job was cancelled",
+                "confidence_interval":
+                    {"level": 0.95, "lower": 57.4, "upper": null, "method": "fisher"},
+                "total_standard_error": 0.82,
+                "total_interval": {"level": 0.95, "lower": 56.4, "upper": null},
+                "trust": "high",
+                "lower": 20.0, "upper": 120.0, "at_bound": false, "identifiable": true,
+                "output_change": {"position": 4.8e-5}
+            })
+        );
+        let back: ParameterEstimate = serde_json::from_value(json).unwrap();
+        assert_eq!(back, parameter);
+    }
+}

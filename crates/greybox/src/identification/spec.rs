@@ -1,0 +1,460 @@
+//! What a job is asked to do. A [`JobSpec`] that exists can run.
+//!
+//! [`JobSpec::read`] turns a submitted document into one: it collects all faults at once and
+//! completes every default, so that the stored specification says everything that made a result
+//! and reads back to itself.
+
+use std::collections::{BTreeMap, HashMap};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use super::id::DatasetId;
+use crate::estimation::Settings;
+pub use crate::estimation::settings::MethodName;
+use crate::uncertainty;
+use greybox_numerics::parsing::Fault;
+use greybox_recording::{Exclude, Instants, Summary};
+use greybox_simulation::model::{ModelDescription, Tolerance, ToleranceText};
+
+mod constraints;
+pub mod design;
+mod exclude;
+mod experiment;
+mod joint_prior;
+mod labels;
+mod limits;
+mod method;
+mod model;
+mod model_search;
+mod outputs;
+mod own_parameters;
+mod parameter;
+mod prior;
+mod validation;
+mod window;
+
+pub mod simulation;
+#[cfg(test)]
+mod tests;
+
+pub use joint_prior::JointPriorSpec;
+pub use limits::LimitsSpec;
+pub use model::ModelOfJob;
+use model::read_model;
+pub use model_search::ModelSearch;
+pub use outputs::OutputSpec;
+pub use parameter::{FixedValue, FreeParameter, ParameterSpec, SearchRange};
+pub use prior::PriorSpec;
+pub use validation::ValidationSpec;
+
+use greybox_numerics::parsing::reader::{Faults, Field, Object};
+
+/// The experiments of one job at the most.
+pub const MAX_EXPERIMENTS: usize = 32;
+/// The labels of one job at the most.
+pub const MAX_LABELS: usize = 16;
+/// The characters of a name or a label at the most.
+pub const MAX_NAME_CHARS: usize = 200;
+/// The largest seed: every JSON client keeps it exactly.
+pub const MAX_SEED: u64 = (1 << 53) - 1;
+/// The share of the data held back at the most.
+pub const MAX_VALIDATION_FRACTION: f64 = 0.9;
+/// How long a job may compute when it does not say `[s]`.
+pub const DEFAULT_MAX_DURATION_S: f64 = 3600.0;
+
+/// An estimation job: what is measured, what is unknown, how it is looked for.
+///
+/// Only `model` and `experiments` are needed; everything else has a default.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({
+    "name": "rig 4 commissioning",
+    "labels": {"site": "hall 2"},
+    "model": "single_rod_servo",
+    "experiments": [{
+        "dataset": "ds_0192d3a4b5c67d8e9f00112233445566",
+        "signals": {"reference": "reference", "position": "position"},
+        "window": {"from_s": 0, "to_s": 60}
+    }],
+    "parameters": {
+        "mass": {"estimate": {"lower": 20, "upper": 120}},
+        "supply_pressure": {"value": 7e6}
+    },
+    "outputs": {"position": {"noise_std": 1e-5}},
+    "method": {"name": "icra_genetic", "population": 30, "generations": 200},
+    "validation": {"fraction": 0.25},
+    "limits": {"max_duration_s": 600},
+    "seed": 1
+}))]
+pub struct JobSpec {
+    /// A name for people.
+    #[schema(max_length = 200)]
+    pub name: Option<String>,
+    /// Up to 16 words to find the job by, e.g. `{"site": "hall 2"}`.
+    #[serde(default)]
+    #[schema(example = json!({"site": "hall 2"}))]
+    pub labels: BTreeMap<String, String>,
+    /// The model whose parameters are estimated: a name that `/v1/models` lists, or a model
+    /// document. The completed specification names it.
+    #[schema(value_type = ModelOfJob, example = "single_rod_servo")]
+    pub model: String,
+    /// The recordings to explain, all with the same parameters.
+    #[schema(min_items = 1, max_items = 32)]
+    pub experiments: Vec<ExperimentSpec>,
+    /// By the model's name, what is known about each parameter. A parameter that is not named is
+    /// estimated when the model calls it unknown by default, else it has the model's default.
+    #[serde(default)]
+    pub parameters: BTreeMap<String, ParameterSpec>,
+    /// By the model's name, what is known about each measured output.
+    #[serde(default)]
+    pub outputs: BTreeMap<String, OutputSpec>,
+    /// How well the clock is known that all recordings are sampled by: one standard deviation as a
+    /// share, e.g. `"0.01 %"`; left out, it is taken as exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<ToleranceText>, nullable = false, example = "0.01 %")]
+    pub clock_tolerance: Option<Tolerance>,
+    /// Conditions that the parameters keep, up to 16: comparisons of expressions in the language of
+    /// model documents, numbers in SI units.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schema(required = false, max_items = 16, example = json!(["tau1 < tau2", "k1 + k2 <= 1"]))]
+    pub constraints: Vec<String>,
+    /// What is known of several parameters together.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schema(required = false, max_items = 16)]
+    pub priors: Vec<JointPriorSpec>,
+    /// How the parameters are looked for.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub method: Settings,
+    /// Which effects of the model the data shall decide about.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub model_search: Option<ModelSearch>,
+    /// How closely the estimate's uncertainty is looked at.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub uncertainty: uncertainty::Settings,
+    /// Which data are held back to check the result.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub validation: ValidationSpec,
+    /// When to stop at the latest.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub limits: LimitsSpec,
+    /// Where every random number comes from; drawn when absent.
+    #[schema(required = false, maximum = 9007199254740991_i64)]
+    pub seed: u64,
+}
+
+/// One recording and how the model sees it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ExperimentSpec {
+    /// The stored recording.
+    pub dataset: DatasetId,
+    /// From the model's signals to the recording's; left out, equal names are taken.
+    #[serde(default)]
+    #[schema(example = json!({"reference": "reference", "position": "position"}))]
+    pub signals: BTreeMap<String, String>,
+    /// The part of the recording to use; left out, all of it.
+    pub window: Option<WindowSpec>,
+    /// What of it to leave out: kinds of samples, and spans of time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exclude: Option<Exclude>,
+    /// Which instants irregular samples are compared at: their `own`, or those of a uniform `grid`
+    /// on which they are interpolated; left out, a grid where the samples are those of one but for
+    /// jitter and single gaps, else their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub instants: Option<Instants>,
+    /// By the model's name, where each state starts; left out, as the model says.
+    #[serde(default)]
+    pub initial_state: BTreeMap<String, InitialStateSpec>,
+    /// By the model's name, parameters that are this experiment's own: another load, an offset or
+    /// a dead time of its own. A value, or a range to look in; all others are those of the job.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schema(example = json!({"load_force": {"value": 200.0}}))]
+    pub parameters: BTreeMap<String, ParameterSpec>,
+    /// What it is for.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub role: ExperimentRole,
+    /// How long a stretch, from its first sample, the start of an experiment that only validates is
+    /// fitted to `[s]`; left out, until no output shows the start any more, a quarter of the
+    /// experiment at the most. The stretch counts in no score.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0, nullable = false)]
+    pub start_fit_s: Option<f64>,
+}
+
+/// What an experiment is for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ExperimentRole {
+    /// To estimate from, but for its part that is held back.
+    #[default]
+    Estimation,
+    /// To check the estimate with: all of it is held back.
+    Validation,
+}
+
+/// A part of a recording, in seconds from its first sample.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WindowSpec {
+    /// The first instant used; left out, the first sample.
+    #[schema(minimum = 0)]
+    pub from_s: Option<f64>,
+    /// The last instant used; left out, the last sample.
+    #[schema(minimum = 0)]
+    pub to_s: Option<f64>,
+    /// The first instant used, as a time of day with its offset, where the recording has one; the
+    /// completed specification says `from_s`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<String>, format = DateTime, example = "2026-03-02T08:15:00+01:00")]
+    pub from: Option<jiff::Timestamp>,
+    /// The last instant used, in the same way.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub to: Option<jiff::Timestamp>,
+}
+
+/// Where a state starts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum InitialStateSpec {
+    /// At a known value, SI.
+    Fixed(FixedValue),
+    /// At a bare number, SI. The completed specification says `{"value": …}`.
+    Number(f64),
+    /// At the first measured sample; for states that are measured outputs.
+    Measured(FirstSample),
+    /// Unknown: estimated between two bounds.
+    Free(FreeState),
+}
+
+/// The word `first_sample`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FirstSample {
+    /// The first measured sample.
+    FirstSample,
+}
+
+/// An unknown initial state.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FreeState {
+    /// The bounds of the search.
+    pub estimate: StateRange,
+    /// What is known of it before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub prior: Option<PriorSpec>,
+}
+
+/// The search range of an initial state, SI.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"lower": -0.1, "upper": 0.1}))]
+pub struct StateRange {
+    /// The lower bound.
+    pub lower: f64,
+    /// The upper bound.
+    pub upper: f64,
+}
+
+/// What a document is read against.
+pub struct Context<'a> {
+    /// The models that there are.
+    pub models: Vec<&'a ModelDescription>,
+    /// The recordings that the document may name; see [`JobSpec::datasets_named`].
+    pub datasets: &'a HashMap<DatasetId, Summary>,
+    /// The longest computing time that a job may ask for `[s]`.
+    pub max_duration_s: f64,
+}
+
+impl JobSpec {
+    /// Reads a submitted document, or says everything that is wrong with it.
+    pub fn read(document: &Value, context: &Context<'_>) -> Result<JobSpec, Vec<Fault>> {
+        let faults = Faults::default();
+        let spec = read_spec(&Field::root(document, &faults), context);
+        let found = faults.into_vec();
+        match spec {
+            Some(spec) if found.is_empty() => Ok(spec),
+            _ => Err(found),
+        }
+    }
+
+    /// `sha256:…` of the completed specification.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        let text = serde_json::to_vec(self).expect("a specification has only text keys");
+        let digest = Sha256::digest(text);
+        let digits: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        format!("sha256:{digits}")
+    }
+
+    /// Whether an experiment that is estimated from takes the job's value of a parameter, and not
+    /// one of its own.
+    #[must_use]
+    pub fn shares(&self, parameter: &str) -> bool {
+        own_parameters::shares(&self.experiments, parameter)
+    }
+
+    /// What is asked about the estimate, once it stands.
+    #[must_use]
+    pub fn request(&self) -> uncertainty::Request {
+        uncertainty::Request {
+            settings: self.uncertainty.clone(),
+            seed: self.seed,
+            effects: self
+                .model_search
+                .as_ref()
+                .map_or_else(Vec::new, |search| search.effects.clone()),
+            thorough: true,
+        }
+    }
+
+    /// The recordings that a document names, whether or not the rest of it makes sense.
+    pub fn datasets_named(document: &Value) -> Vec<DatasetId> {
+        let experiments = document.get("experiments").and_then(Value::as_array);
+        let mut ids: Vec<DatasetId> = experiments
+            .into_iter()
+            .flatten()
+            .take(MAX_EXPERIMENTS)
+            .filter_map(|experiment| experiment.get("dataset")?.as_str()?.parse().ok())
+            .collect();
+        ids.sort();
+        ids.dedup();
+        ids
+    }
+}
+
+const NOTHING_TO_ESTIMATE: &str = "every parameter and every initial state is fixed: there is nothing \
+                                   to estimate; free one with {\"estimate\": {}}";
+
+/// Every section is read even when an earlier one is wrong; only a section that cannot be
+/// understood without another (signals without the model) is left out.
+fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
+    let mut root = document.object()?;
+    let name = root.optional("name");
+    let name = name.and_then(|field| labels::short_text(&field).map(str::to_owned));
+    let labels = root.optional("labels").map(|field| labels::read(&field));
+    let model = root
+        .required("model")
+        .and_then(|field| read_model(&field, &context.models));
+    let experiments = root
+        .required("experiments")
+        .and_then(|field| experiment::read_all(&field, model, context.datasets));
+    let parameters = root.optional("parameters");
+    let parameters = model.map(|model| parameter::read_all(parameters.as_ref(), model));
+    let model_search = root.optional("model_search");
+    let model_search = match (model, model_search) {
+        (Some(model), Some(field)) => model_search::read(&field, model, parameters.as_ref()),
+        _ => None,
+    };
+    let parameters = parameters.map(|parameters| match (model, &model_search) {
+        (Some(model), Some(search)) => model_search::freed(parameters, model, search),
+        _ => parameters,
+    });
+    let outputs = root.optional("outputs");
+    let outputs =
+        outputs.map(|field| outputs::read(&field, model, experiments.as_deref(), context.datasets));
+    let clock_tolerance = outputs::tolerance(root.optional("clock_tolerance"));
+    let said = parameters.as_ref().zip(experiments.as_deref());
+    let known = model.zip(said);
+    let (constraints, priors) = read_together(&mut root, known);
+    let method = root.optional("method").map(|field| method::read(&field));
+    let uncertainty = root.optional("uncertainty");
+    let uncertainty = uncertainty.map(|field| method::read_uncertainty(&field));
+    let validation = root.optional("validation");
+    let validation = validation.map(|field| validation::read(&field));
+    let limits = root.optional("limits");
+    let limits = limits.map(|field| limits::read(&field, context.max_duration_s));
+    let seed = root.optional("seed");
+    let seed = seed.map_or_else(|| Some(drawn_seed()), |field| field.integer(0, MAX_SEED));
+    if let Some((model, (parameters, experiments))) = known {
+        own_parameters::check(&root, experiments, parameters, model_search.as_ref());
+        if !anything_free(model, parameters, experiments) {
+            root.fault("nothing_to_estimate", NOTHING_TO_ESTIMATE);
+        }
+    }
+    let complete = || {
+        Some(JobSpec {
+            name,
+            labels: labels.unwrap_or_default(),
+            model: model?.name.to_string(),
+            experiments: experiments?,
+            parameters: parameters?,
+            outputs: outputs.unwrap_or_default(),
+            clock_tolerance,
+            constraints,
+            priors,
+            method: method.unwrap_or_default(),
+            model_search,
+            uncertainty: uncertainty.unwrap_or_default(),
+            validation: validation.unwrap_or_default(),
+            limits: limits.unwrap_or(LimitsSpec {
+                max_duration_s: DEFAULT_MAX_DURATION_S.min(context.max_duration_s),
+            }),
+            seed: seed?,
+        })
+    };
+    let spec = complete();
+    if let (Some(spec), Some(model)) = (&spec, model) {
+        method::check_loss(&root, spec, model);
+    }
+    root.finish();
+    spec
+}
+
+/// What is said of several parameters together: constraints and priors. Without a model, or
+/// parameters that are understood, nothing can be said of them.
+fn read_together(
+    root: &mut Object<'_>,
+    known: Option<(&ModelDescription, Said<'_>)>,
+) -> (Vec<String>, Vec<JointPriorSpec>) {
+    let (constraints, priors) = (root.optional("constraints"), root.optional("priors"));
+    let Some((model, said)) = known else {
+        return (Vec::new(), Vec::new());
+    };
+    let constraints = constraints.map(|field| constraints::read(&field, model, said));
+    let priors = priors.map(|field| joint_prior::read(&field, model, said));
+    (constraints.unwrap_or_default(), priors.unwrap_or_default())
+}
+
+/// What a job says of its parameters, and its experiments of theirs.
+type Said<'a> = (&'a BTreeMap<String, ParameterSpec>, &'a [ExperimentSpec]);
+
+fn anything_free(
+    model: &ModelDescription,
+    parameters: &BTreeMap<String, ParameterSpec>,
+    experiments: &[ExperimentSpec],
+) -> bool {
+    let free_state = |experiment: &ExperimentSpec| {
+        model
+            .states
+            .iter()
+            .any(|state| match experiment.initial_state.get(&*state.name) {
+                Some(said) => matches!(said, InitialStateSpec::Free(_)),
+                None => state.initial.is_estimated(),
+            })
+    };
+    let is_free = |said: &ParameterSpec| matches!(said, ParameterSpec::Free(_));
+    let mut said = parameters.iter();
+    let mut own = experiments.iter().flat_map(|e| e.parameters.values());
+    said.any(|(name, said)| is_free(said) && own_parameters::shares(experiments, name))
+        || own.any(is_free)
+        || experiments.iter().any(free_state)
+}
+
+/// A seed for a job that brings none, from the random bits of a fresh identifier.
+fn drawn_seed() -> u64 {
+    Uuid::now_v7().as_u64_pair().1 & MAX_SEED
+}

@@ -1,0 +1,96 @@
+//! The `constraints` section: conditions that the parameters keep.
+
+use super::{ParameterSpec, Said};
+use greybox_numerics::parsing::reader::Field;
+use greybox_simulation::model::ModelDescription;
+use greybox_simulation::model::document::Condition;
+
+/// The constraints of one job at the most.
+pub const MAX_CONSTRAINTS: usize = 16;
+
+/// The section; what is wrong is told.
+pub(super) fn read(
+    field: &Field<'_>,
+    model: &ModelDescription,
+    (parameters, experiments): Said<'_>,
+) -> Vec<String> {
+    let is_free = |name: &str| {
+        let own = experiments
+            .iter()
+            .filter_map(|own| own.parameters.get(name));
+        let mut said = parameters.get(name).into_iter().chain(own);
+        said.any(|said| matches!(said, ParameterSpec::Free(_)))
+    };
+    let Some(entries) = field.array() else {
+        return Vec::new();
+    };
+    if entries.len() > MAX_CONSTRAINTS {
+        let detail = format!(
+            "{} constraints are more than {MAX_CONSTRAINTS}",
+            entries.len()
+        );
+        field.fault("too_many", detail);
+    }
+    let mut texts = Vec::new();
+    for entry in entries.take(MAX_CONSTRAINTS) {
+        let conditions = Condition::read(&entry, model);
+        let places = conditions.iter().flat_map(|own| own.parameters());
+        let mut names = places.map(|place| &*model.parameters[*place].name);
+        if !conditions.is_empty() && !names.any(&is_free) {
+            let detail = "every parameter in it is known: there is nothing to keep";
+            entry.fault("nothing_to_constrain", detail);
+        }
+        texts.extend(entry.value.as_str().map(str::to_owned));
+    }
+    texts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parameter;
+    use super::*;
+    use greybox_numerics::parsing::reader::Faults;
+    use greybox_simulation::model::Catalogue;
+    use serde_json::{Value, json};
+
+    fn faults(document: &Value) -> Vec<(String, String)> {
+        let model = Catalogue::built_in();
+        let model = model
+            .get("single_rod_servo")
+            .expect("a model")
+            .description();
+        let found = Faults::default();
+        let parameters = parameter::read_all(None, model);
+        read(&Field::root(document, &found), model, (&parameters, &[]));
+        let found = found.into_vec().into_iter();
+        found
+            .map(|own| (own.pointer, own.code.into_owned()))
+            .collect()
+    }
+
+    #[test]
+    fn what_cannot_be_kept_is_refused_at_its_place() {
+        let fine = json!(["mass < 90", "2*mass < 150 and damping < 1e5"]);
+        assert_eq!(faults(&fine), []);
+        for (document, pointer, code) in [
+            (json!(["mass"]), "/0", "not_a_condition"),
+            (
+                json!(["mass < 90", "mass <"]),
+                "/1",
+                "expression_not_understood",
+            ),
+            (json!(["mass == 90"]), "/0", "expression_not_understood"),
+            (
+                json!(["supply_pressure < 8e6"]),
+                "/0",
+                "nothing_to_constrain",
+            ),
+            (json!(["mass < 90", 3]), "/1", "wrong_type"),
+            (json!("mass < 90"), "", "wrong_type"),
+            (json!(vec!["mass < 90"; 17]), "", "too_many"),
+        ] {
+            let expected = (pointer.to_owned(), code.to_owned());
+            assert_eq!(faults(&document), [expected], "{document}");
+        }
+    }
+}

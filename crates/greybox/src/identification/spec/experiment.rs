@@ -1,0 +1,402 @@
+//! The `experiments` section: which recordings, which of their signals, which part, from where.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::{
+    ExperimentRole, ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec,
+    MAX_EXPERIMENTS, ParameterSpec, StateRange, exclude, parameter, prior, window,
+};
+use crate::identification::DatasetId;
+use greybox_numerics::dimension::Dimension;
+use greybox_numerics::parsing::reader::{Field, Object, did_you_mean, listed};
+use greybox_recording::{Instants, Summary};
+use greybox_simulation::model::{ModelDescription, SignalDescription, Tolerance};
+
+/// Values that the experiments of one job read at the most: recorded samples times signals.
+const MAX_VALUES: usize = 20_000_000;
+
+/// The experiments, or `None` when any of them is wrong.
+pub(super) fn read_all(
+    field: &Field<'_>,
+    model: Option<&ModelDescription>,
+    datasets: &HashMap<DatasetId, Summary>,
+) -> Option<Vec<ExperimentSpec>> {
+    let items = field.array()?;
+    if items.len() == 0 || items.len() > MAX_EXPERIMENTS {
+        let detail = format!(
+            "{} experiments: there must be 1 to {MAX_EXPERIMENTS}",
+            items.len()
+        );
+        field.fault("out_of_range", detail);
+        return None;
+    }
+    let read: Vec<_> = items.map(|item| read(&item, model, datasets)).collect();
+    let experiments: Vec<ExperimentSpec> = read.into_iter().collect::<Option<_>>()?;
+    let validates = |experiment: &ExperimentSpec| experiment.role == ExperimentRole::Validation;
+    if experiments.iter().all(validates) {
+        let detail = "every experiment only validates: there is nothing to estimate from";
+        field.fault("nothing_to_estimate_from", detail);
+    }
+    let n_values: usize = experiments
+        .iter()
+        .map(|experiment| datasets[&experiment.dataset].samples * experiment.signals.len())
+        .sum();
+    if n_values > MAX_VALUES {
+        let detail = format!(
+            "the experiments read {n_values} values, more than {MAX_VALUES}; use fewer of them or \
+             thin the recordings out"
+        );
+        field.fault("too_many_values", detail);
+    }
+    Some(experiments)
+}
+
+fn read(
+    field: &Field<'_>,
+    model: Option<&ModelDescription>,
+    datasets: &HashMap<DatasetId, Summary>,
+) -> Option<ExperimentSpec> {
+    let mut object = field.object()?;
+    let dataset = object
+        .required("dataset")
+        .and_then(|field| read_dataset(&field, datasets));
+    let recording = dataset.map(|(_, recording)| recording);
+    let signals = object.optional("signals");
+    let signals = match (model, recording) {
+        (Some(model), Some(recording)) => {
+            Link { model, recording }.read(&object, signals.as_ref(), true)
+        }
+        _ => None,
+    };
+    let window = object.optional("window");
+    let window = window.map(|field| window::read(&field, recording));
+    let exclude = object.optional("exclude");
+    let exclude = exclude.and_then(|field| exclude::read(&field, recording));
+    let instants = object.optional("instants");
+    let instants = instants
+        .and_then(|field| field.choice(&[("own", Instants::Own), ("grid", Instants::Grid)]));
+    let initial_state = object.optional("initial_state");
+    let initial_state = match (&initial_state, model) {
+        (Some(field), Some(model)) => read_initial_state(field, model, signals.as_ref()),
+        _ => BTreeMap::new(),
+    };
+    let role = object.optional("role").and_then(|field| {
+        field.choice(&[
+            ("estimation", ExperimentRole::Estimation),
+            ("validation", ExperimentRole::Validation),
+        ])
+    });
+    let role = role.unwrap_or_default();
+    let parameters = object.optional("parameters");
+    let parameters = match (&parameters, model) {
+        (Some(field), Some(model)) => parameter::read_named(field, model),
+        _ => BTreeMap::new(),
+    };
+    let is_unknown = |said: &ParameterSpec| matches!(said, ParameterSpec::Free(_));
+    if role == ExperimentRole::Validation && parameters.values().any(is_unknown) {
+        let detail = "an experiment that only validates has nothing to estimate its own \
+                      parameters from: give their values";
+        object.fault("contradiction", detail);
+    }
+    let start_fit = object.optional("start_fit_s");
+    if let Some(field) = start_fit
+        .as_ref()
+        .filter(|_| role == ExperimentRole::Estimation)
+    {
+        let detail = "the start of an experiment that is estimated from is estimated with all of \
+                      it: only one with `\"role\": \"validation\"` has a stretch for it";
+        field.fault("contradiction", detail);
+    }
+    let start_fit_s = start_fit.and_then(|field| field.positive());
+    object.finish();
+    Some(ExperimentSpec {
+        dataset: dataset?.0,
+        signals: signals?,
+        window: window.flatten(),
+        exclude,
+        instants,
+        initial_state,
+        parameters,
+        role,
+        start_fit_s,
+    })
+}
+
+fn read_dataset<'d>(
+    field: &Field<'_>,
+    datasets: &'d HashMap<DatasetId, Summary>,
+) -> Option<(DatasetId, &'d Summary)> {
+    let id: DatasetId = match field.text()?.parse() {
+        Ok(id) => id,
+        Err(error) => {
+            field.fault("unknown_dataset", format!("{error}"));
+            return None;
+        }
+    };
+    let found = datasets.get(&id).map(|summary| (id, summary));
+    if found.is_none() {
+        field.fault("unknown_dataset", format!("there is no dataset {id}"));
+    }
+    found
+}
+
+/// Whether two texts are one unit, e.g. `m³/s` and `m^3/s`; a model's signal without a unit takes
+/// any.
+fn same_unit(recorded: &str, model: &str) -> bool {
+    let parsed = |text| Dimension::parse(text).ok();
+    model.is_empty()
+        || recorded == model
+        || match (parsed(recorded), parsed(model)) {
+            (Some(one), Some(other)) => one == other,
+            _ => false,
+        }
+}
+
+/// A model and the recording that drives it.
+pub(super) struct Link<'a> {
+    pub(super) model: &'a ModelDescription,
+    pub(super) recording: &'a Summary,
+}
+
+impl Link<'_> {
+    /// The map from model signals to recorded ones: one whole set of inputs, and the outputs that
+    /// are measured, at least one of them where `explains` holds.
+    pub(super) fn read(
+        &self,
+        owner: &Object<'_>,
+        signals: Option<&Field<'_>>,
+        explains: bool,
+    ) -> Option<BTreeMap<String, String>> {
+        let named = match signals {
+            Some(field) => self.named(field)?,
+            None => self.of_equal_names(),
+        };
+        let place = |code: &'static str, detail: String| match signals {
+            Some(field) => field.fault(code, detail),
+            None => owner.fault(code, detail),
+        };
+        let inputs = self.inputs(&named);
+        if inputs.is_none() {
+            place("inputs_missing", self.inputs_missing());
+        }
+        if explains && !named.keys().any(|name| self.is_output(name)) {
+            place("no_measured_output", self.no_measured_output());
+            return None;
+        }
+        let inputs = inputs?;
+        let used = |name: &str| self.is_output(name) || inputs.contains(&name);
+        if let (Some(field), Some(unused)) = (signals, named.keys().find(|name| !used(name))) {
+            let detail = format!(
+                "`{unused}` is not used when the model is driven by {}; leave one of them out",
+                listed(&inputs)
+            );
+            field.fault("inputs_conflict", detail);
+            return None;
+        }
+        Some(named.into_iter().filter(|(name, _)| used(name)).collect())
+    }
+
+    fn is_output(&self, name: &str) -> bool {
+        self.model.outputs.iter().any(|output| output.name == name)
+    }
+
+    fn no_measured_output(&self) -> String {
+        let names: Vec<&str> = self.model.outputs.iter().map(|o| &*o.name).collect();
+        format!(
+            "no output is measured: {} of `{}` must be recorded",
+            listed(&names),
+            self.model.name
+        )
+    }
+
+    /// The model's inputs and outputs that the recording has under the same name.
+    fn of_equal_names(&self) -> BTreeMap<String, String> {
+        self.model_signals()
+            .filter(|signal| self.recorded(&signal.name) && self.unit_fits(signal, &signal.name))
+            .map(|signal| (signal.name.to_string(), signal.name.to_string()))
+            .collect()
+    }
+
+    fn named(&self, field: &Field<'_>) -> Option<BTreeMap<String, String>> {
+        let mut named = BTreeMap::new();
+        let object = field.object()?;
+        for (name, field) in object.entries() {
+            let signal = self.model_signals().find(|signal| signal.name == name);
+            if signal.is_none() {
+                let hint = did_you_mean(name, self.model_signals().map(|signal| &*signal.name));
+                let detail = format!("`{}` has no signal of this name{hint}", self.model.name);
+                field.fault("unknown_model_signal", detail);
+            }
+            let recorded = field.text();
+            if let (Some(signal), Some(recorded)) = (signal, recorded)
+                && self.fits(&field, signal, recorded)
+            {
+                named.insert(name.to_owned(), recorded.to_owned());
+            }
+        }
+        (named.len() == object.n_entries()).then_some(named)
+    }
+
+    /// Whether the recording has the signal in a unit that the model can take.
+    fn fits(&self, field: &Field<'_>, signal: &SignalDescription, recorded: &str) -> bool {
+        if !self.recorded(recorded) {
+            let names = self.recording.signals.iter().map(|s| s.name.as_str());
+            let hint = did_you_mean(recorded, names.clone());
+            let names: Vec<&str> = names.collect();
+            let detail = format!("the recording has only {}{hint}", listed(&names));
+            field.fault("unknown_dataset_signal", detail);
+            return false;
+        }
+        if !self.unit_fits(signal, recorded) {
+            let unit = self.unit_of(recorded).unwrap_or_default();
+            let detail = format!(
+                "`{recorded}` is recorded in {unit}, `{}` is in {}",
+                signal.name, signal.unit
+            );
+            field.fault("unit_mismatch", detail);
+            return false;
+        }
+        true
+    }
+
+    /// Faults where the recording does not have the signal that holds the noise of an output, or
+    /// has it in a unit that the output has not.
+    pub(super) fn check_noise(&self, field: &Field<'_>, output: &str, recorded: &str) {
+        let mut outputs = self.model.outputs.iter();
+        if let Some(output) = outputs.find(|own| own.name == output) {
+            self.fits(field, output, recorded);
+        }
+    }
+
+    fn model_signals(&self) -> impl Iterator<Item = &SignalDescription> {
+        self.model.inputs.iter().chain(&self.model.outputs)
+    }
+
+    fn recorded(&self, name: &str) -> bool {
+        self.unit_of(name).is_some()
+    }
+
+    fn unit_of(&self, recorded: &str) -> Option<&str> {
+        let signal = self.recording.signals.iter().find(|s| s.name == recorded);
+        signal.map(|signal| signal.unit.as_str())
+    }
+
+    /// A recording without a unit is taken to be in the model's.
+    fn unit_fits(&self, signal: &SignalDescription, recorded: &str) -> bool {
+        self.unit_of(recorded)
+            .is_some_and(|unit| unit.is_empty() || unit == "1" || same_unit(unit, &signal.unit))
+    }
+
+    /// The first of the model's input sets that is fully there.
+    fn inputs(&self, named: &BTreeMap<String, String>) -> Option<Vec<&str>> {
+        let mut sets = self.model.input_sets.iter();
+        sets.find(|set| set.iter().all(|input| named.contains_key(&**input)))
+            .map(|set| set.iter().map(|input| &**input).collect())
+    }
+
+    fn inputs_missing(&self) -> String {
+        let sets: Vec<String> = self
+            .model
+            .input_sets
+            .iter()
+            .map(|set| set.join(" + "))
+            .collect();
+        let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
+        let names: Vec<&str> = self
+            .recording
+            .signals
+            .iter()
+            .map(|signal| signal.name.as_str())
+            .collect();
+        format!(
+            "`{}` is driven by {}, which `signals` must give or the recording have by name; \
+             it has {}",
+            self.model.name,
+            listed(&sets),
+            listed(&names)
+        )
+    }
+}
+
+pub(super) fn read_initial_state(
+    field: &Field<'_>,
+    model: &ModelDescription,
+    signals: Option<&BTreeMap<String, String>>,
+) -> BTreeMap<String, InitialStateSpec> {
+    let mut states = BTreeMap::new();
+    for (name, field) in field.object().map(|o| o.entries()).into_iter().flatten() {
+        if !model.states.iter().any(|state| state.name == name) {
+            let names: Vec<&str> = model.states.iter().map(|state| &*state.name).collect();
+            let hint = did_you_mean(name, names.iter().copied());
+            let detail = format!(
+                "the states of `{}` are {}{hint}",
+                model.name,
+                listed(&names)
+            );
+            field.fault("unknown_state", detail);
+        }
+        let measured = signals.is_none_or(|signals| signals.contains_key(name))
+            && model.outputs.iter().any(|output| output.name == name);
+        if let Some(state) = read_state(&field, name, measured) {
+            states.insert(name.to_owned(), state);
+        }
+    }
+    states
+}
+
+fn read_state(field: &Field<'_>, name: &str, measured: bool) -> Option<InitialStateSpec> {
+    if field.value.is_number() {
+        let value = field.number()?;
+        return Some(InitialStateSpec::Fixed(FixedValue {
+            value,
+            tolerance: None,
+        }));
+    }
+    if field.value.is_string() {
+        let first = field.choice(&[("first_sample", FirstSample::FirstSample)])?;
+        if !measured {
+            let detail = format!("`{name}` is not a measured output, so it has no first sample");
+            field.fault("state_not_measured", detail);
+        }
+        return Some(InitialStateSpec::Measured(first));
+    }
+    let mut object = field.object()?;
+    let value = object.optional("value");
+    let estimate = object.optional("estimate");
+    let read = match (value, estimate) {
+        (Some(value), None) => {
+            let tolerance = object.optional("tolerance");
+            let tolerance = tolerance.and_then(|field| Tolerance::read(&field));
+            let value = value.number();
+            value.map(|value| InitialStateSpec::Fixed(FixedValue { value, tolerance }))
+        }
+        (None, Some(estimate)) => {
+            let prior = object.optional("prior");
+            let prior = prior.and_then(|field| prior::read(&field));
+            let range = read_range(&estimate);
+            range.map(|estimate| InitialStateSpec::Free(FreeState { estimate, prior }))
+        }
+        _ => {
+            let detail = "a number, \"first_sample\", {\"value\": …} or {\"estimate\": \
+                          {\"lower\": …, \"upper\": …}} is needed";
+            object.fault("missing_field", detail);
+            None
+        }
+    };
+    object.finish();
+    read
+}
+
+fn read_range(field: &Field<'_>) -> Option<StateRange> {
+    let mut object = field.object()?;
+    let lower = object.required("lower").and_then(|field| field.number());
+    let upper = object.required("upper").and_then(|field| field.number());
+    object.finish();
+    let (lower, upper) = (lower?, upper?);
+    if lower >= upper {
+        let detail = format!("lower {lower} is not below upper {upper}");
+        field.fault("bounds_reversed", detail);
+        return None;
+    }
+    Some(StateRange { lower, upper })
+}

@@ -1,0 +1,269 @@
+//! The `priors` section: what is known of several parameters together.
+
+use super::own_parameters::shares;
+use super::{ParameterSpec, Said};
+use crate::estimation::prior::JointPrior;
+use greybox_numerics::parsing::reader::{Field, did_you_mean};
+use greybox_simulation::model::{ModelDescription, Scale};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// The joint priors of one job at the most.
+pub const MAX_PRIORS: usize = 16;
+
+/// What is known of several parameters together before the recording is looked at: a normal
+/// distribution, of their logarithms on a log scale. The last estimate is one: its values, its
+/// standard errors and its correlations.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(as = JointPrior, example = json!({
+    "parameters": ["mass", "viscous_damping"],
+    "mean": [58.0, 420.0],
+    "covariance": [[4.0, 3.0], [3.0, 90.0]]
+}))]
+pub struct JointPriorSpec {
+    /// Estimated parameters that all experiments share, each in one prior.
+    #[schema(min_items = 2)]
+    pub parameters: Vec<String>,
+    /// The mean of each parameter, SI.
+    pub mean: Vec<f64>,
+    /// The covariance of the parameters, SI. In its place a job may give `std`, the standard
+    /// deviation of each, and `correlation`, their correlations.
+    pub covariance: Vec<Vec<f64>>,
+    /// What is normal: the values, or their logarithms.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub scale: Scale,
+}
+
+/// The section; what is wrong is told.
+pub(super) fn read(
+    field: &Field<'_>,
+    model: &ModelDescription,
+    (parameters, experiments): Said<'_>,
+) -> Vec<JointPriorSpec> {
+    let free = |name: &str| match parameters.get(name) {
+        Some(ParameterSpec::Free(free)) => Some(free),
+        _ => None,
+    };
+    let is_shared = |name: &str| free(name).is_some() && shares(experiments, name);
+    let has_prior = |name: &str| free(name).is_some_and(|free| free.prior.is_some());
+    let Some(entries) = field.array() else {
+        return Vec::new();
+    };
+    if entries.len() > MAX_PRIORS {
+        let detail = format!("{} priors are more than {MAX_PRIORS}", entries.len());
+        field.fault("too_many", detail);
+    }
+    let mut priors: Vec<JointPriorSpec> = Vec::new();
+    for entry in entries.take(MAX_PRIORS) {
+        let known = |name: &str| has_prior(name) || is_named(&priors, name);
+        priors.extend(read_one(&entry, model, (is_shared, known)));
+    }
+    priors
+}
+
+fn is_named(priors: &[JointPriorSpec], name: &str) -> bool {
+    let mut names = priors.iter().flat_map(|own| &own.parameters);
+    names.any(|own| own == name)
+}
+
+fn read_one(
+    field: &Field<'_>,
+    model: &ModelDescription,
+    (is_shared, has_prior): (impl Fn(&str) -> bool, impl Fn(&str) -> bool),
+) -> Option<JointPriorSpec> {
+    let mut object = field.object()?;
+    let mut parameters: Vec<String> = Vec::new();
+    let named = object.required("parameters");
+    for entry in named.iter().filter_map(Field::array).flatten() {
+        let name = entry.text()?;
+        if model.parameter_index(name).is_none() {
+            let hint = did_you_mean(name, model.parameters.iter().map(|own| &*own.name));
+            let detail = format!("`{}` has no parameter of this name{hint}", model.name);
+            entry.fault("unknown_parameter", detail);
+        } else if !is_shared(name) {
+            let detail = format!("`{name}` is not estimated for all experiments together");
+            entry.fault("not_estimated", detail);
+        } else if has_prior(name) || parameters.iter().any(|own| own == name) {
+            let detail = format!("of `{name}` something else is known already: one prior each");
+            entry.fault("duplicate", detail);
+        }
+        parameters.push(name.to_owned());
+    }
+    let n = parameters.len();
+    if let (Some(named), true) = (&named, n < 2) {
+        let detail = "a joint prior is one of two parameters or more";
+        named.fault("out_of_range", detail);
+    }
+    let mean = object.required("mean");
+    let mean = mean.and_then(|field| numbers(&field, n));
+    let scale = object.optional("scale");
+    let scale = scale.map(|field| field.choice(&[("linear", Scale::Linear), ("log", Scale::Log)]));
+    let scale = scale.unwrap_or(Some(Scale::Linear));
+    let [covariance, std, correlation] =
+        ["covariance", "std", "correlation"].map(|name| object.optional(name));
+    let covariance = match (covariance, std, correlation) {
+        (Some(covariance), None, None) => matrix(&covariance, n),
+        (None, Some(std), Some(correlation)) => {
+            let (std, correlation) = (numbers(&std, n), matrix(&correlation, n));
+            std.zip(correlation).map(|(std, rows)| scaled(&rows, &std))
+        }
+        _ => {
+            let detail = "either `covariance` is needed, or `std` and `correlation`";
+            object.fault("missing_field", detail);
+            None
+        }
+    };
+    object.finish();
+    let prior = JointPriorSpec {
+        parameters,
+        mean: mean?,
+        covariance: covariance?,
+        scale: scale?,
+    };
+    is_sound(field, &prior).then_some(prior)
+}
+
+/// Whether there is such a distribution.
+fn is_sound(field: &Field<'_>, prior: &JointPriorSpec) -> bool {
+    if prior.scale == Scale::Log && prior.mean.iter().any(|mean| *mean <= 0.0) {
+        let detail = "a mean that is not above 0 has no logarithm";
+        field.fault("out_of_range", detail);
+        return false;
+    }
+    let rows = prior.covariance.iter().enumerate();
+    let mut pairs = rows.flat_map(|(a, row)| row.iter().enumerate().map(move |(b, x)| (a, b, x)));
+    let is_symmetric = pairs.all(|(a, b, own)| {
+        let (other, size) = (
+            prior.covariance[b][a],
+            (prior.covariance[a][a] * prior.covariance[b][b]).sqrt(),
+        );
+        (own - other).abs() <= 1e-9 * size
+    });
+    let places = (0..prior.parameters.len()).collect();
+    let joint = JointPrior::new(places, prior.scale, &prior.mean, &prior.covariance);
+    let is_sound = is_symmetric && joint.is_some();
+    if !is_sound {
+        let detail = "the covariance is not symmetric and positive definite";
+        field.fault("not_a_covariance", detail);
+    }
+    is_sound
+}
+
+/// As many numbers.
+fn numbers(field: &Field<'_>, n: usize) -> Option<Vec<f64>> {
+    let entries = field.array()?;
+    if entries.len() != n {
+        let detail = format!("{} entries, where {n} are needed", entries.len());
+        field.fault("wrong_length", detail);
+        return None;
+    }
+    entries.map(|entry| entry.number()).collect()
+}
+
+fn matrix(field: &Field<'_>, n: usize) -> Option<Vec<Vec<f64>>> {
+    let rows = field.array()?;
+    if rows.len() != n {
+        let detail = format!("{} rows, where {n} are needed", rows.len());
+        field.fault("wrong_length", detail);
+        return None;
+    }
+    rows.map(|row| numbers(&row, n)).collect()
+}
+
+/// The covariance of deviations and correlations.
+fn scaled(correlation: &[Vec<f64>], std: &[f64]) -> Vec<Vec<f64>> {
+    let rows = correlation.iter().zip(std);
+    let row = |(row, own): (&Vec<f64>, &f64)| {
+        let pairs = row.iter().zip(std);
+        pairs.map(|(entry, other)| entry * own * other).collect()
+    };
+    rows.map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parameter;
+    use super::*;
+    use greybox_numerics::parsing::reader::Faults;
+    use greybox_simulation::model::Catalogue;
+    use serde_json::{Value, json};
+
+    fn faults(document: &Value) -> Vec<(String, String)> {
+        let model = Catalogue::built_in();
+        let model = model
+            .get("single_rod_servo")
+            .expect("a model")
+            .description();
+        let found = Faults::default();
+        let parameters = parameter::read_all(None, model);
+        let experiment = json!({"dataset": "ds_0192d3a4b5c67d8e9f00112233445566", "window": null});
+        let experiment = serde_json::from_value(experiment).expect("an experiment");
+        read(
+            &Field::root(document, &found),
+            model,
+            (&parameters, &[experiment]),
+        );
+        let found = found.into_vec().into_iter();
+        found
+            .map(|own| (own.pointer, own.code.into_owned()))
+            .collect()
+    }
+
+    #[test]
+    fn what_is_no_distribution_of_unknowns_is_refused_at_its_place() {
+        let with = |changed: &[(&str, Value)]| {
+            let mut prior = json!({
+                "parameters": ["mass", "damping"], "mean": [58, 420], "std": [2, 9],
+                "correlation": [[1, 0.5], [0.5, 1]]
+            });
+            for (name, value) in changed {
+                prior[name] = value.clone();
+            }
+            json!([prior])
+        };
+        assert_eq!(faults(&with(&[])), []);
+        assert_eq!(faults(&with(&[("scale", json!("log"))])), []);
+        let correlation = |value: f64| json!([[1, value], [value, 1]]);
+        for (changed, pointer, code) in [
+            (
+                ("parameters", json!(["mass", "dampng"])),
+                "/0/parameters/1",
+                "unknown_parameter",
+            ),
+            (
+                ("parameters", json!(["mass", "supply_pressure"])),
+                "/0/parameters/1",
+                "not_estimated",
+            ),
+            (
+                ("parameters", json!(["mass", "mass"])),
+                "/0/parameters/1",
+                "duplicate",
+            ),
+            (("mean", json!([58])), "/0/mean", "wrong_length"),
+            (("correlation", correlation(1.2)), "/0", "not_a_covariance"),
+            (
+                ("correlation", json!([[1, 0.5], [0.4, 1]])),
+                "/0",
+                "not_a_covariance",
+            ),
+            (
+                ("covariance", json!([[4, 3], [3, 9]])),
+                "/0",
+                "missing_field",
+            ),
+        ] {
+            let expected = (pointer.to_owned(), code.to_owned());
+            assert_eq!(
+                faults(&with(std::slice::from_ref(&changed))),
+                [expected],
+                "{changed:?}"
+            );
+        }
+        let twice = [with(&[])[0].clone(), with(&[])[0].clone()];
+        let duplicate = |place| (format!("/1/parameters/{place}"), "duplicate".to_owned());
+        assert_eq!(faults(&json!(twice)), [duplicate(0), duplicate(1)]);
+    }
+}

@@ -1,0 +1,142 @@
+//! What a simulation is asked to do: a model, what drives it, and a value for each of its numbers.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use super::experiment::{Link, read_initial_state};
+use super::{InitialStateSpec, WindowSpec, parameter, read_model, window};
+use crate::identification::DatasetId;
+use greybox_numerics::parsing::fault::Fault;
+use greybox_numerics::parsing::reader::{Faults, Field};
+use greybox_recording::Summary;
+use greybox_simulation::model::ModelDescription;
+
+/// A simulation that can run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimulationSpec {
+    /// The model.
+    pub model: String,
+    /// From the model's signals to the recording's.
+    pub signals: BTreeMap<String, String>,
+    /// The part of the recording to use.
+    pub window: Option<WindowSpec>,
+    /// A value for each parameter, in the order of the model, SI.
+    pub parameters: Vec<f64>,
+    /// Where states start that do not start where the model says.
+    pub initial_state: BTreeMap<String, InitialStateSpec>,
+}
+
+/// What drives a simulation.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Source<'v> {
+    /// A stored recording.
+    Dataset(DatasetId),
+    /// A recording in the document itself.
+    Inline(&'v Value),
+    /// Neither, or not to be understood: [`SimulationSpec::read`] says why.
+    Unclear,
+}
+
+impl SimulationSpec {
+    /// What a document names as its source, whether or not the rest of it makes sense.
+    pub fn source(document: &Value) -> Source<'_> {
+        let dataset = document.get("dataset").and_then(Value::as_str);
+        match (dataset, document.get("inputs")) {
+            (Some(dataset), None) => dataset.parse().map_or(Source::Unclear, Source::Dataset),
+            (None, Some(inputs @ Value::Object(_))) => Source::Inline(inputs),
+            _ => Source::Unclear,
+        }
+    }
+
+    /// Reads a document against the recording that its source names, or says everything that is
+    /// wrong with it.
+    pub fn read(
+        document: &Value,
+        models: &[&ModelDescription],
+        recording: Option<&Summary>,
+    ) -> Result<SimulationSpec, Vec<Fault>> {
+        let faults = Faults::default();
+        let spec = read(&Field::root(document, &faults), models, recording);
+        let found = faults.into_vec();
+        match spec {
+            Some(spec) if found.is_empty() => Ok(spec),
+            _ => Err(found),
+        }
+    }
+}
+
+fn read(
+    document: &Field<'_>,
+    models: &[&ModelDescription],
+    recording: Option<&Summary>,
+) -> Option<SimulationSpec> {
+    let mut root = document.object()?;
+    let model = root
+        .required("model")
+        .and_then(|field| read_model(&field, models));
+    let dataset = root.optional("dataset");
+    let inputs = root.optional("inputs");
+    match (&dataset, &inputs) {
+        (Some(_), Some(_)) => root.fault(
+            "dataset_and_inputs",
+            "`dataset` and `inputs` exclude each other",
+        ),
+        (None, None) => root.fault(
+            "missing_field",
+            "either `dataset` or `inputs` is needed to drive the model",
+        ),
+        (Some(dataset), None) => check_dataset(dataset, recording.is_some()),
+        (None, Some(inputs)) => {
+            inputs.object();
+        }
+    }
+    let signals = root.optional("signals");
+    let signals = match (model, recording) {
+        (Some(model), Some(recording)) => {
+            Link { model, recording }.read(&root, signals.as_ref(), false)
+        }
+        _ => None,
+    };
+    let window = root.optional("window");
+    let window = window.map(|field| window::read(&field, recording));
+    let parameters = root.optional("parameters");
+    let parameters = model.map(|model| parameter::read_values(parameters.as_ref(), model));
+    let initial_state = root.optional("initial_state");
+    let initial_state = match (&initial_state, model) {
+        (Some(field), Some(model)) => {
+            let states = read_initial_state(field, model, signals.as_ref());
+            refuse_free(field, &states);
+            states
+        }
+        _ => BTreeMap::new(),
+    };
+    root.finish();
+    Some(SimulationSpec {
+        model: model?.name.to_string(),
+        signals: signals?,
+        window: window.flatten(),
+        parameters: parameters?,
+        initial_state,
+    })
+}
+
+fn check_dataset(field: &Field<'_>, found: bool) {
+    let Some(text) = field.text() else {
+        return;
+    };
+    match text.parse::<DatasetId>() {
+        Ok(id) if !found => field.fault("unknown_dataset", format!("there is no dataset {id}")),
+        Ok(_) => {}
+        Err(error) => field.fault("unknown_dataset", error.to_string()),
+    }
+}
+
+/// Nothing is estimated in a simulation.
+fn refuse_free(field: &Field<'_>, states: &BTreeMap<String, InitialStateSpec>) {
+    let free = |state: &InitialStateSpec| matches!(state, InitialStateSpec::Free(_));
+    for (name, _) in states.iter().filter(|(_, state)| free(state)) {
+        let detail = format!("a simulation estimates nothing: `{name}` needs a value");
+        field.fault("estimate_in_simulation", detail);
+    }
+}

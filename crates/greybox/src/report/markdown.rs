@@ -1,0 +1,162 @@
+//! A result as Markdown: for wikis, merge requests and files that are compared line by line.
+
+use super::html::significant;
+use super::{Report, push, verdict_words};
+use crate::identification::outcome::{Estimate, Outcome};
+
+/// The report without its plots.
+#[must_use]
+pub fn render(report: &Report<'_>) -> String {
+    let outcome = report.outcome;
+    let mut text = format!("# {}\n\n{}\n", line(report.title), super::subtitle(report));
+    push(
+        &mut text,
+        format_args!("\n**{}**\n\n", verdict_words(outcome.verdict.trust)),
+    );
+    if !outcome.verdict.summary.is_empty() {
+        push(&mut text, format_args!("{}\n\n", outcome.verdict.summary));
+    }
+    for reason in &outcome.verdict.reasons {
+        push(
+            &mut text,
+            format_args!("- {} (`{}`)\n", reason.detail, reason.code),
+        );
+    }
+    estimates(&mut text, outcome);
+    fit(&mut text, outcome);
+    budget(&mut text, outcome);
+    text.push_str("\n## Model\n\n```text\n");
+    for equation in &report.model.equations {
+        push(&mut text, format_args!("{equation}\n"));
+    }
+    text.push_str("```\n\n## Recordings\n\n| experiment | recording | recorded | samples | digest |\n|---|---|---|---:|---|\n");
+    for (number, recording) in report.recordings.iter().enumerate() {
+        push(
+            &mut text,
+            format_args!(
+                "| {} | {} | {} | {} | `{}` |\n",
+                number + 1,
+                cell(recording.name.as_deref().unwrap_or("without a name")),
+                recording.start.as_deref().unwrap_or("not said"),
+                recording.samples,
+                recording.digest
+            ),
+        );
+    }
+    let engine = &outcome.engine;
+    push(
+        &mut text,
+        format_args!(
+            "\n## What made it\n\ngreybox {}, seed {}, specification `{}`\n\n```json\n{}\n```\n",
+            engine.version,
+            engine.seed,
+            engine.spec_digest,
+            super::specification(report)
+        ),
+    );
+    text
+}
+
+fn estimates(text: &mut String, outcome: &Outcome) {
+    text.push_str(
+        "\n## Estimates\n\n| parameter | estimate | ± | ± with all that is assumed | 95 % interval \
+         with all that is assumed | trust | unit |\n|---|---:|---:|---:|---|---|---|\n",
+    );
+    let mut row = |name: &str, unit: &str, known: &Estimate| {
+        let error = |value: Option<f64>| {
+            value.map_or_else(|| "–".to_owned(), |error| significant(error, 2))
+        };
+        let end = |value: Option<f64>| {
+            value.map_or_else(|| "open".to_owned(), |value| significant(value, 5))
+        };
+        let interval = known.total_interval.map_or_else(
+            || "–".to_owned(),
+            |total| format!("{} … {}", end(total.lower), end(total.upper)),
+        );
+        push(
+            text,
+            format_args!(
+                "| {} | {} | {} | {} | {interval} | {} | {} |\n",
+                cell(name),
+                significant(known.estimate, 5),
+                error(known.standard_error),
+                error(known.total_standard_error),
+                known.trust.map_or("–", super::tables::word_of),
+                cell(unit)
+            ),
+        );
+    };
+    for parameter in &outcome.parameters {
+        row(
+            &super::tables::label(parameter),
+            &parameter.unit,
+            &parameter.estimate,
+        );
+    }
+    for state in &outcome.initial_states {
+        row(
+            &super::tables::state_label(state),
+            &state.unit,
+            &state.estimate,
+        );
+    }
+}
+
+fn fit(text: &mut String, outcome: &Outcome) {
+    text.push_str(
+        "\n## Fit\n\n| output | data | fit [%] | RMSE | samples |\n|---|---|---:|---:|---:|\n",
+    );
+    let parts = [
+        ("estimated from", &outcome.fit.estimation),
+        ("held back", &outcome.fit.validation),
+    ];
+    let number =
+        |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 4));
+    for (data, fits) in parts {
+        for (output, fit) in fits.iter().filter(|(_, fit)| fit.samples > 0) {
+            push(
+                text,
+                format_args!(
+                    "| {} | {data} | {} | {} | {} |\n",
+                    cell(output),
+                    number(fit.fit_percent),
+                    number(fit.rmse),
+                    fit.samples
+                ),
+            );
+        }
+    }
+}
+
+fn budget(text: &mut String, outcome: &Outcome) {
+    if outcome.budget.is_empty() {
+        return;
+    }
+    text.push_str("\n## What was taken as known\n\n| assumption | value | ± | unit | score |\n|---|---:|---:|---|---:|\n");
+    for known in &outcome.budget {
+        push(
+            text,
+            format_args!(
+                "| {} | {} | {} | {} | {} |\n",
+                cell(&known.assumption),
+                significant(known.value, 5),
+                significant(known.tolerance, 3),
+                cell(&known.unit),
+                known
+                    .score
+                    .map_or_else(|| "–".to_owned(), |score| significant(score, 3))
+            ),
+        );
+    }
+}
+
+/// Text in the cell of a table.
+fn cell(text: &str) -> String {
+    line(text).replace('|', "\\|")
+}
+
+/// Text on one line that opens no markup.
+fn line(text: &str) -> String {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    words.join(" ").replace('<', "&lt;")
+}

@@ -1,0 +1,250 @@
+//! The plots of a report.
+
+use super::chart::{Chart, Series};
+use super::html::escape;
+use super::residuals::{self, Diagnostics};
+use super::{GenerationCosts, Report, push};
+use crate::identification::assemble::{ExperimentTrajectory, OutputTrajectory};
+use crate::identification::outcome::ResidualReport;
+use greybox_recording::kept_indices;
+
+/// Points of a line at the most; the extremes of each stretch are kept.
+const POINTS: usize = 1500;
+
+const MEASURED: &str = "#8a93a0";
+const SIMULATED: &str = "#c8462f";
+const PLAIN: &str = "#2b6cb0";
+
+/// Every experiment's outputs, residuals and their memory.
+pub fn experiments(page: &mut String, report: &Report<'_>) {
+    let diagnostics = residuals::diagnostics(report.experiments);
+    for (number, experiment) in report.experiments.iter().enumerate() {
+        push(
+            page,
+            format_args!(
+                "<section>\n<h2>Experiment {}</h2>\n<p class=\"muted\">{} samples of <code>{}\
+                 </code>, {} of them estimated from</p>\n",
+                number + 1,
+                experiment.time.len(),
+                experiment.dataset,
+                experiment.estimation_samples
+            ),
+        );
+        for output in &experiment.outputs {
+            let residuals = report.outcome.residuals.get(&output.name);
+            push(page, format_args!("<h3>{}</h3>\n", escape(&output.name)));
+            followed(page, experiment, output);
+            left_over(page, experiment, output, residuals);
+            let of =
+                |known: &&Diagnostics| known.experiment == number && known.output == output.name;
+            if let Some(known) = diagnostics.iter().find(of) {
+                memory(page, known);
+                spread(page, known);
+                frequencies(page, known);
+            }
+        }
+        page.push_str("</section>\n");
+    }
+}
+
+/// Measured and simulated over time.
+fn followed(page: &mut String, experiment: &ExperimentTrajectory, output: &OutputTrajectory) {
+    let columns = [&output.measured[..], &output.simulated];
+    let kept = kept_indices(&columns, 0..experiment.time.len(), POINTS);
+    let points = |values: &[f64]| {
+        kept.iter()
+            .map(|&k| (experiment.time[k], values[k]))
+            .collect()
+    };
+    let label = format!("{} [{}]", output.name, output.unit);
+    let chart = Chart {
+        x_label: "time [s]",
+        y_label: &label,
+        series: vec![
+            Series {
+                name: "measured",
+                colour: MEASURED,
+                points: points(&output.measured),
+            },
+            Series {
+                name: "simulated",
+                colour: SIMULATED,
+                points: points(&output.simulated),
+            },
+        ],
+        levels: Vec::new(),
+        marks: held_back(experiment),
+        bars: false,
+    };
+    figure(
+        page,
+        &chart,
+        "Measured and simulated, free run from the first sample.",
+    );
+}
+
+/// The residuals over time, between twice the noise.
+fn left_over(
+    page: &mut String,
+    experiment: &ExperimentTrajectory,
+    output: &OutputTrajectory,
+    residuals: Option<&ResidualReport>,
+) {
+    let kept = kept_indices(&[&output.residual], 0..experiment.time.len(), POINTS);
+    let label = format!("measured − simulated [{}]", output.unit);
+    let noise = residuals.map(|report| report.noise_std);
+    let chart = Chart {
+        x_label: "time [s]",
+        y_label: &label,
+        series: vec![Series {
+            name: "residual",
+            colour: PLAIN,
+            points: kept
+                .iter()
+                .map(|&k| (experiment.time[k], output.residual[k]))
+                .collect(),
+        }],
+        levels: noise.map_or_else(Vec::new, |noise| vec![-2.0 * noise, 2.0 * noise]),
+        marks: held_back(experiment),
+        bars: false,
+    };
+    figure(page, &chart, "What is left over; dashed: twice the noise.");
+}
+
+/// The autocorrelation of the residuals in the part that was estimated from.
+fn memory(page: &mut String, known: &Diagnostics) {
+    let lags = known.autocorrelation.iter().zip(1..);
+    let chart = Chart {
+        x_label: "lag [samples]",
+        y_label: "autocorrelation of the residuals",
+        series: vec![Series {
+            name: "autocorrelation",
+            colour: PLAIN,
+            points: lags.map(|(value, lag)| (f64::from(lag), *value)).collect(),
+        }],
+        levels: vec![-known.white_within, known.white_within],
+        marks: Vec::new(),
+        bars: true,
+    };
+    figure(
+        page,
+        &chart,
+        "White residuals stay between the dashed lines in 99 of 100 lags.",
+    );
+}
+
+/// How often residuals are how large.
+fn spread(page: &mut String, known: &Diagnostics) {
+    let histogram = &known.histogram;
+    let bars = histogram.counts.iter().zip(0_u32..);
+    let label = format!("measured − simulated [{}]", known.unit);
+    let chart = Chart {
+        x_label: &label,
+        y_label: "residuals",
+        series: vec![Series {
+            name: "residuals",
+            colour: PLAIN,
+            points: bars
+                .map(|(count, bar)| {
+                    let middle = histogram.from + (f64::from(bar) + 0.5) * histogram.width;
+                    (middle, *count as f64)
+                })
+                .collect(),
+        }],
+        levels: Vec::new(),
+        marks: Vec::new(),
+        bars: true,
+    };
+    figure(page, &chart, "How the residuals are spread.");
+}
+
+/// At which frequencies the residuals are large.
+fn frequencies(page: &mut String, known: &Diagnostics) {
+    let lines = known.spectrum.iter().filter(|[_, power]| *power > 0.0);
+    let label = format!("log10 of the power density [{}²/Hz]", known.unit);
+    let chart = Chart {
+        x_label: "frequency [Hz]",
+        y_label: &label,
+        series: vec![Series {
+            name: "power",
+            colour: PLAIN,
+            points: lines.map(|[hz, power]| (*hz, power.log10())).collect(),
+        }],
+        levels: Vec::new(),
+        marks: Vec::new(),
+        bars: false,
+    };
+    figure(
+        page,
+        &chart,
+        "The spectrum of the residuals: flat where they are white, high where the model misses \
+         dynamics.",
+    );
+}
+
+/// How the search came down.
+pub fn search(page: &mut String, report: &Report<'_>) {
+    let outcome = report.outcome;
+    push(
+        page,
+        format_args!(
+            "<section>\n<h2>How it was found</h2>\n<p>{} generations, {} candidates judged, {} of \
+             them simulated; ended by <code>{}</code>. Each of the search's: \
+             <code>/v1/jobs/{}/candidates</code>, as JSON or CSV.</p>\n",
+            outcome.search.generations,
+            outcome.search.evaluations,
+            outcome.search.distinct_evaluations,
+            escape(&outcome.stop_reason),
+            escape(&outcome.job)
+        ),
+    );
+    let points = |cost: fn(&GenerationCosts) -> Option<f64>| {
+        let rows = report.generations.iter();
+        rows.map(|row| {
+            let height = cost(row).map_or(f64::NAN, f64::log10);
+            (f64::from(row.generation), height)
+        })
+        .collect()
+    };
+    let chart = Chart {
+        x_label: "generation",
+        y_label: "log10 of the cost",
+        series: vec![
+            Series {
+                name: "mean",
+                colour: MEASURED,
+                points: points(|row| row.mean),
+            },
+            Series {
+                name: "best",
+                colour: SIMULATED,
+                points: points(|row| row.best),
+            },
+        ],
+        levels: Vec::new(),
+        marks: Vec::new(),
+        bars: false,
+    };
+    figure(
+        page,
+        &chart,
+        "The lowest cost so far, and the mean of each generation.",
+    );
+    page.push_str("</section>\n");
+}
+
+fn held_back(experiment: &ExperimentTrajectory) -> Vec<(f64, &'static str)> {
+    let first = experiment.time.get(experiment.estimation_samples);
+    first.map(|time| (*time, "held back")).into_iter().collect()
+}
+
+fn figure(page: &mut String, chart: &Chart<'_>, caption: &str) {
+    let mut drawn = String::new();
+    chart.draw(&mut drawn);
+    if !drawn.is_empty() {
+        push(
+            page,
+            format_args!("<figure>\n{drawn}<figcaption>{caption}</figcaption>\n</figure>\n"),
+        );
+    }
+}

@@ -1,0 +1,358 @@
+//! The tables of a report.
+
+use super::html::{escape, number, optional, significant, with_code};
+use super::push;
+use crate::identification::outcome::{
+    Estimate, InitialStateEstimate, Outcome, OutputFit, ParameterEstimate, Trust,
+};
+
+/// Shares of a variance below this are not shown.
+const SMALLEST_SHARE: f64 = 0.01;
+
+/// The estimates and how well each is known.
+pub fn estimates(page: &mut String, outcome: &Outcome) {
+    page.push_str(
+        "<section>\n<h2>Estimates</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>parameter</th>\
+         <th>estimate</th><th>unit</th><th>± of noise alone</th><th>95 % interval</th>\
+         <th>± with all that is assumed</th><th>95 % interval</th><th>trust</th>\
+         <th>searched</th></tr></thead>\n",
+    );
+    for parameter in &outcome.parameters {
+        let name = label(parameter);
+        row(page, &name, &parameter.unit, &parameter.estimate);
+    }
+    for state in &outcome.initial_states {
+        row(page, &state_label(state), &state.unit, &state.estimate);
+    }
+    page.push_str("</table></div>\n");
+    changes(page, outcome);
+    if !outcome.flat_directions.is_empty() {
+        page.push_str("<p class=\"warn\">What the data do not see:</p>\n<ul>\n");
+        for words in &outcome.flat_directions {
+            push(page, format_args!("<li>{}</li>\n", with_code(words)));
+        }
+        page.push_str("</ul>\n");
+    }
+    page.push_str("</section>\n");
+}
+
+fn row(page: &mut String, name: &str, unit: &str, known: &Estimate) {
+    let interval = match &known.confidence_interval {
+        Some(interval) => format!(
+            "{} … {}<br><span class=\"muted\">{}</span>",
+            end(interval.lower),
+            end(interval.upper),
+            escape(&interval.method)
+        ),
+        None => escape(known.confidence_interval_reason.as_deref().unwrap_or("–")),
+    };
+    let total = match &known.total_interval {
+        Some(interval) => format!("{} … {}", end(interval.lower), end(interval.upper)),
+        None => "–".to_owned(),
+    };
+    let trust = known.trust.map_or("–", word_of);
+    let mut flags = String::new();
+    if known.at_bound {
+        flags.push_str("<br><span class=\"warn\">at its bound</span>");
+    }
+    if !known.identifiable {
+        flags.push_str("<br><span class=\"warn\">not fixed by the data</span>");
+    }
+    let error = known.standard_error;
+    push(
+        page,
+        format_args!(
+            "<tr><td>{}{flags}</td><td>{}</td><td>{}</td><td>{}</td><td>{interval}</td>\
+             <td>{}</td><td>{total}</td><td>{trust}</td><td>{} … {}</td></tr>\n",
+            escape(name),
+            number(known.estimate),
+            escape(unit),
+            error.map_or_else(|| "–".to_owned(), |error| significant(error, 2)),
+            known
+                .total_standard_error
+                .map_or_else(|| "–".to_owned(), |error| significant(error, 2)),
+            significant(known.lower, 4),
+            significant(known.upper, 4)
+        ),
+    );
+}
+
+/// How much the outputs follow each parameter.
+fn changes(page: &mut String, outcome: &Outcome) {
+    let known = outcome.parameters.iter();
+    let told: Vec<String> = known
+        .filter(|parameter| !parameter.estimate.output_change.is_empty())
+        .map(|parameter| {
+            let each = parameter.estimate.output_change.iter();
+            let each: Vec<String> = each
+                .map(|(output, change)| format!("{} {}", escape(output), significant(*change, 3)))
+                .collect();
+            format!("{}: {}", escape(&label(parameter)), each.join(", "))
+        })
+        .collect();
+    if !told.is_empty() {
+        push(
+            page,
+            format_args!(
+                "<p class=\"muted\">Change of the outputs, root mean square in SI, when a \
+                 parameter grows by 100 %: {}.</p>\n",
+                told.join("; ")
+            ),
+        );
+    }
+}
+
+/// What a parameter is called; experiments count from 1.
+pub fn label(parameter: &ParameterEstimate) -> String {
+    let label = format!("{} ({})", parameter.name, parameter.symbol);
+    match parameter.experiment {
+        None => label,
+        Some(experiment) => format!("{label} in experiment {}", experiment + 1),
+    }
+}
+
+/// What an estimated initial state is called; experiments count from 1.
+pub fn state_label(state: &InitialStateEstimate) -> String {
+    let number = state.experiment + 1;
+    format!("{} at the start of experiment {number}", state.state)
+}
+
+/// The word for a grade.
+pub fn word_of(trust: Trust) -> &'static str {
+    match trust {
+        Trust::High => "high",
+        Trust::Moderate => "moderate",
+        Trust::Low => "low",
+    }
+}
+
+fn end(value: Option<f64>) -> String {
+    value.map_or_else(|| "open".to_owned(), number)
+}
+
+/// What was taken as known, and what it does.
+pub fn budget(page: &mut String, outcome: &Outcome) {
+    if outcome.budget.is_empty() {
+        return;
+    }
+    page.push_str(
+        "<section>\n<h2>What was taken as known</h2>\n<div class=\"scroll\"><table>\n\
+         <thead><tr><th>assumption</th><th>value</th><th>tolerance</th><th>unit</th><th>score</th>\
+         <th>suggested</th><th>unnoticed up to</th><th>share of the total variance</th></tr></thead>\n",
+    );
+    let three =
+        |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 3));
+    for line in &outcome.budget {
+        let suggested = line.suggested.map_or_else(
+            || "–".to_owned(),
+            |own| {
+                let (value, error) = (own.value, own.standard_error);
+                format!("{} ± {}", significant(value, 4), significant(error, 2))
+            },
+        );
+        let shares: Vec<String> = line
+            .contributions
+            .iter()
+            .filter(|(_, own)| own.share.abs() >= SMALLEST_SHARE)
+            .map(|(name, own)| format!("{} {:.0} %", escape(name), 100.0 * own.share))
+            .collect();
+        push(
+            page,
+            format_args!(
+                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{suggested}</td>\
+                 <td>{}</td><td>{}</td></tr>\n",
+                escape(&line.assumption),
+                number(line.value),
+                significant(line.tolerance, 3),
+                escape(&line.unit),
+                three(line.score),
+                three(line.unnoticed_up_to),
+                shares.join("<br>")
+            ),
+        );
+    }
+    page.push_str("</table></div>\n</section>\n");
+}
+
+/// How well the outputs are followed, and what the residuals look like.
+pub fn fit(page: &mut String, outcome: &Outcome) {
+    page.push_str(
+        "<section>\n<h2>Fit</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>output</th><th>data</th>\
+         <th>fit [%]</th><th>RMSE</th><th>largest error</th><th>samples</th></tr></thead>\n",
+    );
+    let parts = [
+        ("estimated from", &outcome.fit.estimation),
+        ("held back", &outcome.fit.validation),
+    ];
+    for (data, fits) in parts {
+        for (output, fit) in fits.iter().filter(|(_, fit)| fit.samples > 0) {
+            fit_row(page, output, data, fit);
+        }
+    }
+    page.push_str(
+        "</table></div>\n<div class=\"scroll\"><table>\n<thead><tr><th>residuals of</th><th>noise</th>\
+         <th>chi²/n</th><th>correlation with the next</th><th>white</th>\
+         <th class=\"words\">follow an input</th></tr></thead>\n",
+    );
+    for (output, report) in &outcome.residuals {
+        let white = match report.white {
+            Some(true) => "yes",
+            Some(false) => "no",
+            None => "too few to tell",
+        };
+        let follow: Vec<String> = report
+            .inputs
+            .iter()
+            .map(|(input, found)| {
+                let correlation = optional(found.correlation.map(|rho| (1e3 * rho).round() / 1e3));
+                let word = if found.significant { "yes" } else { "no" };
+                format!("{}: {word} ({correlation})", escape(input))
+            })
+            .collect();
+        let outliers = report
+            .outliers
+            .map_or_else(String::new, |count| format!("<br>{count} outliers"));
+        push(
+            page,
+            format_args!(
+                "<tr><td>{}</td><td>{} ({}){outliers}</td><td>{}</td><td>{}</td><td>{white}</td>\
+                 <td class=\"words\">{}</td></tr>\n",
+                escape(output),
+                significant(report.noise_std, 3),
+                escape(&report.noise_std_source),
+                optional(report.chi_square_per_sample),
+                optional(report.lag_1_autocorrelation),
+                follow.join("<br>")
+            ),
+        );
+    }
+    let criteria = &outcome.criteria;
+    push(
+        page,
+        format_args!(
+            "</table></div>\n<p>AIC {} · AICc {} · BIC {} · FPE {} · cost {}</p>\n</section>\n",
+            optional(criteria.aic),
+            optional(criteria.aicc),
+            optional(criteria.bic),
+            optional(criteria.fpe),
+            optional(criteria.cost)
+        ),
+    );
+}
+
+fn fit_row(page: &mut String, output: &str, data: &str, fit: &OutputFit) {
+    push(
+        page,
+        format_args!(
+            "<tr><td>{}</td><td>{data}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+            escape(output),
+            optional(fit.fit_percent),
+            optional(fit.rmse),
+            optional(fit.max_abs_error),
+            fit.samples
+        ),
+    );
+}
+
+/// How the errors of the estimates hang together.
+pub fn correlation(page: &mut String, outcome: &Outcome) {
+    let Some(correlation) = &outcome.correlation else {
+        return;
+    };
+    page.push_str(
+        "<section>\n<h2>Correlation of the estimates</h2>\n<div class=\"scroll\"><table>\n\
+         <tr><td></td>",
+    );
+    for name in &correlation.names {
+        push(page, format_args!("<th>{}</th>", escape(name)));
+    }
+    page.push_str("</tr>\n");
+    for (name, row) in correlation.names.iter().zip(&correlation.matrix) {
+        push(page, format_args!("<tr><td>{}</td>", escape(name)));
+        for entry in row {
+            // The deeper the colour, the less the two are told apart.
+            let depth = entry.map_or(0.0, |value| value.abs() * 0.5);
+            let words = entry.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
+            push(
+                page,
+                format_args!("<td style=\"background:rgb(200 70 47 / {depth:.2})\">{words}</td>"),
+            );
+        }
+        page.push_str("</tr>\n");
+    }
+    page.push_str("</table></div>\n");
+    if let Some(condition) = correlation.condition_number {
+        push(
+            page,
+            format_args!("<p>Condition number {}.</p>\n", significant(condition, 3)),
+        );
+    }
+    page.push_str("</section>\n");
+}
+
+/// Which effects the data support, where the job left that open; the best model first.
+pub fn model_search(page: &mut String, outcome: &Outcome) {
+    let Some(search) = &outcome.model_search else {
+        return;
+    };
+    let listed = |effects: &[String]| match effects {
+        [] => "none".to_owned(),
+        some => escape(&some.join(", ")),
+    };
+    push(
+        page,
+        format_args!(
+            "<section>\n<h2>Effects</h2>\n<p>The data support: {}. Compared by the BIC of the \
+             {} data.</p>\n<div class=\"scroll\"><table>\n<thead><tr><th>effects</th><th>unknowns</th>\
+             <th>cost</th><th>BIC</th></tr></thead>\n",
+            listed(&search.supported),
+            escape(&search.compared_on)
+        ),
+    );
+    for tried in &search.tried {
+        push(
+            page,
+            format_args!(
+                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+                listed(&tried.effects),
+                tried.unknowns,
+                optional(tried.cost),
+                optional(tried.bic)
+            ),
+        );
+    }
+    page.push_str("</table></div>\n</section>\n");
+}
+
+/// Where each start of the refinement ended, the lowest first.
+pub fn starts(page: &mut String, outcome: &Outcome) {
+    let mut starts: Vec<_> = outcome.starts.iter().collect();
+    let cost = |cost: Option<f64>| cost.unwrap_or(f64::INFINITY);
+    starts.sort_by(|a, b| cost(a.cost).total_cmp(&cost(b.cost)));
+    let Some(first) = starts.first() else {
+        return;
+    };
+    page.push_str(
+        "<section>\n<h2>Starts of the refinement</h2>\n<div class=\"scroll\"><table>\n<tr>\
+         <th>cost</th><th>from</th>",
+    );
+    for name in first.parameters.keys() {
+        push(page, format_args!("<th>{}</th>", escape(name)));
+    }
+    page.push_str("</tr>\n");
+    for start in starts {
+        push(
+            page,
+            format_args!(
+                "<tr><td>{}</td><td>{}</td>",
+                optional(start.cost),
+                optional(start.initial_cost)
+            ),
+        );
+        for value in start.parameters.values() {
+            push(page, format_args!("<td>{}</td>", number(*value)));
+        }
+        page.push_str("</tr>\n");
+    }
+    page.push_str("</table></div>\n</section>\n");
+}

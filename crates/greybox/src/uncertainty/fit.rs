@@ -1,0 +1,189 @@
+//! How well the model explains each output, and criteria for the comparison of models.
+//!
+//! `fit = 100·(1 − ‖y − ŷ‖/‖y − mean(y)‖)`; with V the mean square of the residuals, n their
+//! number and d that of the unknowns, `FPE = V·(1 + d/n)/(1 − d/n)`,
+//! `AIC = n·ln V + n·(1 + ln 2π) + 2d`, `AICc = AIC + 2d(d + 1)/(n − d − 1)`,
+//! `BIC = n·ln V + n·(1 + ln 2π) + d·ln n` (L. Ljung, *System Identification*, 1999, ch. 16; the
+//! definitions of the identification toolboxes). With several outputs n·ln V is a sum.
+
+use crate::estimation::problem::Problem;
+use greybox_simulation::single::Outputs;
+
+/// Which part of the data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// What was estimated from.
+    Estimation,
+    /// What was held back.
+    Validation,
+}
+
+/// How well one output is explained.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutputFit {
+    /// The fit [%]; none where the measured signal does not vary.
+    pub fit_percent: Option<f64>,
+    /// The root mean square of the residuals `[SI]`.
+    pub rmse: Option<f64>,
+    /// The largest residual `[SI]`.
+    pub max_abs_error: Option<f64>,
+    /// The correlation of what was simulated with what was measured; none where one of them does
+    /// not vary.
+    pub correlation: Option<f64>,
+    /// Residuals.
+    pub samples: usize,
+    /// The mean square of the residuals, each as large as if all samples had the same noise
+    /// `[SI²]`: what likelihoods are made of.
+    pub weighted_square: Option<f64>,
+}
+
+/// Criteria for the comparison of models that explain the same data.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Criteria {
+    /// Akaike's criterion.
+    pub aic: f64,
+    /// Akaike's criterion, corrected for few samples.
+    pub aicc: f64,
+    /// Schwarz's criterion.
+    pub bic: f64,
+    /// Akaike's final prediction error [SI²; a product over the outputs].
+    pub fpe: f64,
+}
+
+/// The fit of each output in a part of the data.
+#[must_use]
+pub fn of(problem: &Problem, trajectories: &[Outputs], part: Part) -> Vec<OutputFit> {
+    let of_output = |output: usize| {
+        let mut pairs = Vec::new();
+        let mut weighted = 0.0;
+        for (data, trajectory) in problem.experiments.iter().zip(trajectories) {
+            let range = match part {
+                Part::Estimation => 0..data.estimation_samples,
+                Part::Validation => data.scored_from..data.samples,
+            };
+            let simulated = &trajectory[problem.outputs[output].index];
+            let measured = &data.measured[output];
+            let both = range.map(|sample| (sample, (measured[sample], simulated[sample])));
+            let present = both.filter(|(_, (measured, _))| !measured.is_nan());
+            for (sample, (measured, simulated)) in present {
+                weighted += ((measured - simulated) * data.weight(output, sample)).powi(2);
+                pairs.push((measured, simulated));
+            }
+        }
+        OutputFit {
+            weighted_square: (!pairs.is_empty()).then(|| weighted / pairs.len() as f64),
+            ..describe(&pairs)
+        }
+    };
+    (0..problem.outputs.len()).map(of_output).collect()
+}
+
+fn describe(pairs: &[(f64, f64)]) -> OutputFit {
+    let samples = pairs.len();
+    if samples == 0 {
+        return OutputFit {
+            fit_percent: None,
+            rmse: None,
+            max_abs_error: None,
+            correlation: None,
+            samples,
+            weighted_square: None,
+        };
+    }
+    let mean = pairs.iter().map(|(measured, _)| measured).sum::<f64>() / samples as f64;
+    let square = |value: f64| value * value;
+    let error: f64 = pairs
+        .iter()
+        .map(|(y, simulated)| square(y - simulated))
+        .sum();
+    let spread: f64 = pairs.iter().map(|(y, _)| square(y - mean)).sum();
+    let largest = pairs
+        .iter()
+        .map(|(y, simulated)| (y - simulated).abs())
+        .fold(0.0, f64::max);
+    let centre = pairs.iter().map(|(_, own)| own).sum::<f64>() / samples as f64;
+    let (mut products, mut power) = (0.0, 0.0);
+    for (y, simulated) in pairs {
+        products += (y - mean) * (simulated - centre);
+        power += square(simulated - centre);
+    }
+    OutputFit {
+        correlation: Some(products / (spread * power).sqrt()).filter(|rho| rho.is_finite()),
+        fit_percent: (spread > 0.0).then(|| 100.0 * (1.0 - (error / spread).sqrt())),
+        rmse: Some((error / samples as f64).sqrt()),
+        max_abs_error: Some(largest),
+        samples,
+        weighted_square: Some(error / samples as f64),
+    }
+}
+
+/// The criteria from the fits of the data that were estimated from; none where the unknowns are
+/// as many as the samples, or a residual is exactly zero throughout.
+#[must_use]
+pub fn criteria(fits: &[OutputFit], unknowns: usize) -> Option<Criteria> {
+    let n: f64 = fits.iter().map(|fit| fit.samples as f64).sum();
+    let d = unknowns as f64;
+    if n <= d + 1.0 {
+        return None;
+    }
+    let mut log_likelihood_part = 0.0;
+    let mut product = 1.0;
+    for fit in fits.iter().filter(|fit| fit.samples > 0) {
+        let variance = fit.weighted_square?;
+        log_likelihood_part += fit.samples as f64 * libm::log(variance);
+        product *= variance;
+    }
+    let constant = n * (1.0 + libm::log(2.0 * std::f64::consts::PI));
+    let aic = log_likelihood_part + constant + 2.0 * d;
+    let criteria = Criteria {
+        aic,
+        aicc: aic + 2.0 * d * (d + 1.0) / (n - d - 1.0),
+        bic: log_likelihood_part + constant + d * libm::log(n),
+        fpe: product * (1.0 + d / n) / (1.0 - d / n),
+    };
+    criteria.aic.is_finite().then_some(criteria)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_as_a_model_fits_zero_per_cent_and_the_truth_a_hundred() {
+        let measured = [1.0, 2.0, 3.0, 6.0];
+        let against = |simulated: [f64; 4]| {
+            describe(&measured.into_iter().zip(simulated).collect::<Vec<_>>())
+        };
+        assert_eq!(against([3.0; 4]).fit_percent, Some(0.0));
+        assert_eq!(against(measured).fit_percent, Some(100.0));
+        let off = against([1.0, 2.0, 3.0, 4.0]);
+        assert_eq!((off.rmse, off.max_abs_error), (Some(1.0), Some(2.0)));
+        let mirrored = against([-1.0, -2.0, -3.0, -6.0]).correlation.unwrap();
+        assert!((mirrored + 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_constant_signal_has_no_fit_per_cent() {
+        assert_eq!(describe(&[(2.0, 2.5), (2.0, 1.5)]).fit_percent, None);
+    }
+
+    #[test]
+    fn the_criteria_agree_with_numbers_worked_by_hand() {
+        // n = 100, d = 2, V = 0.25.
+        let fit = OutputFit {
+            fit_percent: None,
+            rmse: Some(0.5),
+            max_abs_error: None,
+            correlation: None,
+            samples: 100,
+            weighted_square: Some(0.25),
+        };
+        let criteria = criteria(&[fit], 2).unwrap();
+        // 100·ln 0.25 = −138.629436, 100·(1 + ln 2π) = 283.787707.
+        assert!((criteria.aic - 149.158_271).abs() < 1e-5);
+        assert!((criteria.aicc - 149.281_982).abs() < 1e-5);
+        // 2·ln 100 = 9.210340.
+        assert!((criteria.bic - 154.368_611).abs() < 1e-5);
+        assert!((criteria.fpe - 0.25 * 1.02 / 0.98).abs() < 1e-12);
+    }
+}

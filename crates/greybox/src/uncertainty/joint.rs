@@ -1,0 +1,356 @@
+//! Unknowns and assumptions together, linearised: what the assumptions do to the estimate.
+//!
+//! With S the derivatives of the residuals by the unknowns (those of priors among them), P those
+//! by the assumptions, each per standard deviation of its tolerance, both in units of the noise:
+//! the estimate holds the assumptions at what is given, so an assumption that is off by x moves
+//! it by `K·x`, `K = −(SᵀS)⁻¹SᵀP` (S. F. Schmidt, 1966). What the residuals r say of the
+//! assumptions beside the unknowns is `M = PᵀQP` and `g = −PᵀQr`, Q the projection beside S. With
+//! the tolerances as priors the assumptions have the covariance `V = (I + M)⁻¹` about `V·g`, so
+//! that the error of the estimate has the mean square
+//!
+//! `T = C + K·V·Kᵀ + (K·V·g)²`, C the covariance of noise alone.
+//!
+//! Where the residuals contradict an assumption the linear model is not to be relied on so far away,
+//! and the error has at least the mean square `C + K·Kᵀ`.
+//!
+//! Where the data say nothing of an assumption this is the propagation of uncertainty of JCGM 100,
+//! `C + K·Kᵀ`; where they say all, it is that of an estimate with all of them free. All of it is
+//! read off the triangle of `[S | P | r]`.
+
+use super::covariance::effective;
+use greybox_numerics::least_squares::Triangle;
+use nalgebra::{DMatrix, DVector};
+
+/// An assumption of which less than this share of its effect stands beside those of the unknowns
+/// is not seen apart from them.
+const APART: f64 = 1e-6;
+
+/// A score beyond this is no chance, among some twenty of them.
+pub const LARGEST_SCORE: f64 = 4.0;
+
+/// The unknowns and the assumptions.
+#[derive(Clone, Debug)]
+pub struct Joint {
+    /// For each unknown its row in K; none for one without effect.
+    rows: Vec<Option<usize>>,
+    /// K: how far each unknown moves by a standard deviation of each assumption; none where the
+    /// data do not fix the unknowns.
+    sensitivity: Option<DMatrix<f64>>,
+    /// The upper triangle of M.
+    apart: DMatrix<f64>,
+    gradient: DVector<f64>,
+    /// For each assumption whether the data see it apart from the unknowns.
+    seen: Vec<bool>,
+    /// V.
+    posterior: DMatrix<f64>,
+    /// V·g: where the data and the tolerances put the assumptions.
+    middle: DVector<f64>,
+}
+
+/// What the data say of one assumption, in standard deviations of its tolerance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Score {
+    /// How many standard deviations of noise the residuals pull at it; standard normal where it
+    /// is right.
+    pub t: f64,
+    /// Where they pull it to, with its standard deviation.
+    pub suggested: (f64, f64),
+}
+
+impl Joint {
+    /// From the triangle of `[S | P | r]` with `unknowns` columns of S, and the same of white
+    /// rows. None where the numbers cannot be used.
+    #[must_use]
+    pub fn new(plain: &Triangle, white: &Triangle, unknowns: usize) -> Option<Joint> {
+        if !plain.is_usable() || !white.is_usable() {
+            return None;
+        }
+        let columns = plain.factor().ncols();
+        let fixed = effective(&plain.factor().columns(0, unknowns).into_owned());
+        let rows = (0..unknowns).map(|own| fixed.iter().position(|index| *index == own));
+        let rows: Vec<Option<usize>> = rows.collect();
+        let kept: Vec<usize> = fixed.iter().copied().chain(unknowns..columns).collect();
+        let (plain, white) = (plain.of_columns(&kept), white.of_columns(&kept));
+        let (factor, whitened) = (plain.factor(), white.factor());
+        let (unknowns, assumed) = (fixed.len(), columns - unknowns);
+        let corner = |factor: &DMatrix<f64>| {
+            let apart = factor.view((unknowns, unknowns), (assumed, assumed));
+            apart.into_owned()
+        };
+        let (mut apart, mut rest) = (corner(&whitened), white.projected());
+        rest = rest.rows(unknowns, assumed).into_owned();
+        let seen: Vec<bool> = (0..assumed)
+            .map(|index| {
+                let whole = whitened.column(unknowns + index).norm();
+                apart.column(index).norm() > APART * whole
+            })
+            .collect();
+        for (index, _) in seen.iter().enumerate().filter(|(_, seen)| !**seen) {
+            apart.column_mut(index).fill(0.0);
+        }
+        let gradient = -(apart.transpose() * &rest);
+        let (posterior, middle) = posterior(&apart, &gradient, &vec![1.0; assumed])?;
+        let above = factor.view((0, 0), (unknowns, unknowns)).into_owned();
+        let beside = factor.view((0, unknowns), (unknowns, assumed));
+        Some(Joint {
+            rows,
+            sensitivity: above
+                .solve_upper_triangular(&beside.into_owned())
+                .map(|moved| -moved)
+                .filter(|moved| moved.iter().all(|entry| entry.is_finite())),
+            apart,
+            gradient,
+            seen,
+            posterior,
+            middle,
+        })
+    }
+
+    /// How far an unknown moves by a standard deviation of an assumption.
+    #[must_use]
+    pub fn move_by(&self, unknown: usize, assumption: usize) -> Option<f64> {
+        Some(self.moves(unknown)?[assumption])
+    }
+
+    /// What the residuals say of an assumption with all others as given; none where they cannot
+    /// see it apart from the unknowns.
+    #[must_use]
+    pub fn score(&self, assumption: usize) -> Option<Score> {
+        let root = self.apart.column(assumption).norm();
+        self.seen[assumption].then(|| Score {
+            t: self.gradient[assumption] / root,
+            suggested: (self.gradient[assumption] / (root * root), 1.0 / root),
+        })
+    }
+
+    /// What the residuals would not show of an assumption: so many standard deviations of noise.
+    #[must_use]
+    pub fn unnoticed(&self, assumption: usize, deviations: f64) -> Option<f64> {
+        let root = self.apart.column(assumption).norm();
+        self.seen[assumption].then(|| deviations / root)
+    }
+
+    /// The mean square of an unknown's error, with the variance that noise alone gives it.
+    #[must_use]
+    pub fn total(&self, unknown: usize, noise: f64) -> Option<f64> {
+        let moves = self.moves(unknown)?;
+        let spread = moves.dot(&(&self.posterior * &moves));
+        let shift = moves.dot(&self.middle);
+        let told = spread + shift * shift;
+        let assumed = match self.is_contradicted() {
+            true => told.max(moves.norm_squared()),
+            false => told,
+        };
+        Some(noise + assumed)
+    }
+
+    /// What an assumption contributes to an unknown: the standard deviation, and its share of the
+    /// variance of all assumptions together (below zero where it makes up for others).
+    #[must_use]
+    pub fn contribution(&self, unknown: usize, assumption: usize) -> Option<(f64, f64)> {
+        let moves = self.moves(unknown)?;
+        let own = moves[assumption];
+        let joint = self.posterior.column(assumption).dot(&moves);
+        let deviation = own.abs() * self.posterior[(assumption, assumption)].sqrt();
+        Some((deviation, own * joint))
+    }
+
+    /// What the mean square of an unknown's error would be, were the tolerance of an assumption
+    /// `factor` times as large, by the linear model and without its present residuals.
+    #[must_use]
+    pub fn total_if(
+        &self,
+        (unknown, noise): (usize, f64),
+        (assumption, factor): (usize, f64),
+    ) -> Option<f64> {
+        let moves = self.moves(unknown)?;
+        let mut deviations = vec![1.0; moves.len()];
+        deviations[assumption] = factor;
+        let (changed, _) = posterior(&self.apart, &self.gradient, &deviations)?;
+        Some(noise + moves.dot(&(changed * &moves)))
+    }
+
+    /// Whether the residuals contradict an assumption.
+    fn is_contradicted(&self) -> bool {
+        let mut scores = (0..self.seen.len()).filter_map(|place| self.score(place));
+        scores.any(|score| score.t.abs() > LARGEST_SCORE)
+    }
+
+    fn moves(&self, unknown: usize) -> Option<DVector<f64>> {
+        let row = self.rows[unknown]?;
+        Some(self.sensitivity.as_ref()?.row(row).transpose())
+    }
+}
+
+/// V and V·g where the tolerances are multiplied by these: by the triangle of `[R; D⁻¹]`, R that
+/// of M, so that nothing is squared.
+fn posterior(
+    apart: &DMatrix<f64>,
+    gradient: &DVector<f64>,
+    deviations: &[f64],
+) -> Option<(DMatrix<f64>, DVector<f64>)> {
+    let n = deviations.len();
+    let mut stacked = DMatrix::zeros(2 * n, n);
+    stacked.rows_mut(0, n).copy_from(apart);
+    for (index, deviation) in deviations.iter().enumerate() {
+        stacked[(n + index, index)] = 1.0 / deviation;
+    }
+    let triangle = stacked.qr().unpack_r();
+    let inverse = triangle.solve_upper_triangular(&DMatrix::identity(n, n))?;
+    let covariance = &inverse * inverse.transpose();
+    let middle = &covariance * gradient;
+    let sound = covariance
+        .iter()
+        .chain(middle.iter())
+        .all(|entry| entry.is_finite());
+    sound.then_some((covariance, middle))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two unknowns and two assumptions that act linearly on six samples of unit noise; the last
+    /// assumption does what the second unknown does.
+    const S: [[f64; 2]; 6] = [[1., 0.], [1., 1.], [1., 2.], [1., 3.], [1., 4.], [1., 5.]];
+    const P: [[f64; 2]; 6] = [
+        [0.3, 0.],
+        [-0.2, 2.],
+        [0.5, 4.],
+        [0.1, 6.],
+        [-0.4, 8.],
+        [0.7, 10.],
+    ];
+    const R: [f64; 6] = [0.2, -0.5, 0.7, 0.1, -0.9, 0.4];
+
+    fn matrix<const N: usize>(rows: &[[f64; N]; 6]) -> DMatrix<f64> {
+        DMatrix::from_fn(6, N, |row, column| rows[row][column])
+    }
+
+    fn joint(scale: f64) -> Joint {
+        let mut triangle = Triangle::new(4);
+        let (s, p) = (matrix(&S), matrix(&P) * scale);
+        triangle.push(&DMatrix::from_fn(6, 5, |row, column| match column {
+            0 | 1 => s[(row, column)],
+            2 | 3 => p[(row, column - 2)],
+            _ => R[row],
+        }));
+        Joint::new(&triangle, &triangle, 2).unwrap()
+    }
+
+    /// By normal equations: the covariance of all four with the tolerances as priors, the two
+    /// unknowns' part; and the covariance of the unknowns alone.
+    fn closed_form(scale: f64) -> (DMatrix<f64>, DMatrix<f64>) {
+        let (s, p) = (matrix(&S), matrix(&P) * scale);
+        let mut information = DMatrix::identity(4, 4);
+        information
+            .view_mut((0, 0), (2, 2))
+            .copy_from(&(s.transpose() * &s));
+        information
+            .view_mut((0, 2), (2, 2))
+            .copy_from(&(s.transpose() * &p));
+        information
+            .view_mut((2, 0), (2, 2))
+            .copy_from(&(p.transpose() * &s));
+        let corner = p.transpose() * &p + DMatrix::identity(2, 2);
+        information.view_mut((2, 2), (2, 2)).copy_from(&corner);
+        let all = information.try_inverse().unwrap();
+        let alone = (s.transpose() * &s).try_inverse().unwrap();
+        (all.view((0, 0), (2, 2)).into_owned(), alone)
+    }
+
+    /// The part of the total that the pull of the residuals makes.
+    fn shift(joint: &Joint, unknown: usize) -> f64 {
+        joint.moves(unknown).unwrap().dot(&joint.middle).powi(2)
+    }
+
+    #[test]
+    fn totals_are_those_of_the_joint_estimate_in_closed_form() {
+        for scale in [1e-3, 0.1, 1.0, 30.0] {
+            let (joint, (all, alone)) = (joint(scale), closed_form(scale));
+            for unknown in 0..2 {
+                let noise = alone[(unknown, unknown)];
+                let total = joint.total(unknown, noise).unwrap() - shift(&joint, unknown);
+                let expected = all[(unknown, unknown)];
+                assert!((total / expected - 1.0).abs() < 1e-10, "{total} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_tolerance_the_total_is_that_of_noise_and_with_all_of_it_that_of_a_free_parameter() {
+        let (_, alone) = closed_form(1.0);
+        let exact = joint(1e-9);
+        assert!((exact.total(0, alone[(0, 0)]).unwrap() / alone[(0, 0)] - 1.0).abs() < 1e-10);
+        // With the first assumption free: three unknowns. The second does what an unknown does,
+        // so that the first unknown is what it is without it.
+        let (s, p) = (matrix(&S), matrix(&P));
+        let three = DMatrix::from_columns(&[s.column(0), s.column(1), p.column(0)]);
+        let free = (three.transpose() * three).try_inverse().unwrap();
+        let open = joint(1e7);
+        let total = open.total(0, alone[(0, 0)]).unwrap() - shift(&open, 0);
+        assert!((total / free[(0, 0)] - 1.0).abs() < 1e-10, "{total}");
+    }
+
+    #[test]
+    fn a_score_is_the_step_of_the_estimate_with_the_assumption_free() {
+        let (s, p, r) = (matrix(&S), matrix(&P), DVector::from_row_slice(&R));
+        let three = DMatrix::from_columns(&[s.column(0), s.column(1), p.column(0)]);
+        let inverse = (three.transpose() * &three).try_inverse().unwrap();
+        let step = -(&inverse * three.transpose() * r);
+        let score = joint(1.0).score(0).unwrap();
+        assert!((score.suggested.0 - step[2]).abs() < 1e-10);
+        assert!((score.suggested.1 - inverse[(2, 2)].sqrt()).abs() < 1e-10);
+        assert!((score.t - step[2] / inverse[(2, 2)].sqrt()).abs() < 1e-10);
+        let unnoticed = joint(1.0).unnoticed(0, 4.0).unwrap();
+        assert!((unnoticed - 4.0 * inverse[(2, 2)].sqrt()).abs() < 1e-10);
+    }
+
+    #[test]
+    fn what_does_the_same_as_an_unknown_has_no_score_and_moves_it_in_full() {
+        let joint = joint(1.0);
+        assert_eq!(joint.score(1), None);
+        assert_eq!(joint.unnoticed(1, 4.0), None);
+        // Twice the unknown's own effect.
+        assert!((joint.move_by(1, 1).unwrap() + 2.0).abs() < 1e-12);
+        let (deviation, variance) = joint.contribution(1, 1).unwrap();
+        assert!((deviation - 2.0).abs() < 1e-12 && variance > 0.0);
+    }
+
+    #[test]
+    fn an_unknown_without_effect_has_no_total_and_takes_none_from_the_others() {
+        let mut triangle = Triangle::new(4);
+        let (s, p) = (matrix(&S), matrix(&P));
+        triangle.push(&DMatrix::from_fn(6, 5, |row, column| match column {
+            0 => s[(row, 0)],
+            1 => 0.0,
+            2 | 3 => p[(row, column - 2)],
+            _ => R[row],
+        }));
+        let joint = Joint::new(&triangle, &triangle, 2).unwrap();
+        assert_eq!(joint.total(1, 1.0), None);
+        let moved = joint.move_by(0, 1).unwrap();
+        // A level beside 0, 2, 4, 6, 8, 10: their mean.
+        assert!((moved + 5.0).abs() < 1e-12, "{moved}");
+    }
+
+    #[test]
+    fn contributions_sum_up_to_what_the_assumptions_add() {
+        let (joint, (all, alone)) = (joint(1.0), closed_form(1.0));
+        for unknown in 0..2 {
+            let parts = (0..2).map(|index| joint.contribution(unknown, index).unwrap().1);
+            let added = all[(unknown, unknown)] - alone[(unknown, unknown)];
+            assert!((parts.sum::<f64>() - added).abs() < 1e-10);
+        }
+    }
+
+    #[test]
+    fn a_tolerance_of_nothing_takes_its_assumption_out_of_the_total() {
+        let (joint, (_, alone)) = (joint(1.0), closed_form(1.0));
+        let noise = alone[(1, 1)];
+        let without = joint.total_if((1, noise), (1, 1e-9)).unwrap();
+        let (all, _) = closed_form(1.0);
+        // The second assumption adds its 2² to what the first leaves.
+        assert!((without - (all[(1, 1)] - 4.0)).abs() < 1e-8, "{without}");
+    }
+}

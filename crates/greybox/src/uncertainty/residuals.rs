@@ -1,0 +1,341 @@
+//! What the model leaves unexplained: its size against the noise, its memory, and whether it
+//! follows an input.
+//!
+//! Residuals of a right model are white: their autocorrelation at lags 1 to 25 stays within
+//! ±2.58/√n in 99 of 100 cases (L. Ljung, *System Identification*, 1999, ch. 16). With many
+//! thousand samples that finds colour too faint to matter, so correlations below
+//! `NEGLIGIBLE_CORRELATION` do not count. A residual that is correlated with what an input was at
+//! lags 0 to 25 is an effect of that input that the model has not.
+
+use crate::estimation::loss::Loss;
+use crate::estimation::problem::Problem;
+use greybox_simulation::single::Outputs;
+
+/// Lags that are looked at.
+const LAGS: usize = 25;
+/// The 99 % point of the normal distribution, two-sided.
+const NORMAL_99: f64 = 2.576;
+/// Correlations below this change an interval by less than its own uncertainty.
+const NEGLIGIBLE_CORRELATION: f64 = 0.1;
+
+/// What is left unexplained of one output.
+#[derive(Clone, Debug)]
+pub struct ResidualReport {
+    /// The standard deviation that the intervals are made with: the declared noise, or the
+    /// residuals' own where that is larger or none is declared `[SI]`.
+    pub noise_std: f64,
+    /// The mean square of the residuals divided by that of the declared noise.
+    pub chi_square_per_sample: Option<f64>,
+    /// The correlation of each residual with the next.
+    pub lag_1_autocorrelation: Option<f64>,
+    /// Whether the residuals have no memory; none where they are too few to tell.
+    pub white: Option<bool>,
+    /// For each input by its name the largest correlation of the residuals with what it was, and
+    /// whether it is more than chance; only inputs that vary.
+    pub inputs: Vec<InputCorrelation>,
+    /// The number of independent residuals that would tell as much about their mean.
+    pub effective_samples: Option<f64>,
+    /// Residuals that counted less than their square; none where all counted squared.
+    pub outliers: Option<usize>,
+    /// The share of those that counted squared.
+    pub inlier_share: f64,
+}
+
+/// How the residuals follow an input.
+#[derive(Clone, Debug)]
+pub struct InputCorrelation {
+    /// The input.
+    pub input: String,
+    /// The largest correlation.
+    pub correlation: f64,
+    /// The lag at which it is `[samples]`: what the input was so long before.
+    pub lag: usize,
+    /// Whether it is more than chance.
+    pub significant: bool,
+}
+
+/// Looks at the residuals of each output in the part that was estimated from.
+#[must_use]
+pub fn report(problem: &Problem, trajectories: &[Outputs]) -> Vec<ResidualReport> {
+    let of_output = |output: usize| {
+        let series: Vec<Vec<f64>> = trajectories
+            .iter()
+            .enumerate()
+            .map(|(experiment, trajectory)| series(problem, trajectory, experiment, output))
+            .collect();
+        let scale = problem.outputs[output].residual_scale;
+        let held = Held::new(series, scale, problem.loss);
+        let declared = problem.outputs[output].noise_std;
+        let mut report = describe(&held, declared, problem.coordinates.len());
+        report.inputs = inputs(problem, &held.series);
+        report
+    };
+    (0..problem.outputs.len()).map(of_output).collect()
+}
+
+/// measured − simulated of one output in one experiment [SI], as large as if all samples had the
+/// same noise; NaN where not measured.
+pub(super) fn series(
+    problem: &Problem,
+    trajectory: &Outputs,
+    experiment: usize,
+    output: usize,
+) -> Vec<f64> {
+    let data = &problem.experiments[experiment];
+    let simulated = &trajectory[problem.outputs[output].index];
+    let used = data.measured[output][..data.estimation_samples]
+        .iter()
+        .zip(simulated)
+        .enumerate();
+    used.map(|(sample, (measured, simulated))| (measured - simulated) * data.weight(output, sample))
+        .collect()
+}
+
+/// Residuals, each held within the threshold of the loss.
+struct Held {
+    series: Vec<Vec<f64>>,
+    outliers: usize,
+    loss: Loss,
+}
+
+impl Held {
+    fn new(mut series: Vec<Vec<f64>>, scale: f64, loss: Loss) -> Held {
+        let mut outliers = 0;
+        for residual in series.iter_mut().flatten() {
+            outliers += usize::from(loss.is_outlier(*residual / scale));
+            *residual = if loss == Loss::Squared {
+                *residual
+            } else {
+                loss.score(*residual / scale) * scale
+            };
+        }
+        Held {
+            series,
+            outliers,
+            loss,
+        }
+    }
+}
+
+/// The noise level of held residuals is the one that the variance of Huber's estimate asks for,
+/// `Σψ²/(n − p)` over the squared share of inliers (P. J. Huber, *Robust Statistics*, 1981, §7.6).
+fn describe(held: &Held, declared: Option<f64>, unknowns: usize) -> ResidualReport {
+    let series = &held.series;
+    let (sum, count) = products(series, 0);
+    let mean_square = sum / count.max(1) as f64;
+    let freedom = count.saturating_sub(unknowns).max(1) as f64;
+    let inlier_share = 1.0 - held.outliers as f64 / count.max(1) as f64;
+    let own = (sum / freedom).sqrt() / inlier_share.max(f64::MIN_POSITIVE);
+    let own = own.max(f64::MIN_POSITIVE);
+    let expected = held.loss.normal_mean_square_score();
+    let correlation = |lag: usize| {
+        let (sum, pairs) = products(series, lag);
+        (pairs > 0 && mean_square > 0.0).then(|| sum / pairs as f64 / mean_square)
+    };
+    let correlations: Vec<f64> = (1..=LAGS).filter_map(correlation).collect();
+    let enough = count > 4 * LAGS && correlations.len() == LAGS;
+    let limit = (NORMAL_99 / (count.max(1) as f64).sqrt()).max(NEGLIGIBLE_CORRELATION);
+    let outside = correlations.iter().filter(|rho| rho.abs() > limit).count();
+    ResidualReport {
+        noise_std: declared.map_or(own, |declared| declared.max(own)),
+        chi_square_per_sample: declared
+            .map(|declared| mean_square / (expected * declared * declared)),
+        outliers: (held.loss != Loss::Squared).then_some(held.outliers),
+        inlier_share,
+        lag_1_autocorrelation: correlations.first().copied(),
+        // One of 25 lags may lie outside by chance.
+        inputs: Vec::new(),
+        white: enough.then_some(outside <= 1),
+        effective_samples: enough.then(|| effective(count, &correlations, limit)),
+    }
+}
+
+/// The sum of the products of residuals that stand `lag` samples apart, and how many there are.
+fn products(series: &[Vec<f64>], lag: usize) -> (f64, usize) {
+    let mut total = (0.0, 0);
+    for values in series {
+        let pairs = values.iter().zip(values.iter().skip(lag));
+        for product in pairs
+            .map(|(a, b)| a * b)
+            .filter(|product| !product.is_nan())
+        {
+            total.0 += product;
+            total.1 += 1;
+        }
+    }
+    total
+}
+
+/// n/(1 + 2·Σρ) over the lags up to the first correlation within the limit.
+fn effective(count: usize, correlations: &[f64], limit: f64) -> f64 {
+    let memory: f64 = correlations
+        .iter()
+        .take_while(|rho| rho.abs() > limit)
+        .sum();
+    count as f64 / (1.0 + 2.0 * memory).max(1.0)
+}
+
+/// How residuals follow the inputs, over the experiments that have the input.
+fn inputs(problem: &Problem, series: &[Vec<f64>]) -> Vec<InputCorrelation> {
+    let sets = &problem.model.description().input_sets;
+    let mut found: Vec<InputCorrelation> = Vec::new();
+    for (set, names) in sets.iter().enumerate() {
+        let of_set = |place: usize| {
+            let experiments = problem.experiments.iter().zip(series);
+            let experiments = experiments.filter(move |(data, _)| data.input_set == set);
+            experiments
+                .map(move |(data, residuals)| (&data.inputs[place][..], &residuals[..]))
+                .collect::<Vec<_>>()
+        };
+        for (place, name) in names.iter().enumerate() {
+            found.extend(follow(name, &of_set(place)));
+        }
+    }
+    found
+}
+
+/// How residuals follow an input: pairs of its samples and theirs, an experiment each.
+fn follow(name: &str, pairs: &[(&[f64], &[f64])]) -> Option<InputCorrelation> {
+    let about_mean: Vec<Vec<f64>> = pairs.iter().map(|(input, _)| centred(input)).collect();
+    let series: Vec<Vec<f64>> = pairs.iter().map(|(_, series)| series.to_vec()).collect();
+    let (input_power, samples) = products(&about_mean, 0);
+    let (power, count) = products(&series, 0);
+    if count <= 4 * LAGS || input_power <= 0.0 || power <= 0.0 {
+        return None;
+    }
+    let scale = ((input_power / samples as f64) * (power / count as f64)).sqrt();
+    let at_lag = |lag: usize| {
+        let terms = about_mean.iter().zip(&series).flat_map(|(input, series)| {
+            let pairs = series.iter().skip(lag).zip(input);
+            pairs.map(|(residual, input)| residual * input)
+        });
+        let present = terms.filter(|term| !term.is_nan());
+        let (sum, n) = present.fold((0.0, 0), |(sum, n), term| (sum + term, n + 1));
+        sum / f64::from(n).max(1.0) / scale
+    };
+    let correlations: Vec<f64> = (0..=LAGS).map(at_lag).collect();
+    let limit = chance(&about_mean, &series).max(NEGLIGIBLE_CORRELATION);
+    let outside = correlations.iter().filter(|rho| rho.abs() > limit).count();
+    let (lag, correlation) = correlations
+        .into_iter()
+        .enumerate()
+        .max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))?;
+    Some(InputCorrelation {
+        input: name.to_owned(),
+        correlation,
+        lag,
+        significant: outside > 1,
+    })
+}
+
+/// What chance makes of the correlation of two independent series, 99 times of 100: their
+/// memories make up for samples (L. Ljung, *System Identification*, 1999, ch. 16).
+fn chance(input: &[Vec<f64>], series: &[Vec<f64>]) -> f64 {
+    let (input_power, samples) = products(input, 0);
+    let (power, count) = products(series, 0);
+    let memory = (1..=LAGS).map(|lag| {
+        let ((a, pairs_a), (b, pairs_b)) = (products(input, lag), products(series, lag));
+        let rho = a / pairs_a.max(1) as f64 / (input_power / samples as f64);
+        rho * b / pairs_b.max(1) as f64 / (power / count as f64)
+    });
+    let spread = 1.0 + 2.0 * memory.sum::<f64>();
+    NORMAL_99 * (spread.max(1.0) / count as f64).sqrt()
+}
+
+fn centred(values: &[f64]) -> Vec<f64> {
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    values.iter().map(|value| value - mean).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use greybox_numerics::rng::{Purpose, normal, stream};
+
+    fn noise(count: usize, memory: f64) -> Vec<f64> {
+        let mut rng = stream(11, 0, Purpose::Noise);
+        let mut last = 0.0;
+        (0..count)
+            .map(|_| {
+                last = memory * last + normal(&mut rng);
+                last
+            })
+            .collect()
+    }
+
+    fn squared(values: Vec<f64>) -> Held {
+        Held::new(vec![values], 1.0, Loss::Squared)
+    }
+
+    #[test]
+    fn wild_residuals_do_not_move_the_noise_level_where_the_loss_holds_them() {
+        let mut values = noise(5000, 0.0);
+        let clean = describe(
+            &Held::new(vec![values.clone()], 1.0, Loss::Huber(1.5)),
+            Some(1.0),
+            4,
+        );
+        assert!((clean.chi_square_per_sample.unwrap() - 1.0).abs() < 0.1);
+        // What the estimate loses where nothing is wild: 3.7 % of its efficiency at 1.5.
+        assert!((clean.noise_std.powi(2) - 1.037).abs() < 0.05);
+        values
+            .iter_mut()
+            .step_by(100)
+            .for_each(|value| *value = 80.0);
+        let wild = describe(
+            &Held::new(vec![values.clone()], 1.0, Loss::Huber(1.5)),
+            Some(1.0),
+            4,
+        );
+        let beyond = values.iter().filter(|value| value.abs() > 1.5).count();
+        assert_eq!(wild.outliers, Some(beyond));
+        assert!((0.98..1.1).contains(&wild.noise_std), "{}", wild.noise_std);
+        assert!(describe(&squared(values), Some(1.0), 4).noise_std > 7.0);
+    }
+
+    #[test]
+    fn white_noise_of_the_declared_size_is_called_white_and_sized_right() {
+        let report = describe(&squared(noise(5000, 0.0)), Some(1.0), 4);
+        assert_eq!(report.white, Some(true));
+        // The variance of 5000 squares: 2/5000, five standard errors.
+        assert!((report.chi_square_per_sample.unwrap() - 1.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn noise_with_a_memory_is_called_coloured_and_counts_for_less() {
+        let report = describe(&squared(noise(5000, 0.8)), None, 4);
+        assert_eq!(report.white, Some(false));
+        assert!((report.lag_1_autocorrelation.unwrap() - 0.8).abs() < 0.05);
+        // (1 − 0.8)/(1 + 0.8) of the samples.
+        let expected = 5000.0 / 9.0;
+        assert!((report.effective_samples.unwrap() / expected - 1.0).abs() < 0.25);
+    }
+
+    #[test]
+    fn residuals_that_follow_an_input_late_are_told_with_the_lag() {
+        let input = noise(5000, 0.5);
+        let own = noise(5100, 0.0);
+        let late = |share: f64| -> Vec<f64> {
+            let lagged = std::iter::repeat_n(0.0, 7).chain(input.iter().copied());
+            let pairs = lagged.zip(&own[100..]);
+            pairs.map(|(input, own)| share * input + own).collect()
+        };
+        let follows = follow("force", &[(&input, &late(1.0))]).unwrap();
+        assert!(follows.significant);
+        assert_eq!(follows.lag, 7);
+        let free = follow("force", &[(&input, &late(0.0))]).unwrap();
+        assert!(!free.significant, "{}", free.correlation);
+        assert!(follow("force", &[(&[1.0; 5000], &late(0.0))]).is_none());
+    }
+
+    #[test]
+    fn missing_samples_break_no_pair_but_their_own() {
+        let mut values = noise(5000, 0.8);
+        values
+            .iter_mut()
+            .step_by(7)
+            .for_each(|value| *value = f64::NAN);
+        let report = describe(&squared(values), None, 4);
+        assert!((report.lag_1_autocorrelation.unwrap() - 0.8).abs() < 0.05);
+    }
+}

@@ -1,0 +1,210 @@
+//! Apache Parquet: a column for each signal, or columns for the time, the tag and the value.
+
+mod decoded;
+mod headers;
+mod meaning;
+
+use super::super::error::{broken, malformed};
+use super::super::memory::Memory;
+use super::{Rows, TEXT_AT_ONCE, Text, push_field, receive_rows};
+use crate::intake::options::Options;
+use crate::intake::{Fault, Format, ReadError};
+use crate::{MAX_SIGNALS, NewScratch, Received, Warning};
+use ::parquet::errors::ParquetError;
+use ::parquet::file::reader::{FileReader, SerializedFileReader};
+use bytes::Bytes;
+use decoded::Decoded;
+use meaning::Meaning;
+use std::{fmt, io};
+
+/// The rows that are decoded at once, where no value may be long though its bytes are few.
+const ROWS_AT_ONCE: usize = 4096;
+
+/// What pandas calls an index without a name.
+const UNNAMED_INDEX: &str = "__index_level_0__";
+
+pub(super) fn receive(
+    bytes: Bytes,
+    options: &Options,
+    scratch: Option<NewScratch>,
+    memory: &Memory,
+) -> Result<Received, ReadError> {
+    let not_read = |why: &dyn fmt::Display| {
+        let detail = format!("this is no Parquet file that can be read: {why}");
+        malformed(Fault::anywhere("not_parquet", detail))
+    };
+    if !headers::footer_is_sound(&bytes) {
+        return Err(not_read(&"its footer does not read"));
+    }
+    let file = SerializedFileReader::new(bytes.clone()).map_err(|error| not_read(&error))?;
+    let Some(pages) = headers::pages(&bytes, file.metadata()) else {
+        return Err(super::damaged(Format::Parquet));
+    };
+    memory.hold(pages.unpacked, "pages of this file", "write smaller pages")?;
+    let (columns, left_out) = columns(&file, options);
+    if columns.len() > MAX_SIGNALS + 1 {
+        let detail = format!("more than {MAX_SIGNALS} signals");
+        return Err(malformed(Fault::anywhere("too_many_signals", detail)));
+    }
+    let note = (!left_out.is_empty()).then(|| {
+        let detail = format!(
+            "left out, being no numbers, times or words: {}",
+            left_out.join(", ")
+        );
+        Warning::of_recording("columns_left_out", detail)
+    });
+    let table = Table {
+        rows_at_once: if pages.have_prefixes { 1 } else { ROWS_AT_ONCE },
+        file,
+        columns,
+        group: 0,
+        left: 0,
+        row: None,
+    };
+    let rows = (Text::new(table), note.into_iter().collect());
+    receive_rows(Format::Parquet, rows, options, scratch, memory)
+}
+
+/// A column that is read.
+struct Column {
+    place: usize,
+    name: String,
+    meaning: Meaning,
+    decoded: Option<Decoded>,
+}
+
+/// The columns in the order in which they are written, the time first where there is no doubt which it
+/// is; and the names of those that cannot be read.
+fn columns(file: &SerializedFileReader<Bytes>, options: &Options) -> (Vec<Column>, Vec<String>) {
+    let schema = file.metadata().file_metadata().schema_descr();
+    let mut columns = Vec::new();
+    let mut left_out = Vec::new();
+    for (place, column) in schema.columns().iter().enumerate() {
+        let name = column.path().string();
+        match Meaning::of(column) {
+            Some(meaning) => columns.push(Column {
+                place,
+                name,
+                meaning,
+                decoded: None,
+            }),
+            None => left_out.push(format!("`{name}`")),
+        }
+    }
+    let is_instant = |own: &Column| matches!(own.meaning, Meaning::Instant { .. });
+    let is_only = columns.iter().filter(|own| is_instant(own)).count() == 1;
+    let time = columns
+        .iter()
+        .position(|own| match is_only && options.time.is_none() {
+            true => is_instant(own),
+            false => own.name == UNNAMED_INDEX,
+        });
+    if let Some(time) = time {
+        let mut first = columns.remove(time);
+        if first.name == UNNAMED_INDEX {
+            "time".clone_into(&mut first.name);
+        }
+        columns.insert(0, first);
+    }
+    (columns, left_out)
+}
+
+/// All rows of a file.
+struct Table {
+    /// The rows that are decoded at once.
+    rows_at_once: usize,
+    file: SerializedFileReader<Bytes>,
+    columns: Vec<Column>,
+    /// The row groups that have been begun.
+    group: usize,
+    /// The rows that are decoded and not written.
+    left: usize,
+    /// The rows that have been written; none before the header.
+    row: Option<u64>,
+}
+
+impl Table {
+    fn fault(&self, error: &ParquetError) -> io::Error {
+        let line = self.row.unwrap_or_default() + 2;
+        let detail = format!("the file is broken after row {}: {error}", line - 1);
+        broken(Fault::at_line("not_parquet", line, None, detail))
+    }
+
+    fn begin_group(&mut self) -> Result<(), ParquetError> {
+        let group = self.file.get_row_group(self.group)?;
+        for column in &mut self.columns {
+            let levels = group
+                .metadata()
+                .column(column.place)
+                .column_descr()
+                .max_def_level();
+            let reader = group.get_column_reader(column.place)?;
+            column.decoded = Some(Decoded::new(reader, levels));
+        }
+        self.group += 1;
+        Ok(())
+    }
+
+    /// Decodes rows of all columns; says how many, none at the end of a row group.
+    fn fill(&mut self) -> Result<usize, ParquetError> {
+        let mut rows = None;
+        for column in &mut self.columns {
+            let own = match &mut column.decoded {
+                Some(decoded) => decoded.fill(self.rows_at_once)?,
+                None => 0,
+            };
+            if *rows.get_or_insert(own) != own {
+                let detail = format!("`{}` has fewer rows than others", column.name);
+                return Err(ParquetError::General(detail));
+            }
+        }
+        Ok(rows.unwrap_or(0))
+    }
+}
+
+impl Table {
+    /// Adds the next of the rows that are decoded.
+    fn write_row(&mut self, text: &mut Vec<u8>) -> io::Result<()> {
+        for (place, column) in self.columns.iter_mut().enumerate() {
+            if place > 0 {
+                text.push(b',');
+            }
+            if let Some(decoded) = &mut column.decoded {
+                decoded.write(column.meaning, text)?;
+            }
+        }
+        text.push(b'\n');
+        Ok(())
+    }
+}
+
+impl Rows for Table {
+    fn write(&mut self, text: &mut Vec<u8>) -> io::Result<bool> {
+        if self.row.is_none() {
+            for column in &self.columns {
+                push_field(text, &column.name);
+                text.push(b',');
+            }
+            // In the place of the last comma.
+            text.pop();
+            text.push(b'\n');
+            self.row = Some(0);
+            return Ok(true);
+        }
+        while self.left == 0 {
+            match self.fill() {
+                Ok(0) if self.group == self.file.metadata().num_row_groups() => return Ok(false),
+                Ok(0) => self.begin_group().map_err(|error| self.fault(&error))?,
+                Ok(rows) => self.left = rows,
+                Err(error) => return Err(self.fault(&error)),
+            }
+        }
+        // A dictionary may say one long word in every row.
+        while self.left > 0 && text.len() < TEXT_AT_ONCE {
+            self.write_row(text)?;
+            self.left -= 1;
+            self.row = self.row.map(|row| row + 1);
+        }
+        Ok(true)
+    }
+}

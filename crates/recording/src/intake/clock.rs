@@ -1,0 +1,476 @@
+//! Times of any spelling, in seconds from the first one: numbers in a unit of time, Unix times,
+//! serial days of a spreadsheet, timestamps with an offset or in a zone. The first decides which.
+//!
+//! The unit of numbers is that of the option, else that of the header, else what the size of
+//! the numbers leaves no doubt about; else it is asked for.
+
+mod names;
+
+use super::cell::Cell;
+use super::options::{Options, TimeUnit};
+use super::stamp::{self, Stamp};
+use super::units;
+use super::value::number;
+use crate::{DoubleHour, TICK, Warning, is_beyond_nanoseconds, nanoseconds};
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
+use names::{COUNTERS, TIMES};
+
+/// Unix times of plants: 1990 to 2100 `[s]`.
+const UNIX: std::ops::Range<f64> = 631_152_000.0..4_102_444_800.0;
+
+/// Serial days of the same years: 1990 to 2100.
+const SERIAL_DAYS: std::ops::Range<f64> = 32_874.0..73_051.0;
+
+/// Nanoseconds of a second.
+const NANOSECONDS: f64 = 1e9;
+
+/// A code and a sentence.
+pub(super) type Fault = (&'static str, String);
+
+/// Reads the times of one source.
+#[derive(Debug)]
+pub(super) struct Clock {
+    /// The name that the source has for the time.
+    name: String,
+    /// The unit in the header.
+    recorded_unit: String,
+    /// Somebody said that this column is the time.
+    is_said: bool,
+    options: ClockOptions,
+    kind: Option<Kind>,
+    /// How many local times came twice because clocks were set back.
+    folds: usize,
+    /// The hour that came twice, as long as no order of times told its two passes apart.
+    double_hour: Option<DoubleHour>,
+    is_told_by_order: bool,
+    /// Whether a time is no multiple of [`TICK`].
+    is_fine: bool,
+    /// The longest time from the first to another one `[s]`.
+    farthest: f64,
+    guessed_unit: Option<&'static str>,
+    offset: Option<String>,
+}
+
+#[derive(Debug)]
+struct ClockOptions {
+    zone: Option<(String, TimeZone)>,
+    unit: Option<TimeUnit>,
+    decimal: Option<super::options::Decimal>,
+}
+
+/// What the times turned out to be.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    /// Numbers of so many seconds from an instant that nobody knows.
+    Relative {
+        factor: f64,
+        first: f64,
+        largest: f64,
+    },
+    /// Instants, in nanoseconds of Unix time.
+    Absolute { spelling: Spelling, first: i64 },
+}
+
+/// How an instant is written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Spelling {
+    /// Text.
+    Stamp { day_first: Option<bool> },
+    /// A number of units since 1970, of so many seconds each.
+    Unix { factor: f64 },
+    /// Days since 1899-12-30 in local time.
+    SerialDays,
+}
+
+impl Clock {
+    pub(super) fn new(name: &str, recorded_unit: &str, options: &Options) -> Self {
+        Self {
+            name: name.to_owned(),
+            recorded_unit: recorded_unit.to_owned(),
+            is_said: options.time.is_some(),
+            options: ClockOptions {
+                zone: options.zone.clone(),
+                unit: options.time_unit,
+                decimal: options.decimal,
+            },
+            kind: None,
+            folds: 0,
+            double_hour: None,
+            is_told_by_order: false,
+            is_fine: false,
+            farthest: 0.0,
+            guessed_unit: None,
+            offset: None,
+        }
+    }
+
+    /// Learns from times further down whether the day or the month comes first.
+    pub(super) fn look_ahead<'t>(&mut self, mut times: impl Iterator<Item = &'t str>) {
+        if self.options.unit.is_none()
+            && let Some(day_first) = times.find_map(stamp::day_first)
+        {
+            self.options.unit = Some(TimeUnit::Dates { day_first });
+        }
+    }
+
+    /// A time in seconds from the first that was read. `before` is the time of the sample before it
+    /// in its series, which tells apart the two passes of a local hour that came twice.
+    ///
+    /// # Errors
+    /// A sentence on what is wrong with it.
+    pub(super) fn read(&mut self, cell: &Cell<'_>, before: Option<f64>) -> Result<f64, Fault> {
+        if matches!(cell, Cell::Empty) || matches!(cell, Cell::Text(text) if text.trim().is_empty())
+        {
+            return Err(("missing_time", "there are values but no time".to_owned()));
+        }
+        let mut kind = match self.kind {
+            Some(kind) => kind,
+            None => self.first(cell)?,
+        };
+        let seconds = match &mut kind {
+            Kind::Relative {
+                factor,
+                first,
+                largest,
+            } => {
+                let value = self.number(cell)?;
+                *largest = largest.max(value.abs());
+                (value - *first) * *factor
+            }
+            Kind::Absolute { spelling, first } => {
+                let before = before.map(|before| first.saturating_add(nanoseconds(before)));
+                let instant = self.instant(cell, *spelling, before)?;
+                self.is_fine |= instant % TICK != 0;
+                let seconds = (instant - *first) as f64 / NANOSECONDS;
+                self.farthest = self.farthest.max(seconds.abs());
+                seconds
+            }
+        };
+        if !seconds.is_finite() {
+            return Err(not_a_time(cell));
+        }
+        self.kind = Some(kind);
+        Ok(seconds)
+    }
+
+    /// The instant of the time `from` `[s]` after the first that was read, nanoseconds since 1970.
+    fn start_ns(&self, from: f64) -> Option<i64> {
+        match self.kind? {
+            Kind::Absolute { first, .. } => first.checked_add(nanoseconds(from)),
+            Kind::Relative { .. } => None,
+        }
+    }
+
+    /// The instant of the time `from` `[s]` after the first that was read.
+    pub(super) fn start(&self, from: f64) -> Option<Timestamp> {
+        Timestamp::from_nanosecond(self.start_ns(from)?.into()).ok()
+    }
+
+    /// The hour that came twice, where the earliest time, `from` `[s]` after the first that was
+    /// read, lies in it and nothing told which of its two passes the times are of. They were taken
+    /// for times of the first.
+    pub(super) fn double_hour(&self, from: f64) -> Option<DoubleHour> {
+        let earliest = self.start_ns(from)?;
+        let hour = self.double_hour.filter(|_| !self.is_told_by_order)?;
+        hour.first_pass().contains(&earliest).then_some(hour)
+    }
+
+    /// Whether the times are instants of Unix time, exact to the nanosecond.
+    pub(super) fn is_absolute(&self) -> bool {
+        matches!(self.kind, Some(Kind::Absolute { .. }))
+    }
+
+    /// The zone in which the source counted, where it is not UTC.
+    pub(super) fn zone(&self) -> Option<String> {
+        let said = self.options.zone.as_ref().map(|(name, _)| name.clone());
+        match self.kind {
+            Some(Kind::Absolute { .. }) => said.or_else(|| self.offset.clone()),
+            _ => None,
+        }
+    }
+
+    /// The largest number that was read `[s]`.
+    pub(super) fn scale(&self) -> f64 {
+        match self.kind {
+            Some(Kind::Relative {
+                factor, largest, ..
+            }) => largest * factor,
+            _ => 0.0,
+        }
+    }
+
+    /// What was assumed.
+    pub(super) fn notes(&self) -> Vec<Warning> {
+        let mut notes = Vec::new();
+        if let Some(unit) = self.guessed_unit {
+            let detail = format!(
+                "`{}` does not say its unit: by the size of its numbers they were read as {unit}; \
+                 `time_unit` says otherwise",
+                self.name
+            );
+            notes.push(Warning::of_recording("time_unit_from_size", detail));
+        }
+        if self.is_fine && is_beyond_nanoseconds(self.farthest) {
+            let detail = format!(
+                "times {} s apart are told to {TICK} ns: finer stamps were rounded to that",
+                crate::shown(self.farthest)
+            );
+            notes.push(Warning::of_recording("rounded_stamps", detail));
+        }
+        if self.folds > 0 {
+            let detail = format!(
+                "{} local times came twice because clocks were set back; they were told apart by \
+                 their order",
+                self.folds
+            );
+            notes.push(Warning::of_recording("daylight_saving_fold", detail));
+        }
+        notes
+    }
+
+    fn number(&self, cell: &Cell<'_>) -> Result<f64, Fault> {
+        let number = match cell {
+            Cell::Integer(number) => Some(*number as f64),
+            Cell::Number(number) => Some(*number),
+            Cell::Text(text) => number(text.trim(), self.options.decimal),
+            _ => None,
+        };
+        number
+            .filter(|number| number.is_finite())
+            .ok_or_else(|| not_a_time(cell))
+    }
+
+    /// What the first time tells about all of them.
+    fn first(&mut self, cell: &Cell<'_>) -> Result<Kind, Fault> {
+        let spelling = match cell {
+            Cell::Text(text) if stamp::looks_like_one(text) => {
+                self.refuse_unit_of_stamps(text)?;
+                let day_first = match self.options.unit {
+                    Some(TimeUnit::Dates { day_first }) => Some(day_first),
+                    _ => None,
+                };
+                Spelling::Stamp { day_first }
+            }
+            _ => match self.numbers(self.number(cell)?)? {
+                Numbers::Instants(spelling) => spelling,
+                Numbers::Seconds(factor) => {
+                    let first = self.number(cell)?;
+                    return Ok(Kind::Relative {
+                        factor,
+                        first,
+                        largest: first.abs(),
+                    });
+                }
+            },
+        };
+        let first = self.instant(cell, spelling, None)?;
+        Ok(Kind::Absolute { spelling, first })
+    }
+
+    fn refuse_unit_of_stamps(&self, text: &str) -> Result<(), Fault> {
+        let named = self.recorded_unit.to_ascii_lowercase().replace(' ', "");
+        if matches!(
+            named.as_str(),
+            "" | "rfc3339" | "iso8601" | "utc" | "datetime"
+        ) {
+            return Ok(());
+        }
+        let unit = &self.recorded_unit;
+        let detail = format!(
+            "`{}` is a timestamp, but the column's unit is `{unit}`",
+            text.trim()
+        );
+        Err(("unknown_unit", detail))
+    }
+
+    /// What numbers of this size are.
+    fn numbers(&mut self, value: f64) -> Result<Numbers, Fault> {
+        let factor = match self.options.unit {
+            Some(TimeUnit::Seconds(factor)) => Some(factor),
+            Some(TimeUnit::Excel) => return Ok(Numbers::Instants(Spelling::SerialDays)),
+            Some(TimeUnit::Dates { .. }) | None if !self.recorded_unit.is_empty() => {
+                let unit = units::parse_time(&self.recorded_unit).ok_or_else(|| {
+                    let (unit, known) = (&self.recorded_unit, units::known_times());
+                    let detail = format!("unit `{unit}` is not a time; known: {known}");
+                    ("unknown_unit", detail)
+                })?;
+                Some(unit.factor)
+            }
+            _ => None,
+        };
+        if let Some(factor) = factor {
+            return Ok(match UNIX.contains(&(value * factor)) {
+                true => Numbers::Instants(Spelling::Unix { factor }),
+                false => Numbers::Seconds(factor),
+            });
+        }
+        let scales = [
+            (1.0, "Unix seconds"),
+            (1e-3, "Unix milliseconds"),
+            (1e-6, "Unix microseconds"),
+            (1e-9, "Unix nanoseconds"),
+        ];
+        for (factor, name) in scales {
+            if UNIX.contains(&(value * factor)) {
+                self.guessed_unit = Some(name);
+                return Ok(Numbers::Instants(Spelling::Unix { factor }));
+            }
+        }
+        self.small_numbers(value)
+    }
+
+    /// What numbers without a unit are that are no Unix times.
+    fn small_numbers(&mut self, value: f64) -> Result<Numbers, Fault> {
+        let asked = |what: &str| {
+            let detail = format!(
+                "`{}` {what}; say what its numbers are with `time_unit`: a unit (s, ms, …), the \
+                 sample time of a counter (10ms) or `excel`",
+                self.name
+            );
+            Err(("time_unit_needed", detail))
+        };
+        let letters = self.name.chars().filter(|c| c.is_alphanumeric());
+        let name: String = letters.flat_map(char::to_lowercase).collect();
+        if SERIAL_DAYS.contains(&value) && name.contains("date") {
+            self.guessed_unit = Some("serial days of a spreadsheet");
+            return Ok(Numbers::Instants(Spelling::SerialDays));
+        }
+        if SERIAL_DAYS.contains(&value) && value.fract() != 0.0 {
+            return asked("may be serial days of a spreadsheet or seconds");
+        }
+        if COUNTERS.contains(&name.as_str()) && !self.is_said {
+            return asked("counts samples");
+        }
+        if TIMES.contains(&name.as_str()) || self.is_said {
+            return Ok(Numbers::Seconds(1.0));
+        }
+        asked("does not say its unit")
+    }
+
+    /// An instant in nanoseconds of Unix time.
+    fn instant(
+        &mut self,
+        cell: &Cell<'_>,
+        spelling: Spelling,
+        before: Option<i64>,
+    ) -> Result<i64, Fault> {
+        match spelling {
+            Spelling::Unix { factor } => {
+                let exact = match cell {
+                    Cell::Integer(number) => Some(*number),
+                    Cell::Text(text) => text.trim().parse().ok(),
+                    _ => None,
+                };
+                let whole = (factor * NANOSECONDS).round() as i64;
+                let exact = exact.and_then(|number: i64| number.checked_mul(whole));
+                // A double of a Unix time in seconds is good to a quarter of a microsecond.
+                let rounded = || Ok((self.number(cell)? * factor * 1e6).round() as i64 * 1000);
+                exact.map_or_else(rounded, Ok)
+            }
+            Spelling::SerialDays => {
+                // Spreadsheets write days to eleven digits or so behind the point: a microsecond.
+                let tens_of_microseconds = (self.number(cell)? * 86_400e5).round() as i64;
+                let microseconds = tens_of_microseconds.saturating_mul(10);
+                let local =
+                    stamp::from_serial_days(microseconds).ok_or_else(|| not_a_time(cell))?;
+                self.local(local, cell, before)
+            }
+            Spelling::Stamp { day_first } => self.stamp(cell, day_first, before),
+        }
+    }
+
+    fn stamp(
+        &mut self,
+        cell: &Cell<'_>,
+        day_first: Option<bool>,
+        before: Option<i64>,
+    ) -> Result<i64, Fault> {
+        let Cell::Text(text) = cell else {
+            return Err(not_a_time(cell));
+        };
+        match stamp::parse(text.trim(), day_first)? {
+            Stamp::Instant(instant, offset) => {
+                if self.kind.is_none() {
+                    self.offset = offset;
+                }
+                unix_nanoseconds(instant).ok_or_else(|| not_a_time(cell))
+            }
+            Stamp::Local(local) => self.local(local, cell, before),
+        }
+    }
+
+    fn local(
+        &mut self,
+        local: jiff::civil::DateTime,
+        cell: &Cell<'_>,
+        before: Option<i64>,
+    ) -> Result<i64, Fault> {
+        let Some((name, zone)) = &self.options.zone else {
+            let detail = format!(
+                "timestamp `{}` has no time zone offset; write it as 2026-03-02T08:15:00Z or say \
+                 the zone with `tz`, such as Europe/Berlin",
+                shown(cell)
+            );
+            return Err(("no_offset", detail));
+        };
+        let ambiguous = zone.to_ambiguous_timestamp(local);
+        let resolve = |resolved: Result<Timestamp, jiff::Error>| {
+            let instant = resolved.ok();
+            instant
+                .and_then(unix_nanoseconds)
+                .ok_or_else(|| not_a_time(cell))
+        };
+        match ambiguous.offset() {
+            jiff::tz::AmbiguousOffset::Gap { .. } => {
+                let detail = format!("there was no {local} in {name}: clocks were set forward");
+                Err(("no_such_local_time", detail))
+            }
+            jiff::tz::AmbiguousOffset::Fold { .. } => {
+                self.folds += 1;
+                let first_pass = resolve(ambiguous.earlier())?;
+                let second_pass = resolve(ambiguous.later())?;
+                if before.is_some_and(|before| first_pass <= before) {
+                    self.is_told_by_order = true;
+                    return Ok(second_pass);
+                }
+                let hour = || DoubleHour::in_zone(zone, first_pass, second_pass);
+                self.double_hour = self.double_hour.or_else(hour);
+                Ok(first_pass)
+            }
+            jiff::tz::AmbiguousOffset::Unambiguous { .. } => resolve(ambiguous.compatible()),
+        }
+    }
+}
+
+/// What the numbers of a time turned out to be.
+enum Numbers {
+    Seconds(f64),
+    Instants(Spelling),
+}
+
+fn unix_nanoseconds(instant: Timestamp) -> Option<i64> {
+    i64::try_from(instant.as_nanosecond()).ok()
+}
+
+fn shown(cell: &Cell<'_>) -> String {
+    match cell {
+        Cell::Text(text) => super::error::excerpt(text.trim()),
+        Cell::Integer(number) => number.to_string(),
+        Cell::Number(number) => number.to_string(),
+        Cell::Bool(value) => value.to_string(),
+        Cell::Empty => String::new(),
+        Cell::Other(kind) => (*kind).to_owned(),
+    }
+}
+
+fn not_a_time(cell: &Cell<'_>) -> Fault {
+    let detail = format!(
+        "`{}` is neither a finite number nor a timestamp such as 2026-03-02T08:15:00Z",
+        shown(cell)
+    );
+    ("not_a_time", detail)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,304 @@
+//! The values of one signal on their way in: to SI, with what was met among them.
+
+use super::cell::Cell;
+use super::error::{Fault, Faults, excerpt};
+use super::options::{Options, Purpose};
+use super::units::{self, Unit};
+use super::value::Value;
+use crate::{Interpolation, Warning, shown};
+
+/// What loggers write where they have no value. A value is told as a likely one when it is far
+/// from all others.
+const SENTINELS: [f64; 18] = [
+    -9999.0,
+    9999.0,
+    -999.0,
+    999.0,
+    -99.125,
+    -999.25,
+    -99999.0,
+    99999.0,
+    -32768.0,
+    32767.0,
+    65535.0,
+    -2147483648.0,
+    2147483647.0,
+    1e30,
+    -1e30,
+    1e38,
+    -1e38,
+    1e35,
+];
+
+/// Below this, a number is none of them.
+const SMALLEST_SENTINEL: f64 = 99.0;
+
+/// How far from the others a likely one is, in ranges of the others.
+const FAR: f64 = 2.0;
+
+/// The values of one signal.
+#[derive(Debug)]
+pub(super) struct Column {
+    pub(super) name: String,
+    pub(super) recorded_unit: String,
+    pub(super) unit: Unit,
+    pub(super) interpolation: Option<Interpolation>,
+    /// The unit stood at the end of the name.
+    unit_from_name: bool,
+    ignored: bool,
+    numbers: usize,
+    bools: usize,
+    words: Words,
+    said: usize,
+    /// Texts that are no numbers: all of a column of text, faults in one of numbers.
+    texts: usize,
+    faults: Faults,
+    sentinels: Vec<(f64, usize)>,
+    purpose: Purpose,
+    /// Smallest and largest of the values that are no sentinels, as recorded.
+    range: (f64, f64),
+}
+
+/// Words for a missing value, with the first of them.
+#[derive(Debug, Default)]
+struct Words {
+    count: usize,
+    examples: Vec<String>,
+}
+
+impl Words {
+    fn take(&mut self, cell: &Cell<'_>) {
+        /// Different words that are named.
+        const NAMED: usize = 5;
+        self.count += 1;
+        if let Cell::Text(text) = cell {
+            let text = excerpt(text.trim());
+            if self.examples.len() < NAMED && !self.examples.contains(&text) {
+                self.examples.push(text);
+            }
+        }
+    }
+
+    fn listed(&self) -> String {
+        let quoted: Vec<String> = self
+            .examples
+            .iter()
+            .map(|word| format!("`{word}`"))
+            .collect();
+        quoted.join(", ")
+    }
+}
+
+impl Column {
+    /// The signal that a title names, e.g. `position [mm]`. A unit that is not known is a fault.
+    pub(super) fn titled(title: &str, options: &Options) -> Result<Self, Box<(Self, String)>> {
+        let (name, unit) = units::name_and_unit(title);
+        let unit_from_name = !unit.is_empty() && name == title;
+        let mut column = Self::named(name, options);
+        let said = options.units.get(name).map(String::as_str);
+        match column.set_unit(said.unwrap_or(unit)) {
+            Ok(()) => {
+                column.unit_from_name = unit_from_name && said.is_none();
+                Ok(column)
+            }
+            Err(detail) => Err(Box::new((column, detail))),
+        }
+    }
+
+    /// The signal of that name, whose unit may be an option's.
+    pub(super) fn named(name: &str, options: &Options) -> Self {
+        let mut column = Self {
+            name: options
+                .rename
+                .get(name)
+                .map_or(name, String::as_str)
+                .to_owned(),
+            recorded_unit: String::new(),
+            unit: Unit::NONE,
+            interpolation: options
+                .interpolation_of(name)
+                .or_else(|| options.interpolation_of(options.rename.get(name)?)),
+            unit_from_name: false,
+            ignored: options.ignore.iter().any(|ignored| ignored == name),
+            numbers: 0,
+            bools: 0,
+            words: Words::default(),
+            said: 0,
+            texts: 0,
+            faults: Faults::default(),
+            sentinels: Vec::new(),
+            purpose: options.purpose,
+            range: (f64::INFINITY, f64::NEG_INFINITY),
+        };
+        if let Some(unit) = options.units.get(name) {
+            column
+                .set_unit(unit)
+                .expect("the units of options are known ones");
+        }
+        column
+    }
+
+    /// Whether an option says to leave it out.
+    pub(super) fn is_ignored(&self) -> bool {
+        self.ignored
+    }
+
+    /// Gives it the unit that `text` names.
+    pub(super) fn set_unit(&mut self, text: &str) -> Result<(), String> {
+        let unit = units::parse(text).ok_or_else(|| units::unknown(text))?;
+        self.unit = unit;
+        text.clone_into(&mut self.recorded_unit);
+        Ok(())
+    }
+
+    /// The value in a cell in SI, NaN where it is missing; what is no value is a fault at its
+    /// place, unless there is no value at all.
+    pub(super) fn take(
+        &mut self,
+        cell: &Cell<'_>,
+        options: &Options,
+        place: impl FnOnce(&'static str, String) -> Fault,
+    ) -> f64 {
+        match Value::of(cell, options) {
+            Value::Number(number) => self.number(number, place),
+            Value::Empty => f64::NAN,
+            Value::Bool(value) => {
+                self.bools += 1;
+                self.number(f64::from(u8::from(value)), place)
+            }
+            Value::Word => {
+                self.words.take(cell);
+                f64::NAN
+            }
+            Value::Said => {
+                self.said += 1;
+                f64::NAN
+            }
+            Value::Text => {
+                self.texts += 1;
+                if !self.ignored {
+                    self.faults
+                        .invalid(place("not_a_number", not_a_number(cell)));
+                }
+                f64::NAN
+            }
+        }
+    }
+
+    fn number(&mut self, number: f64, place: impl FnOnce(&'static str, String) -> Fault) -> f64 {
+        self.numbers += 1;
+        if number.abs() >= SMALLEST_SENTINEL && SENTINELS.contains(&number) {
+            match self.sentinels.iter_mut().find(|(own, _)| *own == number) {
+                Some((_, count)) => *count += 1,
+                None => self.sentinels.push((number, 1)),
+            }
+        } else {
+            self.range = (self.range.0.min(number), self.range.1.max(number));
+        }
+        let value = self.unit.to_si(number);
+        if !value.is_finite() && !self.ignored {
+            let detail = format!("`{number}` is not a finite number in {}", self.unit.si);
+            self.faults.invalid(place("not_finite", detail));
+        }
+        value
+    }
+
+    /// Whether there is anything but text in it.
+    pub(super) fn is_signal(&self) -> bool {
+        !self.ignored && (self.texts == 0 || self.numbers > 0)
+    }
+
+    /// The faults of a column of numbers.
+    pub(super) fn faults(&mut self) -> Faults {
+        match self.is_signal() {
+            true => std::mem::take(&mut self.faults),
+            false => Faults::default(),
+        }
+    }
+
+    /// What was met, and what was done with it.
+    pub(super) fn notes(&self) -> Vec<Warning> {
+        let note = |code: &str, detail: String| Warning::of_signal(code, &self.name, detail);
+        if self.ignored {
+            return Vec::new();
+        }
+        if !self.is_signal() {
+            let detail = format!(
+                "{} texts and no number: the column was kept aside",
+                self.texts
+            );
+            return vec![note("text_column", detail)];
+        }
+        let mut notes = Vec::new();
+        if self.unit_from_name {
+            let unit = &self.recorded_unit;
+            let detail = format!("taken to be in {unit}, from its name; `units` says otherwise");
+            notes.push(note("unit_from_name", detail));
+        }
+        if !self.unit.remark.is_empty() {
+            notes.push(note("unit_remark", self.unit.remark.to_owned()));
+        }
+        if self.words.count > 0 {
+            let (count, words) = (self.words.count, self.words.listed());
+            notes.push(note(
+                "words_for_missing",
+                format!("{count} samples are {words}: missing"),
+            ));
+        }
+        if self.said > 0 {
+            let count = self.said;
+            let detail = format!("{count} samples are what `missing` says stands for none");
+            notes.push(note("said_missing", detail));
+        }
+        if self.bools > 0 {
+            let count = self.bools;
+            let detail = format!("{count} samples were true or false and were read as 1 and 0");
+            notes.push(note("booleans", detail));
+        }
+        if self.range.0 > self.range.1 && self.purpose == Purpose::Stream {
+            // A batch may hold a single sample, which cannot be far from others.
+            notes.extend(self.sentinels.iter().map(|(value, count)| {
+                let value = shown(*value);
+                let detail = format!(
+                    "{count} samples are exactly {value} as recorded, which loggers write where they \
+                     have no value; they were kept. If they stand for missing ones, say \
+                     missing={value}"
+                );
+                note("likely_sentinel", detail)
+            }));
+        }
+        notes.extend(self.likely_sentinels().map(|(value, count)| {
+            let (low, high) = self.range;
+            let (value, low, high) = (shown(value), shown(low), shown(high));
+            let detail = format!(
+                "{count} samples are exactly {value} as recorded, far from the others ({low} to \
+                 {high}); they were kept. If they stand for missing ones, say missing={value}"
+            );
+            note("likely_sentinel", detail)
+        }));
+        notes
+    }
+
+    fn likely_sentinels(&self) -> impl Iterator<Item = (f64, usize)> {
+        let (low, high) = self.range;
+        let far = FAR * (high - low).max(f64::MIN_POSITIVE);
+        let is_far = move |value: f64| value < low - far || value > high + far;
+        let sentinels = self.sentinels.iter().copied();
+        sentinels.filter(move |(value, _)| low <= high && is_far(*value))
+    }
+}
+
+fn not_a_number(cell: &Cell<'_>) -> String {
+    let Cell::Text(text) = cell else {
+        let kind = match cell {
+            Cell::Other(kind) => kind,
+            _ => "something else",
+        };
+        return format!("expected a number, found {kind}");
+    };
+    let advice = match text.contains(',') {
+        true => "; write a decimal point, not a comma, or say decimal=,",
+        false => "",
+    };
+    format!("`{}` is not a number{advice}", excerpt(text.trim()))
+}

@@ -1,0 +1,114 @@
+//! Simulink's Simulation Data Inspector: `time,sig1,time,sig2`, where each signal has the time on
+//! its left, with rows of `Unit: m/s` and `Interp: zoh` below the header.
+
+use super::super::cell::Cell;
+use super::super::clock::Clock;
+use super::super::error::{Fault, ReadError, invalid};
+use super::super::memory::Memory;
+use super::super::options::Options;
+use super::super::tags::{Quality, Sample, Tags};
+use super::rows::Rows;
+use super::{is_empty, line_of, read_row, texts};
+use crate::{Interpolation, Received};
+use ::csv::{ByteRecord, Reader};
+use std::io::Read;
+
+/// A column of a signal and that of its time.
+struct Place {
+    tag: usize,
+    time: usize,
+    value: usize,
+}
+
+/// Reads all rows.
+pub(super) fn read(
+    mut rows: Reader<Rows<impl Read>>,
+    options: &Options,
+    memory: &Memory,
+) -> Result<Received, ReadError> {
+    let mut record = ByteRecord::new();
+    read_row(&mut rows, &mut record)?;
+    let mut tags = Tags::new(Clock::new("time", "s", options), options, None, memory);
+    let places = signals(&mut tags, &record)?;
+    while !tags.is_full() && read_row(&mut rows, &mut record)? {
+        let line = line_of(&record);
+        let fields = texts(&record)?;
+        if is_empty(&record) {
+            continue;
+        }
+        if fields.iter().any(|field| description(field).is_some()) {
+            describe(&mut tags, &places, &fields, line);
+            continue;
+        }
+        for Place { tag, time, value } in &places {
+            let field = |place: usize| fields.get(place).copied().unwrap_or_default();
+            if field(*time).is_empty() {
+                continue;
+            }
+            let sample = Sample {
+                tag: *tag,
+                time: Cell::Text(field(*time)),
+                value: Cell::Text(field(*value)),
+                quality: Quality::Unsaid,
+            };
+            let place = |code, detail: String| Fault::at_line(code, line, None, detail);
+            tags.push(&sample, &place);
+        }
+    }
+    tags.into_received("simulink_csv")
+}
+
+fn signals(tags: &mut Tags<'_>, header: &ByteRecord) -> Result<Vec<Place>, ReadError> {
+    let line = line_of(header);
+    let mut time = None;
+    let mut places = Vec::new();
+    for (k, title) in texts(header)?.into_iter().enumerate() {
+        if title.eq_ignore_ascii_case("time") {
+            time = Some(k);
+        } else if let Some(time) = time.filter(|_| !title.is_empty()) {
+            let place = |code, detail: String| Fault::at_line(code, line, None, detail);
+            let tag = tags.tag(title, &place);
+            places.extend(tag.map(|tag| Place {
+                tag,
+                time,
+                value: k,
+            }));
+        }
+    }
+    if places.is_empty() {
+        let detail = "a column `time` with signals to the right of it is needed";
+        return Err(invalid(Fault::at_line(
+            "columns_missing",
+            line,
+            None,
+            detail,
+        )));
+    }
+    Ok(places)
+}
+
+/// `Unit: m/s` as `Unit` and `m/s`.
+fn description(field: &str) -> Option<(&str, &str)> {
+    let (key, value) = field.split_once(':')?;
+    let is_key = ["Unit", "Interp", "Type", "BlockPath", "PortIndex", "Name"].contains(&key);
+    is_key.then(|| (key, value.trim()))
+}
+
+fn describe(tags: &mut Tags<'_>, places: &[Place], fields: &[&str], line: u64) {
+    for Place { tag, value, .. } in places {
+        let place = |code, detail: String| Fault::at_line(code, line, None, detail);
+        let said = fields.get(*value).and_then(|field| description(field));
+        match said {
+            Some(("Unit", unit)) => tags.describe(*tag, Some(unit), None, &place),
+            Some(("Interp", how)) => {
+                let how = match how {
+                    "zoh" => Some(Interpolation::Hold),
+                    "linear" => Some(Interpolation::Linear),
+                    _ => None,
+                };
+                tags.describe(*tag, None, how, &place);
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! A column for each signal: fields to SI values, row by row, and everything that can be wrong with
+//! them.
+
+use super::super::cell::Cell;
+use super::super::clock::Clock;
+use super::super::column::Column;
+use super::super::error::{Fault, Faults, ReadError};
+use super::super::options::{Options, Purpose};
+use super::super::tags::check_options;
+use super::header::Header;
+use super::{is_empty, line_of, not_utf8};
+use crate::columns::{Columns, Series};
+use crate::{Named, NewScratch, Received, TimeAxis, Warning};
+use ::csv::ByteRecord;
+use std::io;
+
+/// The values read so far.
+pub(super) struct Table<'o> {
+    options: &'o Options,
+    columns: Vec<Column>,
+    /// The names as the header has them.
+    names: Vec<String>,
+    /// The samples of each column; the time's are seconds from the first row.
+    samples: Columns,
+    /// The row that is read.
+    row: Vec<f64>,
+    /// The row before, which a later row may correct.
+    last_row: Vec<f64>,
+    time: usize,
+    clock: Clock,
+    /// The time of the last row [s].
+    last: Option<f64>,
+    ran_backwards: bool,
+    duplicates: usize,
+    empty_rows: usize,
+    faults: Faults,
+}
+
+impl<'o> Table<'o> {
+    pub(super) fn new(header: Header, options: &'o Options, scratch: Option<NewScratch>) -> Self {
+        let Header {
+            columns,
+            names,
+            time,
+            time_unit,
+            faults,
+        } = header;
+        Self {
+            options,
+            samples: Columns::new(columns.len(), scratch),
+            row: Vec::with_capacity(columns.len()),
+            last_row: Vec::with_capacity(columns.len()),
+            clock: Clock::new(&names[time], &time_unit, options),
+            time,
+            columns,
+            names,
+            last: None,
+            ran_backwards: false,
+            duplicates: 0,
+            empty_rows: 0,
+            faults,
+        }
+    }
+
+    /// Learns from the times of the first rows how they are written.
+    pub(super) fn look_ahead<'t>(&mut self, times: impl Iterator<Item = &'t str>) {
+        self.clock.look_ahead(times);
+    }
+
+    /// Whether so much is wrong that no more rows need to be read.
+    pub(super) fn is_full(&self) -> bool {
+        self.faults.full()
+    }
+
+    /// Takes a row.
+    ///
+    /// # Errors
+    /// When the scratch fails.
+    pub(super) fn push(&mut self, record: &ByteRecord) -> io::Result<()> {
+        if is_empty(record) {
+            self.empty_rows += 1;
+            return Ok(());
+        }
+        let line = line_of(record);
+        let wanted = self.columns.len();
+        let surplus = record
+            .iter()
+            .skip(wanted)
+            .any(|field| !field.trim_ascii().is_empty());
+        if record.len() < wanted || surplus {
+            let detail = format!("{} fields where the header has {wanted}", record.len());
+            self.faults
+                .malformed(Fault::at_line("ragged_row", line, None, detail));
+            return Ok(());
+        }
+        let Ok(time) = std::str::from_utf8(&record[self.time]) else {
+            self.faults.malformed(not_utf8(line));
+            return Ok(());
+        };
+        match self.clock.read(&Cell::Text(time), self.last) {
+            Err((code, detail)) => {
+                let column = Some(self.names[self.time].as_str());
+                self.faults
+                    .invalid(Fault::at_line(code, line, column, detail));
+            }
+            Ok(instant) if self.is_next(instant, line) => {
+                self.push_last_row()?;
+                self.last = Some(instant);
+                self.read_row(record, instant, line);
+                std::mem::swap(&mut self.row, &mut self.last_row);
+            }
+            Ok(instant) if self.last == Some(instant) && self.options.purpose.is_later_right() => {
+                self.read_row(record, instant, line);
+                let corrected = self.last_row.iter_mut().zip(&self.row);
+                for (value, later) in corrected.filter(|(_, later)| !later.is_nan()) {
+                    *value = *later;
+                }
+            }
+            Ok(_) => {}
+        }
+        Ok(())
+    }
+
+    /// Whether the row comes after those before it; counts and reports those that do not.
+    fn is_next(&mut self, instant: f64, line: u64) -> bool {
+        let Some(last) = self.last else {
+            return true;
+        };
+        if instant == last {
+            self.duplicates += 1;
+        } else if instant < last && !self.ran_backwards {
+            self.ran_backwards = true;
+            let detail =
+                format!("time runs backwards: {instant} s after {last} s from the first row");
+            let column = Some(self.names[self.time].as_str());
+            self.faults
+                .invalid(Fault::at_line("time_backwards", line, column, detail));
+        }
+        instant > last
+    }
+
+    /// Reads the fields of a row as SI values.
+    fn read_row(&mut self, record: &ByteRecord, instant: f64, line: u64) {
+        self.row.clear();
+        for (k, field) in record.iter().take(self.columns.len()).enumerate() {
+            if k == self.time {
+                self.row.push(instant);
+                continue;
+            }
+            let Ok(text) = std::str::from_utf8(field) else {
+                self.faults.malformed(not_utf8(line));
+                return;
+            };
+            let name = &self.names[k];
+            let place = |code, detail| Fault::at_line(code, line, Some(name), detail);
+            let value = self.columns[k].take(&Cell::Text(text), self.options, place);
+            self.row.push(value);
+        }
+    }
+
+    /// Keeps the row that no later row can correct any more.
+    fn push_last_row(&mut self) -> io::Result<()> {
+        // With a fault there will be no recording.
+        if self.faults.is_empty() && !self.last_row.is_empty() {
+            self.samples.push(&self.last_row)?;
+        }
+        Ok(())
+    }
+
+    /// The recording, or all faults.
+    pub(super) fn into_received(mut self) -> Result<Received, ReadError> {
+        self.push_last_row().map_err(ReadError::Scratch)?;
+        let samples = self.samples.rows();
+        self.check(samples);
+        std::mem::take(&mut self.faults).result()?;
+        let mut notes = self.notes();
+        notes.extend(self.clock.notes());
+        let columns = self.columns.into_iter().enumerate();
+        let mut signals = Vec::with_capacity(columns.len());
+        for (k, column) in columns.filter(|(k, _)| *k != self.time) {
+            notes.extend(column.notes());
+            if column.is_signal() {
+                signals.push(Named {
+                    name: column.name,
+                    unit: column.unit.si.into_owned(),
+                    recorded_unit: column.recorded_unit,
+                    interpolation: column.interpolation,
+                    classes: Vec::new(),
+                    column: k,
+                });
+            }
+        }
+        let end = (samples, self.last.unwrap_or(0.0));
+        let mut instants = self.samples.column(self.time);
+        let time = match self.options.purpose {
+            Purpose::Recording => TimeAxis::of_series(&mut instants, end, self.clock.scale()),
+            Purpose::Stream => instants.collect().map(TimeAxis::Instants),
+        };
+        Ok(Received {
+            double_hour: self.clock.double_hour(0.0),
+            own_instants: false,
+            name: self.options.name.clone(),
+            start: self.clock.start(0.0),
+            zone: self.clock.zone(),
+            source: self.options.source("wide_csv"),
+            time: time.map_err(ReadError::Scratch)?,
+            signals,
+            notes,
+            columns: self.samples,
+        })
+    }
+
+    /// What was met among the rows.
+    fn notes(&self) -> Vec<Warning> {
+        let mut notes = Vec::new();
+        if self.duplicates > 0 {
+            notes.push(self.options.purpose.duplicate_time(self.duplicates));
+        }
+        if self.empty_rows > 0 {
+            let detail = format!("{} empty rows skipped", self.empty_rows);
+            notes.push(Warning::of_recording("empty_rows", detail));
+        }
+        notes
+    }
+
+    /// What can be told at the end only.
+    fn check(&mut self, samples: usize) {
+        let least = self.options.purpose.least_instants();
+        let others = self
+            .names
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| *k != self.time);
+        let names: Vec<&str> = others.map(|(_, name)| name.as_str()).collect();
+        check_options(self.options, &names, &mut self.faults);
+        let signals = self.columns.iter_mut().enumerate();
+        let mut n_signals = 0;
+        for (_, column) in signals.filter(|(k, _)| *k != self.time) {
+            n_signals += usize::from(column.is_signal());
+            self.faults.extend(column.faults());
+        }
+        if n_signals == 0 && self.faults.is_empty() {
+            let detail = "no column but the time has a number in it".to_owned();
+            self.faults.invalid(Fault::anywhere("no_signals", detail));
+        } else if self.faults.is_empty() && samples < least {
+            let detail = format!("{samples} rows with distinct times; at least {least} are needed");
+            self.faults
+                .invalid(Fault::at_line("too_few_samples", 1, None, detail));
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! What can be wrong with a recording, and where.
+//!
+//! Reading goes on after a fault so that all of them (up to [`MAX_FAULTS`]) are reported at once.
+//! What is wrong in the same way in the same column is told three times at the most; what
+//! follows is counted.
+
+use serde::Serialize;
+use std::{fmt, io};
+
+/// The most faults that one reading reports; it stops at the last of them.
+pub const MAX_FAULTS: usize = 20;
+
+/// One thing wrong with a recording.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Fault {
+    /// The place as a JSON pointer, in a recording that is JSON.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pointer: Option<String>,
+    /// The line, from 1, in a recording that is CSV and in text that is not JSON.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub line: Option<u64>,
+    /// The column: its name in CSV, the number of the character in text that is not JSON.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub column: Option<String>,
+    /// The option that it is about.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parameter: Option<String>,
+    /// The kind of fault, e.g. `not_a_number`.
+    pub code: &'static str,
+    /// A sentence that names the place too.
+    pub detail: String,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.detail)
+    }
+}
+
+/// Why a recording could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The source broke off or its limit was exceeded.
+    #[error("the recording could not be read to its end: {0}")]
+    Io(#[from] io::Error),
+    /// The samples could not be put aside, which is not the source's fault.
+    #[error("the samples of the recording could not be put aside: {0}")]
+    Scratch(io::Error),
+    /// The format is known, and is not read here.
+    #[error("{0}")]
+    Unsupported(String),
+    /// The text is not CSV or not JSON.
+    #[error("the recording is malformed: {}", sentences(.0))]
+    Malformed(Vec<Fault>),
+    /// The text was understood, and what it says is wrong.
+    #[error("the recording is wrong: {}", sentences(.0))]
+    Invalid(Vec<Fault>),
+}
+
+impl ReadError {
+    /// What is wrong, in the order of the text; empty when the source itself failed.
+    #[must_use]
+    pub fn faults(&self) -> &[Fault] {
+        match self {
+            Self::Io(_) | Self::Scratch(_) | Self::Unsupported(_) => &[],
+            Self::Malformed(faults) | Self::Invalid(faults) => faults,
+        }
+    }
+}
+
+fn sentences(faults: &[Fault]) -> String {
+    let details: Vec<&str> = faults.iter().map(|fault| fault.detail.as_str()).collect();
+    details.join("; ")
+}
+
+/// Faults of one kind in one column that are told one by one.
+const TOLD_OF_A_KIND: usize = 3;
+
+/// A fault, and how many more like it there are.
+#[derive(Debug)]
+struct Told {
+    fault: Fault,
+    more: u64,
+    last_line: Option<u64>,
+}
+
+/// The faults met so far.
+#[derive(Debug, Default)]
+pub(super) struct Faults {
+    kept: Vec<Told>,
+    malformed: bool,
+}
+
+impl Faults {
+    /// Keeps a fault in what the text says.
+    pub(super) fn invalid(&mut self, fault: Fault) {
+        self.keep(Told {
+            last_line: fault.line,
+            fault,
+            more: 0,
+        });
+    }
+
+    /// Keeps a fault in the form of the text.
+    pub(super) fn malformed(&mut self, fault: Fault) {
+        self.malformed = true;
+        self.invalid(fault);
+    }
+
+    /// Takes over what another has kept.
+    pub(super) fn extend(&mut self, other: Faults) {
+        self.malformed |= other.malformed;
+        other.kept.into_iter().for_each(|told| self.keep(told));
+    }
+
+    fn keep(&mut self, new: Told) {
+        let place = |fault: &Fault| fault.line.is_some() || fault.pointer.is_some();
+        let same = |told: &&mut Told| {
+            let (one, other) = (&told.fault, &new.fault);
+            one.code == other.code && one.column == other.column && place(one) && place(other)
+        };
+        let count = self.kept.iter_mut().filter(same).count();
+        if count >= TOLD_OF_A_KIND
+            && let Some(last) = self.kept.iter_mut().rfind(same)
+        {
+            last.more += 1 + new.more;
+            last.last_line = new.last_line.or(last.last_line);
+        } else if !self.full() {
+            self.kept.push(new);
+        }
+    }
+
+    /// Whether reading on is pointless because no more faults are kept.
+    pub(super) fn full(&self) -> bool {
+        self.kept.len() >= MAX_FAULTS
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.kept.is_empty()
+    }
+
+    /// An error when there are faults.
+    pub(super) fn result(self) -> Result<(), ReadError> {
+        if self.kept.is_empty() {
+            return Ok(());
+        }
+        let faults = self.kept.into_iter().map(Told::counted).collect();
+        if self.malformed {
+            Err(ReadError::Malformed(faults))
+        } else {
+            Err(ReadError::Invalid(faults))
+        }
+    }
+}
+
+impl Told {
+    fn counted(self) -> Fault {
+        let Self {
+            mut fault,
+            more,
+            last_line,
+        } = self;
+        if more > 0 {
+            let last = last_line.map(|line| format!(", the last on line {line}"));
+            let last = last.unwrap_or_default();
+            fault.detail = format!("{}; and {more} more like it{last}", fault.detail);
+        }
+        fault
+    }
+}
+
+impl Fault {
+    /// At a line and, where it is known, a column.
+    pub(super) fn at_line(
+        code: &'static str,
+        line: u64,
+        column: Option<&str>,
+        detail: impl fmt::Display,
+    ) -> Self {
+        let place = match column {
+            Some(column) => format!("line {line}, column `{column}`"),
+            None => format!("line {line}"),
+        };
+        Self {
+            line: Some(line),
+            column: column.map(str::to_owned),
+            ..Self::anywhere(code, format!("{place}: {detail}"))
+        }
+    }
+
+    /// At a JSON pointer.
+    pub(super) fn at_pointer(
+        code: &'static str,
+        pointer: String,
+        detail: impl fmt::Display,
+    ) -> Self {
+        let detail = format!("`{pointer}`: {detail}");
+        Self {
+            pointer: Some(pointer),
+            ..Self::anywhere(code, detail)
+        }
+    }
+
+    /// In an option.
+    pub(super) fn of_option(code: &'static str, option: &str, detail: impl fmt::Display) -> Self {
+        Self {
+            parameter: Some(option.to_owned()),
+            ..Self::anywhere(code, detail.to_string())
+        }
+    }
+
+    /// About a signal, or the whole.
+    pub(super) fn anywhere(code: &'static str, detail: String) -> Self {
+        Self {
+            pointer: None,
+            line: None,
+            column: None,
+            parameter: None,
+            code,
+            detail,
+        }
+    }
+}
+
+/// An error of one fault in the form of the text.
+pub(super) fn malformed(fault: Fault) -> ReadError {
+    ReadError::Malformed(vec![fault])
+}
+
+/// An error of one fault in what the text says.
+pub(super) fn invalid(fault: Fault) -> ReadError {
+    ReadError::Invalid(vec![fault])
+}
+
+/// A fault on its way through readers of text.
+#[derive(Debug)]
+struct Broken(Fault);
+
+impl fmt::Display for Broken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl std::error::Error for Broken {}
+
+/// A fault for a reader of text to pass on.
+pub(super) fn broken(fault: Fault) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, Broken(fault))
+}
+
+/// The fault that a reader of text passed on.
+pub(super) fn told(error: ReadError) -> ReadError {
+    let ReadError::Io(error) = error else {
+        return error;
+    };
+    match error.downcast::<Broken>() {
+        Ok(Broken(fault)) => malformed(fault),
+        Err(error) => ReadError::Io(error),
+    }
+}
+
+/// The start of a text, short enough for a sentence.
+pub(super) fn excerpt(text: &str) -> String {
+    /// The longest piece that is repeated, in characters.
+    const LONGEST: usize = 40;
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}

@@ -1,0 +1,196 @@
+//! The formats that are read, by name and by what they look like.
+
+/// How a source is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// This service's own JSON.
+    Json,
+    /// A column for each signal, a row for each instant; also Senseye's, Ignition's and AVEVA's wide
+    /// exports and `pandas.to_csv`.
+    WideCsv,
+    /// A row for each sample: time, tag, value, quality. Also SQL exports of AVEVA Historian.
+    LongCsv,
+    /// Simulink Simulation Data Inspector: rows of units and interpolation, several time columns.
+    SimulinkCsv,
+    /// InfluxDB's annotated CSV.
+    InfluxCsv,
+    /// InfluxDB's line protocol.
+    InfluxLines,
+    /// PI Web API: recorded values of a stream or of a set of streams.
+    PiWebApi,
+    /// OSIsoft Message Format, 1.2 and 2.0.
+    Omf,
+    /// `ProcessValues` of AVEVA's OData service.
+    AvevaOdata,
+    /// `getTagData2` of Canary's views.
+    Canary,
+    /// Data values in the JSON of OPC UA Part 6.
+    OpcUaJson,
+    /// Datapoints of Cognite Data Fusion.
+    Cognite,
+    /// `pandas.to_json(orient="records")`.
+    PandasRecords,
+    /// `pandas.to_json(orient="split")`.
+    PandasSplit,
+    /// `pandas.to_json(orient="table")`.
+    PandasTable,
+    /// Apache Parquet.
+    Parquet,
+    /// Apache Arrow IPC and Feather; recognised, not read.
+    Arrow,
+    /// A workbook of Excel.
+    Excel,
+}
+
+const NAMES: [(&str, Format); 21] = [
+    ("json", Format::Json),
+    ("wide_csv", Format::WideCsv),
+    ("senseye", Format::WideCsv),
+    ("ignition", Format::WideCsv),
+    ("long_csv", Format::LongCsv),
+    ("aveva_sql", Format::LongCsv),
+    ("simulink_csv", Format::SimulinkCsv),
+    ("influx_csv", Format::InfluxCsv),
+    ("influx_line_protocol", Format::InfluxLines),
+    ("pi_web_api", Format::PiWebApi),
+    ("omf", Format::Omf),
+    ("aveva_odata", Format::AvevaOdata),
+    ("canary", Format::Canary),
+    ("opc_ua_json", Format::OpcUaJson),
+    ("cognite", Format::Cognite),
+    ("pandas_records", Format::PandasRecords),
+    ("pandas_split", Format::PandasSplit),
+    ("pandas_table", Format::PandasTable),
+    ("parquet", Format::Parquet),
+    ("arrow", Format::Arrow),
+    ("excel", Format::Excel),
+];
+
+/// What the media type of a body says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Comma-separated values of some form.
+    Csv,
+    /// JSON of some form.
+    Json,
+    /// Text of some form.
+    Text,
+    /// Bytes of some form.
+    Binary,
+}
+
+impl Kind {
+    /// Of a media type without parameters, in lower case.
+    #[must_use]
+    pub fn of_media_type(media_type: &str) -> Option<Self> {
+        match media_type {
+            "text/csv" | "application/csv" | "text/tab-separated-values" => Some(Self::Csv),
+            "application/json" => Some(Self::Json),
+            "text/plain" => Some(Self::Text),
+            "application/octet-stream"
+            | "application/vnd.apache.parquet"
+            | "application/vnd.apache.arrow.file"
+            | "application/vnd.apache.arrow.stream"
+            | "application/vnd.ms-excel"
+            | "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet" => {
+                Some(Self::Binary)
+            }
+            _ => None,
+        }
+    }
+
+    /// The media types that are understood, for messages.
+    pub const MEDIA_TYPES: &'static str = "text/csv, application/json, text/plain, \
+         application/vnd.apache.parquet, \
+         application/vnd.openxmlformats-officedocument.spreadsheetml.sheet and \
+         application/octet-stream";
+}
+
+impl Format {
+    /// The format of that name.
+    ///
+    /// # Errors
+    /// A sentence with all names.
+    pub fn named(text: &str) -> Result<Self, String> {
+        let found = NAMES.iter().find(|(name, _)| *name == text);
+        found.map(|(_, format)| *format).ok_or_else(|| {
+            let names = NAMES.map(|(name, _)| name);
+            format!("`{text}` is not one of {}", names.join(", "))
+        })
+    }
+
+    /// The name of the format.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        let found = NAMES.iter().find(|(_, format)| *format == self);
+        found.map_or("", |(name, _)| name)
+    }
+
+    /// What is read from its bytes rather than from text.
+    pub(super) fn of_magic(head: &[u8]) -> Option<Self> {
+        const MAGIC: [(&[u8], Format); 4] = [
+            (b"PAR1", Format::Parquet),
+            (b"ARROW1", Format::Arrow),
+            (b"PK\x03\x04", Format::Excel),
+            (b"\xD0\xCF\x11\xE0", Format::Excel),
+        ];
+        let found = MAGIC.iter().find(|(magic, _)| head.starts_with(magic));
+        found.map(|(_, format)| *format)
+    }
+
+    /// What to send instead of a format that is known and not read.
+    pub(super) fn instead(self) -> Option<&'static str> {
+        match self {
+            Self::Arrow => Some(
+                "this is Apache Arrow (Feather): recognised, and not read here; send Parquet or CSV",
+            ),
+            Self::Excel if !cfg!(feature = "excel") => Some(
+                "this is a workbook of Excel, and this program was built without `excel`; send CSV",
+            ),
+            Self::Parquet if !cfg!(feature = "parquet") => Some(
+                "this is Apache Parquet, and this program was built without `parquet`; send CSV",
+            ),
+            _ => None,
+        }
+    }
+
+    /// Options that would do nothing for this format.
+    pub(super) fn without(self) -> &'static [&'static str] {
+        match self {
+            Self::Json => &[
+                "time",
+                "tz",
+                "time_unit",
+                "decimal",
+                "missing",
+                "ignore",
+                "units",
+                "rename",
+                "quality_scheme",
+                "interpolation",
+                "grid",
+            ],
+            Self::WideCsv => &["quality_scheme", "grid"],
+            Self::SimulinkCsv | Self::InfluxCsv | Self::InfluxLines => &["time", "quality_scheme"],
+            Self::PiWebApi | Self::Omf => &["time", "quality_scheme"],
+            Self::PandasRecords | Self::PandasSplit | Self::PandasTable => &["quality_scheme"],
+            _ => &["time"],
+        }
+    }
+
+    /// Whether samples are held in memory until the end of the text; a limit is set to them.
+    pub(super) fn is_json(self) -> bool {
+        matches!(
+            self,
+            Self::PiWebApi
+                | Self::Omf
+                | Self::AvevaOdata
+                | Self::Canary
+                | Self::OpcUaJson
+                | Self::Cognite
+                | Self::PandasRecords
+                | Self::PandasSplit
+                | Self::PandasTable
+        )
+    }
+}

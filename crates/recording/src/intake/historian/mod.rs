@@ -1,0 +1,81 @@
+//! JSON of historians: PI Web API, OMF, AVEVA OData, Canary, OPC UA, Cognite and pandas.
+//!
+//! All of them are objects within arrays within objects. One walk ([`walk`]) hands over each object
+//! as it is completed, with the fields of those around it that were read so far; what it means
+//! is the format's ([`records`] where a sample is an object, [`frames`] where a row is one). No tree
+//! of the document is made.
+
+mod frames;
+mod records;
+mod walk;
+
+use super::clock::Clock;
+use super::memory::Memory;
+use super::options::Options;
+use super::tags::Tags;
+use super::{Format, ReadError};
+use crate::Received;
+use frames::Frame;
+use records::Records;
+use std::io::{BufReader, Read};
+use walk::walk;
+
+/// What kind of JSON begins so.
+pub(super) fn recognised(head: &[u8]) -> Format {
+    let text = String::from_utf8_lossy(head);
+    let has = |key: &str| text.contains(&format!("\"{key}\""));
+    let is_array = text.trim_start().starts_with('[');
+    let marks: [(bool, Format); 9] = [
+        (has("signals") && !is_array, Format::Json),
+        (has("containerid") || has("streamingdata"), Format::Omf),
+        (has("@odata.context") || has("FQN"), Format::AvevaOdata),
+        (has("datapoints"), Format::Cognite),
+        (
+            has("SourceTimestamp") || has("ServerTimestamp") || has("UaType"),
+            Format::OpcUaJson,
+        ),
+        (
+            has("Timestamp") && (has("Good") || has("UnitsAbbreviation") || has("Items")),
+            Format::PiWebApi,
+        ),
+        (
+            has("data") && (has("statusCode") || has("continuation")),
+            Format::Canary,
+        ),
+        (
+            has("primaryKey") || has("pandas_version"),
+            Format::PandasTable,
+        ),
+        (has("columns") && has("index"), Format::PandasSplit),
+    ];
+    let marked = marks.into_iter().find(|(marked, _)| *marked);
+    match marked {
+        Some((_, format)) => format,
+        None if is_array => Format::PandasRecords,
+        None => Format::Json,
+    }
+}
+
+/// Reads a document of one of the formats.
+pub(super) fn read(
+    source: impl Read,
+    format: Format,
+    options: &Options,
+    memory: &Memory,
+) -> Result<Received, ReadError> {
+    let source = BufReader::new(source);
+    let is_frame = matches!(
+        format,
+        Format::PandasRecords | Format::PandasSplit | Format::PandasTable
+    );
+    let clock = Clock::new("timestamp", "", options);
+    let tags = Tags::new(clock, options, Records::scheme(format), memory);
+    if is_frame {
+        let mut frame = Frame::new(tags);
+        walk(source, memory, &mut frame)?;
+        return frame.into_tags().into_received(format.name());
+    }
+    let mut records = Records::new(format, tags);
+    walk(source, memory, &mut records)?;
+    records.into_tags().into_received(format.name())
+}

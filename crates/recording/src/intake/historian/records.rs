@@ -1,0 +1,343 @@
+//! Formats in which each sample is an object of its own.
+//!
+//! | format | a sample | its tag |
+//! |---|---|---|
+//! | PI Web API | `{"Timestamp", "Value", "Good", "Questionable", "Substituted"}` | `Name` around it |
+//! | OMF | `{"timestamp", "value", …}`, a tag for each other field | `containerid` or `id` around it |
+//! | AVEVA OData | `{"FQN", "DateTime", "OpcQuality", "Value"}` | `FQN` |
+//! | Canary | `{"t", "v", "q"}` or `[t, v, q]` | the key of the array |
+//! | OPC UA | `{"Value", "SourceTimestamp", "Status"}`; no status is good | a name around it, or the key |
+//! | Cognite | `{"timestamp", "value", "status"}`; no status is good | `externalId` or `id` around it |
+
+use super::super::cell::Cell;
+use super::super::quality::Scheme;
+use super::super::tags::{Quality, Sample, Tags};
+use super::super::{Format, error::Fault};
+use super::walk::{Around, Fields, Leaf, Visit};
+use crate::{Class, Interpolation, Warning};
+
+/// PI Web API answers so many values when nobody says how many.
+const PI_MOST_VALUES: usize = 1000;
+
+/// The name of a tag that the source does not name.
+const UNNAMED: &str = "value";
+
+/// Samples on their way to their tags.
+pub(super) struct Records<'o> {
+    format: Format,
+    tags: Tags<'o>,
+    /// How many samples came for each tag.
+    counts: Vec<usize>,
+    /// The source says that there is more.
+    goes_on: bool,
+}
+
+/// A sample and where it belongs.
+struct Record<'f> {
+    key: String,
+    name: String,
+    time: Option<&'f Leaf>,
+    value: Cell<'f>,
+    quality: Quality<'f>,
+    unit: Option<&'f str>,
+    interpolation: Option<Interpolation>,
+}
+
+impl<'o> Records<'o> {
+    pub(super) fn new(format: Format, tags: Tags<'o>) -> Self {
+        Self {
+            format,
+            tags,
+            counts: Vec::new(),
+            goes_on: false,
+        }
+    }
+
+    /// What the format's codes of quality mean.
+    pub(super) fn scheme(format: Format) -> Option<Scheme> {
+        match format {
+            Format::AvevaOdata | Format::Canary => Some(Scheme::OpcDa),
+            Format::OpcUaJson => Some(Scheme::OpcUa),
+            Format::Cognite => Some(Scheme::Cognite),
+            _ => None,
+        }
+    }
+
+    /// The tags, with what is to be said of all of them.
+    pub(super) fn into_tags(mut self) -> Tags<'o> {
+        let is_cut = |count: &&usize| **count > 0 && count.is_multiple_of(PI_MOST_VALUES);
+        let cut = self.counts.iter().filter(is_cut).count();
+        if self.format == Format::PiWebApi && cut > 0 {
+            let detail = format!(
+                "{cut} streams have a multiple of {PI_MOST_VALUES} values: the answer was probably \
+                 cut there; ask for more with maxCount"
+            );
+            self.tags
+                .notes
+                .push(Warning::of_recording("probably_truncated", detail));
+        }
+        if self.goes_on {
+            let detail = "the source says that there are more samples than it sent".to_owned();
+            self.tags
+                .notes
+                .push(Warning::of_recording("truncated", detail));
+        }
+        self.tags
+    }
+
+    fn push(&mut self, around: &Around<'_>, record: &Record<'_>) {
+        let place = |code, detail: String| around.fault(code, &detail);
+        let Some(tag) = self.tags.series(&record.key, &record.name, &place) else {
+            return;
+        };
+        if tag == self.counts.len() {
+            self.counts.push(0);
+        }
+        self.counts[tag] += 1;
+        self.tags
+            .describe(tag, record.unit, record.interpolation, &place);
+        let sample = Sample {
+            tag,
+            time: record.time.map_or(Cell::Empty, Leaf::cell),
+            value: record.value.clone(),
+            quality: match &record.quality {
+                Quality::Unsaid => Quality::Unsaid,
+                Quality::Code(code) => Quality::Code(code.clone()),
+                Quality::Of(class) => Quality::Of(*class),
+            },
+        };
+        self.tags.push(&sample, &place);
+    }
+
+    fn fault(&mut self, fault: Fault) {
+        self.tags.faults.invalid(fault);
+    }
+
+    fn pi(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+        if !fields.has("Timestamp") {
+            let errors = fields
+                .get("Errors")
+                .filter(|errors| **errors != Leaf::List(Vec::new()));
+            if errors.is_some() {
+                let detail = "the source answered errors instead of values";
+                self.fault(around.fault("source_errors", detail));
+            }
+            return false;
+        }
+        let said = |name| fields.get(name).is_some_and(Leaf::is_true);
+        let is_bad = fields.get("Good") == Some(&Leaf::Bool(false));
+        let (value, is_system) = match fields.get("Value") {
+            Some(Leaf::Object(state)) => {
+                let is_system = state.get("IsSystem").is_some_and(Leaf::is_true);
+                (state.get("Value"), is_system)
+            }
+            value => (value, false),
+        };
+        let class = match () {
+            () if is_bad || is_system => Class::Bad,
+            () if said("Substituted") => Class::Substituted,
+            () if said("Questionable") => Class::Uncertain,
+            () => Class::Good,
+        };
+        let text = |name: &str| around.field(&[name]).and_then(Leaf::text);
+        let name = text("Name").unwrap_or_else(|| UNNAMED.to_owned());
+        let unit = fields
+            .get("UnitsAbbreviation")
+            .or(around.field(&["UnitsAbbreviation"]));
+        let record = Record {
+            key: text("Path").unwrap_or_else(|| name.clone()),
+            name,
+            time: fields.get("Timestamp"),
+            value: value.map_or(Cell::Empty, Leaf::cell),
+            quality: Quality::Of(class),
+            unit: unit.and_then(as_text),
+            interpolation: None,
+        };
+        self.push(around, &record);
+        true
+    }
+
+    fn omf(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+        let times = [
+            "timestamp",
+            "Timestamp",
+            "Time",
+            "time",
+            "DateTime",
+            "dateTime",
+        ];
+        let time = times.iter().find(|name| fields.has(name));
+        let Some(time_key) = time.filter(|_| around.keys().next_back() == Some("values")) else {
+            return false;
+        };
+        let container = around.field(&["containerid", "id"]).and_then(Leaf::text);
+        let container = container.unwrap_or_else(|| UNNAMED.to_owned());
+        for (field, leaf) in fields.0.iter().filter(|(key, _)| **key != **time_key) {
+            let name = match field.eq_ignore_ascii_case("value") {
+                true => container.clone(),
+                false => format!("{container}.{field}"),
+            };
+            let record = Record {
+                key: name.clone(),
+                name,
+                time: fields.get(time_key),
+                value: leaf.cell(),
+                quality: Quality::Unsaid,
+                unit: None,
+                interpolation: None,
+            };
+            self.push(around, &record);
+        }
+        true
+    }
+
+    fn odata(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+        let Some(name) = ["FQN", "TagName"]
+            .iter()
+            .find_map(|name| fields.get(name)?.text())
+        else {
+            return false;
+        };
+        if !fields.has("DateTime") {
+            return false;
+        }
+        let record = Record {
+            key: name.clone(),
+            name,
+            time: fields.get("DateTime"),
+            value: fields.get("Value").map_or(Cell::Empty, Leaf::cell),
+            quality: code(fields.get("OpcQuality")),
+            unit: ["Unit", "EngUnit"]
+                .iter()
+                .find_map(|name| as_text(fields.get(name)?)),
+            interpolation: None,
+        };
+        self.push(around, &record);
+        true
+    }
+
+    fn canary(&mut self, around: &Around<'_>, [time, value, quality]: [Option<&Leaf>; 3]) {
+        let name = around.keys().next_back().unwrap_or(UNNAMED).to_owned();
+        let record = Record {
+            key: name.clone(),
+            name,
+            time,
+            value: value.map_or(Cell::Empty, Leaf::cell),
+            quality: code(quality),
+            unit: None,
+            interpolation: None,
+        };
+        self.push(around, &record);
+    }
+
+    fn opc_ua(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+        let stamps = ["SourceTimestamp", "ServerTimestamp"];
+        let time = stamps.iter().find_map(|name| fields.get(name));
+        if time.is_none() {
+            return false;
+        }
+        /// Keys that hold values, not names.
+        const HOLDERS: [&str; 7] = [
+            "DataValues",
+            "Values",
+            "HistoryData",
+            "Results",
+            "Value",
+            "Payload",
+            "Messages",
+        ];
+        let names = ["DisplayName", "Name", "BrowseName", "NodeId", "Id"];
+        let name = around.field(&names).and_then(Leaf::text);
+        let key = || around.keys().rev().find(|key| !HOLDERS.contains(key));
+        let name = name.or_else(|| key().map(str::to_owned));
+        let name = name.unwrap_or_else(|| UNNAMED.to_owned());
+        let value = match fields.get("Value") {
+            Some(Leaf::Object(variant)) => ["Body", "Value"].iter().find_map(|n| variant.get(n)),
+            value => value,
+        };
+        let status = match fields.get("Status").or(fields.get("StatusCode")) {
+            Some(Leaf::Object(status)) => status.get("Code"),
+            status => status,
+        };
+        let record = Record {
+            key: name.clone(),
+            name,
+            time,
+            value: value.map_or(Cell::Empty, Leaf::cell),
+            quality: code(status),
+            unit: None,
+            interpolation: None,
+        };
+        self.push(around, &record);
+        true
+    }
+
+    fn cognite(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+        if !fields.has("timestamp") {
+            return false;
+        }
+        let name = around.field(&["externalId", "id"]).and_then(Leaf::text);
+        let name = name.unwrap_or_else(|| UNNAMED.to_owned());
+        let step = around.field(&["isStep"]).map(|step| match step.is_true() {
+            true => Interpolation::Hold,
+            false => Interpolation::Linear,
+        });
+        let status = match fields.get("status") {
+            Some(Leaf::Object(status)) => status.get("code"),
+            status => status,
+        };
+        let record = Record {
+            key: name.clone(),
+            name,
+            time: fields.get("timestamp"),
+            value: fields.get("value").map_or(Cell::Empty, Leaf::cell),
+            quality: code(status),
+            unit: around.field(&["unit"]).and_then(as_text),
+            interpolation: step,
+        };
+        self.push(around, &record);
+        true
+    }
+}
+
+fn as_text(leaf: &Leaf) -> Option<&str> {
+    match leaf {
+        Leaf::Text(text) => Some(text),
+        _ => None,
+    }
+}
+
+/// What a source says of a sample; nothing means good in all formats that come here.
+fn code(said: Option<&Leaf>) -> Quality<'_> {
+    said.map_or(Quality::Unsaid, |code| Quality::Code(code.cell()))
+}
+
+impl Visit for Records<'_> {
+    fn object(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+        self.goes_on |= ["continuation", "nextCursor", "@odata.nextLink"]
+            .iter()
+            .any(|name| fields.get(name).is_some());
+        match self.format {
+            Format::Omf => self.omf(around, fields),
+            Format::AvevaOdata => self.odata(around, fields),
+            Format::OpcUaJson => self.opc_ua(around, fields),
+            Format::Cognite => self.cognite(around, fields),
+            Format::Canary if fields.has("t") => {
+                self.canary(around, ["t", "v", "q"].map(|name| fields.get(name)));
+                true
+            }
+            Format::Canary => false,
+            _ => self.pi(around, fields),
+        }
+    }
+
+    fn row(&mut self, around: &Around<'_>, cells: &[Leaf]) {
+        if self.format == Format::Canary {
+            self.canary(around, [cells.first(), cells.get(1), cells.get(2)]);
+        }
+    }
+
+    fn is_full(&self) -> bool {
+        self.tags.is_full()
+    }
+}

@@ -1,0 +1,175 @@
+//! Reading recordings: a file for each format that plants write.
+//!
+//! A source is text (`encoding`) in one of several formats ([`format`]), told by its media type and
+//! its first lines or named by an option (`options`). Cells (`cell`) become times (`clock`),
+//! SI values ([`column`], [`units`]) and classes of quality (`quality`).
+//!
+//! A CSV with a column for each signal goes straight into a recording, however long it is; so do the
+//! rows of workbooks and of Parquet (`binary`, by the features `excel` and `parquet`), which are
+//! turned into CSV. All other formats become tags (`tags`), each with its own instants, which are
+//! held in memory, up to [`MAX_HELD_SAMPLES`], and then put on common instants. The rest of the
+//! program sees [`Recording`]s only.
+
+#[cfg(any(feature = "excel", feature = "parquet"))]
+mod binary;
+mod cell;
+mod clock;
+mod column;
+pub mod csv;
+mod encoding;
+mod error;
+mod format;
+mod historian;
+pub mod json;
+mod lines;
+mod memory;
+mod options;
+mod quality;
+mod stamp;
+mod tags;
+pub mod units;
+mod value;
+
+pub use error::{Fault, MAX_FAULTS, ReadError};
+pub use format::{Format, Kind};
+pub use memory::{MEMORY_ALWAYS, MEMORY_PER_BYTE, MOST_RATIO, may_unpack};
+pub use options::{Options, Purpose};
+pub use tags::MAX_HELD_SAMPLES;
+
+use crate::{NewScratch, Received, Recording};
+use encoding::Text;
+use error::malformed;
+use memory::Memory;
+use std::io::{BufRead, BufReader, Cursor, Read};
+
+/// How much of a text is looked at to tell what it is `[bytes]`.
+const HEAD_BYTES: u64 = 64 * 1024;
+
+/// Reads a recording into memory.
+///
+/// # Errors
+/// When the source fails, when its format is not read here, or with everything that is wrong with
+/// it.
+pub fn read(source: impl Read, kind: Kind, options: &Options) -> Result<Recording, ReadError> {
+    let received = receive(source, kind, options, None)?;
+    received.into_recording().map_err(ReadError::Scratch)
+}
+
+/// Reads a recording; of a CSV with a column for each signal, memory holds a few MiB, and what is
+/// more goes to the scratch, where there is one.
+///
+/// # Errors
+/// Those of [`read`], and when the scratch fails.
+pub fn receive(
+    source: impl Read,
+    kind: Kind,
+    options: &Options,
+    scratch: Option<NewScratch>,
+) -> Result<Received, ReadError> {
+    let (memory, source) = Memory::counting(source);
+    let mut source = BufReader::with_capacity(HEAD_BYTES as usize, source);
+    let format = options.format.or(Format::of_magic(source.fill_buf()?));
+    if let Some(instead) = format.and_then(Format::instead) {
+        return Err(ReadError::Unsupported(instead.to_owned()));
+    }
+    if format != Some(Format::Excel) {
+        options.refuse(&["sheet"], format.map_or("this format", Format::name))?;
+    }
+    #[cfg(any(feature = "excel", feature = "parquet"))]
+    if let Some(format @ (Format::Excel | Format::Parquet)) = format {
+        return binary::receive(format, source, options, scratch, &memory);
+    }
+    if format.is_none() && kind == Kind::Binary {
+        return Err(ReadError::Unsupported(
+            "bytes that are no text of a known format; say what they are with `format`".to_owned(),
+        ));
+    }
+    let mut text = Text::new(source, options.encoding.as_deref())?;
+    let mut head = Vec::new();
+    text.by_ref().take(HEAD_BYTES).read_to_end(&mut head)?;
+    if head.trim_ascii().is_empty() {
+        let fault = Fault::at_line(
+            "empty",
+            1,
+            None,
+            "there is no header row: the text is empty",
+        );
+        return Err(malformed(fault));
+    }
+    let format = match format {
+        Some(format) => format,
+        None => recognised(kind, &head),
+    };
+    options.refuse(format.without(), format.name())?;
+    let whole = Cursor::new(head.clone()).chain(text);
+    match format {
+        Format::Json => json::read(whole, options.purpose).map(|mut recording| {
+            recording.source = options.source("json");
+            if options.name.is_some() {
+                recording.name.clone_from(&options.name);
+            }
+            Received::from(recording)
+        }),
+        Format::InfluxLines => lines::read(whole, options, &memory),
+        json if json.is_json() => historian::read(whole, json, options, &memory),
+        csv => csv::receive_as(csv, (&head, whole), options, scratch, &memory),
+    }
+}
+
+fn recognised(kind: Kind, head: &[u8]) -> Format {
+    let first = head.trim_ascii_start().first().copied();
+    match kind {
+        Kind::Json => historian::recognised(head),
+        Kind::Text if matches!(first, Some(b'{' | b'[')) => historian::recognised(head),
+        Kind::Text if lines::looks_like(head) => Format::InfluxLines,
+        _ => csv::recognised(head),
+    }
+}
+
+#[cfg(test)]
+mod round_trip {
+    //! What one part writes the other reads back.
+
+    use super::csv;
+    use crate::{Recording, Signal, TimeAxis};
+    use proptest::prelude::*;
+
+    fn value() -> impl Strategy<Value = f64> {
+        prop_oneof![9 => -1e12..1e12, 1 => Just(f64::NAN), 1 => prop::num::f64::NORMAL]
+    }
+
+    fn bits(values: &[f64]) -> Vec<u64> {
+        let canonical = |v: &f64| {
+            if v.is_nan() {
+                f64::NAN.to_bits()
+            } else {
+                v.to_bits()
+            }
+        };
+        values.iter().map(canonical).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn a_recording_written_as_csv_reads_back_to_the_same_bits(
+            rows in prop::collection::vec((value(), value()), 2..60),
+            milliseconds in 1_u32..10_000,
+        ) {
+            let (a, b): (Vec<f64>, Vec<f64>) = rows.into_iter().unzip();
+            let time =
+                TimeAxis::Uniform { sample_time: f64::from(milliseconds) / 1e3, samples: a.len() };
+            let signals =
+                vec![Signal::new("spool, \"left\" [raw]", "", a), Signal::new("position", "m", b)];
+            let written = Recording::new(time, signals);
+            let mut text = Vec::new();
+            written.write_csv(&mut text).unwrap();
+            let read = csv::read(text.as_slice(), &csv::Options::default()).unwrap();
+            prop_assert_eq!(&read.time, &written.time);
+            for (read, written) in read.signals.iter().zip(&written.signals) {
+                prop_assert_eq!(&read.name, &written.name);
+                prop_assert_eq!(&read.unit, &written.unit);
+                prop_assert_eq!(bits(&read.values), bits(&written.values));
+            }
+        }
+    }
+}

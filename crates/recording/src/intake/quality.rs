@@ -1,0 +1,163 @@
+//! What sources say of their samples, as one of four classes.
+//!
+//! | scheme | good | uncertain | bad |
+//! |---|---|---|---|
+//! | `opc_da` (OPC classic, Canary, AVEVA `OPCQuality`) | 192 to 255 | 64 to 127 | 0 to 63 |
+//! | `opc_ua` (status codes, Part 6) | top bits 00, e.g. 0 | 01 | 10 |
+//! | `aveva_quality` (Historian's `Quality`) | 0 | 16 | 1 |
+//! | `aveva_quality_detail` | 192, 202, 212, 248, 252 | 16 | all others |
+//! | `ignition` (8 and later) | 0 and 192 to 255, the low 16 bits | top bits 01 | top bits 10 |
+//! | `ignition_legacy` (stored history) | 192 | 64 to 127 | all others |
+//! | `cognite` | 0 | top bits 01 | top bits 10 |
+//! | `words` | good, ok, true | uncertain, questionable, doubtful | bad, false |
+//!
+//! A 0 is bad in one and good in another: where the format does not settle the scheme it is asked
+//! for, never guessed.
+
+use super::cell::Cell;
+use crate::Class;
+
+/// What codes of quality mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scheme {
+    OpcDa,
+    OpcUa,
+    AvevaQuality,
+    AvevaQualityDetail,
+    Ignition,
+    IgnitionLegacy,
+    Cognite,
+    Words,
+}
+
+const NAMES: [(&str, Scheme); 8] = [
+    ("opc_da", Scheme::OpcDa),
+    ("opc_ua", Scheme::OpcUa),
+    ("aveva_quality", Scheme::AvevaQuality),
+    ("aveva_quality_detail", Scheme::AvevaQualityDetail),
+    ("ignition", Scheme::Ignition),
+    ("ignition_legacy", Scheme::IgnitionLegacy),
+    ("cognite", Scheme::Cognite),
+    ("words", Scheme::Words),
+];
+
+impl Scheme {
+    pub(super) fn named(text: &str) -> Result<Self, String> {
+        let found = NAMES.iter().find(|(name, _)| *name == text);
+        found.map(|(_, scheme)| *scheme).ok_or_else(|| {
+            let names = NAMES.map(|(name, _)| name);
+            format!("`{text}` is not one of {}", names.join(", "))
+        })
+    }
+
+    /// The class that a code stands for; none where it is no code of the scheme.
+    pub(super) fn class(self, code: &Cell<'_>) -> Option<Class> {
+        if let Cell::Text(text) = code
+            && let Some(class) = word(text)
+        {
+            return Some(class);
+        }
+        let code = match code {
+            Cell::Empty => return Some(Class::Good),
+            Cell::Bool(good) => return Some(if *good { Class::Good } else { Class::Bad }),
+            Cell::Integer(code) => *code,
+            Cell::Number(code) if code.fract() == 0.0 => *code as i64,
+            Cell::Text(text) => text.trim().parse().ok()?,
+            _ => return None,
+        };
+        self.class_of(code)
+    }
+
+    fn class_of(self, code: i64) -> Option<Class> {
+        // Codes of 32 bits may come signed.
+        let code = if code < 0 { code + (1 << 32) } else { code };
+        let severity = |code: i64| match (code >> 30) & 3 {
+            0 => Class::Good,
+            1 => Class::Uncertain,
+            _ => Class::Bad,
+        };
+        let known = match self {
+            Self::OpcDa => match code & 0xC0 {
+                0xC0 => Class::Good,
+                0x40 => Class::Uncertain,
+                _ => Class::Bad,
+            },
+            Self::OpcUa | Self::Cognite => severity(code),
+            Self::AvevaQuality => match code {
+                0 => Class::Good,
+                16 => Class::Uncertain,
+                1 => Class::Bad,
+                133 => Class::Good,
+                _ => return None,
+            },
+            Self::AvevaQualityDetail => match code {
+                192 | 202 | 212 | 248 | 252 => Class::Good,
+                16 => Class::Uncertain,
+                _ => Class::Bad,
+            },
+            Self::Ignition => match (severity(code), code & 0xFFFF) {
+                (Class::Good, 0 | 192..=255) => Class::Good,
+                (Class::Good, 256..=511) => Class::Uncertain,
+                (Class::Good, _) => Class::Bad,
+                (other, _) => other,
+            },
+            Self::IgnitionLegacy => match code {
+                192 => Class::Good,
+                64..=127 => Class::Uncertain,
+                _ => Class::Bad,
+            },
+            Self::Words => return None,
+        };
+        Some(known)
+    }
+}
+
+/// Words mean the same wherever they stand.
+fn word(text: &str) -> Option<Class> {
+    match text.trim().to_ascii_lowercase().as_str() {
+        "" | "good" | "ok" | "true" => Some(Class::Good),
+        "uncertain" | "questionable" | "doubtful" => Some(Class::Uncertain),
+        "substituted" => Some(Class::Substituted),
+        "bad" | "false" | "bad_stale" | "error" => Some(Class::Bad),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_code_means_what_its_scheme_says() {
+        use Class::{Bad, Good, Uncertain};
+        for (scheme, code, class) in [
+            (Scheme::OpcDa, 0, Bad),
+            (Scheme::OpcDa, 192, Good),
+            (Scheme::OpcDa, 216, Good),
+            (Scheme::OpcDa, 64, Uncertain),
+            (Scheme::OpcUa, 0, Good),
+            (Scheme::OpcUa, 0x4000_0000, Uncertain),
+            (Scheme::OpcUa, 0x8000_0000, Bad),
+            (Scheme::AvevaQuality, 0, Good),
+            (Scheme::AvevaQuality, 1, Bad),
+            (Scheme::AvevaQuality, 16, Uncertain),
+            (Scheme::AvevaQualityDetail, 0, Bad),
+            (Scheme::AvevaQualityDetail, 202, Good),
+            (Scheme::Ignition, 0, Good),
+            (Scheme::Ignition, 1_073_742_080, Uncertain),
+            (Scheme::Ignition, -2_147_483_136, Bad),
+            (Scheme::IgnitionLegacy, 0, Bad),
+            (Scheme::IgnitionLegacy, 192, Good),
+            (Scheme::Cognite, 0, Good),
+        ] {
+            assert_eq!(
+                scheme.class(&Cell::Integer(code)),
+                Some(class),
+                "{scheme:?} {code}"
+            );
+        }
+        assert_eq!(Scheme::OpcDa.class(&Cell::Text("Good")), Some(Good));
+        assert_eq!(Scheme::Words.class(&Cell::Integer(0)), None);
+        assert_eq!(Scheme::OpcDa.class(&Cell::Text("x")), None);
+    }
+}

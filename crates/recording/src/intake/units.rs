@@ -1,0 +1,395 @@
+//! The units that plants use, and their SI counterparts.
+//!
+//! `value_si = value · factor + offset`. Only temperatures and gauge pressures have an offset; a
+//! temperature *difference* should therefore be recorded in K. A gauge pressure becomes absolute by
+//! the standard atmosphere, 101325 Pa. What the table does not have is read as a product of what it
+//! has, with SI prefixes: `kN/mm`, `l/(min·bar)`. Factors are exact by definition (BIPM, *The
+//! International System of Units*, 9th edition, 2019; NIST SP 811, 2008, appendix B.8).
+
+use greybox_numerics::dimension::{Dimension, Scaled, parse_scaled};
+use greybox_numerics::parsing::reader::did_you_mean;
+use std::borrow::Cow;
+use std::f64::consts::PI;
+
+/// A unit of measurement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unit {
+    /// The SI unit that values are converted to.
+    pub si: Cow<'static, str>,
+    /// What a value is multiplied by.
+    pub factor: f64,
+    /// What is added then.
+    pub offset: f64,
+    /// What a reader of the values should know; empty where there is nothing.
+    pub remark: &'static str,
+}
+
+impl Unit {
+    /// The unit of a signal that names none: its values are taken as SI.
+    pub const NONE: Self = Self {
+        si: Cow::Borrowed(""),
+        factor: 1.0,
+        offset: 0.0,
+        remark: "",
+    };
+
+    /// The value in SI.
+    #[must_use]
+    pub fn to_si(&self, value: f64) -> f64 {
+        value * self.factor + self.offset
+    }
+}
+
+/// The unit that `text` names; [`Unit::NONE`] for empty text, `None` for an unknown one.
+///
+/// Upper and lower case may be mixed up where that leaves one unit.
+#[must_use]
+pub fn parse(text: &str) -> Option<Unit> {
+    if text.is_empty() {
+        return Some(Unit::NONE);
+    }
+    exact(text)
+        .or_else(|| of_any_case(text))
+        .map(Row::unit)
+        .or_else(|| compound(text))
+}
+
+/// The unit of time that `text` names.
+#[must_use]
+pub fn parse_time(text: &str) -> Option<Unit> {
+    let unit = if text.is_empty() { "s" } else { text };
+    parse(unit).filter(|unit| unit.si == "s")
+}
+
+/// That a unit is not known, with the one that may have been meant.
+#[must_use]
+pub fn unknown(text: &str) -> String {
+    let names = TABLE.iter().flat_map(|row| row.names.split(' '));
+    let hint = did_you_mean(text, names);
+    let text = super::error::excerpt(text);
+    format!("unit `{text}` is not known{hint}")
+}
+
+/// The first name of every unit of time, for messages.
+#[must_use]
+pub fn known_times() -> String {
+    first_names(|row| row.si == "s")
+}
+
+/// A column's title as name and unit: `position [mm]`, `p (bar)`, `p_bar`. What stands in
+/// parentheses or behind the last `_` is the unit only where it is one for certain, and the name
+/// stays whole behind `_`.
+#[must_use]
+pub fn name_and_unit(title: &str) -> (&str, &str) {
+    let cut = |open: char, close: char| {
+        let (name, unit) = title.strip_suffix(close)?.rsplit_once(open)?;
+        Some((name.trim(), unit.trim()))
+    };
+    if let Some(named) = cut('[', ']') {
+        return named;
+    }
+    if let Some((name, unit)) = cut('(', ')')
+        && !name.is_empty()
+        && parse(unit).is_some()
+    {
+        return (name, unit);
+    }
+    match title.rsplit_once('_') {
+        Some((name, unit)) if !name.is_empty() && is_suffix(unit) => (title, unit),
+        _ => (title, ""),
+    }
+}
+
+/// Whether the end of a name can only be meant as a unit. `x_min`, `flow_in` and `seen_at` are not,
+/// nor is a single letter.
+fn is_suffix(text: &str) -> bool {
+    const WORDS: [&str; 10] = [
+        "min", "in", "at", "rev", "ft", "hr", "sec", "inch", "lb", "var",
+    ];
+    let is_word = WORDS.contains(&text.to_ascii_lowercase().as_str());
+    let of_letters = text.len() > 1 && text.chars().all(char::is_alphabetic);
+    of_letters && !is_word && (exact(text).is_some() || of_any_case(text).is_some())
+}
+
+fn exact(text: &str) -> Option<&'static Row> {
+    let has_it = |row: &&Row| row.names.split(' ').any(|name| name == text);
+    TABLE.iter().find(has_it)
+}
+
+/// The only unit of that name in any case; `MW` and `mW` are two, of which neither is `mw`.
+fn of_any_case(text: &str) -> Option<&'static Row> {
+    let has_it = |row: &&Row| {
+        let mut names = row.names.split(' ');
+        names.any(|name| name.to_lowercase() == text.to_lowercase())
+    };
+    let mut rows = TABLE.iter().filter(has_it);
+    let first = rows.next()?;
+    rows.next().is_none().then_some(first)
+}
+
+/// A product of units.
+fn compound(text: &str) -> Option<Unit> {
+    /// Longer texts are no unit.
+    const LONGEST: usize = 60;
+    if text.len() > LONGEST {
+        return None;
+    }
+    let lookup = |name: &str| part(name).ok_or_else(String::new);
+    let scaled = parse_scaled(&spelled_out(text), &lookup).ok()?;
+    let is_same = |row: &&Row| {
+        let of_row = Dimension::parse(row.si);
+        of_row.is_ok_and(|dimension| dimension == scaled.dimension)
+    };
+    let si = match TABLE.iter().find(is_same) {
+        Some(row) => Cow::Borrowed(row.si),
+        None if scaled.dimension == Dimension::NONE => Cow::Borrowed("1"),
+        None => Cow::Owned(scaled.dimension.in_base_units()),
+    };
+    Some(Unit {
+        si,
+        factor: scaled.factor,
+        ..Unit::NONE
+    })
+}
+
+/// A unit within a product: of the table, or a coherent one with a prefix. A temperature is a
+/// difference there.
+fn part(name: &str) -> Option<Scaled> {
+    const PREFIXES: [(&str, f64); 9] = [
+        ("k", 1e3),
+        ("M", 1e6),
+        ("G", 1e9),
+        ("m", 1e-3),
+        ("µ", 1e-6),
+        ("u", 1e-6),
+        ("n", 1e-9),
+        ("c", 1e-2),
+        ("d", 1e-1),
+    ];
+    let coherent = |name: &str| Dimension::parse(name).ok();
+    if let Some(row) = exact(name).filter(|row| row.remark.is_empty()) {
+        let dimension = coherent(row.si)?;
+        let factor = row.factor;
+        return Some(Scaled { dimension, factor });
+    }
+    if let Some(dimension) = coherent(name) {
+        let factor = 1.0;
+        return Some(Scaled { dimension, factor });
+    }
+    PREFIXES.iter().find_map(|(prefix, factor)| {
+        let dimension = coherent(name.strip_prefix(prefix)?)?;
+        let factor = *factor;
+        Some(Scaled { dimension, factor })
+    })
+}
+
+/// `m3/(h bar)` as `m^3/(h*bar)`, `s-1` as `s^-1`.
+fn spelled_out(text: &str) -> String {
+    let mut spelled = String::with_capacity(text.len() + 8);
+    let mut symbols = text.trim().chars().peekable();
+    while let Some(symbol) = symbols.next() {
+        let next = symbols.peek().copied().unwrap_or(' ');
+        let ends_a_unit = symbol.is_alphabetic() || symbol == ')';
+        match symbol {
+            ' ' | '.' if next.is_alphabetic() => spelled.push('*'),
+            ' ' => {}
+            _ => spelled.push(symbol),
+        }
+        if ends_a_unit && (next.is_ascii_digit() || next == '-') {
+            spelled.push('^');
+        }
+    }
+    spelled
+}
+
+fn first_names(wanted: impl Fn(&Row) -> bool) -> String {
+    let first = |row: &Row| row.names.split(' ').next().unwrap_or_default();
+    TABLE
+        .iter()
+        .filter(|row| wanted(row))
+        .map(first)
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+struct Row {
+    /// The names, separated by a blank; the first is shown in messages.
+    names: &'static str,
+    si: &'static str,
+    factor: f64,
+    offset: f64,
+    remark: &'static str,
+}
+
+impl Row {
+    fn unit(&self) -> Unit {
+        Unit {
+            si: Cow::Borrowed(self.si),
+            factor: self.factor,
+            offset: self.offset,
+            remark: self.remark,
+        }
+    }
+}
+
+const fn row(names: &'static str, si: &'static str, factor: f64) -> Row {
+    affine(names, si, factor, 0.0)
+}
+
+const fn affine(names: &'static str, si: &'static str, factor: f64, offset: f64) -> Row {
+    Row {
+        names,
+        si,
+        factor,
+        offset,
+        remark: "",
+    }
+}
+
+const fn gauge(names: &'static str, factor: f64) -> Row {
+    Row {
+        remark: "gauge pressure was made absolute: the standard atmosphere, 101325 Pa, was added",
+        ..affine(names, "Pa", factor, ATMOSPHERE)
+    }
+}
+
+const fn remarked(row: Row, remark: &'static str) -> Row {
+    Row { remark, ..row }
+}
+
+/// Standard gravity `[m/s²]`.
+const G_N: f64 = 9.806_65;
+/// Standard atmosphere `[Pa]`.
+const ATMOSPHERE: f64 = 101_325.0;
+/// Conventional millimetre of mercury `[Pa]`.
+const MMHG: f64 = 133.322_387_415;
+/// International inch and foot `[m]`.
+const INCH: f64 = 0.0254;
+const FOOT: f64 = 0.3048;
+/// Avoirdupois pound `[kg]`.
+const POUND: f64 = 0.453_592_37;
+/// US liquid gallon `[m³]`.
+const GALLON: f64 = 231.0 * INCH * INCH * INCH;
+
+const TABLE: &[Row] = &[
+    row("m", "m", 1.0),
+    row("km", "m", 1e3),
+    row("dm", "m", 1e-1),
+    row("cm", "m", 1e-2),
+    row("mm", "m", 1e-3),
+    row("µm μm um", "m", 1e-6),
+    row("in inch", "m", INCH),
+    row("ft", "m", FOOT),
+    row("s sec", "s", 1.0),
+    row("ms", "s", 1e-3),
+    row("µs μs us", "s", 1e-6),
+    row("ns", "s", 1e-9),
+    row("min", "s", 60.0),
+    row("h hr", "s", 3600.0),
+    row("d", "s", 86_400.0),
+    row("Pa", "Pa", 1.0),
+    row("hPa", "Pa", 1e2),
+    row("kPa", "Pa", 1e3),
+    row("MPa", "Pa", 1e6),
+    row("GPa", "Pa", 1e9),
+    row("bar", "Pa", 1e5),
+    row("mbar", "Pa", 1e2),
+    row("psi", "Pa", POUND * G_N / (INCH * INCH)),
+    row("kgf/cm² kgf/cm2 at", "Pa", G_N * 1e4),
+    row("mmHg Torr", "Pa", MMHG),
+    row("inHg", "Pa", 25.4 * MMHG),
+    row("mmH2O mmH₂O", "Pa", G_N),
+    row("inH2O inH₂O", "Pa", 25.4 * G_N),
+    row("atm", "Pa", ATMOSPHERE),
+    row("bara bar(a) bar_a", "Pa", 1e5),
+    row("psia psi(a)", "Pa", POUND * G_N / (INCH * INCH)),
+    gauge("barg bar(g) bar_g", 1e5),
+    gauge("mbarg mbar(g)", 1e2),
+    gauge("kPag kPa(g)", 1e3),
+    gauge("MPag MPa(g)", 1e6),
+    gauge("psig psi(g)", POUND * G_N / (INCH * INCH)),
+    row("N", "N", 1.0),
+    row("kN", "N", 1e3),
+    row("MN", "N", 1e6),
+    row("kgf", "N", G_N),
+    row("lbf", "N", POUND * G_N),
+    row("kg", "kg", 1.0),
+    row("g", "kg", 1e-3),
+    row("t", "kg", 1e3),
+    row("lb", "kg", POUND),
+    row("V", "V", 1.0),
+    row("mV", "V", 1e-3),
+    row("kV", "V", 1e3),
+    row("A", "A", 1.0),
+    row("mA", "A", 1e-3),
+    row("K", "K", 1.0),
+    affine("degC °C ℃ celsius", "K", 1.0, 273.15),
+    remarked(
+        affine("C", "K", 1.0, 273.15),
+        "`C` was read as degrees Celsius, not as coulomb",
+    ),
+    remarked(
+        affine("F", "K", 5.0 / 9.0, 273.15 - 160.0 / 9.0),
+        "`F` was read as degrees Fahrenheit, not as farad",
+    ),
+    affine("degF °F fahrenheit", "K", 5.0 / 9.0, 273.15 - 160.0 / 9.0),
+    row("m³/s m3/s m^3/s", "m³/s", 1.0),
+    row("m³/h m3/h m^3/h", "m³/s", 1.0 / 3600.0),
+    remarked(
+        row("Nm3/h Nm³/h Nm^3/h", "m³/s", 1.0 / 3600.0),
+        "cubic metres at normal conditions (0 °C, 101325 Pa), not at those of the plant",
+    ),
+    row("l/s L/s", "m³/s", 1e-3),
+    row("l/min L/min lpm", "m³/s", 1e-3 / 60.0),
+    row("l/h L/h", "m³/s", 1e-3 / 3600.0),
+    row("gpm gal/min", "m³/s", GALLON / 60.0),
+    row("m³ m3 m^3", "m³", 1.0),
+    row("l L", "m³", 1e-3),
+    row("ml mL cm³ cm3", "m³", 1e-6),
+    row("m² m2 m^2", "m²", 1.0),
+    row("cm² cm2 cm^2", "m²", 1e-4),
+    row("mm² mm2 mm^2", "m²", 1e-6),
+    row("kg/s", "kg/s", 1.0),
+    row("g/s", "kg/s", 1e-3),
+    row("kg/h", "kg/s", 1.0 / 3600.0),
+    row("t/h", "kg/s", 1.0 / 3.6),
+    row("rad", "rad", 1.0),
+    row("mrad", "rad", 1e-3),
+    row("deg °", "rad", PI / 180.0),
+    row("rev", "rad", 2.0 * PI),
+    row("rad/s", "rad/s", 1.0),
+    row("deg/s °/s", "rad/s", PI / 180.0),
+    row("rpm RPM 1/min rev/min", "rad/s", PI / 30.0),
+    row("rad/s² rad/s2 rad/s^2", "rad/s²", 1.0),
+    row("m/s", "m/s", 1.0),
+    row("mm/s", "m/s", 1e-3),
+    row("cm/s", "m/s", 1e-2),
+    row("m/min", "m/s", 1.0 / 60.0),
+    row("km/h", "m/s", 1.0 / 3.6),
+    row("m/s² m/s2 m/s^2", "m/s²", 1.0),
+    row("g_n", "m/s²", G_N),
+    row("Ω Ohm ohm", "Ω", 1.0),
+    row("kΩ kOhm", "Ω", 1e3),
+    row("Hz", "Hz", 1.0),
+    row("kHz", "Hz", 1e3),
+    row("W", "W", 1.0),
+    row("mW", "W", 1e-3),
+    row("kW", "W", 1e3),
+    row("MW", "W", 1e6),
+    row("J", "J", 1.0),
+    row("kJ", "J", 1e3),
+    row("kWh", "J", 3.6e6),
+    row("N·m N⋅m N*m N.m Nm", "N·m", 1.0),
+    row("mN·m mN*m mNm", "N·m", 1e-3),
+    row("kN·m kN*m kNm", "N·m", 1e3),
+    row("N/m", "N/m", 1.0),
+    row("N/mm", "N/m", 1e3),
+    row("N·s/m N*s/m Ns/m", "N·s/m", 1.0),
+    row("kg/m³ kg/m3", "kg/m³", 1.0),
+    row("1 -", "1", 1.0),
+    row("% pct percent", "1", 1e-2),
+    row("‰", "1", 1e-3),
+];
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,146 @@
+// @ts-check
+// These pages show comparisons of methods: the list of them, and a single comparison with its success
+// rates, evaluations and times.
+
+import { badge } from "../list/rows.js";
+import { get, items, pause, query } from "../shell/api.js";
+import { facts, h, notice, table } from "../shell/dom.js";
+import { count, duration, instant, number, percent, words } from "../shell/format.js";
+
+const REFRESH_MS = 3000;
+
+export function showComparisons(view) {
+  const outcome = notice();
+  const list = h("div", {});
+  const state = { rows: [], next: null };
+  const more = h("button", { type: "button", hidden: true, onclick: () => read() }, "Older comparisons");
+  const columns = [
+    { title: "Comparison" },
+    { title: "Created" },
+    { title: "Runs", numeric: true },
+    { title: "Ended", numeric: true },
+  ];
+  const read = async () => {
+    try {
+      const { data } = await get(`/v1/comparisons${query({ page_token: state.next })}`, view.signal);
+      state.rows.push(...items(data));
+      state.next = data.next_page_token;
+      more.hidden = !state.next;
+      list.replaceChildren(
+        table(
+          "Comparisons",
+          columns,
+          state.rows.map((row) => [
+            h("a", { href: `#/comparisons/${row.id}` }, row.id),
+            instant(row.created_at),
+            count(row.runs),
+            count(row.ended),
+          ]),
+          { empty: "No comparisons yet. A job's page can start one: “Compare methods”." },
+        ),
+      );
+    } catch (error) {
+      outcome.fail(error);
+    }
+  };
+  view.root.append(
+    h("h1", { tabindex: "-1" }, "Comparisons of methods"),
+    h(
+      "p",
+      { class: "quiet" },
+      "The same job by several methods and seeds: which of them finds the lowest cost, how often, and what it takes.",
+    ),
+    outcome.place,
+    list,
+    more,
+  );
+  read();
+}
+
+export function showComparison(view, id) {
+  const outcome = notice();
+  const content = h("div", {});
+  view.root.append(h("h1", { tabindex: "-1" }, "Comparison of methods"), outcome.place, content);
+  follow(view, id, content, outcome).catch(() => {});
+}
+
+async function follow(view, id, content, outcome) {
+  for (;;) {
+    try {
+      const { data } = await get(`/v1/comparisons/${id}`, view.signal);
+      content.replaceChildren(...parts(data));
+      outcome.clear();
+      if (data.finished) {
+        return;
+      }
+    } catch (error) {
+      outcome.fail(error);
+    }
+    await pause(REFRESH_MS, view.signal);
+  }
+}
+
+function spread(statistics, shown) {
+  return statistics
+    ? [
+        shown(statistics.median),
+        h("span", { class: "quiet" }, ` (${shown(statistics.least)} … ${shown(statistics.largest)})`),
+      ]
+    : "–";
+}
+
+function parts(comparison) {
+  const columns = [
+    { title: "Method" },
+    { title: "Found the lowest cost", numeric: true },
+    { title: "Evaluations, median (least … largest)", numeric: true },
+    { title: "Time", numeric: true },
+    { title: "Cost over the lowest", numeric: true },
+    { title: "Estimates differ by", numeric: true },
+  ];
+  const rows = comparison.methods.map((method) => [
+    words(method.method),
+    method.runs ? `${method.found} of ${method.runs} (${percent((100 * method.found) / method.runs)})` : "–",
+    spread(method.evaluations, (value) => count(Math.round(value))),
+    spread(method.seconds, duration),
+    spread(method.cost_ratio, (value) => number(value)),
+    spread(method.deviation_percent, (value) => `${number(value, 3)} %`),
+  ]);
+  const ended = comparison.jobs.filter(({ status }) =>
+    ["succeeded", "failed", "cancelled"].includes(status),
+  ).length;
+  const names = comparison.jobs
+    .slice(0, 10)
+    .map(({ id }) => id)
+    .join(",");
+  return [
+    facts([
+      ["Created", instant(comparison.created_at)],
+      ["Runs", `${ended} of ${comparison.jobs.length} ended`],
+      ["Lowest cost", number(comparison.lowest_cost, 6)],
+    ]),
+    h(
+      "p",
+      { class: "quiet" },
+      "A run has found the lowest cost when its own is within 1 % of it. That says nothing about a minimum that none of them found.",
+    ),
+    table("Methods", columns, rows, { empty: "No run has ended yet." }),
+    h(
+      "div",
+      { class: "actions" },
+      h("a", { class: "button", href: `#/compare?jobs=${names}` }, "Compare the first runs in detail"),
+      h("a", { class: "button", href: `#/jobs?label=comparison:${comparison.id}` }, "The jobs in the list"),
+    ),
+    h("h2", {}, "Runs"),
+    table(
+      "Runs",
+      [{ title: "Method" }, { title: "Seed", numeric: true }, { title: "Status" }, { title: "Job" }],
+      comparison.jobs.map((job) => [
+        words(job.method),
+        String(job.seed),
+        badge(job.status),
+        h("a", { href: `#/jobs/${job.id}` }, job.id),
+      ]),
+    ),
+  ];
+}

@@ -1,0 +1,230 @@
+// @ts-check
+// These pages show datasets: the list with an upload, and a single dataset with its quality report and
+// plots.
+
+import { PlotGroup } from "../plot/group.js";
+import { plot } from "../plot/plot.js";
+import { download } from "../plot/save.js";
+import { get, items, query, request, send } from "../shell/api.js";
+import { facts, h, notice, table, warningList } from "../shell/dom.js";
+import { count, duration, instant, number, quantity, unitText, words } from "../shell/format.js";
+import { uploader } from "./upload.js";
+
+const PLOTS_AT_ONCE = 8;
+
+const COLUMNS = [
+  { title: "Dataset" },
+  { title: "Samples", numeric: true },
+  { title: "Duration", numeric: true },
+  { title: "Sample time", numeric: true },
+  { title: "Signals" },
+  { title: "Warnings", numeric: true },
+  { title: "Created" },
+];
+
+const SIGNAL_COLUMNS = [
+  { title: "Signal" },
+  { title: "Unit" },
+  { title: "Recorded in" },
+  { title: "Missing", numeric: true },
+  { title: "Least", numeric: true },
+  { title: "Mean", numeric: true },
+  { title: "Greatest", numeric: true },
+];
+
+export function showDatasets(view) {
+  const outcome = notice();
+  const list = h("div", {});
+  const state = { rows: [], next: null };
+  const more = h("button", { type: "button", hidden: true, onclick: () => read() }, "Older datasets");
+  const read = async (fresh = false) => {
+    try {
+      const page = query({ page_token: fresh ? null : state.next });
+      const { data } = await get(`/v1/datasets${page}`, view.signal);
+      state.rows = fresh ? items(data) : [...state.rows, ...items(data)];
+      state.next = data.next_page_token;
+      more.hidden = !state.next;
+      list.replaceChildren(
+        table("Datasets", COLUMNS, state.rows.map(datasetRow), { empty: "No datasets yet." }),
+      );
+    } catch (error) {
+      outcome.fail(error);
+    }
+  };
+  view.root.append(
+    h("h1", { tabindex: "-1" }, "Datasets"),
+    uploader(view, () => read(true)),
+    outcome.place,
+    list,
+    more,
+  );
+  read(true);
+}
+
+function datasetRow(dataset) {
+  const warnings = dataset.report?.warnings?.length ?? 0;
+  return [
+    h("a", { href: `#/datasets/${dataset.id}` }, dataset.name || dataset.id),
+    count(dataset.samples),
+    duration(dataset.duration_s),
+    sampleTime(dataset),
+    (dataset.signals ?? []).map((signal) => words(signal.name)).join(", "),
+    warnings ? String(warnings) : "none",
+    instant(dataset.created_at),
+  ];
+}
+
+function sampleTime(dataset) {
+  const text = quantity(number(dataset.sample_time_s, 6), "s");
+  return dataset.uniform === false ? `${text} (irregular)` : text;
+}
+
+export function showDataset(view, id) {
+  const heading = h("h1", { tabindex: "-1" }, id);
+  const outcome = notice();
+  const content = h("div", {});
+  view.root.append(heading, outcome.place, content);
+  get(`/v1/datasets/${id}`, view.signal)
+    .then(({ data }) => {
+      heading.textContent = data.name || data.id;
+      document.title = `${heading.textContent} · greybox`;
+      content.append(...datasetParts(view, data, outcome));
+    })
+    .catch((error) => outcome.fail(error));
+}
+
+function datasetParts(view, dataset, outcome) {
+  const warnings = dataset.report?.warnings ?? [];
+  return [
+    h(
+      "div",
+      { class: "actions" },
+      h("a", { class: "button", href: `#/new?dataset=${dataset.id}` }, "New job with this dataset"),
+      h("button", { type: "button", onclick: () => saveCsv(dataset, outcome) }, "Download CSV"),
+      h("button", { type: "button", class: "danger", onclick: () => remove(dataset, outcome) }, "Delete"),
+    ),
+    facts([
+      ["Samples", count(dataset.samples)],
+      ["Duration", duration(dataset.duration_s)],
+      ["Sample time", sampleTime(dataset)],
+      ["Created", instant(dataset.created_at)],
+      ["Digest", h("code", { class: "digest" }, dataset.digest)],
+    ]),
+    h("h2", {}, "Quality"),
+    warnings.length ? warningList(warnings) : h("p", {}, "No warnings."),
+    h("h2", {}, "Signals"),
+    table(
+      "Signals",
+      SIGNAL_COLUMNS,
+      dataset.signals.map((signal) => [
+        words(signal.name),
+        unitText(signal.unit),
+        signal.recorded_unit ?? "",
+        count(signal.missing),
+        number(signal.min),
+        number(signal.mean),
+        number(signal.max),
+      ]),
+    ),
+    plots(view, dataset, outcome),
+  ];
+}
+
+function plots(view, dataset, outcome) {
+  const place = h("div", {});
+  const names = dataset.signals.map((signal) => signal.name);
+  const more = h("button", { type: "button", hidden: true }, "Plot more signals");
+  const draw = () => {
+    const batch = names.splice(0, PLOTS_AT_ONCE);
+    more.hidden = names.length === 0;
+    place.append(
+      signalPlots({ view, dataset, names: batch, failed: (error) => outcome.fail(error) }).element,
+    );
+  };
+  more.addEventListener("click", draw);
+  draw();
+  return h("div", {}, place, more);
+}
+
+// Plots signals over a common time and shades what the quality report says about them. `onBrush` and
+// `spans` are handed to each plot.
+export function signalPlots({ view, dataset, names, failed, onBrush = null, spans = [], height = 150 }) {
+  // The address separates the names of signals by commas, so a name with a comma in it can only be had
+  // by asking for all signals.
+  const signals = names.some((name) => name.includes(",")) ? null : names.join(",");
+  const group = new PlotGroup({
+    full: [0, dataset.duration_s],
+    signal: view.signal,
+    failed,
+    load: async (from, to, pixels, abort) => {
+      const points = { max_points: Math.min(100_000, 2 * names.length * pixels) };
+      return (
+        await get(`/v1/datasets/${dataset.id}/samples${query({ signals, from, to, ...points })}`, abort)
+      ).data;
+    },
+  });
+  const drawn = names.map((name) => {
+    const signal = dataset.signals.find((signal) => signal.name === name);
+    const chart = plot({
+      title: words(name),
+      height,
+      x: { label: "time", unit: "s" },
+      y: { label: words(name), unit: signal.unit },
+      onBrush,
+      group,
+      signal: view.signal,
+      spans: [...spans, ...oddSpans(dataset, name)],
+      series: [{ name: words(name), look: "first", step: signal.interpolation === "hold" }],
+    });
+    group.feed(chart, ({ time_s: time, signals: columns }) => [time, [columns[name].values]]);
+    return { name, chart };
+  });
+  group.start();
+  return {
+    group,
+    drawn,
+    element: h(
+      "div",
+      {},
+      group.toolbar,
+      drawn.map(({ chart }) => chart.element),
+    ),
+  };
+}
+
+// These spans are where the quality report finds a signal odd.
+export function oddSpans(dataset, name) {
+  const about = (dataset.report?.warnings ?? []).filter(
+    ({ signal }) => signal === null || signal === undefined || signal === name,
+  );
+  return about.flatMap(({ code, spans }) =>
+    (spans ?? []).map(({ from_s, to_s }) => ({
+      from: from_s,
+      to: to_s,
+      kind: /missing|gap/.test(code) ? "missing" : "bad",
+    })),
+  );
+}
+
+async function saveCsv(dataset, outcome) {
+  try {
+    const { data } = await request("GET", `/v1/datasets/${dataset.id}/samples`, {
+      headers: { accept: "text/csv" },
+    });
+    download(new Blob([data], { type: "text/csv" }), `${dataset.name || dataset.id}.csv`);
+  } catch (error) {
+    outcome.fail(error);
+  }
+}
+
+async function remove(dataset, outcome) {
+  if (!confirm("Delete this dataset?")) {
+    return;
+  }
+  try {
+    await send("DELETE", `/v1/datasets/${dataset.id}`);
+    location.hash = "/datasets";
+  } catch (error) {
+    outcome.fail(error);
+  }
+}

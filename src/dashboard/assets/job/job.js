@@ -1,0 +1,189 @@
+// @ts-check
+// The page of a single job shows its state and the actions on it, the progress of the search, and the
+// result.
+
+import { badge } from "../list/rows.js";
+import { get, send } from "../shell/api.js";
+import { facts, h, notice, problemBox } from "../shell/dom.js";
+import { instant } from "../shell/format.js";
+import { designPanel } from "./design.js";
+import { isFinished, JobFeed } from "./feed.js";
+import { livePanel } from "./live.js";
+import { progressPanel } from "./progress.js";
+import { resultPanel } from "./result.js";
+import { trajectoryPanel } from "./trajectory.js";
+
+const ACTIONS = {
+  queued: ["pause", "cancel"],
+  running: ["pause", "cancel"],
+  paused: ["resume", "cancel"],
+};
+
+export function showJob(view, id) {
+  const heading = h("h1", { tabindex: "-1" }, id);
+  const parts = {
+    state: h("span", {}),
+    connection: h("span", { class: "quiet", role: "status" }),
+    actions: h("div", { class: "actions" }),
+    about: h("div", {}),
+    spec: h("div", {}),
+  };
+  const outcome = notice();
+  const panels = {
+    live: livePanel(view, id),
+    progress: progressPanel(view),
+    result: resultPanel(view),
+    trajectory: trajectoryPanel(view, id),
+  };
+  const design = designPanel(view);
+  const body = h("div", { hidden: true }, parts.actions, parts.about);
+  // The result stands first once there is a result; until then the progress stands first.
+  const arrange = (hasResult) => {
+    const { live, progress, result, trajectory } = panels;
+    const order = hasResult ? [result, trajectory, progress, live] : [progress, live, result, trajectory];
+    body.append(...order.map(({ element }) => element), parts.spec);
+  };
+  view.root.append(h("div", { class: "title" }, heading, parts.state, parts.connection), outcome.place, body);
+
+  let shownStatus = null;
+  const feed = new JobFeed(id, view.signal, {
+    job: () => {
+      const job = feed.job;
+      body.hidden = false;
+      heading.textContent = job.name || job.id;
+      document.title = `${heading.textContent} · greybox`;
+      if (job.kind === "design") {
+        design.job(job);
+      } else {
+        panels.progress.job(job);
+        panels.live.job(job);
+      }
+      if (job.status === shownStatus) {
+        return;
+      }
+      shownStatus = job.status;
+      parts.state.replaceChildren(badge(job.status));
+      parts.actions.replaceChildren(...buttons(job, feed, outcome));
+      parts.about.replaceChildren(about(job), job.error ? problemBox(asProblem(job.error)) : "");
+      parts.spec.replaceChildren(specification(job));
+      if (job.kind === "design") {
+        body.append(design.element, parts.spec);
+        return;
+      }
+      arrange(false);
+      panels.result.job(job).then((hasResult) => {
+        arrange(hasResult && isFinished(job));
+        if (hasResult) {
+          panels.trajectory.load(job);
+        }
+      });
+    },
+    history: () => {
+      if (feed.job?.kind === "design") {
+        design.history(feed.design);
+        return;
+      }
+      const rows = feed.generations();
+      panels.progress.history(rows, feed);
+      panels.result.history(rows);
+      panels.live.history(rows);
+    },
+    connection: (text) => {
+      parts.connection.textContent = text;
+    },
+    failed: (error) => outcome.fail(error),
+    recovered: () => outcome.clear(),
+  });
+  feed.start();
+}
+
+function asProblem(error) {
+  return { title: error.title, detail: error.detail ?? error.title, errors: error.errors };
+}
+
+function about(job) {
+  const ids = [...new Set((job.spec?.experiments ?? []).map(({ dataset }) => dataset))];
+  const datasets = ids.map((id) => {
+    const link = h("a", { href: `#/datasets/${id}` }, id);
+    get(`/v1/datasets/${id}`).then(
+      ({ data }) => {
+        link.textContent = data.name || id;
+        link.title = id;
+      },
+      () => {},
+    );
+    return link;
+  });
+  const labels = Object.entries(job.labels ?? {})
+    .map(([name, value]) => `${name}: ${value}`)
+    .join(", ");
+  return facts([
+    ["Model", job.model],
+    [
+      datasets.length > 1 ? "Datasets" : "Dataset",
+      datasets.length ? datasets.flatMap((link) => [link, " "]) : null,
+    ],
+    ["Labels", labels],
+    ["Created", instant(job.created_at)],
+    ["Started", job.started_at && instant(job.started_at)],
+    ["Finished", job.finished_at && instant(job.finished_at)],
+    ["Attempt", job.attempt > 1 ? job.attempt : null],
+  ]);
+}
+
+function buttons(job, feed, outcome) {
+  const button = (label, act, look) => h("button", { type: "button", class: look, onclick: act }, label);
+  const act = (action) => async (event) => {
+    event.target.disabled = true;
+    try {
+      outcome.clear();
+      await send("POST", `/v1/jobs/${job.id}/${action}`);
+      await feed.refresh();
+    } catch (error) {
+      outcome.fail(error);
+    }
+    event.target.disabled = false;
+  };
+  const remove = async () => {
+    if (!confirm("Delete this job and its result?")) {
+      return;
+    }
+    try {
+      await send("DELETE", `/v1/jobs/${job.id}`);
+      location.hash = "/jobs";
+    } catch (error) {
+      outcome.fail(error);
+    }
+  };
+  const name = (action) => action[0].toUpperCase() + action.slice(1);
+  return [
+    ...(ACTIONS[job.status] ?? []).map((action) => button(name(action), act(action))),
+    job.kind !== "design" && h("a", { class: "button", href: `#/new?from=${job.id}` }, "Use as template"),
+    job.kind !== "design" && isFinished(job) && button("Compare methods", () => compareMethods(job, outcome)),
+    isFinished(job) && button("Delete", remove, "danger"),
+  ].filter(Boolean);
+}
+
+const SEEDS = 5;
+
+// A comparison runs the same job by each method with several seeds, which takes its time.
+async function compareMethods(job, outcome) {
+  if (!confirm(`Run this job by every method, ${SEEDS} times each?`)) {
+    return;
+  }
+  try {
+    const { data } = await send("POST", "/v1/comparisons", { job: job.spec, seeds: SEEDS });
+    location.hash = `/comparisons/${data.id}`;
+  } catch (error) {
+    outcome.fail(error);
+  }
+}
+
+function specification(job) {
+  return h(
+    "details",
+    {},
+    h("summary", {}, "Complete specification"),
+    h("pre", { tabindex: "0" }, JSON.stringify(job.spec, null, 2)),
+  );
+}

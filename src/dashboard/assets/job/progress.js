@@ -1,0 +1,84 @@
+// @ts-check
+// The panel shows the progress of a job: a bar, the counts, and the two curves of the search.
+
+import { plot } from "../plot/plot.js";
+import { facts, h, warningList } from "../shell/dom.js";
+import { count, duration, number, words } from "../shell/format.js";
+import { isFinished } from "./feed.js";
+
+export function progressPanel(view) {
+  const bar = h("progress", { max: "1", value: "0", "aria-label": "Progress of the job" });
+  const numbers = h("div", {});
+  const findingsPlace = h("div", {});
+  const refinement = h("p", { class: "quiet" });
+  const cost = plot({
+    title: "Cost in the search, by generation",
+    signal: view.signal,
+    x: { label: "generation", unit: "" },
+    y: { label: "cost", unit: "", log: true },
+    series: [
+      { name: "best", look: "first" },
+      { name: "mean", look: "faint" },
+    ],
+  });
+  const credit = plot({
+    title: "Best credit per generation",
+    signal: view.signal,
+    x: { label: "generation", unit: "" },
+    y: { label: "credit", unit: "" },
+    series: [{ name: "best credit", look: "second" }],
+  });
+  const element = h(
+    "section",
+    { "aria-label": "Progress" },
+    h("h2", {}, "The search"),
+    bar,
+    numbers,
+    findingsPlace,
+    h("div", { class: "pair" }, cost.element, credit.element),
+    refinement,
+  );
+  return {
+    element,
+    job(job) {
+      const progress = job.progress ?? {};
+      bar.value = job.status === "succeeded" ? 1 : (progress.fraction ?? 0);
+      bar.hidden = isFinished(job);
+      numbers.replaceChildren(counts(job, progress));
+    },
+    history(rows, { refinements, findings }) {
+      const column = (name) => rows.map((row) => row[name] ?? null);
+      const generations = column("generation");
+      cost.set(generations, [column("best_cost"), column("mean_cost")]);
+      const credits = column("best_credit");
+      // Only one of the methods has credits.
+      credit.element.hidden = rows.length > 0 && credits.every((value) => value === null);
+      credit.set(generations, [credits]);
+      refinement.textContent = refinementText([...refinements.values()]);
+      findingsPlace.replaceChildren(...(findings.size ? [warningList([...findings.values()])] : []));
+    },
+  };
+}
+
+function counts(job, progress) {
+  const limit = progress.generations ? ` of at most ${count(progress.generations)}` : "";
+  return facts([
+    ["Phase", isFinished(job) ? null : words(progress.phase ?? "waiting")],
+    ["Generation", progress.generation === undefined ? null : `${count(progress.generation)}${limit}`],
+    ["Evaluations", progress.evaluations === undefined ? null : count(progress.evaluations)],
+    ["Best cost in the search", number(progress.best_cost)],
+    ["Best credit", number(progress.best_credit, 3)],
+    [
+      "Time left",
+      job.status === "running" && Number.isFinite(progress.eta_s) ? duration(progress.eta_s) : null,
+    ],
+  ]);
+}
+
+function refinementText(rows) {
+  if (rows.length === 0) {
+    return "";
+  }
+  const last = rows.reduce((a, b) => (b.iteration > a.iteration ? b : a));
+  return `Refinement: ${rows.length} iterations, cost ${number(last.cost, 6)}.`;
+}

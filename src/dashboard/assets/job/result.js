@@ -1,0 +1,237 @@
+// @ts-check
+// The panel shows the estimate: the verdict with its reasons, the parameters and the fit. While the
+// search runs, the panel shows the parameters of the best candidate so far.
+
+import { download } from "../plot/save.js";
+import { get } from "../shell/api.js";
+import { facts, h, notice, quoted } from "../shell/dom.js";
+import { count, number, words } from "../shell/format.js";
+import { prepare } from "../shell/prepared.js";
+import { isFinished } from "./feed.js";
+import { profiled, profilesPart } from "./profiles.js";
+import { residualsPart, startsPart } from "./residuals.js";
+import {
+  bestTable,
+  budgetTable,
+  correlationTable,
+  fitTable,
+  initialStateTable,
+  parameterTable,
+} from "./tables.js";
+import { conclusions } from "./verdict.js";
+
+const WITH_RESULT = ["succeeded", "cancelled", "paused", "failed"];
+
+export function resultPanel(view) {
+  const outcome = notice();
+  const content = h("div", {});
+  const state = { view, job: null, model: null, result: null, last: null, turn: 0 };
+  const element = h("section", { "aria-label": "Estimate" }, h("h2", {}, "Estimate"), outcome.place, content);
+
+  const drawBest = () => {
+    if (state.job && !state.result) {
+      const none = isFinished(state.job) ? "There is no estimate." : "No estimate yet.";
+      content.replaceChildren(state.last ? bestSoFar(state) : h("p", { class: "quiet" }, none));
+    }
+  };
+  return {
+    element,
+    // Answers whether the job has a result now.
+    async job(job) {
+      state.job = job;
+      state.turn += 1;
+      const turn = state.turn;
+      state.model ??= await get(`/v1/models/${job.model}`, view.signal).then(
+        ({ data }) => data,
+        () => null,
+      );
+      const result = WITH_RESULT.includes(job.status) ? await read(job, view, outcome) : null;
+      if (turn !== state.turn) {
+        return false;
+      }
+      state.result = result;
+      if (result) {
+        content.replaceChildren(...report(result, state).filter(Boolean));
+      } else {
+        drawBest();
+      }
+      return result !== null;
+    },
+    history(rows) {
+      state.last = rows.at(-1) ?? null;
+      drawBest();
+    },
+  };
+}
+
+async function read(job, view, outcome) {
+  try {
+    return (await get(`/v1/jobs/${job.id}/result`, view.signal)).data;
+  } catch (error) {
+    if (error.status !== 409 && error.status !== 404) {
+      outcome.fail(error);
+    }
+    return null;
+  }
+}
+
+function bestSoFar({ last, job, model }) {
+  const later = isFinished(job) ? "" : ", which comes with the result";
+  return h(
+    "div",
+    {},
+    h(
+      "p",
+      { class: "quiet" },
+      `Best candidate of generation ${last.generation}, without uncertainty${later}.`,
+    ),
+    bestTable(last, job, model),
+  );
+}
+
+/** @param {any} result */
+function report(result, { job, model, view }) {
+  const part = job.status === "succeeded" ? "" : " (best so far)";
+  const { initial_states: states = [], starts = [], correlation, budget = [] } = result;
+  return [
+    verdictBox(result, job, model),
+    h("h3", {}, `Parameters${part}`),
+    parameterTable(result.parameters ?? [], job, model),
+    states.length > 0 && h("div", {}, h("h3", {}, "Initial states"), initialStateTable(states)),
+    h("h3", {}, "Fit"),
+    fitTable(result.fit, model),
+    budget.length > 0 &&
+      folded("What was taken as known, and what that does (uncertainty budget)", () => budgetTable(result)),
+    correlation?.names.length > 1 && folded("Correlation of the errors", () => correlationTable(correlation)),
+    Object.keys(result.residuals ?? {}).length > 0 &&
+      folded("Residuals: spread, memory, spectrum", () => residualsPart(view, job, result, model)),
+    profiled(result).length > 0 && folded("Likelihood profiles", () => profilesPart(view, result)),
+    starts.length > 1 && folded(`${starts.length} starts of the refinement`, () => startsPart(view, starts)),
+    folded("How it was found, in numbers", () => search(result)),
+    downloads(result, job),
+  ];
+}
+
+// The content of a folded part is made when the reader opens it.
+function folded(title, make) {
+  const details = h(
+    "details",
+    {
+      ontoggle: () => {
+        if (details.open && details.children.length === 1) {
+          details.append(make());
+        }
+      },
+    },
+    h("summary", {}, title),
+  );
+  return details;
+}
+
+const GRADES = {
+  high: "High trust: nothing speaks against the numbers.",
+  moderate: "Moderate trust: use the numbers with this in mind.",
+  low: "Low trust: do not use the numbers before this is settled.",
+};
+const POINTS_SHOWN = 4;
+
+function verdictBox(result, job, model) {
+  const { trust, summary, reasons = [] } = result.verdict ?? {};
+  if (!trust) {
+    return h("p", { class: "quiet" }, "No verdict: the job did not get as far as the analysis.");
+  }
+  const points = conclusions(result, job.spec, model);
+  const item = ({ text, actions }) =>
+    h(
+      "li",
+      {},
+      quoted(text),
+      actions.length > 0 &&
+        h(
+          "div",
+          { class: "actions next" },
+          actions.map(({ label, why, spec }) =>
+            h(
+              "button",
+              { type: "button", class: "small", title: why, onclick: () => prepare(again(spec, label)) },
+              label,
+            ),
+          ),
+        ),
+    );
+  const rest = points.slice(POINTS_SHOWN);
+  return h(
+    "div",
+    { class: `verdict ${trust}` },
+    h("p", { class: "grade" }, h("strong", {}, GRADES[trust])),
+    summary && h("p", {}, quoted(summary)),
+    points.length > 0 && h("ol", {}, points.slice(0, POINTS_SHOWN).map(item)),
+    rest.length > 0 &&
+      h(
+        "details",
+        {},
+        h("summary", {}, `${rest.length} more`),
+        h("ol", { start: String(POINTS_SHOWN + 1) }, rest.map(item)),
+      ),
+    reasons.length > points.length &&
+      h(
+        "details",
+        {},
+        h("summary", {}, `All ${reasons.length} reasons, one by one`),
+        h(
+          "ul",
+          {},
+          reasons.map(({ code, detail }) =>
+            h("li", {}, quoted(detail), " ", h("a", { href: `/docs/verdicts#${code}` }, h("code", {}, code))),
+          ),
+        ),
+      ),
+  );
+}
+
+// The job to run next gets a name of its own, and no seed, so that the server draws a new seed.
+function again({ seed, ...spec }, label) {
+  const name = (spec.name ?? "").replace(/ · .*$/, "");
+  return { ...spec, name: `${name ? `${name} · ` : ""}${label.toLowerCase()}`.slice(0, 200) };
+}
+
+function search(result) {
+  const { search: made = {}, criteria = {}, engine = {} } = result;
+  const failed = Object.entries(made.failed_evaluations ?? {}).map(
+    ([cause, n]) => `${count(n)} ${words(cause)}`,
+  );
+  const criterion = [criteria.aic, criteria.aicc, criteria.bic].map((value) => number(value, 6)).join(" · ");
+  return facts([
+    ["Stopped by", words(result.stop_reason ?? "–")],
+    ["Generations", count(made.generations)],
+    ["Best found in generation", Number.isFinite(made.best_generation) ? count(made.best_generation) : null],
+    ["Evaluations", `${count(made.evaluations)}, ${count(made.distinct_evaluations)} of them distinct`],
+    ["Failed evaluations", failed.join(", ")],
+    ["Best credit", number(made.best_credit, 3)],
+    ["Cost of the estimate", number(criteria.cost, 6)],
+    ["AIC · AICc · BIC", criterion],
+    ["FPE", number(criteria.fpe)],
+    ["Seed", engine.seed === undefined ? null : String(engine.seed)],
+    ["Version", engine.version],
+  ]);
+}
+
+function downloads(result, job) {
+  const save = () =>
+    download(
+      new Blob([JSON.stringify(result, null, 2)], { type: "application/json" }),
+      `${job.id}-result.json`,
+    );
+  const report = `/v1/jobs/${job.id}/report`;
+  return h(
+    "div",
+    { class: "actions" },
+    h("a", { class: "button", href: report, target: "_blank" }, "Report for the file"),
+    h(
+      "a",
+      { class: "button", href: `${report}?format=markdown`, download: `${job.id}.md` },
+      "Report as Markdown",
+    ),
+    h("button", { type: "button", onclick: save }, "Result as JSON"),
+  );
+}

@@ -1,0 +1,318 @@
+// @ts-check
+// This module makes the tables of a result: parameters and initial states, fit, residuals, correlation,
+// budget and starts.
+
+import { keyOf } from "../compare/differences.js";
+import { intervalBar } from "../compare/jobs.js";
+import { h, table } from "../shell/dom.js";
+import { count, number, percent, quantity, unitText, withError, words } from "../shell/format.js";
+import { heatTable } from "./heat.js";
+
+const ESTIMATE_COLUMNS = [
+  { title: "Parameter" },
+  { title: "Estimate", numeric: true },
+  { title: "±", numeric: true },
+  { title: "Unit" },
+  { title: "95 % interval" },
+  { title: "On its search range" },
+  { title: "Trust" },
+];
+
+const FIT_COLUMNS = [
+  { title: "Data" },
+  { title: "Output" },
+  { title: "Fit", numeric: true },
+  { title: "RMSE", numeric: true },
+  { title: "Largest error", numeric: true },
+  { title: "Samples", numeric: true },
+];
+
+const RESIDUAL_COLUMNS = [
+  { title: "Output" },
+  { title: "χ² per sample", numeric: true },
+  { title: "White" },
+  { title: "Lag-1 autocorrelation", numeric: true },
+  { title: "Noise level", numeric: true },
+  { title: "Outliers", numeric: true },
+  { title: "Effective samples", numeric: true },
+];
+
+export function described(model, list, name) {
+  return (model?.[list] ?? []).find((entry) => entry.name === name) ?? {};
+}
+
+/**
+ * The table has the parameters of the best candidate of a generation.
+ *
+ * @param {import("page/api").Schemas["GenerationEvent"]} row
+ * @param {any} job
+ * @param {import("page/api").Schemas["ModelDescription"] | null} model
+ */
+export function bestTable(row, job, model) {
+  const rows = Object.entries(row.best ?? {}).map(([key, value]) => {
+    // `offset[1]` is the offset of the second experiment alone.
+    const [, name, experiment] = /^(.*?)(?:\[(\d+)\])?$/.exec(key);
+    const about = described(model, "parameters", name);
+    const source = experiment === undefined ? job.spec : job.spec?.experiments?.[experiment];
+    const { lower, upper, scale } = { ...about, ...source?.parameters?.[name]?.estimate };
+    return [
+      nameCell(ofExperiment(name, experiment), about.symbol),
+      number(value, 6),
+      "–",
+      unitText(about.unit ?? ""),
+      "–",
+      onRange({ estimate: value, lower, upper }, scale),
+      "",
+    ];
+  });
+  return table("Best parameters so far", ESTIMATE_COLUMNS, rows);
+}
+
+/**
+ * The error beside the estimate counts the errors of assumed values; the error of noise alone stands
+ * below it.
+ *
+ * @param {import("page/api").Schemas["ParameterEstimate"][]} parameters
+ * @param {any} job
+ * @param {import("page/api").Schemas["ModelDescription"] | null} model
+ */
+export function parameterTable(parameters, job, model) {
+  const scale = (/** @type {any} */ { name, experiment }) => {
+    const source =
+      experiment === undefined || experiment === null ? job?.spec : job?.spec?.experiments?.[experiment];
+    return source?.parameters?.[name]?.estimate?.scale ?? described(model, "parameters", name).scale;
+  };
+  return table(
+    "Estimated parameters",
+    ESTIMATE_COLUMNS,
+    parameters.map((parameter) =>
+      estimateRow(ofExperiment(parameter.name, parameter.experiment), parameter, scale(parameter)),
+    ),
+    { empty: "No parameter was free." },
+  );
+}
+
+function ofExperiment(name, experiment) {
+  return experiment === undefined || experiment === null
+    ? words(name)
+    : `${words(name)}, experiment ${Number(experiment) + 1}`;
+}
+
+/** @param {import("page/api").Schemas["InitialStateEstimate"][]} states */
+export function initialStateTable(states) {
+  return table(
+    "Estimated initial states",
+    ESTIMATE_COLUMNS,
+    states.map((state) => estimateRow(ofExperiment(state.state, state.experiment), state)),
+  );
+}
+
+/** @param {string} name @param {any} estimate @param {string} [scale] */
+function estimateRow(name, estimate, scale) {
+  const total = estimate.total_standard_error ?? estimate.standard_error;
+  const [value, error] = withError(estimate.estimate, total);
+  const alone =
+    estimate.total_standard_error !== null && estimate.total_standard_error !== undefined
+      ? withError(estimate.estimate, estimate.standard_error)[1]
+      : "–";
+  const interval = estimate.total_interval ?? estimate.confidence_interval;
+  const { monte_carlo: drawn } = estimate;
+  const reasons = new Set(
+    [estimate.standard_error_reason, estimate.confidence_interval_reason].filter(Boolean),
+  );
+  return [
+    nameCell(name, estimate.symbol),
+    value,
+    [error, alone !== "–" && alone !== error && h("div", { class: "quiet fine" }, `noise alone ${alone}`)],
+    unitText(estimate.unit),
+    [
+      interval ? intervalText(interval) : "–",
+      h("div", { class: "quiet fine" }, [...reasons].join("; ")),
+      drawn &&
+        h(
+          "div",
+          { class: "quiet fine" },
+          `${number(drawn.lower, 4)} … ${number(drawn.upper, 4)} over ${count(drawn.samples)} fits with noise drawn anew`,
+        ),
+    ],
+    [onRange(estimate, scale), h("div", { class: "quiet fine" }, bounds(estimate.lower, estimate.upper))],
+    [
+      estimate.trust && h("span", { class: `badge trust-${estimate.trust}` }, estimate.trust),
+      " ",
+      estimate.at_bound && h("span", { class: "badge failed" }, "at bound"),
+      " ",
+      estimate.identifiable === false && h("span", { class: "badge failed" }, "not identifiable"),
+    ],
+  ];
+}
+
+// Draws the interval of an estimate on the range of the search.
+function onRange(estimate, scale) {
+  const { lower, upper } = estimate;
+  if (!Number.isFinite(lower) || !Number.isFinite(upper) || lower >= upper) {
+    return "–";
+  }
+  return intervalBar(estimate, { log: scale === "log" && lower > 0, low: lower, high: upper });
+}
+
+function nameCell(name, symbol) {
+  return [name, symbol && h("span", { class: "symbol" }, lowered(symbol))];
+}
+
+// Writes `K_m` with a lowered m.
+function lowered(symbol) {
+  const [base, ...index] = symbol.split("_");
+  return index.length ? [base, h("sub", {}, index.join(" ").replace(/[{}]/g, ""))] : symbol;
+}
+
+function bounds(lower, upper) {
+  return `${number(lower)} … ${number(upper)}`;
+}
+
+function intervalText({ level, lower, upper, method }) {
+  const deviation = Number.isFinite(lower) && Number.isFinite(upper) ? (upper - lower) / 4 : null;
+  const [low, high] = [lower, upper].map((end) => {
+    if (!Number.isFinite(end)) {
+      return "open";
+    }
+    return deviation === null ? number(end) : withError(end, deviation)[0];
+  });
+  return h(
+    "span",
+    { title: method ? `method: ${words(method)}` : null },
+    `${low} … ${high}`,
+    h("span", { class: "quiet" }, ` (${percent(100 * level)})`),
+  );
+}
+
+/**
+ * @param {import("page/api").Schemas["Fit"]} fit
+ * @param {import("page/api").Schemas["ModelDescription"] | null} model
+ */
+export function fitTable(fit, model) {
+  const rows = ["estimation", "validation"].flatMap((data) =>
+    Object.entries(fit?.[data] ?? {}).map(([output, values]) => {
+      const { unit } = described(model, "outputs", output);
+      return [
+        data,
+        words(output),
+        percent(values.fit_percent),
+        quantity(number(values.rmse), unit),
+        quantity(number(values.max_abs_error), unit),
+        count(values.samples),
+      ];
+    }),
+  );
+  return table("Fit of the outputs", FIT_COLUMNS, rows);
+}
+
+/**
+ * @param {Record<string, import("page/api").Schemas["ResidualReport"]>} residuals
+ * @param {import("page/api").Schemas["ModelDescription"] | null} model
+ */
+export function residualTable(residuals, model) {
+  const white = { true: "yes", false: "no" };
+  const rows = Object.entries(residuals).map(([output, report]) => {
+    const { unit } = described(model, "outputs", output);
+    return [
+      words(output),
+      number(report.chi_square_per_sample),
+      white[report.white] ?? "–",
+      number(report.lag_1_autocorrelation, 3),
+      `${quantity(number(report.noise_std, 3), unit)} (${report.noise_std_source ?? "–"})`,
+      count(report.outliers ?? NaN),
+      count(Math.round(report.effective_samples ?? NaN)),
+    ];
+  });
+  return table("Residuals of the outputs", RESIDUAL_COLUMNS, rows);
+}
+
+/** @param {import("page/api").Schemas["Correlation"]} correlation */
+export function correlationTable({ names, matrix, condition_number: condition }) {
+  const short = names.map(words);
+  return h(
+    "div",
+    {},
+    heatTable("Correlation of the errors", short, short, (i, k) => {
+      const value = matrix[i]?.[k];
+      return value === null || value === undefined
+        ? { text: "–" }
+        : { text: i === k ? "1" : number(value, 2), value: i === k ? 0 : value };
+    }),
+    h(
+      "p",
+      { class: "quiet" },
+      "Near 1 or −1 the data fix a combination of the two better than either.",
+      Number.isFinite(condition) ? ` Condition number ${number(condition, 3)}.` : "",
+    ),
+  );
+}
+
+// The table has, for each assumption, its share of the variance of each parameter and how hard the
+// residuals pull at it.
+/** @param {{ budget?: import("page/api").Schemas["BudgetLine"][], parameters?: any[] }} result */
+export function budgetTable({ budget, parameters }) {
+  const keys = parameters.map(keyOf).filter((key) => budget.some(({ contributions }) => contributions[key]));
+  const largest = ({ contributions }) =>
+    Math.max(0, ...Object.values(contributions).map(({ share }) => Math.abs(share)));
+  const lines = [...budget].sort((a, b) => largest(b) - largest(a));
+  const columns = ["Value", "Residuals pull", "Would explain them", ...keys.map(words)];
+  const cells = lines.map((line) => {
+    const { value, tolerance, unit, score, suggested } = line;
+    const pull =
+      score === null
+        ? { text: "–", title: "the residuals cannot tell it from the unknowns" }
+        : {
+            text: `${number(score, 2)} σ`,
+            value: Math.abs(score) > 4 ? -1 : 0,
+            title: Math.abs(score) > 4 ? "the residuals contradict it" : null,
+          };
+    return [
+      { text: `${number(value, 4)} ± ${number(tolerance, 2)} ${unit === "1" ? "" : unit}` },
+      pull,
+      { text: suggested ? `${number(suggested.value, 4)} ± ${number(suggested.standard_error, 2)}` : "–" },
+      ...keys.map((key) => {
+        const contribution = line.contributions[key];
+        return contribution && Math.abs(contribution.share) >= 0.005
+          ? {
+              text: `${number(100 * contribution.share, 2)} %`,
+              value: contribution.share,
+              title: `± ${number(contribution.standard_error, 2)}; five times better known: ± ${number(contribution.total_if_better, 2)} in all`,
+            }
+          : { text: "" };
+      }),
+    ];
+  });
+  return h(
+    "div",
+    {},
+    heatTable(
+      "Uncertainty budget",
+      lines.map(({ assumption }) => words(assumption)),
+      columns,
+      (i, k) => cells[i][k],
+      { corner: "Taken as known" },
+    ),
+    h(
+      "p",
+      { class: "quiet" },
+      "Each parameter's column: which share of what is not known of it comes from which assumption. Beyond ± 4 σ the residuals contradict the value.",
+    ),
+  );
+}
+
+/** @param {import("page/api").Schemas["StartReport"][]} starts */
+export function startTable(starts) {
+  const names = Object.keys(starts[0].parameters);
+  const columns = [
+    { title: "Cost at the start", numeric: true },
+    { title: "Cost at the end", numeric: true },
+    ...names.map((name) => ({ title: words(name), numeric: true })),
+  ];
+  const rows = starts.map((start) => [
+    number(start.initial_cost, 6),
+    number(start.cost, 6),
+    ...names.map((name) => number(start.parameters[name], 5)),
+  ]);
+  return table("Starts of the refinement", columns, rows);
+}

@@ -1,0 +1,105 @@
+// @ts-check
+// This module chooses which jobs of a list are shown, and in which order. Its functions are pure, so
+// that they can be tested without a page.
+
+export const FILTERS = ["text", "status", "trust", "model", "method", "label", "dataset"];
+const TRUST = { high: 3, moderate: 2, low: 1 };
+
+// Reads the filter and the order from the query of an address.
+/** @returns {{ [name: string]: string } & { sort: string, descending: any }} */
+export function fromQuery(query) {
+  /** @type {any} */
+  const filter = Object.fromEntries(FILTERS.map((name) => [name, query.get(name) ?? ""]));
+  const [sort, direction] = (query.get("sort") ?? "created:down").split(":");
+  return { ...filter, sort, descending: direction !== "up" };
+}
+
+// Writes the filter and the order as the query of an address; the usual values are left out.
+export function toQuery({ sort, descending, ...filter }) {
+  const parameters = Object.entries(filter).filter(([, value]) => value);
+  if (sort !== "created" || !descending) {
+    parameters.push(["sort", `${sort}:${descending ? "down" : "up"}`]);
+  }
+  return parameters.length ? `?${new URLSearchParams(parameters)}` : "";
+}
+
+export const matches = (job, filter) => matcher(filter)(job);
+
+// A matcher answers whether a filter lets a job through. Every word of the filter's text has to stand
+// somewhere in what the list shows of the job. The words are split once for all jobs.
+export function matcher(filter) {
+  const words = (filter.text ?? "").toLowerCase().split(/\s+/).filter(Boolean);
+  return (job) =>
+    (!filter.status || job.status === filter.status) &&
+    (!filter.trust || (job.trust ?? "none") === filter.trust) &&
+    (!filter.model || job.model === filter.model) &&
+    (!filter.method || job.method === filter.method) &&
+    (!filter.dataset || job.datasets.some(({ id }) => id === filter.dataset)) &&
+    (!filter.label || hasLabel(job.labels, filter.label)) &&
+    words.every((word) => textOf(job).includes(word));
+}
+
+function hasLabel(labels, text) {
+  const [, name, value] = /^([^:=]*)[:=]?(.*)$/.exec(text);
+  return name in labels && (!value || labels[name] === value);
+}
+
+// The searched text of a job is made once: a job that changes comes as another object.
+const searched = new WeakMap();
+
+function textOf(job) {
+  let text = searched.get(job);
+  if (text === undefined) {
+    text = [
+      job.name,
+      job.id,
+      job.model,
+      job.method,
+      job.status,
+      job.trust,
+      ...Object.entries(job.labels).flat(),
+      ...job.datasets.map(({ id, name }) => name ?? id),
+    ]
+      .filter(Boolean)
+      .join("\n")
+      .toLowerCase();
+    searched.set(job, text);
+  }
+  return text;
+}
+
+// Counts the seconds from the first slice of a job to its end, or until now.
+export function seconds(job, now) {
+  if (!job.started_at) {
+    return null;
+  }
+  const end = job.finished_at ? Date.parse(job.finished_at) : now;
+  return Math.max(0, (end - Date.parse(job.started_at)) / 1000);
+}
+
+const KEYS = {
+  created: (job) => job.id,
+  status: (job) => job.status,
+  trust: (job) => TRUST[job.trust] ?? 0,
+  name: (job) => (job.name ?? job.id).toLowerCase(),
+  model: (job) => job.model,
+  method: (job) => job.method ?? "",
+  dataset: (job) => (job.datasets[0]?.name ?? "").toLowerCase(),
+  duration: (job, now) => seconds(job, now) ?? -1,
+};
+
+// Gives the jobs that a filter lets through, in its order; of jobs with equal keys the newest comes
+// first.
+export function arranged(jobs, filter, now) {
+  const key = KEYS[filter.sort] ?? KEYS.created;
+  const sign = filter.descending ? -1 : 1;
+  const passes = matcher(filter);
+  const kept = [];
+  for (const job of jobs) {
+    if (passes(job)) {
+      kept.push([key(job, now), job]);
+    }
+  }
+  kept.sort(([a, first], [b, second]) => (a < b ? -sign : a > b ? sign : first.id < second.id ? 1 : -1));
+  return kept.map(([, job]) => job);
+}

@@ -1,0 +1,251 @@
+// @ts-check
+// The page lists all jobs. They are searched, filtered and sorted here, and kept up to date by the
+// stream of all jobs. The address has the filter.
+
+import { get, query } from "../shell/api.js";
+import { h, notice } from "../shell/dom.js";
+import { count } from "../shell/format.js";
+import { arranged, fromQuery, matcher, toQuery } from "./filter.js";
+import { JobRows } from "./rows.js";
+
+const STATUSES = ["queued", "running", "paused", "succeeded", "failed", "cancelled"];
+const TRUSTS = ["high", "moderate", "low", "none"];
+const METHODS = ["icra_genetic", "differential_evolution", "cma_es", "multistart_lm"];
+const FIRST_PAGE = 100;
+const PAGE = 500;
+const MOST = 50_000;
+const COMPARED = [2, 10];
+
+export function showJobs(view) {
+  const list = new JobList(view);
+  view.root.append(
+    h(
+      "div",
+      { class: "title" },
+      h("h1", { tabindex: "-1" }, "Jobs"),
+      h("a", { class: "button primary", href: "#/new" }, "New job"),
+      list.compare,
+      list.connection,
+    ),
+    list.fields(),
+    list.outcome.place,
+    list.summary,
+    list.rows.element,
+    list.emptyNote,
+  );
+  list.follow();
+}
+
+class JobList {
+  constructor(view) {
+    this.view = view;
+    this.filter = fromQuery(view.query);
+    this.jobs = new Map();
+    this.drawing = false;
+    this.sorted = null;
+    this.models = new Set();
+    this.loaded = false;
+    this.outcome = notice();
+    this.summary = h("p", { class: "quiet", role: "status" }, "Loading …");
+    this.emptyNote = h("p", { hidden: true });
+    this.connection = h("span", { class: "quiet", role: "status" });
+    this.rows = new JobRows({ sorted: (key) => this.sort(key), chosen: () => this.choose() });
+    this.compare = h(
+      "button",
+      {
+        type: "button",
+        disabled: true,
+        onclick: () => {
+          location.hash = `/compare?jobs=${[...this.rows.selected].join(",")}`;
+        },
+      },
+      "Compare",
+    );
+    this.rows.order(this.filter.sort, this.filter.descending);
+    const resized = () => this.rows.draw();
+    addEventListener("resize", resized, { signal: view.signal });
+  }
+
+  fields() {
+    const set = (name) => (event) => {
+      this.filter[name] = event.target.value.trim();
+      this.changed();
+    };
+    const select = (name, title, values) =>
+      h(
+        "label",
+        {},
+        title,
+        h(
+          "select",
+          { onchange: set(name), "data-filter": name },
+          h("option", { value: "" }, "all"),
+          values.map((value) =>
+            h("option", { value, selected: value === this.filter[name] }, value.replaceAll("_", " ")),
+          ),
+        ),
+      );
+    this.modelPlace = h("select", { onchange: set("model") });
+    this.drawModels();
+    return h(
+      "search",
+      { class: "fields filters" },
+      h(
+        "label",
+        { class: "grow" },
+        "Search",
+        h("input", {
+          type: "search",
+          value: this.filter.text,
+          placeholder: "name, recording, label, model, id",
+          oninput: set("text"),
+        }),
+      ),
+      select("status", "Status", STATUSES),
+      select("trust", "Trust", TRUSTS),
+      h("label", {}, "Model", this.modelPlace),
+      select("method", "Method", METHODS),
+      h(
+        "label",
+        {},
+        "Label",
+        h("input", {
+          type: "text",
+          value: this.filter.label,
+          size: "10",
+          placeholder: "site:hall 2",
+          oninput: set("label"),
+        }),
+      ),
+    );
+  }
+
+  drawModels() {
+    const names = [...new Set([...this.models, this.filter.model].filter(Boolean))].sort();
+    this.modelPlace.replaceChildren(
+      h("option", { value: "" }, "all"),
+      ...names.map((name) => h("option", { value: name, selected: name === this.filter.model }, name)),
+    );
+  }
+
+  sort(key) {
+    const same = this.filter.sort === key;
+    this.filter.descending = same ? !this.filter.descending : ["created", "trust", "duration"].includes(key);
+    this.filter.sort = key;
+    this.sorted = null;
+    this.rows.order(key, this.filter.descending);
+    this.changed();
+  }
+
+  choose() {
+    const chosen = this.rows.selected.size;
+    this.compare.disabled = chosen < COMPARED[0] || chosen > COMPARED[1];
+    this.compare.textContent = chosen ? `Compare ${chosen}` : "Compare";
+    this.compare.title = this.compare.disabled ? "Select two to ten jobs" : "";
+  }
+
+  // The address follows the filter, without a step in the history for each letter.
+  changed() {
+    history.replaceState(null, "", `#/jobs${toQuery(this.filter)}`);
+    this.draw();
+  }
+
+  // Many changes make a single drawing in each frame.
+  drawSoon() {
+    if (!this.drawing) {
+      this.drawing = true;
+      requestAnimationFrame(() => {
+        this.drawing = false;
+        this.draw();
+      });
+    }
+  }
+
+  draw() {
+    // The sorted list is kept until a job changes, so that a typed letter only filters.
+    const { sort, descending } = this.filter;
+    this.sorted ??= arranged(this.jobs.values(), { sort, descending }, Date.now());
+    const shown = this.sorted.filter(matcher(this.filter));
+    this.rows.show(shown);
+    const all = this.jobs.size;
+    this.summary.textContent =
+      shown.length === all ? `${count(all)} jobs` : `${count(shown.length)} of ${count(all)} jobs`;
+    this.emptyNote.hidden = !this.loaded || shown.length > 0;
+    this.rows.element.hidden = shown.length === 0;
+    this.emptyNote.replaceChildren(
+      ...(all
+        ? ["No job is like this."]
+        : ["No jobs yet. ", h("a", { href: "#/new" }, "Make the first one"), "."]),
+    );
+  }
+
+  take(job) {
+    this.sorted = null;
+    this.jobs.set(job.id, job);
+    if (!this.models.has(job.model)) {
+      this.models.add(job.model);
+      this.drawModels();
+    }
+  }
+
+  // The stream opens before the list is read, so that every later change is heard.
+  follow() {
+    const stream = new EventSource("/v1/events");
+    this.view.signal.addEventListener("abort", () => stream.close(), { once: true });
+    stream.onopen = () => {
+      this.connection.textContent = "live";
+      this.load();
+    };
+    stream.onerror = () => {
+      this.connection.textContent = "connection lost, trying again";
+      if (stream.readyState === EventSource.CLOSED && !this.view.signal.aborted) {
+        setTimeout(() => this.view.signal.aborted || this.follow(), 3000);
+      }
+    };
+    stream.addEventListener("job", (event) => {
+      this.take(JSON.parse(event.data));
+      this.drawSoon();
+    });
+    stream.addEventListener("removed", (event) => {
+      const { id } = JSON.parse(event.data);
+      this.jobs.delete(id);
+      this.sorted = null;
+      this.rows.forget(id);
+      this.choose();
+      this.drawSoon();
+    });
+  }
+
+  async load() {
+    this.loading?.abort();
+    const loading = new AbortController();
+    this.loading = loading;
+    this.view.signal.addEventListener("abort", () => loading.abort(), { once: true });
+    const before = [...this.jobs.keys()];
+    const seen = new Set();
+    let token = null;
+    try {
+      do {
+        const { data } = await get(
+          `/v1/jobs${query({ view: "summary", limit: token ? PAGE : FIRST_PAGE, page_token: token })}`,
+          loading.signal,
+        );
+        data.items.forEach((job) => {
+          seen.add(job.id);
+          this.take(job);
+        });
+        token = data.next_page_token;
+        this.loaded = true;
+        this.drawSoon();
+      } while (token && seen.size < MOST);
+      for (const id of before.filter((id) => !token && !seen.has(id))) {
+        this.jobs.delete(id);
+      }
+      this.sorted = null;
+      this.drawSoon();
+      this.outcome.clear();
+    } catch (error) {
+      this.outcome.fail(error);
+    }
+  }
+}

@@ -1,0 +1,54 @@
+// @ts-check
+// This module writes the parameters of a model as rows of a form, and a row as an entry of a
+// specification. Its functions are pure, so that they can be tested without a page.
+
+// A row has the entry of the specification for a parameter, and the values of the model where there is
+// no entry.
+export function parameterRows(model, entries = {}) {
+  return model.parameters.map((about) => {
+    const entry = entries[about.name];
+    const free = entry ? "estimate" in entry : about.unknown_by_default;
+    return {
+      about,
+      isSpecified: entry !== undefined,
+      free,
+      value: entry?.value ?? about.default,
+      tolerance: entry?.tolerance ?? "",
+      lower: entry?.estimate?.lower ?? about.lower,
+      upper: entry?.estimate?.upper ?? about.upper,
+      scale: entry?.estimate?.scale ?? about.scale,
+      prior: entry?.prior ?? null,
+    };
+  });
+}
+
+// The entry of a row is undefined where the row says the same as the model.
+export function entryOf(row) {
+  const { about } = row;
+  if (!row.free) {
+    const entry = { value: row.value };
+    if (row.tolerance !== "" && row.tolerance !== null && row.tolerance !== undefined) {
+      entry.tolerance = toleranceOf(row.tolerance);
+    }
+    const usual = !about.unknown_by_default && row.value === about.default && entry.tolerance === undefined;
+    return usual ? undefined : entry;
+  }
+  const estimate = {};
+  for (const side of ["lower", "upper", "scale"]) {
+    if (row[side] !== about[side]) {
+      estimate[side] = row[side];
+    }
+  }
+  const entry = row.prior ? { estimate, prior: row.prior } : { estimate };
+  const usual = about.unknown_by_default && Object.keys(estimate).length === 0 && !row.prior;
+  return usual ? undefined : entry;
+}
+
+// A tolerance of `1 %` stays a share; `0.5` becomes a number in the parameter's unit.
+function toleranceOf(text) {
+  if (typeof text === "number") {
+    return text;
+  }
+  const bare = text.trim();
+  return bare.endsWith("%") || Number.isNaN(Number(bare)) ? bare : Number(bare);
+}

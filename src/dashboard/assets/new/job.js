@@ -1,0 +1,491 @@
+// @ts-check
+// The page makes a new job, from a recording to the submission: recordings and windows, the model, its
+// signals, its parameters, and the settings of the search. A tab beside the form shows the same
+// specification as JSON and follows it.
+
+import { MODEL_WORDS } from "../model/language.js";
+import { get, items, request } from "../shell/api.js";
+import { h, keepingFocus, notice } from "../shell/dom.js";
+import { numberOf } from "../shell/format.js";
+import { prepared } from "../shell/prepared.js";
+import { placed, readText } from "../text/document.js";
+import { Editor, editorLibrary } from "../text/editor.js";
+import {
+  changed,
+  conditionsOf,
+  conditionText,
+  experimentOf,
+  labelsOf,
+  labelText,
+  priorOfResult,
+  withModel,
+} from "./draft.js";
+import { modelPart } from "./model.js";
+import { parametersPart } from "./parameters.js";
+import { preflightPart } from "./preflight.js";
+import { recordingsPart } from "./recordings.js";
+import { tryPart } from "./trial.js";
+
+const METHODS = [
+  ["icra_genetic", "ICRA credits and a genetic search"],
+  ["differential_evolution", "differential evolution"],
+  ["cma_es", "CMA-ES"],
+  ["multistart_lm", "least squares from many starts"],
+];
+
+export function showNewJob(view) {
+  const place = h("div", {}, h("p", { class: "quiet" }, "Loading …"));
+  const outcome = notice();
+  view.root.append(h("h1", { tabindex: "-1" }, "New job"), place);
+  load(view)
+    .then((start) => {
+      const page = new NewJob(view, start, outcome);
+      place.replaceChildren(...page.elements());
+      page.changed();
+    })
+    .catch((error) => {
+      place.replaceChildren(outcome.place);
+      outcome.fail(error);
+    });
+}
+
+async function load(view) {
+  const from = view.query.get("from");
+  const chosenDataset = view.query.get("dataset");
+  const [models, datasets, template] = await Promise.all([
+    get("/v1/models", view.signal),
+    get("/v1/datasets?limit=200", view.signal),
+    from ? get(`/v1/jobs/${from}`, view.signal) : null,
+  ]);
+  const recordings = new Map(items(datasets.data).map((dataset) => [dataset.id, dataset]));
+  let spec = prepared(view) ?? (template ? asAsked(template.data.spec) : { experiments: [] });
+  const needed = new Set(
+    [chosenDataset, ...(spec.experiments ?? []).map(({ dataset }) => dataset)].filter(
+      (id) => id && !recordings.has(id),
+    ),
+  );
+  for (const id of needed) {
+    const answer = await get(`/v1/datasets/${id}`, view.signal).catch(() => null);
+    if (answer) {
+      recordings.set(id, answer.data);
+    }
+  }
+  const listed = new Map(items(models.data).map((model) => [model.name, model]));
+  const modelName = view.query.get("model") ?? spec.model;
+  if (modelName && !listed.has(modelName)) {
+    const answer = await get(`/v1/models/${encodeURIComponent(modelName)}`, view.signal).catch(() => null);
+    answer && listed.set(modelName, answer.data);
+  }
+  const model = listed.get(modelName ?? "");
+  if (model && model.name !== spec.model) {
+    spec = withModel(spec, model, recordings);
+  }
+  if (chosenDataset && recordings.has(chosenDataset) && spec.experiments.length === 0) {
+    spec = { ...spec, experiments: [experimentOf(recordings.get(chosenDataset), model)] };
+  }
+  return { models: listed, datasets: recordings, spec };
+}
+
+// A completed specification becomes a template without its seed, so that the server draws a new seed.
+/** @param {{ [field: string]: any }} spec */
+function asAsked({ seed, ...spec }) {
+  return spec;
+}
+
+// The fault is where the text stops being JSON, as far as the browser says.
+function faultOf({ message }, text) {
+  const at = Number(/position (\d+)/.exec(message)?.[1] ?? text.length);
+  return { from: Math.max(0, Math.min(at, text.length - 1)), to: Math.min(at + 1, text.length), message };
+}
+
+class NewJob {
+  constructor(view, { models, datasets, spec }, outcome) {
+    this.view = view;
+    this.models = models;
+    this.datasets = datasets;
+    this.spec = spec;
+    this.outcome = outcome;
+    this.key = null;
+    this.keyBody = null;
+    this.text = new Editor({
+      label: "Specification as JSON",
+      signal: view.signal,
+      changed: () => this.takeText(),
+      language: MODEL_WORDS,
+      words: (before) => this.words(before),
+    });
+    this.parts = [recordingsPart(this), modelPart(this), parametersPart(this), tryPart(this)];
+    this.preflight = preflightPart(this);
+    this.search = h("div", {});
+    this.reports = new WeakMap();
+    this.guided = h(
+      "div",
+      { class: "steps", onchange: ({ target }) => this.reports.set(target, target.value) },
+      this.parts.map(({ element }) => element),
+      h("section", {}, h("h2", {}, "How to look, and what to call it"), this.search),
+    );
+    this.json = h("div", { hidden: true }, this.text.element);
+    this.button = h(
+      "button",
+      { type: "button", class: "primary", onclick: () => this.submit() },
+      "Start the job",
+    );
+  }
+
+  elements() {
+    const tabs = [
+      ["guided", "Guided", this.guided],
+      ["json", "JSON", this.json],
+    ];
+    const buttons = tabs.map(([name, title]) =>
+      h(
+        "button",
+        {
+          type: "button",
+          role: "tab",
+          id: `tab-${name}`,
+          "aria-controls": `panel-${name}`,
+          "aria-selected": String(name === "guided"),
+          onclick: () => show(name),
+          onkeydown: (event) => {
+            if (event.key === "ArrowLeft" || event.key === "ArrowRight") {
+              const neighbour = buttons.find((button) => button !== event.target);
+              neighbour.click();
+              neighbour.focus();
+            }
+          },
+        },
+        title,
+      ),
+    );
+    const show = (name) =>
+      tabs.forEach(([tab, , panel], k) => {
+        panel.hidden = tab !== name;
+        buttons[k].setAttribute("aria-selected", String(tab === name));
+        buttons[k].tabIndex = tab === name ? 0 : -1;
+      });
+    tabs.forEach(([name, , panel]) => {
+      panel.id = `panel-${name}`;
+      panel.setAttribute("role", "tabpanel");
+      panel.setAttribute("aria-labelledby", `tab-${name}`);
+    });
+    show("guided");
+    return [
+      h("div", { role: "tablist", "aria-label": "How to say it", class: "tabs" }, buttons),
+      h(
+        "div",
+        { class: "with-side" },
+        h("div", {}, this.guided, this.json),
+        h(
+          "aside",
+          { "aria-label": "Before the start" },
+          this.preflight.element,
+          h("div", { class: "actions" }, this.button),
+          this.outcome.place,
+        ),
+      ),
+    ];
+  }
+
+  get model() {
+    return this.models.get(this.spec.model) ?? null;
+  }
+
+  // Any part of the page may set another specification; all parts follow.
+  set(spec, from = null) {
+    this.spec = spec;
+    this.changed(from);
+  }
+
+  at(path, value, from = null) {
+    this.set(changed(this.spec, path, value), from);
+  }
+
+  changed(from = null) {
+    if (from !== "json") {
+      this.text.value = JSON.stringify(this.spec, null, 2);
+      this.text.mark([]);
+    }
+    this.redraw(from);
+    this.button.disabled = !this.spec.model || !(this.spec.experiments?.length > 0);
+    this.preflight.check();
+  }
+
+  // The form is drawn once the focus has come to rest: a field that loses the focus reports its change
+  // before the next field has the focus.
+  redraw(from = null) {
+    clearTimeout(this.redrawing);
+    this.redrawing = setTimeout(() => {
+      const typed = this.beingTyped();
+      if (typed) {
+        typed.addEventListener("blur", () => this.redraw(), { once: true });
+        return;
+      }
+      keepingFocus(this.guided, () => {
+        for (const part of this.parts) {
+          part.draw();
+        }
+        if (from !== "search") {
+          this.drawSearch();
+        }
+      });
+    }, 0);
+  }
+
+  // The field that is being edited has text that it has not reported yet; drawing the form anew would
+  // lose the text.
+  beingTyped() {
+    const field = document.activeElement;
+    const inside = field instanceof HTMLInputElement && field.type === "text" && this.guided.contains(field);
+    return inside && field.value !== (this.reports.get(field) ?? field.defaultValue) ? field : null;
+  }
+
+  takeText() {
+    try {
+      const spec = JSON.parse(this.text.value);
+      if (spec === null || typeof spec !== "object" || Array.isArray(spec)) {
+        throw new SyntaxError("a job is an object");
+      }
+      this.text.mark([]);
+      this.outcome.clear();
+      this.set({ ...spec, experiments: Array.isArray(spec.experiments) ? spec.experiments : [] }, "json");
+    } catch (error) {
+      this.text.mark([faultOf(error, this.text.value)]);
+      this.outcome.fail({ title: "Not JSON", message: error.message });
+    }
+  }
+
+  // The faults that the server finds in the specification are marked at their places in the text.
+  async markFaults(faults) {
+    const library = await editorLibrary();
+    const text = this.text.value;
+    this.text.mark(placed(readText(library, text), text, faults));
+  }
+
+  // Completes the text of the specification with the names that it may use.
+  words(before) {
+    const from = before.length - /[\p{L}\p{N}_.-]*$/u.exec(before)[0].length;
+    const completions = (list, type) => list.map((label) => ({ label, type }));
+    const options = [
+      ...completions(
+        (this.model?.parameters ?? []).map(({ name }) => name),
+        "parameter",
+      ),
+      ...completions([...this.models.keys()], "model"),
+      ...completions(
+        [...(this.model?.inputs ?? []), ...(this.model?.outputs ?? [])].map(({ name }) => name),
+        "signal",
+      ),
+      ...[...this.datasets.values()].flatMap(({ id, name, signals }) => [
+        { label: id, type: "dataset", detail: name ?? "" },
+        ...signals.map((signal) => ({ label: signal.name, type: "signal", detail: name ?? "" })),
+      ]),
+    ];
+    return { from, options: [...new Map(options.map((option) => [option.label, option])).values()] };
+  }
+
+  chooseModel(name) {
+    this.set(withModel(this.spec, this.models.get(name), this.datasets));
+  }
+
+  addDataset(dataset) {
+    this.datasets.set(dataset.id, dataset);
+    this.set({
+      ...this.spec,
+      experiments: [...(this.spec.experiments ?? []), experimentOf(dataset, this.model)],
+    });
+  }
+
+  drawSearch() {
+    const { spec } = this;
+    const put =
+      (path, read = (value) => value || undefined) =>
+      (event) =>
+        this.at(path, read(event.target.value), "search");
+    const whole = (value) =>
+      value.trim() === "" ? undefined : Number.isFinite(numberOf(value)) ? numberOf(value) : value;
+    const field = (title, path, value, options = {}) =>
+      h(
+        "label",
+        {},
+        title,
+        h("input", {
+          type: "text",
+          value: value ?? "",
+          onchange: put(path, options.read),
+          placeholder: options.hint,
+          size: options.size ?? "12",
+        }),
+      );
+    const share = spec.validation?.fraction;
+    this.search.replaceChildren(
+      h(
+        "div",
+        { class: "fields" },
+        field("Name of the job", ["name"], spec.name, { size: "24", hint: "rig 4, commissioning" }),
+        field("Labels", ["labels"], labelText(spec.labels), {
+          read: labelsOf,
+          size: "20",
+          hint: "site=hall 2, rig=4",
+        }),
+        field(
+          "Held back to check, %",
+          ["validation", "fraction"],
+          share === undefined || share === null ? "" : 100 * share,
+          {
+            size: "6",
+            hint: "0",
+            read: (value) => (Number.isFinite(numberOf(value)) ? numberOf(value) / 100 : undefined),
+          },
+        ),
+        field("Conditions", ["constraints"], conditionText(spec.constraints), {
+          read: conditionsOf,
+          size: "28",
+          hint: "tau1 < tau2; k1 + k2 <= 1",
+        }),
+        this.knownFromJob(),
+      ),
+      h(
+        "details",
+        { open: this.open },
+        h(
+          "summary",
+          {
+            onclick: () => {
+              this.open = !this.open;
+            },
+          },
+          "Settings of the search",
+        ),
+        h(
+          "div",
+          { class: "fields" },
+          h(
+            "label",
+            {},
+            "Method",
+            h(
+              "select",
+              { onchange: put(["method", "name"]) },
+              METHODS.map(([name, title]) =>
+                h("option", { value: name, selected: name === (spec.method?.name ?? "icra_genetic") }, title),
+              ),
+            ),
+          ),
+          field("Candidates", ["method", "population"], spec.method?.population, {
+            read: whole,
+            size: "8",
+            hint: "30",
+          }),
+          field("Generations at the most", ["method", "generations"], spec.method?.generations, {
+            read: whole,
+            size: "8",
+            hint: "1000",
+          }),
+          field("Searches", ["method", "restarts"], spec.method?.restarts, {
+            read: whole,
+            size: "6",
+            hint: "1",
+          }),
+          h(
+            "label",
+            {},
+            "Intervals",
+            h(
+              "select",
+              { onchange: put(["uncertainty", "intervals"]) },
+              [
+                ["", "as usual"],
+                ["profile", "likelihood profile"],
+                ["bootstrap", "bootstrap"],
+              ].map(([name, title]) =>
+                h("option", { value: name, selected: name === (spec.uncertainty?.intervals ?? "") }, title),
+              ),
+            ),
+          ),
+          field(
+            "Fits of a Monte Carlo analysis",
+            ["uncertainty", "monte_carlo_samples"],
+            spec.uncertainty?.monte_carlo_samples,
+            { read: whole, size: "8", hint: "none" },
+          ),
+          field("Longest time, s", ["limits", "max_duration_s"], spec.limits?.max_duration_s, {
+            read: whole,
+            size: "8",
+            hint: "3600",
+          }),
+          field("Seed", ["seed"], spec.seed, { read: whole, size: "10", hint: "drawn" }),
+        ),
+      ),
+    );
+  }
+
+  // The estimate of an earlier job, with its correlations, becomes a prior of this job.
+  knownFromJob() {
+    const priors = this.spec.priors ?? [];
+    if (priors.length > 0) {
+      const names = priors
+        .flatMap(({ parameters }) => parameters)
+        .map((name) => name.replaceAll("_", " "))
+        .join(", ");
+      return h(
+        "p",
+        {},
+        `Known beforehand: ${names} `,
+        h("button", { type: "button", onclick: () => this.at(["priors"], undefined) }, "Forget"),
+      );
+    }
+    const take = async ({ target }) => {
+      const id = target.value.trim();
+      if (id === "") {
+        return;
+      }
+      try {
+        /** @type {{ data: any }} */
+        const { data } = await get(`/v1/jobs/${encodeURIComponent(id)}/result`, this.view.signal);
+        const names = new Set((this.model?.parameters ?? []).map(({ name }) => name));
+        const prior = priorOfResult({
+          ...data,
+          parameters: (data.parameters ?? []).filter(({ name }) => names.has(name)),
+        });
+        this.outcome.clear();
+        this.at(["priors"], prior && [prior]);
+      } catch (error) {
+        this.outcome.fail(error);
+      }
+    };
+    return h(
+      "label",
+      {},
+      "Known from a job",
+      h("input", { type: "text", size: "28", placeholder: "job_…", onchange: take }),
+    );
+  }
+
+  // The same specification has the same idempotency key, however often the reader presses the button.
+  keyFor(body) {
+    if (body !== this.keyBody) {
+      this.keyBody = body;
+      this.key = Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) =>
+        byte.toString(16).padStart(2, "0"),
+      ).join("");
+    }
+    return this.key;
+  }
+
+  async submit() {
+    const body = JSON.stringify(this.spec);
+    this.button.disabled = true;
+    try {
+      const { data } = await request("POST", "/v1/jobs", {
+        body,
+        signal: this.view.signal,
+        headers: { "content-type": "application/json", "idempotency-key": this.keyFor(body) },
+      });
+      location.hash = `/jobs/${data.id}`;
+    } catch (error) {
+      this.outcome.fail(error);
+    }
+    this.button.disabled = false;
+  }
+}

@@ -1,0 +1,149 @@
+// @ts-check
+// The check before the start runs again after each change. It shows the faults of the specification,
+// what the data can fix, and the cost of the job.
+
+import { request } from "../shell/api.js";
+import { facts, h, quoted } from "../shell/dom.js";
+import { count, number, words } from "../shell/format.js";
+
+const WAIT_MS = 450;
+
+export function preflightPart(job) {
+  const state = h("p", { role: "status", class: "quiet" });
+  const content = h("div", {});
+  const element = h("div", { class: "panel" }, h("h2", {}, "Before the start"), state, content);
+  let timer = null;
+  let asking = null;
+
+  const ask = async () => {
+    asking?.abort();
+    asking = new AbortController();
+    const attempt = asking;
+    job.view.signal.addEventListener("abort", () => attempt.abort(), { once: true });
+    const body = JSON.stringify(job.spec);
+    try {
+      const { data } = await request("POST", "/v1/jobs?validate_only=true", {
+        body,
+        signal: attempt.signal,
+        headers: { "content-type": "application/json" },
+      });
+      job.predictions = data.identifiability?.predictions ?? [];
+      job.markFaults([]);
+      state.textContent = "The job can start.";
+      content.replaceChildren(...outlook(data));
+    } catch (error) {
+      if (error.name === "AbortError") {
+        return;
+      }
+      job.predictions = [];
+      job.markFaults(error.errors ?? []);
+      state.textContent = "The job cannot start yet:";
+      content.replaceChildren(faults(error));
+    }
+    job.checking = false;
+    job.redraw();
+  };
+  return {
+    element,
+    check() {
+      clearTimeout(timer);
+      if (!job.spec.model || !(job.spec.experiments?.length > 0)) {
+        state.textContent = job.spec.experiments?.length
+          ? "Choose a model."
+          : "Choose a recording, or upload one.";
+        content.replaceChildren();
+        return;
+      }
+      job.checking = true;
+      state.textContent = "Checking …";
+      timer = setTimeout(ask, WAIT_MS);
+    },
+  };
+}
+
+function faults(error) {
+  const list = error.errors?.length ? error.errors : [{ detail: error.message }];
+  return h(
+    "ul",
+    { class: "warnings" },
+    list.map(({ pointer, detail }) =>
+      h("li", {}, pointer && h("strong", {}, `${placeOf(pointer)}: `), detail),
+    ),
+  );
+}
+
+// Writes a pointer in words: `/experiments/0/signals/position` becomes "experiment 1, signals,
+// position".
+export function placeOf(pointer) {
+  return pointer
+    .split("/")
+    .filter(Boolean)
+    .map((part) => (/^\d+$/.test(part) ? String(Number(part) + 1) : words(part)))
+    .join(", ")
+    .replace(/experiments, (\d+)/, "experiment $1");
+}
+
+/** @param {any} checked */
+function outlook({ identifiability, findings, predicted_cost: cost, budget }) {
+  const flat = identifiability?.flat_directions ?? [];
+  const warnings = findings.filter(({ code }) => code !== "not_identifiable");
+  const dominant = (budget ?? [])
+    .map(largest)
+    .filter(Boolean)
+    .sort((a, b) => b.share - a.share)
+    .slice(0, 3);
+  return [
+    flat.length > 0 &&
+      h(
+        "div",
+        { class: "verdict low" },
+        h("p", {}, h("strong", {}, "The data do not see:")),
+        h(
+          "ul",
+          {},
+          flat.map((text) => h("li", {}, quoted(text))),
+        ),
+      ),
+    warnings.length > 0 &&
+      h(
+        "ul",
+        { class: "warnings" },
+        warnings.map(({ pointer, detail }) =>
+          h("li", {}, pointer && h("strong", {}, `${placeOf(pointer)}: `), quoted(detail)),
+        ),
+      ),
+    flat.length === 0 && warnings.length === 0 && h("p", {}, "Nothing to warn of."),
+    dominant.length > 0 &&
+      h(
+        "div",
+        {},
+        h("p", {}, "What is taken as known and matters most:"),
+        h(
+          "ul",
+          {},
+          dominant.map(({ assumption, parameter, share }) =>
+            h(
+              "li",
+              {},
+              `${words(assumption)}: ${number(100 * share, 2)} % of what will not be known of ${words(parameter)}`,
+            ),
+          ),
+        ),
+      ),
+    facts([
+      ["Unknowns", count(cost.unknowns)],
+      ["Measured samples", count(cost.residuals)],
+      ["Candidates at the most", count(cost.evaluations)],
+      ["Derivatives of one", count(cost.derivatives_per_evaluation)],
+    ]),
+  ].filter(Boolean);
+}
+
+function largest({ assumption, contributions }) {
+  const shares = Object.entries(contributions ?? {}).map(([parameter, { share }]) => ({
+    assumption,
+    parameter,
+    share,
+  }));
+  return shares.reduce((best, share) => (share.share > (best?.share ?? 0.1) ? share : best), null);
+}

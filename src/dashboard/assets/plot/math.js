@@ -1,0 +1,46 @@
+// @ts-check
+// This module has the computations of plots. Its functions are pure.
+
+// Gives the index of the value in a sorted column that is nearest to `value`.
+export function nearest(xs, value) {
+  let low = 0;
+  let high = xs.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (xs[middle] < value) {
+      low = middle;
+    } else {
+      high = middle;
+    }
+  }
+  return high < 0 || Math.abs(xs[low] - value) <= Math.abs(xs[high] - value) ? low : high;
+}
+
+// The curve has so many points between two fits.
+const BETWEEN = 24;
+
+/**
+ * Draws the curve of a likelihood profile through its fits: [value, rise, rise of the fit or null]. The
+ * root of the rise is nearly straight in the value, so the root is drawn straight between two fits.
+ *
+ * @param {{ value: number, excess: number }[]} profile
+ */
+export function profileCurve(profile) {
+  const middle = profile.findIndex(({ excess }) => excess === 0);
+  const root = (k) => Math.sqrt(profile[k].excess) * (k < middle ? -1 : 1);
+  /** @type {[number, number, number | null][]} */
+  const points = [];
+  profile.forEach(({ value, excess }, k) => {
+    const last = k + 1 === profile.length;
+    for (let part = 0; part < (last ? 1 : BETWEEN); part += 1) {
+      const share = part / BETWEEN;
+      const rise = share === 0 ? excess : (root(k) + share * (root(k + 1) - root(k))) ** 2;
+      points.push([
+        share === 0 ? value : value + share * (profile[k + 1].value - value),
+        rise,
+        share === 0 ? excess : null,
+      ]);
+    }
+  });
+  return points;
+}

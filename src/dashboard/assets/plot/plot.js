@@ -1,0 +1,481 @@
+// @ts-check
+// A plot shows columns over a common x as lines, steps or bars, with shaded spans and bands, in the
+// units of the reader.
+//
+//     const chart = plot({ title, x: { label, unit }, y: { label, unit, log }, series: [{ name, look, step }] });
+//     chart.set(xs, [ys, …]);
+//
+// set() takes a common x column and a column for each series, in SI; null is a gap. The pointer and the
+// arrow keys read the values. Dragging across, or + at the cursor, shows a part; a double click or
+// Escape shows all. Plots of the same `group` (see group.js) share cursor and part.
+
+import uPlot from "/assets/vendor/uplot-1.6.32.min.js";
+import { h, svg } from "../shell/dom.js";
+import { number, quantity } from "../shell/format.js";
+import { axis as axisOf, rangeOf } from "./axes.js";
+import { nearest } from "./math.js";
+import { saveMenu } from "./save.js";
+import { colour, onTheme, spanColour, width } from "./theme.js";
+import { choices, onUnits, prefer, shownUnit, toShown } from "./units.js";
+
+const CHARACTER = 7.2;
+const SPAN_WORDS = {
+  held: "held back",
+  bad: "odd by the quality report",
+  missing: "missing",
+  window: "used",
+  excluded: "left out",
+};
+
+export function plot(options) {
+  return new Plot(options);
+}
+
+class Plot {
+  constructor({
+    title,
+    x,
+    y,
+    series,
+    height = 220,
+    spans = [],
+    bands = [],
+    group = null,
+    onBrush = null,
+    signal = null,
+  }) {
+    this.title = title;
+    this.x = x;
+    this.y = y;
+    this.series = series;
+    this.height = height;
+    this.spans = spans;
+    this.bands = bands;
+    this.group = group;
+    this.onBrush = onBrush;
+    this.xs = [];
+    this.columns = [];
+    this.part = null;
+    this.cursor = null;
+    this.chart = null;
+    this.caption = h("figcaption", {});
+    this.surface = h("div", {
+      class: "surface",
+      role: "application",
+      tabindex: "0",
+      "aria-roledescription": "plot",
+      "aria-label": title,
+      onkeydown: (event) => this.key(event),
+      onblur: () => this.point(null),
+    });
+    this.readout = h("output", { class: "readout" });
+    this.element = h("figure", { class: "chart" }, this.caption, this.surface, this.readout);
+    this.unit = shownUnit(y.unit, y.difference);
+    this.head();
+    group?.add(this);
+    this.resized = new ResizeObserver(() => this.fit());
+    this.resized.observe(this.element);
+    const redraw = () => this.chart?.redraw(false);
+    onTheme(redraw, signal);
+    onUnits(() => this.changeUnit(), signal);
+    signal?.addEventListener("abort", () => this.destroy(), { once: true });
+  }
+
+  destroy() {
+    this.resized.disconnect();
+    this.chart?.destroy();
+    this.chart = null;
+  }
+
+  // The head has the title, the choice of the unit, the legend of lines and spans, and the menu to
+  // save.
+  head() {
+    const possible = choices(this.y.unit, this.y.difference);
+    const unitText = this.unit.name && this.unit.name !== "1" ? `[${this.unit.name}]` : "";
+    const unit =
+      possible.length > 1
+        ? h(
+            "select",
+            {
+              class: "unit",
+              "aria-label": `Unit of ${this.y.label}`,
+              onchange: (event) => prefer(this.y.unit, event.target.value),
+            },
+            possible.map(({ name }) => h("option", { value: name, selected: name === this.unit.name }, name)),
+          )
+        : unitText && h("span", { class: "quiet" }, unitText);
+    this.caption.replaceChildren(
+      h("span", { class: "plot-title" }, this.title),
+      unit || "",
+      this.legend() ?? "",
+      saveMenu(this),
+    );
+  }
+
+  legend() {
+    const lines =
+      this.series.length > 1 ? this.series.map(({ name, look }) => h("span", {}, swatch(look), name)) : [];
+    const kinds = [...new Set(this.spans.map(({ kind }) => kind))];
+    const spans = kinds.map((kind) =>
+      h("span", {}, h("i", { class: `swatch ${kind}` }), SPAN_WORDS[kind] ?? kind),
+    );
+    return lines.length + spans.length ? h("span", { class: "legend" }, lines, spans) : null;
+  }
+
+  changeUnit() {
+    this.unit = shownUnit(this.y.unit, this.y.difference);
+    this.head();
+    this.rebuild();
+  }
+
+  setSpans(spans) {
+    this.spans = spans;
+    this.head();
+    this.chart?.redraw(false);
+  }
+
+  // Sets the common x column and a column for each series, in SI.
+  set(xs, columns) {
+    const before = this.cursor === null ? null : this.xs[this.cursor];
+    this.xs = xs;
+    this.columns = columns;
+    this.shown = columns.map((column) => column.map((value) => this.drawable(toShown(value, this.unit))));
+    this.cursor = null;
+    this.surface.classList.toggle("empty", this.isEmpty());
+    if (!this.chart) {
+      this.rebuild();
+    } else {
+      this.chart.setData([this.xs, ...this.shown], false);
+      this.scale();
+    }
+    if (before !== null) {
+      this.point(before);
+    }
+    this.surface.setAttribute("aria-label", this.summary());
+  }
+
+  isEmpty() {
+    return (
+      this.xs.length === 0 || !this.shown.some((column) => column.some((value) => Number.isFinite(value)))
+    );
+  }
+
+  drawable(value) {
+    return value === undefined
+      ? undefined
+      : value === null || !Number.isFinite(value) || (this.y.log && value <= 0)
+        ? null
+        : value;
+  }
+
+  // Shows the part between two values of x, or all where the part is null.
+  show(part) {
+    this.part = part;
+    this.scale();
+    this.surface.setAttribute("aria-label", this.summary());
+  }
+
+  extent() {
+    return this.part ?? this.group?.full ?? rangeOf([this.xs], false) ?? [0, 1];
+  }
+
+  // The range has room for the first and the last bar or dot.
+  extentShown() {
+    const [min, max] = this.extent();
+    const wide = !this.part && this.series.some(({ bars, dots }) => bars || dots);
+    const room = wide ? 0.5 * Math.max((max - min) / Math.max(this.xs.length - 1, 1), 1e-300) : 0;
+    return [min - room, max + room];
+  }
+
+  scale() {
+    if (!this.chart) {
+      return;
+    }
+    const [min, max] = this.extentShown();
+    this.chart.batch(() => {
+      this.chart.setScale("x", { min, max: max > min ? max : min + 1 });
+    });
+  }
+
+  fit() {
+    const wide = this.element.clientWidth;
+    if (wide === 0) {
+      return;
+    }
+    if (!this.chart) {
+      this.rebuild();
+    } else if (wide !== this.chart.width) {
+      this.chart.setSize({ width: wide, height: this.height });
+    }
+  }
+
+  rebuild() {
+    const wide = this.element.clientWidth;
+    if (wide === 0) {
+      return;
+    }
+    this.chart?.destroy();
+    this.shown = this.columns.map((column) =>
+      column.map((value) => this.drawable(toShown(value, this.unit))),
+    );
+    this.surface.classList.toggle("empty", this.isEmpty());
+    const data = [this.xs, ...(this.shown.length ? this.shown : this.series.map(() => []))];
+    this.chart = new uPlot(this.options(wide), data, this.surface);
+    this.chart.over.addEventListener("dblclick", () => this.zoomTo(null));
+    this.scale();
+  }
+
+  options(wide) {
+    const line = () => colour("rule");
+    const axis = {
+      stroke: () => colour("quiet"),
+      grid: { stroke: line, width: 1 },
+      ticks: { stroke: line, width: 1, size: 4 },
+      font: "12px system-ui, sans-serif",
+    };
+    const unit = this.x.unit ? ` [${this.x.unit}]` : "";
+    return {
+      width: wide,
+      height: this.height,
+      padding: [10, 12, 0, 0],
+      legend: { show: false },
+      scales: {
+        x: { time: false, auto: false },
+        y: {
+          distr: this.y.log ? 3 : 1,
+          range: this.y.log ? decades : this.series.some(({ bars }) => bars) ? fromZero : padded,
+        },
+      },
+      axes: [
+        {
+          ...axis,
+          size: 30,
+          label: `${this.x.label}${unit}`,
+          labelSize: 18,
+          labelFont: "12px system-ui, sans-serif",
+          labelGap: 0,
+          space: 70,
+          values: (_, splits) => splits.map((value) => number(value, 7)),
+        },
+        {
+          ...axis,
+          ...(this.y.log ? { splits: roundSplits, filter: (_, splits) => splits } : {}),
+          space: Math.max(18, Math.min(34, this.height / 8)),
+          size: (_, texts) =>
+            14 + CHARACTER * Math.max(2, ...(texts ?? []).map((text) => (text ?? "").length)),
+          values: (_, splits) =>
+            splits.map((value) => (value === null ? "" : number(value, this.y.log ? 2 : 6))),
+        },
+      ],
+      series: [
+        {},
+        ...this.series.map(({ look, step, dash, bars, dots }) => ({
+          stroke: () => colour(look),
+          width: dots ? 0 : width(look),
+          dash: dash ?? (look === "faint" ? [6, 4] : undefined),
+          spanGaps: false,
+          fill: bars ? () => `${colour(look)}66` : undefined,
+          paths: step
+            ? uPlot.paths.stepped({ align: 1 })
+            : bars
+              ? uPlot.paths.bars({ size: [0.8, 40] })
+              : undefined,
+          points: dots
+            ? { show: true, size: 7, width: 1, stroke: () => colour(look), fill: () => colour(look) }
+            : bars
+              ? { show: false }
+              : { show: (chart, _series, first, last) => last - first < chart.width / 12, size: 5 },
+        })),
+      ],
+      bands: this.bands.map(({ upper, lower, look }) => ({
+        series: [upper + 1, lower + 1],
+        fill: () => `${colour(look)}33`,
+      })),
+      cursor: {
+        y: false,
+        points: { size: 8 },
+        focus: { prox: -1 },
+        drag: { x: true, y: false, setScale: false, dist: 5 },
+        bind: { dblclick: () => null },
+      },
+      hooks: {
+        drawClear: [(chart) => this.drawSpans(chart)],
+        setSelect: [(chart) => this.selected(chart)],
+        setCursor: [(chart) => this.moved(chart)],
+      },
+    };
+  }
+
+  drawSpans(chart) {
+    const { left, top, width: wide, height: high } = chart.bbox;
+    for (const { from, to, kind } of this.spans) {
+      const first = Math.max(chart.valToPos(from, "x", true), left);
+      const last = Math.min(chart.valToPos(to, "x", true), left + wide);
+      if (last >= left && first <= left + wide) {
+        chart.ctx.fillStyle = spanColour(kind);
+        chart.ctx.fillRect(first, top, Math.max(last - first, 2), high);
+      }
+    }
+  }
+
+  selected(chart) {
+    const { left, width: wide } = chart.select;
+    if (wide < 5) {
+      return;
+    }
+    const part = [chart.posToVal(left, "x"), chart.posToVal(left + wide, "x")];
+    chart.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.onBrush?.active() ? this.onBrush.take(part) : this.zoomTo(part);
+  }
+
+  zoomTo(part) {
+    this.group ? this.group.show(part) : this.show(part);
+  }
+
+  // Shows a part around the cursor, half or twice as long as the present part.
+  zoom(factor) {
+    const [from, to] = this.extent();
+    const all = this.group?.full ?? rangeOf([this.xs], false) ?? [0, 1];
+    const centre = this.cursor === null ? (from + to) / 2 : this.xs[this.cursor];
+    const reach = ((to - from) * factor) / 2;
+    const part = [Math.max(all[0], centre - reach), Math.min(all[1], centre + reach)];
+    this.zoomTo(part[0] <= all[0] && part[1] >= all[1] ? null : part);
+  }
+
+  moved(chart) {
+    const { idx: index, left } = chart.cursor;
+    const inside = left >= 0 && index !== null && index !== undefined;
+    this.read(inside ? index : null);
+    if (this.moving) {
+      return;
+    }
+    this.group?.point(this, inside ? this.xs[index] : null);
+  }
+
+  // Puts the cursor at the sample that is nearest to an x, or takes it away where x is null.
+  point(x) {
+    if (!this.chart) {
+      return;
+    }
+    this.moving = true;
+    if (x === null) {
+      this.chart.setCursor({ left: -10, top: -10 });
+      this.read(null);
+    } else {
+      const index = nearest(this.xs, x);
+      this.chart.setCursor({ left: this.chart.valToPos(this.xs[index], "x"), top: 5 });
+      this.read(index);
+    }
+    this.moving = false;
+  }
+
+  read(index) {
+    this.cursor = index;
+    if (index === null || index >= this.xs.length) {
+      this.readout.textContent = "";
+      return;
+    }
+    const texts = this.shown.map(
+      (column, k) => `${this.series[k].name} ${quantity(number(column[index], 5), this.unit.name)}`,
+    );
+    this.readout.textContent = [
+      `${this.x.label} ${quantity(number(this.xs[index], 7), this.x.unit)}`,
+      ...texts,
+    ].join(" · ");
+  }
+
+  key(event) {
+    if (event.target !== this.surface) {
+      return;
+    }
+    const views = {
+      "+": () => this.zoom(0.5),
+      "=": () => this.zoom(0.5),
+      "-": () => this.zoom(2),
+      Escape: () => this.zoomTo(null),
+    };
+    const brush = this.onBrush && { "[": 0, "]": 1 }[event.key];
+    if (brush !== undefined && brush !== null && this.cursor !== null) {
+      event.preventDefault();
+      this.onBrush.end(brush, this.xs[this.cursor]);
+      return;
+    }
+    if (views[event.key]) {
+      event.preventDefault();
+      views[event.key]();
+      return;
+    }
+    this.step(event);
+  }
+
+  step(event) {
+    const [first, last] = this.visible();
+    const stride = event.shiftKey ? Math.max(1, Math.round((last - first) / 20)) : 1;
+    const from = this.cursor ?? (event.key === "ArrowLeft" ? last + 1 : first - 1);
+    const target = { ArrowRight: from + stride, ArrowLeft: from - stride, Home: first, End: last }[event.key];
+    if (target === undefined || last < first) {
+      return;
+    }
+    event.preventDefault();
+    const x = this.xs[Math.min(last, Math.max(first, target))];
+    this.point(x);
+    this.group?.point(this, x);
+  }
+
+  // Gives the first and the last index of the part that is shown.
+  visible() {
+    const [from, to] = this.extent();
+    let [first, last] = [nearest(this.xs, from), nearest(this.xs, to)];
+    first += this.xs[first] < from ? 1 : 0;
+    last -= this.xs[last] > to ? 1 : 0;
+    return [first, last];
+  }
+
+  summary() {
+    const rangeY = rangeOf(this.shown ?? [], this.y.log);
+    if (!rangeY || this.xs.length === 0) {
+      return `${this.title}: no data yet`;
+    }
+    const span = (/** @type {number[]} */ [low, high], unit) =>
+      `${number(low)} to ${quantity(number(high), unit)}`;
+    return (
+      `${this.title}. ${this.x.label} ${span(this.extent(), this.x.unit)}, ${this.y.label} ` +
+      `${span(rangeY, this.unit.name)}. Arrow keys read the values, + and − change the part that is shown, Escape shows all.` +
+      (this.onBrush ? " [ and ] put the ends of the window at the cursor." : "")
+    );
+  }
+}
+
+// The range leaves room above and below the values, also where all values are the same.
+function padded(_, low, high) {
+  if (low === null || high === null) {
+    return [0, 1];
+  }
+  const room = high > low ? 0.05 * (high - low) : Math.abs(low) * 0.05 || 1;
+  return [low - room, high + room];
+}
+
+function fromZero(_, low, high) {
+  return padded(null, Math.min(0, low ?? 0), Math.max(0, high ?? 1));
+}
+
+function roundSplits(_, __, low, high) {
+  return axisOf([low, high], { log: true, steps: 4 }).ticks.map(([value]) => value);
+}
+
+// A logarithmic axis fits the values; whole decades would leave most of it empty.
+function decades(_, low, high) {
+  if (!(low > 0) || !(high > 0)) {
+    return [0.1, 1];
+  }
+  const factor = Math.max(1.1, (high / low) ** 0.05);
+  return [low / factor, high * factor];
+}
+
+function swatch(look) {
+  return svg(
+    "svg",
+    { width: 22, height: 10, "aria-hidden": "true" },
+    svg("line", { x1: 0, x2: 22, y1: 5, y2: 5, class: `line ${look}` }),
+  );
+}

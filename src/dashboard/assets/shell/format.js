@@ -1,0 +1,114 @@
+// @ts-check
+// This module writes numbers, times and units as people read them.
+
+const SUPERSCRIPT = {
+  "-": "⁻",
+  0: "⁰",
+  1: "¹",
+  2: "²",
+  3: "³",
+  4: "⁴",
+  5: "⁵",
+  6: "⁶",
+  7: "⁷",
+  8: "⁸",
+  9: "⁹",
+};
+
+export function power(exponent) {
+  return `10${[...String(exponent)].map((character) => SUPERSCRIPT[character]).join("")}`;
+}
+
+// Writes a number with a few significant digits, and a dash where there is no number. Zeros at the end
+// are dropped unless they are `kept`, as the digits of a measured value are.
+export function number(value, digits = 4, kept = false) {
+  const trimmed = (text) => (kept || !text.includes(".") ? text : text.replace(/\.?0+$/, ""));
+  if (value === null || value === undefined || !Number.isFinite(value)) {
+    return "–";
+  }
+  if (value === 0) {
+    return "0";
+  }
+  const magnitude = Math.abs(value);
+  if (magnitude >= 1e-3 && magnitude < 1e6) {
+    const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(magnitude)));
+    return minus(trimmed(value.toFixed(Math.min(decimals, 12))));
+  }
+  const [mantissa, exponent] = value.toExponential(digits - 1).split("e");
+  return minus(`${trimmed(mantissa)}·${power(Number(exponent))}`);
+}
+
+// Reads a number as people type it, also with a decimal comma; the answer is NaN where the text is no
+// number.
+export function numberOf(text) {
+  const bare = String(text)
+    .trim()
+    .replace(/[\s\u202f\u00a0]/g, "")
+    .replace("−", "-")
+    .replace(",", ".");
+  return bare === "" ? NaN : Number(bare);
+}
+
+export function count(value) {
+  return Number.isFinite(value) ? value.toLocaleString("en-GB").replaceAll(",", "\u202f") : "–";
+}
+
+export function percent(value) {
+  return Number.isFinite(value) ? `${number(value, 4)} %` : "–";
+}
+
+// Writes an estimate and its standard error, both to the second digit of the error.
+export function withError(estimate, error) {
+  if (!Number.isFinite(error) || !Number.isFinite(estimate) || error <= 0) {
+    return [number(estimate, 6), "–"];
+  }
+  const above = Math.floor(Math.log10(Math.max(Math.abs(estimate), error)));
+  const digits = Math.min(10, Math.max(2, above - Math.floor(Math.log10(error)) + 2));
+  return [number(estimate, digits, true), number(error, 2, true)];
+}
+
+export function quantity(text, unit) {
+  return unit && unit !== "1" && text !== "–" ? `${text}\u00a0${unit}` : text;
+}
+
+export function unitText(unit) {
+  return unit === "1" ? "–" : unit;
+}
+
+export function duration(seconds) {
+  if (!Number.isFinite(seconds)) {
+    return "–";
+  }
+  if (seconds < 120) {
+    return `${number(seconds, 3)} s`;
+  }
+  const minutes = Math.round(seconds / 60);
+  return minutes < 120 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+}
+
+const INSTANT = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "short" });
+
+export function instant(text) {
+  if (!text) {
+    return "–";
+  }
+  const element = document.createElement("time");
+  element.dateTime = text;
+  element.title = text;
+  element.textContent = INSTANT.format(new Date(text));
+  return element;
+}
+
+export function words(name) {
+  return name.replaceAll("_", " ");
+}
+
+function minus(text) {
+  return text.replace("-", "−");
+}
+
+// Writes text as it stands in markup.
+export function escaped(text) {
+  const entities = { "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" };
+  return String(text).replace(/[&<>"]/g, (character) => entities[character]);
+}

@@ -1,0 +1,93 @@
+// @ts-check
+// The router shows the view that the part of the address after # names; it fetches the modules of a
+// view when the view is first shown. Each view gets a signal that is aborted when the reader leaves the
+// view; its requests, timers and event streams end with the signal.
+
+import { get, SIGNED_OUT } from "./api.js";
+import { h } from "./dom.js";
+import { isKnown, showSignIn } from "./session.js";
+
+/** @type {[RegExp, () => Promise<any>, string][]} */
+const VIEWS = [
+  [/^\/jobs$/, () => import("../list/jobs.js"), "showJobs"],
+  [/^\/jobs\/([^/]+)$/, () => import("../job/job.js"), "showJob"],
+  [/^\/datasets$/, () => import("../data/datasets.js"), "showDatasets"],
+  [/^\/datasets\/([^/]+)$/, () => import("../data/datasets.js"), "showDataset"],
+  [/^\/compare$/, () => import("../compare/jobs.js"), "showCompare"],
+  [/^\/comparisons$/, () => import("../compare/methods.js"), "showComparisons"],
+  [/^\/comparisons\/([^/]+)$/, () => import("../compare/methods.js"), "showComparison"],
+  [/^\/models$/, () => import("../model/models.js"), "showModels"],
+  [/^\/equations$/, () => import("../model/editor.js"), "showModelEditor"],
+  [/^\/models\/([^/]+)$/, () => import("../model/models.js"), "showModel"],
+  [/^\/new$/, () => import("../new/job.js"), "showNewJob"],
+];
+
+const main = document.getElementById("main");
+let leave = new AbortController();
+
+async function route() {
+  leave.abort();
+  leave = new AbortController();
+  const [path, query] = (location.hash.slice(1) || "/jobs").split("?");
+  main.replaceChildren();
+  markCurrent(path);
+  const { signal } = leave;
+  for (const [pattern, load, show] of VIEWS) {
+    const match = pattern.exec(path);
+    if (match) {
+      const modules = await load();
+      // The reader may have gone elsewhere while the modules were fetched.
+      if (!signal.aborted) {
+        modules[show](
+          { root: main, signal, query: new URLSearchParams(query) },
+          ...match.slice(1).map(decodeURIComponent),
+        );
+        announce();
+      }
+      return;
+    }
+  }
+  main.append(h("h1", { tabindex: "-1" }, "Not here"), h("p", {}, `There is no page ${path}.`));
+  announce();
+}
+
+function markCurrent(path) {
+  for (const link of /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll("nav a"))) {
+    const here = link.hash && path.startsWith(link.hash.slice(1));
+    here ? link.setAttribute("aria-current", "page") : link.removeAttribute("aria-current");
+  }
+}
+
+// Puts the focus on the heading, so that a screen reader reads the name of the new view.
+function announce() {
+  const heading = main.querySelector("h1");
+  if (heading) {
+    heading.focus({ preventScroll: true });
+    document.title = `${heading.textContent} · greybox`;
+  }
+  scrollTo(0, 0);
+}
+
+async function showVersion() {
+  const { data } = await get("/version");
+  document.getElementById("version").textContent = `greybox ${data.version ?? ""}`;
+}
+
+// Where the server asks who calls, signing in comes first.
+async function begin() {
+  (await isKnown()) ? route() : signIn();
+}
+
+function signIn() {
+  if (!main.querySelector("form.sign-in")) {
+    leave.abort();
+    main.replaceChildren();
+    showSignIn(main, begin);
+    announce();
+  }
+}
+
+addEventListener("hashchange", route);
+addEventListener(SIGNED_OUT, signIn);
+begin();
+showVersion().catch(() => {});

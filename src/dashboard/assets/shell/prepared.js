@@ -1,0 +1,20 @@
+// @ts-check
+// A specification goes from one page of this tab to another through the storage of the tab.
+
+// Stores a specification for another page of this tab, and gives the key that the page finds it by.
+export function keep(spec) {
+  const key = `prepared-${Date.now().toString(36)}`;
+  sessionStorage.setItem(key, JSON.stringify(spec));
+  return key;
+}
+
+// Gives the specification that another page has stored under the key in the address.
+export function prepared(view) {
+  const key = view.query.get("prepared");
+  const text = key && sessionStorage.getItem(key);
+  return text ? JSON.parse(text) : null;
+}
+
+export function prepare(spec) {
+  location.hash = `/new?prepared=${keep(spec)}`;
+}

@@ -1,0 +1,80 @@
+// This module handles the session of the reader. Where the server asks for a token, the form takes it
+// once, and a cookie that no script can read stands for it from then on; the page keeps neither.
+
+import { bringCsrfToken, get, send } from "./api.js";
+import { h, notice } from "./dom.js";
+
+const SESSION = "/v1/session";
+
+// Asks the server for the session and shows it; answers whether the reader may look at the page.
+export async function isKnown() {
+  try {
+    greet((await get(SESSION)).data);
+    return true;
+  } catch (problem) {
+    greet(null);
+    return problem.status !== 401;
+  }
+}
+
+function greet(session) {
+  bringCsrfToken(session?.csrf_token ?? null);
+  const isPerson = session && session.who !== "local";
+  const out = session?.csrf_token && h("button", { type: "button", onclick: signOut }, "Sign out");
+  document
+    .getElementById("who")
+    .replaceChildren(
+      ...(isPerson ? [`${session.who} · ${session.scope} in ${session.project} `, out].filter(Boolean) : []),
+    );
+}
+
+async function signOut() {
+  try {
+    await send("DELETE", SESSION);
+  } finally {
+    location.reload();
+  }
+}
+
+export function showSignIn(root, begin) {
+  const outcome = notice();
+  const token = h("input", {
+    type: "password",
+    name: "token",
+    required: true,
+    size: "40",
+    autocomplete: "current-password",
+    spellcheck: "false",
+  });
+  const button = h("button", { type: "submit", class: "primary" }, "Sign in");
+  const submit = async (event) => {
+    event.preventDefault();
+    button.disabled = true;
+    try {
+      const { data } = await send("POST", SESSION, { token: token.value });
+      greet(data);
+      root.replaceChildren();
+      await begin();
+    } catch (problem) {
+      outcome.fail(
+        problem.status === 401
+          ? { message: "The server does not know this token, or it has ended." }
+          : problem,
+      );
+      button.disabled = false;
+      token.select();
+    }
+  };
+  root.append(
+    h("h1", { tabindex: "-1" }, "Sign in"),
+    h(
+      "p",
+      {},
+      "This server asks who you are. Whoever runs it makes tokens with ",
+      h("code", {}, "greybox token create"),
+      ".",
+    ),
+    h("form", { class: "sign-in fields", onsubmit: submit }, h("label", {}, "Token", token), button),
+    outcome.place,
+  );
+}

@@ -1,0 +1,74 @@
+// This module starts the browser of the tests and has the steps that they do on a page.
+//
+// PAGE_TOOLS names a folder with puppeteer-core and axe-core in its node_modules, CHROMIUM names the
+// browser, and SCREENSHOTS names a folder for pictures of every page.
+
+import fs from "node:fs";
+import { createRequire } from "node:module";
+import path from "node:path";
+import { base } from "./server.mjs";
+
+export const tools = process.env.PAGE_TOOLS;
+const { CHROMIUM = "/usr/bin/chromium", SCREENSHOTS: pictures } = process.env;
+export const PATIENCE = { timeout: 60_000 };
+export const SIZES = [
+  { width: 1400, height: 900, scheme: "light" },
+  { width: 1400, height: 900, scheme: "dark" },
+  { width: 390, height: 844, scheme: "light" },
+  { width: 390, height: 844, scheme: "dark" },
+];
+
+let browser = null;
+
+// Starts the browser, and reads the script of the accessibility checker.
+export async function launch() {
+  const require = createRequire(path.resolve(tools, "package.json"));
+  browser = await require("puppeteer-core").launch({
+    executablePath: CHROMIUM,
+    headless: true,
+    args: ["--no-sandbox", "--disable-gpu"],
+  });
+  return { browser, checker: fs.readFileSync(require.resolve("axe-core/axe.min.js"), "utf8") };
+}
+
+// Opens a page that records its errors and its requests to other hosts in `faults`.
+export async function open(address, { width, height, scheme } = SIZES[0]) {
+  const page = await browser.newPage();
+  page.faults = [];
+  await page.setViewport({ width, height });
+  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+  page.on("console", (message) => message.type() === "error" && page.faults.push(message.text()));
+  page.on("pageerror", (error) => page.faults.push(error.message));
+  page.on("request", (request) => {
+    const url = new URL(request.url());
+    if (!["data:", "blob:"].includes(url.protocol) && url.origin !== base) {
+      page.faults.push(`asked ${url}`);
+    }
+  });
+  await page.goto(base + address, { waitUntil: "domcontentloaded" });
+  return page;
+}
+
+export const text = (page, selector) => page.$eval(selector, (element) => element.textContent);
+export const says = (page, words) =>
+  page.waitForFunction((text) => document.body.innerText.includes(text), PATIENCE, words);
+
+export const specification = (page) =>
+  page.$eval("#panel-json .editor", (editor) => JSON.parse(editor.getText()));
+
+// Replaces the text in an editor by keyboard.
+export async function write(page, editor, text) {
+  await (await page.waitForSelector(`${editor} >>> .cm-content`, PATIENCE)).focus();
+  await page.keyboard.down("Control");
+  await page.keyboard.press("a");
+  await page.keyboard.up("Control");
+  await page.keyboard.press("Delete");
+  await page.keyboard.sendCharacter(text);
+}
+
+export async function picture(page, name) {
+  if (pictures) {
+    fs.mkdirSync(pictures, { recursive: true });
+    await page.screenshot({ path: path.join(pictures, `${name}.png`), fullPage: true });
+  }
+}
