@@ -115,7 +115,7 @@ impl Callers {
         if is_fresh(&lock(&self.looked)) {
             return Ok(false);
         }
-        let asks = state.store.has_tokens().await?;
+        let asks = state.store.tokens().exist().await?;
         *lock(&self.looked) = Some(Instant::now());
         if asks {
             self.asks.store(true, Ordering::Relaxed);
@@ -165,7 +165,7 @@ impl Callers {
             Some(row) => row,
             None => {
                 let reading = self.reading();
-                let row = state.store.token(&digest).await?;
+                let row = state.store.tokens().find(&digest).await?;
                 let row = row.ok_or_else(|| refused(NO_TOKEN))?;
                 self.remember(&digest, &row, reading);
                 row
@@ -177,7 +177,7 @@ impl Callers {
     /// The token of a session, from the database.
     async fn session(&self, state: &ApiState, digest: &Digest) -> Answer<TokenRow> {
         let reading = self.reading();
-        let row = state.store.session(digest).await?;
+        let row = state.store.sessions().find(digest).await?;
         let row = row.ok_or_else(|| refused("a session that is over"))?;
         self.remember(digest, &row, reading);
         Ok(row)
@@ -194,7 +194,7 @@ impl Callers {
         if self.is_to_be_noted(digest) {
             let (store, id) = (state.store.clone(), row.id);
             tokio::spawn(async move {
-                let noted = store.note_use(id).await;
+                let noted = store.tokens().note_use(id).await;
                 let warn = |error| tracing::warn!(%error, "it was not noted that a token was used");
                 noted.unwrap_or_else(warn);
             });

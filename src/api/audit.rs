@@ -141,7 +141,7 @@ impl Audit {
             request_id: asked.request_id.to_owned(),
             left_out,
         };
-        if let Err(error) = self.store.audit(entry).await {
+        if let Err(error) = self.store.audit().add(entry).await {
             tracing::error!(%error, request_id = asked.request_id, "the audit log was not written");
         }
     }
@@ -241,7 +241,8 @@ pub async fn list(
     let strangers = client.project == Project::default();
     let page = state
         .store
-        .audit_log(&client.project, strangers, cursor.before, cursor.limit);
+        .audit()
+        .list(&client.project, strangers, cursor.before, cursor.limit);
     let page = page.await?;
     let items: Vec<AuditRecord> = page.rows.into_iter().map(AuditRecord::from).collect();
     let as_csv = prefers(&headers, "text/csv").then(|| written(&items));

@@ -128,7 +128,7 @@ async fn put_aside(state: &ApiState, spool: Option<Spool>, bytes: Vec<u8>) -> An
     let written = tokio::task::spawn_blocking(move || {
         let mut spool = match spool {
             Some(spool) => spool,
-            None => room.spool(store.nameless_file()?),
+            None => room.spool(store.datasets().nameless_file()?),
         };
         spool.write_all(&bytes)?;
         Ok(spool)

@@ -82,8 +82,12 @@ pub async fn candidates(
     headers: HeaderMap,
 ) -> Answer {
     let (after, limit) = (query.after, query.limit);
-    let page = state.store.candidates(id, after, limit, ENOUGH).await?;
-    if page.columns.is_empty() && state.store.job(id).await?.is_none() {
+    let page = state
+        .store
+        .candidates()
+        .page(id, after, limit, ENOUGH)
+        .await?;
+    if page.columns.is_empty() && state.store.jobs().find(id).await?.is_none() {
         return Err(no_job(id));
     }
     let (cut, more_after) = (page.cut_in_generation, page.more_after);

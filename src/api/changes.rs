@@ -107,7 +107,7 @@ impl Follower {
     }
 
     async fn written(&self, changed: &[JobId]) -> Result<Bytes, StoreError> {
-        let rows = self.store.job_summaries_of(changed).await?;
+        let rows = self.store.jobs().summaries_of(changed).await?;
         let mut text = String::new();
         let mut push = |name: &str, data: String| {
             write!(text, "event: {name}\ndata: {data}\n\n")

@@ -199,7 +199,7 @@ pub async fn submit_comparison(
         body_digest: document.digest.clone(),
     });
     if let Some(idempotency) = &idempotency
-        && let Some(earlier) = state.store.earlier_comparison(idempotency).await?
+        && let Some(earlier) = state.store.comparisons().earlier(idempotency).await?
     {
         return accepted(&state, earlier).await;
     }
@@ -221,7 +221,7 @@ pub async fn submit_comparison(
             new.model = ready.new;
         }
     }
-    let submitted = state.store.submit_comparison(new).await?;
+    let submitted = state.store.comparisons().submit(new).await?;
     accepted(&state, submitted).await
 }
 
@@ -315,7 +315,8 @@ pub async fn list(
 ) -> Answer {
     let page = state
         .store
-        .comparisons(&client.project, cursor.before, cursor.limit);
+        .comparisons()
+        .list(&client.project, cursor.before, cursor.limit);
     let page = page.await?;
     let items = page.rows.iter().map(ListedComparison::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
@@ -332,7 +333,7 @@ pub async fn show(
     Named(id): Named<ComparisonId>,
     _: Params<NoQuery>,
 ) -> Answer {
-    let row = state.store.comparison(id).await?;
+    let row = state.store.comparisons().find(id).await?;
     let row = row.ok_or_else(|| Problem::not_found("comparison", &id.to_string()))?;
     Ok(json(StatusCode::OK, &shown(&state, &row).await?))
 }
@@ -347,7 +348,7 @@ async fn shown(state: &ApiState, row: &ComparisonRow) -> Answer<ComparisonState>
             methods.push(method);
         }
         if row.status.is_terminal()
-            && let Some(outcome) = state.store.result(row.id).await?
+            && let Some(outcome) = state.store.results().find(row.id).await?
         {
             trials.extend(trial(row, outcome));
         }

@@ -215,7 +215,7 @@ pub async fn create(
     }
     let received = receive(&state, request.into_body(), limit).await?;
     let _permit = state.recording_permit().await?;
-    let scratch = state.store.scratch();
+    let scratch = state.store.datasets().scratch();
     let parsed = parse_received(&state, received, move |text| {
         let mut recording = intake::receive(text, kind, &options, Some(scratch))?;
         let summary = recording.summary();
@@ -236,7 +236,7 @@ pub async fn create(
 
 /// Stores a recording, and says where it is.
 pub(super) async fn stored(state: &ApiState, new: NewDataset) -> Answer {
-    let (row, is_new) = state.store.insert_dataset(new).await?;
+    let (row, is_new) = state.store.datasets().insert(new).await?;
     let status = if is_new {
         StatusCode::CREATED
     } else {
@@ -306,7 +306,8 @@ pub async fn list(
 ) -> Answer {
     let page = state
         .store
-        .datasets(&client.project, cursor.before, cursor.limit);
+        .datasets()
+        .list(&client.project, cursor.before, cursor.limit);
     let page = page.await?;
     let items = page.rows.iter().map(Dataset::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
@@ -326,7 +327,8 @@ pub async fn show(
 ) -> Answer {
     let row = state
         .store
-        .dataset(id)
+        .datasets()
+        .find(id)
         .await?
         .ok_or_else(|| no_dataset(id))?;
     Ok(tagged_json(&headers, &Dataset::from(&*row)))
@@ -348,7 +350,7 @@ pub async fn remove(
     Named(id): Named<DatasetId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    match state.store.delete_dataset(id).await? {
+    match state.store.datasets().delete(id).await? {
         DatasetRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
         DatasetRemoval::NotFound => Err(no_dataset(id)),
         DatasetRemoval::InUse(jobs) => {
@@ -409,7 +411,7 @@ pub async fn samples(
     headers: HeaderMap,
 ) -> Answer {
     let permit = state.recording_permit().await?;
-    let recording = state.store.recording(id).await?;
+    let recording = state.store.datasets().recording(id).await?;
     let recording = recording.ok_or_else(|| no_dataset(id))?;
     check_names(&recording, query.signals.as_deref())?;
     if prefers(&headers, "text/csv") {
@@ -471,7 +473,7 @@ pub(super) async fn csv_answer(state: &ApiState, recording: Recording, permit: P
     let written = state.convert(move || {
         let (_permit, recording) = (permit, recording);
         let write = || {
-            let mut spool = room.spool(store.nameless_file()?);
+            let mut spool = room.spool(store.datasets().nameless_file()?);
             let mut buffered = BufWriter::with_capacity(CSV_BUFFER_BYTES, &mut spool);
             recording.write_csv(&mut buffered)?;
             buffered.flush()?;

@@ -268,9 +268,14 @@ async fn submit(
     });
     checked.await?;
     if let Some(new) = ready.new {
-        state.store.insert_model(new).await?;
+        state.store.models().insert(new).await?;
     }
-    submit::answer(&state, state.store.submit(job).await?, headers).await
+    submit::answer(
+        &state,
+        state.store.submissions().submit(job).await?,
+        headers,
+    )
+    .await
 }
 
 /// What a design reads of the job that it goes on from.
@@ -283,7 +288,7 @@ async fn past(state: &ApiState, client: &Client, document: &Value) -> Answer<Opt
     let Some(id) = DesignSpec::past_job(document) else {
         return Ok(None);
     };
-    let row = state.store.job(id).await?;
+    let row = state.store.jobs().find(id).await?;
     match row.filter(|row| row.project == client.project) {
         Some(_) => Ok(Some(FinishedJob::read(state, id).await?)),
         None => Ok(None),

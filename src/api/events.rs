@@ -84,7 +84,12 @@ pub async fn events(
     headers: HeaderMap,
 ) -> Answer {
     let last = last_event_id(&headers)?.or(query.last_event_id);
-    let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
+    let row = state
+        .store
+        .jobs()
+        .find(id)
+        .await?
+        .ok_or_else(|| no_job(id))?;
     let after = last.unwrap_or(0);
     if row.status.is_terminal() && after >= row.last_event {
         return Ok(StatusCode::NO_CONTENT.into_response());

@@ -34,7 +34,7 @@ impl PathName for JobId {
     const WHAT: &'static str = "job";
 
     async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
-        state.store.project_of_job(*self).await
+        state.store.jobs().project_of(*self).await
     }
 }
 
@@ -42,7 +42,7 @@ impl PathName for ComparisonId {
     const WHAT: &'static str = "comparison";
 
     async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
-        state.store.project_of_comparison(*self).await
+        state.store.comparisons().project_of(*self).await
     }
 }
 
@@ -50,7 +50,7 @@ impl PathName for MonitorId {
     const WHAT: &'static str = "monitor";
 
     async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
-        state.store.project_of_monitor(*self).await
+        state.store.monitors().project_of(*self).await
     }
 }
 
@@ -58,7 +58,7 @@ impl PathName for DatasetId {
     const WHAT: &'static str = "dataset";
 
     async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
-        let row = state.store.dataset(*self).await?;
+        let row = state.store.datasets().find(*self).await?;
         Ok(row.map(|row| row.project.clone()))
     }
 }
@@ -67,7 +67,7 @@ impl PathName for WebhookId {
     const WHAT: &'static str = "webhook";
 
     async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
-        let row = state.store.webhook(*self).await?;
+        let row = state.store.webhooks().find(*self).await?;
         Ok(row.map(|row| row.project))
     }
 }
@@ -76,7 +76,7 @@ impl PathName for DeliveryId {
     const WHAT: &'static str = "delivery";
 
     async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
-        state.store.project_of_delivery(*self).await
+        state.store.deliveries().project_of(*self).await
     }
 }
 

@@ -42,7 +42,12 @@ impl FinishedJob {
     /// There is no such job, it is a design, it has no result or not yet, or its recording has been
     /// removed.
     pub async fn read(state: &ApiState, id: JobId) -> Answer<FinishedJob> {
-        let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
+        let row = state
+            .store
+            .jobs()
+            .find(id)
+            .await?
+            .ok_or_else(|| no_job(id))?;
         if JobKind::of(&row.spec) == JobKind::Design {
             let detail = "the job designs an experiment: it estimates nothing";
             return Err(Problem::new(Kind::WrongState, detail));
@@ -98,7 +103,7 @@ impl FinishedJob {
 /// The result of a job that has one.
 pub async fn result_of(state: &ApiState, row: &JobRow) -> Answer<Value> {
     let finished = row.status.is_terminal() || row.status == Status::Paused;
-    if finished && let Some(outcome) = state.store.result(row.id).await? {
+    if finished && let Some(outcome) = state.store.results().find(row.id).await? {
         return Ok(outcome);
     }
     let detail = match row.status {

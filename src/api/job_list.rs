@@ -216,11 +216,11 @@ pub async fn list(
 ) -> Answer {
     filter.project = client.project;
     if view == JobView::Summary {
-        let page = state.store.job_summaries(&filter).await?;
+        let page = state.store.jobs().summaries(&filter).await?;
         let items = page.rows.into_iter().map(JobSummary::from).collect();
         return Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri));
     }
-    let page = state.store.jobs(&filter).await?;
+    let page = state.store.jobs().list(&filter).await?;
     let items = page.rows.iter().map(Job::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
 }

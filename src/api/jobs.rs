@@ -185,7 +185,7 @@ pub async fn wait_until(
     let deadline = Instant::now() + wait;
     let mut changes = state.hub.subscribe(id);
     loop {
-        let row = state.store.job(id).await?;
+        let row = state.store.jobs().find(id).await?;
         if row.as_deref().is_none_or(&done) {
             return Ok(row);
         }
@@ -234,7 +234,7 @@ pub async fn show(
     Params(query): Params<WaitQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let mut row = state.store.job(id).await?;
+    let mut row = state.store.jobs().find(id).await?;
     if let (Some(wait), Some(before)) = (query.wait, &row) {
         let before = before.status;
         let changed = |row: &JobRow| row.status != before || row.status.is_terminal();
@@ -270,7 +270,7 @@ pub async fn cancel(
     Named(id): Named<JobId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    controlled(id, Status::Cancelled, state.store.request_cancel(id).await?)
+    controlled(id, Status::Cancelled, state.store.jobs().cancel(id).await?)
 }
 
 /// Hold a job; the best estimate so far stays readable. Idempotent.
@@ -286,7 +286,7 @@ pub async fn pause(
     Named(id): Named<JobId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    controlled(id, Status::Paused, state.store.request_pause(id).await?)
+    controlled(id, Status::Paused, state.store.jobs().pause(id).await?)
 }
 
 /// Let a paused job go on. Idempotent.
@@ -301,7 +301,7 @@ pub async fn resume(
     Named(id): Named<JobId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    controlled(id, Status::Queued, state.store.request_resume(id).await?)
+    controlled(id, Status::Queued, state.store.jobs().resume(id).await?)
 }
 
 fn controlled(id: JobId, to: Status, control: Control) -> Answer {
@@ -324,7 +324,7 @@ pub async fn remove(
     Named(id): Named<JobId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    match state.store.delete_job(id).await? {
+    match state.store.jobs().delete(id).await? {
         JobRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
         JobRemoval::NotFound => Err(no_job(id)),
         JobRemoval::Unfinished(status) => {

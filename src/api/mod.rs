@@ -201,7 +201,7 @@ impl ApiState {
         let mut recordings = Vec::with_capacity(spec.experiments.len());
         let mut faults = Vec::new();
         for (index, experiment) in spec.experiments.iter().enumerate() {
-            if let Some(recording) = self.store.recording(experiment.dataset).await? {
+            if let Some(recording) = self.store.datasets().recording(experiment.dataset).await? {
                 recordings.push(recording);
             } else {
                 let pointer = format!("/experiments/{index}/dataset");
@@ -221,7 +221,7 @@ impl ApiState {
         if let Some(model) = self.catalogue.get(name) {
             return Ok(model.clone());
         }
-        let row = self.store.model_of(project, name).await?;
+        let row = self.store.models().find(project, name).await?;
         let row = row.ok_or_else(|| Problem::not_found("model", name))?;
         let read = models::read(self, row.document).await?;
         Ok(read.map_err(Problem::of_document)?.model)

@@ -119,7 +119,7 @@ pub async fn create(
         state.convert(move || Ok(document::referenced(&document).map(|read| (read, document))));
     let (read, document) = read.await?.map_err(Problem::of_document)?;
     let new = new_model(&read, document, client);
-    let (status, row) = match state.store.insert_model(new).await? {
+    let (status, row) = match state.store.models().insert(new).await? {
         ModelStored::Created(row) => (StatusCode::CREATED, row),
         ModelStored::There(row) => (StatusCode::OK, row),
     };
@@ -169,7 +169,7 @@ pub async fn list(
         .iter()
         .map(|model| model.description().clone())
         .collect();
-    let rows = state.store.models(&client.project).await?;
+    let rows = state.store.models().list(&client.project).await?;
     let written = state.convert(move || {
         let read = rows
             .iter()
@@ -201,7 +201,7 @@ pub async fn show(
     let document = match model.document() {
         Some(document) => Some(document.clone()),
         None => {
-            let row = state.store.model_of(&client.project, &name).await?;
+            let row = state.store.models().find(&client.project, &name).await?;
             row.map(|row| row.document)
         }
     };
@@ -231,7 +231,7 @@ pub async fn remove(
         let detail = format!("`{name}` is part of the program");
         return Err(Problem::new(Kind::WrongState, detail));
     }
-    match state.store.delete_model(&client.project, &name).await? {
+    match state.store.models().delete(&client.project, &name).await? {
         ModelRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
         ModelRemoval::NotFound => Err(Problem::not_found("model", &name)),
         ModelRemoval::InUse(jobs) => {
@@ -261,7 +261,7 @@ pub(super) async fn asked(state: &ApiState, document: &Value, client: &Client) -
     };
     match document.get("model") {
         Some(Value::String(name)) if state.catalogue.get(name).is_none() && name.contains('@') => {
-            if let Some(row) = state.store.model_of(&client.project, name).await? {
+            if let Some(row) = state.store.models().find(&client.project, name).await? {
                 let read = read(state, row.document).await?;
                 asked.model = Some(read.map_err(Problem::of_document)?.model);
             }

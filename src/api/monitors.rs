@@ -163,13 +163,18 @@ pub async fn create(
         body_digest: document.digest.clone(),
     });
     if let Some(idempotency) = &idempotency
-        && let Some(earlier) = state.store.earlier_monitor(idempotency).await?
+        && let Some(earlier) = state.store.monitors().earlier(idempotency).await?
     {
         let (row, replayed) = stored(earlier)?;
         return created(row, replayed);
     }
     let mut spec = MonitorSpec::read(&document.value).map_err(Problem::of_document)?;
-    let Some(stream) = state.store.stream(&client.project, &spec.stream).await? else {
+    let Some(stream) = state
+        .store
+        .streams()
+        .find(&client.project, &spec.stream)
+        .await?
+    else {
         let detail = format!("there is no stream `{}`", spec.stream);
         let fault = Fault::new("/stream", "unknown_stream", detail);
         return Err(Problem::of_document(vec![fault]));
@@ -192,7 +197,7 @@ pub async fn create(
         patience: spec.patience(),
         idempotency,
     };
-    let inserted = state.store.insert_monitor(new).await?.ok_or_else(|| {
+    let inserted = state.store.monitors().insert(new).await?.ok_or_else(|| {
         let detail = "there are as many monitors as there may be, or the stream has just gone";
         Problem::new(Kind::WrongState, detail)
     })?;
@@ -264,7 +269,7 @@ async fn check(
         return Err(Problem::of_document(faults));
     }
     if let Some(new) = asked.new {
-        state.store.insert_model(new).await?;
+        state.store.models().insert(new).await?;
     }
     Ok(())
 }
@@ -272,7 +277,7 @@ async fn check(
 /// What the newest window of a stream holds.
 async fn newest(state: &ApiState, stream: &StreamRow, length_s: f64) -> Answer<Summary> {
     let now = clock_ns();
-    let reached = state.store.stream_reached(stream, now).await?;
+    let reached = state.store.streams().last_instant(stream, now).await?;
     let last = reached.unwrap_or(now);
     let from = last.saturating_sub((length_s * 1e9) as i64);
     let _permit = state.recording_permit().await?;
@@ -287,7 +292,8 @@ async fn newest(state: &ApiState, stream: &StreamRow, length_s: f64) -> Answer<S
     };
     let rows = state
         .store
-        .stream_rows(stream, (from, last.saturating_add(1)), most)
+        .streams()
+        .rows(stream, (from, last.saturating_add(1)), most)
         .await?;
     let rows = rows.ok_or_else(too_many)?;
     let signals = stream.signals.clone();
@@ -330,7 +336,8 @@ pub async fn list(
 ) -> Answer {
     let page = state
         .store
-        .monitors(&client.project, cursor.before, cursor.limit)
+        .monitors()
+        .list(&client.project, cursor.before, cursor.limit)
         .await?;
     let items = page.rows.into_iter().map(Monitor::new);
     let items = items.collect::<Answer<Vec<_>>>()?;
@@ -350,10 +357,18 @@ pub async fn show(
     headers: HeaderMap,
 ) -> Answer {
     let row = monitor(&state, id).await?;
-    let windows = state.store.monitor_windows(id, None, SHOWN_WINDOWS).await?;
+    let windows = state
+        .store
+        .monitors()
+        .windows(id, None, SHOWN_WINDOWS)
+        .await?;
     let mut windows = shown_windows(windows.rows)?;
     windows.reverse();
-    let alarms = state.store.monitor_alarms(id, None, SHOWN_ALARMS).await?;
+    let alarms = state
+        .store
+        .monitors()
+        .alarms(id, None, SHOWN_ALARMS)
+        .await?;
     let shown = ShownMonitor {
         waits_for: WaitsFor::of(&state, &row).await?,
         monitor: Monitor::new(row)?,
@@ -364,7 +379,7 @@ pub async fn show(
 }
 
 async fn monitor(state: &ApiState, id: MonitorId) -> Answer<MonitorRow> {
-    let row = state.store.monitor(id).await?;
+    let row = state.store.monitors().find(id).await?;
     row.ok_or_else(|| no_monitor(id))
 }
 
@@ -401,7 +416,7 @@ pub async fn remove(
     Named(id): Named<MonitorId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    if state.store.delete_monitor(id).await? {
+    if state.store.monitors().delete(id).await? {
         Ok(StatusCode::NO_CONTENT.into_response())
     } else {
         Err(no_monitor(id))
@@ -435,7 +450,10 @@ pub async fn windows(
     uri: Uri,
 ) -> Answer {
     monitor(&state, id).await?;
-    let page = state.store.monitor_windows(id, cursor.before, cursor.limit);
+    let page = state
+        .store
+        .monitors()
+        .windows(id, cursor.before, cursor.limit);
     let page = page.await?;
     let items = shown_windows(page.rows)?;
     let text = prefers(&headers, "text/csv").then(|| csv::table(&items));
@@ -465,7 +483,10 @@ pub async fn alarms(
     uri: Uri,
 ) -> Answer {
     monitor(&state, id).await?;
-    let page = state.store.monitor_alarms(id, cursor.before, cursor.limit);
+    let page = state
+        .store
+        .monitors()
+        .alarms(id, cursor.before, cursor.limit);
     let page = page.await?;
     let items = shown_alarms(page.rows)?;
     Ok(Page::new(items, page.next.map(|number| number.to_string())).answer(&uri))

@@ -70,9 +70,10 @@ pub async fn generations(
 ) -> Answer {
     let items = state
         .store
-        .generations(id, query.after, query.limit)
+        .generations()
+        .after(id, query.after, query.limit)
         .await?;
-    if items.is_empty() && state.store.job(id).await?.is_none() {
+    if items.is_empty() && state.store.jobs().find(id).await?.is_none() {
         return Err(no_job(id));
     }
     let as_csv = prefers(&headers, "text/csv");
@@ -114,7 +115,12 @@ pub async fn result(
     _query: Params<NoQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
+    let row = state
+        .store
+        .jobs()
+        .find(id)
+        .await?
+        .ok_or_else(|| no_job(id))?;
     let outcome = result_of(&state, &row).await?;
     if prefers(&headers, "text/csv") {
         if JobKind::of(&row.spec) == JobKind::Design {

@@ -118,7 +118,7 @@ pub async fn sign_in(
     let latest = now + LIFE;
     let ends = row.expires_at.map_or(latest, |end| end.min(latest));
     let digest = secret.session_digest();
-    state.store.begin_session(row.id, digest, ends).await?;
+    state.store.sessions().begin(row.id, digest, ends).await?;
     let client = Client::of_token(row, address);
     let shown = Session {
         expires_at: Some(ends),
@@ -151,7 +151,7 @@ fn is_secure(state: &ApiState, headers: &HeaderMap) -> bool {
 async fn end(state: &ApiState, headers: &HeaderMap) -> Answer<()> {
     if let Some(secret) = cookie(headers) {
         let digest = secret.session_digest();
-        state.store.end_session(digest.clone()).await?;
+        state.store.sessions().end(digest.clone()).await?;
         state.0.callers.forget(&digest);
     }
     Ok(())

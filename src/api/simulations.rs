@@ -158,9 +158,9 @@ async fn recording(
 ) -> Answer<Option<Arc<Recording>>> {
     match SimulationSpec::source(document) {
         Source::Dataset(id) => {
-            let row = state.store.dataset(id).await?;
+            let row = state.store.datasets().find(id).await?;
             match row.filter(|row| row.project == client.project) {
-                Some(_) => Ok(state.store.recording(id).await?),
+                Some(_) => Ok(state.store.datasets().recording(id).await?),
                 None => Ok(None),
             }
         }

@@ -175,7 +175,7 @@ pub async fn append(
     let limit = state.limits.dataset_bytes;
     let received = receive(&state, request.into_body(), limit).await?;
     let _permit = state.recording_permit().await?;
-    let scratch = state.store.scratch();
+    let scratch = state.store.datasets().scratch();
     let options = options.for_purpose(Purpose::Stream);
     let latest = stamps::latest(&state.limits);
     let parsed = parse_received(&state, received, move |text| {
@@ -197,7 +197,7 @@ pub async fn append(
             body_digest,
         }),
     };
-    answered(&name, state.store.append(new).await?)
+    answered(&name, state.store.streams().append(new).await?)
 }
 
 /// An instant in nanoseconds since 1970; the nearest that 64 bits hold.
@@ -285,7 +285,8 @@ pub async fn list(
 ) -> Answer {
     let page = state
         .store
-        .streams(&client.project, cursor.before, cursor.limit)
+        .streams()
+        .list(&client.project, cursor.before, cursor.limit)
         .await?;
     Ok(Page::new(page.rows, page.next).answer(&uri))
 }
@@ -411,7 +412,7 @@ fn too_few() -> String {
 }
 
 async fn stream(state: &ApiState, client: &Client, name: &str) -> Answer<StreamRow> {
-    let stream = state.store.stream(&client.project, name).await?;
+    let stream = state.store.streams().find(&client.project, name).await?;
     stream.ok_or_else(|| Problem::not_found("stream", name))
 }
 
@@ -425,7 +426,7 @@ async fn window(
         from.map_or(i64::MIN, nanoseconds),
         to.map_or(i64::MAX, nanoseconds),
     );
-    let rows = state.store.stream_rows(stream, span, MAX_WINDOW_SAMPLES);
+    let rows = state.store.streams().rows(stream, span, MAX_WINDOW_SAMPLES);
     let rows = rows.await?.ok_or_else(|| {
         let detail = format!(
             "there are more than {MAX_WINDOW_SAMPLES} instants in it; ask for a shorter part"
@@ -460,7 +461,7 @@ pub async fn remove(
     Named(StreamName(name)): Named<StreamName>,
     _query: Params<NoQuery>,
 ) -> Answer<Response> {
-    match state.store.delete_stream(&client.project, &name).await? {
+    match state.store.streams().delete(&client.project, &name).await? {
         StreamRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
         StreamRemoval::NotFound => Err(Problem::not_found("stream", &name)),
         StreamRemoval::InUse(monitors) => {

@@ -163,9 +163,14 @@ pub async fn submit(
     };
     let job = ready.new_job(idempotency);
     if let Some(new) = ready.new {
-        state.store.insert_model(new).await?;
+        state.store.models().insert(new).await?;
     }
-    answer(&state, state.store.submit(job).await?, &headers).await
+    answer(
+        &state,
+        state.store.submissions().submit(job).await?,
+        &headers,
+    )
+    .await
 }
 
 /// What makes a submission safe to repeat, where the client asks for it.
@@ -188,7 +193,7 @@ pub(super) async fn earlier(
     idempotency: Option<&Idempotency>,
 ) -> Answer<Option<Submitted>> {
     match idempotency {
-        Some(idempotency) => Ok(state.store.earlier_submission(idempotency).await?),
+        Some(idempotency) => Ok(state.store.submissions().earlier(idempotency).await?),
         None => Ok(None),
     }
 }
@@ -282,7 +287,7 @@ pub(super) fn stored<T>(submitted: Submitted<T>) -> Answer<(T, bool)> {
 async fn read(state: &ApiState, project: &Project, asked: &models::Asked) -> Answer<JobSpec> {
     let mut datasets = HashMap::new();
     for id in JobSpec::datasets_named(&asked.document) {
-        let row = state.store.dataset(id).await?;
+        let row = state.store.datasets().find(id).await?;
         if let Some(row) = row.filter(|row| row.project == *project) {
             datasets.insert(id, row.summary.clone());
         }

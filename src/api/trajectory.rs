@@ -165,11 +165,21 @@ pub async fn trajectory(
 
 /// The experiments of a result, simulated now or a moment ago.
 async fn simulated(state: &ApiState, id: JobId) -> Answer<Simulated> {
-    let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
+    let row = state
+        .store
+        .jobs()
+        .find(id)
+        .await?
+        .ok_or_else(|| no_job(id))?;
     if let Some(known) = state.0.simulated.get(id, row.revision) {
         let mut there = true;
         for experiment in known.iter() {
-            there &= state.store.dataset(experiment.dataset).await?.is_some();
+            there &= state
+                .store
+                .datasets()
+                .find(experiment.dataset)
+                .await?
+                .is_some();
         }
         if there {
             return Ok(known);

@@ -158,7 +158,7 @@ pub async fn create(
         _ => return Err(Problem::of_document(found)),
     };
     state.destinations.check(&url).map_err(refused)?;
-    if state.store.webhooks(&client.project).await?.len() >= MOST {
+    if state.store.webhooks().list(&client.project).await?.len() >= MOST {
         let detail = format!("a project has {MOST} webhooks at the most");
         return Err(Problem::new(Kind::WrongState, detail));
     }
@@ -174,7 +174,7 @@ pub async fn create(
         secret: secret.expose(),
         created_at: Timestamp::now(),
     };
-    state.store.insert_webhook(row.clone()).await?;
+    state.store.webhooks().insert(row.clone()).await?;
     let location = HeaderValue::from_str(&format!("/v1/webhooks/{}", row.id));
     let mut shown = Webhook::from(row);
     shown.secret = Some(secret.expose());
@@ -233,7 +233,7 @@ pub async fn list(
     client: Client,
     _query: Params<NoQuery>,
 ) -> Answer {
-    let rows = state.store.webhooks(&client.project).await?;
+    let rows = state.store.webhooks().list(&client.project).await?;
     let items = rows.into_iter().map(Webhook::from).collect();
     Ok(json(StatusCode::OK, &Webhooks { items }))
 }
@@ -249,7 +249,7 @@ pub async fn show(
     Named(id): Named<WebhookId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    let row = state.store.webhook(id).await?;
+    let row = state.store.webhooks().find(id).await?;
     let row = row.ok_or_else(|| no_webhook(id))?;
     Ok(json(StatusCode::OK, &Webhook::from(row)))
 }
@@ -269,7 +269,7 @@ pub async fn remove(
     Named(id): Named<WebhookId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    match state.store.delete_webhook(id).await? {
+    match state.store.webhooks().delete(id).await? {
         true => Ok(StatusCode::NO_CONTENT.into_response()),
         false => Err(no_webhook(id)),
     }
@@ -297,12 +297,13 @@ pub async fn deliveries(
     Params(WhichDeliveries(cursor)): Params<WhichDeliveries>,
     uri: Uri,
 ) -> Answer {
-    if state.store.webhook(id).await?.is_none() {
+    if state.store.webhooks().find(id).await?.is_none() {
         return Err(no_webhook(id));
     }
     let page = state
         .store
-        .deliveries(id, cursor.before, cursor.limit)
+        .deliveries()
+        .list(id, cursor.before, cursor.limit)
         .await?;
     let items: Vec<Delivery> = page.rows.into_iter().map(Delivery::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
@@ -323,7 +324,7 @@ pub async fn show_delivery(
 }
 
 async fn shown(state: &ApiState, id: DeliveryId, status: StatusCode) -> Answer<Response> {
-    let row = state.store.delivery(id).await?;
+    let row = state.store.deliveries().find(id).await?;
     let row = row.ok_or_else(|| Problem::not_found("delivery", &id.to_string()))?;
     Ok(json(status, &Delivery::from(row)))
 }
@@ -339,6 +340,6 @@ pub async fn resend(
     Named(id): Named<DeliveryId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    state.store.resend(id).await?;
+    state.store.deliveries().resend(id).await?;
     shown(&state, id, StatusCode::ACCEPTED).await
 }

@@ -150,11 +150,11 @@ impl Feed {
 
     async fn page(&self) -> Result<Page, StoreError> {
         let job = self.subscription.job;
-        let (events, limit) = match self.store.events_after(job, self.after, PAGE).await {
+        let (events, limit) = match self.store.events().after(job, self.after, PAGE).await {
             // Events before a damaged one are handed out one by one.
             Err(error) if error.corrupt_row().is_some() => {
-                self.store.note_damage(&error);
-                (self.store.events_after(job, self.after, 1).await?, 1)
+                self.store.damage().note(&error);
+                (self.store.events().after(job, self.after, 1).await?, 1)
             }
             events => (events?, PAGE),
         };
@@ -165,7 +165,7 @@ impl Feed {
     }
 
     async fn nothing_will_come(&self) -> Result<bool, StoreError> {
-        let job = self.store.job(self.subscription.job).await?;
+        let job = self.store.jobs().find(self.subscription.job).await?;
         Ok(job.is_none_or(|job| job.status.is_terminal() && job.last_event <= self.after))
     }
 }

@@ -308,7 +308,7 @@ mod tests {
             datasets: Vec::new(),
             idempotency: None,
         };
-        match store.submit(job).await.expect("a submission") {
+        match store.submissions().submit(job).await.expect("a submission") {
             Submitted::Created(row) => row.id,
             other => panic!("not created: {other:?}"),
         }
@@ -328,10 +328,10 @@ mod tests {
         let job = submit(store).await;
         let reader = tokio::spawn(read_all(hub.feed(store.clone(), job, 0)));
         for _ in 0..20 {
-            store.request_pause(job).await.expect("a wish");
-            store.request_resume(job).await.expect("a wish");
+            store.jobs().pause(job).await.expect("a wish");
+            store.jobs().resume(job).await.expect("a wish");
         }
-        store.request_cancel(job).await.expect("a wish");
+        store.jobs().cancel(job).await.expect("a wish");
         let seen = reader.await.expect("a reader");
         assert_eq!(seen, (1..=43).collect::<Vec<i64>>());
         assert_eq!(hub.n_jobs_waited_for(), 0);
@@ -342,17 +342,17 @@ mod tests {
         let Fixture { hub, store, .. } = &fixture().await;
         let job = submit(store).await;
         for _ in 0..10 {
-            store.request_pause(job).await.expect("a wish");
-            store.request_resume(job).await.expect("a wish");
+            store.jobs().pause(job).await.expect("a wish");
+            store.jobs().resume(job).await.expect("a wish");
         }
         let starts = [0, 0, 3, 15, 21, 22, 1000];
         let readers =
             starts.map(|after| tokio::spawn(read_all(hub.feed(store.clone(), job, after))));
         for _ in 0..10 {
-            store.request_pause(job).await.expect("a wish");
-            store.request_resume(job).await.expect("a wish");
+            store.jobs().pause(job).await.expect("a wish");
+            store.jobs().resume(job).await.expect("a wish");
         }
-        store.request_cancel(job).await.expect("a wish");
+        store.jobs().cancel(job).await.expect("a wish");
         for (reader, after) in readers.into_iter().zip(starts) {
             let seen = reader.await.expect("a reader");
             assert_eq!(
@@ -375,9 +375,9 @@ mod tests {
         for feed in [&mut first, &mut second] {
             assert!(feed.next().await.expect("a read").is_some());
         }
-        store.request_pause(job).await.expect("a wish");
+        store.jobs().pause(job).await.expect("a wish");
         assert!(first.next().await.expect("a read").is_some());
-        store.request_cancel(job).await.expect("a wish");
+        store.jobs().cancel(job).await.expect("a wish");
         let ahead = read_all(hub.feed(store.clone(), job, 1000)).await;
         assert!(ahead.is_empty());
         let rest = tokio::time::timeout(Duration::from_secs(10), read_all(second)).await;
@@ -388,7 +388,7 @@ mod tests {
     async fn a_reader_that_has_seen_the_end_gets_nothing_more() {
         let Fixture { hub, store, .. } = &fixture().await;
         let job = submit(store).await;
-        store.request_cancel(job).await.expect("a wish");
+        store.jobs().cancel(job).await.expect("a wish");
         let mut feed = hub.feed(store.clone(), job, 3);
         assert_eq!(feed.next().await.expect("a read"), None);
     }

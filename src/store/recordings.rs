@@ -13,7 +13,7 @@ const LIMIT: usize = 64 << 20;
 
 /// Recordings by their identifiers, bounded in bytes. Cheap to clone.
 #[derive(Clone)]
-pub(super) struct RecentRecordings(Arc<Mutex<Kept>>);
+pub(super) struct RecordingCache(Arc<Mutex<Kept>>);
 
 struct Kept {
     /// The one that was asked for last stands last.
@@ -21,13 +21,13 @@ struct Kept {
     limit: usize,
 }
 
-impl Default for RecentRecordings {
+impl Default for RecordingCache {
     fn default() -> Self {
         Self::with_limit(LIMIT)
     }
 }
 
-impl RecentRecordings {
+impl RecordingCache {
     fn with_limit(limit: usize) -> Self {
         Self(Arc::new(Mutex::new(Kept {
             recordings: VecDeque::new(),
@@ -90,7 +90,7 @@ mod tests {
 
     #[test]
     fn those_that_were_not_asked_for_for_the_longest_go_when_there_is_no_room() {
-        let kept = RecentRecordings::with_limit(3000);
+        let kept = RecordingCache::with_limit(3000);
         let ids: Vec<DatasetId> = (0..4).map(|_| DatasetId::new()).collect();
         for id in &ids[..3] {
             kept.keep(*id, &recording());
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn one_that_is_too_large_is_not_kept() {
-        let kept = RecentRecordings::with_limit(999);
+        let kept = RecordingCache::with_limit(999);
         let id = DatasetId::new();
         kept.keep(id, &recording());
         assert!(kept.get(id).is_none());

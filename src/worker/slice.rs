@@ -146,7 +146,7 @@ impl SliceWorker {
         loop {
             let permit = self.admission.take(project.as_str()).await;
             if self.active.all_are_stopped() {
-                self.store.give_back(id, entry).await?;
+                self.store.queue().give_back(id, entry).await?;
                 return Ok(After::Done);
             }
             let Some(job) = self.active.take(id) else {
@@ -178,7 +178,7 @@ impl SliceWorker {
         (job, entry_taken): (&ActiveJob, Instant),
     ) -> Result<After, StoreError> {
         let (entry, permit) = entry.unzip();
-        let slice = match self.store.begin_slice(id, entry, DEATH_LIMIT).await? {
+        let slice = match self.store.slices().begin(id, entry, DEATH_LIMIT).await? {
             Begin::Slice(slice) => *slice,
             Begin::NotYet => return Ok(After::NotYet),
             Begin::Nothing | Begin::Ended => return Ok(After::Done),
@@ -196,7 +196,7 @@ impl SliceWorker {
             time_left: time_left(&slice),
             stop,
             exchange: Arc::new(Exchange::new(
-                self.store.share().is_some(),
+                self.store.nodes().share().is_some(),
                 slice.is_shared,
                 heard,
             )),
@@ -241,7 +241,7 @@ impl SliceWorker {
     fn or_damage<T>(&self, done: Result<T, StoreError>) -> Result<Result<T, Failure>, StoreError> {
         match done {
             Err(error) if error.meaning() == Meaning::Damaged => {
-                self.store.note_damage(&error);
+                self.store.damage().note(&error);
                 Ok(Err(Failure::damaged_data(&error)))
             }
             done => done.map(Ok),
@@ -253,7 +253,7 @@ impl SliceWorker {
         &self,
         job: &JobRow,
     ) -> Result<Result<Materials, Failure>, StoreError> {
-        let model = self.store.model(&job.model).await?;
+        let model = self.store.models().by_reference(&job.model).await?;
         let datasets = match self.recordings(&job.spec).await? {
             Ok(datasets) => datasets,
             Err(failure) => return Ok(Err(failure)),
@@ -271,8 +271,8 @@ impl SliceWorker {
         let Some(id) = DesignTask::past_job(spec) else {
             return Ok(Ok(None));
         };
-        let job = self.store.job(id).await?;
-        let outcome = self.store.result(id).await?;
+        let job = self.store.jobs().find(id).await?;
+        let outcome = self.store.results().find(id).await?;
         let (Some(job), Some(outcome)) = (job, outcome) else {
             let detail = format!("the job {id} or its result is no longer stored");
             return Ok(Err(Failure::cannot_run(detail, Vec::new())));
@@ -288,8 +288,8 @@ impl SliceWorker {
     ) -> Result<Result<Vec<(String, Arc<Recording>)>, Failure>, StoreError> {
         let mut recordings = Vec::new();
         for id in datasets_of(spec) {
-            let row = self.store.dataset(id).await?;
-            let recording = self.store.recording(id).await?;
+            let row = self.store.datasets().find(id).await?;
+            let recording = self.store.datasets().recording(id).await?;
             let (Some(row), Some(recording)) = (row, recording) else {
                 let detail = format!("the dataset {id} is no longer stored");
                 return Ok(Err(Failure::cannot_run(detail, Vec::new())));
@@ -372,11 +372,19 @@ impl SliceWorker {
 
     /// Brings the computation what other nodes did after the part with a number.
     async fn bring(&self, current: &Current, after: i64) -> Result<(), StoreError> {
-        let brought = self.store.shared_parts(current.lease.job, after).await;
+        let brought = self
+            .store
+            .work_shares()
+            .after(current.lease.job, after)
+            .await;
         let brought = brought.inspect_err(|_| {
             current.stop.store(true, Ordering::Relaxed);
         })?;
-        let own = self.store.share().map(|(index, of)| Share { index, of });
+        let own = self
+            .store
+            .nodes()
+            .share()
+            .map(|(index, of)| Share { index, of });
         current.exchange.bring(brought, own);
         Ok(())
     }
@@ -385,9 +393,10 @@ impl SliceWorker {
     async fn recall(&self, lease: Lease, recorder: &mut Recorder) -> Result<(), StoreError> {
         let mut after = Some(0);
         while let Some(generation) = after {
-            let kept = self
-                .store
-                .candidates(lease.job, generation, u32::MAX, CANDIDATES_AT_ONCE);
+            let kept =
+                self.store
+                    .candidates()
+                    .page(lease.job, generation, u32::MAX, CANDIDATES_AT_ONCE);
             let kept = kept.await?;
             recorder.recall(&kept);
             // Once the record is cut nothing more is kept.
@@ -401,7 +410,7 @@ impl SliceWorker {
         if recorder.is_empty() {
             return Ok(Hold::Kept);
         }
-        self.store.record(lease, recorder.record()).await
+        self.store.slices().record(lease, recorder.record()).await
     }
 }
 

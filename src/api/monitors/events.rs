@@ -68,11 +68,15 @@ impl Follow for MonitorFeed {
     async fn next(&mut self) -> Result<Option<Vec<Arc<StoredEvent>>>, StoreError> {
         loop {
             self.news.mark_unchanged();
-            let page = |limit| self.store.monitor_events_after(self.id, self.after, limit);
+            let page = |limit| {
+                self.store
+                    .monitors()
+                    .events_after(self.id, self.after, limit)
+            };
             let events = match page(EVENTS).await {
                 // Events before a damaged one are handed out one by one.
                 Err(error) if error.corrupt_row().is_some() => {
-                    self.store.note_damage(&error);
+                    self.store.damage().note(&error);
                     page(1).await?
                 }
                 events => events?,
@@ -81,7 +85,7 @@ impl Follow for MonitorFeed {
                 self.after = last.id;
                 return Ok(Some(events.into_iter().map(Arc::new).collect()));
             }
-            if self.store.monitor(self.id).await?.is_none() {
+            if self.store.monitors().find(self.id).await?.is_none() {
                 return Ok(None);
             }
             tokio::select! {

@@ -80,7 +80,8 @@ pub async fn move_to(
     let (spec, mut knows) = understood(&row)?;
     let newest = state
         .store
-        .monitor_windows(id, None, LOOKED_THROUGH)
+        .monitors()
+        .windows(id, None, LOOKED_THROUGH)
         .await?;
     let is_worked = |status: &serde_json::Value| *status != WindowStatus::NoData.as_str();
     let worked = newest
@@ -111,7 +112,7 @@ pub async fn move_to(
         forget_before: first - i64::from(spec.keep_jobs),
         from: row,
     };
-    if !state.store.advance_monitor(moved).await? {
+    if !state.store.monitors().advance(moved).await? {
         return Err(at_work());
     }
     Ok(json(

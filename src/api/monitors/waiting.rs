@@ -39,9 +39,19 @@ impl WaitsFor {
         }
         let (spec, knows) = understood(row)?;
         let (from, to) = knows.span(&spec.window);
-        let stream = state.store.stream(&row.project, &row.stream).await?;
+        let stream = state
+            .store
+            .streams()
+            .find(&row.project, &row.stream)
+            .await?;
         let reached = match &stream {
-            Some(stream) => state.store.stream_reached(stream, clock_ns()).await?,
+            Some(stream) => {
+                state
+                    .store
+                    .streams()
+                    .last_instant(stream, clock_ns())
+                    .await?
+            }
             None => None,
         };
         let (from, to, due) = (instant(from), instant(to), instant(row.due_ns));

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub(super) const LIMIT: usize = 512;
 
 /// Rows by their identifier. Cheap to clone.
-pub(super) struct Recent<Id, Row>(Arc<Mutex<Kept<Id, Row>>>);
+pub(super) struct RowCache<Id, Row>(Arc<Mutex<Kept<Id, Row>>>);
 
 struct Kept<Id, Row> {
     rows: HashMap<Id, Entry<Row>>,
@@ -31,7 +31,7 @@ enum Entry<Row> {
 /// The right to keep what was read, unless it changed meanwhile.
 pub(super) struct Reading(u64);
 
-impl<Id: Copy + Eq + Hash, Row> Recent<Id, Row> {
+impl<Id: Copy + Eq + Hash, Row> RowCache<Id, Row> {
     /// Keeps so many rows at the most.
     pub(super) fn new(limit: usize) -> Self {
         Self(Arc::new(Mutex::new(Kept {
@@ -81,7 +81,7 @@ impl<Id: Copy + Eq + Hash, Row> Recent<Id, Row> {
     }
 }
 
-impl<Id, Row> Clone for Recent<Id, Row> {
+impl<Id, Row> Clone for RowCache<Id, Row> {
     fn clone(&self) -> Self {
         Self(self.0.clone())
     }
@@ -91,48 +91,48 @@ impl<Id, Row> Clone for Recent<Id, Row> {
 mod tests {
     use super::*;
 
-    fn read(recent: &Recent<usize, usize>, id: usize) {
-        let reading = recent.get(id).expect_err("it is not kept");
-        recent.keep(id, reading, &Arc::new(id));
+    fn read(cache: &RowCache<usize, usize>, id: usize) {
+        let reading = cache.get(id).expect_err("it is not kept");
+        cache.keep(id, reading, &Arc::new(id));
     }
 
     #[test]
     fn a_row_is_kept_until_it_changes() {
-        let recent = Recent::<usize, usize>::new(LIMIT);
-        read(&recent, 1);
-        assert_eq!(recent.get(1).ok().as_deref(), Some(&1));
-        recent.forget(1);
-        assert!(recent.get(1).is_err());
+        let cache = RowCache::<usize, usize>::new(LIMIT);
+        read(&cache, 1);
+        assert_eq!(cache.get(1).ok().as_deref(), Some(&1));
+        cache.forget(1);
+        assert!(cache.get(1).is_err());
     }
 
     #[test]
     fn what_changes_while_it_is_read_is_not_kept() {
-        let recent = Recent::<usize, usize>::new(LIMIT);
-        let before = recent.get(1).expect_err("it is not kept");
-        recent.forget(1);
-        let after = recent.get(1).expect_err("it is not kept");
-        recent.keep(1, before, &Arc::new(10));
-        assert!(recent.get(1).is_err());
-        recent.keep(1, after, &Arc::new(11));
-        assert!(recent.get(1).is_err(), "another reading has begun since");
+        let cache = RowCache::<usize, usize>::new(LIMIT);
+        let before = cache.get(1).expect_err("it is not kept");
+        cache.forget(1);
+        let after = cache.get(1).expect_err("it is not kept");
+        cache.keep(1, before, &Arc::new(10));
+        assert!(cache.get(1).is_err());
+        cache.keep(1, after, &Arc::new(11));
+        assert!(cache.get(1).is_err(), "another reading has begun since");
     }
 
     #[test]
     fn where_nothing_may_be_kept_everything_is_read() {
-        let recent = Recent::<usize, usize>::new(0);
-        read(&recent, 1);
-        assert!(recent.get(1).is_err());
-        assert!(recent.kept().rows.is_empty());
+        let cache = RowCache::<usize, usize>::new(0);
+        read(&cache, 1);
+        assert!(cache.get(1).is_err());
+        assert!(cache.kept().rows.is_empty());
     }
 
     #[test]
     fn the_rows_that_are_kept_are_bounded() {
-        let recent = Recent::<usize, usize>::new(LIMIT);
+        let cache = RowCache::<usize, usize>::new(LIMIT);
         for id in (0..3).flat_map(|_| 0..2 * LIMIT) {
-            recent.forget(id);
-            read(&recent, id);
+            cache.forget(id);
+            read(&cache, id);
         }
-        let kept = recent.kept();
+        let kept = cache.kept();
         assert!(kept.rows.len() <= LIMIT && kept.order.len() <= LIMIT);
         assert!(matches!(
             kept.rows.get(&(2 * LIMIT - 1)),
