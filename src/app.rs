@@ -129,7 +129,7 @@ impl App {
         let routes = api::resources(state).merge(dashboard::router());
         let around = Around {
             names: Arc::new(settings.names()),
-            audit: Some(Audit::new(store.clone())),
+            audit: Some(Audit::new(store.audit().clone())),
         };
         let routes = api::with_middleware(routes, around);
         let speaks_tls = tls.is_some();

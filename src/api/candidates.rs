@@ -92,7 +92,10 @@ pub async fn candidates(
     }
     let (cut, more_after) = (page.cut_in_generation, page.more_after);
     let as_csv = prefers(&headers, "text/csv");
-    let mut response = state.convert(move || Ok(written(page, as_csv))).await?;
+    let mut response = state
+        .work
+        .convert(move || Ok(written(page, as_csv)))
+        .await?;
     let answered = response.headers_mut();
     if let Some(generation) = cut {
         answered.insert(CUT_IN_GENERATION, HeaderValue::from(generation));

@@ -14,7 +14,7 @@ use super::ApiState;
 use super::error::{Answer, Kind, Problem};
 use super::http_headers::json;
 use crate::job::Status;
-use crate::store::Meaning;
+use crate::store::{Damage, Meaning};
 
 /// How long an unready client may wait before it asks again `[s]`.
 const RETRY_S: u32 = 2;
@@ -119,7 +119,7 @@ pub async fn readyz(State(state): State<ApiState>) -> Answer {
 
 /// Notes the damage that a request met.
 pub(super) async fn note_damage(
-    State(state): State<ApiState>,
+    State(met): State<Damage>,
     request: Request,
     next: Next,
 ) -> Response {
@@ -127,7 +127,7 @@ pub(super) async fn note_damage(
     if let Some(problem) = response.extensions().get::<Problem>()
         && let Some(damage) = problem.damage()
     {
-        state.store.damage().note(damage);
+        met.note(damage);
     }
     response
 }
@@ -173,8 +173,7 @@ pub async fn metrics(State(state): State<ApiState>) -> Answer {
     ] {
         metrics::gauge!("greybox_stored_bytes", "of" => of).set(bytes as f64);
     }
-    let streams = state.limits.streams_at_once - state.0.streams.free();
-    metrics::gauge!("greybox_streams_open").set(streams as f64);
+    metrics::gauge!("greybox_streams_open").set(state.event_streams.count() as f64);
     for (project, worked) in state.store.jobs().work_by_project().await? {
         let project = project.to_string();
         let counter = metrics::counter!("greybox_work_seconds_total", "project" => project);

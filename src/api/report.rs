@@ -85,7 +85,7 @@ pub async fn report(
         .await?;
     let generations: Vec<_> = generations.iter().map(GenerationCosts::from).collect();
     let recordings = recordings(&state, &job.spec).await?;
-    let rendered = state.compute(move |stop| {
+    let rendered = state.work.compute(move |stop| {
         let experiments = job.trajectory(stop)?;
         let row = &job.row;
         let title = row.name.clone().unwrap_or_else(|| id.to_string());

@@ -11,8 +11,7 @@ use super::columns::{optional_time, project, time};
 use super::database::{self, Connection, QueryBuilder};
 use super::page::Page;
 use super::shared_database::Database;
-use super::writer::Tx;
-use super::writer::in_transaction;
+use super::writer::{Tx, in_transaction};
 use crate::access::Project;
 
 /// What is written down of a request.

@@ -6,7 +6,6 @@ use futures_util::TryStreamExt;
 
 use super::columns::{self, from_json};
 use super::database::{self, QueryBuilder};
-use super::jobs;
 use super::sealed::{CANDIDATE_RECORDS, CANDIDATES};
 use super::shared_database::Database;
 use super::writer::Tx;

@@ -5,11 +5,10 @@
 //! request holds whatever the slice comes to (see `slices/endings`).
 
 use super::columns;
-use super::jobs::{self, JobRow};
+use super::jobs::{self, JobRow, Jobs};
 use super::slices::endings;
 use super::stop_request::StopRequest;
-use super::writer::Tx;
-use super::writer::in_transaction;
+use super::writer::{Tx, in_transaction};
 use super::{Change, StoreError, database, queue, results};
 use crate::job::{Event, Status};
 use greybox::identification::JobId;

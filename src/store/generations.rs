@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
+use super::StoreError;
 use super::columns::{self, from_json};
 use super::database::{self, QueryBuilder, Row};
 use super::sealed::GENERATIONS;
 use super::shared_database::Database;
 use super::writer::Tx;
-use super::{StoreError, jobs};
 use crate::job::GenerationEvent;
 use greybox::identification::JobId;
 

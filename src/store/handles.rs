@@ -53,6 +53,7 @@ pub struct Store(Arc<Parts>);
 
 struct Parts {
     database: Arc<Database>,
+    handles: Handles,
     /// Holds the rows of jobs that were read lately.
     jobs: Jobs,
     /// Holds the recordings that were read lately.
@@ -67,14 +68,26 @@ struct Parts {
     closing: CancellationToken,
 }
 
-/// A handle that works on the database and on nothing else.
+/// The handles that work on the database and on nothing else.
 macro_rules! handles {
     ($($(#[$doc:meta])* $name:ident: $handle:ident,)*) => {
+        struct Handles {
+            $($name: $handle,)*
+        }
+
+        impl Handles {
+            fn new(database: &Arc<Database>) -> Self {
+                Self {
+                    $($name: $handle { database: database.clone() },)*
+                }
+            }
+        }
+
         impl Store {
             $(
                 $(#[$doc])*
-                pub fn $name(&self) -> $handle {
-                    $handle { database: self.0.database.clone() }
+                pub fn $name(&self) -> &$handle {
+                    &self.0.handles.$name
                 }
             )*
         }
@@ -120,28 +133,28 @@ handles! {
 
 impl Store {
     /// Jobs as they are shown, listed, stopped and deleted.
-    pub fn jobs(&self) -> Jobs {
-        self.0.jobs.clone()
+    pub fn jobs(&self) -> &Jobs {
+        &self.0.jobs
     }
 
     /// Recordings.
-    pub fn datasets(&self) -> Datasets {
-        self.0.datasets.clone()
+    pub fn datasets(&self) -> &Datasets {
+        &self.0.datasets
     }
 
     /// Submissions of jobs.
-    pub fn submissions(&self) -> Submissions {
-        self.0.submissions.clone()
+    pub fn submissions(&self) -> &Submissions {
+        &self.0.submissions
     }
 
     /// The servers that work with the database.
-    pub fn nodes(&self) -> Nodes {
-        self.0.nodes.clone()
+    pub fn nodes(&self) -> &Nodes {
+        &self.0.nodes
     }
 
     /// The damage that was met since the server began.
-    pub fn damage(&self) -> Damage {
-        self.0.database.damage.clone()
+    pub fn damage(&self) -> &Damage {
+        &self.0.database.damage
     }
 
     /// Opens the database, a file for this server alone, brings its schema up to date and makes what
@@ -206,6 +219,7 @@ impl Store {
             }
         };
         let store = Self(Arc::new(Parts {
+            handles: Handles::new(&database),
             jobs: Jobs {
                 database: database.clone(),
                 rows: caches.jobs,
@@ -273,6 +287,12 @@ impl Store {
         while exchange.lock().await.join_next().await.is_some() {}
         database.readers.close().await;
         database.writer_pool.close().await;
+    }
+
+    /// The connections that read.
+    #[cfg(test)]
+    pub(super) fn readers(&self) -> &database::Pool {
+        &self.0.database.readers
     }
 
     /// What the handles work on.

@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::columns::{from_json, optional, optional_time, parse_id, parse_status, time};
 use super::database::{Kind, QueryBuilder, Row};
-use super::jobs::{method, push_filter};
+use super::jobs::{Jobs, method, push_filter};
 use super::{JobFilter, Page, StoreError, corrupt};
 use crate::access::Project;
 use crate::job::Status;

@@ -2,20 +2,20 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Duration;
 
 use jiff::Timestamp;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+use super::columns::{from_json, optional, optional_time, parse_id, parse_status, project, time};
 use super::database::{self, Connection, Kind, QueryBuilder, Row};
+use super::page::Page;
 use super::row_cache::RowCache;
 use super::sealed::JOBS;
 use super::shared_database::Database;
 use super::stop_request::StopRequest;
-use super::writer::Tx;
-use super::writer::in_transaction;
-use super::{StoreError, corrupt, unsigned};
+use super::writer::{Tx, in_transaction};
+use super::{StoreError, unsigned};
 use crate::access::Project;
 use crate::job::Status;
 use greybox::estimation::Progress;

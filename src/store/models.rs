@@ -10,8 +10,7 @@ use super::columns::{self, from_json, time};
 use super::database::{self, QueryBuilder, Row};
 use super::sealed::MODELS;
 use super::shared_database::Database;
-use super::writer::Tx;
-use super::writer::in_transaction;
+use super::writer::{Tx, in_transaction};
 use crate::access::Project;
 use greybox::identification::JobId;
 

@@ -10,7 +10,7 @@ use super::database::{self, Kind, QueryBuilder};
 use super::shared_database::Database;
 use super::streams::answers;
 use super::writer::{Tx, in_transaction};
-use super::{Change, StoreError, audit, idempotency, jobs};
+use super::{Change, StoreError, audit, idempotency};
 use crate::access::Project;
 
 /// Jobs that go in one transaction.

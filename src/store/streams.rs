@@ -26,9 +26,9 @@ use blocks::{Block, Span, note};
 use greybox::recording::{Batch, Rows};
 pub use removal::Cleared;
 use signals::places;
+pub(super) use stream::identity;
 pub use stream::{
-    Appended, BatchOutcome, DEFAULT_KEEP_MIB, Keep, MAX_STREAMS, NewBatch, StreamRemoval,
-    StreamRow, identity,
+    Appended, BatchOutcome, DEFAULT_KEEP_MIB, Keep, MAX_STREAMS, NewBatch, StreamRemoval, StreamRow,
 };
 use stream::{SELECT, count, fetch, now_ns, put, read};
 

@@ -6,9 +6,8 @@ use super::columns;
 use super::database::{self, QueryBuilder};
 use super::sealed::SHARED_PARTS;
 use super::shared_database::Database;
-use super::writer::Tx;
-use super::writer::in_transaction;
-use super::{Change, StoreError, jobs};
+use super::writer::{Tx, in_transaction};
+use super::{Change, StoreError};
 use greybox::identification::JobId;
 
 /// Parts that are written with one statement.

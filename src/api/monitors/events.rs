@@ -7,9 +7,9 @@ use axum::http::HeaderMap;
 use axum::response::Response;
 use tokio::sync::watch;
 
-use super::monitor;
-use crate::api::ApiState;
+use super::stored::monitor;
 use crate::api::error::Answer;
+use crate::api::event_streams::EventStreams;
 use crate::api::events::{EventsQuery, Follow, StreamedEvent, follow, last_event_id};
 use crate::api::extract::Named;
 use crate::api::query::Params;
@@ -37,18 +37,18 @@ const EVENTS: u32 = 200;
                description = "The events, one after the other"))
 )]
 pub async fn events(
-    State(state): State<ApiState>,
+    State(streams): State<EventStreams>,
     Named(id): Named<MonitorId>,
     Params(query): Params<EventsQuery>,
     headers: HeaderMap,
 ) -> Answer<Response> {
     let last = last_event_id(&headers)?.or(query.last_event_id);
-    monitor(&state, id).await?;
-    let permit = state.stream_permit()?;
+    monitor(streams.store.monitors(), id).await?;
+    let permit = streams.permit()?;
     let feed = MonitorFeed {
-        news: state.hub.monitor_news(),
-        hub: state.hub.clone(),
-        store: state.store.clone(),
+        news: streams.hub.monitor_news(),
+        hub: streams.hub.clone(),
+        store: streams.store.clone(),
         id,
         after: last.unwrap_or(0),
     };

@@ -2,14 +2,14 @@
 
 /// Which database it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(in crate::store) enum Kind {
     Sqlite,
     Postgres,
 }
 
 impl Kind {
     /// What this database has of two things that do the same.
-    pub(super) fn either<T>(self, sqlite: T, postgres: T) -> T {
+    pub(in crate::store) fn either<T>(self, sqlite: T, postgres: T) -> T {
         match self {
             Self::Sqlite => sqlite,
             Self::Postgres => postgres,

@@ -14,8 +14,7 @@ use crate::store::columns;
 use crate::store::stop_request::StopRequest;
 use crate::store::writer::Tx;
 use crate::store::{
-    Change, StoreError, checkpoints, corrupt, database, deliveries, events, jobs, results,
-    work_shares,
+    Change, StoreError, checkpoints, corrupt, database, deliveries, events, results, work_shares,
 };
 use greybox::identification::JobId;
 

@@ -8,7 +8,6 @@ on_both! {
     whoever_brings_the_most_models_makes_room_for_others,
 }
 use crate::job::ComparisonId;
-use greybox::identification::DatasetId;
 
 fn comparison(key: Option<(&str, &str)>) -> NewComparison {
     NewComparison {

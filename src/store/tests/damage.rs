@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::store::backup as file;
-use crate::store::database::{Kind, QueryBuilder};
+use crate::store::database::QueryBuilder;
 use crate::store::sealed::check::{Checked, look, seal_all};
 use crate::store::sealed::{Column, Sealed, TABLES};
 

@@ -10,7 +10,6 @@ on_both! {
     a_job_on_a_recording_that_is_not_there_is_refused,
     a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_scratch,
 }
-use greybox::identification::DatasetId;
 use greybox::intake::csv;
 use greybox::recording::{Recording, Signal, TimeAxis, Warning};
 

@@ -24,10 +24,13 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
+use super::database::{Kind, sqlite};
+use super::writer::Tx;
 use super::*;
+use crate::access::Project;
 use crate::job::{Event, Failure, GenerationEvent, Status};
 use greybox::estimation::{Phase, Progress};
-use greybox::identification::JobId;
+use greybox::identification::{DatasetId, JobId};
 
 /// Tests that hold on SQLite and on PostgreSQL.
 macro_rules! on_both {

@@ -132,7 +132,7 @@ async fn servers_that_live_do_not_declare_each_other_dead() {
             assert!(store.submissions().submit(job(None)).await.is_ok());
         }
     }
-    let in_charge = all.map(Store::is_in_charge);
+    let in_charge = all.map(|store| store.nodes().is_in_charge());
     assert_eq!(in_charge, [true, false, false]);
     second.close().await;
     third.close().await;
@@ -159,7 +159,12 @@ async fn servers_that_begin_together_on_an_empty_database_all_do() {
     for opening in openings {
         stores.push(opening.await.expect("a task").expect("a database"));
     }
-    let Submitted::Created(row) = stores[0].submit(job(None)).await.expect("a submission") else {
+    let Submitted::Created(row) = stores[0]
+        .submissions()
+        .submit(job(None))
+        .await
+        .expect("a submission")
+    else {
         panic!("not created");
     };
     for store in stores {
@@ -178,7 +183,11 @@ async fn the_same_key_sent_to_many_servers_makes_one_job() {
     let stores = [&fixture.store, &second, &third];
     for round in 0..20 {
         let key = format!("key {round}");
-        let submissions = (0..9).map(|i| stores[i % 3].submit(job(Some((&key, "digest")))));
+        let submissions = (0..9).map(|i| {
+            stores[i % 3]
+                .submissions()
+                .submit(job(Some((&key, "digest"))))
+        });
         let answers = futures_util::future::join_all(submissions).await;
         let made = answers
             .iter()
