@@ -6,6 +6,7 @@
 //! a write finds that another slice has begun.
 
 mod conclusion;
+mod current;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,18 +17,19 @@ use serde_json::Value;
 use tokio::sync::mpsc;
 use tracing::Instrument as _;
 
-use super::active::{ActiveJob, ActiveJobs};
-use super::between_slices::BetweenSlices;
+use super::active::ActiveJob;
 use super::candidates::Candidates;
 use super::exchange::Exchange;
 use super::recorder::Recorder;
-use super::run::{Advance, Assignment, Method, Past, Row, Run, Share};
+use super::run::{Advance, Assignment, Past, Row, Run, Share};
 use crate::access::Project;
-use crate::admission::{Admission, Permit};
+use crate::admission::Permit;
 use crate::job::{DesignTask, Failure};
 use crate::span;
-use crate::store::{Begin, Hold, JobRow, Lease, Meaning, SharedPart, Slice, Store, StoreError};
+use crate::store::{Begin, Hold, JobRow, Lease, Meaning, SharedPart, Slice, StoreError};
 use conclusion::{Conclusion, broke};
+pub(super) use current::{After, SliceWorker};
+use current::{Computed, Current, End};
 use greybox::estimation::Progress;
 use greybox::identification::{DatasetId, JobId};
 use greybox::recording::Recording;
@@ -43,70 +45,6 @@ const CANDIDATES_AT_ONCE: usize = 50_000;
 
 /// Lives of the server in a row that may end with a job, none of them without it, before it fails.
 const DEATH_LIMIT: u32 = 10;
-
-/// For how long a job may go on with one entry of the queue, which takes one that is worked for long for
-/// lost.
-const ENTRY_LASTS: Duration = Duration::from_hours(1);
-
-/// What is to be done with the entry of a slice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum After {
-    /// The job has more to do and nobody waits: another slice, now.
-    Again,
-    /// The job is at work already: look again soon.
-    Later,
-    /// The job has to wait a little, for lives of the server ended with it: look again later.
-    NotYet,
-    /// Nothing more to do with this entry.
-    Done,
-}
-
-/// Works slices. Cheap to clone.
-#[derive(Clone)]
-pub(super) struct SliceWorker {
-    pub(super) store: Store,
-    pub(super) method: Arc<dyn Method>,
-    pub(super) active: ActiveJobs,
-    pub(super) between_slices: BetweenSlices,
-    /// Computations at the same time. More entries may have been taken from the queue: the next
-    /// ones wait here, so that no permit is idle while the queue is asked or an end is written.
-    pub(super) admission: Admission,
-    pub(super) slice_length: Duration,
-    pub(super) max_candidates: u64,
-}
-
-/// Why the computation of a slice returned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum End {
-    Finished,
-    TimeIsUp,
-    Stopped,
-}
-
-/// The slice at work.
-pub(super) struct Current {
-    pub(super) lease: Lease,
-    pub(super) started: Instant,
-    /// When the entry was taken that it is worked for.
-    pub(super) entry_taken: Instant,
-    /// The time that the job may still work, where it has a limit.
-    time_left: Option<Duration>,
-    stop: Arc<AtomicBool>,
-    /// What it and other nodes that help have for each other.
-    exchange: Arc<Exchange>,
-}
-
-impl Current {
-    pub(super) fn is_out_of_time(&self) -> bool {
-        self.time_left
-            .is_some_and(|left| self.started.elapsed() >= left)
-    }
-
-    /// Whether the job needs a new entry to go on.
-    pub(super) fn entry_is_old(&self) -> bool {
-        self.entry_taken.elapsed() >= ENTRY_LASTS
-    }
-}
 
 /// What a job is worked from: the document of its model, where a user wrote it, its recordings with
 /// their digests, and the finished job that it goes on from.
@@ -131,8 +69,6 @@ struct Unit {
     parts: Vec<SharedPart>,
     progress: Progress,
 }
-
-pub(super) type Computed = Result<(Box<dyn Run>, End), Failure>;
 
 impl SliceWorker {
     /// Works slices for an entry of the project's queue, for as long as nobody else waits.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::{After, Computed, Current, End, SliceWorker};
+use super::current::{After, Computed, Current, End, SliceWorker};
 use crate::admission::Permit;
 use crate::job::Failure;
 use crate::store::{Checkpoint, Ending, HandedOn, Hold, Record, StopRequest, StoreError};
