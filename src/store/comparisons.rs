@@ -13,7 +13,7 @@ use super::page::Page;
 use super::quota_checks::JobRoom;
 use super::shared_database::Database;
 use super::submit::batch::{self, Known};
-use super::submit::{NewJob, Submitted};
+use super::submit::{self, Made, NewJob, Submitted};
 use super::writer::{Tx, in_transaction};
 use super::{StoreError, corrupt};
 use crate::access::Project;
@@ -78,7 +78,7 @@ impl Comparisons {
         idempotency: &Idempotency,
     ) -> Result<Option<Submitted<ComparisonRow>>, StoreError> {
         let mut connection = self.database.readers.acquire().await?;
-        earlier(&mut connection, idempotency).await
+        submit::earlier(&mut connection, idempotency).await
     }
 
     /// Whose a comparison is, if there is one.
@@ -95,7 +95,7 @@ impl Comparisons {
     /// A comparison that has runs, if there is one.
     pub async fn find(&self, id: ComparisonId) -> Result<Option<ComparisonRow>, StoreError> {
         let mut connection = self.database.readers.acquire().await?;
-        fetch(&mut connection, id).await
+        ComparisonRow::fetch(&mut connection, id).await
     }
 
     /// Comparisons of a project, newest first, older than `before`.
@@ -142,7 +142,7 @@ impl Comparisons {
 
 async fn write(tx: &mut Tx, new: NewComparison) -> Result<Submitted<ComparisonRow>, StoreError> {
     if let Some(idempotency) = &new.idempotency
-        && let Some(earlier) = earlier(tx, idempotency).await?
+        && let Some(earlier) = submit::earlier(tx, idempotency).await?
     {
         return Ok(earlier);
     }
@@ -186,60 +186,48 @@ async fn write(tx: &mut Tx, new: NewComparison) -> Result<Submitted<ComparisonRo
     }))
 }
 
-/// The answer to a comparison whose key came before.
-async fn earlier(
-    connection: &mut Connection,
-    idempotency: &Idempotency,
-) -> Result<Option<Submitted<ComparisonRow>>, StoreError> {
-    let Some(earlier) = idempotency::earlier(connection, idempotency).await? else {
-        return Ok(None);
-    };
-    let made = earlier.made;
-    // Another body, or one that made something else than a comparison.
-    if !earlier.is_same_body || !made.starts_with(ComparisonId::PREFIX) {
-        return Ok(Some(Submitted::KeyReused));
-    }
-    let id: ComparisonId = made
-        .parse()
-        .map_err(|why| corrupt("identifier", &made, why))?;
-    Ok(Some(match fetch(connection, id).await? {
-        Some(row) => Submitted::Replayed(ComparisonRow {
-            jobs: row.jobs.into_iter().map(JobRow::into_submitted).collect(),
-            ..row
-        }),
-        None => Submitted::Forgotten(made),
-    }))
-}
+impl Made for ComparisonRow {
+    type Id = ComparisonId;
+    const PREFIX: &'static str = ComparisonId::PREFIX;
 
-async fn fetch(
-    connection: &mut Connection,
-    id: ComparisonId,
-) -> Result<Option<ComparisonRow>, StoreError> {
-    let key = id.to_string();
-    let created_at: Option<String> =
-        database::query_scalar("select created_at from comparisons where id = $1")
-            .bind(&key)
-            .fetch_optional(&mut *connection)
-            .await?;
-    let Some(created_at) = created_at else {
-        return Ok(None);
-    };
-    let ids: Vec<String> = database::query_scalar(
-        "select job from comparison_jobs where comparison = $1 order by position",
-    )
-    .bind(&key)
-    .fetch_all(&mut *connection)
-    .await?;
-    let ids = ids.iter().map(|id| columns::parse_id(id));
-    let ids = ids.collect::<Result<Vec<JobId>, StoreError>>()?;
-    let mut rows = Vec::with_capacity(ids.len());
-    for id in ids {
-        rows.extend(jobs::fetch(connection, id).await?);
+    async fn fetch(
+        connection: &mut Connection,
+        id: ComparisonId,
+    ) -> Result<Option<Self>, StoreError> {
+        let key = id.to_string();
+        let created_at: Option<String> =
+            database::query_scalar("select created_at from comparisons where id = $1")
+                .bind(&key)
+                .fetch_optional(&mut *connection)
+                .await?;
+        let Some(created_at) = created_at else {
+            return Ok(None);
+        };
+        let ids: Vec<String> = database::query_scalar(
+            "select job from comparison_jobs where comparison = $1 order by position",
+        )
+        .bind(&key)
+        .fetch_all(&mut *connection)
+        .await?;
+        let ids = ids.iter().map(|id| columns::parse_id(id));
+        let ids = ids.collect::<Result<Vec<JobId>, StoreError>>()?;
+        let mut rows = Vec::with_capacity(ids.len());
+        for id in ids {
+            rows.extend(jobs::fetch(connection, id).await?);
+        }
+        let row = ComparisonRow {
+            id,
+            created_at: time(&key, &created_at)?,
+            jobs: rows,
+        };
+        Ok((!row.jobs.is_empty()).then_some(row))
     }
-    let row = ComparisonRow {
-        id,
-        created_at: time(&key, &created_at)?,
-        jobs: rows,
-    };
-    Ok((!row.jobs.is_empty()).then_some(row))
+
+    fn as_made(self) -> Self {
+        let jobs = self.jobs.into_iter().map(JobRow::into_submitted);
+        Self {
+            jobs: jobs.collect(),
+            ..self
+        }
+    }
 }

@@ -127,7 +127,7 @@ impl Datasets {
         let row = query.build().fetch_optional(&self.database.readers).await?;
         let row = row.as_ref().map(read).transpose()?.map(Arc::new);
         if let Some(row) = &row {
-            self.rows.keep(id, reading, row);
+            reading.keep(row);
         }
         Ok(row)
     }

@@ -30,7 +30,7 @@ use super::quotas::Quotas;
 use super::recordings::RecordingCache;
 use super::results::Results;
 use super::retention::{self, Retention, Tidied};
-use super::row_cache::{self, RowCache};
+use super::row_cache::RowCache;
 use super::sessions::Sessions;
 use super::shared_database::Database;
 use super::slices::Slices;
@@ -319,10 +319,10 @@ struct Caches {
 impl Caches {
     /// Rows that other nodes may change are not kept. Recordings do not change.
     fn of(kind: Kind) -> Self {
-        let limit = kind.either(row_cache::LIMIT, 0);
+        let keeps_rows = kind == Kind::Sqlite;
         Self {
-            jobs: RowCache::new(limit),
-            datasets: RowCache::new(limit),
+            jobs: RowCache::new(keeps_rows),
+            datasets: RowCache::new(keeps_rows),
             recordings: RecordingCache::default(),
         }
     }

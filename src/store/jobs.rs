@@ -149,7 +149,7 @@ impl Jobs {
         let mut connection = self.database.readers.acquire().await?;
         let row = fetch(&mut connection, id).await?.map(Arc::new);
         if let Some(row) = row.as_ref().filter(|row| row.is_small()) {
-            self.rows.keep(id, reading, row);
+            reading.keep(row);
         }
         Ok(row)
     }

@@ -20,7 +20,7 @@ use super::idempotency::Idempotency;
 use super::page::Page;
 use super::sealed::{MONITOR_ALARMS, MONITOR_EVENTS};
 use super::shared_database::Database;
-use super::submit::Submitted;
+use super::submit::{self, Submitted};
 use super::writer::in_transaction;
 use crate::access::Project;
 use crate::job::MonitorId;
@@ -48,7 +48,7 @@ impl Monitors {
         idempotency: &Idempotency,
     ) -> Result<Option<Submitted<MonitorRow>>, StoreError> {
         let mut connection = self.database.readers.acquire().await?;
-        step::earlier(&mut connection, idempotency).await
+        submit::earlier(&mut connection, idempotency).await
     }
 
     /// A monitor, if there is one.

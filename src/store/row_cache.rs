@@ -1,89 +1,69 @@
-//! What was read lately, kept in memory until it changes.
+//! Rows that were read lately, kept in memory until they change.
 //!
 //! A row is forgotten after the commit that changes it and before anybody is told of the commit:
-//! who has seen a change never sees what was there before it. A reader says that it begins to
-//! read; what changes meanwhile is not kept.
+//! who has seen a change never sees what was there before it. The first that reads a row says so; a row
+//! that changes meanwhile is not kept.
 
-use std::collections::{HashMap, VecDeque};
 use std::hash::Hash;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
+use std::time::Duration;
+
+use quick_cache::sync::{Cache, DefaultLifecycle, GuardResult, PlaceholderGuard};
+use quick_cache::{DefaultHashBuilder, UnitWeighter};
 
 /// Rows that are kept at the most.
-pub(super) const LIMIT: usize = 512;
+const LIMIT: usize = 512;
 
-/// Rows by their identifier. Cheap to clone.
-pub(super) struct RowCache<Id, Row>(Arc<Mutex<Kept<Id, Row>>>);
+/// Rows by their identifier; nothing where no row may be kept. Cheap to clone.
+#[derive(Clone)]
+pub(super) struct RowCache<Id, Row>(Option<Arc<Cache<Id, Arc<Row>>>>);
 
-struct Kept<Id, Row> {
-    rows: HashMap<Id, Entry<Row>>,
-    /// The oldest first; an identifier that was forgotten may still be here.
-    order: VecDeque<Id>,
-    /// The readings so far.
-    readings: u64,
-    limit: usize,
-}
+type Guard<'a, Id, Row> = PlaceholderGuard<
+    'a,
+    Id,
+    Arc<Row>,
+    UnitWeighter,
+    DefaultHashBuilder,
+    DefaultLifecycle<Id, Arc<Row>>,
+>;
 
-enum Entry<Row> {
-    Reading(u64),
-    Read(Arc<Row>),
-}
-
-/// The right to keep what was read, unless it changed meanwhile.
-pub(super) struct Reading(u64);
+/// The right to keep a row that is read, unless the row changes meanwhile; nothing where another
+/// reader has the right.
+pub(super) struct Reading<'a, Id, Row>(Option<Guard<'a, Id, Row>>);
 
 impl<Id: Copy + Eq + Hash, Row> RowCache<Id, Row> {
-    /// Keeps so many rows at the most.
-    pub(super) fn new(limit: usize) -> Self {
-        Self(Arc::new(Mutex::new(Kept {
-            rows: HashMap::new(),
-            order: VecDeque::new(),
-            readings: 0,
-            limit,
-        })))
+    /// A cache that keeps rows, or none.
+    pub(super) fn new(keeps: bool) -> Self {
+        Self(keeps.then(|| Arc::new(Cache::new(LIMIT))))
     }
 
     /// The row, if it is kept; else the reader goes and reads it.
-    pub(super) fn get(&self, id: Id) -> Result<Arc<Row>, Reading> {
-        let mut kept = self.kept();
-        if let Some(Entry::Read(row)) = kept.rows.get(&id) {
-            return Ok(row.clone());
-        }
-        kept.readings += 1;
-        let reading = kept.readings;
-        if kept.rows.insert(id, Entry::Reading(reading)).is_none() {
-            kept.order.push_back(id);
-        }
-        if kept.order.len() > kept.limit
-            && let Some(oldest) = kept.order.pop_front()
-        {
-            kept.rows.remove(&oldest);
-        }
-        Err(Reading(reading))
-    }
-
-    /// Keeps a row that was read.
-    pub(super) fn keep(&self, id: Id, Reading(reading): Reading, row: &Arc<Row>) {
-        let mut kept = self.kept();
-        if let Some(entry) = kept.rows.get_mut(&id)
-            && matches!(entry, Entry::Reading(begun) if *begun == reading)
-        {
-            *entry = Entry::Read(row.clone());
+    pub(super) fn get(&self, id: Id) -> Result<Arc<Row>, Reading<'_, Id, Row>> {
+        let Some(cache) = &self.0 else {
+            return Err(Reading(None));
+        };
+        match cache.get_value_or_guard(&id, Some(Duration::ZERO)) {
+            GuardResult::Value(row) => Ok(row),
+            GuardResult::Guard(guard) => Err(Reading(Some(guard))),
+            GuardResult::Timeout => Err(Reading(None)),
         }
     }
 
     /// Forgets a row that has changed.
     pub(super) fn forget(&self, id: Id) {
-        self.kept().rows.remove(&id);
-    }
-
-    fn kept(&self) -> MutexGuard<'_, Kept<Id, Row>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        if let Some(cache) = &self.0 {
+            cache.remove(&id);
+        }
     }
 }
 
-impl<Id, Row> Clone for RowCache<Id, Row> {
-    fn clone(&self) -> Self {
-        Self(self.0.clone())
+impl<Id: Eq + Hash, Row> Reading<'_, Id, Row> {
+    /// Keeps the row that was read.
+    pub(super) fn keep(self, row: &Arc<Row>) {
+        if let Some(guard) = self.0 {
+            // A row that has changed meanwhile is refused.
+            let _refused = guard.insert(row.clone());
+        }
     }
 }
 
@@ -92,13 +72,13 @@ mod tests {
     use super::*;
 
     fn read(cache: &RowCache<usize, usize>, id: usize) {
-        let reading = cache.get(id).expect_err("it is not kept");
-        cache.keep(id, reading, &Arc::new(id));
+        let reading = cache.get(id).err().expect("it is not kept");
+        reading.keep(&Arc::new(id));
     }
 
     #[test]
     fn a_row_is_kept_until_it_changes() {
-        let cache = RowCache::<usize, usize>::new(LIMIT);
+        let cache = RowCache::<usize, usize>::new(true);
         read(&cache, 1);
         assert_eq!(cache.get(1).ok().as_deref(), Some(&1));
         cache.forget(1);
@@ -107,36 +87,40 @@ mod tests {
 
     #[test]
     fn what_changes_while_it_is_read_is_not_kept() {
-        let cache = RowCache::<usize, usize>::new(LIMIT);
-        let before = cache.get(1).expect_err("it is not kept");
+        let cache = RowCache::<usize, usize>::new(true);
+        let before = cache.get(1).err().expect("it is not kept");
         cache.forget(1);
-        let after = cache.get(1).expect_err("it is not kept");
-        cache.keep(1, before, &Arc::new(10));
+        let after = cache.get(1).err().expect("it is not kept");
+        before.keep(&Arc::new(10));
         assert!(cache.get(1).is_err());
-        cache.keep(1, after, &Arc::new(11));
-        assert!(cache.get(1).is_err(), "another reading has begun since");
+        after.keep(&Arc::new(11));
+        assert_eq!(cache.get(1).ok().as_deref(), Some(&11));
+    }
+
+    #[test]
+    fn a_second_reader_does_not_wait_for_the_first() {
+        let cache = RowCache::<usize, usize>::new(true);
+        let first = cache.get(1).err().expect("it is not kept");
+        let second = cache.get(1).err().expect("it is not kept");
+        second.keep(&Arc::new(2));
+        first.keep(&Arc::new(1));
+        assert_eq!(cache.get(1).ok().as_deref(), Some(&1));
     }
 
     #[test]
     fn where_nothing_may_be_kept_everything_is_read() {
-        let cache = RowCache::<usize, usize>::new(0);
+        let cache = RowCache::<usize, usize>::new(false);
         read(&cache, 1);
         assert!(cache.get(1).is_err());
-        assert!(cache.kept().rows.is_empty());
     }
 
     #[test]
     fn the_rows_that_are_kept_are_bounded() {
-        let cache = RowCache::<usize, usize>::new(LIMIT);
-        for id in (0..3).flat_map(|_| 0..2 * LIMIT) {
-            cache.forget(id);
+        let cache = RowCache::<usize, usize>::new(true);
+        for id in 0..8 * LIMIT {
             read(&cache, id);
         }
-        let kept = cache.kept();
-        assert!(kept.rows.len() <= LIMIT && kept.order.len() <= LIMIT);
-        assert!(matches!(
-            kept.rows.get(&(2 * LIMIT - 1)),
-            Some(Entry::Read(_))
-        ));
+        let kept = (0..8 * LIMIT).filter(|id| cache.get(*id).is_ok()).count();
+        assert!((1..=LIMIT).contains(&kept), "{kept}");
     }
 }

@@ -12,10 +12,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::oneshot;
 
 use super::StoreError;
-use super::idempotency::{self, Idempotency};
+use super::idempotency::Idempotency;
 use super::shared_database::Database;
 use super::writer::Tx;
-use submission::answer_again;
+pub(super) use submission::{Made, earlier};
 pub use submission::{NewJob, Submitted};
 
 /// Submissions of jobs.
@@ -59,10 +59,7 @@ impl Submissions {
         idempotency: &Idempotency,
     ) -> Result<Option<Submitted>, StoreError> {
         let mut connection = self.database.readers.acquire().await?;
-        match idempotency::earlier(&mut connection, idempotency).await? {
-            None => Ok(None),
-            Some(earlier) => answer_again(&mut connection, earlier).await.map(Some),
-        }
+        earlier(&mut connection, idempotency).await
     }
 }
 

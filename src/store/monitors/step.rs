@@ -6,10 +6,10 @@ use serde_json::{Value, json};
 use super::monitor::{self, Advance, AdvanceWindow, MonitorRow, NewMonitor, fetch};
 use crate::job::MonitorId;
 use crate::store::database::{self, Connection};
-use crate::store::idempotency::{self, Idempotency};
+use crate::store::idempotency;
 use crate::store::sealed::{MONITOR_ALARMS, MONITOR_EVENTS, MONITOR_WINDOWS, MONITORS};
-use crate::store::submit::Submitted;
 use crate::store::submit::batch::{self, Known};
+use crate::store::submit::{self, Made, Submitted};
 use crate::store::writer::Tx;
 use crate::store::{Change, StoreError, corrupt, datasets, deliveries, jobs, streams};
 use greybox::identification::{DatasetId, JobId};
@@ -22,7 +22,7 @@ pub(super) async fn insert(
     new: NewMonitor,
 ) -> Result<Option<Submitted<MonitorRow>>, StoreError> {
     if let Some(idempotency) = &new.idempotency
-        && let Some(earlier) = earlier(tx, idempotency).await?
+        && let Some(earlier) = submit::earlier(tx, idempotency).await?
     {
         return Ok(Some(earlier));
     }
@@ -72,25 +72,13 @@ pub(super) async fn insert(
     Ok(fetch(tx, id).await?.map(Submitted::Created))
 }
 
-/// The answer to a monitor whose key came before.
-pub(super) async fn earlier(
-    connection: &mut Connection,
-    idempotency: &Idempotency,
-) -> Result<Option<Submitted<MonitorRow>>, StoreError> {
-    let Some(earlier) = idempotency::earlier(connection, idempotency).await? else {
-        return Ok(None);
-    };
-    let made = earlier.made;
-    if !earlier.is_same_body || !made.starts_with(MonitorId::PREFIX) {
-        return Ok(Some(Submitted::KeyReused));
+impl Made for MonitorRow {
+    type Id = MonitorId;
+    const PREFIX: &'static str = MonitorId::PREFIX;
+
+    async fn fetch(connection: &mut Connection, id: MonitorId) -> Result<Option<Self>, StoreError> {
+        fetch(connection, id).await
     }
-    let id = made
-        .parse()
-        .map_err(|why| corrupt("identifier", &made, why))?;
-    Ok(Some(match fetch(connection, id).await? {
-        Some(row) => Submitted::Replayed(row),
-        None => Submitted::Forgotten(made),
-    }))
 }
 
 pub(super) async fn delete(tx: &mut Tx, id: MonitorId) -> Result<bool, StoreError> {

@@ -1,14 +1,14 @@
 //! A job that is submitted, and the answer to its submission.
 
 use std::collections::BTreeMap;
+use std::str::FromStr;
 
 use serde_json::Value;
 
 use crate::access::Project;
-use crate::store::columns;
 use crate::store::database::Connection;
-use crate::store::error::{QuotaExceeded, StoreError};
-use crate::store::idempotency::{Earlier, Idempotency};
+use crate::store::error::{QuotaExceeded, StoreError, corrupt};
+use crate::store::idempotency::{self, Earlier, Idempotency};
 use crate::store::jobs::{self, JobRow};
 use greybox::identification::{DatasetId, JobId};
 
@@ -50,18 +50,65 @@ pub enum Submitted<T = JobRow> {
     Refused(QuotaExceeded),
 }
 
-/// The answer to a submission whose key came before.
-pub(super) async fn answer_again(
+/// What a request with a key makes.
+pub(in crate::store) trait Made: Sized {
+    /// The identifier of what was made.
+    type Id: FromStr<Err: ToString> + Send;
+    /// What such identifiers begin with.
+    const PREFIX: &'static str;
+
+    /// What was made, as it stands; nothing where it has been deleted.
+    fn fetch(
+        connection: &mut Connection,
+        id: Self::Id,
+    ) -> impl Future<Output = Result<Option<Self>, StoreError>> + Send;
+
+    /// What was made, as it was when it was made.
+    fn as_made(self) -> Self {
+        self
+    }
+}
+
+impl Made for JobRow {
+    type Id = JobId;
+    const PREFIX: &'static str = JobId::PREFIX;
+
+    async fn fetch(connection: &mut Connection, id: JobId) -> Result<Option<Self>, StoreError> {
+        jobs::fetch(connection, id).await
+    }
+
+    fn as_made(self) -> Self {
+        self.into_submitted()
+    }
+}
+
+/// What became of the request that came with this key before, if one did: a client that repeats it
+/// gets the same answer.
+pub(in crate::store) async fn earlier<T: Made>(
+    connection: &mut Connection,
+    idempotency: &Idempotency,
+) -> Result<Option<Submitted<T>>, StoreError> {
+    match idempotency::earlier(connection, idempotency).await? {
+        None => Ok(None),
+        Some(earlier) => answer_again(connection, earlier).await.map(Some),
+    }
+}
+
+/// The answer to a request whose key came before.
+pub(super) async fn answer_again<T: Made>(
     connection: &mut Connection,
     earlier: Earlier,
-) -> Result<Submitted, StoreError> {
-    // Another body, or one that made something else than a job.
-    if !earlier.is_same_body || !earlier.made.starts_with(JobId::PREFIX) {
+) -> Result<Submitted<T>, StoreError> {
+    let Earlier { is_same_body, made } = earlier;
+    // Another body, or a request that made something else.
+    if !is_same_body || !made.starts_with(T::PREFIX) {
         return Ok(Submitted::KeyReused);
     }
-    let id = columns::parse_id(&earlier.made)?;
-    Ok(match jobs::fetch(connection, id).await? {
-        Some(row) => Submitted::Replayed(row.into_submitted()),
-        None => Submitted::Forgotten(id.to_string()),
+    let id = made
+        .parse()
+        .map_err(|why| corrupt("identifier", &made, why))?;
+    Ok(match T::fetch(connection, id).await? {
+        Some(row) => Submitted::Replayed(row.as_made()),
+        None => Submitted::Forgotten(made),
     })
 }
