@@ -25,7 +25,7 @@ use crate::store::{Sessions, Store, TokenRow, Tokens};
 
 /// What a request brings that brings another text than the secret of a token.
 pub(super) const NO_TOKEN: &str = "no token of this server";
-/// So many seconds' worth of a caller's requests may come together.
+/// Requests of this many seconds may come together from one caller.
 const BURST_S: f64 = 2.0;
 /// Attempts to sign in from one address, in a second in the long run.
 const SIGN_INS_PER_SECOND: f64 = 0.2;
@@ -92,14 +92,14 @@ struct RecentTokens {
 
 struct Remembered {
     row: TokenRow,
-    /// When it was begun to read the row.
+    /// When the reading of the row began.
     read: Instant,
-    /// When its use was last written down.
+    /// When the use of the token was last written down.
     noted: Instant,
 }
 
-/// What holds when it is begun to read a token from the database.
-struct Reading {
+/// The instant at which a token begins to be read, and the sessions that had ended by then.
+struct TokenReading {
     at: Instant,
     ended: u64,
 }
@@ -224,10 +224,10 @@ impl Callers {
     }
 
     /// Says that a token is now read from the database.
-    fn reading(&self) -> Reading {
+    fn reading(&self) -> TokenReading {
         let ended = lock(&self.recent).ended;
         let at = Instant::now();
-        Reading { at, ended }
+        TokenReading { at, ended }
     }
 
     /// Forgets a session that has ended, and lets nobody remember a row that was read before that.
@@ -237,7 +237,7 @@ impl Callers {
         tokens.ended += 1;
     }
 
-    fn remember(&self, digest: &Digest, row: &TokenRow, reading: Reading) {
+    fn remember(&self, digest: &Digest, row: &TokenRow, reading: TokenReading) {
         let mut tokens = lock(&self.recent);
         if tokens.ended != reading.ended {
             return;
@@ -248,18 +248,20 @@ impl Callers {
         }
         let now = Instant::now();
         let long_ago = now.checked_sub(NOTED_EVERY).unwrap_or(now);
-        let noted = all.get(digest).map_or(long_ago, |known| known.noted);
+        let noted = all
+            .get(digest)
+            .map_or(long_ago, |remembered| remembered.noted);
         let (row, read) = (row.clone(), reading.at);
         all.insert(digest.clone(), Remembered { row, read, noted });
     }
 
     fn is_to_be_noted(&self, digest: &Digest) -> bool {
         let mut tokens = lock(&self.recent);
-        let known = tokens.remembered.get_mut(digest);
-        known.is_some_and(|known| {
-            let is_due = known.noted.elapsed() >= NOTED_EVERY;
+        let remembered = tokens.remembered.get_mut(digest);
+        remembered.is_some_and(|remembered| {
+            let is_due = remembered.noted.elapsed() >= NOTED_EVERY;
             if is_due {
-                known.noted = Instant::now();
+                remembered.noted = Instant::now();
             }
             is_due
         })
@@ -273,13 +275,13 @@ impl Callers {
         address: &str,
     ) -> Answer<Option<Client>> {
         let is_trusted = |peer: IpAddr| self.settings.proxies.iter().any(|net| net.contains(&peer));
-        let one = |name: &HeaderName| {
+        let single_value = |name: &HeaderName| {
             let mut values = headers.get_all(name).iter();
             let value = values.next()?.to_str().ok()?.trim();
             (values.next().is_none() && !value.is_empty()).then_some(value)
         };
         let user = peer.filter(|peer| is_trusted(*peer));
-        let user = user.and_then(|_| one(&self.settings.user_header));
+        let user = user.and_then(|_| single_value(&self.settings.user_header));
         let Some(user) = user else {
             return Ok(None);
         };

@@ -21,8 +21,8 @@ use super::session_cookie;
 use crate::access::Project;
 use crate::store::{AuditEntry, AuditLog, AuditRow};
 
-/// Requests of a caller that changed nothing and are written down singly at once, at the most. Of more, their
-/// number is.
+/// Requests of a caller that changed nothing and are written down singly at once, at the most. Further requests are
+/// counted.
 const AT_ONCE: u32 = 60;
 /// After so long one more of them is written down: about a thousand in a day.
 const ONE_MORE_AFTER: Duration = Duration::from_secs(90);
@@ -50,7 +50,7 @@ struct InVain {
 }
 
 impl InVain {
-    /// Of a caller that has not asked yet.
+    /// The count of a caller that has not asked yet.
     fn none(now: Instant) -> Self {
         Self {
             room: f64::from(AT_ONCE),
@@ -79,7 +79,7 @@ impl InVain {
 pub(super) struct ActedOn(pub(super) String);
 
 /// A request that was answered.
-pub(super) struct Asked<'a> {
+pub(super) struct AnsweredRequest<'a> {
     /// Who asked, where that is known.
     pub(super) client: Option<Client>,
     /// The address that it came from.
@@ -118,7 +118,7 @@ impl Audit {
 
     /// Writes down what is to be: who was refused, and, where callers have to say who they are,
     /// what changes something or was to.
-    pub(super) async fn note(&self, asked: Asked<'_>) {
+    pub(super) async fn note(&self, asked: AnsweredRequest<'_>) {
         let guesses = asked.status == 429 && asked.path == session_cookie::PATH;
         let refused = guesses || matches!(asked.status, 401 | 403 | 421);
         let changes = !matches!(*asked.method, Method::GET | Method::HEAD | Method::OPTIONS);

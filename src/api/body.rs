@@ -375,17 +375,17 @@ pub fn content_type(headers: &HeaderMap) -> String {
 
 /// The body is not of a type that is understood here.
 pub fn unsupported(headers: &HeaderMap, expected: &str) -> Problem {
-    let said = content_type(headers);
-    let said = if said.is_empty() {
+    let media_type = content_type(headers);
+    let media_type = if media_type.is_empty() {
         "no Content-Type".to_owned()
     } else {
-        format!("`{said}`")
+        format!("`{media_type}`")
     };
-    let detail = format!("{said} is not understood here, only {expected}");
+    let detail = format!("{media_type} is not understood here, only {expected}");
     Problem::new(Kind::UnsupportedMediaType, detail)
 }
 
-/// What was to be put aside on disk could not be written or read back.
+/// A temporary file could not be written or read back.
 pub fn scratch_failed(error: &io::Error) -> Problem {
     if error.kind() == io::ErrorKind::ResourceBusy {
         return Problem::new(Kind::Busy, "too much is on its way at once").retry_after(2);

@@ -26,7 +26,8 @@ const CUT_IN_GENERATION: HeaderName = HeaderName::from_static("x-cut-in-generati
 
 /// A part of the candidates that the search has simulated.
 #[derive(Serialize, ToSchema)]
-pub struct Candidates {
+#[schema(as = Candidates)]
+pub struct CandidateList {
     /// What the values of a candidate stand for; empty while none was simulated.
     columns: Vec<CandidateColumn>,
     /// Candidates of the job that are kept, in this part and the others.
@@ -68,7 +69,7 @@ struct CandidateItem {
     params(("id" = JobId, Path, description = "The job"), GenerationsQuery),
     responses(
         (status = 200, description = "Candidates in the order in which they were judged",
-         content((Candidates = "application/json"), (String = "text/csv")),
+         content((CandidateList = "application/json"), (String = "text/csv")),
          headers(("Link" = String, description = "The next part, `rel=\"next\"`"),
                  ("X-Cut-In-Generation" = String, description = "`cut_in_generation`, where \
                   candidates are missing")))
@@ -124,7 +125,7 @@ fn written(page: CandidatePage, as_csv: bool) -> Response {
         }
     };
     let items = page.candidates.iter().map(item).collect();
-    let body = Candidates {
+    let body = CandidateList {
         items,
         columns: page.columns,
         kept: page.kept,

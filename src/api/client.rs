@@ -33,7 +33,7 @@ pub struct Client {
     pub project: Project,
     /// How much it may do there.
     pub scope: Scope,
-    /// Whether it said who it is; not where nobody has to.
+    /// Whether the caller said who it is; never where nobody has to.
     pub is_known: bool,
     /// Whether a session's cookie says so, which a browser sends with every request.
     pub has_session: bool,

@@ -274,7 +274,7 @@ fn query_fault(parameter: &str, code: &str, detail: String) -> Problem {
     Problem::of_faults(Kind::Invalid, [fault])
 }
 
-/// Of the bytes alone where there are no options, so that it can be checked with any tool.
+/// Without options the digest is of the bytes alone, so that any tool can check the digest.
 pub(super) fn digest(mut bytes: Sha256, options: &[(&'static str, String)]) -> String {
     for (key, option) in options {
         bytes.update(format!("\0{key}={option}"));

@@ -244,7 +244,10 @@ impl Problem {
     /// Puts `parent`, the place of the document in the body, before the pointer of each fault.
     pub fn below(mut self, parent: &str) -> Self {
         for fault in &mut self.errors {
-            fault.pointer = fault.pointer.take().map(|own| format!("{parent}{own}"));
+            fault.pointer = fault
+                .pointer
+                .take()
+                .map(|pointer| format!("{parent}{pointer}"));
         }
         self
     }
@@ -291,7 +294,7 @@ impl Problem {
                  that are"
             }
             Kind::Internal => "the failure was logged under the request's id",
-            other => other.title(),
+            kind => kind.title(),
         };
         Self::new(kind, detail)
     }

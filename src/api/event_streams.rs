@@ -18,7 +18,7 @@ pub struct EventStreams {
 }
 
 impl EventStreams {
-    /// So many streams at once.
+    /// A limit of `at_once` open streams.
     pub(super) fn new(at_once: usize, store: Store, hub: EventHub) -> Self {
         Self {
             store,

@@ -18,11 +18,11 @@ pub struct Named<T>(pub T);
 
 /// A type that paths name.
 pub trait PathName: FromStr + Sync {
-    /// What it is called in a sentence.
+    /// The word for the type in a sentence.
     const WHAT: &'static str;
 
-    /// Whose it is; nothing where there is no such thing, or where it is looked for among those of
-    /// the caller's project alone.
+    /// The project that owns the named thing; nothing where there is no such thing, or where only the
+    /// caller's project is searched.
     fn project(
         &self,
         store: &Store,

@@ -26,7 +26,7 @@ fn preferences(headers: &HeaderMap) -> impl Iterator<Item = &str> {
 
 /// Whether the client would rather have a job than wait: `Prefer: respond-async`.
 pub fn prefers_job(headers: &HeaderMap) -> bool {
-    preferences(headers).any(|own| own.trim().eq_ignore_ascii_case("respond-async"))
+    preferences(headers).any(|preference| preference.trim().eq_ignore_ascii_case("respond-async"))
 }
 
 /// `Prefer: wait=N`, at most [`MAX_WAIT_S`]; other preferences are ignored.
@@ -125,8 +125,8 @@ pub fn tagged<T: Serialize>(headers: &HeaderMap, tag: &str, body: impl FnOnce() 
 }
 
 fn tagged_bytes(headers: &HeaderMap, tag: &str, body: impl FnOnce() -> Vec<u8>) -> Response {
-    let known = has_already(headers, tag);
-    let mut response = Response::new(if known {
+    let is_current = has_already(headers, tag);
+    let mut response = Response::new(if is_current {
         Body::empty()
     } else {
         Body::from(body())
@@ -159,7 +159,9 @@ fn has_already(headers: &HeaderMap, tag: &str) -> bool {
         .filter_map(|value| value.to_str().ok())
         .flat_map(|value| value.split(','))
         .map(|tag| tag.trim().trim_start_matches("W/"));
-    tags.any(|known| known == "*" || known == tag || known.replace(GZIP_TAG_END, "\"") == tag)
+    tags.any(|candidate| {
+        candidate == "*" || candidate == tag || candidate.replace(GZIP_TAG_END, "\"") == tag
+    })
 }
 
 /// How the tag of a compressed answer ends: other bytes, another strong tag.

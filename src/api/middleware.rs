@@ -16,7 +16,7 @@ use tower_http::decompression::RequestDecompressionLayer;
 use tracing::Instrument as _;
 use uuid::Uuid;
 
-use super::audit::{ActedOn, Asked, Audit};
+use super::audit::{ActedOn, AnsweredRequest, Audit};
 use super::client::{Client, PeerAddress};
 use super::error::{PROBLEM_JSON, Problem};
 use super::http_headers::GZIP_TAG_END;
@@ -33,7 +33,7 @@ const MAX_ID_CHARS: usize = 128;
 pub struct Around {
     /// The names by which the server may be asked.
     pub names: Arc<Names>,
-    /// Where it is written down who did what.
+    /// The log of who did what.
     pub audit: Option<Audit>,
 }
 
@@ -89,7 +89,7 @@ async fn answer(State(audit): State<Option<Audit>>, request: Request, next: Next
     let who = client.as_ref().map_or("unknown", |client| &client.who);
     tracing::info!(%method, path, status, duration_ms, who, request_id = id, "answered");
     if let Some(audit) = audit {
-        let asked = Asked {
+        let asked = AnsweredRequest {
             client,
             address,
             method: &method,
@@ -122,7 +122,7 @@ fn known(method: &Method) -> &'static str {
         Method::OPTIONS,
     ];
     const NAMES: [&str; 7] = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"];
-    let place = KNOWN.iter().position(|known| known == method);
+    let place = KNOWN.iter().position(|name| name == method);
     place.map_or("other", |place| NAMES[place])
 }
 

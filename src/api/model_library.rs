@@ -94,8 +94,8 @@ impl ModelLibrary {
 
     /// The descriptions that a document is read against.
     pub(super) fn descriptions<'a>(&'a self, asked: &'a Asked) -> Vec<&'a ModelDescription> {
-        let known = self.catalogue.iter().chain(&asked.model);
-        known.map(|model| model.description()).collect()
+        let models = self.catalogue.iter().chain(&asked.model);
+        models.map(|model| model.description()).collect()
     }
 }
 

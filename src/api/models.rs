@@ -21,7 +21,8 @@ use greybox::parsing::Fault;
 
 /// All models.
 #[derive(Serialize, ToSchema)]
-pub struct Models {
+#[schema(as = Models)]
+pub struct ModelList {
     /// The models of the program in the order of the catalogue, then models that users wrote,
     /// newest first.
     items: Vec<ModelDescription>,
@@ -47,10 +48,10 @@ pub struct StoredModel {
     name: String,
     /// The digest of the whole document.
     digest: String,
-    /// When it was stored.
+    /// When the model was stored.
     #[schema(value_type = String, format = DateTime)]
     created_at: jiff::Timestamp,
-    /// What its author should know.
+    /// Remarks for the author of the model.
     warnings: Vec<Fault>,
     /// What the model says of itself.
     model: ModelDescription,
@@ -134,7 +135,7 @@ pub async fn create(
 /// List the models with their signals, parameters and equations.
 #[utoipa::path(
     get, path = "/v1/models", operation_id = "list_models", tag = "models",
-    responses((status = 200, description = "All models", body = Models))
+    responses((status = 200, description = "All models", body = ModelList))
 )]
 pub async fn list(
     State(library): State<ModelLibrary>,
@@ -156,7 +157,7 @@ pub async fn list(
             .collect::<Vec<_>>())
     });
     items.extend(written.await?);
-    Ok(json(StatusCode::OK, &Models { items }))
+    Ok(json(StatusCode::OK, &ModelList { items }))
 }
 
 /// Show one model.

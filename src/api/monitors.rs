@@ -279,7 +279,7 @@ async fn newest(state: &ApiState, stream: &StreamRow, length_s: f64) -> Answer<S
     let rows = state
         .store
         .streams()
-        .rows(stream, (from, last.saturating_add(1)), most)
+        .rows(stream, from..last.saturating_add(1), most)
         .await?;
     let rows = rows.ok_or_else(too_many)?;
     let signals = stream.signals.clone();

@@ -110,7 +110,7 @@ fn host(uri: &Uri, headers: &HeaderMap) -> Answer<Authority> {
     let host = Authority::try_from(host.as_bytes());
     let host = host.ok().filter(|host| !host.as_str().contains('@'));
     let host = host.ok_or_else(|| bad("the header `Host` is not the name of a server"))?;
-    if uri.authority().is_some_and(|other| *other != host) {
+    if uri.authority().is_some_and(|authority| *authority != host) {
         return Err(bad("the request's address and its `Host` are not the same"));
     }
     Ok(host)

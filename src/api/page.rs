@@ -93,9 +93,9 @@ impl<T: Serialize> Page<T> {
 
 /// The path and query of `uri` with `token` as the `page_token`: another part of the list.
 fn with_token(uri: &Uri, token: &str) -> String {
-    let others = uri.query().unwrap_or_default().split('&');
-    let others = others.filter(|pair| !pair.is_empty() && !pair.starts_with("page_token="));
-    let mut pairs: Vec<&str> = others.collect();
+    let pairs = uri.query().unwrap_or_default().split('&');
+    let pairs = pairs.filter(|pair| !pair.is_empty() && !pair.starts_with("page_token="));
+    let mut pairs: Vec<&str> = pairs.collect();
     let token = format!("page_token={token}");
     pairs.push(&token);
     format!("{}?{}", uri.path(), pairs.join("&"))

@@ -31,8 +31,8 @@ struct Caller {
 }
 
 impl Rates {
-    /// So many requests a second of each caller, of which so many may come together, and so many may
-    /// be under way.
+    /// Limits of each caller: requests a second, requests that may come together, and requests that
+    /// may be under way.
     pub(super) fn new(per_second: f64, burst: f64, at_once: u32) -> Self {
         Self {
             per_second,

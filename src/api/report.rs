@@ -43,7 +43,7 @@ pub enum ReportFormat {
 #[derive(IntoParams)]
 #[into_params(parameter_in = Query)]
 pub struct ReportQuery {
-    /// What it is written as.
+    /// The format of the report.
     #[param(inline)]
     pub format: Option<ReportFormat>,
 }

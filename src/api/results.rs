@@ -30,7 +30,7 @@ pub struct GenerationsQuery {
     /// Only generations after this one.
     #[param(value_type = u64, maximum = 4294967295_i64, default = 0, required = false)]
     pub after: u32,
-    /// So many at the most.
+    /// The most generations in one answer.
     #[param(minimum = 1, maximum = 10000, default = 1000, required = false)]
     pub limit: u32,
 }
@@ -49,7 +49,8 @@ impl FromQuery for GenerationsQuery {
 
 /// A part of the history of a search.
 #[derive(Serialize, ToSchema)]
-pub struct Generations {
+#[schema(as = Generations)]
+pub struct GenerationList {
     /// The generations, in order.
     items: Vec<GenerationEvent>,
 }
@@ -61,7 +62,7 @@ pub struct Generations {
     params(("id" = JobId, Path, description = "The job"), GenerationsQuery),
     responses((status = 200, description = "Generations in order; fewer than `limit` when there \
                                             are no more yet",
-               content((Generations = "application/json"), (String = "text/csv"))))
+               content((GenerationList = "application/json"), (String = "text/csv"))))
 )]
 pub async fn generations(
     State(state): State<ApiState>,
@@ -81,7 +82,7 @@ pub async fn generations(
     let written = state.work.convert(move || {
         Ok(match as_csv {
             true => csv(GenerationEvent::csv(&items)),
-            false => json(StatusCode::OK, &Generations { items }),
+            false => json(StatusCode::OK, &GenerationList { items }),
         })
     });
     written.await
@@ -159,8 +160,8 @@ fn estimates_csv(outcome: &Outcome) -> String {
         (named, state.experiment.to_string())
     });
     let field = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
-    for ((name, unit, known), experiment) in parameters.chain(states) {
-        let interval = known.confidence_interval.as_ref();
+    for ((name, unit, estimate), experiment) in parameters.chain(states) {
+        let interval = estimate.confidence_interval.as_ref();
         let fields = [
             name.clone(),
             experiment,

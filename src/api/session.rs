@@ -96,9 +96,9 @@ pub async fn sign_in(
     let document = JsonDocument::from_request(request, &bodies).await?;
     let faults = Faults::default();
     let token = read(&Field::root(&document.value, &faults));
-    let found = faults.into_vec();
-    let token = token.filter(|_| found.is_empty());
-    let token = token.ok_or_else(|| Problem::of_document(found))?;
+    let faults = faults.into_vec();
+    let token = token.filter(|_| faults.is_empty());
+    let token = token.ok_or_else(|| Problem::of_document(faults))?;
     let token = token.trim().parse::<Secret>();
     let token = token.map_err(|()| refused(NO_TOKEN))?;
     let row = callers.token(&token).await?;

@@ -18,11 +18,11 @@ pub(super) fn cookie(headers: &HeaderMap) -> Option<Secret> {
     let pairs = all
         .filter_map(|value| value.to_str().ok())
         .flat_map(|value| value.split(';'));
-    let mut own = pairs.filter_map(|pair| {
+    let mut secrets = pairs.filter_map(|pair| {
         let (name, value) = pair.trim().split_once('=')?;
         (name == COOKIE).then(|| value.parse().ok())?
     });
-    own.next()
+    secrets.next()
 }
 
 /// Whether a request brings what belongs to its session.

@@ -9,14 +9,14 @@ use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 use greybox::identification::JobId;
 use greybox::identification::assemble::ExperimentTrajectory;
 
-/// Numbers that are kept at the most, all results together: 128 MB.
+/// NumberCount that are kept at the most, all results together: 128 MB.
 const MOST_NUMBERS: u64 = 16 << 20;
 
 /// The experiments of one result.
 pub type Simulated = Arc<Vec<ExperimentTrajectory>>;
 
 /// Results by job, each with the revision of the job.
-pub struct SimulatedCache(Cache<JobId, (i64, Simulated), Numbers>);
+pub struct SimulatedCache(Cache<JobId, (i64, Simulated), NumberCount>);
 
 impl Default for SimulatedCache {
     fn default() -> Self {
@@ -28,12 +28,12 @@ impl Default for SimulatedCache {
             .build()
             .expect("all that an option needs is given");
         let (hasher, lifecycle) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
-        Self(Cache::with_options(options, Numbers, hasher, lifecycle))
+        Self(Cache::with_options(options, NumberCount, hasher, lifecycle))
     }
 }
 
 impl SimulatedCache {
-    /// What was simulated for this revision of a job, if it is kept.
+    /// The simulated result of a revision of a job, where the cache has it.
     pub fn get(&self, job: JobId, revision: i64) -> Option<Simulated> {
         let (kept, simulated) = self.0.get(&job)?;
         (kept == revision).then_some(simulated)
@@ -47,9 +47,9 @@ impl SimulatedCache {
 
 /// Counts the numbers of a result.
 #[derive(Clone)]
-struct Numbers;
+struct NumberCount;
 
-impl Weighter<JobId, (i64, Simulated)> for Numbers {
+impl Weighter<JobId, (i64, Simulated)> for NumberCount {
     fn weight(&self, _job: &JobId, (_revision, simulated): &(i64, Simulated)) -> u64 {
         let of = |experiment: &ExperimentTrajectory| {
             experiment.time.len() * (1 + 4 * experiment.outputs.len())

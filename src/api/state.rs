@@ -48,10 +48,10 @@ pub struct Parts {
 /// All that handlers work with. A handler takes the part that it needs; where several parts meet it takes
 /// the whole state.
 #[derive(Clone)]
-pub struct ApiState(Arc<Shared>);
+pub struct ApiState(Arc<StateParts>);
 
 /// The parts, each cheap to clone.
-pub struct Shared {
+pub struct StateParts {
     /// The database; most handlers take a handle of one resource.
     pub(super) store: Store,
     /// Tells handlers that wait of changes, and that the server goes down.
@@ -95,7 +95,7 @@ impl ApiState {
         } = parts;
         let limits = Arc::new(limits);
         let work = Work::new(&limits, hub.clone());
-        Self(Arc::new(Shared {
+        Self(Arc::new(StateParts {
             library: ModelLibrary::new(catalogue, store.models().clone(), work.clone()),
             bodies: Bodies::new(&limits, hub.clone(), work.clone(), store.datasets().clone()),
             event_streams: EventStreams::new(limits.streams_at_once, store.clone(), hub.clone()),
@@ -137,9 +137,9 @@ impl ApiState {
 }
 
 impl std::ops::Deref for ApiState {
-    type Target = Shared;
+    type Target = StateParts;
 
-    fn deref(&self) -> &Shared {
+    fn deref(&self) -> &StateParts {
         &self.0
     }
 }

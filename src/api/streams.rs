@@ -240,8 +240,8 @@ fn answered(name: &str, outcome: BatchOutcome) -> Answer {
     response.headers_mut().insert(header::LOCATION, location);
     if replayed {
         let name = HeaderName::from_static("idempotent-replayed");
-        let said = HeaderValue::from_static("true");
-        response.headers_mut().insert(name, said);
+        let replayed = HeaderValue::from_static("true");
+        response.headers_mut().insert(name, replayed);
     }
     Ok(response)
 }
@@ -405,10 +405,7 @@ async fn window(
     stream: &StreamRow,
     (from, to): (Option<Timestamp>, Option<Timestamp>),
 ) -> Answer<Option<Recording>> {
-    let span = (
-        from.map_or(i64::MIN, nanoseconds),
-        to.map_or(i64::MAX, nanoseconds),
-    );
+    let span = from.map_or(i64::MIN, nanoseconds)..to.map_or(i64::MAX, nanoseconds);
     let rows = streams.rows(stream, span, MAX_WINDOW_SAMPLES);
     let rows = rows.await?.ok_or_else(|| {
         let detail = format!(
@@ -416,9 +413,9 @@ async fn window(
         );
         invalid("too_many_samples", detail)
     })?;
-    let said = [("from", from), ("to", to)].into_iter();
-    let said = said.filter_map(|(name, instant)| Some((name.to_owned(), instant?.to_string())));
-    let mut options: std::collections::BTreeMap<String, String> = said.collect();
+    let bounds = [("from", from), ("to", to)].into_iter();
+    let bounds = bounds.filter_map(|(name, instant)| Some((name.to_owned(), instant?.to_string())));
+    let mut options: std::collections::BTreeMap<String, String> = bounds.collect();
     options.insert("stream".to_owned(), stream.name.clone());
     let source = Source {
         format: "stream".to_owned(),

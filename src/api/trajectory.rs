@@ -171,9 +171,9 @@ async fn simulated(state: &ApiState, id: JobId) -> Answer<Simulated> {
         .find(id)
         .await?
         .ok_or_else(|| no_job(id))?;
-    if let Some(known) = state.simulated.get(id, row.revision) {
+    if let Some(kept) = state.simulated.get(id, row.revision) {
         let mut there = true;
-        for experiment in known.iter() {
+        for experiment in kept.iter() {
             there &= state
                 .store
                 .datasets()
@@ -182,7 +182,7 @@ async fn simulated(state: &ApiState, id: JobId) -> Answer<Simulated> {
                 .is_some();
         }
         if there {
-            return Ok(known);
+            return Ok(kept);
         }
     }
     let job = FinishedJob::read(state, id).await?;

@@ -19,7 +19,7 @@ use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::delivery::{Destinations, RefusedDestination, SigningSecret};
 use crate::job::{DeliveryId, WebhookId};
-use crate::store::{self, Deliveries, DeliveryRow, WebhookRow};
+use crate::store::{Deliveries, DeliveryRow, WebhookRow, Webhooks};
 use greybox::parsing::Fault;
 use greybox::parsing::reader::{Faults, Field};
 
@@ -72,7 +72,8 @@ impl From<WebhookRow> for Webhook {
 
 /// All webhooks of the project.
 #[derive(Serialize, ToSchema)]
-pub struct Webhooks {
+#[schema(as = Webhooks)]
+pub struct WebhookList {
     /// The webhooks, the oldest first.
     items: Vec<Webhook>,
 }
@@ -146,7 +147,7 @@ impl From<DeliveryRow> for Delivery {
     )
 )]
 pub async fn create(
-    State(webhooks): State<store::Webhooks>,
+    State(webhooks): State<Webhooks>,
     State(destinations): State<Arc<Destinations>>,
     client: Client,
     _query: Params<NoQuery>,
@@ -154,10 +155,10 @@ pub async fn create(
 ) -> Answer {
     let faults = Faults::default();
     let asked = read(&Field::root(&document.value, &faults));
-    let found = faults.into_vec();
+    let faults = faults.into_vec();
     let (url, events) = match asked {
-        Some(asked) if found.is_empty() => asked,
-        _ => return Err(Problem::of_document(found)),
+        Some(asked) if faults.is_empty() => asked,
+        _ => return Err(Problem::of_document(faults)),
     };
     destinations.check(&url).map_err(refused)?;
     if webhooks.list(&client.project).await?.len() >= MOST {
@@ -228,16 +229,16 @@ fn refused(refused: RefusedDestination) -> Problem {
 /// List the webhooks of the project.
 #[utoipa::path(
     get, path = "/v1/webhooks", operation_id = "list_webhooks", tag = "access",
-    responses((status = 200, description = "All webhooks", body = Webhooks))
+    responses((status = 200, description = "All webhooks", body = WebhookList))
 )]
 pub async fn list(
-    State(webhooks): State<store::Webhooks>,
+    State(webhooks): State<Webhooks>,
     client: Client,
     _query: Params<NoQuery>,
 ) -> Answer {
     let rows = webhooks.list(&client.project).await?;
     let items = rows.into_iter().map(Webhook::from).collect();
-    Ok(json(StatusCode::OK, &Webhooks { items }))
+    Ok(json(StatusCode::OK, &WebhookList { items }))
 }
 
 /// Show a webhook, without its secret.
@@ -247,7 +248,7 @@ pub async fn list(
     responses((status = 200, description = "The webhook", body = Webhook))
 )]
 pub async fn show(
-    State(webhooks): State<store::Webhooks>,
+    State(webhooks): State<Webhooks>,
     Named(id): Named<WebhookId>,
     _query: Params<NoQuery>,
 ) -> Answer {
@@ -267,7 +268,7 @@ fn no_webhook(id: WebhookId) -> Problem {
     responses((status = 204, description = "It is removed"))
 )]
 pub async fn remove(
-    State(webhooks): State<store::Webhooks>,
+    State(webhooks): State<Webhooks>,
     Named(id): Named<WebhookId>,
     _query: Params<NoQuery>,
 ) -> Answer {
@@ -294,7 +295,7 @@ impl FromQuery for WhichDeliveries {
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
 )]
 pub async fn deliveries(
-    State(webhooks): State<store::Webhooks>,
+    State(webhooks): State<Webhooks>,
     State(deliveries): State<Deliveries>,
     Named(id): Named<WebhookId>,
     Params(WhichDeliveries(cursor)): Params<WhichDeliveries>,

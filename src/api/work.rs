@@ -101,7 +101,7 @@ impl Work {
             }),
             () = tokio::time::sleep(LONGEST_COMPUTATION) => {
                 stop.store(true, Ordering::Relaxed);
-                // What it has found out by now may be an answer.
+                // The computation may have an answer by now.
                 match tokio::time::timeout(LAST_ANSWER, done).await {
                     Ok(Ok(Ok(answer))) => Ok(answer),
                     _ => Err(too_long()),

@@ -107,7 +107,7 @@ impl Steps {
         let rows = self
             .store
             .streams()
-            .rows(&step.stream, span, MAX_WINDOW_SAMPLES);
+            .rows(&step.stream, span.0..span.1, MAX_WINDOW_SAMPLES);
         let Some(rows) = rows.await? else {
             let reason = format!("a window has more than {MAX_WINDOW_SAMPLES} instants");
             return Ok(step.fails(reason));

@@ -52,14 +52,14 @@ pub struct AuditRow {
     pub id: i64,
     /// When the entry was written.
     pub at: Timestamp,
-    /// What was asked, and by whom.
+    /// The request and its caller.
     pub entry: AuditEntry,
     /// The loss that the entry states, if any.
     pub loss: Option<Loss>,
 }
 
 #[derive(FromRow)]
-struct Columns {
+struct AuditColumns {
     id: i64,
     at: String,
     who: String,
@@ -75,7 +75,7 @@ struct Columns {
     lost_to: Option<String>,
 }
 
-impl Columns {
+impl AuditColumns {
     fn read(self) -> Result<AuditRow, StoreError> {
         let of = format!("audit entry {}", self.id);
         let lost_from = optional_time(&of, self.lost_from.as_deref())?;
@@ -155,11 +155,11 @@ impl AuditLog {
         query
             .push(" order by id desc limit ")
             .push_bind(i64::from(limit) + 1);
-        let rows: Vec<Columns> = query
+        let rows: Vec<AuditColumns> = query
             .build_query_as()
             .fetch_all(&self.database.readers)
             .await?;
-        let rows = rows.into_iter().map(Columns::read);
+        let rows = rows.into_iter().map(AuditColumns::read);
         let rows = rows.collect::<Result<Vec<_>, _>>()?;
         Ok(Page::cut(rows, limit, |row| row.id))
     }

@@ -155,7 +155,9 @@ pub(super) async fn insert(tx: &mut Tx, job: JobId, new: &NewCandidates) -> Resu
 }
 
 fn encode(candidates: &[Candidate]) -> Vec<u8> {
-    let n_values = candidates.first().map_or(0, |one| one.values.len());
+    let n_values = candidates
+        .first()
+        .map_or(0, |candidate| candidate.values.len());
     let mut blob = Vec::with_capacity(candidates.len() * (HEAD + 8 * n_values));
     for candidate in candidates {
         blob.extend(candidate.place.to_le_bytes());

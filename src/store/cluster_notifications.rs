@@ -119,11 +119,11 @@ async fn listen(pool: PgPool, life: i64, on_change: OnChange, closing: Cancellat
     let hear = async || {
         let mut listener = PgListener::connect_with(&pool).await?;
         listener.listen(CHANNEL).await?;
-        // What was told before is missed.
+        // Notifications before this instant were missed.
         on_change(Change::Missed);
         while let Some(notification) = listener.try_recv().await? {
             match read(notification.payload()) {
-                Some((other, _)) if other == life => {}
+                Some((node, _)) if node == life => {}
                 Some((_, changes)) => changes.into_iter().for_each(|change| on_change(change)),
                 None => on_change(Change::Missed),
             }

@@ -13,7 +13,7 @@ use super::page::Page;
 use super::quota_checks::JobRoom;
 use super::shared_database::Database;
 use super::submit::batch::{self, Known};
-use super::submit::{self, Made, NewJob, Submitted};
+use super::submit::{self, Idempotent, NewJob, Submitted};
 use super::writer::{Tx, in_transaction};
 use super::{StoreError, corrupt};
 use crate::access::Project;
@@ -186,7 +186,7 @@ async fn write(tx: &mut Tx, new: NewComparison) -> Result<Submitted<ComparisonRo
     }))
 }
 
-impl Made for ComparisonRow {
+impl Idempotent for ComparisonRow {
     type Id = ComparisonId;
     const PREFIX: &'static str = ComparisonId::PREFIX;
 

@@ -32,15 +32,15 @@ const CHUNKS_WAITING: usize = 2;
 
 /// A recording to be stored.
 pub struct NewDataset {
-    /// Whose it is.
+    /// The project that the recording belongs to.
     pub project: Project,
     /// A name for people.
     pub name: Option<String>,
     /// A digest of the bytes that came and of the options they were read with.
     pub digest: String,
-    /// What it holds, in a few numbers.
+    /// The contents of the recording in a few numbers.
     pub summary: Summary,
-    /// What was read.
+    /// The samples and signals.
     pub recording: Received,
 }
 

@@ -325,7 +325,7 @@ async fn tell_of_damaged(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
 
 async fn resend(tx: &mut Tx, id: DeliveryId) -> Result<bool, StoreError> {
     let now = Timestamp::now().as_millisecond();
-    let found = database::query(
+    let resent = database::query(
         "update deliveries set state = 'waiting', due_at_ms = $1, tried_from_ms = $1, \
          attempts = 0, delivered_at = null where id = $2",
     )
@@ -334,7 +334,7 @@ async fn resend(tx: &mut Tx, id: DeliveryId) -> Result<bool, StoreError> {
     .execute(&mut **tx)
     .await?;
     tx.announce(Change::DeliveryWaits);
-    Ok(found == 1)
+    Ok(resent == 1)
 }
 
 async fn note(tx: &mut Tx, id: DeliveryId, attempt: Attempt) -> Result<(), StoreError> {

@@ -15,10 +15,10 @@ use super::StoredBytes;
 /// A project has as much as it may.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum QuotaExceeded {
-    /// Of recordings.
+    /// Too many recordings.
     #[error("the project has as many recordings as it may, {0}; remove some first")]
     Datasets(u64),
-    /// Of bytes, by samples.
+    /// Too many bytes, because of new samples.
     #[error(
         "the project has {has}, and this adds {adds}; together they may have {limit}; remove some first"
     )]
@@ -30,7 +30,7 @@ pub enum QuotaExceeded {
         /// Bytes that the project may have.
         limit: u64,
     },
-    /// Of bytes, by a job, which would write more of them.
+    /// Too many bytes for another job, which would write more.
     #[error(
         "the project has {has}; together they may have {limit}; remove some before more jobs are taken"
     )]
@@ -40,10 +40,10 @@ pub enum QuotaExceeded {
         /// Bytes that the project may have.
         limit: u64,
     },
-    /// Of jobs.
+    /// Too many unfinished jobs.
     #[error("the project has as many unfinished jobs as it may, {0}; wait until some have ended")]
     UnfinishedJobs(u64),
-    /// Of time.
+    /// Too much working time in a day.
     #[error(
         "the jobs of the project were at work for the {limit_s} s that they may be in a day; this \
          begins anew at {until}"
@@ -95,7 +95,7 @@ pub enum StoreError {
     /// Another server has the database.
     #[error("the database {database} is in use by another greybox server")]
     Locked {
-        /// Where it is.
+        /// Where the database is.
         database: String,
     },
     /// The database is of a newer program, and this one cannot work with it.
@@ -314,13 +314,13 @@ pub enum Meaning {
 }
 
 impl StoreError {
-    /// What it means to whoever asked.
+    /// What the error means to the caller.
     #[must_use]
     pub fn meaning(&self) -> Meaning {
         match self {
             Self::Closed | Self::Database(sqlx::Error::PoolClosed) => Meaning::ShuttingDown,
             Self::Scratch(error) | Self::File { source: error, .. } => Meaning::of_file(error),
-            other => WriteFailure::of(other).meaning,
+            error => WriteFailure::of(error).meaning,
         }
     }
 

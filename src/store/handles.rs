@@ -49,9 +49,9 @@ const PROBE_BYTES: usize = 4096;
 
 /// The database, as one server works with it: a handle for each resource. Cheap to clone.
 #[derive(Clone)]
-pub struct Store(Arc<Parts>);
+pub struct Store(Arc<OpenStore>);
 
-struct Parts {
+struct OpenStore {
     database: Arc<Database>,
     handles: Handles,
     /// Holds the rows of jobs that were read lately.
@@ -127,7 +127,7 @@ handles! {
     tokens: Tokens,
     /// Places that events are delivered to.
     webhooks: Webhooks,
-    /// Parts of jobs that several nodes work together.
+    /// OpenStore of jobs that several nodes work together.
     work_shares: WorkShares,
 }
 
@@ -218,7 +218,7 @@ impl Store {
                 exchange
             }
         };
-        let store = Self(Arc::new(Parts {
+        let store = Self(Arc::new(OpenStore {
             handles: Handles::new(&database),
             jobs: Jobs {
                 database: database.clone(),
@@ -271,7 +271,7 @@ impl Store {
 
     /// Finishes the writes that were accepted, and closes the database.
     pub async fn close(&self) {
-        let Parts {
+        let OpenStore {
             database,
             nodes,
             closing,
@@ -302,13 +302,13 @@ impl Store {
     }
 }
 
-impl Drop for Parts {
+impl Drop for OpenStore {
     fn drop(&mut self) {
         self.closing.cancel();
     }
 }
 
-/// What was read lately.
+/// The caches of rows and recordings.
 #[derive(Clone)]
 struct Caches {
     jobs: RowCache<JobId, JobRow>,

@@ -1,4 +1,4 @@
-//! What was made by requests that came with a key, for as long as keys are kept.
+//! The keys of requests and what each request made, for as long as keys are kept.
 
 use jiff::Timestamp;
 
@@ -18,9 +18,9 @@ pub struct Idempotency {
     pub body_digest: String,
 }
 
-/// What a key made before.
+/// The earlier request of a key.
 pub(super) struct Earlier {
-    /// Whether it came with the same body.
+    /// Whether the key came with the same body.
     pub is_same_body: bool,
     /// The identifier of what was made.
     pub made: String,

@@ -62,7 +62,7 @@ pub struct JobRow {
 const SMALL_VALUES: usize = 400;
 
 impl JobRow {
-    /// Whether it is small enough to be kept in memory after it was read.
+    /// Whether the row is small enough for the cache.
     fn is_small(&self) -> bool {
         fn values(value: &Value) -> usize {
             1 + match value {

@@ -21,7 +21,7 @@ pub const MAX_UNUSED_MODELS: i64 = 500;
 /// A model to be stored.
 #[derive(Clone, Debug)]
 pub struct NewModel {
-    /// Whose it is.
+    /// The project that the model belongs to.
     pub project: Project,
     /// `name@digest`, by which jobs name it.
     pub reference: String,
@@ -44,7 +44,7 @@ pub struct ModelRow {
     pub digest: String,
     /// The document.
     pub document: Value,
-    /// When it was stored.
+    /// When the model was stored.
     pub created_at: Timestamp,
 }
 

@@ -27,7 +27,7 @@ use std::time::Duration;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use super::opening::Shared;
+use super::opening::SharedPostgres;
 use super::shared_database::Database;
 use super::writer::in_transaction;
 use super::{OnChange, StoreError};
@@ -77,7 +77,7 @@ impl Nodes {
     }
 
     /// Says that it is there, among others, until it is closed.
-    pub(super) fn live_among_others(&self, shared: Shared, on_change: OnChange) {
+    pub(super) fn live_among_others(&self, shared: SharedPostgres, on_change: OnChange) {
         self.in_charge.store(false, Ordering::Relaxed);
         let beats = Beats {
             database: self.database.clone(),

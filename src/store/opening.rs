@@ -50,7 +50,7 @@ impl fmt::Debug for DatabasePlace {
 /// Where the database is and how it is used.
 #[derive(Clone, Debug)]
 pub struct DatabaseSettings {
-    /// Where it is.
+    /// Where the database is.
     pub place: DatabasePlace,
     /// Connections that read at the same time.
     pub readers: u32,
@@ -74,18 +74,18 @@ pub(super) enum Access {
     /// Nobody, for as long as this is kept.
     Alone(FileLock),
     /// Other nodes.
-    Shared(Shared),
+    Shared(SharedPostgres),
 }
 
 /// A PostgreSQL that other nodes work with too.
 #[derive(Clone)]
-pub(super) struct Shared {
+pub(super) struct SharedPostgres {
     options: Box<PgConnectOptions>,
     /// How often a node says that it lives.
     pub(super) beat: Duration,
 }
 
-impl Shared {
+impl SharedPostgres {
     /// Reached so, by one that says nothing of itself.
     #[cfg(test)]
     pub(super) fn of(options: PgConnectOptions) -> Self {
@@ -95,7 +95,7 @@ impl Shared {
         }
     }
 
-    /// How it is reached.
+    /// How the server is reached.
     pub(super) fn options(&self) -> &PgConnectOptions {
         &self.options
     }
@@ -183,7 +183,7 @@ impl Opened {
             folder: std::env::temp_dir(),
             writer_pool: Pool::Postgres(writer_pool),
             readers: Pool::Postgres(readers),
-            access: Access::Shared(Shared {
+            access: Access::Shared(SharedPostgres {
                 options: Box::new(options.clone()),
                 beat: settings.beat,
             }),

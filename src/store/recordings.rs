@@ -15,7 +15,7 @@ const LIMIT: u64 = 64 << 20;
 
 /// Recordings by their identifiers, bounded in bytes. Cheap to clone.
 #[derive(Clone)]
-pub(super) struct RecordingCache(Arc<Cache<DatasetId, Arc<Recording>, Bytes>>);
+pub(super) struct RecordingCache(Arc<Cache<DatasetId, Arc<Recording>, SampleBytes>>);
 
 impl Default for RecordingCache {
     fn default() -> Self {
@@ -34,7 +34,10 @@ impl RecordingCache {
             .expect("all that an option needs is given");
         let (hasher, lifecycle) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
         Self(Arc::new(Cache::with_options(
-            options, Bytes, hasher, lifecycle,
+            options,
+            SampleBytes,
+            hasher,
+            lifecycle,
         )))
     }
 
@@ -56,9 +59,9 @@ impl RecordingCache {
 
 /// Counts the bytes of samples.
 #[derive(Clone)]
-struct Bytes;
+struct SampleBytes;
 
-impl Weighter<DatasetId, Arc<Recording>> for Bytes {
+impl Weighter<DatasetId, Arc<Recording>> for SampleBytes {
     fn weight(&self, _id: &DatasetId, recording: &Arc<Recording>) -> u64 {
         let axes = matches!(recording.time, TimeAxis::Instants(_));
         let series = recording.signals.len() + usize::from(axes);

@@ -18,7 +18,7 @@ const LIMIT: usize = 512;
 #[derive(Clone)]
 pub(super) struct RowCache<Id, Row>(Option<Arc<Cache<Id, Arc<Row>>>>);
 
-type Guard<'a, Id, Row> = PlaceholderGuard<
+type RowGuard<'a, Id, Row> = PlaceholderGuard<
     'a,
     Id,
     Arc<Row>,
@@ -29,7 +29,7 @@ type Guard<'a, Id, Row> = PlaceholderGuard<
 
 /// The right to keep a row that is read, unless the row changes meanwhile; nothing where another
 /// reader has the right.
-pub(super) struct Reading<'a, Id, Row>(Option<Guard<'a, Id, Row>>);
+pub(super) struct RowReading<'a, Id, Row>(Option<RowGuard<'a, Id, Row>>);
 
 impl<Id: Copy + Eq + Hash, Row> RowCache<Id, Row> {
     /// A cache that keeps rows, or none.
@@ -38,14 +38,14 @@ impl<Id: Copy + Eq + Hash, Row> RowCache<Id, Row> {
     }
 
     /// The row, if it is kept; else the reader goes and reads it.
-    pub(super) fn get(&self, id: Id) -> Result<Arc<Row>, Reading<'_, Id, Row>> {
+    pub(super) fn get(&self, id: Id) -> Result<Arc<Row>, RowReading<'_, Id, Row>> {
         let Some(cache) = &self.0 else {
-            return Err(Reading(None));
+            return Err(RowReading(None));
         };
         match cache.get_value_or_guard(&id, Some(Duration::ZERO)) {
             GuardResult::Value(row) => Ok(row),
-            GuardResult::Guard(guard) => Err(Reading(Some(guard))),
-            GuardResult::Timeout => Err(Reading(None)),
+            GuardResult::Guard(guard) => Err(RowReading(Some(guard))),
+            GuardResult::Timeout => Err(RowReading(None)),
         }
     }
 
@@ -57,7 +57,7 @@ impl<Id: Copy + Eq + Hash, Row> RowCache<Id, Row> {
     }
 }
 
-impl<Id: Eq + Hash, Row> Reading<'_, Id, Row> {
+impl<Id: Eq + Hash, Row> RowReading<'_, Id, Row> {
     /// Keeps the row that was read.
     pub(super) fn keep(self, row: &Arc<Row>) {
         if let Some(guard) = self.0 {

@@ -6,7 +6,7 @@ use jiff::Timestamp;
 
 use super::columns::time;
 use super::shared_database::Database;
-use super::tokens::{Columns, TokenRow};
+use super::tokens::{TokenColumns, TokenRow};
 use super::writer::in_transaction;
 use super::{StoreError, database};
 use crate::access::Digest;
@@ -57,22 +57,22 @@ impl Sessions {
 
     /// The token of a session, valid or not. It ends when the session does.
     pub async fn find(&self, digest: &Digest) -> Result<Option<TokenRow>, StoreError> {
-        let found: Option<(i64, String)> =
+        let session: Option<(i64, String)> =
             database::query_as("select token, expires_at from sessions where digest = $1")
                 .bind(digest.as_str())
                 .fetch_optional(&self.database.readers)
                 .await?;
-        let Some((token, ends)) = found else {
+        let Some((token, ends)) = session else {
             return Ok(None);
         };
-        let row: Option<Columns> = database::query_as(
+        let row: Option<TokenColumns> = database::query_as(
             "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
              from tokens where id = $1",
         )
         .bind(token)
         .fetch_optional(&self.database.readers)
         .await?;
-        let Some(row) = row.map(Columns::read).transpose()? else {
+        let Some(row) = row.map(TokenColumns::read).transpose()? else {
             return Ok(None);
         };
         let ends = time(&row.name, &ends)?;

@@ -12,6 +12,7 @@ mod removal;
 mod signals;
 mod stream;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use jiff::Timestamp;
@@ -76,20 +77,15 @@ impl Streams {
         Ok(Page::cut(rows, limit, |row| row.name.clone()))
     }
 
-    /// The samples of a stream from one instant up to, and without, another, `most` at the most;
-    /// nothing where there are more. Instants are nanoseconds since 1970.
+    /// The samples of a stream in a span, `most` at the most; nothing where there are more. Instants are nanoseconds since 1970.
     pub async fn rows(
         &self,
         stream: &StreamRow,
-        span: (i64, i64),
+        span: Range<i64>,
         most: usize,
     ) -> Result<Option<Rows>, StoreError> {
         let mut connection = self.database.readers.acquire().await?;
-        let span = Span {
-            from: span.0,
-            to: span.1,
-        };
-        blocks::between(&mut connection, stream, span, most).await
+        blocks::between(&mut connection, stream, Span::from(span), most).await
     }
 
     /// The first instant of a stream at or after one, nanoseconds since 1970.
@@ -112,16 +108,16 @@ impl Streams {
         blocks::last_until(&mut connection, &stream.identity(), until).await
     }
 
-    /// Removes the samples of a stream from one instant up to, and without, another, nanoseconds
-    /// since 1970; nothing where there is no such stream. The answer means that they are gone.
+    /// Removes the samples of a stream in a span of nanoseconds since 1970; nothing where there is no
+    /// such stream. The answer means that they are gone.
     pub async fn remove_samples(
         &self,
         project: &Project,
         name: &str,
-        (from, to): (i64, i64),
+        span: Range<i64>,
     ) -> Result<Option<Cleared>, StoreError> {
         let identity = identity(project, name);
-        let span = Span { from, to };
+        let span = Span::from(span);
         in_transaction!(self.database, |tx| removal::remove(tx, identity, span)).await
     }
 
@@ -146,8 +142,8 @@ async fn append(tx: &mut Tx, new: NewBatch) -> Result<BatchOutcome, StoreError> 
     if is_new && count(tx, &new.project).await? >= MAX_STREAMS {
         return Ok(BatchOutcome::TooManyStreams);
     }
-    let known = before.as_ref().map_or(&[][..], |row| &row.signals);
-    let (signals, places) = match places(known, &new.batch.signals) {
+    let signals_before = before.as_ref().map_or(&[][..], |row| &row.signals);
+    let (signals, places) = match places(signals_before, &new.batch.signals) {
         Ok(placed) => placed,
         Err(refusal) => return Ok(refusal),
     };

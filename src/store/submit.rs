@@ -15,7 +15,7 @@ use super::StoreError;
 use super::idempotency::Idempotency;
 use super::shared_database::Database;
 use super::writer::Tx;
-pub(super) use submission::{Made, earlier};
+pub(super) use submission::{Idempotent, earlier};
 pub use submission::{NewJob, Submitted};
 
 /// Submissions of jobs.
@@ -23,7 +23,7 @@ pub use submission::{NewJob, Submitted};
 pub struct Submissions {
     database: Arc<Database>,
     /// The submissions that come while the writer is at work.
-    waiting: Waiting,
+    waiting: WaitingSubmissions,
 }
 
 impl Submissions {
@@ -31,7 +31,7 @@ impl Submissions {
     pub(super) fn new(database: Arc<Database>) -> Self {
         Self {
             database,
-            waiting: Waiting::default(),
+            waiting: WaitingSubmissions::default(),
         }
     }
 
@@ -73,9 +73,9 @@ type Reply = oneshot::Sender<Result<Submitted, StoreError>>;
 
 /// The submissions that wait to be written together.
 #[derive(Clone, Default)]
-struct Waiting(Arc<Mutex<Vec<Submission>>>);
+struct WaitingSubmissions(Arc<Mutex<Vec<Submission>>>);
 
-impl Waiting {
+impl WaitingSubmissions {
     /// Adds one. The first of those that wait gets the turn to write them all.
     fn join(&self, submission: Submission) -> Option<Turn> {
         let mut waiting = lock(&self.0);
@@ -97,7 +97,7 @@ impl Waiting {
 
 /// The turn to write all submissions that wait. One that is dropped without having gathered them
 /// drops them too, so that nobody waits for ever.
-struct Turn(Option<Waiting>);
+struct Turn(Option<WaitingSubmissions>);
 
 impl Turn {
     /// All that wait by now; the next to join gets a new turn.

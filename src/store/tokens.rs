@@ -16,15 +16,15 @@ use crate::access::{BELIEVED, Digest, Project, Scope};
 /// A token to be made.
 #[derive(Clone, Debug)]
 pub struct NewToken {
-    /// What it is called; no other token that is not revoked has the name.
+    /// The name; no other token that is not revoked has the name.
     pub name: String,
-    /// What is kept of its secret.
+    /// The digest of the secret.
     pub digest: Digest,
-    /// How much it allows.
+    /// How much the token allows.
     pub scope: Scope,
-    /// Where.
+    /// The project that the token gives access to.
     pub project: Project,
-    /// When it ends by itself.
+    /// When the token expires.
     pub expires_at: Option<Timestamp>,
 }
 
@@ -45,12 +45,12 @@ pub struct TokenRow {
     pub expires_at: Option<Timestamp>,
     /// When the token was revoked.
     pub revoked_at: Option<Timestamp>,
-    /// When it was used last, to the minute.
+    /// When the token was used last, to the minute.
     pub last_used_at: Option<Timestamp>,
 }
 
 impl TokenRow {
-    /// Whether it still counts.
+    /// Whether the token is neither revoked nor expired.
     #[must_use]
     pub fn is_valid_at(&self, now: Timestamp) -> bool {
         self.revoked_at.is_none() && self.expires_at.is_none_or(|end| now < end)
@@ -58,7 +58,7 @@ impl TokenRow {
 }
 
 #[derive(FromRow)]
-pub(super) struct Columns {
+pub(super) struct TokenColumns {
     id: i64,
     name: String,
     scope: String,
@@ -69,7 +69,7 @@ pub(super) struct Columns {
     last_used_at: Option<String>,
 }
 
-impl Columns {
+impl TokenColumns {
     pub(super) fn read(self) -> Result<TokenRow, StoreError> {
         let of = &self.name;
         let optional = |at: Option<String>| at.map(|at| time(of, &at)).transpose();
@@ -108,14 +108,14 @@ impl Tokens {
 
     /// The token of a secret, valid or not.
     pub async fn find(&self, digest: &Digest) -> Result<Option<TokenRow>, StoreError> {
-        let row: Option<Columns> = database::query_as(
+        let row: Option<TokenColumns> = database::query_as(
             "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
              from tokens where digest = $1",
         )
         .bind(digest.as_str())
         .fetch_optional(&self.database.readers)
         .await?;
-        row.map(Columns::read).transpose()
+        row.map(TokenColumns::read).transpose()
     }
 
     /// Notes that a token was used now.
@@ -160,14 +160,14 @@ pub async fn create(database: &DatabasePlace, new: NewToken) -> Result<bool, Sto
 /// The database cannot be opened or read.
 pub async fn list(database: &DatabasePlace) -> Result<Vec<TokenRow>, StoreError> {
     let connection = open(database).await?;
-    let rows: Vec<Columns> = database::query_as(
+    let rows: Vec<TokenColumns> = database::query_as(
         "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
          from tokens order by id",
     )
     .fetch_all(&connection)
     .await?;
     connection.close().await;
-    rows.into_iter().map(Columns::read).collect()
+    rows.into_iter().map(TokenColumns::read).collect()
 }
 
 /// Ends the token of a name. Says whether there was one. Returns when no server believes any more what it

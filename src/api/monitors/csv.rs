@@ -13,8 +13,8 @@ pub(super) fn table(windows: &[ShownWindow]) -> String {
         .find(|shown| shown.window.status == WindowStatus::Estimated);
     let parameters = estimated.map_or(&[][..], |shown| &shown.window.parameters);
     let mut text = "window,from,to,status,trust".to_owned();
-    for own in parameters {
-        let name = &own.name;
+    for parameter in parameters {
+        let name = &parameter.name;
         write!(
             text,
             ",{name},{name}_standard_error,{name}_lower,{name}_upper,{name}_total_lower,\

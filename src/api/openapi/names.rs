@@ -8,15 +8,15 @@ const SCHEMAS: &str = "/components/schemas";
 
 /// Names what has none.
 pub(super) fn name_all(description: &mut Value) {
-    let known = description.pointer(SCHEMAS).and_then(Value::as_object);
-    let known = known.cloned().unwrap_or_default();
+    let schemas = description.pointer(SCHEMAS).and_then(Value::as_object);
+    let schemas = schemas.cloned().unwrap_or_default();
     if let Some(schemas) = schemas(description) {
         for (_, schema) in schemas.iter_mut() {
-            below(schema, &mut |part| refer(part, &known));
+            below(schema, &mut |part| refer(part, &schemas));
         }
     }
     if let Some(paths) = description.get_mut("paths") {
-        within(paths, &mut |part| refer(part, &known));
+        within(paths, &mut |part| refer(part, &schemas));
     }
     let mut named = Map::new();
     if let Some(schemas) = schemas(description) {
@@ -131,8 +131,8 @@ fn refer(part: &mut Value, known: &Map<String, Value>) {
     if !says_much.iter().any(|key| part.get(key).is_some()) {
         return;
     }
-    let own = form(part);
-    if let Some((name, _)) = known.iter().find(|(_, schema)| form(schema) == own) {
+    let shape = form(part);
+    if let Some((name, _)) = known.iter().find(|(_, schema)| form(schema) == shape) {
         *part = reference(name);
     }
 }
@@ -144,14 +144,14 @@ fn reference(name: &str) -> Value {
 /// Names the objects within a schema that has a name: by their title, or by their place.
 fn name_parts(schema: &mut Value, name: &str, named: &mut Map<String, Value>) {
     for part in parts(schema) {
-        let own = own_name(&part, name);
-        name_parts(part.schema, &own, named);
+        let new_name = own_name(&part, name);
+        name_parts(part.schema, &new_name, named);
         let is_object = part.schema.get("properties").is_some();
         if is_object && !part.is_share {
-            let taken = named.get(&own);
+            let taken = named.get(&new_name);
             assert!(
                 taken.is_none_or(|taken| taken == part.schema),
-                "two forms of data are called {own}; give one a title"
+                "two forms of data are called {new_name}; give one a title"
             );
             let schema = std::mem::replace(part.schema, reference(&own));
             named.insert(own, schema);

@@ -67,7 +67,7 @@ pub async fn remove_samples(
     let (from, to) = (text(span.from), text(span.to));
     let acted_on = ActedOn(format!("/v1/streams/{name}/samples?from={from}&to={to}"));
     let ns = |instant: Option<Timestamp>, open| instant.map_or(open, nanoseconds);
-    let span = (ns(span.from, i64::MIN), ns(span.to, i64::MAX));
+    let span = ns(span.from, i64::MIN)..ns(span.to, i64::MAX);
     let cleared = streams.remove_samples(&client.project, &name, span);
     let cleared = cleared.await?;
     let cleared = cleared.ok_or_else(|| Problem::not_found("stream", &name))?;

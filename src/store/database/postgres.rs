@@ -123,28 +123,28 @@ pub(in crate::store) async fn migrate(
         .bind(MIGRATION)
         .execute(&mut turn)
         .await?;
-    let own = SCHEMA.iter().map(|migration| migration.version).max();
-    let own = own.unwrap_or(0);
+    let built = SCHEMA.iter().map(|migration| migration.version).max();
+    let built = built.unwrap_or(0);
     let alone = match Found::of(&mut turn).await? {
-        Some(found) if found.version >= own => {
+        Some(present) if present.version >= built => {
             turn.close().await?;
-            return if found.oldest <= own {
+            return if present.oldest <= built {
                 Ok(())
             } else {
                 Err(StoreError::TooNew {
                     database: database.to_string(),
-                    schema: found.version,
-                    oldest: found.oldest,
-                    own,
+                    schema: present.version,
+                    oldest: present.oldest,
+                    own: built,
                 })
             };
         }
-        Some(found) if found.version < OLDEST_AT_WORK => {
+        Some(present) if present.version < OLDEST_AT_WORK => {
             let alone = hold_alone(options).await?;
             Some(alone.ok_or_else(|| StoreError::InTheWay {
                 database: database.to_string(),
-                schema: found.version,
-                own,
+                schema: present.version,
+                own: built,
             })?)
         }
         Some(_) | None => None,

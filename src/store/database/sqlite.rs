@@ -39,7 +39,7 @@ pub(in crate::store) async fn writer(
                 Ok(!connection.is_in_transaction())
             })
         })
-        // Of a file that is new: what is removed can be given back to the disk.
+        // A new file can give the pages of removed rows back to the disk.
         .connect_with(options(path, busy_timeout).auto_vacuum(SqliteAutoVacuum::Incremental))
         .await?;
     Ok(pool)

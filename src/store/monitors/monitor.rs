@@ -19,19 +19,19 @@ use greybox::identification::{DatasetId, JobId};
 /// A monitor to be stored.
 #[derive(Clone, Debug)]
 pub struct NewMonitor {
-    /// Whose it is, and its stream.
+    /// The project that the monitor and the stream belong to.
     pub project: Project,
     /// A name for people.
     pub name: Option<String>,
-    /// The stream that it watches.
+    /// The stream that the monitor watches.
     pub stream: String,
-    /// What was asked for.
+    /// The specification of the monitor.
     pub spec: Value,
-    /// What it knows at first.
+    /// What the monitor knows at first.
     pub state: Value,
-    /// When its first window ends, nanoseconds since 1970.
+    /// When the first window ends, nanoseconds since 1970.
     pub due_ns: i64,
-    /// How long it waits for data before it says that they stopped.
+    /// How long the monitor waits for data before the monitor says that data stopped.
     pub patience: Duration,
     /// Makes the request safe to repeat.
     pub idempotency: Option<Idempotency>,
@@ -72,11 +72,11 @@ pub struct MonitorRow {
 pub struct Advance {
     /// The monitor as the step knew it; where it has changed since, the step changes nothing.
     pub from: MonitorRow,
-    /// What it then knows.
+    /// What the monitor knows after the step.
     pub state: Value,
-    /// When its next window then ends.
+    /// When the next window ends after the step.
     pub due_ns: i64,
-    /// Whether it then has said that data have stopped.
+    /// Whether the monitor has said, after the step, that data have stopped.
     pub silent: bool,
     /// What there is to say of a window.
     pub window: Option<AdvanceWindow>,

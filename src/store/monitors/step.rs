@@ -9,7 +9,7 @@ use crate::store::database::{self, Connection};
 use crate::store::idempotency;
 use crate::store::sealed::{MONITOR_ALARMS, MONITOR_EVENTS, MONITOR_WINDOWS, MONITORS};
 use crate::store::submit::batch::{self, Known};
-use crate::store::submit::{self, Made, Submitted};
+use crate::store::submit::{self, Idempotent, Submitted};
 use crate::store::writer::Tx;
 use crate::store::{Change, StoreError, corrupt, datasets, deliveries, jobs, streams};
 use greybox::identification::{DatasetId, JobId};
@@ -72,7 +72,7 @@ pub(super) async fn insert(
     Ok(fetch(tx, id).await?.map(Submitted::Created))
 }
 
-impl Made for MonitorRow {
+impl Idempotent for MonitorRow {
     type Id = MonitorId;
     const PREFIX: &'static str = MonitorId::PREFIX;
 
@@ -104,7 +104,7 @@ pub(super) async fn advance(tx: &mut Tx, step: Advance) -> Result<bool, StoreErr
     let Some(now) = now.filter(|now| now.revision == from.revision) else {
         return Ok(false);
     };
-    let mut told = Told {
+    let mut told = MonitorEvents {
         monitor: from.id,
         last_event: now.last_event,
     };
@@ -121,7 +121,7 @@ pub(super) async fn advance(tx: &mut Tx, step: Advance) -> Result<bool, StoreErr
         insert_alarm(tx, &from, last_alarm, &alarm).await?;
         told.tell(tx, "alarm", &alarm).await?;
     }
-    // What was asked for is written again, as the seal takes it.
+    // The specification is written again in the form that the seal covers.
     let (id, spec, state) = (from.id.to_string(), now.spec.to_string(), state.to_string());
     let stream = streams::identity(&now.project, &now.stream);
     let seal = MONITORS.seal(&[
@@ -183,7 +183,7 @@ async fn put_window(
                     None
                 }
                 Err(StoreError::Quota(exceeded)) => Some(exceeded.to_string()),
-                Err(other) => return Err(other),
+                Err(error) => return Err(error),
             },
         };
         let all = vec![new.job];
@@ -285,12 +285,12 @@ async fn insert_alarm(
 }
 
 /// Events of a monitor, as they are stored.
-struct Told {
+struct MonitorEvents {
     monitor: MonitorId,
     last_event: i64,
 }
 
-impl Told {
+impl MonitorEvents {
     async fn tell(&mut self, tx: &mut Tx, name: &str, data: &Value) -> Result<(), StoreError> {
         self.last_event += 1;
         let (key, data) = (self.monitor.to_string(), data.to_string());

@@ -10,7 +10,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::lives;
 use super::watch::{Beat, Watch};
-use crate::store::opening::Shared;
+use crate::store::opening::SharedPostgres;
 use crate::store::shared_database::Database;
 use crate::store::writer::in_transaction;
 use crate::store::{Change, OnChange};
@@ -21,10 +21,10 @@ const LONGEST_BEAT: Duration = Duration::from_secs(2);
 /// What a node needs to say that it lives and to take over from others.
 pub(super) struct Beats {
     pub(super) database: Arc<Database>,
-    pub(super) shared: Shared,
+    pub(super) shared: SharedPostgres,
     pub(super) on_change: OnChange,
     pub(super) in_charge: Arc<AtomicBool>,
-    /// Which it is of those that live, and how many they are.
+    /// The place of this node among those that live, and how many live.
     pub(super) place: Arc<Mutex<Option<(u32, u32)>>>,
     pub(super) lost: CancellationToken,
 }

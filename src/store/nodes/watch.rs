@@ -18,9 +18,9 @@ pub(super) struct Beat {
     pub(super) beat_ms: i64,
 }
 
-/// What was seen of other nodes.
+/// The counters of other nodes as they were last seen.
 pub(super) struct Watch {
-    own: i64,
+    life: i64,
     seen: HashMap<i64, Standstill>,
 }
 
@@ -33,9 +33,9 @@ struct Standstill {
 
 impl Watch {
     /// What the node of a life watches.
-    pub(super) fn of(own: i64) -> Self {
+    pub(super) fn of(life: i64) -> Self {
         Self {
-            own,
+            life,
             seen: HashMap::new(),
         }
     }
@@ -45,7 +45,7 @@ impl Watch {
     pub(super) fn observe(&mut self, own_ms: i64, live: &[Beat]) -> Vec<Beat> {
         self.seen
             .retain(|life, _| live.iter().any(|node| node.life == *life));
-        let others = live.iter().filter(|node| node.life != self.own);
+        let others = live.iter().filter(|node| node.life != self.life);
         let dead = others.filter(|node| {
             let own_beats = match self.seen.get(&node.life) {
                 Some(seen) if seen.beat == node.beat => seen.own_beats + 1,

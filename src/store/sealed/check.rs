@@ -13,7 +13,7 @@ const MOST_NAMED: usize = 100;
 /// Rows that are sealed in one transaction.
 const ROWS_TOGETHER: i64 = 500;
 
-/// What was found in a database.
+/// The outcome of a check of a database.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Checked {
     /// All that is wrong, in sentences; nothing where the database is sound.
@@ -43,8 +43,9 @@ async fn check_schema_and_rows(pool: &Pool) -> Result<Checked, StoreError> {
         look(pool, &mut checked).await?;
     } else {
         let newest = newest.unwrap_or(0);
-        let known = schema_version();
-        let finding = format!("its schema is {newest}, and this program looks at that of {known}");
+        let expected = schema_version();
+        let finding =
+            format!("its schema is {newest}, and this program looks at that of {expected}");
         checked.findings.push(finding);
     }
     Ok(checked)

@@ -1,4 +1,4 @@
-//! What was answered to batches that came with a key, for as long as their keys are kept. The signals of the
+//! The answers to batches that came with a key, for as long as keys are kept. The signals of the
 //! stream, which are most of an answer, are kept once for all answers that list the same signals.
 
 use sha2::{Digest, Sha256};

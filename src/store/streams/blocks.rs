@@ -1,6 +1,6 @@
 //! The blocks of a stream: rows of samples that lie together in time.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 use super::stream::{StreamRow, put, stamp};
 use crate::store::database::{self, Connection, Row};
@@ -31,6 +31,15 @@ pub(super) struct Block {
 pub(super) struct Span {
     pub(super) from: i64,
     pub(super) to: i64,
+}
+
+impl From<Range<i64>> for Span {
+    fn from(Range { start, end }: Range<i64>) -> Self {
+        Self {
+            from: start,
+            to: end,
+        }
+    }
 }
 
 /// Which block of a span is looked at first.
@@ -208,8 +217,8 @@ pub(super) async fn merge(
         let part = rows.slice(begin..end);
         let (all, told) = match blocks.get(place) {
             Some(block) if !is_full_and_earlier(block, most, instant) => {
-                let own = take(tx, &identity, block, columns).await?;
-                own.merge(&part)
+                let taken = take(tx, &identity, block, columns).await?;
+                taken.merge(&part)
             }
             _ => Rows::of_columns(columns).merge(&part),
         };
@@ -319,11 +328,11 @@ pub(super) fn decode(row: &Row, columns: usize) -> Result<Rows, StoreError> {
     let (stream, bytes): (&str, &[u8]) = (row.try_get("stream")?, row.try_get("samples")?);
     let rows = instants.len();
     let rest = &bytes[rows * WORD..];
-    let own = rest.len() / (rows * (WORD + 1)).max(1);
-    if rest.len() != own * rows * (WORD + 1) || own > columns {
+    let columns_present = rest.len() / (rows * (WORD + 1)).max(1);
+    if rest.len() != columns_present * rows * (WORD + 1) || columns_present > columns {
         return Err(corrupt("stream", stream, "a block has another length"));
     }
-    let (values, classes) = rest.split_at(own * rows * WORD);
+    let (values, classes) = rest.split_at(columns_present * rows * WORD);
     let column = |place: usize| {
         let (words, _) = values[place * rows * WORD..(place + 1) * rows * WORD].as_chunks();
         let classes = classes[place * rows..(place + 1) * rows].iter();
@@ -349,8 +358,8 @@ fn class(stream: &str, code: u8) -> Result<Class, StoreError> {
         Class::Substituted,
         Class::Bad,
     ];
-    let known = classes.into_iter().find(|class| *class as u8 == code);
-    known.ok_or_else(|| corrupt("stream", stream, "a sample has no class"))
+    let class_of_code = classes.into_iter().find(|class| *class as u8 == code);
+    class_of_code.ok_or_else(|| corrupt("stream", stream, "a sample has no class"))
 }
 
 /// Writes what a stream is that has these blocks.

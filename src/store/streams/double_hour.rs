@@ -26,7 +26,7 @@ const CLOCKS_DIFFER_NS: i64 = 300 * 1_000_000_000;
 pub(super) struct Settled {
     /// The rows at the instants of that pass.
     pub(super) rows: Rows,
-    /// What was told, for its report.
+    /// The finding, for the report of the batch.
     pub(super) told: Warning,
 }
 

@@ -33,9 +33,9 @@ pub struct NewBatch {
 /// What of a stream is kept; what is absent stays as it was.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Keep {
-    /// So long before the newest sample `[s]`; for ever where it was never said.
+    /// The time before the newest sample whose samples are kept `[s]`; for ever where no time was given.
     pub seconds: Option<f64>,
-    /// So much, the newest.
+    /// The room for the newest samples `[MiB]`.
     pub mib: Option<u32>,
 }
 

@@ -15,17 +15,17 @@ use greybox::identification::{DatasetId, JobId};
 /// A job to be stored.
 #[derive(Clone, Debug)]
 pub struct NewJob {
-    /// Whose it is.
+    /// The project that the job belongs to.
     pub project: Project,
     /// The name for people.
     pub name: Option<String>,
-    /// Labels to find it by.
+    /// Labels to find the job by.
     pub labels: BTreeMap<String, String>,
     /// The model's name.
     pub model: String,
     /// The completed specification.
     pub spec: Value,
-    /// The recordings that it reads.
+    /// The recordings that the job reads.
     pub datasets: Vec<DatasetId>,
     /// Makes the submission safe to repeat.
     pub idempotency: Option<Idempotency>,
@@ -50,26 +50,26 @@ pub enum Submitted<T = JobRow> {
     Refused(QuotaExceeded),
 }
 
-/// What a request with a key makes.
-pub(in crate::store) trait Made: Sized {
-    /// The identifier of what was made.
+/// A row that a request with a key makes.
+pub(in crate::store) trait Idempotent: Sized {
+    /// The identifier of the row.
     type Id: FromStr<Err: ToString> + Send;
     /// What such identifiers begin with.
     const PREFIX: &'static str;
 
-    /// What was made, as it stands; nothing where it has been deleted.
+    /// The row as it stands; nothing where the row has been deleted.
     fn fetch(
         connection: &mut Connection,
         id: Self::Id,
     ) -> impl Future<Output = Result<Option<Self>, StoreError>> + Send;
 
-    /// What was made, as it was when it was made.
+    /// The row as the first request made it.
     fn as_made(self) -> Self {
         self
     }
 }
 
-impl Made for JobRow {
+impl Idempotent for JobRow {
     type Id = JobId;
     const PREFIX: &'static str = JobId::PREFIX;
 
@@ -84,7 +84,7 @@ impl Made for JobRow {
 
 /// What became of the request that came with this key before, if one did: a client that repeats it
 /// gets the same answer.
-pub(in crate::store) async fn earlier<T: Made>(
+pub(in crate::store) async fn earlier<T: Idempotent>(
     connection: &mut Connection,
     idempotency: &Idempotency,
 ) -> Result<Option<Submitted<T>>, StoreError> {
@@ -95,7 +95,7 @@ pub(in crate::store) async fn earlier<T: Made>(
 }
 
 /// The answer to a request whose key came before.
-pub(super) async fn answer_again<T: Made>(
+pub(super) async fn answer_again<T: Idempotent>(
     connection: &mut Connection,
     earlier: Earlier,
 ) -> Result<Submitted<T>, StoreError> {

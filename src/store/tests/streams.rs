@@ -61,7 +61,7 @@ async fn append(store: &Store, new: NewBatch) -> Appended {
 async fn rows(store: &Store) -> Rows {
     let stream = store.streams().find(&Project::default(), "rig-4").await;
     let stream = stream.expect("a read").expect("a stream");
-    let rows = store.streams().rows(&stream, (i64::MIN, i64::MAX), 1 << 20);
+    let rows = store.streams().rows(&stream, i64::MIN..i64::MAX, 1 << 20);
     rows.await.expect("a read").expect("not too many")
 }
 
@@ -101,7 +101,7 @@ async fn samples_of_a_clock_that_was_wrong_push_none_out_and_can_be_taken_out(fi
     let cleared = fixture
         .store
         .streams()
-        .remove_samples(&project, "rig-4", (now, i64::MAX));
+        .remove_samples(&project, "rig-4", now..i64::MAX);
     let cleared = cleared.await.expect("a removal").expect("a stream");
     assert_eq!((cleared.removed, cleared.stream.samples), (2, 60_001));
     let last = cleared.stream.last.expect("samples").as_nanosecond();
@@ -113,11 +113,11 @@ async fn a_part_is_taken_out_across_blocks(fixture: Fixture) {
     let all = (0..samples).map(|k| (k * S, k as f64));
     append(&fixture.store, new_batch(all, Keep::default())).await;
     let project = Project::default();
-    let span = (20_000 * S, 80_000 * S);
+    let span = 20_000 * S..80_000 * S;
     let cleared = fixture
         .store
         .streams()
-        .remove_samples(&project, "rig-4", span)
+        .remove_samples(&project, "rig-4", span.clone())
         .await;
     let cleared = cleared.expect("a removal").expect("a stream");
     assert_eq!(cleared.removed, 60_000);
@@ -142,7 +142,7 @@ async fn a_stream_that_everything_was_taken_out_of_goes_on(fixture: Fixture) {
     )
     .await;
     let project = Project::default();
-    let all = (i64::MIN, i64::MAX);
+    let all = i64::MIN..i64::MAX;
     let cleared = fixture
         .store
         .streams()

@@ -6,7 +6,7 @@ use sqlx::{PgPool, SqlSafeStr as _};
 
 use super::*;
 use crate::store::database::postgres;
-use crate::store::opening::Shared;
+use crate::store::opening::SharedPostgres;
 
 /// The address of a new database, and settings of a server there; nothing where PostgreSQL is not installed.
 fn nowhere() -> Option<(PgConnectOptions, DatabaseSettings)> {
@@ -88,7 +88,7 @@ async fn a_schema_that_servers_at_work_are_too_old_for_waits_until_they_have_sto
     let mut older = own();
     older.retain(|own| own.version < 44);
     migrate(&options, older).await;
-    let shared = Shared::of(options.clone());
+    let shared = SharedPostgres::of(options.clone());
     let at_work = shared.connect().await.expect("a server of that time");
     let refused = refused(&settings).await;
     assert!(
