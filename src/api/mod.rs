@@ -42,6 +42,7 @@ pub mod streams;
 pub mod submit;
 pub mod trajectory;
 mod unpacking;
+pub mod verdict_rules;
 mod watched_body;
 pub mod webhooks;
 mod work;
@@ -280,6 +281,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(results::result))
         .routes(routes!(trajectory::trajectory))
         .routes(routes!(report::report))
+        .routes(routes!(verdict_rules::list))
         .routes(routes!(session::sign_in, session::show, session::sign_out))
         .routes(routes!(audit::list))
         .routes(routes!(webhooks::create, webhooks::list))

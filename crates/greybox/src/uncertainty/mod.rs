@@ -56,7 +56,7 @@ use monte_carlo::Spread;
 use profile::Ends;
 use residuals::ResidualReport;
 use std::sync::atomic::AtomicBool;
-use verdict::{Trust, Verdict};
+use verdict::{Doubt, Judgement, Rule, Trust};
 use weighing::Seen;
 
 /// What is known of one coordinate beside its value.
@@ -113,7 +113,7 @@ pub struct Analysis {
     /// For each output what is left unexplained.
     pub residuals: Vec<ResidualReport>,
     /// Criteria for the comparison of models.
-    pub criteria: Option<Criteria>,
+    pub criteria: Criteria,
     /// For each coordinate the standard deviation that noise alone leaves, as a share of its
     /// search range.
     pub deviations: Vec<Option<f64>>,
@@ -124,7 +124,7 @@ pub struct Analysis {
     /// Constraints that keep the estimate from where the data would have it.
     pub bindings: Vec<Binding>,
     /// Whether the numbers can be trusted.
-    pub verdict: Verdict,
+    pub judgement: Judgement,
 }
 
 /// Half the width of a 95 % interval in standard errors.
@@ -183,7 +183,7 @@ pub fn analyse(
     // They compare likelihoods of normal noise.
     let criteria = match problem.loss {
         Loss::Squared => fit::criteria(&estimation_fit, problem.coordinates.len()),
-        Loss::Huber(_) => None,
+        Loss::Huber(_) => Criteria::missing(),
     };
     let mut analysis = Analysis {
         coordinates: linearised.coordinates,
@@ -199,18 +199,18 @@ pub fn analyse(
         budget: linearised.budget,
         drifts: linearised.drifts,
         bindings: linearised.bindings,
-        verdict: Verdict::default(),
+        judgement: Judgement::default(),
     };
     analysis.judge(rules::judge(problem, report, &analysis));
     Some(analysis)
 }
 
 impl Analysis {
-    fn judge(&mut self, verdict: Verdict) {
-        for (known, trust) in self.coordinates.iter_mut().zip(&verdict.coordinates) {
+    fn judge(&mut self, judgement: Judgement) {
+        for (known, trust) in self.coordinates.iter_mut().zip(&judgement.coordinates) {
             known.trust = *trust;
         }
-        self.verdict = verdict;
+        self.judgement = judgement;
     }
 }
 
@@ -221,17 +221,17 @@ pub fn unanalysed(problem: &Problem, report: &Report) -> Conclusion {
     Conclusion {
         problem: problem.clone(),
         report: report.clone(),
-        analysis: unknown(problem, report, "not_analysed", reason),
+        analysis: unknown(problem, report, Rule::NotAnalysed, reason),
         selection: None,
     }
 }
 
 fn without_simulation(problem: &Problem, report: &Report) -> Analysis {
     let reason = "the simulation at the estimate fails".to_owned();
-    unknown(problem, report, "simulation_fails", reason)
+    unknown(problem, report, Rule::SimulationFails, reason)
 }
 
-fn unknown(problem: &Problem, report: &Report, code: &'static str, reason: String) -> Analysis {
+fn unknown(problem: &Problem, report: &Report, rule: Rule, reason: String) -> Analysis {
     let mut analysis = Analysis {
         coordinates: coordinates(problem, report, None),
         correlation: None,
@@ -241,14 +241,15 @@ fn unknown(problem: &Problem, report: &Report, code: &'static str, reason: Strin
         estimation_fit: Vec::new(),
         validation_fit: Vec::new(),
         residuals: Vec::new(),
-        criteria: None,
+        criteria: Criteria::missing(),
         deviations: vec![None; problem.coordinates.len()],
         budget: Budget::default(),
         drifts: Vec::new(),
         bindings: Vec::new(),
-        verdict: Verdict::default(),
+        judgement: Judgement::default(),
     };
-    analysis.judge(Verdict::low(problem, code, reason));
+    let doubt = Doubt::new(rule, Trust::Low, reason);
+    analysis.judge(Judgement::of(problem, vec![doubt]));
     analysis
 }
 
