@@ -338,9 +338,7 @@ impl Bench {
                 effects: effects.collect(),
                 unknowns: problem.coordinates.len(),
                 cost,
-                criterion: criteria
-                    .filter(|_| trajectories.is_ok())
-                    .map(|criteria| criteria.bic),
+                criterion: criteria.bic.filter(|_| trajectories.is_ok()),
                 estimation_fit,
                 validation_fit,
             },
