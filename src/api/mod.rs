@@ -49,6 +49,7 @@ pub mod streams;
 pub mod submit;
 pub mod trajectory;
 mod unpacking;
+pub mod verdict_rules;
 mod watched_body;
 pub mod webhooks;
 mod work;

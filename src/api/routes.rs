@@ -15,7 +15,7 @@ use super::state::ApiState;
 use super::{
     audit, authorise, candidates, changes, comparisons, datasets, designs, events, health,
     job_list, jobs, models, monitors, report, results, session, simulations, streams, submit,
-    trajectory, webhooks,
+    trajectory, verdict_rules, webhooks,
 };
 
 /// Every resource of the service, with its description.
@@ -57,6 +57,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(results::result))
         .routes(routes!(trajectory::trajectory))
         .routes(routes!(report::report))
+        .routes(routes!(verdict_rules::list))
         .routes(routes!(session::sign_in, session::show, session::sign_out))
         .routes(routes!(audit::list))
         .routes(routes!(webhooks::create, webhooks::list))
