@@ -285,7 +285,7 @@ impl Callers {
         let Some(user) = user else {
             return Ok(None);
         };
-        let groups = one(&self.settings.groups_header).unwrap_or_default();
+        let groups = single_value(&self.settings.groups_header).unwrap_or_default();
         let role = self.settings.roles.of(groups).ok_or_else(|| {
             let detail = "no group of this person has a role here";
             Problem::new(Kind::Forbidden, detail)

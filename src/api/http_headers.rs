@@ -135,7 +135,7 @@ fn tagged_bytes(headers: &HeaderMap, tag: &str, body: impl FnOnce() -> Vec<u8>) 
     let tag = HeaderValue::from_str(tag).expect("a tag is visible ASCII in quotes");
     answer_headers.insert(header::ETAG, tag);
     answer_headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-    if known {
+    if is_current {
         *response.status_mut() = StatusCode::NOT_MODIFIED;
     } else {
         let application_json = HeaderValue::from_static("application/json");

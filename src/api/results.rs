@@ -166,15 +166,15 @@ fn estimates_csv(outcome: &Outcome) -> String {
             name.clone(),
             experiment,
             unit.clone(),
-            known.estimate.to_string(),
-            field(known.standard_error),
+            estimate.estimate.to_string(),
+            field(estimate.standard_error),
             field(interval.and_then(|interval| interval.lower)),
             field(interval.and_then(|interval| interval.upper)),
             interval.map_or_else(String::new, |interval| interval.method.clone()),
-            known.lower.to_string(),
-            known.upper.to_string(),
-            known.at_bound.to_string(),
-            known.identifiable.to_string(),
+            estimate.lower.to_string(),
+            estimate.upper.to_string(),
+            estimate.at_bound.to_string(),
+            estimate.identifiable.to_string(),
         ];
         text.push_str(&fields.join(","));
         text.push('\n');

@@ -8,15 +8,15 @@ const SCHEMAS: &str = "/components/schemas";
 
 /// Names what has none.
 pub(super) fn name_all(description: &mut Value) {
-    let schemas = description.pointer(SCHEMAS).and_then(Value::as_object);
-    let schemas = schemas.cloned().unwrap_or_default();
+    let originals = description.pointer(SCHEMAS).and_then(Value::as_object);
+    let originals = originals.cloned().unwrap_or_default();
     if let Some(schemas) = schemas(description) {
         for (_, schema) in schemas.iter_mut() {
-            below(schema, &mut |part| refer(part, &schemas));
+            below(schema, &mut |part| refer(part, &originals));
         }
     }
     if let Some(paths) = description.get_mut("paths") {
-        within(paths, &mut |part| refer(part, &schemas));
+        within(paths, &mut |part| refer(part, &originals));
     }
     let mut named = Map::new();
     if let Some(schemas) = schemas(description) {
@@ -153,8 +153,8 @@ fn name_parts(schema: &mut Value, name: &str, named: &mut Map<String, Value>) {
                 taken.is_none_or(|taken| taken == part.schema),
                 "two forms of data are called {new_name}; give one a title"
             );
-            let schema = std::mem::replace(part.schema, reference(&own));
-            named.insert(own, schema);
+            let schema = std::mem::replace(part.schema, reference(&new_name));
+            named.insert(new_name, schema);
         }
     }
 }

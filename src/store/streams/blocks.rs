@@ -345,9 +345,11 @@ pub(super) fn decode(row: &Row, columns: usize) -> Result<Rows, StoreError> {
     };
     let read = Rows {
         instants,
-        columns: (0..own).map(column).collect::<Result<_, StoreError>>()?,
+        columns: (0..columns_present)
+            .map(column)
+            .collect::<Result<_, StoreError>>()?,
     };
-    let places: Vec<usize> = (0..own).collect();
+    let places: Vec<usize> = (0..columns_present).collect();
     Ok(read.spread(&places, columns))
 }
 
