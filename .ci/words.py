@@ -202,7 +202,8 @@ def fields_of(code, index):
 
 
 def bindings_of(code):
-    """Returns the tokens that name a parameter, a local value or a field; `other` beside `self` alone is the idiom and is left out."""
+    """Returns the tokens that name a parameter, a local value or a field; `other` beside `self` alone is the idiom, and
+    `one` may name the number 1."""
     bound = []
     for index, token in enumerate(code):
         if token.text == "fn" and token.kind == "word":
@@ -213,7 +214,11 @@ def bindings_of(code):
         elif token.text in ("struct", "enum") and token.kind == "word":
             bound += fields_of(code, index)
         elif token.text == "let" and token.kind == "word":
-            bound += names_bound(split_at_colon(pattern_until(code, index, ("=", ";")))[0])
+            pattern = pattern_until(code, index, ("=", ";"))
+            value = pattern_until(code, index + len(pattern) + 1, (";", "{"))
+            is_number = any(part.text == "1.0" for part in value)
+            names = names_bound(split_at_colon(pattern)[0])
+            bound += [name for name in names if not (is_number and name.text == "one")]
         elif token.text == "for" and token.kind == "word":
             pattern = pattern_until(code, index, ("in", "{", ";"))
             follows = code[min(index + len(pattern) + 1, len(code) - 1)].text
@@ -231,7 +236,7 @@ def types_of(code):
     declared, inside_until = [], -1
     for index, token in enumerate(code[:-1]):
         before = code[index - 1].text if index else ";"
-        if token.text in ("trait", "impl") and before in (";", "{", "}", "]", ")", "pub", "unsafe"):
+        if token.text in ("trait", "impl") and before in (";", "{", "}", "(", "]", ")", "pub", "unsafe"):
             opens = index
             while opens < len(code) - 1 and code[opens].text not in ("{", ";"):
                 opens += 1

@@ -30,8 +30,8 @@ use crate::store::{
     Appended, BatchOutcome, Idempotency, Keep, MAX_STREAMS, NewBatch, StoreError, StreamRemoval,
     StreamRow,
 };
-use greybox::intake::{self, Options, Purpose};
-use greybox::recording::{MAX_SIGNALS, Recording, Samples, Source};
+use greybox::intake::{self, Options, ReadingPurpose};
+use greybox::recording::{MAX_SIGNALS, Recording, RecordingSource, Samples};
 
 /// The characters of a stream's name at the most.
 const MAX_NAME: usize = 100;
@@ -176,7 +176,7 @@ pub async fn append(
     let received = receive(&state, request.into_body(), limit).await?;
     let _permit = state.recording_permit().await?;
     let scratch = state.store.scratch();
-    let options = options.for_purpose(Purpose::Stream);
+    let options = options.for_purpose(ReadingPurpose::Stream);
     let latest = stamps::latest(&state.limits);
     let parsed = parse_received(&state, received, move |text| {
         let received = intake::receive(text, kind, &options, Some(scratch))?;
@@ -436,7 +436,7 @@ async fn window(
     let said = said.filter_map(|(name, instant)| Some((name.to_owned(), instant?.to_string())));
     let mut options: std::collections::BTreeMap<String, String> = said.collect();
     options.insert("stream".to_owned(), stream.name.clone());
-    let source = Source {
+    let source = RecordingSource {
         format: "stream".to_owned(),
         options,
     };
