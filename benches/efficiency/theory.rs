@@ -2,7 +2,7 @@
 
 use super::NEVER;
 use greybox::estimation::{Problem, refine, sensitivity};
-use greybox::numerics::least_squares::Rows;
+use greybox::numerics::least_squares::RowGatherer;
 use greybox::simulation::Accuracy;
 
 /// The estimate linearised at the truth.
@@ -17,7 +17,7 @@ impl FirstOrder {
     /// With J the derivatives of the residuals r at the truth: the bounds are those of (JᵀJ)⁻¹,
     /// the estimate lies −(JᵀJ)⁻¹Jᵀr from the truth.
     pub fn at(problem: &Problem, truth: &[f64]) -> FirstOrder {
-        let mut rows = Rows::new(truth.len());
+        let mut rows = RowGatherer::new(truth.len());
         let full = Accuracy::Full;
         let gather = |row: sensitivity::Row<'_>| {
             rows.add(row.derivatives.iter().copied(), row.residual);

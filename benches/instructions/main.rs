@@ -21,9 +21,9 @@ use greybox::demo::{self, Demo};
 use greybox::intake::csv;
 use greybox::model::{Catalogue, Model, document};
 use greybox::numerics::lanes::{LANES, Lanes};
-use greybox::numerics::least_squares::{Rows, Triangle};
+use greybox::numerics::least_squares::{RowGatherer, Triangle};
 use greybox::recording::Recording;
-use greybox::simulation::{Accuracy, Candidate, Candidates, Excitation, Plant};
+use greybox::simulation::{Accuracy, CandidateBlock, DrivingInputs, Plant, SimulatedCandidate};
 use gungraun::{library_benchmark, library_benchmark_group, main};
 use std::hint::black_box;
 use std::sync::Arc;
@@ -91,7 +91,7 @@ fn written(accuracy: Accuracy) -> Work {
 fn simulate(work: Work) -> Vec<Lanes> {
     let description = work.model.description();
     let start = vec![None; description.states.len()];
-    let excitation = Excitation {
+    let excitation = DrivingInputs {
         sample_time: demo::SAMPLE_TIME,
         instants: None,
         samples: SAMPLES,
@@ -99,17 +99,17 @@ fn simulate(work: Work) -> Vec<Lanes> {
         inputs: &work.inputs,
         accuracy: work.accuracy,
     };
-    let candidates: Vec<Candidate<'_>> = work
+    let candidates: Vec<SimulatedCandidate<'_>> = work
         .candidates
         .iter()
-        .map(|parameters| Candidate {
+        .map(|parameters| SimulatedCandidate {
             parameters,
             initial_state: &start,
         })
         .collect();
     let rows = SAMPLES * candidates.len() / LANES;
     let mut outputs = vec![Lanes([0.0; LANES]); rows * description.outputs.len()];
-    let candidates = Candidates {
+    let candidates = CandidateBlock {
         members: &candidates,
         in_step: false,
     };
@@ -151,7 +151,7 @@ fn rows() -> Vec<[f64; 5]> {
 #[library_benchmark]
 #[bench::of_nine_thousand_rows(setup = rows)]
 fn triangle(rows: Vec<[f64; 5]>) -> Triangle {
-    let mut gathered = Rows::new(4);
+    let mut gathered = RowGatherer::new(4);
     for [derivatives @ .., residual] in rows {
         gathered.add(derivatives, residual);
     }

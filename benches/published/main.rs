@@ -11,8 +11,8 @@ mod published;
 use greybox::estimation::Problem;
 use greybox::estimation::objective::Objective;
 use greybox::numerics::lanes::Lanes;
-use greybox::simulation::batch::{self, Run, Sink};
-use greybox::simulation::{Accuracy, Candidate, Excitation};
+use greybox::simulation::batch::{self, BatchRun, Sink};
+use greybox::simulation::{Accuracy, DrivingInputs, SimulatedCandidate};
 use published::Published;
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
@@ -101,8 +101,8 @@ fn derivatives(problem: &Problem, candidate: &[f64], accuracy: Accuracy) -> u64 
         .map(|experiment| problem.fill(experiment, candidate))
         .collect();
     let runs = problem.experiments.iter().zip(&filled);
-    let runs = runs.map(|(experiment, filled)| Run {
-        excitation: Excitation {
+    let runs = runs.map(|(experiment, filled)| BatchRun {
+        excitation: DrivingInputs {
             sample_time: experiment.sample_time,
             instants: experiment.instants.as_deref(),
             samples: experiment.samples,
@@ -110,13 +110,13 @@ fn derivatives(problem: &Problem, candidate: &[f64], accuracy: Accuracy) -> u64 
             inputs: &experiment.inputs,
             accuracy,
         },
-        candidates: vec![Candidate {
+        candidates: vec![SimulatedCandidate {
             parameters: &filled.parameters,
             initial_state: &filled.initial_state,
         }],
         in_step: 0,
     });
-    let runs: Vec<Run<'_>> = runs.collect();
+    let runs: Vec<BatchRun<'_>> = runs.collect();
     let plant = problem.plant();
     let never = AtomicBool::new(false);
     let pieces = batch::simulate(plant.as_ref(), &runs, &never, |_run| Unread);

@@ -4,8 +4,8 @@ use super::{RUNS, SEED, shortest};
 use greybox::demo::{self, Demo};
 use greybox::model::{Catalogue, Model, document};
 use greybox::numerics::lanes::Lanes;
-use greybox::simulation::batch::{self, Piece, Run, Sink};
-use greybox::simulation::{Accuracy, Candidate, Excitation};
+use greybox::simulation::batch::{self, BatchRun, Piece, Sink};
+use greybox::simulation::{Accuracy, DrivingInputs, SimulatedCandidate};
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
 
@@ -108,12 +108,12 @@ impl Bench {
     fn simulate(&self, work: &Work<'_>) -> Vec<Piece<Positions>> {
         let plant = self.model.plant_with(&common(work.candidates));
         let start = vec![None; self.model.description().states.len()];
-        let candidate = |parameters| Candidate {
+        let candidate = |parameters| SimulatedCandidate {
             parameters,
             initial_state: &start,
         };
-        let run = Run {
-            excitation: Excitation {
+        let run = BatchRun {
+            excitation: DrivingInputs {
                 sample_time: self.sample_time,
                 instants: None,
                 samples: work.samples,

@@ -120,7 +120,7 @@ fn written(page: CandidatePage, as_csv: bool) -> Response {
             generation: candidate.generation,
             place: candidate.place,
             cost: candidate.cost,
-            failure: candidate.failure.map(candidate::Failure::name),
+            failure: candidate.failure.map(candidate::SimulationFailure::name),
             values: names.zip(values).collect(),
         }
     };

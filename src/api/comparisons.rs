@@ -67,6 +67,8 @@ pub struct ComparisonState {
     /// When the comparison was accepted.
     #[schema(value_type = String, format = DateTime)]
     created_at: Timestamp,
+    /// How many runs have ended.
+    ended: usize,
     /// Whether every run has come to its end.
     finished: bool,
     /// The methods side by side, as far as their runs have ended.
@@ -355,10 +357,12 @@ async fn shown(results: &Results, row: &ComparisonRow) -> Answer<ComparisonState
             trials.extend(trial(row, outcome));
         }
     }
+    let ended = rows.iter().filter(|row| row.status.is_terminal()).count();
     Ok(ComparisonState {
         id: row.id,
         created_at: row.created_at,
-        finished: rows.iter().all(|row| row.status.is_terminal()),
+        ended,
+        finished: ended == rows.len(),
         comparison: comparison::compare(&methods, &trials),
         jobs: rows
             .iter()

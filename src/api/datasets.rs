@@ -11,6 +11,7 @@ use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
+use utoipa::openapi::Object;
 use utoipa::{IntoParams, ToSchema};
 
 pub use document::{FileBytes, RecordedSignal, RecordingDocument};
@@ -21,7 +22,7 @@ use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::extract::Named;
 use super::http_headers::{hex, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
-use super::query::{FromQuery, NoQuery, Params, QueryReader};
+use super::query::{FromQuery, NoQuery, Params, QueryReader, one_of};
 use crate::admission::Permit;
 use crate::store::{DatasetRemoval, DatasetRow, Datasets, NewDataset};
 use greybox::identification::DatasetId;
@@ -75,6 +76,14 @@ pub struct NewDatasetQuery {
     pub name: Option<String>,
 }
 
+fn formats() -> Object {
+    one_of(intake::Format::names())
+}
+
+fn quality_schemes() -> Object {
+    one_of(intake::quality_schemes())
+}
+
 /// How a body is to be read.
 #[derive(IntoParams)]
 #[into_params(parameter_in = Query)]
@@ -85,6 +94,7 @@ pub struct ReadingQuery {
     /// `wide_csv`, `long_csv`, `senseye`, `simulink_csv`, `influx_csv`, `influx_line_protocol`,
     /// `pi_web_api`, `omf`, `aveva_odata`, `aveva_sql`, `canary`, `ignition`, `opc_ua_json`, `cognite`,
     /// `pandas_records`, `pandas_split`, `pandas_table`, `excel`, `parquet` or `json`.
+    #[param(schema_with = formats)]
     pub format: Option<String>,
     /// The zone of times without an offset, by its IANA name.
     #[param(example = "Europe/Berlin")]
@@ -110,6 +120,7 @@ pub struct ReadingQuery {
     pub rename: Option<String>,
     /// What codes of quality mean: `opc_da`, `opc_ua`, `aveva_quality`, `aveva_quality_detail`,
     /// `ignition`, `ignition_legacy`, `cognite` or `words`.
+    #[param(schema_with = quality_schemes)]
     pub quality_scheme: Option<String>,
     /// How signals go on between samples: `hold` or `linear`, or `name:hold` separated by commas.
     #[param(example = "valve:hold")]
@@ -250,9 +261,9 @@ pub(super) async fn stored(datasets: &Datasets, new: NewDataset) -> Answer {
 }
 
 /// What the type of the body says: its kind, and the encoding of its text.
-pub(super) fn kind_of(headers: &HeaderMap) -> Answer<(intake::Kind, Option<String>)> {
-    let kind = intake::Kind::of_media_type(&content_type(headers));
-    let kind = kind.ok_or_else(|| unsupported(headers, intake::Kind::MEDIA_TYPES))?;
+pub(super) fn kind_of(headers: &HeaderMap) -> Answer<(intake::MediaKind, Option<String>)> {
+    let kind = intake::MediaKind::of_media_type(&content_type(headers));
+    let kind = kind.ok_or_else(|| unsupported(headers, intake::MediaKind::MEDIA_TYPES))?;
     let value = headers.get(header::CONTENT_TYPE);
     let text = value.and_then(|value| value.to_str().ok());
     let parameters = text.into_iter().flat_map(|text| text.split(';').skip(1));

@@ -41,6 +41,9 @@ pub struct Job {
     kind: JobKind,
     /// The state of the job.
     status: Status,
+    /// What can be asked of the job in this state: each is the last part of an address to POST to.
+    #[schema(value_type = Vec<String>, example = json!(["pause", "cancel"]))]
+    actions: Vec<&'static str>,
     /// The model whose parameters the job estimates.
     #[schema(example = "single_rod_servo")]
     model: String,
@@ -116,6 +119,7 @@ impl From<&JobRow> for Job {
             labels: row.labels.clone(),
             kind: JobKind::of(&row.spec),
             status: row.status,
+            actions: row.status.actions().collect(),
             model: row.model.clone(),
             progress: row
                 .progress

@@ -33,7 +33,7 @@ use crate::store::{
 use greybox::identification::spec::Context;
 use greybox::identification::{DatasetId, JobSpec};
 use greybox::parsing::Fault;
-use greybox::recording::{Source, Summary};
+use greybox::recording::{RecordingSource, Summary};
 use stored::{clock_ns, monitor, no_monitor, understood};
 use waiting::WaitsFor;
 
@@ -284,7 +284,7 @@ async fn newest(state: &ApiState, stream: &StreamRow, length_s: f64) -> Answer<S
     let rows = rows.ok_or_else(too_many)?;
     let signals = stream.signals.clone();
     let summary = state.work.convert(move || {
-        let recording = rows.into_recording(&signals, Source::default());
+        let recording = rows.into_recording(&signals, RecordingSource::default());
         let recording = recording.ok_or_else(|| {
             let detail = "the newest window of the stream has fewer than two samples";
             Problem::of_document(vec![Fault::new(

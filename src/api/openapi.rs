@@ -2,7 +2,9 @@
 
 mod names;
 
-use serde_json::Value;
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
 use utoipa::ToSchema;
 use utoipa::openapi::content::ContentBuilder;
 use utoipa::openapi::link::Link;
@@ -16,6 +18,7 @@ use utoipa::openapi::{
 
 use super::error::{PROBLEM_JSON, ProblemDocument};
 use crate::job::Event;
+use greybox::intake::units;
 
 /// The description of the handlers, with what they do not say themselves.
 pub(super) fn completed(mut openapi: OpenApi) -> Value {
@@ -38,6 +41,9 @@ pub(super) fn completed(mut openapi: OpenApi) -> Value {
     let mut description = serde_json::to_value(openapi).expect("a description has only text keys");
     names::name_all(&mut description);
     names::name_files(&mut description);
+    let functions = greybox::model::document::functions().collect::<BTreeMap<_, _>>();
+    description["x-functions"] = json!(functions);
+    description["x-units"] = json!(display_units());
     // An empty page of jobs is one of both kinds.
     let page = description.pointer_mut("/components/schemas/JobsPage");
     if let Some(page) = page.and_then(Value::as_object_mut)
@@ -46,6 +52,22 @@ pub(super) fn completed(mut openapi: OpenApi) -> Value {
         page.insert("anyOf".to_owned(), forms);
     }
     description
+}
+
+/// The units in which people read values, by SI unit: a value in SI is the factor times the value in the
+/// unit, plus the offset.
+fn display_units() -> BTreeMap<&'static str, Vec<Value>> {
+    let choices = |names: &[&'static str]| {
+        let units = names
+            .iter()
+            .filter_map(|name| Some((name, units::parse(name)?)));
+        let shown = units.map(
+            |(name, unit)| json!({ "name": name, "factor": unit.factor, "offset": unit.offset }),
+        );
+        shown.collect()
+    };
+    let units = units::READ_IN.iter();
+    units.map(|(si, names)| (*si, choices(names))).collect()
 }
 
 /// Names a type and those that it is made of, for what no handler takes or answers as a body.
@@ -237,6 +259,22 @@ mod tests {
                 assert!(content.contains_key(PROBLEM_JSON), "{name} {status}");
             }
         }
+    }
+
+    #[test]
+    fn every_display_unit_is_a_multiple_of_its_si_unit() {
+        let units = display_units();
+        for (si, names) in units::READ_IN {
+            assert_eq!(units[si].len(), names.len(), "{si}: every name is known");
+            let si = units::parse(names[0]).expect("a known unit").si;
+            for name in *names {
+                assert_eq!(units::parse(name).expect("a known unit").si, si, "{name}");
+            }
+        }
+        assert_eq!(
+            units["K"][1],
+            json!({ "name": "°C", "factor": 1.0, "offset": 273.15 })
+        );
     }
 
     #[test]

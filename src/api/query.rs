@@ -2,6 +2,7 @@
 
 use axum::extract::{FromRequestParts, Query};
 use axum::http::request::Parts;
+use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
 use super::error::{Answer, Kind, Problem, ProblemFault};
 
@@ -9,6 +10,12 @@ use super::error::{Answer, Kind, Problem, ProblemFault};
 pub trait FromQuery: Sized {
     /// Reads every parameter, leaving faults in `query`.
     fn read(query: &mut QueryReader) -> Self;
+}
+
+/// The schema of a text that is one of some names.
+pub fn one_of(names: impl Iterator<Item = &'static str>) -> Object {
+    let schema = ObjectBuilder::new().schema_type(Type::String);
+    schema.enum_values(Some(names)).build()
 }
 
 /// The query of a request, read.

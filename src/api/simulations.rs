@@ -175,7 +175,7 @@ async fn recording(
 
 fn inline(inputs: &Value) -> Answer<Recording> {
     let text = inputs.to_string();
-    let recording = intake::json::read(text.as_bytes(), intake::Purpose::Recording);
+    let recording = intake::json::read(text.as_bytes(), intake::ReadingPurpose::Recording);
     recording.map_err(|error| {
         let faults = error.faults().iter().map(|fault| {
             let pointer = fault.pointer.as_deref().unwrap_or_default();

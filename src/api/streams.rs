@@ -30,8 +30,8 @@ use crate::store::{
     Appended, BatchOutcome, Idempotency, Keep, MAX_STREAMS, NewBatch, Store, StoreError,
     StreamRemoval, StreamRow, Streams,
 };
-use greybox::intake::{self, Options, Purpose};
-use greybox::recording::{MAX_SIGNALS, Recording, Samples, Source};
+use greybox::intake::{self, Options, ReadingPurpose};
+use greybox::recording::{MAX_SIGNALS, Recording, RecordingSource, Samples};
 use stamps::{invalid, nanoseconds};
 
 /// The characters of a stream's name at the most.
@@ -177,7 +177,7 @@ pub async fn append(
     let received = state.bodies.receive(request.into_body(), limit).await?;
     let _permit = state.work.recording_permit().await?;
     let scratch = state.store.datasets().scratch();
-    let options = options.for_purpose(Purpose::Stream);
+    let options = options.for_purpose(ReadingPurpose::Stream);
     let latest = stamps::latest(&state.limits);
     let parsed = state
         .bodies
@@ -417,7 +417,7 @@ async fn window(
     let bounds = bounds.filter_map(|(name, instant)| Some((name.to_owned(), instant?.to_string())));
     let mut options: std::collections::BTreeMap<String, String> = bounds.collect();
     options.insert("stream".to_owned(), stream.name.clone());
-    let source = Source {
+    let source = RecordingSource {
         format: "stream".to_owned(),
         options,
     };

@@ -37,8 +37,8 @@ pub fn recorded(path: &Path, time: Option<&str>) -> Result<(Recording, String), 
 
 fn parsed(path: &Path, text: impl Read, time: Option<&str>) -> Result<Recording, CommandError> {
     let kind = match ends_with(path, &["json"]) {
-        true => intake::Kind::Json,
-        false => intake::Kind::Text,
+        true => intake::MediaKind::Json,
+        false => intake::MediaKind::Text,
     };
     let mut options = intake::Options::default();
     options.time = time.map(str::to_owned);

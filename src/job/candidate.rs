@@ -12,7 +12,7 @@ use utoipa::ToSchema;
 
 use greybox::estimation::problem::{Problem, Target};
 use greybox::estimation::{GenerationRow, Simulated};
-pub use greybox::simulation::Failure;
+pub use greybox::simulation::SimulationFailure;
 
 /// What one of a candidate's values stands for.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
@@ -40,7 +40,7 @@ pub struct Candidate {
     /// The cost of the candidate; none where the simulation failed.
     pub cost: Option<f64>,
     /// How the simulation of the candidate failed; none where it did not.
-    pub failure: Option<Failure>,
+    pub failure: Option<SimulationFailure>,
     /// A value for each column, SI.
     pub values: Vec<f64>,
 }
@@ -102,7 +102,7 @@ pub fn csv(columns: &[CandidateColumn], candidates: &[Candidate]) -> String {
     text.push('\n');
     for candidate in candidates {
         let cost = candidate.cost.map(|cost| cost.to_string());
-        let failure = candidate.failure.map_or("", Failure::name);
+        let failure = candidate.failure.map_or("", SimulationFailure::name);
         let (generation, place) = (candidate.generation, candidate.place);
         let cost = cost.unwrap_or_default();
         text += &format!("{generation},{place},{cost},{failure}");

@@ -73,6 +73,19 @@ impl Status {
         matches!(self, Status::Succeeded | Status::Failed | Status::Cancelled)
     }
 
+    /// The requests that the life of a job allows in this state.
+    pub fn actions(self) -> impl Iterator<Item = &'static str> {
+        let requests = [
+            ("pause", Status::Paused),
+            ("resume", Status::Queued),
+            ("cancel", Status::Cancelled),
+        ];
+        let legal = requests
+            .into_iter()
+            .filter(move |(_, to)| self.advance_to(*to).is_ok());
+        legal.map(|(action, _)| action)
+    }
+
     /// The state after this one, if the life of a job allows it.
     pub fn advance_to(self, to: Status) -> Result<Status, IllegalTransition> {
         use Status::{Cancelled, Failed, Paused, Queued, Running, Succeeded};
@@ -150,6 +163,15 @@ mod tests {
             .filter(|s| s.advance_to(Status::Succeeded).is_ok())
             .collect();
         assert_eq!(able, [Status::Running]);
+    }
+
+    #[test]
+    fn a_job_offers_what_its_state_allows() {
+        let actions = |status: Status| status.actions().collect::<Vec<_>>();
+        assert_eq!(actions(Status::Queued), ["pause", "cancel"]);
+        assert_eq!(actions(Status::Running), ["pause", "cancel"]);
+        assert_eq!(actions(Status::Paused), ["resume", "cancel"]);
+        assert!(actions(Status::Failed).is_empty());
     }
 
     proptest! {

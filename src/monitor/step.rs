@@ -20,7 +20,7 @@ use greybox::identification::spec::{Context, SearchRange};
 use greybox::identification::{DatasetId, JobId, JobSpec};
 use greybox::model::{Catalogue, Model, document};
 use greybox::parsing::Fault;
-use greybox::recording::{Recording, RowSignal, Rows, Source};
+use greybox::recording::{Recording, RecordingSource, RowSignal, Rows};
 
 /// Instants in a window at the most.
 pub const MAX_WINDOW_SAMPLES: usize = 2_000_000;
@@ -412,7 +412,7 @@ impl Step {
         digest.update(format!("\0{} {}", self.row.id, self.state.next));
         let digest = digest.finalize();
         let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
-        let source = Source {
+        let source = RecordingSource {
             format: "stream".to_owned(),
             options: [
                 ("stream", self.stream.name.clone()),

@@ -10,7 +10,7 @@ use super::sealed::{CANDIDATE_RECORDS, CANDIDATES};
 use super::shared_database::Database;
 use super::writer::Tx;
 use super::{StoreError, corrupt, unsigned};
-use crate::job::candidate::Failure;
+use crate::job::candidate::SimulationFailure;
 use crate::job::{Candidate, CandidateColumn};
 use greybox::identification::JobId;
 
@@ -203,23 +203,23 @@ fn number(bytes: &[u8]) -> f64 {
     f64::from_le_bytes(bytes.try_into().expect("eight bytes"))
 }
 
-fn code(failure: Option<Failure>) -> u8 {
+fn code(failure: Option<SimulationFailure>) -> u8 {
     match failure {
         None => 0,
-        Some(Failure::Diverged) => 1,
-        Some(Failure::OutOfRange) => 2,
-        Some(Failure::StepBudget) => 3,
-        Some(Failure::Tolerance) => 4,
+        Some(SimulationFailure::Diverged) => 1,
+        Some(SimulationFailure::OutOfRange) => 2,
+        Some(SimulationFailure::StepBudget) => 3,
+        Some(SimulationFailure::Tolerance) => 4,
     }
 }
 
-fn failure_of(code: u8) -> Result<Option<Failure>, String> {
+fn failure_of(code: u8) -> Result<Option<SimulationFailure>, String> {
     match code {
         0 => Ok(None),
-        1 => Ok(Some(Failure::Diverged)),
-        2 => Ok(Some(Failure::OutOfRange)),
-        3 => Ok(Some(Failure::StepBudget)),
-        4 => Ok(Some(Failure::Tolerance)),
+        1 => Ok(Some(SimulationFailure::Diverged)),
+        2 => Ok(Some(SimulationFailure::OutOfRange)),
+        3 => Ok(Some(SimulationFailure::StepBudget)),
+        4 => Ok(Some(SimulationFailure::Tolerance)),
         other => Err(format!("there is no failure {other}")),
     }
 }

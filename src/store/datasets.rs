@@ -22,7 +22,8 @@ use super::{Change, StoreError, corrupt, quota_checks};
 use crate::access::Project;
 use greybox::identification::{DatasetId, JobId};
 use greybox::recording::{
-    Named, NewScratch, Received, Recording, Source, Summary, TimeAxis, Warning,
+    NamedSignal, NewScratch, ReceivedRecording, Recording, RecordingSource, Summary, TimeAxis,
+    Warning,
 };
 
 /// The most bytes in one chunk.
@@ -41,7 +42,7 @@ pub struct NewDataset {
     /// The contents of the recording in a few numbers.
     pub summary: Summary,
     /// The samples and signals.
-    pub recording: Received,
+    pub recording: ReceivedRecording,
 }
 
 /// A recording as it is shown: all but its samples.
@@ -79,11 +80,11 @@ struct Description {
     #[serde(default)]
     zone: Option<String>,
     #[serde(default)]
-    source: Source,
+    source: RecordingSource,
     /// [s]; nothing where the time axis is stored as samples.
     sample_time: Option<f64>,
     samples: usize,
-    signals: Vec<Named>,
+    signals: Vec<NamedSignal>,
     notes: Vec<Warning>,
 }
 
@@ -282,13 +283,17 @@ pub(super) async fn insert_as(
 }
 
 /// The bytes of its samples.
-fn bytes_of(recording: &Received) -> u64 {
+fn bytes_of(recording: &ReceivedRecording) -> u64 {
     let axes = matches!(recording.time, TimeAxis::Instants(_));
     let series = recording.signals.len() + usize::from(axes);
     (recording.time.samples() * series * size_of::<f64>()) as u64
 }
 
-async fn insert_samples(tx: &mut Tx, dataset: &str, recording: Received) -> Result<(), StoreError> {
+async fn insert_samples(
+    tx: &mut Tx,
+    dataset: &str,
+    recording: ReceivedRecording,
+) -> Result<(), StoreError> {
     let (send, mut chunks) = mpsc::channel(CHUNKS_WAITING);
     let cutting = tokio::task::spawn_blocking(move || {
         let gone = |_| io::Error::from(io::ErrorKind::BrokenPipe);
@@ -333,7 +338,7 @@ struct Chunk {
 
 /// Cuts the series of a recording, one after the other.
 fn cut(
-    mut recording: Received,
+    mut recording: ReceivedRecording,
     mut hand_over: impl FnMut(Chunk) -> io::Result<()>,
 ) -> io::Result<()> {
     if let TimeAxis::Instants(instants) = &recording.time {
@@ -424,7 +429,7 @@ pub(super) async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval,
     })
 }
 
-fn describe(recording: &Received) -> Description {
+fn describe(recording: &ReceivedRecording) -> Description {
     Description {
         start: recording.start,
         zone: recording.zone.clone(),

@@ -234,7 +234,9 @@ test("jobs are sorted, alike ones newest first", () => {
     job("job_2", { trust: "high" }),
     job("job_3", { trust: "low" }),
   ];
-  const ids = (query) => arranged(jobs, fromQuery(new URLSearchParams(query)), 0).map(({ id }) => id);
+  const trusts = ["low", "moderate", "high"];
+  const ids = (query) =>
+    arranged(jobs, { ...fromQuery(new URLSearchParams(query)), trusts }, 0).map(({ id }) => id);
   assert.deepEqual(ids(""), ["job_3", "job_2", "job_1"]);
   assert.deepEqual(ids("sort=trust:down"), ["job_2", "job_3", "job_1"]);
   assert.deepEqual(ids("sort=trust:up"), ["job_3", "job_1", "job_2"]);
@@ -392,7 +394,14 @@ test("a document is the same after it was written as YAML", () => {
 
 test("words are offered where they can stand", () => {
   const { value } = readText(yaml, LAG);
-  const labels = (before) => wordsAt(before, value)?.options.map(({ label }) => label) ?? null;
+  const language = {
+    functions: [
+      ["soft_sign", ["v", "width"]],
+      ["clip", ["x", "lower", "upper"]],
+    ],
+    units: ["1", "m"],
+  };
+  const labels = (before) => wordsAt(before, value, language)?.options.map(({ label }) => label) ?? null;
   const formula = labels("states:\n  y: {unit: V, derivative: (u - ");
   for (const name of ["u", "T", "time", "y", "pi", "soft_sign", "clip"]) {
     assert.ok(formula.includes(name), name);
@@ -400,11 +409,12 @@ test("words are offered where they can stand", () => {
   assert.ok(labels('states:\n  y: {unit: V, derivative: "clip(u, ').includes("T"));
   assert.ok(labels("states:\n  y: {unit: V, initial: f").includes("first sample of output measured"));
   assert.deepEqual(labels("parameters:\n  a: {scale: l"), ["linear", "log"]);
+  assert.deepEqual(labels("parameters:\n  a: {unit: "), ['"1"', "m"]);
   assert.ok(labels("parameters:\n  a: {unit: m, def").includes("default"));
   assert.ok(labels("states:\n  y:\n    der").includes("derivative"));
   assert.ok(labels("name: a\nsta").includes("states"));
   assert.equal(labels("states:\n  y"), null);
-  assert.deepEqual(wordsAt("outputs:\n  a: {expression: soft_s", value).from, 27);
+  assert.deepEqual(wordsAt("outputs:\n  a: {expression: soft_s", value, language).from, 27);
 });
 
 test("a document is told as equations, names and parameters", () => {

@@ -42,10 +42,11 @@
 //! # The way of a recording
 //!
 //! 1. Bytes of any format come to [`intake`], which tells the [`Format`](intake::Format).
-//! 2. Cells become times, SI values and classes of quality: a [`Received`](recording::Received).
+//! 2. Cells become times, SI values and classes of quality: a
+//!    [`ReceivedRecording`](recording::ReceivedRecording).
 //! 3. A [`Recording`] holds named signals over one [`TimeAxis`](recording::TimeAxis).
 //! 4. [`identification::assemble`] takes the windows that a specification asks for, under the
-//!    model's signal names: a [`recording::Experiment`].
+//!    model's signal names: a [`recording::ExperimentData`].
 //! 5. [`estimation::Problem`] cuts the experiments into estimation and validation data.
 //!
 //! # The way of a specification

@@ -15,8 +15,8 @@ const HOLD: f64 = 1e-6;
 /// The rows of a member.
 #[derive(Clone, Debug)]
 pub struct Member {
-    /// How many unknowns it has of its own.
-    pub own: usize,
+    /// How many unknowns the member has of its own.
+    pub n_own: usize,
     /// The rows of the member, one after the other: columns of its own unknowns, of shared ones,
     /// right-hand side.
     pub rows: Vec<f64>,
@@ -27,10 +27,11 @@ pub struct Member {
     pub weight: f64,
 }
 
-/// The rows by which own unknowns were eliminated: `own·σ + next·σ' + shared·δ + right = 0`.
+/// The rows by which a member's own unknowns σ were eliminated, with those of the next member σ' and the
+/// shared ones δ: `diagonal·σ + next·σ' + shared·δ + right = 0`.
 #[derive(Clone, Debug)]
-struct Link {
-    own: DMatrix<f64>,
+struct Elimination {
+    diagonal: DMatrix<f64>,
     next: DMatrix<f64>,
     shared: DMatrix<f64>,
     right: DVector<f64>,
@@ -45,7 +46,7 @@ pub struct Chains {
     /// right.
     left: DMatrix<f64>,
     /// For each chain, the last of which may not have ended, how own unknowns were eliminated.
-    links: Vec<Vec<Link>>,
+    links: Vec<Vec<Elimination>>,
 }
 
 impl Chains {
@@ -74,41 +75,43 @@ impl Chains {
 
     /// Adds the next member.
     pub fn add(&mut self, member: &Member) {
-        let (own, n) = (member.own, self.shared);
-        let width_of_rows = own + n + 1;
+        let (n_own, n) = (member.n_own, self.shared);
+        let width_of_rows = n_own + n + 1;
         let block =
             |rows: &[f64]| DMatrix::from_row_slice(rows.len() / width_of_rows, width_of_rows, rows);
         let blocks = [&self.left, &block(&member.rows), &block(&member.joins)];
         let next = blocks[2].nrows();
-        let width = own + next + n + 1;
+        let width = n_own + next + n + 1;
         let height = blocks.iter().map(|block| block.nrows()).sum::<usize>();
-        let mut stacked = DMatrix::zeros(height + own, width);
+        let mut stacked = DMatrix::zeros(height + n_own, width);
         let mut first = 0;
         for block in blocks {
             let mut place = stacked.rows_mut(first, block.nrows());
-            place.columns_mut(0, own).copy_from(&block.columns(0, own));
-            let rest = block.columns(own, n + 1);
-            place.columns_mut(own + next, n + 1).copy_from(&rest);
+            place
+                .columns_mut(0, n_own)
+                .copy_from(&block.columns(0, n_own));
+            let rest = block.columns(n_own, n + 1);
+            place.columns_mut(n_own + next, n + 1).copy_from(&rest);
             first += block.nrows();
         }
         for unknown in 0..next {
-            stacked[(height - next + unknown, own + unknown)] = -member.weight;
+            stacked[(height - next + unknown, n_own + unknown)] = -member.weight;
         }
-        for unknown in 0..own {
+        for unknown in 0..n_own {
             stacked[(height + unknown, unknown)] = HOLD;
         }
         let triangle = stacked.qr().unpack_r();
-        if own > 0 {
-            let link = Link {
-                own: triangle.view((0, 0), (own, own)).into_owned(),
-                next: triangle.view((0, own), (own, next)).into_owned(),
-                shared: triangle.view((0, own + next), (own, n)).into_owned(),
-                right: triangle.column(width - 1).rows(0, own).into_owned(),
+        if n_own > 0 {
+            let link = Elimination {
+                diagonal: triangle.view((0, 0), (n_own, n_own)).into_owned(),
+                next: triangle.view((0, n_own), (n_own, next)).into_owned(),
+                shared: triangle.view((0, n_own + next), (n_own, n)).into_owned(),
+                right: triangle.column(width - 1).rows(0, n_own).into_owned(),
             };
             self.links.last_mut().expect("at least one").push(link);
         }
-        let kept = triangle.nrows().min(width).saturating_sub(own);
-        let rest = triangle.view((own, own), (kept, next + n + 1));
+        let kept = triangle.nrows().min(width).saturating_sub(n_own);
+        let rest = triangle.view((n_own, n_own), (kept, next + n + 1));
         let rest = rest.into_owned();
         if next > 0 {
             self.left = rest;
@@ -130,14 +133,14 @@ impl Chains {
 }
 
 /// From the last member of a chain to the first.
-fn back(links: &[Link], step: &DVector<f64>) -> Option<Vec<Vec<f64>>> {
+fn back(links: &[Elimination], step: &DVector<f64>) -> Option<Vec<Vec<f64>>> {
     let mut steps: Vec<DVector<f64>> = Vec::with_capacity(links.len());
     for link in links.iter().rev() {
         let mut right = &link.shared * step + &link.right;
         if let Some(after) = steps.last() {
             right += &link.next * after;
         }
-        steps.push(-link.own.solve_upper_triangular(&right)?);
+        steps.push(-link.diagonal.solve_upper_triangular(&right)?);
     }
     let steps = steps.iter().rev();
     Some(steps.map(|step| step.as_slice().to_vec()).collect())
@@ -162,7 +165,7 @@ mod tests {
             let own_here = if place == 0 { 0 } else { own };
             let width_here = own_here + shared + 1;
             let member = Member {
-                own: own_here,
+                n_own: own_here,
                 rows: numbers(5 * width_here),
                 joins: numbers(if place == 2 { 0 } else { own * width_here }),
                 weight,

@@ -87,8 +87,8 @@ impl Dimension {
     #[must_use]
     pub fn power(self, exponent: f64) -> Option<Dimension> {
         let mut result = [0; 7];
-        for (own, result) in self.0.iter().zip(&mut result) {
-            let exact = f64::from(*own) * exponent;
+        for (part, result) in self.0.iter().zip(&mut result) {
+            let exact = f64::from(*part) * exponent;
             let whole = (exact - exact.round()).abs() <= 1e-9;
             if !whole || exact.abs() > f64::from(LARGEST) {
                 return None;
@@ -98,11 +98,11 @@ impl Dimension {
         Some(Dimension(result))
     }
 
-    fn combined(self, other: Dimension, sign: i16) -> Option<Dimension> {
+    fn combined(self, factor: Dimension, sign: i16) -> Option<Dimension> {
         let mut result = self.0;
-        for (own, other) in result.iter_mut().zip(other.0) {
-            *own += sign * other;
-            if own.abs() > LARGEST {
+        for (sum, factor) in result.iter_mut().zip(factor.0) {
+            *sum += sign * factor;
+            if sum.abs() > LARGEST {
                 return None;
             }
         }
@@ -145,9 +145,9 @@ impl Dimension {
 /// A unit that may be a multiple of the coherent one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scaled {
-    /// What it measures.
+    /// The dimension of the quantity that the unit measures.
     pub dimension: Dimension,
-    /// How many coherent units it is.
+    /// How many coherent units the unit is.
     pub factor: f64,
 }
 
@@ -182,7 +182,7 @@ pub fn parse_scaled(
     text: &str,
     unit: &dyn Fn(&str) -> Result<Scaled, String>,
 ) -> Result<Scaled, String> {
-    let mut reader = Reader {
+    let mut reader = UnitReader {
         text,
         rest: text,
         depth: 0,
@@ -196,7 +196,7 @@ pub fn parse_scaled(
     }
 }
 
-struct Reader<'t> {
+struct UnitReader<'t> {
     text: &'t str,
     rest: &'t str,
     depth: usize,
@@ -204,7 +204,7 @@ struct Reader<'t> {
     unit: &'t dyn Fn(&str) -> Result<Scaled, String>,
 }
 
-impl Reader<'_> {
+impl UnitReader<'_> {
     fn skip_blanks(&mut self) {
         self.rest = self.rest.trim_start();
     }
@@ -325,7 +325,7 @@ fn coherent(name: &str) -> Option<Dimension> {
         exponents[index] = PARTS;
         return Some(Dimension(exponents));
     }
-    let (_, exponents) = DERIVED.iter().find(|(own, _)| *own == name)?;
+    let (_, exponents) = DERIVED.iter().find(|(derived, _)| *derived == name)?;
     Some(Dimension(exponents.map(|exponent| exponent * PARTS)))
 }
 

@@ -11,7 +11,7 @@ const ITERATIONS_EACH: usize = 100;
 #[must_use]
 pub fn spectral_radius(n: usize, entries: &[f64]) -> f64 {
     let matrix = DMatrix::from_row_slice(n, n, entries);
-    let found = (n > 0 && has_finite_squares(&matrix))
+    let schur = (n > 0 && has_finite_squares(&matrix))
         .then(|| {
             Schur::try_new(
                 matrix.clone(),
@@ -20,7 +20,7 @@ pub fn spectral_radius(n: usize, entries: &[f64]) -> f64 {
             )
         })
         .flatten();
-    let values = found.map(|schur| schur.complex_eigenvalues());
+    let values = schur.map(|decomposed| decomposed.complex_eigenvalues());
     let sizes = values
         .iter()
         .flatten()

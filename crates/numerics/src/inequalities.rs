@@ -62,8 +62,8 @@ pub fn least_squares(
 /// The shortest x, with `n` entries, that meets all inequalities; none where there is none.
 #[must_use]
 pub fn shortest(n: usize, inequalities: &[Inequality]) -> Option<Vec<f64>> {
-    let found = least_squares(&DMatrix::identity(n, n), &DVector::zeros(n), inequalities)?;
-    Some(found.iter().copied().collect())
+    let point = least_squares(&DMatrix::identity(n, n), &DVector::zeros(n), inequalities)?;
+    Some(point.iter().copied().collect())
 }
 
 /// The shortest y with `row · y ≥ least` for all.
@@ -96,16 +96,16 @@ fn non_negative(matrix: &DMatrix<f64>, target: &DVector<f64>) -> Option<DVector<
         };
         active.push(next);
         loop {
-            let found = of_columns(matrix, &active, target)?;
-            let pairs = active.iter().zip(found.iter());
+            let solution = of_columns(matrix, &active, target)?;
+            let pairs = active.iter().zip(solution.iter());
             let blocked = pairs.filter(|(_, value)| **value <= 0.0);
-            // How far to go towards what was found before a weight is 0.
+            // How far to go towards the solution before a weight is 0.
             let share = blocked
                 .map(|(index, value)| weights[*index] / (weights[*index] - value))
                 .fold(f64::INFINITY, f64::min);
             let is_free = share.is_infinite();
             let share = share.min(1.0);
-            for (index, value) in active.iter().zip(found.iter()) {
+            for (index, value) in active.iter().zip(solution.iter()) {
                 weights[*index] += share * (value - weights[*index]);
             }
             if is_free {

@@ -39,9 +39,9 @@ pub trait Real:
     + MulAssign
     + 'static
 {
-    /// How many numbers stand side by side.
+    /// The number of lanes: numbers that stand side by side.
     const WIDTH: usize;
-    /// Whether they are of single precision.
+    /// Whether the lanes are of single precision.
     const IS_SINGLE: bool;
     /// `value` in every lane.
     fn splat(value: f64) -> Self;
@@ -191,10 +191,10 @@ impl<T: Copy, const N: usize> Lanes<T, N> {
 
     /// `function` of each pair of lanes.
     #[inline(always)]
-    pub fn zip(self, other: Self, function: impl Fn(T, T) -> T) -> Self {
+    pub fn zip(self, right: Self, function: impl Fn(T, T) -> T) -> Self {
         let mut result = self;
         for lane in 0..N {
-            result.0[lane] = function(self.0[lane], other.0[lane]);
+            result.0[lane] = function(self.0[lane], right.0[lane]);
         }
         result
     }

@@ -30,7 +30,7 @@ impl Triangle {
         }
     }
 
-    /// Whether its numbers can be used: no entry of a row was so large that its square is not
+    /// Whether the triangle can be used: no entry of a row was so large that its square is not
     /// finite.
     #[must_use]
     pub fn is_usable(&self) -> bool {
@@ -174,9 +174,12 @@ impl Triangle {
         let triangle = stacked.qr().unpack_r();
         let upper = triangle.view((0, 0), (n, n)).into_owned();
         let right = triangle.view((0, n), (n, 1)).column(0).into_owned();
-        let among_chosen = |own: &Inequality| Inequality {
-            row: chosen.iter().map(|column| own.row[*column]).collect(),
-            least: own.least,
+        let among_chosen = |inequality: &Inequality| Inequality {
+            row: chosen
+                .iter()
+                .map(|column| inequality.row[*column])
+                .collect(),
+            least: inequality.least,
         };
         let inequalities: Vec<Inequality> = inequalities.iter().map(among_chosen).collect();
         let solution = inequalities::least_squares(&upper, &right, &inequalities)?;
@@ -190,7 +193,7 @@ impl Triangle {
 
 /// Single rows on their way into a [`Triangle`].
 #[derive(Debug)]
-pub struct Rows {
+pub struct RowGatherer {
     triangle: Triangle,
     gathered: Vec<f64>,
 }
@@ -198,11 +201,11 @@ pub struct Rows {
 /// Rows that are gathered before they go into the triangle.
 const GATHERED_ROWS: usize = 1024;
 
-impl Rows {
+impl RowGatherer {
     /// No rows yet, for `columns` unknowns.
     #[must_use]
-    pub fn new(columns: usize) -> Rows {
-        Rows {
+    pub fn new(columns: usize) -> RowGatherer {
+        RowGatherer {
             triangle: Triangle::new(columns),
             gathered: Vec::with_capacity(GATHERED_ROWS * (columns + 1)),
         }

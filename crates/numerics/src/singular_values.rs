@@ -35,10 +35,10 @@ pub fn singular_values(matrix: &DMatrix<f64>) -> Option<SingularValues> {
         return None;
     }
     let most = ITERATIONS_EACH * matrix.nrows().max(matrix.ncols());
-    let found = matrix.clone().try_svd(false, true, NEGLIGIBLE, most)?;
-    let directions = found.v_t?;
+    let decomposed = matrix.clone().try_svd(false, true, NEGLIGIBLE, most)?;
+    let directions = decomposed.v_t?;
     Some(SingularValues {
-        sizes: found.singular_values.iter().copied().collect(),
+        sizes: decomposed.singular_values.iter().copied().collect(),
         directions: directions
             .row_iter()
             .map(|direction| direction.iter().copied().collect())

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, SymmetricEigen};
 
 /// An eigenvector of length one and its eigenvalue.
 #[derive(Clone, Debug)]
-pub struct Axis {
+pub struct PrincipalAxis {
     /// The eigenvalue.
     pub value: f64,
     /// The eigenvector.
@@ -19,20 +19,20 @@ const ITERATIONS_EACH: usize = 100;
 /// exact to a rounding error of the largest. Where a square is not finite there are none to be
 /// had: then the axes are those of the diagonal alone.
 #[must_use]
-pub fn axes(rows: &[Vec<f64>]) -> Vec<Axis> {
+pub fn axes(rows: &[Vec<f64>]) -> Vec<PrincipalAxis> {
     let n = rows.len();
     let matrix = DMatrix::from_fn(n, n, |row, column| rows[row][column]);
-    let found = has_finite_squares(&matrix)
+    let decomposed = has_finite_squares(&matrix)
         .then(|| SymmetricEigen::try_new(matrix.clone(), f64::EPSILON, ITERATIONS_EACH * n))
         .flatten()
         .unwrap_or_else(|| SymmetricEigen {
             eigenvalues: matrix.diagonal(),
             eigenvectors: DMatrix::identity(n, n),
         });
-    let columns = found.eigenvectors.column_iter();
-    let pairs = found.eigenvalues.iter().zip(columns);
+    let columns = decomposed.eigenvectors.column_iter();
+    let pairs = decomposed.eigenvalues.iter().zip(columns);
     pairs
-        .map(|(value, direction)| Axis {
+        .map(|(value, direction)| PrincipalAxis {
             value: *value,
             direction: direction.iter().copied().collect(),
         })

@@ -3,10 +3,10 @@
 /// The vector registers that code over lanes is compiled for, always some that this machine has.
 /// All give the same bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Width(Registers);
+pub struct Width(RegisterWidth);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Registers {
+enum RegisterWidth {
     /// What every processor of this architecture has.
     Baseline,
     /// AVX2: 32 bytes in a register.
@@ -19,11 +19,13 @@ enum Registers {
 
 impl Width {
     /// What every processor of this architecture has.
-    pub const BASELINE: Width = Width(Registers::Baseline);
+    pub const BASELINE: Width = Width(RegisterWidth::Baseline);
 
     /// All that this machine has, the narrowest first.
     pub fn available() -> impl Iterator<Item = Width> {
-        let wider = Registers::WIDER.into_iter().filter(Registers::is_here);
+        let wider = RegisterWidth::WIDER
+            .into_iter()
+            .filter(RegisterWidth::is_here);
         std::iter::once(Width::BASELINE).chain(wider.map(Width))
     }
 
@@ -38,7 +40,7 @@ impl Width {
     #[inline]
     pub fn does<W: Wide>(self, work: W) -> W::Output {
         match self.0 {
-            Registers::Baseline => {
+            RegisterWidth::Baseline => {
                 if const { W::ON_BASELINE } {
                     work.work()
                 } else {
@@ -46,7 +48,7 @@ impl Width {
                 }
             }
             #[cfg(target_arch = "x86_64")]
-            Registers::Avx512 if W::FILLS_64_BYTES => {
+            RegisterWidth::Avx512 if W::FILLS_64_BYTES => {
                 // SAFETY: a `Width` is made of these only where the processor has them.
                 #[expect(unsafe_code, reason = "run-time dispatch over vector widths")]
                 unsafe {
@@ -54,7 +56,7 @@ impl Width {
                 }
             }
             #[cfg(target_arch = "x86_64")]
-            Registers::Avx2 | Registers::Avx512 => {
+            RegisterWidth::Avx2 | RegisterWidth::Avx512 => {
                 // SAFETY: as above; where there is AVX-512 there is AVX2.
                 #[expect(unsafe_code, reason = "run-time dispatch over vector widths")]
                 unsafe {
@@ -65,25 +67,25 @@ impl Width {
     }
 }
 
-impl Registers {
+impl RegisterWidth {
     /// The registers beyond the baseline, ascending.
     #[cfg(target_arch = "x86_64")]
-    const WIDER: [Registers; 2] = [Registers::Avx2, Registers::Avx512];
+    const WIDER: [RegisterWidth; 2] = [RegisterWidth::Avx2, RegisterWidth::Avx512];
     #[cfg(not(target_arch = "x86_64"))]
-    const WIDER: [Registers; 0] = [];
+    const WIDER: [RegisterWidth; 0] = [];
 
     /// Whether this machine has the registers.
     #[inline]
     fn is_here(&self) -> bool {
         match self {
-            Registers::Baseline => true,
+            RegisterWidth::Baseline => true,
             #[cfg(target_arch = "x86_64")]
-            Registers::Avx2 => is_x86_feature_detected!("avx2"),
+            RegisterWidth::Avx2 => is_x86_feature_detected!("avx2"),
             // Processors from 2019 on; those before them lower their clock for such registers
             // (Intel Xeon Processor Scalable Family, Specification Update, 2017: turbo with AVX-512).
             #[cfg(target_arch = "x86_64")]
-            Registers::Avx512 => {
-                Registers::Avx2.is_here()
+            RegisterWidth::Avx512 => {
+                RegisterWidth::Avx2.is_here()
                     && is_x86_feature_detected!("avx512f")
                     && is_x86_feature_detected!("avx512dq")
                     && is_x86_feature_detected!("avx512vl")
@@ -98,10 +100,10 @@ impl Registers {
 pub trait Wide {
     /// What the work returns.
     type Output;
-    /// Whether it gains by registers of 64 bytes. Sixteen numbers of single precision do, by a
+    /// Whether the work gains by registers of 64 bytes. Sixteen numbers of single precision do, by a
     /// quarter of the time; eight of double precision were no faster in them (`benches/README.md`).
     const FILLS_64_BYTES: bool = false;
-    /// Whether it is done on machines without wide registers as well. What is not is not compiled
+    /// Whether the work is done on machines without wide registers as well. Other work is not compiled
     /// for them.
     const ON_BASELINE: bool = true;
     /// Does the work.

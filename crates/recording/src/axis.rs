@@ -1,6 +1,6 @@
 //! When the samples of a recording were taken.
 
-use super::columns::Series;
+use super::columns::SampleSeries;
 use super::resample::{JITTER, ON_GRID, STRAY};
 use std::io;
 use std::ops::Range;
@@ -57,7 +57,7 @@ impl TimeAxis {
     #[must_use]
     pub fn from_instants(instants: Vec<f64>, scale: f64) -> Self {
         let last = instants.last().copied().unwrap_or(0.0);
-        let grid = Grid::through(instants.len(), last, scale);
+        let grid = UniformGrid::through(instants.len(), last, scale);
         match grid.filter(|grid| grid.holds(0, &instants)) {
             Some(grid) => grid.axis(instants.len()),
             None => Self::Instants(instants),
@@ -67,7 +67,7 @@ impl TimeAxis {
     /// The sample time `[s]` of the axis of such instants.
     pub(crate) fn sample_time_of(instants: &[f64], scale: f64) -> f64 {
         let last = instants.last().copied().unwrap_or(0.0);
-        let grid = Grid::through(instants.len(), last, scale);
+        let grid = UniformGrid::through(instants.len(), last, scale);
         match grid.filter(|grid| grid.holds(0, instants)) {
             Some(grid) => grid.sample_time,
             None => usual_interval(instants),
@@ -76,11 +76,12 @@ impl TimeAxis {
 
     /// The axis of so many instants up to the `last` one that need not be in memory.
     pub(crate) fn of_series(
-        instants: &mut dyn Series,
-        (samples, last): (usize, f64),
+        instants: &mut dyn SampleSeries,
+        samples: usize,
+        last: f64,
         scale: f64,
     ) -> io::Result<Self> {
-        let mut grid = Grid::through(samples, last, scale);
+        let mut grid = UniformGrid::through(samples, last, scale);
         let mut first = 0;
         instants.visit(&mut |piece| {
             grid = grid.filter(|grid| grid.holds(first, piece));
@@ -171,11 +172,11 @@ impl TimeAxis {
 
 /// A uniform grid from 0 to the last of some instants.
 #[derive(Clone, Copy)]
-struct Grid {
+struct UniformGrid {
     sample_time: f64,
 }
 
-impl Grid {
+impl UniformGrid {
     fn through(samples: usize, last: f64, scale: f64) -> Option<Self> {
         if samples < 2 || last <= 0.0 {
             return None;
@@ -187,7 +188,7 @@ impl Grid {
         })
     }
 
-    /// Whether these instants, of which `first` is the index of the first, lie on it.
+    /// Whether `instants`, the first of which has the index `first`, lie on the grid.
     fn holds(&self, first: usize, instants: &[f64]) -> bool {
         let Self { sample_time } = *self;
         (first..).zip(instants).all(|(k, instant)| {
@@ -236,7 +237,7 @@ fn usual_interval(instants: &[f64]) -> f64 {
     }
     // Where half of them are the median to the last digit it is what the source intends, and the
     // others came late.
-    let same = intervals().filter(|own| (own - median).abs() <= ON_GRID * median);
+    let same = intervals().filter(|interval| (interval - median).abs() <= ON_GRID * median);
     let is_intended = 2 * same.count() >= sorted.len();
     if is_intended || (whole as f64) < (1.0 - STRAY) * sorted.len() as f64 {
         return shortest_decimal(median, 1e-9 * median);

@@ -1,7 +1,6 @@
 //! A batch of samples for a recording that grows: rows at the instants at which they were taken,
 //! and what reading them found.
 
-use super::rows::is_unsaid;
 use super::{DoubleHour, QualityReport, Recording, RowSignal, Rows, TimeAxis};
 
 /// Samples on their way into a stream.
@@ -21,7 +20,7 @@ pub struct Batch {
 
 /// A stretch of instants that come after the server's clock.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Ahead {
+pub struct FutureSamples {
     /// The signal.
     pub signal: String,
     /// How many of its samples there are.
@@ -49,14 +48,17 @@ impl Batch {
 
     /// The signals that have samples after an instant, nanoseconds since 1970.
     #[must_use]
-    pub fn after(&self, instant: i64) -> Vec<Ahead> {
-        let begin = self.rows.instants.partition_point(|own| *own <= instant);
+    pub fn after(&self, instant: i64) -> Vec<FutureSamples> {
+        let begin = self
+            .rows
+            .instants
+            .partition_point(|taken| *taken <= instant);
         let named = self.signals.iter().zip(&self.rows.columns);
         let ahead = named.filter_map(|(signal, column)| {
-            let says = |row: &usize| !is_unsaid((column.values[*row], column.classes[*row]));
+            let says = |row: &usize| !column.sample(*row).is_unsaid();
             let mut rows = (begin..self.rows.rows()).filter(says);
             let first = rows.next()?;
-            Some(Ahead {
+            Some(FutureSamples {
                 signal: signal.name.clone(),
                 samples: 1 + rows.count(),
                 first_ns: self.rows.instants[first],
@@ -115,7 +117,7 @@ mod tests {
         b.classes = ClassSpan::of([Class::Good, Class::Good, Class::Bad, Class::Good].into_iter());
         let batch = Batch::of(recording(vec![0.0, 1.0, 2.0, 3.0], vec![a, b])).expect("a start");
         let first = batch.rows.instants[0];
-        let ahead = |signal: &str, samples, after: i64| Ahead {
+        let ahead = |signal: &str, samples, after: i64| FutureSamples {
             signal: signal.to_owned(),
             samples,
             first_ns: first + after * 1_000_000_000,

@@ -18,7 +18,7 @@ impl<T: Read + Write + Seek + Send> Scratch for T {}
 pub type NewScratch = Box<dyn FnOnce() -> io::Result<Box<dyn Scratch>> + Send>;
 
 /// Samples that can be gone through again and again.
-pub(crate) trait Series {
+pub(crate) trait SampleSeries {
     /// Hands over all samples in their order, piece by piece.
     ///
     /// # Errors
@@ -39,25 +39,25 @@ pub(crate) trait Series {
     }
 }
 
-impl Series for &[f64] {
+impl SampleSeries for &[f64] {
     fn visit(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()> {
         take(self)
     }
 }
 
 /// Columns of equal length.
-pub(crate) struct Columns {
+pub(crate) struct SampleColumns {
     /// The newest rows of each column; all of them where there is no scratch.
     held: Vec<Vec<f64>>,
     /// Rows that go to the scratch together.
     block_rows: usize,
     /// Blocks in the scratch: each holds the rows of the first column, then of the next.
     blocks: u64,
-    place: Place,
+    scratch_state: ScratchState,
 }
 
 /// Where rows go that memory is not to hold.
-enum Place {
+enum ScratchState {
     /// Nowhere: memory holds all.
     Memory,
     New(NewScratch),
@@ -66,14 +66,14 @@ enum Place {
     Failed,
 }
 
-impl Columns {
+impl SampleColumns {
     /// Empty columns.
     pub(crate) fn new(columns: usize, scratch: Option<NewScratch>) -> Self {
         Self {
             held: vec![Vec::new(); columns],
             block_rows: (HELD_BYTES / SAMPLE_BYTES / columns.max(1)).max(1),
             blocks: 0,
-            place: scratch.map_or(Place::Memory, Place::New),
+            scratch_state: scratch.map_or(ScratchState::Memory, ScratchState::New),
         }
     }
 
@@ -95,7 +95,7 @@ impl Columns {
             column.push(*sample);
         }
         let is_full = self.held_rows() >= self.block_rows;
-        if is_full && !matches!(self.place, Place::Memory) {
+        if is_full && !matches!(self.scratch_state, ScratchState::Memory) {
             self.put_aside()?;
         }
         Ok(())
@@ -107,8 +107,8 @@ impl Columns {
     }
 
     /// One of the columns.
-    pub(crate) fn column(&mut self, index: usize) -> Column<'_> {
-        Column {
+    pub(crate) fn column(&mut self, index: usize) -> SampleColumn<'_> {
+        SampleColumn {
             columns: self,
             index,
         }
@@ -135,7 +135,7 @@ impl Columns {
         let column_bytes = self.block_rows * SAMPLE_BYTES;
         let end = self.blocks * (self.held.len() * column_bytes) as u64;
         let mut bytes = Vec::with_capacity(column_bytes);
-        let scratch = self.place.open()?;
+        let scratch = self.scratch_state.open()?;
         scratch.seek(SeekFrom::Start(end))?;
         for column in &mut self.held {
             bytes.clear();
@@ -148,36 +148,36 @@ impl Columns {
     }
 }
 
-impl Place {
+impl ScratchState {
     fn open(&mut self) -> io::Result<&mut dyn Scratch> {
-        if let Place::New(_) = self
-            && let Place::New(new) = std::mem::replace(self, Place::Failed)
+        if let ScratchState::New(_) = self
+            && let ScratchState::New(new) = std::mem::replace(self, ScratchState::Failed)
         {
-            *self = Place::Open(new()?);
+            *self = ScratchState::Open(new()?);
         }
         match self {
-            Place::Open(scratch) => Ok(scratch.as_mut()),
+            ScratchState::Open(scratch) => Ok(scratch.as_mut()),
             _ => Err(io::Error::other("there is no scratch")),
         }
     }
 }
 
 /// One of several columns.
-pub(crate) struct Column<'a> {
-    columns: &'a mut Columns,
+pub(crate) struct SampleColumn<'a> {
+    columns: &'a mut SampleColumns,
     index: usize,
 }
 
-impl Series for Column<'_> {
+impl SampleSeries for SampleColumn<'_> {
     fn visit(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()> {
-        let Columns {
+        let SampleColumns {
             held,
             block_rows,
             blocks,
-            place,
+            scratch_state,
         } = &mut *self.columns;
         if *blocks > 0 {
-            let scratch = place.open()?;
+            let scratch = scratch_state.open()?;
             let mut bytes = vec![0; *block_rows * SAMPLE_BYTES];
             let mut samples = Vec::with_capacity(*block_rows);
             for block in 0..*blocks {
@@ -201,11 +201,11 @@ mod tests {
     use std::io::Cursor;
 
     /// Columns that put every few rows aside.
-    fn columns(count: usize, block_rows: usize) -> Columns {
+    fn columns(count: usize, block_rows: usize) -> SampleColumns {
         let scratch = || Ok(Box::new(Cursor::new(Vec::new())) as Box<dyn Scratch>);
-        Columns {
+        SampleColumns {
             block_rows,
-            ..Columns::new(count, Some(Box::new(scratch)))
+            ..SampleColumns::new(count, Some(Box::new(scratch)))
         }
     }
 
@@ -233,9 +233,9 @@ mod tests {
     #[test]
     fn a_scratch_that_cannot_be_made_or_is_full_is_an_error() {
         let refuse = || Err(io::ErrorKind::StorageFull.into());
-        let mut columns = Columns {
+        let mut columns = SampleColumns {
             block_rows: 2,
-            ..Columns::new(1, Some(Box::new(refuse)))
+            ..SampleColumns::new(1, Some(Box::new(refuse)))
         };
         columns.push(&[1.0]).unwrap();
         let error = columns.push(&[2.0]).unwrap_err();

@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 /// Samples of some signals at common instants.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Samples {
-    /// When they were taken `[s]`, from the first sample of the recording.
+    /// The instants of the samples `[s]`, from the first sample of the recording.
     pub time_s: Vec<f64>,
     /// The signals by name, in the order of the recording.
     #[serde(serialize_with = "as_map")]
@@ -110,22 +110,22 @@ pub fn kept_indices(columns: &[&[f64]], range: Range<usize>, max_points: usize) 
 
 /// The indices of the smallest and the largest value that is not missing.
 fn extremes(column: &[f64], range: Range<usize>) -> impl Iterator<Item = usize> {
-    let mut found: Option<(usize, usize)> = None;
+    let mut bounds: Option<(usize, usize)> = None;
     for k in range {
         let value = column[k];
         if value.is_nan() {
             continue;
         }
-        let (mut low, mut high) = found.unwrap_or((k, k));
+        let (mut low, mut high) = bounds.unwrap_or((k, k));
         if value < column[low] {
             low = k;
         }
         if value > column[high] {
             high = k;
         }
-        found = Some((low, high));
+        bounds = Some((low, high));
     }
-    found.into_iter().flat_map(|(low, high)| [low, high])
+    bounds.into_iter().flat_map(|(low, high)| [low, high])
 }
 
 #[cfg(test)]

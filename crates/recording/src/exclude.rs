@@ -1,7 +1,7 @@
 //! What an experiment leaves out of a recording: classes of samples and spans of time.
 
-use super::columns::Series;
-use super::profile::Profile;
+use super::columns::SampleSeries;
+use super::profile::SignalProfile;
 use super::{Class, Signal, TimeAxis, quality};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -37,9 +37,9 @@ pub enum ExcludedClass {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExcludedSpan {
-    /// Where it begins `[s]`, from the first sample of the recording.
+    /// The beginning of the span `[s]`, from the first sample of the recording.
     pub from_s: f64,
-    /// Where it ends `[s]`.
+    /// The end of the span `[s]`, from the first sample of the recording.
     pub to_s: f64,
     /// The recording's signals that it is left out of; all when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -53,7 +53,8 @@ impl Exclude {
         &self,
         signal: &Signal,
         time: &TimeAxis,
-        (start, values): (usize, &mut [f64]),
+        start: usize,
+        values: &mut [f64],
     ) -> usize {
         let mut left_out = 0;
         let mut leave_out = |first: usize, samples: usize| {
@@ -79,11 +80,14 @@ impl Exclude {
                 leave_out(samples.start, samples.len());
             }
         }
-        let found = |class| self.classes.contains(&class);
-        let (frozen, spike) = (found(ExcludedClass::Frozen), found(ExcludedClass::Spike));
+        let excludes = |class| self.classes.contains(&class);
+        let (frozen, spike) = (
+            excludes(ExcludedClass::Frozen),
+            excludes(ExcludedClass::Spike),
+        );
         if frozen || spike {
-            let series: &mut dyn Series = &mut signal.values.as_slice();
-            let profile = Profile::of(series).expect("memory can be read");
+            let series: &mut dyn SampleSeries = &mut signal.values.as_slice();
+            let profile = SignalProfile::of(series).expect("memory can be read");
             if frozen {
                 let runs = quality::frozen_runs(&profile);
                 runs.for_each(|run| leave_out(run.start, run.samples));
@@ -115,7 +119,7 @@ mod tests {
             samples: 3,
         }];
         let mut values = signal.values[1..].to_vec();
-        let count = exclude.apply(&signal, &TIME, (1, &mut values));
+        let count = exclude.apply(&signal, &TIME, 1, &mut values);
         values.retain(|value| !value.is_nan());
         assert_eq!(count, 7 - values.len());
         values

@@ -1,15 +1,15 @@
 //! The part of a recording that one estimation uses.
 
-use super::resample::{Grid, Rule, filled, is_of_grid};
+use super::resample::{ResampleGrid, ResampleRule, filled, is_of_grid};
 use super::{
-    Exclude, ExperimentError, Interpolation, Recording, Signal, TimeAxis, Warning, Window,
+    Exclude, ExperimentError, Interpolation, Recording, Signal, TimeAxis, TimeWindow, Warning,
 };
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 /// In SI units and under the model's signal names; ready for an estimation.
 #[derive(Clone, Debug)]
-pub struct Experiment {
+pub struct ExperimentData {
     /// The sample time `[s]`; the median interval of the recording where the samples have instants
     /// of their own.
     pub sample_time: f64,
@@ -19,7 +19,7 @@ pub struct Experiment {
     pub samples: usize,
     /// Model names and values, in the order in which they were asked for; NaN is a missing sample.
     pub signals: Vec<(String, Vec<f64>)>,
-    /// What was changed on the way, e.g. `resampled`.
+    /// How the samples differ from the recording's, e.g. `resampled`.
     pub notes: Vec<Warning>,
 }
 
@@ -37,9 +37,9 @@ pub enum Instants {
 
 /// What of a recording an experiment is made of.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Selection<'a> {
+pub struct RecordingSelection<'a> {
     /// The part of its time; none: all.
-    pub window: Option<Window>,
+    pub window: Option<TimeWindow>,
     /// What is left out; none: nothing.
     pub exclude: Option<&'a Exclude>,
     /// Which instants irregular samples get; none: a grid where the samples are those of one but
@@ -54,9 +54,9 @@ pub struct Mapped {
     pub model: String,
     /// The recording's name.
     pub recorded: String,
-    /// How it goes on between samples where the recording does not say.
+    /// How the signal goes on between samples where the recording does not say.
     pub otherwise: Interpolation,
-    /// Whether it drives the model, so that it is needed at every instant.
+    /// Whether the signal drives the model, so that every instant needs a value.
     pub drives: bool,
 }
 
@@ -96,8 +96,8 @@ impl Recording {
     pub fn experiment(
         &self,
         signals: &[Mapped],
-        selection: Selection<'_>,
-    ) -> Result<Experiment, ExperimentError> {
+        selection: RecordingSelection<'_>,
+    ) -> Result<ExperimentData, ExperimentError> {
         let recorded: Vec<&Signal> = signals
             .iter()
             .map(|signal| self.mapped(&signal.model, &signal.recorded))
@@ -109,13 +109,13 @@ impl Recording {
         for (signal, mapped) in recorded.iter().zip(signals) {
             let mut values = signal.values[range.clone()].to_vec();
             if let Some(exclude) = selection.exclude {
-                let left_out = exclude.apply(signal, &self.time, (range.start, &mut values));
+                let left_out = exclude.apply(signal, &self.time, range.start, &mut values);
                 notes.extend(excluded(&mapped.model, left_out));
             }
-            let rule = Rule::of(signal.interpolation, mapped.otherwise);
+            let rule = ResampleRule::of(signal.interpolation, mapped.otherwise);
             cut.push((values, rule, mapped.drives));
         }
-        let mut own = None;
+        let mut own_instants = None;
         let (samples, values): (usize, Vec<Vec<f64>>) = match &self.time {
             TimeAxis::Uniform { .. } => (
                 range.len(),
@@ -130,15 +130,16 @@ impl Recording {
                 match selection.instants.unwrap_or_else(is_gridded) {
                     Instants::Own => {
                         notes.push(irregular(range.len()));
-                        own = Some(instants.to_vec());
-                        let own = cut.into_iter().map(|(values, rule, drives)| match drives {
-                            true => filled((instants, &values), sample_time, rule),
-                            false => values,
-                        });
-                        (range.len(), own.collect())
+                        own_instants = Some(instants.to_vec());
+                        let filled_columns =
+                            cut.into_iter().map(|(values, rule, drives)| match drives {
+                                true => filled(instants, &values, sample_time, rule),
+                                false => values,
+                            });
+                        (range.len(), filled_columns.collect())
                     }
                     Instants::Grid => {
-                        let grid = Grid::over(instants, sample_time)?;
+                        let grid = ResampleGrid::over(instants, sample_time)?;
                         notes.push(resampled(range.len(), grid.samples(), sample_time));
                         let on_grid = cut.iter().map(|(values, rule, drives)| match drives {
                             true => grid.resample(values, *rule),
@@ -156,9 +157,9 @@ impl Recording {
                 .iter()
                 .filter_map(|(name, values)| missing(name, values)),
         );
-        Ok(Experiment {
+        Ok(ExperimentData {
             sample_time,
-            instants: own,
+            instants: own_instants,
             samples,
             signals,
             notes,
@@ -179,13 +180,13 @@ impl Recording {
     }
 }
 
-impl Experiment {
+impl ExperimentData {
     /// The values of the signal of that model name.
     #[must_use]
     pub fn signal(&self, name: &str) -> Option<&[f64]> {
         self.signals
             .iter()
-            .find(|(own, _)| own == name)
+            .find(|(signal, _)| signal == name)
             .map(|(_, values)| values.as_slice())
     }
 }
@@ -229,18 +230,18 @@ mod tests {
             .collect()
     }
 
-    fn within(window: Window) -> Selection<'static> {
-        Selection {
+    fn within(window: TimeWindow) -> RecordingSelection<'static> {
+        RecordingSelection {
             window: Some(window),
-            ..Selection::default()
+            ..RecordingSelection::default()
         }
     }
 
-    fn on_grid(window: Option<Window>) -> Selection<'static> {
-        Selection {
+    fn on_grid(window: Option<TimeWindow>) -> RecordingSelection<'static> {
+        RecordingSelection {
             window,
             instants: Some(Instants::Grid),
-            ..Selection::default()
+            ..RecordingSelection::default()
         }
     }
 
@@ -252,7 +253,7 @@ mod tests {
         let level = Signal::new("h", "m", vec![gap, 0.1, gap, 0.3, 0.4]);
         let mapped = [Mapped::held("u", "u"), Mapped::on_line("h", "h")];
         let experiment = Recording::new(time, vec![command, level])
-            .experiment(&mapped, Selection::default())
+            .experiment(&mapped, RecordingSelection::default())
             .unwrap();
         assert_eq!(
             experiment.instants.as_deref(),
@@ -269,8 +270,8 @@ mod tests {
     fn jitter_and_single_gaps_are_of_a_grid_and_sparse_samples_are_not() {
         let of = |instants: Vec<f64>| {
             let time = TimeAxis::Instants(instants);
-            let experiment =
-                recording(time).experiment(&map(&[("position", "pos")]), Selection::default());
+            let experiment = recording(time)
+                .experiment(&map(&[("position", "pos")]), RecordingSelection::default());
             experiment.unwrap().instants.is_some()
         };
         let jittering = (0..100).map(|k| f64::from(k) + 0.01 * f64::from(k % 3));
@@ -293,7 +294,7 @@ mod tests {
             sample_time: 0.5,
             samples: 10,
         });
-        let window = Window {
+        let window = TimeWindow {
             from_s: Some(1.0),
             to_s: Some(2.5),
         };
@@ -329,7 +330,7 @@ mod tests {
     #[test]
     fn the_window_does_not_change_the_sample_time_of_an_irregular_recording() {
         let recording = recording(TimeAxis::Instants(vec![0.0, 1.0, 2.0, 3.0, 4.5, 6.0, 7.0]));
-        let window = Window {
+        let window = TimeWindow {
             from_s: Some(3.0),
             to_s: Some(6.5),
         };
@@ -347,7 +348,7 @@ mod tests {
             samples: 10,
         });
         let error = recording
-            .experiment(&map(&[("position", "x")]), Selection::default())
+            .experiment(&map(&[("position", "x")]), RecordingSelection::default())
             .unwrap_err();
         let expected = "`position` is mapped to `x`, which the recording does not have; it has pos";
         assert_eq!(error.to_string(), expected);

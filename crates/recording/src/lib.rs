@@ -1,7 +1,7 @@
 //! What a plant delivered, and the experiments cut from it.
 //!
-//! A [`Recording`] is named signals over one time axis, in SI units; [`Received`] is the same on its
-//! way to where it is kept, and need not be in memory. An [`Experiment`] is the part of it that one
+//! A [`Recording`] is named signals over one time axis, in SI units; [`ReceivedRecording`] is the same on its
+//! way to where it is kept, and need not be in memory. An [`ExperimentData`] is the part of it that one
 //! estimation uses: cut to a window, under the model's signal names. A missing
 //! sample is NaN in both and is never invented; outside this module it is `null` or an empty field.
 
@@ -33,13 +33,13 @@ pub use decimate::{SampledSignal, Samples, kept_indices};
 pub use double_hour::DoubleHour;
 pub use error::ExperimentError;
 pub use exclude::{Exclude, ExcludedClass, ExcludedSpan};
-pub use experiment::{Experiment, Instants, Mapped, Selection};
+pub use experiment::{ExperimentData, Instants, Mapped, RecordingSelection};
 pub use quality::{QualityReport, shown};
-pub use received::{Named, Received, Source};
-pub(crate) use resample::{Rule, resample};
+pub use received::{NamedSignal, ReceivedRecording, RecordingSource};
+pub(crate) use resample::{ResampleRule, resample};
 pub use rows::{Merged, RowColumn, RowSignal, Rows};
 pub use signal::{Class, ClassCounts, ClassSpan, Interpolation, Signal};
-pub use split::{Split, Window};
+pub use split::{Split, TimeWindow};
 pub use summary::{SignalSummary, Summary};
 pub use warning::{TimeSpan, Warning};
 
@@ -61,8 +61,8 @@ pub struct Recording {
     pub start: Option<jiff::Timestamp>,
     /// The time zone that the source counted in, where it is known: an IANA name or an offset.
     pub zone: Option<String>,
-    /// What it was read from.
-    pub source: Source,
+    /// The format and the options that the recording was read with.
+    pub source: RecordingSource,
     /// When the samples were taken.
     pub time: TimeAxis,
     /// The local hour that came twice, where nothing in the source tells its passes apart.
@@ -120,7 +120,7 @@ impl Recording {
             name: None,
             start: None,
             zone: None,
-            source: Source::default(),
+            source: RecordingSource::default(),
             time,
             double_hour: None,
             own_instants: false,

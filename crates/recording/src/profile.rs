@@ -1,6 +1,6 @@
 //! What is counted of a signal, for its summary and its quality report.
 
-use super::columns::Series;
+use super::columns::SampleSeries;
 use std::collections::HashSet;
 use std::io;
 
@@ -24,7 +24,7 @@ const SPIKE_RETURN: f64 = 0.2;
 
 /// What is counted of a signal.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Profile {
+pub(super) struct SignalProfile {
     /// How many samples there are.
     pub(super) samples: usize,
     /// How many samples are missing.
@@ -34,9 +34,9 @@ pub(super) struct Profile {
     /// Stretches of one value; each missing sample is one of its own.
     pub(super) runs: usize,
     /// The longest run.
-    pub(super) longest: Run,
+    pub(super) longest: ConstantRun,
     /// The first runs of [`LONG_RUN`] samples and more.
-    pub(super) long_runs: Vec<Run>,
+    pub(super) long_runs: Vec<ConstantRun>,
     /// The length that most runs have, and how many have it; of lengths up to 64.
     pub(super) commonest_length: (usize, usize),
     /// Single samples far from both neighbours, the first of them by index.
@@ -67,19 +67,19 @@ pub(super) struct Extreme {
 
 /// A stretch of samples with one value.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Run {
+pub(super) struct ConstantRun {
     /// The index of its first sample.
     pub(super) start: usize,
     pub(super) samples: usize,
     pub(super) value: f64,
 }
 
-impl Profile {
+impl SignalProfile {
     /// Counts, in two passes.
     ///
     /// # Errors
     /// When the samples cannot be read.
-    pub(super) fn of(series: &mut dyn Series) -> io::Result<Profile> {
+    pub(super) fn of(series: &mut dyn SampleSeries) -> io::Result<SignalProfile> {
         let mut tally = Tally::default();
         series.visit(&mut |piece| {
             piece.iter().for_each(|sample| tally.take(*sample));
@@ -103,7 +103,7 @@ impl Profile {
         };
         let lengths = tally.lengths.iter().enumerate();
         let commonest = lengths.max_by_key(|(length, runs)| (**runs, usize::MAX - length));
-        Ok(Profile {
+        Ok(SignalProfile {
             samples: tally.samples,
             missing: tally.missing,
             values,
@@ -111,13 +111,13 @@ impl Profile {
             longest: tally.longest,
             long_runs: tally.long_runs,
             commonest_length: commonest.map_or((0, 0), |(length, runs)| (length, *runs)),
-            spikes: spikes.found,
+            spikes: spikes.indices,
         })
     }
 }
 
 /// The second pass: the mean of the samples that are present, each looked at for a spike too.
-fn mean(series: &mut dyn Series, present: usize, spikes: &mut Spikes) -> io::Result<f64> {
+fn mean(series: &mut dyn SampleSeries, present: usize, spikes: &mut Spikes) -> io::Result<f64> {
     let mut mean = 0.0;
     series.visit(&mut |piece| {
         for sample in piece {
@@ -185,9 +185,9 @@ struct Tally {
     /// The bits of the values met first, one more than a stepped signal has at the most.
     levels: HashSet<u64>,
     runs: usize,
-    run: Run,
-    longest: Run,
-    long_runs: Vec<Run>,
+    run: ConstantRun,
+    longest: ConstantRun,
+    long_runs: Vec<ConstantRun>,
     lengths: [usize; COUNTED_LENGTHS + 1],
     /// The sum of all steps from a sample to the next, without sign.
     steps: f64,
@@ -202,8 +202,8 @@ impl Default for Tally {
             range: None,
             levels: HashSet::new(),
             runs: 0,
-            run: Run::default(),
-            longest: Run::default(),
+            run: ConstantRun::default(),
+            longest: ConstantRun::default(),
             long_runs: Vec::new(),
             lengths: [0; COUNTED_LENGTHS + 1],
             steps: 0.0,
@@ -222,7 +222,7 @@ impl Tally {
                 self.n_steps += 1;
             }
             self.end_run();
-            self.run = Run {
+            self.run = ConstantRun {
                 start: self.samples,
                 samples: 0,
                 value: sample,
@@ -273,7 +273,7 @@ struct Spikes {
     /// The last two samples.
     before: [f64; 2],
     index: usize,
-    found: Vec<usize>,
+    indices: Vec<usize>,
 }
 
 impl Spikes {
@@ -286,7 +286,7 @@ impl Spikes {
             distance,
             before: [f64::NAN; 2],
             index: 0,
-            found: Vec::new(),
+            indices: Vec::new(),
         }
     }
 
@@ -297,8 +297,8 @@ impl Spikes {
         let is_spike = height > self.distance
             && up.signum() == down.signum()
             && (sample - first).abs() < SPIKE_RETURN * height;
-        if is_spike && self.found.len() < MOST_KEPT {
-            self.found.push(self.index - 1);
+        if is_spike && self.indices.len() < MOST_KEPT {
+            self.indices.push(self.index - 1);
         }
         self.before = [middle, sample];
         self.index += 1;
@@ -313,7 +313,7 @@ mod tests {
     /// A signal that comes in pieces.
     struct Pieces<'a>(Vec<&'a [f64]>);
 
-    impl Series for Pieces<'_> {
+    impl SampleSeries for Pieces<'_> {
         fn visit(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()> {
             self.0.iter().try_for_each(|piece| take(piece))
         }
@@ -329,10 +329,10 @@ mod tests {
             samples in prop::collection::vec(sample(), 1..200),
             length in 1_usize..20,
         ) {
-            let whole = Profile::of(&mut samples.as_slice()).unwrap();
+            let whole = SignalProfile::of(&mut samples.as_slice()).unwrap();
             let mut pieces = Pieces(samples.chunks(length).collect());
             // Compared as text, in which a missing sample equals another.
-            let pieces = format!("{:?}", Profile::of(&mut pieces).unwrap());
+            let pieces = format!("{:?}", SignalProfile::of(&mut pieces).unwrap());
             prop_assert_eq!(pieces, format!("{whole:?}"));
         }
     }
@@ -341,8 +341,8 @@ mod tests {
     fn the_longest_run_is_the_first_of_its_length_and_missing_samples_make_none() {
         let nan = f64::NAN;
         let samples = [1.0, 2.0, 2.0, nan, nan, nan, 3.0, 3.0];
-        let profile = Profile::of(&mut samples.as_slice()).unwrap();
-        let expected = Run {
+        let profile = SignalProfile::of(&mut samples.as_slice()).unwrap();
+        let expected = ConstantRun {
             start: 1,
             samples: 2,
             value: 2.0,

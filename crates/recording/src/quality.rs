@@ -3,8 +3,8 @@
 //! The report warns; it changes nothing. Thresholds are ours, chosen so that excitation signals
 //! (which hold their levels on purpose) stay quiet; each stands with its constant.
 
-use super::profile::{Extreme, LONG_RUN, Profile, Run};
-use super::received::Named;
+use super::profile::{ConstantRun, Extreme, LONG_RUN, SignalProfile};
+use super::received::NamedSignal;
 use super::resample::LONGEST_BRIDGE;
 use super::warning::{MOST_SPANS, TimeSpan, Warning};
 use super::{Class, ClassCounts, MIN_SAMPLES, TimeAxis};
@@ -37,7 +37,7 @@ pub struct QualityReport {
 pub(super) fn report(
     time: &TimeAxis,
     notes: &[Warning],
-    signals: &[(&Named, Profile)],
+    signals: &[(&NamedSignal, SignalProfile)],
 ) -> QualityReport {
     let mut warnings = notes.to_vec();
     if let TimeAxis::Instants(instants) = time {
@@ -105,8 +105,8 @@ fn gaps(instants: &[f64], sample_time: f64) -> Option<Warning> {
 /// A signal that is looked over.
 #[derive(Clone, Copy)]
 struct Look<'a> {
-    signal: &'a Named,
-    profile: &'a Profile,
+    signal: &'a NamedSignal,
+    profile: &'a SignalProfile,
     time: &'a TimeAxis,
 }
 
@@ -124,31 +124,31 @@ impl IntoIterator for Look<'_> {
             return vec![none].into_iter();
         };
         let (samples, missing) = (profile.samples, profile.missing);
-        let mut found = self.classes();
+        let mut warnings = self.classes();
         if missing > 0 {
             let detail = format!("{missing} of {samples} samples are missing");
-            found.push(self.warning("missing_samples", detail));
+            warnings.push(self.warning("missing_samples", detail));
         }
         if signal.unit.is_empty() {
             let detail = "no unit given; the values are taken as SI".to_owned();
-            found.push(self.warning("no_unit", detail));
+            warnings.push(self.warning("no_unit", detail));
         }
         if samples - missing < MIN_SAMPLES {
-            return found.into_iter();
+            return warnings.into_iter();
         }
         if values.is_constant() {
             let detail = format!("every sample is {}", shown(values.min.value));
-            found.push(self.warning("constant_signal", detail));
-            return found.into_iter();
+            warnings.push(self.warning("constant_signal", detail));
+            return warnings.into_iter();
         }
         if !values.is_stepped {
-            found.extend(self.saturated(values.min, "minimum"));
-            found.extend(self.saturated(values.max, "maximum"));
-            found.extend(self.padded());
+            warnings.extend(self.saturated(values.min, "minimum"));
+            warnings.extend(self.saturated(values.max, "maximum"));
+            warnings.extend(self.padded());
         }
-        found.extend(self.frozen());
-        found.extend(self.spikes());
-        found.into_iter()
+        warnings.extend(self.frozen());
+        warnings.extend(self.spikes());
+        warnings.into_iter()
     }
 }
 
@@ -161,7 +161,7 @@ impl Look<'_> {
     fn classes(&self) -> Vec<Warning> {
         let spans = &self.signal.classes;
         let counts = ClassCounts::of(self.profile.samples, spans);
-        let said = [
+        let notable = [
             (
                 Class::Bad,
                 "bad_samples",
@@ -181,8 +181,8 @@ impl Look<'_> {
                 "substituted, not measured: they are used unless a job excludes them",
             ),
         ];
-        let found = said.into_iter().filter(|(_, _, count, _)| *count > 0);
-        found
+        let present = notable.into_iter().filter(|(_, _, count, _)| *count > 0);
+        present
             .map(|(class, code, count, what)| {
                 let detail = format!("{count} samples are {what}");
                 let of_class = spans.iter().filter(|span| span.class == class);
@@ -210,7 +210,7 @@ impl Look<'_> {
 
     /// Values that stand for equally many samples each: recorded at a slower rate.
     fn padded(&self) -> Option<Warning> {
-        let Profile { missing, runs, .. } = self.profile;
+        let SignalProfile { missing, runs, .. } = self.profile;
         let (length, count) = self.profile.commonest_length;
         let values = runs - missing;
         let is_padded =
@@ -227,15 +227,15 @@ impl Look<'_> {
     }
 
     fn frozen(&self) -> Option<Warning> {
-        let runs: Vec<&Run> = frozen_runs(self.profile).collect();
+        let runs: Vec<&ConstantRun> = frozen_runs(self.profile).collect();
         let longest = runs.iter().max_by_key(|run| run.samples)?;
-        let others = match runs.len() {
+        let more = match runs.len() {
             1 => String::new(),
             n => format!("; {} more stretches like it", n - 1),
         };
         let detail = format!(
             "holds {} for {} samples from {} s on, and changes every {:.1} samples elsewhere\
-             {others}",
+             {more}",
             shown(longest.value),
             longest.samples,
             shown(self.time.instant(longest.start)),
@@ -259,13 +259,13 @@ impl Look<'_> {
 }
 
 /// For how many samples a signal holds a value on average, but for the longest stretch.
-fn elsewhere(profile: &Profile) -> f64 {
-    let others = profile.runs.saturating_sub(1).max(1);
-    (profile.samples - profile.longest.samples) as f64 / others as f64
+fn elsewhere(profile: &SignalProfile) -> f64 {
+    let other_runs = profile.runs.saturating_sub(1).max(1);
+    (profile.samples - profile.longest.samples) as f64 / other_runs as f64
 }
 
 /// Stretches of one value that are far longer than the others.
-pub(super) fn frozen_runs(profile: &Profile) -> impl Iterator<Item = &Run> {
+pub(super) fn frozen_runs(profile: &SignalProfile) -> impl Iterator<Item = &ConstantRun> {
     let constant = profile.values.as_ref().is_some_and(|v| v.is_constant());
     let long = FROZEN_RATIO * elsewhere(profile);
     let runs = profile.long_runs.iter();

@@ -1,7 +1,7 @@
 //! A recording as it comes in, on its way to where it is kept: its samples need not all be in
 //! memory.
 
-use super::columns::{Columns, Series};
+use super::columns::{SampleColumns, SampleSeries};
 use super::{ClassSpan, DoubleHour, Interpolation, Recording, Signal, TimeAxis, Warning};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -12,15 +12,15 @@ use utoipa::ToSchema;
 ///
 /// Instants that are not uniform are held in memory; else it takes the same memory however long
 /// the recording is, where there is a scratch.
-pub struct Received {
+pub struct ReceivedRecording {
     /// A name for people.
     pub name: Option<String>,
     /// The instant of the first sample, where the source gave one.
     pub start: Option<jiff::Timestamp>,
     /// The time zone that the source counted in, where it is known: an IANA name or an offset.
     pub zone: Option<String>,
-    /// What it was read from.
-    pub source: Source,
+    /// The format and the options that the recording was read with.
+    pub source: RecordingSource,
     /// When the samples were taken.
     pub time: TimeAxis,
     /// The local hour that came twice, where nothing in the source tells its passes apart.
@@ -29,15 +29,16 @@ pub struct Received {
     /// another was taken there.
     pub own_instants: bool,
     /// The signals in the order of the source.
-    pub signals: Vec<Named>,
+    pub signals: Vec<NamedSignal>,
     /// What reading changed or assumed, e.g. rows that were dropped.
     pub notes: Vec<Warning>,
-    pub(crate) columns: Columns,
+    pub(crate) columns: SampleColumns,
 }
 
 /// What a recording was read from, so that the reading can be repeated.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-pub struct Source {
+#[schema(as = Source)]
+pub struct RecordingSource {
     /// The format, e.g. `wide_csv` or `pi_web_api`; empty for recordings that no reader made.
     pub format: String,
     /// The options that came with it, as they were given.
@@ -46,14 +47,14 @@ pub struct Source {
 
 /// What a signal is called and measured in: all but its samples.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Named {
+pub struct NamedSignal {
     /// The name, unique in its recording.
     pub name: String,
     /// The SI unit of the samples; empty where the source gave no unit.
     pub unit: String,
     /// The unit as the source wrote it; empty where it gave none.
     pub recorded_unit: String,
-    /// How it goes on between samples, where the source or its options said so.
+    /// How the signal goes on between samples, where the source or its options said so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interpolation: Option<Interpolation>,
     /// Samples that are not good, in their order; the others are.
@@ -64,7 +65,7 @@ pub struct Named {
     pub(crate) column: usize,
 }
 
-impl Received {
+impl ReceivedRecording {
     /// Hands over the samples of one of the `signals` in their order, piece by piece.
     ///
     /// # Errors
@@ -101,11 +102,11 @@ impl Received {
     }
 }
 
-impl From<Recording> for Received {
+impl From<Recording> for ReceivedRecording {
     fn from(recording: Recording) -> Self {
         let signals = recording.signals.into_iter().enumerate();
         let (signals, columns) = signals
-            .map(|(column, signal)| (Named::new(&signal, column), signal.values))
+            .map(|(column, signal)| (NamedSignal::new(&signal, column), signal.values))
             .unzip();
         Self {
             name: recording.name,
@@ -117,12 +118,12 @@ impl From<Recording> for Received {
             own_instants: recording.own_instants,
             signals,
             notes: recording.notes,
-            columns: Columns::of(columns),
+            columns: SampleColumns::of(columns),
         }
     }
 }
 
-impl Named {
+impl NamedSignal {
     pub(crate) fn new(signal: &Signal, column: usize) -> Self {
         Self {
             name: signal.name.clone(),

@@ -49,20 +49,23 @@ pub(super) fn is_of_grid(instants: &[f64], sample_time: f64) -> bool {
 /// A signal with a value at each of its instants, as far as it goes on from one sample to
 /// another; what lies before the first sample is missing.
 pub(super) fn filled(
-    (instants, values): (&[f64], &[f64]),
+    instants: &[f64],
+    values: &[f64],
     sample_time: f64,
-    rule: Rule,
+    rule: ResampleRule,
 ) -> Vec<f64> {
     if rule.interpolation == Interpolation::Hold {
         return held(values);
     }
     let pairs = instants.iter().zip(values);
-    let (own, present): (Vec<f64>, Vec<f64>) = pairs.filter(|(_, value)| !value.is_nan()).unzip();
-    if own.is_empty() {
+    let (sampled_at, present): (Vec<f64>, Vec<f64>) =
+        pairs.filter(|(_, value)| !value.is_nan()).unzip();
+    if sampled_at.is_empty() {
         return values.to_vec();
     }
     let on_line = resample(
-        (&own, &present),
+        &sampled_at,
+        &present,
         instants.iter().copied(),
         sample_time,
         rule,
@@ -91,13 +94,13 @@ fn held(values: &[f64]) -> Vec<f64> {
 
 /// How a signal goes on between its samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Rule {
+pub(crate) struct ResampleRule {
     pub(crate) interpolation: Interpolation,
     /// The longest interval that a straight line crosses, in sample times.
     pub(crate) longest_bridge: f64,
 }
 
-impl Rule {
+impl ResampleRule {
     /// For a signal whose own sample time is so many times that of the grid.
     pub(crate) fn scaled(self, times: f64) -> Self {
         Self {
@@ -107,10 +110,10 @@ impl Rule {
     }
 
     /// By what is known of a signal; what is not known is `otherwise`.
-    pub(crate) fn of(known: Option<Interpolation>, otherwise: Interpolation) -> Self {
+    pub(crate) fn of(declared: Option<Interpolation>, otherwise: Interpolation) -> Self {
         Self {
-            interpolation: known.unwrap_or(otherwise),
-            longest_bridge: match known {
+            interpolation: declared.unwrap_or(otherwise),
+            longest_bridge: match declared {
                 Some(_) => f64::INFINITY,
                 None => LONGEST_BRIDGE,
             },
@@ -121,10 +124,11 @@ impl Rule {
 /// The values at the instants `at`, strictly increasing, of a signal that has `values` at
 /// `instants`; missing before the first and, of a straight line, after the last of them.
 pub(crate) fn resample(
-    (instants, values): (&[f64], &[f64]),
+    instants: &[f64],
+    values: &[f64],
     at: impl Iterator<Item = f64>,
     sample_time: f64,
-    rule: Rule,
+    rule: ResampleRule,
 ) -> Vec<f64> {
     let mut right = 0;
     at.map(|time| {
@@ -195,23 +199,20 @@ impl Between<'_> {
         if !is_between || interval > longest + tolerance {
             return f64::NAN;
         }
-        linear(
-            (instants[left], values[left]),
-            (instants[right], values[right]),
-            time,
-        )
+        let ends = [left, right];
+        linear(ends.map(|k| instants[k]), ends.map(|k| values[k]), time)
     }
 }
 
 /// Where the samples of a uniform grid lie among strictly increasing instants.
 #[derive(Clone, Debug)]
-pub(super) struct Grid<'a> {
+pub(super) struct ResampleGrid<'a> {
     instants: &'a [f64],
     sample_time: f64,
     samples: usize,
 }
 
-impl<'a> Grid<'a> {
+impl<'a> ResampleGrid<'a> {
     /// The grid that begins at the first instant and ends at the last or within a sample before.
     ///
     /// # Errors
@@ -243,13 +244,8 @@ impl<'a> Grid<'a> {
     }
 
     /// The values at the grid points of a signal that has `values` at the instants.
-    pub(super) fn resample(&self, values: &[f64], rule: Rule) -> Vec<f64> {
-        resample(
-            (self.instants, values),
-            self.times(),
-            self.sample_time,
-            rule,
-        )
+    pub(super) fn resample(&self, values: &[f64], rule: ResampleRule) -> Vec<f64> {
+        resample(self.instants, values, self.times(), self.sample_time, rule)
     }
 
     fn times(&self) -> impl Iterator<Item = f64> {
@@ -259,13 +255,13 @@ impl<'a> Grid<'a> {
 
     /// Values at the grid points, missing where no sample was taken near: nothing is measured.
     /// Where it is the stamps that jitter and not the samples, samples stand where the grid has them.
-    pub(super) fn measured(&self, values: &[f64], rule: Rule) -> Vec<f64> {
+    pub(super) fn measured(&self, values: &[f64], rule: ResampleRule) -> Vec<f64> {
         let pairs = self.instants.iter().copied().zip(values.iter().copied());
-        let own: Vec<(f64, f64)> = pairs.filter(|(_, value)| !value.is_nan()).collect();
+        let samples: Vec<(f64, f64)> = pairs.filter(|(_, value)| !value.is_nan()).collect();
         let reach = OF_GRID * self.sample_time;
         let nearest = |time: f64| {
-            let after = own.partition_point(|(instant, _)| *instant < time - reach);
-            let near = own[after..].iter();
+            let after = samples.partition_point(|(instant, _)| *instant < time - reach);
+            let near = samples[after..].iter();
             let near = near.take_while(|(instant, _)| *instant <= time + reach);
             let nearest = near.min_by(|a, b| (a.0 - time).abs().total_cmp(&(b.0 - time).abs()));
             nearest.map_or(f64::NAN, |(_, value)| *value)
@@ -307,7 +303,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const LINE: Rule = Rule {
+    const LINE: ResampleRule = ResampleRule {
         interpolation: Interpolation::Linear,
         longest_bridge: LONGEST_BRIDGE,
     };
@@ -315,7 +311,7 @@ mod tests {
     #[test]
     fn a_gap_of_more_than_two_sample_times_stays_empty() {
         let instants = [0.0, 1.0, 2.0, 4.0, 7.0, 8.0];
-        let values = Grid::over(&instants, 1.0)
+        let values = ResampleGrid::over(&instants, 1.0)
             .unwrap()
             .resample(&instants, LINE);
         assert_eq!(values[..5], [0.0, 1.0, 2.0, 3.0, 4.0]);
@@ -333,7 +329,7 @@ mod tests {
         let jitter = |k: usize| 0.05 * ((k * 7 % 11) as f64 / 5.0 - 1.0);
         let grid: Vec<f64> = (0..60).map(|k| k as f64).collect();
         let stamps: Vec<f64> = (0..60).map(|k| k as f64 + jitter(k) - jitter(0)).collect();
-        let placed = Grid::over(&stamps, 1.0).unwrap();
+        let placed = ResampleGrid::over(&stamps, 1.0).unwrap();
         let values = placed.measured(&sine(&grid), LINE);
         assert_eq!(values[..], sine(&grid)[..values.len()]);
         let values = placed.measured(&sine(&stamps), LINE);
@@ -348,7 +344,7 @@ mod tests {
 
     #[test]
     fn a_missing_sample_is_not_bridged() {
-        let grid = Grid::over(&[0.0, 0.9, 2.1, 3.0], 1.0).unwrap();
+        let grid = ResampleGrid::over(&[0.0, 0.9, 2.1, 3.0], 1.0).unwrap();
         let values = grid.resample(&[0.0, f64::NAN, 2.0, 3.0], LINE);
         assert_eq!((values[0], values[3]), (0.0, 3.0));
         assert!(values[1].is_nan() && values[2].is_nan());
@@ -356,10 +352,10 @@ mod tests {
 
     #[test]
     fn a_held_signal_keeps_its_steps_whatever_is_missing_or_jitters() {
-        let rule = Rule::of(Some(Interpolation::Hold), Interpolation::Linear);
+        let rule = ResampleRule::of(Some(Interpolation::Hold), Interpolation::Linear);
         // Samples at 0, 1, 2, 5 and 6 s, some a little early or late; the step is at 2 s.
         let instants = [0.0, 1.01, 1.98, 5.02, 6.0];
-        let values = Grid::over(&instants, 1.0)
+        let values = ResampleGrid::over(&instants, 1.0)
             .unwrap()
             .resample(&[0.0, 0.0, 7.0, 7.0, 3.0], rule);
         assert_eq!(values, [0.0, 0.0, 7.0, 7.0, 7.0, 7.0, 3.0]);
@@ -367,9 +363,9 @@ mod tests {
 
     #[test]
     fn a_line_that_is_said_to_be_one_crosses_any_gap() {
-        let declared = Rule::of(Some(Interpolation::Linear), Interpolation::Hold);
+        let declared = ResampleRule::of(Some(Interpolation::Linear), Interpolation::Hold);
         let instants = [0.0, 1.0, 2.0, 3.0, 7.0];
-        let values = Grid::over(&instants, 1.0)
+        let values = ResampleGrid::over(&instants, 1.0)
             .unwrap()
             .resample(&instants, declared);
         assert_eq!(values, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
@@ -377,7 +373,7 @@ mod tests {
 
     #[test]
     fn a_grid_of_hardly_any_samples_is_refused_before_it_is_made() {
-        let grid = Grid::over(&[0.0, 1e-9, 2e-9, 1e9], 1e-9);
+        let grid = ResampleGrid::over(&[0.0, 1e-9, 2e-9, 1e9], 1e-9);
         assert!(matches!(
             grid,
             Err(ExperimentError::TooSparse { samples: 4, .. })
@@ -394,7 +390,7 @@ mod tests {
                 instants.push(instants[instants.len() - 1] + interval);
             }
             let line: Vec<f64> = instants.iter().map(|t| slope * t).collect();
-            let grid = Grid::over(&instants, 1.0).unwrap();
+            let grid = ResampleGrid::over(&instants, 1.0).unwrap();
             let values = grid.resample(&line, LINE);
             prop_assert_eq!(values.len(), grid.samples());
             let last = instants[instants.len() - 1];

@@ -4,7 +4,8 @@
 //! a sample about which nothing is said changes nothing.
 
 use super::{
-    Class, ClassSpan, Interpolation, Named, Recording, Signal, Source, TimeAxis, nanoseconds,
+    Class, ClassSpan, Interpolation, NamedSignal, Recording, RecordingSource, Signal, TimeAxis,
+    nanoseconds,
 };
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -26,7 +27,7 @@ pub struct RowSignal {
     /// The unit as it first came; empty where the source gave none.
     #[schema(example = "mm")]
     pub recorded_unit: String,
-    /// How it goes on between samples; `null` where nothing said so.
+    /// How the signal goes on between samples; `null` where nothing said so.
     pub interpolation: Option<Interpolation>,
 }
 
@@ -68,26 +69,42 @@ impl std::ops::AddAssign for Merged {
 }
 
 impl RowColumn {
-    fn push(&mut self, (value, class): (f64, Class)) {
-        self.values.push(value);
-        self.classes.push(class);
+    fn push(&mut self, sample: RowSample) {
+        self.values.push(sample.value);
+        self.classes.push(sample.class);
     }
 
-    fn sample(&self, row: usize) -> (f64, Class) {
-        (self.values[row], self.classes[row])
+    pub(super) fn sample(&self, row: usize) -> RowSample {
+        RowSample {
+            value: self.values[row],
+            class: self.classes[row],
+        }
     }
 }
 
-/// A sample that nothing is known of.
-const UNSAID: (f64, Class) = (f64::NAN, Class::Good);
-
-/// Whether a sample says nothing: it is missing, and its source did not call it bad.
-pub(super) fn is_unsaid((value, class): (f64, Class)) -> bool {
-    value.is_nan() && class == Class::Good
+/// The sample of one signal in one row.
+#[derive(Clone, Copy)]
+pub(super) struct RowSample {
+    pub(super) value: f64,
+    pub(super) class: Class,
 }
 
-fn is_same(one: (f64, Class), other: (f64, Class)) -> bool {
-    one.1 == other.1 && (one.0 == other.0 || (one.0.is_nan() && other.0.is_nan()))
+impl RowSample {
+    /// A sample about which the source says nothing.
+    const UNSAID: Self = Self {
+        value: f64::NAN,
+        class: Class::Good,
+    };
+
+    /// Whether the sample says nothing: the value is missing, and the source did not call it bad.
+    pub(super) fn is_unsaid(self) -> bool {
+        self.value.is_nan() && self.class == Class::Good
+    }
+
+    fn is_same(self, other: Self) -> bool {
+        let both_missing = self.value.is_nan() && other.value.is_nan();
+        self.class == other.class && (self.value == other.value || both_missing)
+    }
 }
 
 impl Rows {
@@ -189,7 +206,7 @@ impl Rows {
     /// The places of the signals of which some row says something.
     #[must_use]
     pub fn signals_said(&self) -> Vec<usize> {
-        let speaks = |column: &RowColumn| (0..self.rows()).any(|k| !is_unsaid(column.sample(k)));
+        let speaks = |column: &RowColumn| (0..self.rows()).any(|k| !column.sample(k).is_unsaid());
         let columns = self.columns.iter().enumerate();
         columns
             .filter(|(_, column)| speaks(column))
@@ -201,7 +218,7 @@ impl Rows {
     pub fn says_of(&self, signals: &[usize]) -> impl DoubleEndedIterator<Item = i64> {
         let says = |row: &usize| {
             let mut columns = signals.iter().map(|place| &self.columns[*place]);
-            columns.any(|column| !is_unsaid(column.sample(*row)))
+            columns.any(|column| !column.sample(*row).is_unsaid())
         };
         let rows = (0..self.rows()).filter(says);
         rows.map(|row| self.instants[row])
@@ -209,18 +226,18 @@ impl Rows {
 
     /// How many of `others`, rows of the same signals, say nothing that these rows do not say.
     #[must_use]
-    pub fn repeated(&self, others: &Self) -> usize {
+    pub fn repeated(&self, later: &Self) -> usize {
         let is_repeated = |row: &usize| {
-            let Ok(place) = self.instants.binary_search(&others.instants[*row]) else {
+            let Ok(place) = self.instants.binary_search(&later.instants[*row]) else {
                 return false;
             };
-            let mut pairs = self.columns.iter().zip(&others.columns);
-            pairs.all(|(column, other)| {
-                let sample = other.sample(*row);
-                is_unsaid(sample) || is_same(sample, column.sample(place))
+            let mut pairs = self.columns.iter().zip(&later.columns);
+            pairs.all(|(column, later_column)| {
+                let sample = later_column.sample(*row);
+                sample.is_unsaid() || sample.is_same(column.sample(place))
             })
         };
-        (0..others.rows()).filter(is_repeated).count()
+        (0..later.rows()).filter(is_repeated).count()
     }
 
     /// The rows with `columns` signals: column `k` becomes column `places[k]`.
@@ -232,8 +249,8 @@ impl Rows {
             all[*place] = Some(column);
         }
         let unsaid = || RowColumn {
-            values: vec![UNSAID.0; rows],
-            classes: vec![UNSAID.1; rows],
+            values: vec![RowSample::UNSAID.value; rows],
+            classes: vec![RowSample::UNSAID.class; rows],
         };
         Self {
             instants: self.instants,
@@ -253,17 +270,19 @@ impl Rows {
         let mut told = Merged::default();
         let (mut mine, mut theirs) = (0, 0);
         while mine < self.rows() || theirs < later.rows() {
-            let own = self.instants.get(mine).copied();
-            let other = later.instants.get(theirs).copied();
-            match (own, other) {
-                (Some(own), Some(other)) if own == other => {
+            let instant = self.instants.get(mine).copied();
+            let later_instant = later.instants.get(theirs).copied();
+            match (instant, later_instant) {
+                (Some(instant), Some(later_instant)) if instant == later_instant => {
                     merged.push(&self, mine);
                     let is_changed = u64::from(merged.say_last(later, theirs));
                     told.changed += is_changed;
                     told.repeated += 1 - is_changed;
                     (mine, theirs) = (mine + 1, theirs + 1);
                 }
-                (Some(own), other) if other.is_none_or(|other| own < other) => {
+                (Some(instant), later_instant)
+                    if later_instant.is_none_or(|later_instant| instant < later_instant) =>
+                {
                     merged.push(&self, mine);
                     mine += 1;
                 }
@@ -299,9 +318,10 @@ impl Rows {
         let last = self.rows() - 1;
         let mut changes = false;
         for (column, source) in self.columns.iter_mut().zip(&from.columns) {
-            let said = source.sample(row);
-            if !is_unsaid(said) && !is_same(said, column.sample(last)) {
-                (column.values[last], column.classes[last]) = said;
+            let statement = source.sample(row);
+            if !statement.is_unsaid() && !statement.is_same(column.sample(last)) {
+                column.values[last] = statement.value;
+                column.classes[last] = statement.class;
                 changes = true;
             }
         }
@@ -328,19 +348,23 @@ impl Rows {
 
     /// The recording of these rows; nothing where there are fewer than two.
     #[must_use]
-    pub fn into_recording(self, signals: &[RowSignal], source: Source) -> Option<Recording> {
+    pub fn into_recording(
+        self,
+        signals: &[RowSignal],
+        source: RecordingSource,
+    ) -> Option<Recording> {
         let (first, last) = match self.instants[..] {
             [first, .., last] => (first, last),
             _ => return None,
         };
-        let says_all = |column: &RowColumn| (0..self.rows()).all(|k| !is_unsaid(column.sample(k)));
+        let says_all = |column: &RowColumn| (0..self.rows()).all(|k| !column.sample(k).is_unsaid());
         let own_instants = !self.columns.iter().all(says_all);
         let instants = self.instants.iter();
         let instants: Vec<f64> = instants.map(|ns| (ns - first) as f64 * 1e-9).collect();
         let scale = ROUNDED_AS.max((last - first) as f64 * 1e-9);
         let named = signals.iter().zip(self.columns);
         let signals = named.map(|(signal, column)| {
-            let named = Named {
+            let named = NamedSignal {
                 name: signal.name.clone(),
                 unit: signal.unit.clone(),
                 recorded_unit: signal.recorded_unit.clone(),
@@ -369,7 +393,10 @@ mod tests {
         let mut rows = Rows::of_columns(1);
         for (instant, value) in samples {
             rows.instants.push(*instant);
-            rows.columns[0].push((*value, Class::Good));
+            rows.columns[0].push(RowSample {
+                value: *value,
+                class: Class::Good,
+            });
         }
         rows
     }
@@ -410,7 +437,7 @@ mod tests {
         let start = recording.start;
         let (signals, rows) = Rows::of(recording).expect("it has a start");
         let back = rows
-            .into_recording(&signals, Source::default())
+            .into_recording(&signals, RecordingSource::default())
             .expect("samples");
         assert_eq!(back.start, start);
         assert!(back.time.is_uniform(), "{:?}", back.time);

@@ -13,7 +13,7 @@ pub struct Signal {
     pub unit: String,
     /// The unit as the source wrote it; empty where it gave none.
     pub recorded_unit: String,
-    /// How it goes on between samples, where the source or its options said so.
+    /// How the signal goes on between samples, where the source or its options said so.
     pub interpolation: Option<Interpolation>,
     /// Samples that are not good, in their order; the others are.
     pub classes: Vec<ClassSpan>,
@@ -48,11 +48,11 @@ pub enum Class {
 /// Samples in a row that are of one class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClassSpan {
-    /// What they are.
+    /// The class of all samples of the span.
     pub class: Class,
-    /// The index of the first.
+    /// The index of the first sample.
     pub first: usize,
-    /// How many they are.
+    /// How many samples the span has.
     pub samples: usize,
 }
 
@@ -74,8 +74,8 @@ impl ClassCounts {
     #[must_use]
     pub fn of(samples: usize, spans: &[ClassSpan]) -> Self {
         let count = |class| {
-            let those = spans.iter().filter(|span| span.class == class);
-            those.map(|span| span.samples).sum::<usize>()
+            let of_class = spans.iter().filter(|span| span.class == class);
+            of_class.map(|span| span.samples).sum::<usize>()
         };
         let (uncertain, substituted) = (count(Class::Uncertain), count(Class::Substituted));
         let bad = count(Class::Bad);

@@ -8,16 +8,16 @@ use utoipa::ToSchema;
 /// A part of a recording, in seconds from its first sample: `from_s <= t <= to_s`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Window {
-    /// Where it begins `[s]`; the first sample when absent.
+pub struct TimeWindow {
+    /// The beginning of the part `[s]`; the first sample when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from_s: Option<f64>,
-    /// Where it ends `[s]`, itself included; the last sample when absent.
+    /// The end of the part `[s]`, included; the last sample when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_s: Option<f64>,
 }
 
-impl Window {
+impl TimeWindow {
     /// The samples in the window, at least two.
     ///
     /// # Errors
@@ -95,8 +95,8 @@ mod tests {
         samples: 12_000,
     };
 
-    fn window(from_s: f64, to_s: f64) -> Window {
-        Window {
+    fn window(from_s: f64, to_s: f64) -> TimeWindow {
+        TimeWindow {
             from_s: Some(from_s),
             to_s: Some(to_s),
         }
@@ -108,7 +108,7 @@ mod tests {
         assert_eq!(window(60.0, 200.0).samples(&AXIS), Ok(6000..12_000));
         assert_eq!(window(0.005, 0.025).samples(&AXIS), Ok(1..3));
         assert_eq!(window(-1.0, AXIS.duration()).samples(&AXIS), Ok(0..12_000));
-        assert_eq!(Window::default().samples(&AXIS), Ok(0..12_000));
+        assert_eq!(TimeWindow::default().samples(&AXIS), Ok(0..12_000));
     }
 
     #[test]
@@ -117,7 +117,7 @@ mod tests {
             window(120.0, 130.0).samples(&AXIS),
             Err(ExperimentError::EmptyWindow { samples: 0, .. })
         ));
-        let late = Window {
+        let late = TimeWindow {
             from_s: Some(130.0),
             to_s: None,
         };

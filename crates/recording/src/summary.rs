@@ -1,11 +1,12 @@
 //! What a recording holds, in a few numbers.
 
-use super::profile::Profile;
+use super::profile::SignalProfile;
 use super::quality::{self, QualityReport};
-use super::received::{Named, Received};
-use super::rows::is_unsaid;
+use super::received::{NamedSignal, ReceivedRecording};
+use super::rows::RowSample;
 use super::{
-    Class, ClassCounts, ClassSpan, Interpolation, Recording, Signal, Source, TimeAxis, Warning,
+    Class, ClassCounts, ClassSpan, Interpolation, Recording, RecordingSource, Signal, TimeAxis,
+    Warning,
 };
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -24,10 +25,10 @@ pub struct Summary {
     #[serde(default)]
     #[schema(required = false)]
     pub zone: Option<String>,
-    /// What it was read from, with the options that came with it.
+    /// The format and the options that the recording was read with.
     #[serde(default)]
     #[schema(required = false)]
-    pub source: Source,
+    pub source: RecordingSource,
     /// The number of samples of every signal.
     pub samples: usize,
     /// The time from the first to the last sample `[s]`.
@@ -52,7 +53,7 @@ pub struct SignalSummary {
     pub unit: String,
     /// The unit as it was recorded.
     pub recorded_unit: String,
-    /// How it goes on between samples; `null` where nothing said so.
+    /// How the signal goes on between samples; `null` where nothing said so.
     #[serde(default)]
     #[schema(required = false)]
     pub interpolation: Option<Interpolation>,
@@ -76,11 +77,11 @@ impl Recording {
     #[must_use]
     pub fn summary(&self) -> Summary {
         let signals = self.signals.iter().enumerate();
-        let signals: Vec<Named> = signals
-            .map(|(column, signal)| Named::new(signal, column))
+        let signals: Vec<NamedSignal> = signals
+            .map(|(column, signal)| NamedSignal::new(signal, column))
             .collect();
         let profile = |signal: &Signal| {
-            Profile::of(&mut signal.values.as_slice()).expect("memory can be read")
+            SignalProfile::of(&mut signal.values.as_slice()).expect("memory can be read")
         };
         let profiles = self.signals.iter().map(profile);
         let profiled: Vec<_> = signals.iter().zip(profiles).collect();
@@ -126,14 +127,20 @@ fn alone(signal: &Signal, time: &TimeAxis) -> (f64, Recording) {
     for span in &signal.classes {
         classes[span.first..span.first + span.samples].fill(span.class);
     }
-    let says = |k: &usize| !is_unsaid((signal.values[*k], classes[*k]));
+    let says = |k: &usize| {
+        let sample = RowSample {
+            value: signal.values[*k],
+            class: classes[*k],
+        };
+        !sample.is_unsaid()
+    };
     let kept: Vec<usize> = (0..signal.values.len()).filter(says).collect();
     let from = kept.first().map_or(0.0, |k| time.instant(*k));
     let instants = kept.iter().map(|k| time.instant(*k) - from).collect();
     let values = kept.iter().map(|k| signal.values[*k]).collect();
     let samples = Signal {
         classes: ClassSpan::of(kept.iter().map(|k| classes[*k])),
-        ..Named::new(signal, 0).with_values(values)
+        ..NamedSignal::new(signal, 0).with_values(values)
     };
     (
         from,
@@ -141,7 +148,7 @@ fn alone(signal: &Signal, time: &TimeAxis) -> (f64, Recording) {
     )
 }
 
-impl Received {
+impl ReceivedRecording {
     /// The recording in a few numbers, with its quality report.
     ///
     /// # Errors
@@ -149,7 +156,7 @@ impl Received {
     pub fn summary(&mut self) -> io::Result<Summary> {
         let columns = &mut self.columns;
         let profiled = self.signals.iter().map(|signal| {
-            let profile = Profile::of(&mut columns.column(signal.column))?;
+            let profile = SignalProfile::of(&mut columns.column(signal.column))?;
             Ok((signal, profile))
         });
         let profiled: Vec<_> = profiled.collect::<io::Result<_>>()?;
@@ -168,14 +175,14 @@ impl Received {
 struct About<'a> {
     start: Option<Timestamp>,
     zone: &'a Option<String>,
-    source: &'a Source,
+    source: &'a RecordingSource,
     time: &'a TimeAxis,
     notes: &'a [Warning],
 }
 
 impl About<'_> {
     /// The summary of signals that have been gone through.
-    fn summary(&self, profiled: &[(&Named, Profile)]) -> Summary {
+    fn summary(&self, profiled: &[(&NamedSignal, SignalProfile)]) -> Summary {
         let time = self.time;
         Summary {
             start: self.start,
@@ -187,14 +194,14 @@ impl About<'_> {
             uniform: time.is_uniform(),
             signals: profiled
                 .iter()
-                .map(|profiled| of_signal(profiled, time.samples()))
+                .map(|(signal, profile)| of_signal(signal, profile, time.samples()))
                 .collect(),
             report: quality::report(time, self.notes, profiled),
         }
     }
 }
 
-fn of_signal((signal, profile): &(&Named, Profile), samples: usize) -> SignalSummary {
+fn of_signal(signal: &NamedSignal, profile: &SignalProfile, samples: usize) -> SignalSummary {
     let values = profile.values.as_ref();
     let counts = ClassCounts::of(samples, &signal.classes);
     SignalSummary {

@@ -16,7 +16,7 @@ pub struct Warning {
     pub signal: Option<String>,
     /// A sentence with the numbers.
     pub detail: String,
-    /// Where it is, as far as it is somewhere: the first hundred spans.
+    /// Where the oddity is, where it has a place: the first hundred spans.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schema(required = false)]
     pub spans: Vec<TimeSpan>,
@@ -25,9 +25,9 @@ pub struct Warning {
 /// A span of time, from its first to its last sample.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct TimeSpan {
-    /// Where it begins `[s]`, from the first sample of the recording.
+    /// The beginning of the span `[s]`, from the first sample of the recording.
     pub from_s: f64,
-    /// Where it ends `[s]`.
+    /// The end of the span `[s]`, from the first sample of the recording.
     pub to_s: f64,
 }
 

@@ -5,7 +5,7 @@
 #![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
 
 use greybox_recording::intake::{self, csv};
-use greybox_recording::{Mapped, Recording, Selection, Signal};
+use greybox_recording::{Mapped, Recording, RecordingSelection, Signal};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::fs::File;
@@ -50,7 +50,7 @@ fn the_jittered_recording_is_resampled_to_its_nominal_rate() {
     assert!(!recording.time.is_uniform());
     let signals = [Mapped::on_line("angle", "angle")];
     let experiment = recording
-        .experiment(&signals, Selection::default())
+        .experiment(&signals, RecordingSelection::default())
         .unwrap();
     assert_eq!(experiment.sample_time, 0.01);
     assert_eq!(experiment.notes[0].code, "resampled");
@@ -164,7 +164,7 @@ fn a_recording_is_the_same_in_four_formats() {
         ] {
             let mut options = intake::Options::default();
             options.set("format", format).unwrap();
-            let other = intake::read(&bytes[..], intake::Kind::Text, &options).unwrap();
+            let other = intake::read(&bytes[..], intake::MediaKind::Text, &options).unwrap();
             assert_eq!(other.source.format, format);
             assert_eq!(other.time, recording.time, "{file} as {format}");
             for signal in &recording.signals {

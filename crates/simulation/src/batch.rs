@@ -4,7 +4,9 @@
 //! is one piece of work for the thread pool. What comes out says which candidates it
 //! belongs to and stands in a fixed order, so that nothing depends on the number of threads.
 
-use super::{BlockSimulator, Candidate, Candidates, Excitation, Failure, Plant};
+use super::{
+    BlockSimulator, CandidateBlock, DrivingInputs, Plant, SimulatedCandidate, SimulationFailure,
+};
 use greybox_numerics::lanes::{LANES, Lanes};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -23,11 +25,11 @@ pub trait Sink: Send {
 
 /// One recording, and the candidates that go through it.
 #[derive(Clone, Debug)]
-pub struct Run<'a> {
+pub struct BatchRun<'a> {
     /// What drives the simulation.
-    pub excitation: Excitation<'a>,
+    pub excitation: DrivingInputs<'a>,
     /// The candidates; the same number for every recording of a batch.
-    pub candidates: Vec<Candidate<'a>>,
+    pub candidates: Vec<SimulatedCandidate<'a>>,
     /// How many of them, from the first on, take the steps that the first needs, so that they can
     /// be compared to the last digits; 0: each takes its own.
     pub in_step: usize,
@@ -44,7 +46,7 @@ pub struct Piece<S> {
     /// What became of the outputs.
     pub sink: S,
     /// How each lane has failed, if it has.
-    pub failures: [Option<Failure>; LANES],
+    pub failures: [Option<SimulationFailure>; LANES],
     /// Derivatives evaluated, one lane each; the first piece of a block has them all.
     pub derivative_evaluations: u64,
 }
@@ -52,7 +54,7 @@ pub struct Piece<S> {
 /// Simulates every candidate over every recording. Answers nothing when `stop` was raised.
 pub fn simulate<S: Sink>(
     plant: &dyn Plant,
-    runs: &[Run<'_>],
+    runs: &[BatchRun<'_>],
     stop: &AtomicBool,
     new_sink: impl Fn(usize) -> S + Sync,
 ) -> Option<Vec<Piece<S>>> {
@@ -60,15 +62,15 @@ pub fn simulate<S: Sink>(
         return Some(Vec::new());
     };
     let at_work = AtWork::begin();
-    let order = Order::of(plant, first);
-    let blocks: Vec<Block<'_>> = runs
+    let order = BlockLayout::of(plant, first);
+    let blocks: Vec<BlockTask<'_>> = runs
         .iter()
         .enumerate()
-        .flat_map(|(run, Run { excitation, .. })| {
+        .flat_map(|(run, BatchRun { excitation, .. })| {
             let sizes = plant.block_sizes(excitation.accuracy);
             let size = at_work.block_size(sizes, first.candidates.len(), runs.len());
             let excitation = *excitation;
-            order.blocks(size).map(move |(members, in_step)| Block {
+            order.blocks(size).map(move |(members, in_step)| BlockTask {
                 plant,
                 run,
                 excitation,
@@ -85,22 +87,22 @@ pub fn simulate<S: Sink>(
 }
 
 /// In which order candidates are put into blocks.
-struct Order {
-    /// How many, from the first on, take the steps of the first.
+struct BlockLayout {
+    /// How many candidates, from the first on, take the steps of the first.
     in_step: usize,
-    /// The others, those of like work side by side.
-    others: Vec<usize>,
+    /// Candidates that choose their own steps; candidates of like work stand side by side.
+    by_work: Vec<usize>,
 }
 
-impl Order {
-    fn of(plant: &dyn Plant, run: &Run<'_>) -> Order {
+impl BlockLayout {
+    fn of(plant: &dyn Plant, run: &BatchRun<'_>) -> BlockLayout {
         let rate = |index: usize| plant.work_rate(run.candidates[index].parameters);
-        let others = run.in_step..run.candidates.len();
-        let mut rated: Vec<(f64, usize)> = others.map(|index| (rate(index), index)).collect();
+        let free = run.in_step..run.candidates.len();
+        let mut rated: Vec<(f64, usize)> = free.map(|index| (rate(index), index)).collect();
         rated.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        Order {
+        BlockLayout {
             in_step: run.in_step,
-            others: rated.into_iter().map(|(_, index)| index).collect(),
+            by_work: rated.into_iter().map(|(_, index)| index).collect(),
         }
     }
 
@@ -114,9 +116,9 @@ impl Order {
         });
         let alone = (self.in_step == 1).then(|| (vec![0], true));
         let led_blocks: Vec<(Vec<usize>, bool)> = led_blocks.chain(alone).collect();
-        let others = self.others.chunks(size);
-        let others = others.map(|chunk| (chunk.to_vec(), false));
-        led_blocks.into_iter().chain(others)
+        let by_work = self.by_work.chunks(size);
+        let by_work = by_work.map(|chunk| (chunk.to_vec(), false));
+        led_blocks.into_iter().chain(by_work)
     }
 }
 
@@ -153,31 +155,31 @@ impl Drop for AtWork {
 }
 
 /// Candidates that go through a recording side by side.
-struct Block<'a> {
+struct BlockTask<'a> {
     plant: &'a dyn Plant,
     /// The recording, as an index.
     run: usize,
-    excitation: Excitation<'a>,
+    excitation: DrivingInputs<'a>,
     /// The candidates, as indices.
     members: Vec<usize>,
     /// Whether all take the steps of the first.
     in_step: bool,
 }
 
-impl Block<'_> {
+impl BlockTask<'_> {
     /// A piece for each group of lanes.
     fn simulate<S: Sink>(
         &self,
-        candidates: &[Candidate<'_>],
+        candidates: &[SimulatedCandidate<'_>],
         stop: &AtomicBool,
         new_sink: impl Fn(usize) -> S,
     ) -> Option<Vec<Piece<S>>> {
-        let members: Vec<Candidate<'_>> = self
+        let members: Vec<SimulatedCandidate<'_>> = self
             .members
             .iter()
             .map(|&index| candidates[index])
             .collect();
-        let block = Candidates {
+        let block = CandidateBlock {
             members: &members,
             in_step: self.in_step,
         };
@@ -191,7 +193,8 @@ impl Block<'_> {
             sink.finish(states);
         }
         let failures = simulator.failures().chunks(LANES);
-        let failure = |failures: &[Option<Failure>], lane| failures.get(lane).copied().flatten();
+        let failure =
+            |failures: &[Option<SimulationFailure>], lane| failures.get(lane).copied().flatten();
         let mut derivative_evaluations = simulator.derivative_evaluations();
         let pieces = groups.zip(sinks).zip(failures);
         let pieces = pieces.map(|((members, sink), failures)| Piece {

@@ -8,10 +8,10 @@
 //! Candidates that are only ranked go through it in single precision where their plant offers it,
 //! twice as many side by side.
 
-use super::equations::{Equations, Held, Sample, System};
-use super::input_delay::{InputDelay, Stretch};
-use super::steps::{Integrator, LARGEST_NUMBER, Source};
-use super::{Accuracy, BlockSimulator, Candidates, Excitation, Failure};
+use super::equations::{Equations, HeldQuantities, Sample, System};
+use super::input_delay::{HeldStretch, InputDelay};
+use super::steps::{Integrator, LARGEST_NUMBER, RowCandidates};
+use super::{Accuracy, BlockSimulator, CandidateBlock, DrivingInputs, SimulationFailure};
 use greybox_numerics::lanes::{LANES, Lanes, Real, SINGLE_LANES, Scalar};
 use greybox_numerics::width::{Wide, Width};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -38,51 +38,51 @@ const SINGLE_HALF: usize = SINGLE_LANES / 2;
 /// Starts the simulation of candidates in the smallest block that holds them.
 pub fn simulator<'a, P: System>(
     system: &'a P,
-    excitation: Excitation<'a>,
-    candidates: Candidates<'_>,
+    excitation: DrivingInputs<'a>,
+    candidates: CandidateBlock<'_>,
 ) -> Box<dyn BlockSimulator + 'a> {
     let width = Width::widest();
     let is_small = candidates.members.len() <= sizes(excitation.accuracy)[0];
     match (excitation.accuracy, is_small) {
-        (Accuracy::Ranking, false) => Box::new(Block::<_, f32, SINGLE_LANES>::new(
+        (Accuracy::Ranking, false) => Box::new(SimulationBlock::<_, f32, SINGLE_LANES>::new(
             system, excitation, candidates, width,
         )),
-        (Accuracy::Ranking, true) => Box::new(Block::<_, f32, SINGLE_HALF>::new(
+        (Accuracy::Ranking, true) => Box::new(SimulationBlock::<_, f32, SINGLE_HALF>::new(
             system, excitation, candidates, width,
         )),
-        (_, false) => Box::new(Block::<_, f64, LANES>::new(
+        (_, false) => Box::new(SimulationBlock::<_, f64, LANES>::new(
             system, excitation, candidates, width,
         )),
-        (_, true) => Box::new(Block::<_, f64, HALF>::new(
+        (_, true) => Box::new(SimulationBlock::<_, f64, HALF>::new(
             system, excitation, candidates, width,
         )),
     }
 }
 
 /// A block that is simulated with rows of this kind of number.
-pub struct Block<'a, P: System + 'a, T: Scalar, const N: usize> {
+pub struct SimulationBlock<'a, P: System + 'a, T: Scalar, const N: usize> {
     equations: P::Row<'a, Lanes<T, N>>,
     integrator: Integrator<'a, P, Lanes<T, N>>,
-    excitation: Excitation<'a>,
+    excitation: DrivingInputs<'a>,
     width: Width,
     follow: bool,
     delay: Option<InputDelay<Lanes<T, N>>>,
     /// What acts on the plant where nothing is delayed, as the sample begins.
-    held: Held<Lanes<T, N>>,
+    held: HeldQuantities<Lanes<T, N>>,
     sample: usize,
     /// Lanes that hold a candidate of their own; those left over repeat the first.
     in_use: usize,
 }
 
-impl<'a, P: System, T: Scalar, const N: usize> Block<'a, P, T, N> {
+impl<'a, P: System, T: Scalar, const N: usize> SimulationBlock<'a, P, T, N> {
     /// A block of 1 to N candidates; lanes left over repeat the first.
     pub fn new(
         plant: &'a P,
-        excitation: Excitation<'a>,
-        candidates: Candidates<'_>,
+        excitation: DrivingInputs<'a>,
+        candidates: CandidateBlock<'_>,
         width: Width,
     ) -> Self {
-        let Candidates { members, in_step } = candidates;
+        let CandidateBlock { members, in_step } = candidates;
         assert!(
             !members.is_empty() && members.len() <= N,
             "a block holds 1 to {N} candidates"
@@ -98,11 +98,11 @@ impl<'a, P: System, T: Scalar, const N: usize> Block<'a, P, T, N> {
         let equations = plant.row(&parameters, excitation.sample_time);
         let mut states = equations.initial_states();
         for (index, value) in states.as_mut().iter_mut().enumerate() {
-            let own = *value;
-            let given = |lane| of_lane(lane).initial_state[index].unwrap_or(own.lane(lane));
+            let model_value = *value;
+            let given = |lane| of_lane(lane).initial_state[index].unwrap_or(model_value.lane(lane));
             *value = Lanes(std::array::from_fn(|lane| T::splat(given(lane))));
         }
-        let source = Source {
+        let source = RowCandidates {
             plant,
             parameters,
             sample_time: excitation.sample_time,
@@ -113,9 +113,9 @@ impl<'a, P: System, T: Scalar, const N: usize> Block<'a, P, T, N> {
         let delay = equations.input_delay();
         let delay = delay.filter(|delay| delay.any(|seconds| seconds > 0.0));
         let zero = Lanes::splat(0.0);
-        Block {
+        SimulationBlock {
             integrator: Integrator::new(source, &equations, states, excitation.samples),
-            held: Held {
+            held: HeldQuantities {
                 values: vec![zero; equations.n_held()],
                 slopes: Vec::new(),
             },
@@ -171,7 +171,7 @@ impl<'a, P: System, T: Scalar, const N: usize> Block<'a, P, T, N> {
     #[inline(always)]
     fn go_on(
         &mut self,
-        stretches: Option<&[Stretch<Lanes<T, N>>]>,
+        stretches: Option<&[HeldStretch<Lanes<T, N>>]>,
         interval: f64,
         stop: &AtomicBool,
     ) -> Option<()> {
@@ -186,7 +186,7 @@ impl<'a, P: System, T: Scalar, const N: usize> Block<'a, P, T, N> {
                 self.equations.act(held);
             }
             self.integrator
-                .integrate(&mut self.equations, (held, duration), stop)?;
+                .integrate(&mut self.equations, held, duration, stop)?;
         }
         Some(())
     }
@@ -195,7 +195,7 @@ impl<'a, P: System, T: Scalar, const N: usize> Block<'a, P, T, N> {
     #[inline(always)]
     fn write_outputs(
         &mut self,
-        stretches: Option<&[Stretch<Lanes<T, N>>]>,
+        stretches: Option<&[HeldStretch<Lanes<T, N>>]>,
         row: &mut [Lanes<T, N>],
     ) {
         let acting = match stretches {
@@ -226,15 +226,15 @@ impl<'a, P: System, T: Scalar, const N: usize> Block<'a, P, T, N> {
     fn fail_impossible(&mut self, largest: &Lanes<T, N>, validity: &Lanes<T, N>) {
         for lane in 0..N {
             if largest.lane(lane).is_nan() || largest.lane(lane) > LARGEST_NUMBER {
-                self.fail(lane, Failure::Diverged);
+                self.fail(lane, SimulationFailure::Diverged);
             } else if validity.lane(lane) < 0.0 {
-                self.fail(lane, Failure::OutOfRange);
+                self.fail(lane, SimulationFailure::OutOfRange);
             }
         }
     }
 
     /// Marks a candidate, and with it those that take its steps.
-    fn fail(&mut self, lane: usize, failure: Failure) {
+    fn fail(&mut self, lane: usize, failure: SimulationFailure) {
         self.integrator.fail(lane, failure);
         if self.follow && lane == 0 {
             (1..N).for_each(|lane| self.integrator.fail(lane, failure));
@@ -270,14 +270,14 @@ fn write_group<T: Scalar, const N: usize>(
 }
 
 /// The next samples of a block.
-struct Advance<'b, 'a, P: System, T: Scalar, const N: usize> {
-    block: &'b mut Block<'a, P, T, N>,
+struct NextSamples<'b, 'a, P: System, T: Scalar, const N: usize> {
+    block: &'b mut SimulationBlock<'a, P, T, N>,
     samples: usize,
     outputs: &'b mut [Lanes],
     stop: &'b AtomicBool,
 }
 
-impl<P: System, T: Scalar, const N: usize> Wide for Advance<'_, '_, P, T, N> {
+impl<P: System, T: Scalar, const N: usize> Wide for NextSamples<'_, '_, P, T, N> {
     type Output = Option<()>;
     const FILLS_64_BYTES: bool = T::IS_SINGLE && N == SINGLE_LANES;
     const ON_BASELINE: bool =
@@ -290,12 +290,12 @@ impl<P: System, T: Scalar, const N: usize> Wide for Advance<'_, '_, P, T, N> {
     }
 }
 
-impl<P: System, T: Scalar, const N: usize> BlockSimulator for Block<'_, P, T, N> {
+impl<P: System, T: Scalar, const N: usize> BlockSimulator for SimulationBlock<'_, P, T, N> {
     fn advance(&mut self, samples: usize, outputs: &mut [Lanes], stop: &AtomicBool) -> Option<()> {
         if samples == 0 {
             return Some(());
         }
-        self.width.does(Advance {
+        self.width.does(NextSamples {
             block: self,
             samples,
             outputs,
@@ -303,7 +303,7 @@ impl<P: System, T: Scalar, const N: usize> BlockSimulator for Block<'_, P, T, N>
         })
     }
 
-    fn failures(&self) -> &[Option<Failure>] {
+    fn failures(&self) -> &[Option<SimulationFailure>] {
         self.integrator.failures()
     }
 

@@ -47,9 +47,9 @@ pub trait Equations<R: Real>: Send {
     /// How many quantities are held.
     fn n_held(&self) -> usize;
     /// What the inputs of a sample become.
-    fn hold(&mut self, sample: &Sample<'_>, states: &Self::States, held: &mut Held<R>);
+    fn hold(&mut self, sample: &Sample<'_>, states: &Self::States, held: &mut HeldQuantities<R>);
     /// Lets held quantities act from now on.
-    fn act(&mut self, held: &Held<R>);
+    fn act(&mut self, held: &HeldQuantities<R>);
     /// The rates of change, `elapsed` after the held quantities began to act `[s]`.
     fn rates(&mut self, states: &Self::States, elapsed: R, rates: &mut Self::States);
     /// ∂rate/∂state where the rates are `rates`: `matrix[rate · n + state]`.
@@ -111,30 +111,30 @@ impl Sample<'_> {
 
 /// What acts on the plant over a stretch of time.
 #[derive(Clone, Debug, Default)]
-pub struct Held<R> {
+pub struct HeldQuantities<R> {
     /// The quantities as the stretch begins.
     pub values: Vec<R>,
     /// How fast the first of them move [1/s]; empty where all stand still.
     pub slopes: Vec<R>,
 }
 
-impl<R: Real> Held<R> {
+impl<R: Real> HeldQuantities<R> {
     /// Takes over one candidate's quantities as they stand `seconds` later.
-    pub fn set_lane(&mut self, lane: usize, other: &Held<R>, seconds: f64) {
-        for (value, other) in self.values.iter_mut().zip(&other.values) {
-            value.set_lane(lane, other.lane(lane));
+    pub fn set_lane(&mut self, lane: usize, source: &HeldQuantities<R>, seconds: f64) {
+        for (value, held) in self.values.iter_mut().zip(&source.values) {
+            value.set_lane(lane, held.lane(lane));
         }
-        let moving = self.slopes.iter_mut().zip(&other.slopes);
-        for ((slope, other), value) in moving.zip(&mut self.values) {
-            slope.set_lane(lane, other.lane(lane));
-            value.set_lane(lane, value.lane(lane) + other.lane(lane) * seconds);
+        let moving = self.slopes.iter_mut().zip(&source.slopes);
+        for ((slope, held), value) in moving.zip(&mut self.values) {
+            slope.set_lane(lane, held.lane(lane));
+            value.set_lane(lane, value.lane(lane) + held.lane(lane) * seconds);
         }
     }
 
     /// The held quantities, standing still.
     #[must_use]
-    pub fn standing(&self) -> Held<R> {
-        Held {
+    pub fn standing(&self) -> HeldQuantities<R> {
+        HeldQuantities {
             values: self.values.clone(),
             slopes: vec![R::splat(0.0); self.slopes.len()],
         }
@@ -142,9 +142,9 @@ impl<R: Real> Held<R> {
 
     /// The candidates from `first` on as a row of another kind; lanes left over repeat the first.
     #[must_use]
-    pub fn lanes_from<S: Real>(&self, first: usize) -> Held<S> {
+    pub fn lanes_from<S: Real>(&self, first: usize) -> HeldQuantities<S> {
         let rows = |rows: &[R]| rows.iter().map(|row| lanes_from(row, first)).collect();
-        Held {
+        HeldQuantities {
             values: rows(&self.values),
             slopes: rows(&self.slopes),
         }

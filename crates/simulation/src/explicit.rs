@@ -17,7 +17,7 @@ pub const STAGES: f64 = 4.0;
 
 /// The slopes of a step, and where it leads.
 #[derive(Clone, Debug)]
-pub struct Stages<S> {
+pub struct FourthOrderStages<S> {
     /// The slope at the start.
     pub first: S,
     /// The slopes in the middle: the first of them, then the sum of both.
@@ -34,11 +34,11 @@ pub struct Stages<S> {
     pub end: S,
 }
 
-impl<S: Clone> Stages<S> {
+impl<S: Clone> FourthOrderStages<S> {
     /// Room for the slopes of such states.
-    pub fn like(states: &S) -> Stages<S> {
+    pub fn like(states: &S) -> FourthOrderStages<S> {
         let room = || states.clone();
-        Stages {
+        FourthOrderStages {
             first: room(),
             middle: room(),
             second: room(),
@@ -68,8 +68,9 @@ pub struct Sum<'a, S> {
 pub fn step<R: Real, E: Equations<R>>(
     equations: &mut E,
     from: Sum<'_, E::States>,
-    stages: &mut Stages<E::States>,
-    (elapsed, length): (R, R),
+    stages: &mut FourthOrderStages<E::States>,
+    elapsed: R,
+    length: R,
 ) {
     let half = length * R::splat(0.5);
     let sixth = length * R::splat(1.0 / 6.0);
@@ -119,12 +120,13 @@ fn along<R: Real, S: AsRef<[R]> + AsMut<[R]>>(to: &mut S, from: &S, length: R, s
     }
 }
 
-impl<S> Stages<S> {
+impl<S> FourthOrderStages<S> {
     /// Lets a candidate's step lead to where another method has taken it, with the slope there.
     pub fn set_end<R: Real, X: Real>(
         &mut self,
         lane: usize,
-        (next, end): (&impl AsRef<[X]>, &impl AsRef<[X]>),
+        next: &impl AsRef<[X]>,
+        end: &impl AsRef<[X]>,
         place: usize,
     ) where
         S: AsMut<[R]>,
@@ -142,7 +144,7 @@ impl<S> Stages<S> {
     /// Lets the steps of some candidates, 1 in `which` and 0 elsewhere, lead to where the method of
     /// eighth order has taken them.
     #[inline(always)]
-    pub fn take_where<R: Real>(&mut self, which: R, stages: &eighth::Stages<S>)
+    pub fn take_where<R: Real>(&mut self, which: R, stages: &eighth::EighthOrderStages<S>)
     where
         S: AsRef<[R]> + AsMut<[R]>,
     {

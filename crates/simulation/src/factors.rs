@@ -9,12 +9,12 @@ pub struct Factors<R> {
     n: usize,
     /// Row by row: 1 on the diagonal of the lower factor is left out.
     entries: Vec<R>,
-    exchanges: Vec<Exchange<R>>,
+    exchanges: Vec<RowExchange<R>>,
 }
 
 /// Two rows that change places, for the candidates where `is_done` is 1.
 #[derive(Clone, Copy, Debug)]
-struct Exchange<R> {
+struct RowExchange<R> {
     rows: [usize; 2],
     is_done: R,
 }
@@ -47,7 +47,7 @@ impl<R: Real> Factors<R> {
             let (above, below) = self.entries.split_at_mut((column + 1) * n);
             let pivot_row = &above[column * n..];
             for entries in below.chunks_exact_mut(n) {
-                eliminate(entries, pivot_row, (column, inverse));
+                eliminate(entries, pivot_row, column, inverse);
             }
         }
     }
@@ -55,14 +55,14 @@ impl<R: Real> Factors<R> {
     #[inline(always)]
     fn exchange_where_larger(&mut self, column: usize, row: usize) {
         let n = self.n;
-        let (pivot, other) = (
+        let (pivot, candidate) = (
             self.entries[column * n + column].abs(),
             self.entries[row * n + column].abs(),
         );
         // 0 where the pivot is the larger, or neither is a number.
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
-        let is_done = pivot.select_ge(other, zero, one);
-        let is_done = other.select_ge(zero, is_done, zero);
+        let is_done = pivot.select_ge(candidate, zero, one);
+        let is_done = candidate.select_ge(zero, is_done, zero);
         if !is_done.any(|done| done > 0.0) {
             return;
         }
@@ -73,7 +73,7 @@ impl<R: Real> Factors<R> {
                 is_done,
             );
         }
-        self.exchanges.push(Exchange {
+        self.exchanges.push(RowExchange {
             rows: [column, row],
             is_done,
         });
@@ -83,21 +83,21 @@ impl<R: Real> Factors<R> {
     #[inline(always)]
     pub fn solve(&self, right: &mut [R]) {
         let n = self.n;
-        for Exchange { rows, is_done } in &self.exchanges {
+        for RowExchange { rows, is_done } in &self.exchanges {
             exchange(right, *rows, *is_done);
         }
         for row in 1..n {
             let mut value = right[row];
-            for (entry, known) in self.entries[row * n..][..row].iter().zip(&*right) {
-                value -= *entry * *known;
+            for (entry, solved) in self.entries[row * n..][..row].iter().zip(&*right) {
+                value -= *entry * *solved;
             }
             right[row] = value;
         }
         for row in (0..n).rev() {
             let entries = &self.entries[row * n..][..n];
             let mut value = right[row];
-            for (entry, known) in entries.iter().zip(&*right).skip(row + 1) {
-                value -= *entry * *known;
+            for (entry, solved) in entries.iter().zip(&*right).skip(row + 1) {
+                value -= *entry * *solved;
             }
             right[row] = value / entries[row];
         }
@@ -107,7 +107,7 @@ impl<R: Real> Factors<R> {
 /// Takes the pivot's row from another so that nothing is left below the pivot, and keeps the factor
 /// there.
 #[inline(always)]
-fn eliminate<R: Real>(entries: &mut [R], pivot_row: &[R], (column, inverse): (usize, R)) {
+fn eliminate<R: Real>(entries: &mut [R], pivot_row: &[R], column: usize, inverse: R) {
     let factor = entries[column] * inverse;
     entries[column] = factor;
     for (entry, pivot) in entries.iter_mut().zip(pivot_row).skip(column + 1) {
@@ -117,11 +117,11 @@ fn eliminate<R: Real>(entries: &mut [R], pivot_row: &[R], (column, inverse): (us
 
 /// Exchanges two numbers for the candidates where `is_done` is 1.
 #[inline(always)]
-fn exchange<R: Real>(numbers: &mut [R], [one, other]: [usize; 2], is_done: R) {
+fn exchange<R: Real>(numbers: &mut [R], [first, second]: [usize; 2], is_done: R) {
     let half = R::splat(0.5);
-    let (a, b) = (numbers[one], numbers[other]);
-    numbers[one] = is_done.select_ge(half, b, a);
-    numbers[other] = is_done.select_ge(half, a, b);
+    let (a, b) = (numbers[first], numbers[second]);
+    numbers[first] = is_done.select_ge(half, b, a);
+    numbers[second] = is_done.select_ge(half, a, b);
 }
 
 #[cfg(test)]

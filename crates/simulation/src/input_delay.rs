@@ -5,7 +5,7 @@
 //! between is cut into stretches. Before the record began the plant saw the first quantities,
 //! standing still.
 
-use super::equations::Held;
+use super::equations::HeldQuantities;
 use greybox_numerics::lanes::Real;
 use std::collections::VecDeque;
 
@@ -20,17 +20,17 @@ const LONGEST: usize = 100_000;
 pub struct InputDelay<R> {
     /// The delay of each candidate `[s]`.
     seconds: R,
-    /// What was held, and from when on, the newest last.
-    history: VecDeque<(f64, Held<R>)>,
+    /// The quantities that were held, each with the time from which on, the newest last.
+    history: VecDeque<(f64, HeldQuantities<R>)>,
     /// For each candidate how many in the history are newer than what acts.
     newer: Vec<usize>,
 }
 
 /// A stretch of the time between two samples over which nothing jumps.
 #[derive(Clone, Debug)]
-pub struct Stretch<R> {
+pub struct HeldStretch<R> {
     /// What acts.
-    pub held: Held<R>,
+    pub held: HeldQuantities<R>,
     /// For how long `[s]`; 0 for candidates that have fewer stretches.
     pub duration: R,
 }
@@ -46,7 +46,12 @@ impl<R: Real> InputDelay<R> {
     }
 
     /// What acts from a sample at `start` to the next, `interval` later, where `held` is new.
-    pub fn stretches(&mut self, held: &Held<R>, start: f64, interval: f64) -> Vec<Stretch<R>> {
+    pub fn stretches(
+        &mut self,
+        held: &HeldQuantities<R>,
+        start: f64,
+        interval: f64,
+    ) -> Vec<HeldStretch<R>> {
         if self.history.is_empty() {
             self.history.push_back((f64::NEG_INFINITY, held.standing()));
         }
@@ -64,7 +69,7 @@ impl<R: Real> InputDelay<R> {
         }
         let mut stretches = Vec::new();
         loop {
-            let mut stretch = Stretch {
+            let mut stretch = HeldStretch {
                 held: held.clone(),
                 duration: R::splat(0.0),
             };
@@ -95,7 +100,7 @@ impl<R: Real> InputDelay<R> {
     }
 
     /// Writes what acts on a candidate at an instant.
-    fn put_acting(&self, lane: usize, at: f64, held: &mut Held<R>) {
+    fn put_acting(&self, lane: usize, at: f64, held: &mut HeldQuantities<R>) {
         let (from, acting) = &self.history[self.history.len() - 1 - self.newer[lane]];
         let since = at - (from + self.seconds.lane(lane));
         let since = if since.is_finite() { since } else { 0.0 };
@@ -121,15 +126,15 @@ mod tests {
 
     type Row = Lanes<f64, 2>;
 
-    fn held(value: f64) -> Held<Row> {
-        Held {
+    fn held(value: f64) -> HeldQuantities<Row> {
+        HeldQuantities {
             values: vec![Row::splat(value)],
             slopes: Vec::new(),
         }
     }
 
     /// (what acts, for how long) of one candidate, without the stretches that it does not have.
-    fn of_lane(stretches: &[Stretch<Row>], lane: usize) -> Vec<(f64, f64)> {
+    fn of_lane(stretches: &[HeldStretch<Row>], lane: usize) -> Vec<(f64, f64)> {
         let all = stretches
             .iter()
             .map(|stretch| (stretch.held.values[0].0[lane], stretch.duration.0[lane]));
@@ -169,7 +174,7 @@ mod tests {
     #[test]
     fn a_moving_quantity_is_seen_where_it_stood_a_delay_ago() {
         let mut delay = InputDelay::new(Lanes([0.5, 0.5]));
-        let moving = Held {
+        let moving = HeldQuantities {
             values: vec![Row::splat(10.0)],
             slopes: vec![Row::splat(4.0)],
         };

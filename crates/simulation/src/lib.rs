@@ -40,7 +40,7 @@ pub enum Accuracy {
     /// `tests/known_answers`.
     #[default]
     Full,
-    /// So fine that the errors of the others can be measured against it.
+    /// Fine enough to measure the errors of the coarser accuracies against.
     Reference,
 }
 
@@ -60,7 +60,7 @@ impl Accuracy {
 
 /// The recorded inputs that drive a simulation.
 #[derive(Clone, Copy, Debug)]
-pub struct Excitation<'a> {
+pub struct DrivingInputs<'a> {
     /// The time from one sample to the next `[s]`.
     pub sample_time: f64,
     /// When the samples were taken `[s]`, where the time between them is not always the same.
@@ -75,7 +75,7 @@ pub struct Excitation<'a> {
     pub accuracy: Accuracy,
 }
 
-impl Excitation<'_> {
+impl DrivingInputs<'_> {
     /// When a sample was taken `[s]`.
     #[must_use]
     pub fn instant(&self, sample: usize) -> f64 {
@@ -99,7 +99,7 @@ impl Excitation<'_> {
 
 /// What is simulated: a full parameter vector and where it starts.
 #[derive(Clone, Copy, Debug)]
-pub struct Candidate<'a> {
+pub struct SimulatedCandidate<'a> {
     /// A value for each parameter of the model, SI.
     pub parameters: &'a [f64],
     /// For each state its value at the first sample, SI; none: the model's own.
@@ -108,9 +108,9 @@ pub struct Candidate<'a> {
 
 /// Candidates that go through a recording side by side.
 #[derive(Clone, Copy, Debug)]
-pub struct Candidates<'a> {
+pub struct CandidateBlock<'a> {
     /// The candidates.
-    pub members: &'a [Candidate<'a>],
+    pub members: &'a [SimulatedCandidate<'a>],
     /// Whether all take the steps that the first of them needs, so that they can be compared to
     /// the last digits.
     pub in_step: bool,
@@ -121,7 +121,7 @@ pub struct Candidates<'a> {
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, ToSchema,
 )]
 #[serde(rename_all = "snake_case")]
-pub enum Failure {
+pub enum SimulationFailure {
     /// A quantity is no longer a number, or beyond any that a plant can have.
     Diverged,
     /// A state has left the range in which the model's equations hold.
@@ -132,15 +132,15 @@ pub enum Failure {
     Tolerance,
 }
 
-impl Failure {
+impl SimulationFailure {
     /// The name in results.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Failure::Diverged => "diverged",
-            Failure::OutOfRange => "out_of_range",
-            Failure::StepBudget => "step_budget",
-            Failure::Tolerance => "tolerance",
+            SimulationFailure::Diverged => "diverged",
+            SimulationFailure::OutOfRange => "out_of_range",
+            SimulationFailure::StepBudget => "step_budget",
+            SimulationFailure::Tolerance => "tolerance",
         }
     }
 }
@@ -173,8 +173,8 @@ pub trait Plant: Send + Sync {
     /// Starts a block of candidates, at most as many as the largest holds.
     fn simulator<'a>(
         &'a self,
-        excitation: Excitation<'a>,
-        candidates: Candidates<'_>,
+        excitation: DrivingInputs<'a>,
+        candidates: CandidateBlock<'_>,
     ) -> Box<dyn BlockSimulator + 'a>;
 }
 
@@ -186,7 +186,7 @@ pub trait BlockSimulator: Send {
     /// after `stop` is raised.
     fn advance(&mut self, samples: usize, outputs: &mut [Lanes], stop: &AtomicBool) -> Option<()>;
     /// How each lane has failed, if it has. The last group may have fewer lanes than [`LANES`].
-    fn failures(&self) -> &[Option<Failure>];
+    fn failures(&self) -> &[Option<SimulationFailure>];
     /// Derivatives evaluated so far, one lane each.
     fn derivative_evaluations(&self) -> u64;
     /// The states at the next sample; after the last one, where they were at it. In groups like the

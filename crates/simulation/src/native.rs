@@ -1,7 +1,7 @@
 //! Plants whose equations are written in Rust.
 
-use super::equations::{Equations, Held, Sample, Shares, System};
-use super::{Accuracy, BlockSimulator, Candidates, Excitation, Plant, block};
+use super::equations::{Equations, HeldQuantities, Sample, Shares, System};
+use super::{Accuracy, BlockSimulator, CandidateBlock, DrivingInputs, Plant, block};
 use greybox_numerics::lanes::{Real, RealArray};
 
 /// A plant: ordinary differential equations driven by sampled inputs.
@@ -93,8 +93,8 @@ impl<D: Dynamics> Plant for Native<D> {
 
     fn simulator<'a>(
         &'a self,
-        excitation: Excitation<'a>,
-        candidates: Candidates<'_>,
+        excitation: DrivingInputs<'a>,
+        candidates: CandidateBlock<'_>,
     ) -> Box<dyn BlockSimulator + 'a> {
         block::simulator(self, excitation, candidates)
     }
@@ -153,13 +153,13 @@ impl<D: Dynamics, R: Real> Equations<R> for NativeRow<'_, D, R> {
     }
 
     #[inline(always)]
-    fn hold(&mut self, sample: &Sample<'_>, states: &D::State<R>, held: &mut Held<R>) {
+    fn hold(&mut self, sample: &Sample<'_>, states: &D::State<R>, held: &mut HeldQuantities<R>) {
         let now = self.dynamics.hold(&self.constants, sample, states);
         held.values.copy_from_slice(now.as_ref());
     }
 
     #[inline(always)]
-    fn act(&mut self, held: &Held<R>) {
+    fn act(&mut self, held: &HeldQuantities<R>) {
         self.held.as_mut().copy_from_slice(&held.values);
     }
 

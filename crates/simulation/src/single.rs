@@ -1,7 +1,7 @@
 //! One candidate over one or more recordings, all outputs kept.
 
-use super::batch::{self, Run, Sink};
-use super::{Candidate, Excitation, Failure, Plant};
+use super::batch::{self, BatchRun, Sink};
+use super::{DrivingInputs, Plant, SimulatedCandidate, SimulationFailure};
 use greybox_numerics::lanes::Lanes;
 use std::sync::atomic::AtomicBool;
 
@@ -14,12 +14,12 @@ pub type Outputs = Vec<Vec<f64>>;
 /// How the candidate failed, if it did in any recording.
 pub fn outputs(
     plant: &dyn Plant,
-    recordings: &[(Excitation<'_>, Candidate<'_>)],
+    recordings: &[(DrivingInputs<'_>, SimulatedCandidate<'_>)],
     stop: &AtomicBool,
-) -> Option<Result<Vec<Outputs>, Failure>> {
-    let runs: Vec<Run<'_>> = recordings
+) -> Option<Result<Vec<Outputs>, SimulationFailure>> {
+    let runs: Vec<BatchRun<'_>> = recordings
         .iter()
-        .map(|&(excitation, candidate)| Run {
+        .map(|&(excitation, candidate)| BatchRun {
             excitation,
             candidates: vec![candidate],
             in_step: 0,

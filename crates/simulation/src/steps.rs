@@ -15,9 +15,9 @@
 mod exact;
 mod smooth;
 
-use super::equations::{Equations, Held, Shares, System};
-use super::explicit::{self, Stages, Sum, eighth};
-use super::{Accuracy, Failure};
+use super::equations::{Equations, HeldQuantities, Shares, System};
+use super::explicit::{self, FourthOrderStages, Sum, eighth};
+use super::{Accuracy, SimulationFailure};
 use exact::Exact;
 use greybox_numerics::lanes::{Lanes, Real, SINGLE_LANES};
 use greybox_numerics::width::Width;
@@ -78,7 +78,7 @@ const BUDGET_OF_SAMPLE: f64 = 4e3;
 pub const LARGEST_NUMBER: f64 = 1e30;
 
 /// The candidates that a row is made of.
-pub struct Source<'a, P: System, R> {
+pub struct RowCandidates<'a, P: System, R> {
     /// The plant of the candidates.
     pub plant: &'a P,
     /// The parameters of the candidates, a row for each parameter.
@@ -95,7 +95,7 @@ pub struct Source<'a, P: System, R> {
 
 /// A row of candidates on its way.
 pub struct Integrator<'a, P: System + 'a, R: Real> {
-    source: Source<'a, P, R>,
+    source: RowCandidates<'a, P, R>,
     /// Where the candidates are.
     pub states: <P::Row<'a, R> as Equations<R>>::States,
     excess: <P::Row<'a, R> as Equations<R>>::States,
@@ -104,7 +104,7 @@ pub struct Integrator<'a, P: System + 'a, R: Real> {
     least_sizes: <P::Row<'a, R> as Equations<R>>::States,
     /// 1 / (tolerance · size).
     weights: <P::Row<'a, R> as Equations<R>>::States,
-    stages: Stages<<P::Row<'a, R> as Equations<R>>::States>,
+    stages: FourthOrderStages<<P::Row<'a, R> as Equations<R>>::States>,
     /// The next step of each candidate `[s]`; 0 before the first.
     length: R,
     /// Whether there is one before its first step.
@@ -112,7 +112,7 @@ pub struct Integrator<'a, P: System + 'a, R: Real> {
     /// Derivatives that each candidate has taken.
     derivatives: R,
     budget: f64,
-    failures: [Option<Failure>; MOST],
+    failures: [Option<SimulationFailure>; MOST],
     /// Whether there is a candidate that has failed.
     pub has_failed: bool,
     stiff_looks: [u8; MOST],
@@ -128,8 +128,8 @@ pub struct Integrator<'a, P: System + 'a, R: Real> {
 }
 
 /// A stretch of time over which the held quantities do not jump.
-struct Stretch<'s, R> {
-    held: &'s Held<R>,
+struct IntegratedStretch<'s, R> {
+    held: &'s HeldQuantities<R>,
     duration: R,
     /// The part of the stretch that is left.
     remaining: R,
@@ -137,8 +137,11 @@ struct Stretch<'s, R> {
     is_exact: bool,
 }
 
-/// What a trial came to.
-struct Trial<R> {
+/// One trial of a step by every candidate.
+struct StepTrial<R> {
+    /// The time since the held quantities began to act `[s]`.
+    elapsed: R,
+    /// The length of the step `[s]`.
     taken: R,
     /// The square of the error over the tolerance; not at most 1 where the candidate stays.
     squared_error: R,
@@ -147,7 +150,7 @@ struct Trial<R> {
 impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     /// Candidates at the given states, for a recording of so many samples.
     pub fn new(
-        source: Source<'a, P, R>,
+        source: RowCandidates<'a, P, R>,
         equations: &P::Row<'a, R>,
         states: <P::Row<'a, R> as Equations<R>>::States,
         samples: usize,
@@ -169,7 +172,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         let is_undisturbed = equations.n_held() == 0;
         Integrator {
             source,
-            stages: Stages::like(&states),
+            stages: FourthOrderStages::like(&states),
             states,
             excess,
             sizes,
@@ -197,7 +200,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     }
 
     /// How each candidate has failed, if it has.
-    pub fn failures(&self) -> &[Option<Failure>] {
+    pub fn failures(&self) -> &[Option<SimulationFailure>] {
         &self.failures[..R::WIDTH]
     }
 
@@ -208,7 +211,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     }
 
     /// Marks a candidate, which stays where it is.
-    pub fn fail(&mut self, lane: usize, failure: Failure) {
+    pub fn fail(&mut self, lane: usize, failure: SimulationFailure) {
         self.failures[lane].get_or_insert(failure);
         self.has_failed = true;
     }
@@ -219,10 +222,11 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     pub fn integrate(
         &mut self,
         equations: &mut P::Row<'a, R>,
-        (held, duration): (&Held<R>, R),
+        held: &HeldQuantities<R>,
+        duration: R,
         stop: &AtomicBool,
     ) -> Option<()> {
-        let mut stretch = Stretch {
+        let mut stretch = IntegratedStretch {
             held,
             duration,
             remaining: duration,
@@ -240,16 +244,16 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         }
         let mut trials = 0_u32;
         while stretch.remaining.any_above(0.0) {
-            let mut trial = Trial {
+            let mut trial = StepTrial {
+                elapsed: stretch.duration - stretch.remaining,
                 taken: self.next_lengths(&stretch),
                 squared_error: zero,
             };
-            let elapsed = stretch.duration - stretch.remaining;
             if !self.has_stiff || self.has_explicit(&stretch) {
-                self.try_explicit(equations, (elapsed, &mut trial), &stretch);
+                self.try_explicit(equations, &mut trial, &stretch);
             }
             if self.has_stiff {
-                self.try_stiff(&mut stretch, (elapsed, &mut trial));
+                self.try_stiff(&mut stretch, &mut trial);
             }
             self.accept(&mut stretch, &mut trial);
             trials += 1;
@@ -270,7 +274,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     /// The step that each candidate tries: what is left is cut in two equal parts rather than in
     /// a long one and a short one.
     #[inline(always)]
-    fn next_lengths(&self, stretch: &Stretch<'_, R>) -> R {
+    fn next_lengths(&self, stretch: &IntegratedStretch<'_, R>) -> R {
         let (length, remaining) = (self.length, stretch.remaining);
         let half = remaining * R::splat(0.5);
         let part = (length + length).select_ge(remaining, half, length);
@@ -283,7 +287,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
 
     /// Has following candidates take the same share of the stretch as the first candidate.
     #[inline(never)]
-    fn follow_lengths(&self, stretch: &Stretch<'_, R>, taken: &mut R) {
+    fn follow_lengths(&self, stretch: &IntegratedStretch<'_, R>, taken: &mut R) {
         let (first, remaining) = (taken.lane(0), stretch.remaining.lane(0));
         let share = first / stretch.duration.lane(0);
         for lane in self.followers(stretch) {
@@ -298,7 +302,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
 
     /// Which candidates take the steps of the first over this stretch: not those that have it
     /// alone, because their input is delayed by another number of samples.
-    fn followers(&self, stretch: &Stretch<'_, R>) -> impl Iterator<Item = usize> {
+    fn followers(&self, stretch: &IntegratedStretch<'_, R>) -> impl Iterator<Item = usize> {
         let leads = stretch.duration.lane(0) > 0.0;
         let duration = stretch.duration;
         (1..R::WIDTH).filter(move |lane| leads && duration.lane(*lane) > 0.0)
@@ -308,26 +312,27 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     fn try_explicit(
         &mut self,
         equations: &mut P::Row<'a, R>,
-        (elapsed, trial): (R, &mut Trial<R>),
-        stretch: &Stretch<'_, R>,
+        trial: &mut StepTrial<R>,
+        stretch: &IntegratedStretch<'_, R>,
     ) {
         if self.has_fourth_order(stretch) {
             let from = Sum {
                 states: &self.states,
                 excess: &self.excess,
             };
-            explicit::step(equations, from, &mut self.stages, (elapsed, trial.taken));
+            let (elapsed, length) = (trial.elapsed, trial.taken);
+            explicit::step(equations, from, &mut self.stages, elapsed, length);
             let share = self.shares.fourth;
             let squared_error = self.stages.squared_error(&self.weights, trial.taken);
             trial.squared_error = squared_error * R::splat(1.0 / (share * share));
         }
-        self.try_smooth(equations, (elapsed, trial));
+        self.try_smooth(equations, trial);
     }
 
     /// Takes over the states of the candidates whose error is small enough, and chooses the
     /// lengths of the next steps.
     #[inline(always)]
-    fn accept(&mut self, stretch: &mut Stretch<'_, R>, trial: &mut Trial<R>) {
+    fn accept(&mut self, stretch: &mut IntegratedStretch<'_, R>, trial: &mut StepTrial<R>) {
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
         if self.source.follow {
             for lane in self.followers(stretch) {
@@ -409,7 +414,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     /// Looks at candidates that take many steps: those that do not get on fail, and those whose
     /// steps are limited by stability go on with the stiff method.
     #[inline(never)]
-    fn look(&mut self, stretch: &mut Stretch<'_, R>, trial: &Trial<R>) {
+    fn look(&mut self, stretch: &mut IntegratedStretch<'_, R>, trial: &StepTrial<R>) {
         let rates = self
             .stages
             .squared_rate_times_length(&self.weights, trial.taken);
@@ -423,7 +428,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             let failure = if self.length.lane(lane) < shortest {
                 Some(self.why_too_short(lane, elapsed))
             } else if self.derivatives.lane(lane) > self.budget {
-                Some(Failure::StepBudget)
+                Some(SimulationFailure::StepBudget)
             } else {
                 None
             };
@@ -444,7 +449,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     }
 
     /// Has following candidates use the method of the first candidate, and fail with it.
-    fn follow_the_first(&mut self, stretch: &mut Stretch<'_, R>) {
+    fn follow_the_first(&mut self, stretch: &mut IntegratedStretch<'_, R>) {
         if !self.source.follow {
             return;
         }
@@ -458,7 +463,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     }
 
     /// A state has diverged that moves so fast that the time so far would take it away.
-    fn why_too_short(&self, lane: usize, elapsed: f64) -> Failure {
+    fn why_too_short(&self, lane: usize, elapsed: f64) -> SimulationFailure {
         let states = self.states.as_ref().iter().zip(self.sizes.as_ref());
         let slopes = self.stages.first.as_ref().iter();
         let stays = |((state, size), slope): ((&R, &R), &R)| {
@@ -466,9 +471,9 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             (slope.lane(lane) * elapsed).abs() <= RUNAWAY * size
         };
         if states.zip(slopes).all(stays) {
-            Failure::Tolerance
+            SimulationFailure::Tolerance
         } else {
-            Failure::Diverged
+            SimulationFailure::Diverged
         }
     }
 }

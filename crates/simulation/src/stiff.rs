@@ -112,7 +112,7 @@ pub struct Rosenbrock {
 
 /// A step to be taken.
 #[derive(Clone, Copy, Debug)]
-pub struct Step<'a, S> {
+pub struct StiffStep<'a, S> {
     /// The states where the step begins.
     pub states: &'a S,
     /// What an error of each state is multiplied by.
@@ -125,7 +125,7 @@ pub struct Step<'a, S> {
 
 /// What a step came to.
 #[derive(Clone, Copy, Debug)]
-pub struct Taken {
+pub struct StiffOutcome {
     /// The square of its estimated error: the mean over the states.
     pub squared_error: Lanes,
     /// The fastest rate of the plant times the step.
@@ -153,10 +153,10 @@ impl Rosenbrock {
     pub fn step<E: Equations<Lanes>>(
         &mut self,
         equations: &mut E,
-        step: Step<'_, E::States>,
+        step: StiffStep<'_, E::States>,
         next: &mut E::States,
-    ) -> Taken {
-        let Step {
+    ) -> StiffOutcome {
+        let StiffStep {
             states,
             weights,
             elapsed,
@@ -169,8 +169,8 @@ impl Rosenbrock {
         let matrix = self.factors.matrix_mut();
         equations.jacobian(states, elapsed, &rates, matrix);
         let moves = equations.rates_by_time(&mut self.by_time);
-        let vectors = (&mut self.direction[..], &mut self.image[..]);
-        let rate = stretch(matrix, vectors, weights.as_ref());
+        let (direction, image) = (&mut self.direction[..], &mut self.image[..]);
+        let rate = stretch(matrix, direction, image, weights.as_ref());
         for (place, entry) in matrix.iter_mut().enumerate() {
             *entry = -*entry;
             if place % (n + 1) == 0 {
@@ -208,7 +208,7 @@ impl Rosenbrock {
         }
         let fastest = rate.max(self.stretch_before);
         self.stretch_before = rate;
-        Taken {
+        StiffOutcome {
             squared_error: squared_error * Lanes::splat(1.0 / n as f64),
             rate_times_length: fastest * length,
         }
@@ -220,7 +220,8 @@ impl Rosenbrock {
 #[inline(always)]
 fn stretch(
     matrix: &[Lanes],
-    (direction, image): (&mut [Lanes], &mut [Lanes]),
+    direction: &mut [Lanes],
+    image: &mut [Lanes],
     weights: &[Lanes],
 ) -> Lanes {
     let n = direction.len();
@@ -263,7 +264,7 @@ pub struct WideStep<'a, E: Equations<Lanes>> {
     /// The equations of the plant.
     pub equations: &'a mut E,
     /// The step to be taken.
-    pub step: Step<'a, E::States>,
+    pub step: StiffStep<'a, E::States>,
     /// The states where the step leads.
     pub next: &'a mut E::States,
     /// The rates of change at the end of the step.
@@ -271,10 +272,10 @@ pub struct WideStep<'a, E: Equations<Lanes>> {
 }
 
 impl<E: Equations<Lanes>> Wide for WideStep<'_, E> {
-    type Output = Taken;
+    type Output = StiffOutcome;
 
     #[inline(always)]
-    fn work(self) -> Taken {
+    fn work(self) -> StiffOutcome {
         let at = self.step.elapsed + self.step.length;
         let taken = self.rosenbrock.step(self.equations, self.step, self.next);
         self.equations.rates(self.next, at, self.end);

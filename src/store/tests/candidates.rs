@@ -8,7 +8,7 @@ on_both! {
     candidates_come_back_as_they_were_in_parts_of_whole_generations,
     a_slice_that_lost_its_job_keeps_no_candidates_and_a_deleted_job_has_none,
 }
-use crate::job::candidate::Failure;
+use crate::job::candidate::SimulationFailure;
 use crate::job::{Candidate, CandidateColumn};
 
 fn column(name: &str) -> CandidateColumn {
@@ -30,7 +30,7 @@ pub(super) fn candidate(generation: u32, place: u32) -> Candidate {
     }
 }
 
-fn failed(generation: u32, place: u32, failure: Failure) -> Candidate {
+fn failed(generation: u32, place: u32, failure: SimulationFailure) -> Candidate {
     Candidate {
         cost: None,
         failure: Some(failure),
@@ -67,9 +67,9 @@ async fn candidates_come_back_as_they_were_in_parts_of_whole_generations(fixture
     let slice = fixture.begin(id).await;
     let all = vec![
         candidate(1, 0),
-        failed(1, 1, Failure::Diverged),
-        failed(1, 7, Failure::OutOfRange),
-        failed(2, 3, Failure::StepBudget),
+        failed(1, 1, SimulationFailure::Diverged),
+        failed(1, 7, SimulationFailure::OutOfRange),
+        failed(2, 3, SimulationFailure::StepBudget),
         candidate(5, 2),
     ];
     let (first, second) = all.split_at(3);

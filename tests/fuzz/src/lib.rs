@@ -3,7 +3,7 @@
 
 use greybox::model::document::{self, Read};
 use greybox::numerics::lanes::{LANES, Lanes};
-use greybox::simulation::{Accuracy, Candidate, Candidates, Excitation};
+use greybox::simulation::{Accuracy, SimulatedCandidate, CandidateBlock, DrivingInputs};
 use serde_json::Value;
 use std::sync::atomic::AtomicBool;
 
@@ -19,7 +19,7 @@ pub fn read_and_run(document: &Value) {
     let inputs = vec![vec![0.0, 1.0, -1e3]; description.inputs.len()];
     let parameters = description.defaults();
     let initial_state = vec![None; description.states.len()];
-    let excitation = Excitation {
+    let excitation = DrivingInputs {
         sample_time: 1e-3,
         instants: None,
         samples: SAMPLES,
@@ -27,11 +27,11 @@ pub fn read_and_run(document: &Value) {
         inputs: &inputs,
         accuracy: Accuracy::Screening,
     };
-    let candidate = Candidate {
+    let candidate = SimulatedCandidate {
         parameters: &parameters,
         initial_state: &initial_state,
     };
-    let candidates = Candidates {
+    let candidates = CandidateBlock {
         members: &[candidate],
         in_step: false,
     };

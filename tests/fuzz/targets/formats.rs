@@ -3,7 +3,7 @@
 
 #![no_main]
 
-use greybox::intake::{self, Kind, Options};
+use greybox::intake::{self, MediaKind, Options};
 use libfuzzer_sys::fuzz_target;
 use std::sync::LazyLock;
 
@@ -75,7 +75,7 @@ fuzz_target!(|bytes: &[u8]| {
             options.set(name, text).expect("it is sound");
         }
     }
-    if let Ok(recording) = intake::read(bytes, Kind::Binary, &options) {
+    if let Ok(recording) = intake::read(bytes, MediaKind::Binary, &options) {
         let _ = recording.summary();
     }
 });

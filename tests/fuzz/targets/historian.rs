@@ -3,7 +3,7 @@
 
 #![no_main]
 
-use greybox::intake::{self, Kind, Options};
+use greybox::intake::{self, MediaKind, Options};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -11,8 +11,8 @@ fuzz_target!(|bytes: &[u8]| {
         return;
     };
     let kind = match first % 2 {
-        0 => Kind::Json,
-        _ => Kind::Text,
+        0 => MediaKind::Json,
+        _ => MediaKind::Text,
     };
     if let Ok(recording) = intake::read(bytes, kind, &Options::default()) {
         let _ = recording.summary();

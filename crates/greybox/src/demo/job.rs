@@ -41,7 +41,8 @@ fn free_parameters(demo: Demo) -> Value {
     let model = model();
     let description = model.description();
     let is_free = |name: &str| {
-        let known_to_differ = demo == Demo::D && imperfect_parameters().any(|own| own == name);
+        let known_to_differ =
+            demo == Demo::D && imperfect_parameters().any(|parameter| parameter == name);
         let index = description.parameter_index(name);
         known_to_differ || index.is_some_and(|at| description.parameters[at].unknown_by_default)
     };

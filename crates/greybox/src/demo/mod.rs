@@ -92,9 +92,9 @@ pub fn recording_of(demo: Demo, seed: u64, samples: usize) -> Recording {
         Signal::new("position", "m", position),
     ];
     if demo.has_pressure_sensors() {
-        let [one, two] = sensors::pressures(seed, &trajectory.chamber_pressures);
-        signals.push(Signal::new("chamber_pressure_1", "Pa", one));
-        signals.push(Signal::new("chamber_pressure_2", "Pa", two));
+        let [chamber_1, chamber_2] = sensors::pressures(seed, &trajectory.chamber_pressures);
+        signals.push(Signal::new("chamber_pressure_1", "Pa", chamber_1));
+        signals.push(Signal::new("chamber_pressure_2", "Pa", chamber_2));
     }
     let time = TimeAxis::Uniform {
         sample_time: SAMPLE_TIME,

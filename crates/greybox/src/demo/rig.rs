@@ -2,7 +2,7 @@
 
 use super::{Demo, SAMPLE_TIME};
 use greybox_simulation::model::{Model, single_rod_servo};
-use greybox_simulation::{Accuracy, Candidate, Excitation, single};
+use greybox_simulation::{Accuracy, DrivingInputs, SimulatedCandidate, single};
 use std::sync::atomic::AtomicBool;
 
 /// Stroke of the cylinder [m].
@@ -28,7 +28,7 @@ pub(super) fn imperfect_parameters() -> impl Iterator<Item = &'static str> {
 
 /// What the rig does, a value for each sample.
 #[derive(Clone, Debug)]
-pub struct Trajectory {
+pub struct RigTrajectory {
     /// Position of the piston `[m]`.
     pub position: Vec<f64>,
     /// Pressure of each chamber `[Pa]`.
@@ -67,17 +67,17 @@ pub fn command(reference: &[f64], position: &[f64]) -> Vec<f64> {
 
 /// The rig in its position loop, under set points `[m]`.
 #[must_use]
-pub fn simulate(parameters: &[f64], reference: &[f64]) -> Trajectory {
+pub fn simulate(parameters: &[f64], reference: &[f64]) -> RigTrajectory {
     drive(parameters, "reference", reference)
 }
 
 /// The rig with its position loop open, under commands to the valve `[1]`.
 #[must_use]
-pub fn simulate_under_command(parameters: &[f64], command: &[f64]) -> Trajectory {
+pub fn simulate_under_command(parameters: &[f64], command: &[f64]) -> RigTrajectory {
     drive(parameters, "valve_command", command)
 }
 
-fn drive(parameters: &[f64], input: &str, samples: &[f64]) -> Trajectory {
+fn drive(parameters: &[f64], input: &str, samples: &[f64]) -> RigTrajectory {
     let model = model();
     let description = model.description();
     let input_set = description
@@ -85,7 +85,7 @@ fn drive(parameters: &[f64], input: &str, samples: &[f64]) -> Trajectory {
         .iter()
         .position(|set| set[..] == [input])
         .expect("the servo has an input set of this one input");
-    let excitation = Excitation {
+    let excitation = DrivingInputs {
         sample_time: SAMPLE_TIME,
         instants: None,
         samples: samples.len(),
@@ -93,7 +93,7 @@ fn drive(parameters: &[f64], input: &str, samples: &[f64]) -> Trajectory {
         inputs: &[samples.to_vec()],
         accuracy: Accuracy::Full,
     };
-    let candidate = Candidate {
+    let candidate = SimulatedCandidate {
         parameters,
         initial_state: &vec![None; description.states.len()],
     };
@@ -107,7 +107,7 @@ fn drive(parameters: &[f64], input: &str, samples: &[f64]) -> Trajectory {
         let index = description.output_index(output);
         outputs[index.expect("the servo has this output")].clone()
     };
-    Trajectory {
+    RigTrajectory {
         position: column("position"),
         chamber_pressures: ["chamber_pressure_1", "chamber_pressure_2"].map(column),
     }

@@ -11,7 +11,7 @@ use super::loss::Loss;
 use super::problem::{Experiment, Extent, Problem, Spelled};
 use greybox_numerics::lanes::{LANES, Lanes};
 use greybox_simulation::batch::{self, Sink};
-use greybox_simulation::{Accuracy, Failure};
+use greybox_simulation::{Accuracy, SimulationFailure};
 use std::sync::atomic::AtomicBool;
 
 /// How a candidate fared.
@@ -22,7 +22,7 @@ pub struct Evaluation {
     /// The root mean square of the scaled residuals in each block; infinite where it failed.
     pub block_errors: Vec<f64>,
     /// How it failed, if it did.
-    pub failure: Option<Failure>,
+    pub failure: Option<SimulationFailure>,
 }
 
 /// The data cut into blocks.
@@ -148,11 +148,16 @@ struct Total {
     sum: f64,
     count: usize,
     block_errors: Vec<f64>,
-    failure: Option<Failure>,
+    failure: Option<SimulationFailure>,
 }
 
 impl Total {
-    fn add(&mut self, sums: impl Iterator<Item = f64>, counts: &[usize], failure: Option<Failure>) {
+    fn add(
+        &mut self,
+        sums: impl Iterator<Item = f64>,
+        counts: &[usize],
+        failure: Option<SimulationFailure>,
+    ) {
         for (sum, &count) in sums.zip(counts).filter(|(_, count)| **count > 0) {
             self.sum += sum;
             self.count += count;
@@ -164,7 +169,7 @@ impl Total {
     fn into_evaluation(mut self) -> Evaluation {
         let cost = self.sum / self.count as f64;
         if self.failure.is_none() && !cost.is_finite() {
-            self.failure = Some(Failure::Diverged);
+            self.failure = Some(SimulationFailure::Diverged);
         }
         if self.failure.is_some() {
             self.block_errors.fill(f64::INFINITY);

@@ -3,7 +3,7 @@
 use super::objective::Evaluation;
 use super::problem::Problem;
 use greybox_numerics::json;
-use greybox_simulation::Failure;
+use greybox_simulation::SimulationFailure;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use utoipa::ToSchema;
@@ -84,7 +84,7 @@ pub struct Simulated {
     #[serde(with = "json::or_infinity")]
     pub cost: f64,
     /// How the candidate failed, if it did.
-    pub failure: Option<Failure>,
+    pub failure: Option<SimulationFailure>,
     /// The value of each coordinate of the problem, SI.
     pub values: Vec<f64>,
 }
@@ -135,5 +135,5 @@ pub struct Counters {
     /// Candidates simulated and not remembered. After an interruption some may be simulated again.
     pub distinct_evaluations: u64,
     /// Simulations that failed, by cause.
-    pub failed_evaluations: BTreeMap<Failure, u64>,
+    pub failed_evaluations: BTreeMap<SimulationFailure, u64>,
 }

@@ -11,10 +11,10 @@ pub use experiment::{Experiment, UnknownStart};
 
 use super::loss::Loss;
 use super::prior::{JointPrior, Prior, PriorRow};
-use greybox_simulation::batch::Run;
+use greybox_simulation::batch::BatchRun;
 use greybox_simulation::model::document::Condition;
 use greybox_simulation::model::{Model, Scale};
-use greybox_simulation::{Accuracy, Candidate, Excitation, Plant};
+use greybox_simulation::{Accuracy, DrivingInputs, Plant, SimulatedCandidate};
 use std::sync::Arc;
 
 /// An output that is measured in at least one experiment.
@@ -397,11 +397,11 @@ impl Spelled {
         problem: &'a Problem,
         extent: Extent,
         accuracy: Accuracy,
-    ) -> Vec<Run<'a>> {
+    ) -> Vec<BatchRun<'a>> {
         let pairs = problem.experiments.iter().zip(&self.filled);
         pairs
-            .map(|(experiment, filled)| Run {
-                excitation: Excitation {
+            .map(|(experiment, filled)| BatchRun {
+                excitation: DrivingInputs {
                     sample_time: experiment.sample_time,
                     instants: experiment.instants.as_deref(),
                     samples: match extent {
@@ -414,7 +414,7 @@ impl Spelled {
                 },
                 candidates: filled
                     .iter()
-                    .map(|filled| Candidate {
+                    .map(|filled| SimulatedCandidate {
                         parameters: &filled.parameters,
                         initial_state: &filled.initial_state,
                     })

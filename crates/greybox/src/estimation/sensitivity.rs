@@ -11,7 +11,7 @@ use super::feasible::{self, Limit};
 use super::loss::Loss;
 use super::prior::PriorRow;
 use super::problem::Problem;
-use greybox_simulation::{Accuracy, Failure};
+use greybox_simulation::{Accuracy, SimulationFailure};
 use recorded::record;
 pub use recorded::{Columns, record_runs};
 use std::sync::atomic::AtomicBool;
@@ -86,7 +86,7 @@ pub enum SensitivityError {
     Interrupted,
     /// The candidate itself, or its neighbour along a coordinate, cannot be simulated.
     #[error("the simulation near the estimate fails ({0:?})")]
-    Failed(Failure),
+    Failed(SimulationFailure),
 }
 
 /// Visits every residual that the problem is estimated from, sample by sample, with its
@@ -241,7 +241,7 @@ impl<'a> Neighbourhood<'a> {
     ///
     /// # Errors
     /// How the candidate or a neighbour failed.
-    pub fn visit(&self, visit: impl FnMut(Row<'_>)) -> Result<(), Failure> {
+    pub fn visit(&self, visit: impl FnMut(Row<'_>)) -> Result<(), SimulationFailure> {
         self.visit_along(self.n_columns(), visit)
     }
 
@@ -255,7 +255,7 @@ impl<'a> Neighbourhood<'a> {
         &self,
         needed: usize,
         mut visit: impl FnMut(Row<'_>),
-    ) -> Result<(), Failure> {
+    ) -> Result<(), SimulationFailure> {
         let neighbours = self.ends[..needed]
             .iter()
             .flat_map(|(low, high)| [*low, *high]);
@@ -326,7 +326,7 @@ impl<'a> Neighbourhood<'a> {
         self.problem.outputs[output].residual_scale / weight
     }
 
-    fn failure(&self, member: usize) -> Option<Failure> {
+    fn failure(&self, member: usize) -> Option<SimulationFailure> {
         let mut experiments = self.recorded.iter();
         experiments.find_map(|columns| columns.failures[member])
     }

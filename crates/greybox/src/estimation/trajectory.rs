@@ -5,7 +5,7 @@ use super::sensitivity::{Columns, record_runs};
 use greybox_numerics::lanes::Lanes;
 use greybox_simulation::batch::{self, Sink};
 use greybox_simulation::single::{self, Outputs};
-use greybox_simulation::{Accuracy, Failure};
+use greybox_simulation::{Accuracy, SimulationFailure};
 use std::sync::atomic::AtomicBool;
 
 /// Simulates one candidate over the whole of every experiment, validation parts included:
@@ -18,7 +18,7 @@ pub fn simulate(
     problem: &Problem,
     positions: &[f64],
     stop: &AtomicBool,
-) -> Option<Result<Vec<Outputs>, Failure>> {
+) -> Option<Result<Vec<Outputs>, SimulationFailure>> {
     let spelled = Spelled::new(problem, &[positions.to_vec()]);
     let runs = spelled.runs(problem, Extent::Whole, Accuracy::Full);
     let recordings: Vec<_> = runs

@@ -6,9 +6,11 @@ use std::sync::atomic::AtomicBool;
 use super::spec::simulation::SimulationSpec;
 use super::spec::{FixedValue, InitialStateSpec};
 use greybox_numerics::parsing::Fault;
-use greybox_recording::{Experiment, Mapped, Recording, Selection, Signal, TimeAxis, Window};
+use greybox_recording::{
+    ExperimentData, Mapped, Recording, RecordingSelection, Signal, TimeAxis, TimeWindow,
+};
 use greybox_simulation::model::{InitialState, Model, ModelDescription};
-use greybox_simulation::{Accuracy, Candidate, Excitation, single};
+use greybox_simulation::{Accuracy, DrivingInputs, SimulatedCandidate, single};
 
 /// All outputs of the model as a recording, at the instants of the one that drives it. Nothing when
 /// `stop` was raised.
@@ -24,7 +26,7 @@ pub fn simulate(
         Err(fault) => return Some(Err(vec![fault])),
     };
     let data = &run.data;
-    let excitation = Excitation {
+    let excitation = DrivingInputs {
         sample_time: data.sample_time,
         instants: data.instants.as_deref(),
         samples: data.samples,
@@ -32,7 +34,7 @@ pub fn simulate(
         inputs: &run.inputs,
         accuracy: Accuracy::Full,
     };
-    let candidate = Candidate {
+    let candidate = SimulatedCandidate {
         parameters: &spec.parameters,
         initial_state: &run.initial_state,
     };
@@ -52,7 +54,7 @@ pub fn simulate(
 
 /// All that one simulation needs beside its model and parameters.
 struct Run {
-    data: Experiment,
+    data: ExperimentData,
     input_set: usize,
     inputs: Vec<Vec<f64>>,
     initial_state: Vec<Option<f64>>,
@@ -67,12 +69,12 @@ impl Run {
         let mapped = spec.signals.iter();
         let mapped = mapped.map(|(model, recorded)| Mapped::held(model, recorded));
         let mapped: Vec<Mapped> = mapped.collect();
-        let selection = Selection {
-            window: spec.window.map(|window| Window {
+        let selection = RecordingSelection {
+            window: spec.window.map(|window| TimeWindow {
                 from_s: window.from_s,
                 to_s: window.to_s,
             }),
-            ..Selection::default()
+            ..RecordingSelection::default()
         };
         let data = recording.experiment(&mapped, selection);
         let data =
@@ -112,7 +114,7 @@ impl Run {
     /// When its outputs are, from the recording's first sample.
     fn time(&self, spec: &SimulationSpec) -> TimeAxis {
         let from = spec.window.and_then(|window| window.from_s).unwrap_or(0.0);
-        let Experiment {
+        let ExperimentData {
             sample_time,
             samples,
             instants,
@@ -133,7 +135,7 @@ impl Run {
 }
 
 /// The first sample of a signal that is there.
-fn first(data: &Experiment, name: &str) -> Option<f64> {
+fn first(data: &ExperimentData, name: &str) -> Option<f64> {
     let values = data.signal(name).unwrap_or_default().iter();
     values.copied().find(|value| !value.is_nan())
 }

@@ -11,7 +11,7 @@ use super::weighing::{Seen, Weighing};
 use crate::estimation::problem::{Assumed, Assumption, Coordinate, Problem, Target};
 use crate::estimation::sensitivity::{Directions, Neighbourhood, Row, SHIFT, Sides};
 use greybox_simulation::model::Scale;
-use greybox_simulation::{Accuracy, Failure};
+use greybox_simulation::{Accuracy, SimulationFailure};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -269,7 +269,11 @@ impl Budget {
     ///
     /// # Errors
     /// How the estimate or a neighbour along an unknown failed.
-    pub fn of(extended: &Extended, around: &Around<'_>, seen: Seen<'_>) -> Result<Budget, Failure> {
+    pub fn of(
+        extended: &Extended,
+        around: &Around<'_>,
+        seen: Seen<'_>,
+    ) -> Result<Budget, SimulationFailure> {
         let unknowns = extended.unknowns;
         let noise: Vec<Option<f64>> = (0..unknowns)
             .map(|index| seen.linear.deviation(index).map(|own| own * own))
@@ -294,7 +298,7 @@ impl Budget {
         around: &Around<'_>,
         weights: &[f64],
         deviations: &[f64],
-    ) -> Result<Budget, Failure> {
+    ) -> Result<Budget, SimulationFailure> {
         let joint = gather(extended, around, Weighing::of_noise_alone(weights))?;
         let noise: Vec<Option<f64>> = deviations
             .iter()
@@ -372,7 +376,7 @@ fn gather(
     extended: &Extended,
     around: &Around<'_>,
     weighing: Weighing,
-) -> Result<Option<Joint>, Failure> {
+) -> Result<Option<Joint>, SimulationFailure> {
     let unknowns = extended.unknowns;
     let n = unknowns + extended.assumptions().len();
     if n == unknowns {

@@ -19,9 +19,9 @@ use crate::estimation::feasible::Limit;
 use crate::estimation::prior::PriorRow;
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::Neighbourhood;
-use greybox_numerics::least_squares::Rows;
+use greybox_numerics::least_squares::RowGatherer;
 use greybox_numerics::singular_values::singular_values;
-use greybox_simulation::Failure;
+use greybox_simulation::SimulationFailure;
 use nalgebra::{DMatrix, DVector};
 
 /// Numbers of blocks that the middle of the sandwich is made of. Few long blocks catch long
@@ -173,7 +173,7 @@ pub fn linearise(
     problem: &Problem,
     around: &Neighbourhood<'_>,
     residuals: &[ResidualReport],
-) -> Result<Linear, Failure> {
+) -> Result<Linear, SimulationFailure> {
     let levels = NoiseLevels::of(problem, residuals);
     let unknowns = problem.coordinates.len();
     let mut gathered = Gathered::new(unknowns, problem.n_residuals());
@@ -198,7 +198,7 @@ pub fn linearise(
     } = gathered;
     let triangle = rows.finish();
     if !triangle.is_usable() {
-        return Err(Failure::Diverged);
+        return Err(SimulationFailure::Diverged);
     }
     let factor = triangle.factor();
     let fixed = effective(&factor);
@@ -342,7 +342,7 @@ fn widest(first: DMatrix<f64>, second: DMatrix<f64>) -> DMatrix<f64> {
 
 /// The rows on their way into a triangle and into block sums.
 struct Gathered {
-    rows: Rows,
+    rows: RowGatherer,
     seen: usize,
     total: usize,
     sums: Vec<Vec<DVector<f64>>>,
@@ -354,7 +354,7 @@ impl Gathered {
     fn new(columns: usize, total: usize) -> Gathered {
         let zeros = |count: &usize| vec![DVector::zeros(columns); *count];
         Gathered {
-            rows: Rows::new(columns),
+            rows: RowGatherer::new(columns),
             seen: 0,
             total: total.max(1),
             sums: BLOCK_COUNTS.iter().map(zeros).collect(),

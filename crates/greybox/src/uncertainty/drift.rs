@@ -10,7 +10,7 @@ use super::joint::{Joint, LARGEST_SCORE};
 use super::weighing::{Seen, Weighing};
 use crate::estimation::problem::{Problem, Target};
 use crate::estimation::sensitivity::{Neighbourhood, Row};
-use greybox_simulation::Failure;
+use greybox_simulation::SimulationFailure;
 
 /// The parts of an experiment between which an unknown may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +60,7 @@ pub fn of(
     problem: &Problem,
     neighbourhood: &Neighbourhood<'_>,
     seen: Seen<'_>,
-) -> Result<Vec<Drift>, Failure> {
+) -> Result<Vec<Drift>, SimulationFailure> {
     let unknowns = problem.coordinates.len();
     let coordinates = problem.coordinates.iter().enumerate();
     let tested: Vec<(usize, Change)> = coordinates

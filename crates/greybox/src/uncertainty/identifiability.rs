@@ -17,9 +17,9 @@ use crate::estimation::feasible;
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{self, SensitivityError, Sides};
 use direction::Direction;
-use greybox_numerics::least_squares::Rows;
+use greybox_numerics::least_squares::RowGatherer;
 use greybox_numerics::singular_values::{SingularValues, singular_values};
-use greybox_simulation::{Accuracy, Failure};
+use greybox_simulation::{Accuracy, SimulationFailure};
 use nalgebra::DMatrix;
 use std::sync::atomic::AtomicBool;
 
@@ -225,7 +225,7 @@ fn weights(problem: &Problem) -> Vec<f64> {
 /// The singular values of the weighted derivatives. A point at which they are not finite, or too
 /// large to be squared, has failed like one that cannot be simulated.
 fn information(view: &View<'_>, positions: &[f64]) -> Result<SingularValues, SensitivityError> {
-    let mut rows = Rows::new(positions.len());
+    let mut rows = RowGatherer::new(positions.len());
     sensitivity::visit_rows(view.problem, positions, view.accuracy, view.stop, |row| {
         let weight = view.weights[row.output];
         rows.add(
@@ -236,7 +236,8 @@ fn information(view: &View<'_>, positions: &[f64]) -> Result<SingularValues, Sen
     for prior in view.problem.prior_rows(positions) {
         rows.add((0..positions.len()).map(|column| prior.slope(column)), 0.0);
     }
-    singular_values(&rows.finish().factor()).ok_or(SensitivityError::Failed(Failure::Diverged))
+    singular_values(&rows.finish().factor())
+        .ok_or(SensitivityError::Failed(SimulationFailure::Diverged))
 }
 
 /// The predicted standard deviation of each coordinate as a share of its range; infinite where

@@ -9,8 +9,8 @@ use super::residuals::{self, ResidualReport};
 use super::whitening::{Filter, Whitening};
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{Neighbourhood, Row};
-use greybox_numerics::least_squares::{Rows, Triangle};
-use greybox_simulation::Failure;
+use greybox_numerics::least_squares::{RowGatherer, Triangle};
+use greybox_simulation::SimulationFailure;
 use greybox_simulation::single::Outputs;
 
 /// What the residuals look like, where there are some.
@@ -78,10 +78,10 @@ impl Weighing {
         neighbourhood: &Neighbourhood<'_>,
         (unknowns, n): (usize, usize),
         columns: impl Fn(&Row<'_>) -> Vec<f64>,
-    ) -> Result<(Triangle, Triangle), Failure> {
+    ) -> Result<(Triangle, Triangle), SimulationFailure> {
         let loss = neighbourhood.loss();
         let is_white = self.is_white(!neighbourhood.prior_rows().is_empty());
-        let (mut plain, mut white) = (Rows::new(n), Rows::new(n));
+        let (mut plain, mut white) = (RowGatherer::new(n), RowGatherer::new(n));
         neighbourhood.visit_along(unknowns, |row: Row<'_>| {
             let mut values = columns(&row);
             values.push(loss.score(row.residual));

@@ -5,7 +5,7 @@ use crate::run::run;
 use greybox::model::{Catalogue, Model};
 use greybox::numerics::rng;
 use greybox::recording::{Recording, Signal, TimeAxis};
-use greybox::simulation::{Accuracy, Candidate, Excitation, single};
+use greybox::simulation::{Accuracy, DrivingInputs, SimulatedCandidate, single};
 use serde_json::json;
 use std::sync::atomic::AtomicBool;
 
@@ -45,7 +45,7 @@ fn record(trial: &Trial<'_>, model: &Model) -> Recording {
         parameters[description.parameter_index(name).expect("a parameter")] = *value;
     }
     let samples = trial.inputs[0].len();
-    let excitation = Excitation {
+    let excitation = DrivingInputs {
         sample_time: trial.sample_time,
         instants: None,
         samples,
@@ -54,7 +54,7 @@ fn record(trial: &Trial<'_>, model: &Model) -> Recording {
         accuracy: Accuracy::Full,
     };
     let states = vec![None; description.states.len()];
-    let candidate = Candidate {
+    let candidate = SimulatedCandidate {
         parameters: &parameters,
         initial_state: &states,
     };

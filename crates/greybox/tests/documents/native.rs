@@ -3,7 +3,7 @@
 
 use crate::document;
 use greybox::model::{Catalogue, Model, document};
-use greybox::simulation::{Accuracy, Candidate, Excitation, single};
+use greybox::simulation::{Accuracy, DrivingInputs, SimulatedCandidate, single};
 use std::sync::atomic::AtomicBool;
 
 /// The defaults of the model in Rust with some of them changed, by name, in the order of `model`.
@@ -28,7 +28,7 @@ fn simulate(
     sample_time: f64,
     input: &[Vec<f64>],
 ) -> Vec<Vec<f64>> {
-    let excitation = Excitation {
+    let excitation = DrivingInputs {
         sample_time,
         instants: None,
         samples: input[0].len(),
@@ -37,7 +37,7 @@ fn simulate(
         accuracy: Accuracy::Full,
     };
     let states = vec![None; model.description().states.len()];
-    let candidate = Candidate {
+    let candidate = SimulatedCandidate {
         parameters,
         initial_state: &states,
     };

@@ -7,7 +7,7 @@
 
 use greybox::Identification;
 use greybox::estimation::{Estimation, Problem, Settings, sensitivity};
-use greybox::numerics::least_squares::Rows;
+use greybox::numerics::least_squares::RowGatherer;
 use greybox::recording::{Recording, Signal, TimeAxis};
 use greybox::simulation::Accuracy;
 use serde::Deserialize;
@@ -153,7 +153,7 @@ fn agreement(set: &Set, start: usize) -> (f64, f64) {
 
 /// By the derivatives with which the program linearises.
 fn standard_errors(problem: &Problem, positions: &[f64]) -> Vec<f64> {
-    let mut rows = Rows::new(positions.len());
+    let mut rows = RowGatherer::new(positions.len());
     let mut squares = 0.0;
     let gather = |row: sensitivity::Row<'_>| {
         rows.add(row.derivatives.iter().copied(), 0.0);

@@ -26,7 +26,7 @@ const SERIAL_DAYS: std::ops::Range<f64> = 32_874.0..73_051.0;
 const NANOSECONDS: f64 = 1e9;
 
 /// A code and a sentence.
-pub(super) type Fault = (&'static str, String);
+pub(super) type ClockFault = (&'static str, String);
 
 /// Reads the times of one source.
 #[derive(Debug)]
@@ -38,7 +38,7 @@ pub(super) struct Clock {
     /// Somebody said that this column is the time.
     is_said: bool,
     options: ClockOptions,
-    kind: Option<Kind>,
+    kind: Option<TimeKind>,
     /// How many local times came twice because clocks were set back.
     folds: usize,
     /// The hour that came twice, as long as no order of times told its two passes apart.
@@ -61,7 +61,7 @@ struct ClockOptions {
 
 /// What the times turned out to be.
 #[derive(Clone, Copy, Debug)]
-enum Kind {
+enum TimeKind {
     /// Numbers of so many seconds from an instant that nobody knows.
     Relative {
         factor: f64,
@@ -119,7 +119,7 @@ impl Clock {
     ///
     /// # Errors
     /// A sentence on what is wrong with it.
-    pub(super) fn read(&mut self, cell: &Cell<'_>, before: Option<f64>) -> Result<f64, Fault> {
+    pub(super) fn read(&mut self, cell: &Cell<'_>, before: Option<f64>) -> Result<f64, ClockFault> {
         if matches!(cell, Cell::Empty) || matches!(cell, Cell::Text(text) if text.trim().is_empty())
         {
             return Err(("missing_time", "there are values but no time".to_owned()));
@@ -129,7 +129,7 @@ impl Clock {
             None => self.first(cell)?,
         };
         let seconds = match &mut kind {
-            Kind::Relative {
+            TimeKind::Relative {
                 factor,
                 first,
                 largest,
@@ -138,7 +138,7 @@ impl Clock {
                 *largest = largest.max(value.abs());
                 (value - *first) * *factor
             }
-            Kind::Absolute { spelling, first } => {
+            TimeKind::Absolute { spelling, first } => {
                 let before = before.map(|before| first.saturating_add(nanoseconds(before)));
                 let instant = self.instant(cell, *spelling, before)?;
                 self.is_fine |= instant % TICK != 0;
@@ -157,8 +157,8 @@ impl Clock {
     /// The instant of the time `from` `[s]` after the first that was read, nanoseconds since 1970.
     fn start_ns(&self, from: f64) -> Option<i64> {
         match self.kind? {
-            Kind::Absolute { first, .. } => first.checked_add(nanoseconds(from)),
-            Kind::Relative { .. } => None,
+            TimeKind::Absolute { first, .. } => first.checked_add(nanoseconds(from)),
+            TimeKind::Relative { .. } => None,
         }
     }
 
@@ -178,14 +178,14 @@ impl Clock {
 
     /// Whether the times are instants of Unix time, exact to the nanosecond.
     pub(super) fn is_absolute(&self) -> bool {
-        matches!(self.kind, Some(Kind::Absolute { .. }))
+        matches!(self.kind, Some(TimeKind::Absolute { .. }))
     }
 
     /// The zone in which the source counted, where it is not UTC.
     pub(super) fn zone(&self) -> Option<String> {
-        let said = self.options.zone.as_ref().map(|(name, _)| name.clone());
+        let declared = self.options.zone.as_ref().map(|(name, _)| name.clone());
         match self.kind {
-            Some(Kind::Absolute { .. }) => said.or_else(|| self.offset.clone()),
+            Some(TimeKind::Absolute { .. }) => declared.or_else(|| self.offset.clone()),
             _ => None,
         }
     }
@@ -193,14 +193,14 @@ impl Clock {
     /// The largest number that was read `[s]`.
     pub(super) fn scale(&self) -> f64 {
         match self.kind {
-            Some(Kind::Relative {
+            Some(TimeKind::Relative {
                 factor, largest, ..
             }) => largest * factor,
             _ => 0.0,
         }
     }
 
-    /// What was assumed.
+    /// Warnings about what the clock had to assume.
     pub(super) fn notes(&self) -> Vec<Warning> {
         let mut notes = Vec::new();
         if let Some(unit) = self.guessed_unit {
@@ -229,7 +229,7 @@ impl Clock {
         notes
     }
 
-    fn number(&self, cell: &Cell<'_>) -> Result<f64, Fault> {
+    fn number(&self, cell: &Cell<'_>) -> Result<f64, ClockFault> {
         let number = match cell {
             Cell::Integer(number) => Some(*number as f64),
             Cell::Number(number) => Some(*number),
@@ -242,7 +242,7 @@ impl Clock {
     }
 
     /// What the first time tells about all of them.
-    fn first(&mut self, cell: &Cell<'_>) -> Result<Kind, Fault> {
+    fn first(&mut self, cell: &Cell<'_>) -> Result<TimeKind, ClockFault> {
         let spelling = match cell {
             Cell::Text(text) if stamp::looks_like_one(text) => {
                 self.refuse_unit_of_stamps(text)?;
@@ -256,7 +256,7 @@ impl Clock {
                 Numbers::Instants(spelling) => spelling,
                 Numbers::Seconds(factor) => {
                     let first = self.number(cell)?;
-                    return Ok(Kind::Relative {
+                    return Ok(TimeKind::Relative {
                         factor,
                         first,
                         largest: first.abs(),
@@ -265,10 +265,10 @@ impl Clock {
             },
         };
         let first = self.instant(cell, spelling, None)?;
-        Ok(Kind::Absolute { spelling, first })
+        Ok(TimeKind::Absolute { spelling, first })
     }
 
-    fn refuse_unit_of_stamps(&self, text: &str) -> Result<(), Fault> {
+    fn refuse_unit_of_stamps(&self, text: &str) -> Result<(), ClockFault> {
         let named = self.recorded_unit.to_ascii_lowercase().replace(' ', "");
         if matches!(
             named.as_str(),
@@ -285,14 +285,14 @@ impl Clock {
     }
 
     /// What numbers of this size are.
-    fn numbers(&mut self, value: f64) -> Result<Numbers, Fault> {
+    fn numbers(&mut self, value: f64) -> Result<Numbers, ClockFault> {
         let factor = match self.options.unit {
             Some(TimeUnit::Seconds(factor)) => Some(factor),
             Some(TimeUnit::Excel) => return Ok(Numbers::Instants(Spelling::SerialDays)),
             Some(TimeUnit::Dates { .. }) | None if !self.recorded_unit.is_empty() => {
                 let unit = units::parse_time(&self.recorded_unit).ok_or_else(|| {
-                    let (unit, known) = (&self.recorded_unit, units::known_times());
-                    let detail = format!("unit `{unit}` is not a time; known: {known}");
+                    let (unit, known_units) = (&self.recorded_unit, units::known_times());
+                    let detail = format!("unit `{unit}` is not a time; known: {known_units}");
                     ("unknown_unit", detail)
                 })?;
                 Some(unit.factor)
@@ -321,7 +321,7 @@ impl Clock {
     }
 
     /// What numbers without a unit are that are no Unix times.
-    fn small_numbers(&mut self, value: f64) -> Result<Numbers, Fault> {
+    fn small_numbers(&mut self, value: f64) -> Result<Numbers, ClockFault> {
         let asked = |what: &str| {
             let detail = format!(
                 "`{}` {what}; say what its numbers are with `time_unit`: a unit (s, ms, …), the \
@@ -354,7 +354,7 @@ impl Clock {
         cell: &Cell<'_>,
         spelling: Spelling,
         before: Option<i64>,
-    ) -> Result<i64, Fault> {
+    ) -> Result<i64, ClockFault> {
         match spelling {
             Spelling::Unix { factor } => {
                 let exact = match cell {
@@ -385,7 +385,7 @@ impl Clock {
         cell: &Cell<'_>,
         day_first: Option<bool>,
         before: Option<i64>,
-    ) -> Result<i64, Fault> {
+    ) -> Result<i64, ClockFault> {
         let Cell::Text(text) = cell else {
             return Err(not_a_time(cell));
         };
@@ -405,7 +405,7 @@ impl Clock {
         local: jiff::civil::DateTime,
         cell: &Cell<'_>,
         before: Option<i64>,
-    ) -> Result<i64, Fault> {
+    ) -> Result<i64, ClockFault> {
         let Some((name, zone)) = &self.options.zone else {
             let detail = format!(
                 "timestamp `{}` has no time zone offset; write it as 2026-03-02T08:15:00Z or say \
@@ -464,7 +464,7 @@ fn shown(cell: &Cell<'_>) -> String {
     }
 }
 
-fn not_a_time(cell: &Cell<'_>) -> Fault {
+fn not_a_time(cell: &Cell<'_>) -> ClockFault {
     let detail = format!(
         "`{}` is neither a finite number nor a timestamp such as 2026-03-02T08:15:00Z",
         shown(cell)

@@ -1,10 +1,10 @@
 //! The values of one signal on their way in: to SI, with what was met among them.
 
 use super::cell::Cell;
-use super::error::{Fault, Faults, excerpt};
-use super::options::{Options, Purpose};
-use super::units::{self, Unit};
-use super::value::Value;
+use super::error::{ReadingFault, ReadingFaults, excerpt};
+use super::options::{Options, ReadingPurpose};
+use super::units::{self, RecordedUnit};
+use super::value::CellValue;
 use crate::{Interpolation, Warning, shown};
 
 /// What loggers write where they have no value. A value is told as a likely one when it is far
@@ -38,10 +38,10 @@ const FAR: f64 = 2.0;
 
 /// The values of one signal.
 #[derive(Debug)]
-pub(super) struct Column {
+pub(super) struct SignalColumn {
     pub(super) name: String,
     pub(super) recorded_unit: String,
-    pub(super) unit: Unit,
+    pub(super) unit: RecordedUnit,
     pub(super) interpolation: Option<Interpolation>,
     /// The unit stood at the end of the name.
     unit_from_name: bool,
@@ -49,12 +49,12 @@ pub(super) struct Column {
     numbers: usize,
     bools: usize,
     words: Words,
-    said: usize,
+    declared_missing: usize,
     /// Texts that are no numbers: all of a column of text, faults in one of numbers.
     texts: usize,
-    faults: Faults,
+    faults: ReadingFaults,
     sentinels: Vec<(f64, usize)>,
-    purpose: Purpose,
+    purpose: ReadingPurpose,
     /// Smallest and largest of the values that are no sentinels, as recorded.
     range: (f64, f64),
 }
@@ -89,16 +89,16 @@ impl Words {
     }
 }
 
-impl Column {
+impl SignalColumn {
     /// The signal that a title names, e.g. `position [mm]`. A unit that is not known is a fault.
     pub(super) fn titled(title: &str, options: &Options) -> Result<Self, Box<(Self, String)>> {
         let (name, unit) = units::name_and_unit(title);
         let unit_from_name = !unit.is_empty() && name == title;
         let mut column = Self::named(name, options);
-        let said = options.units.get(name).map(String::as_str);
-        match column.set_unit(said.unwrap_or(unit)) {
+        let given_unit = options.units.get(name).map(String::as_str);
+        match column.set_unit(given_unit.unwrap_or(unit)) {
             Ok(()) => {
-                column.unit_from_name = unit_from_name && said.is_none();
+                column.unit_from_name = unit_from_name && given_unit.is_none();
                 Ok(column)
             }
             Err(detail) => Err(Box::new((column, detail))),
@@ -114,7 +114,7 @@ impl Column {
                 .map_or(name, String::as_str)
                 .to_owned(),
             recorded_unit: String::new(),
-            unit: Unit::NONE,
+            unit: RecordedUnit::NONE,
             interpolation: options
                 .interpolation_of(name)
                 .or_else(|| options.interpolation_of(options.rename.get(name)?)),
@@ -123,9 +123,9 @@ impl Column {
             numbers: 0,
             bools: 0,
             words: Words::default(),
-            said: 0,
+            declared_missing: 0,
             texts: 0,
-            faults: Faults::default(),
+            faults: ReadingFaults::default(),
             sentinels: Vec::new(),
             purpose: options.purpose,
             range: (f64::INFINITY, f64::NEG_INFINITY),
@@ -157,24 +157,24 @@ impl Column {
         &mut self,
         cell: &Cell<'_>,
         options: &Options,
-        place: impl FnOnce(&'static str, String) -> Fault,
+        place: impl FnOnce(&'static str, String) -> ReadingFault,
     ) -> f64 {
-        match Value::of(cell, options) {
-            Value::Number(number) => self.number(number, place),
-            Value::Empty => f64::NAN,
-            Value::Bool(value) => {
+        match CellValue::of(cell, options) {
+            CellValue::Number(number) => self.number(number, place),
+            CellValue::Empty => f64::NAN,
+            CellValue::Bool(value) => {
                 self.bools += 1;
                 self.number(f64::from(u8::from(value)), place)
             }
-            Value::Word => {
+            CellValue::Word => {
                 self.words.take(cell);
                 f64::NAN
             }
-            Value::Said => {
-                self.said += 1;
+            CellValue::Said => {
+                self.declared_missing += 1;
                 f64::NAN
             }
-            Value::Text => {
+            CellValue::Text => {
                 self.texts += 1;
                 if !self.ignored {
                     self.faults
@@ -185,10 +185,18 @@ impl Column {
         }
     }
 
-    fn number(&mut self, number: f64, place: impl FnOnce(&'static str, String) -> Fault) -> f64 {
+    fn number(
+        &mut self,
+        number: f64,
+        place: impl FnOnce(&'static str, String) -> ReadingFault,
+    ) -> f64 {
         self.numbers += 1;
         if number.abs() >= SMALLEST_SENTINEL && SENTINELS.contains(&number) {
-            match self.sentinels.iter_mut().find(|(own, _)| *own == number) {
+            match self
+                .sentinels
+                .iter_mut()
+                .find(|(sentinel, _)| *sentinel == number)
+            {
                 Some((_, count)) => *count += 1,
                 None => self.sentinels.push((number, 1)),
             }
@@ -209,14 +217,14 @@ impl Column {
     }
 
     /// The faults of a column of numbers.
-    pub(super) fn faults(&mut self) -> Faults {
+    pub(super) fn faults(&mut self) -> ReadingFaults {
         match self.is_signal() {
             true => std::mem::take(&mut self.faults),
-            false => Faults::default(),
+            false => ReadingFaults::default(),
         }
     }
 
-    /// What was met, and what was done with it.
+    /// Warnings about the values of the column and how they were read.
     pub(super) fn notes(&self) -> Vec<Warning> {
         let note = |code: &str, detail: String| Warning::of_signal(code, &self.name, detail);
         if self.ignored {
@@ -245,8 +253,8 @@ impl Column {
                 format!("{count} samples are {words}: missing"),
             ));
         }
-        if self.said > 0 {
-            let count = self.said;
+        if self.declared_missing > 0 {
+            let count = self.declared_missing;
             let detail = format!("{count} samples are what `missing` says stands for none");
             notes.push(note("said_missing", detail));
         }
@@ -255,7 +263,7 @@ impl Column {
             let detail = format!("{count} samples were true or false and were read as 1 and 0");
             notes.push(note("booleans", detail));
         }
-        if self.range.0 > self.range.1 && self.purpose == Purpose::Stream {
+        if self.range.0 > self.range.1 && self.purpose == ReadingPurpose::Stream {
             // A batch may hold a single sample, which cannot be far from others.
             notes.extend(self.sentinels.iter().map(|(value, count)| {
                 let value = shown(*value);

@@ -4,7 +4,7 @@
 //! and bytes that are not are passed on, for the reader to refuse with their place. `\r\n` becomes
 //! `\n`, so that lines are counted right.
 
-use super::error::{Fault, ReadError, invalid};
+use super::error::{ReadError, ReadingFault, invalid};
 use encoding_rs::{Decoder, Encoding, UTF_8};
 use std::io::{self, BufRead, BufReader, Read};
 
@@ -12,7 +12,7 @@ use std::io::{self, BufRead, BufReader, Read};
 const PIECE_BYTES: usize = 64 * 1024;
 
 /// A text on its way in.
-pub(super) struct Text<R> {
+pub(super) struct DecodedText<R> {
     source: BufReader<R>,
     /// Nothing where the bytes are UTF-8 already.
     decoder: Option<Decoder>,
@@ -32,13 +32,17 @@ pub(super) fn named(name: &str) -> Result<&'static Encoding, String> {
     })
 }
 
-impl<R: Read> Text<R> {
+impl<R: Read> DecodedText<R> {
     /// The text in `source`, of the encoding that was said, if any was.
-    pub(super) fn new(source: R, said: Option<&str>) -> Result<Self, ReadError> {
+    pub(super) fn new(source: R, declared: Option<&str>) -> Result<Self, ReadError> {
         let mut source = BufReader::with_capacity(PIECE_BYTES, source);
-        let said = match said {
+        let declared = match declared {
             Some(name) => Some(named(name).map_err(|detail| {
-                invalid(Fault::of_option("unknown_encoding", "encoding", detail))
+                invalid(ReadingFault::of_option(
+                    "unknown_encoding",
+                    "encoding",
+                    detail,
+                ))
             })?),
             None => None,
         };
@@ -49,7 +53,7 @@ impl<R: Read> Text<R> {
         }
         let encoding = marked
             .map(|(encoding, _)| encoding)
-            .or(said)
+            .or(declared)
             .unwrap_or(UTF_8);
         let decoder = (encoding != UTF_8).then(|| encoding.new_decoder_without_bom_handling());
         Ok(Self {
@@ -114,7 +118,7 @@ fn decode(decoder: &mut Decoder, piece: &[u8], into: &mut Vec<u8>) {
     into.truncate(written);
 }
 
-impl<R: Read> Read for Text<R> {
+impl<R: Read> Read for DecodedText<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         if self.given == self.decoded.len() {
             self.next_piece()?;
@@ -134,7 +138,7 @@ mod tests {
 
     fn read(bytes: &[u8], said: Option<&str>) -> String {
         let mut text = String::new();
-        let mut source = Text::new(bytes, said).unwrap();
+        let mut source = DecodedText::new(bytes, said).unwrap();
         source.read_to_string(&mut text).unwrap();
         text
     }
@@ -164,7 +168,7 @@ mod tests {
 
     #[test]
     fn an_encoding_that_is_not_known_is_a_fault_of_the_option() {
-        let error = Text::new(&b""[..], Some("klingon")).err().unwrap();
+        let error = DecodedText::new(&b""[..], Some("klingon")).err().unwrap();
         assert_eq!(error.faults()[0].parameter.as_deref(), Some("encoding"));
     }
 
@@ -172,7 +176,7 @@ mod tests {
         #[test]
         fn line_ends_are_plain_wherever_the_pieces_are_cut(text in "[a\\r\\n]{0,30}", cut in 1_usize..4) {
             let mut out = String::new();
-            Text::new(Drops(text.as_bytes(), cut), None).unwrap().read_to_string(&mut out).unwrap();
+            DecodedText::new(Drops(text.as_bytes(), cut), None).unwrap().read_to_string(&mut out).unwrap();
             prop_assert_eq!(out, text.replace("\r\n", "\n"));
         }
     }

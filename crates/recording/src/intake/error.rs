@@ -12,7 +12,7 @@ pub const MAX_FAULTS: usize = 20;
 
 /// One thing wrong with a recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Fault {
+pub struct ReadingFault {
     /// The place as a JSON pointer, in a recording that is JSON.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pointer: Option<String>,
@@ -31,7 +31,7 @@ pub struct Fault {
     pub detail: String,
 }
 
-impl fmt::Display for Fault {
+impl fmt::Display for ReadingFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.detail)
     }
@@ -51,16 +51,16 @@ pub enum ReadError {
     Unsupported(String),
     /// The text is not CSV or not JSON.
     #[error("the recording is malformed: {}", sentences(.0))]
-    Malformed(Vec<Fault>),
+    Malformed(Vec<ReadingFault>),
     /// The text was understood, and what it says is wrong.
     #[error("the recording is wrong: {}", sentences(.0))]
-    Invalid(Vec<Fault>),
+    Invalid(Vec<ReadingFault>),
 }
 
 impl ReadError {
     /// What is wrong, in the order of the text; empty when the source itself failed.
     #[must_use]
-    pub fn faults(&self) -> &[Fault] {
+    pub fn faults(&self) -> &[ReadingFault] {
         match self {
             Self::Io(_) | Self::Scratch(_) | Self::Unsupported(_) => &[],
             Self::Malformed(faults) | Self::Invalid(faults) => faults,
@@ -68,7 +68,7 @@ impl ReadError {
     }
 }
 
-fn sentences(faults: &[Fault]) -> String {
+fn sentences(faults: &[ReadingFault]) -> String {
     let details: Vec<&str> = faults.iter().map(|fault| fault.detail.as_str()).collect();
     details.join("; ")
 }
@@ -78,23 +78,23 @@ const TOLD_OF_A_KIND: usize = 3;
 
 /// A fault, and how many more like it there are.
 #[derive(Debug)]
-struct Told {
-    fault: Fault,
+struct FaultGroup {
+    fault: ReadingFault,
     more: u64,
     last_line: Option<u64>,
 }
 
 /// The faults met so far.
 #[derive(Debug, Default)]
-pub(super) struct Faults {
-    kept: Vec<Told>,
+pub(super) struct ReadingFaults {
+    kept: Vec<FaultGroup>,
     malformed: bool,
 }
 
-impl Faults {
+impl ReadingFaults {
     /// Keeps a fault in what the text says.
-    pub(super) fn invalid(&mut self, fault: Fault) {
-        self.keep(Told {
+    pub(super) fn invalid(&mut self, fault: ReadingFault) {
+        self.keep(FaultGroup {
             last_line: fault.line,
             fault,
             more: 0,
@@ -102,22 +102,23 @@ impl Faults {
     }
 
     /// Keeps a fault in the form of the text.
-    pub(super) fn malformed(&mut self, fault: Fault) {
+    pub(super) fn malformed(&mut self, fault: ReadingFault) {
         self.malformed = true;
         self.invalid(fault);
     }
 
     /// Takes over what another has kept.
-    pub(super) fn extend(&mut self, other: Faults) {
+    pub(super) fn extend(&mut self, other: ReadingFaults) {
         self.malformed |= other.malformed;
         other.kept.into_iter().for_each(|told| self.keep(told));
     }
 
-    fn keep(&mut self, new: Told) {
-        let place = |fault: &Fault| fault.line.is_some() || fault.pointer.is_some();
-        let same = |told: &&mut Told| {
-            let (one, other) = (&told.fault, &new.fault);
-            one.code == other.code && one.column == other.column && place(one) && place(other)
+    fn keep(&mut self, new: FaultGroup) {
+        let place = |fault: &ReadingFault| fault.line.is_some() || fault.pointer.is_some();
+        let same = |told: &&mut FaultGroup| {
+            let (earlier, later) = (&told.fault, &new.fault);
+            let is_of_a_kind = earlier.code == later.code && earlier.column == later.column;
+            is_of_a_kind && place(earlier) && place(later)
         };
         let count = self.kept.iter_mut().filter(same).count();
         if count >= TOLD_OF_A_KIND
@@ -144,7 +145,7 @@ impl Faults {
         if self.kept.is_empty() {
             return Ok(());
         }
-        let faults = self.kept.into_iter().map(Told::counted).collect();
+        let faults = self.kept.into_iter().map(FaultGroup::counted).collect();
         if self.malformed {
             Err(ReadError::Malformed(faults))
         } else {
@@ -153,8 +154,8 @@ impl Faults {
     }
 }
 
-impl Told {
-    fn counted(self) -> Fault {
+impl FaultGroup {
+    fn counted(self) -> ReadingFault {
         let Self {
             mut fault,
             more,
@@ -169,7 +170,7 @@ impl Told {
     }
 }
 
-impl Fault {
+impl ReadingFault {
     /// At a line and, where it is known, a column.
     pub(super) fn at_line(
         code: &'static str,
@@ -223,18 +224,18 @@ impl Fault {
 }
 
 /// An error of one fault in the form of the text.
-pub(super) fn malformed(fault: Fault) -> ReadError {
+pub(super) fn malformed(fault: ReadingFault) -> ReadError {
     ReadError::Malformed(vec![fault])
 }
 
 /// An error of one fault in what the text says.
-pub(super) fn invalid(fault: Fault) -> ReadError {
+pub(super) fn invalid(fault: ReadingFault) -> ReadError {
     ReadError::Invalid(vec![fault])
 }
 
 /// A fault on its way through readers of text.
 #[derive(Debug)]
-struct Broken(Fault);
+struct Broken(ReadingFault);
 
 impl fmt::Display for Broken {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -245,7 +246,7 @@ impl fmt::Display for Broken {
 impl std::error::Error for Broken {}
 
 /// A fault for a reader of text to pass on.
-pub(super) fn broken(fault: Fault) -> io::Error {
+pub(super) fn broken(fault: ReadingFault) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, Broken(fault))
 }
 

@@ -68,7 +68,7 @@ const NAMES: [(&str, Format); 21] = [
 
 /// What the media type of a body says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum MediaKind {
     /// Comma-separated values of some form.
     Csv,
     /// JSON of some form.
@@ -79,8 +79,8 @@ pub enum Kind {
     Binary,
 }
 
-impl Kind {
-    /// Of a media type without parameters, in lower case.
+impl MediaKind {
+    /// The kind that a media type stands for, given without parameters and in lower case.
     #[must_use]
     pub fn of_media_type(media_type: &str) -> Option<Self> {
         match media_type {
@@ -112,18 +112,24 @@ impl Format {
     /// # Errors
     /// A sentence with all names.
     pub fn named(text: &str) -> Result<Self, String> {
-        let found = NAMES.iter().find(|(name, _)| *name == text);
-        found.map(|(_, format)| *format).ok_or_else(|| {
+        let entry = NAMES.iter().find(|(name, _)| *name == text);
+        entry.map(|(_, format)| *format).ok_or_else(|| {
             let names = NAMES.map(|(name, _)| name);
             format!("`{text}` is not one of {}", names.join(", "))
         })
     }
 
+    /// The names of the formats that are read.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        let is_read = |(_, format): &(&str, Format)| format.instead().is_none();
+        NAMES.into_iter().filter(is_read).map(|(name, _)| name)
+    }
+
     /// The name of the format.
     #[must_use]
     pub fn name(self) -> &'static str {
-        let found = NAMES.iter().find(|(_, format)| *format == self);
-        found.map_or("", |(name, _)| name)
+        let entry = NAMES.iter().find(|(_, format)| *format == self);
+        entry.map_or("", |(name, _)| name)
     }
 
     /// What is read from its bytes rather than from text.
@@ -134,8 +140,8 @@ impl Format {
             (b"PK\x03\x04", Format::Excel),
             (b"\xD0\xCF\x11\xE0", Format::Excel),
         ];
-        let found = MAGIC.iter().find(|(magic, _)| head.starts_with(magic));
-        found.map(|(_, format)| *format)
+        let entry = MAGIC.iter().find(|(magic, _)| head.starts_with(magic));
+        entry.map(|(_, format)| *format)
     }
 
     /// What to send instead of a format that is known and not read.

@@ -5,11 +5,11 @@
 
 use super::cell::Cell;
 use super::clock::Clock;
-use super::error::{Fault, ReadError, excerpt, malformed};
+use super::error::{ReadError, ReadingFault, excerpt, malformed};
 use super::memory::{LONGEST_ROW, Memory};
 use super::options::Options;
-use super::tags::{Quality, Sample, Tags};
-use crate::Received;
+use super::tags::{Quality, RawSample, Tags};
+use crate::ReceivedRecording;
 use std::io::{BufRead, BufReader, Read};
 
 /// Whether a text begins like the protocol.
@@ -18,7 +18,7 @@ pub(super) fn looks_like(head: &[u8]) -> bool {
     let mut lines = lines.filter(|line| !line.is_empty() && !line.starts_with(b"#"));
     let first = lines.next().and_then(|line| std::str::from_utf8(line).ok());
     first
-        .and_then(Line::parse)
+        .and_then(ProtocolLine::parse)
         .is_some_and(|line| line.fields().next().is_some())
 }
 
@@ -27,7 +27,7 @@ pub(super) fn read(
     source: impl Read,
     options: &Options,
     memory: &Memory,
-) -> Result<Received, ReadError> {
+) -> Result<ReceivedRecording, ReadError> {
     let mut source = BufReader::new(source);
     let mut tags = Tags::new(Clock::new("timestamp", "", options), options, None, memory);
     let (mut text, mut number) = (String::new(), 0);
@@ -40,7 +40,7 @@ pub(super) fn read(
         }
         if length as u64 == LONGEST_ROW {
             let detail = format!("the line has more than {LONGEST_ROW} bytes");
-            return Err(malformed(Fault::at_line(
+            return Err(malformed(ReadingFault::at_line(
                 "line_too_long",
                 number,
                 None,
@@ -56,8 +56,8 @@ pub(super) fn read(
 }
 
 fn push(tags: &mut Tags<'_>, text: &str, number: u64) {
-    let place = |code, detail: String| Fault::at_line(code, number, None, detail);
-    let Some(line) = Line::parse(text) else {
+    let place = |code, detail: String| ReadingFault::at_line(code, number, None, detail);
+    let Some(line) = ProtocolLine::parse(text) else {
         let detail = format!("`{}` is no line of the protocol", excerpt(text));
         return tags.faults.malformed(place("not_line_protocol", detail));
     };
@@ -72,7 +72,7 @@ fn push(tags: &mut Tags<'_>, text: &str, number: u64) {
         let Some(tag) = tags.series(&key, &name, &place) else {
             continue;
         };
-        let sample = Sample {
+        let sample = RawSample {
             tag,
             time: Cell::Text(line.time),
             value: cell(value),
@@ -94,14 +94,14 @@ fn cell(value: &str) -> Cell<'_> {
 }
 
 /// The three parts of a line.
-struct Line<'t> {
+struct ProtocolLine<'t> {
     /// The measurement with its tags.
     series: &'t str,
     fields: &'t str,
     time: &'t str,
 }
 
-impl<'t> Line<'t> {
+impl<'t> ProtocolLine<'t> {
     fn parse(text: &'t str) -> Option<Self> {
         let mut parts = split(text, ' ');
         let line = Self {
@@ -142,7 +142,9 @@ mod tests {
 
     #[test]
     fn separators_that_are_escaped_or_quoted_separate_nothing() {
-        let line = Line::parse(r#"oil\ rig,a=b\ c pos\ x=1.5,s="a, b=c",n=5i 1465839830100400200"#);
+        let line = ProtocolLine::parse(
+            r#"oil\ rig,a=b\ c pos\ x=1.5,s="a, b=c",n=5i 1465839830100400200"#,
+        );
         let line = line.unwrap();
         assert_eq!(line.series, r"oil\ rig,a=b\ c");
         assert_eq!(line.time, "1465839830100400200");

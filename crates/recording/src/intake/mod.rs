@@ -30,14 +30,15 @@ mod tags;
 pub mod units;
 mod value;
 
-pub use error::{Fault, MAX_FAULTS, ReadError};
-pub use format::{Format, Kind};
+pub use error::{MAX_FAULTS, ReadError, ReadingFault};
+pub use format::{Format, MediaKind};
 pub use memory::{MEMORY_ALWAYS, MEMORY_PER_BYTE, MOST_RATIO, may_unpack};
-pub use options::{Options, Purpose};
+pub use options::{Options, ReadingPurpose};
+pub use quality::quality_schemes;
 pub use tags::MAX_HELD_SAMPLES;
 
-use crate::{NewScratch, Received, Recording};
-use encoding::Text;
+use crate::{NewScratch, ReceivedRecording, Recording};
+use encoding::DecodedText;
 use error::malformed;
 use memory::Memory;
 use std::io::{BufRead, BufReader, Cursor, Read};
@@ -50,7 +51,7 @@ const HEAD_BYTES: u64 = 64 * 1024;
 /// # Errors
 /// When the source fails, when its format is not read here, or with everything that is wrong with
 /// it.
-pub fn read(source: impl Read, kind: Kind, options: &Options) -> Result<Recording, ReadError> {
+pub fn read(source: impl Read, kind: MediaKind, options: &Options) -> Result<Recording, ReadError> {
     let received = receive(source, kind, options, None)?;
     received.into_recording().map_err(ReadError::Scratch)
 }
@@ -62,10 +63,10 @@ pub fn read(source: impl Read, kind: Kind, options: &Options) -> Result<Recordin
 /// Those of [`read`], and when the scratch fails.
 pub fn receive(
     source: impl Read,
-    kind: Kind,
+    kind: MediaKind,
     options: &Options,
     scratch: Option<NewScratch>,
-) -> Result<Received, ReadError> {
+) -> Result<ReceivedRecording, ReadError> {
     let (memory, source) = Memory::counting(source);
     let mut source = BufReader::with_capacity(HEAD_BYTES as usize, source);
     let format = options.format.or(Format::of_magic(source.fill_buf()?));
@@ -79,16 +80,16 @@ pub fn receive(
     if let Some(format @ (Format::Excel | Format::Parquet)) = format {
         return binary::receive(format, source, options, scratch, &memory);
     }
-    if format.is_none() && kind == Kind::Binary {
+    if format.is_none() && kind == MediaKind::Binary {
         return Err(ReadError::Unsupported(
             "bytes that are no text of a known format; say what they are with `format`".to_owned(),
         ));
     }
-    let mut text = Text::new(source, options.encoding.as_deref())?;
+    let mut text = DecodedText::new(source, options.encoding.as_deref())?;
     let mut head = Vec::new();
     text.by_ref().take(HEAD_BYTES).read_to_end(&mut head)?;
     if head.trim_ascii().is_empty() {
-        let fault = Fault::at_line(
+        let fault = ReadingFault::at_line(
             "empty",
             1,
             None,
@@ -108,20 +109,23 @@ pub fn receive(
             if options.name.is_some() {
                 recording.name.clone_from(&options.name);
             }
-            Received::from(recording)
+            ReceivedRecording::from(recording)
         }),
         Format::InfluxLines => lines::read(whole, options, &memory),
         json if json.is_json() => historian::read(whole, json, options, &memory),
-        csv => csv::receive_as(csv, (&head, whole), options, scratch, &memory),
+        csv => {
+            let text = csv::SniffedText { head: &head, whole };
+            csv::receive_as(csv, text, options, scratch, &memory)
+        }
     }
 }
 
-fn recognised(kind: Kind, head: &[u8]) -> Format {
+fn recognised(kind: MediaKind, head: &[u8]) -> Format {
     let first = head.trim_ascii_start().first().copied();
     match kind {
-        Kind::Json => historian::recognised(head),
-        Kind::Text if matches!(first, Some(b'{' | b'[')) => historian::recognised(head),
-        Kind::Text if lines::looks_like(head) => Format::InfluxLines,
+        MediaKind::Json => historian::recognised(head),
+        MediaKind::Text if matches!(first, Some(b'{' | b'[')) => historian::recognised(head),
+        MediaKind::Text if lines::looks_like(head) => Format::InfluxLines,
         _ => csv::recognised(head),
     }
 }

@@ -1,10 +1,10 @@
 //! What a source does not say itself: options that come with it, and are kept with what was read.
 
-use super::error::{Fault, Faults, ReadError};
+use super::error::{ReadError, ReadingFault, ReadingFaults};
 use super::format::Format;
 use super::quality::Scheme;
 use super::{encoding, units};
-use crate::{Interpolation, MIN_SAMPLES, Source, TimeAxis, Warning};
+use crate::{Interpolation, MIN_SAMPLES, RecordingSource, TimeAxis, Warning};
 use jiff::tz::TimeZone;
 use std::collections::BTreeMap;
 
@@ -28,16 +28,16 @@ pub struct Options {
     pub(super) interpolation: BTreeMap<String, Interpolation>,
     /// For signals that `interpolation` does not name.
     pub(super) all_interpolation: Option<Interpolation>,
-    pub(super) grid: Option<Grid>,
+    pub(super) grid: Option<GridOption>,
     /// The worksheet of a workbook.
     pub(super) sheet: Option<String>,
-    pub(super) purpose: Purpose,
+    pub(super) purpose: ReadingPurpose,
     pub(super) given: BTreeMap<String, String>,
 }
 
 /// What samples are read for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Purpose {
+pub enum ReadingPurpose {
     /// A recording: its signals share their instants.
     #[default]
     Recording,
@@ -46,7 +46,7 @@ pub enum Purpose {
     Stream,
 }
 
-impl Purpose {
+impl ReadingPurpose {
     /// The fewest instants that a source must have.
     pub(super) fn least_instants(self) -> usize {
         match self {
@@ -86,7 +86,7 @@ impl Purpose {
 /// What the numbers of a time are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum TimeUnit {
-    /// So many seconds each.
+    /// Numbers whose unit is this many seconds.
     Seconds(f64),
     /// Days since the beginning of 1900, as spreadsheets count them.
     Excel,
@@ -110,7 +110,7 @@ pub(super) struct Missing {
 
 /// The instants that sources of different instants are put on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Grid {
+pub(super) enum GridOption {
     /// The instants of all signals together; a signal is missing where it has no sample.
     None,
     /// Every so many seconds.
@@ -174,43 +174,46 @@ impl Options {
 
     /// Says what samples are read for.
     #[must_use]
-    pub fn for_purpose(self, purpose: Purpose) -> Self {
+    pub fn for_purpose(self, purpose: ReadingPurpose) -> Self {
         Self { purpose, ..self }
     }
 
     /// Whether an option asks for other instants than those of the samples.
     #[must_use]
     pub fn asks_for_a_grid(&self) -> bool {
-        matches!(self.grid, Some(Grid::Every(_)))
+        matches!(self.grid, Some(GridOption::Every(_)))
     }
 
     /// What the type of a body says of its encoding, where no option does. A name that is not known
     /// is left to the text itself.
     pub fn assume_encoding(&mut self, charset: &str) {
-        let known = encoding::named(charset).is_ok();
-        self.encoding = self.encoding.take().or(known.then(|| charset.to_owned()));
+        let is_known = encoding::named(charset).is_ok();
+        self.encoding = self
+            .encoding
+            .take()
+            .or(is_known.then(|| charset.to_owned()));
     }
 
     /// Refuses options that would do nothing.
     pub(super) fn refuse(&self, useless: &[&str], format: &str) -> Result<(), ReadError> {
-        let mut faults = Faults::default();
+        let mut faults = ReadingFaults::default();
         let is_given = |option: &&&str| {
             self.given.contains_key(**option) || (**option == "time" && self.time.is_some())
         };
         for option in useless.iter().filter(is_given) {
             let detail = format!("`{option}` says nothing about {format}");
-            faults.invalid(Fault::of_option("invalid_parameter", option, detail));
+            faults.invalid(ReadingFault::of_option("invalid_parameter", option, detail));
         }
         faults.result()
     }
 
     /// What is kept of them beside what was read.
-    pub(super) fn source(&self, format: &str) -> Source {
+    pub(super) fn source(&self, format: &str) -> RecordingSource {
         let mut options = self.given.clone();
         if let Some(time) = &self.time {
             options.insert("time".to_owned(), time.clone());
         }
-        Source {
+        RecordingSource {
             format: format.to_owned(),
             options,
         }
@@ -220,7 +223,7 @@ impl Options {
         let of = |text: &str| match text {
             "hold" => Ok(Interpolation::Hold),
             "linear" => Ok(Interpolation::Linear),
-            other => Err(format!("`{other}` is neither hold nor linear")),
+            word => Err(format!("`{word}` is neither hold nor linear")),
         };
         if !text.contains(':') {
             self.all_interpolation = Some(of(text)?);
@@ -282,9 +285,9 @@ fn duration(text: &str) -> Option<f64> {
     (seconds.is_finite() && seconds > 0.0).then_some(seconds)
 }
 
-fn grid(text: &str) -> Result<Grid, String> {
+fn grid(text: &str) -> Result<GridOption, String> {
     if text == "none" {
-        return Ok(Grid::None);
+        return Ok(GridOption::None);
     }
     let rate = text
         .strip_suffix("Hz")
@@ -297,14 +300,14 @@ fn grid(text: &str) -> Result<Grid, String> {
     let seconds = seconds.ok_or_else(|| {
         format!("`{text}` is neither `none` nor a sample time or rate, such as 10ms or 100Hz")
     })?;
-    Ok(Grid::Every(seconds))
+    Ok(GridOption::Every(seconds))
 }
 
 fn decimal(text: &str) -> Result<Decimal, String> {
     match text {
         "." | "point" => Ok(Decimal::Point),
         "," | "comma" => Ok(Decimal::Comma),
-        other => Err(format!("`{other}` is neither `,` nor `.`")),
+        word => Err(format!("`{word}` is neither `,` nor `.`")),
     }
 }
 
@@ -364,8 +367,11 @@ mod tests {
         let options = with("time_unit", "10ms").unwrap();
         assert_eq!(options.time_unit, Some(TimeUnit::Seconds(0.01)));
         assert_eq!(options.source("x").options["time_unit"], "10ms");
-        assert_eq!(with("grid", "50 Hz").unwrap().grid, Some(Grid::Every(0.02)));
-        assert_eq!(with("grid", "none").unwrap().grid, Some(Grid::None));
+        assert_eq!(
+            with("grid", "50 Hz").unwrap().grid,
+            Some(GridOption::Every(0.02))
+        );
+        assert_eq!(with("grid", "none").unwrap().grid, Some(GridOption::None));
         let missing = with("missing", "-9999, Bad").unwrap().missing;
         assert_eq!(
             (missing.numbers, missing.words),

@@ -41,10 +41,15 @@ const NAMES: [(&str, Scheme); 8] = [
     ("words", Scheme::Words),
 ];
 
+/// The names of the schemes of codes of quality.
+pub fn quality_schemes() -> impl Iterator<Item = &'static str> {
+    NAMES.into_iter().map(|(name, _)| name)
+}
+
 impl Scheme {
     pub(super) fn named(text: &str) -> Result<Self, String> {
-        let found = NAMES.iter().find(|(name, _)| *name == text);
-        found.map(|(_, scheme)| *scheme).ok_or_else(|| {
+        let entry = NAMES.iter().find(|(name, _)| *name == text);
+        entry.map(|(_, scheme)| *scheme).ok_or_else(|| {
             let names = NAMES.map(|(name, _)| name);
             format!("`{text}` is not one of {}", names.join(", "))
         })
@@ -76,7 +81,7 @@ impl Scheme {
             1 => Class::Uncertain,
             _ => Class::Bad,
         };
-        let known = match self {
+        let class = match self {
             Self::OpcDa => match code & 0xC0 {
                 0xC0 => Class::Good,
                 0x40 => Class::Uncertain,
@@ -99,7 +104,7 @@ impl Scheme {
                 (Class::Good, 0 | 192..=255) => Class::Good,
                 (Class::Good, 256..=511) => Class::Uncertain,
                 (Class::Good, _) => Class::Bad,
-                (other, _) => other,
+                (class, _) => class,
             },
             Self::IgnitionLegacy => match code {
                 192 => Class::Good,
@@ -108,7 +113,7 @@ impl Scheme {
             },
             Self::Words => return None,
         };
-        Some(known)
+        Some(class)
     }
 }
 

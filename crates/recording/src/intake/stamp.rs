@@ -35,7 +35,7 @@ pub(super) fn parse(text: &str, day_first: Option<bool>) -> Result<Stamp, (&'sta
         return Ok(Stamp::Local(local));
     }
     let shown = super::error::excerpt(text);
-    let Some(written) = Written::of(text) else {
+    let Some(written) = WrittenStamp::of(text) else {
         let detail =
             format!("`{shown}` is neither a number nor a timestamp such as 2026-03-02T08:15:00Z");
         return Err(("not_a_time", detail));
@@ -56,7 +56,7 @@ pub(super) fn parse(text: &str, day_first: Option<bool>) -> Result<Stamp, (&'sta
 
 /// Whether the day stands before the month, where the text leaves no doubt.
 pub(super) fn day_first(text: &str) -> Option<bool> {
-    Written::of(text.trim())?.day_first()
+    WrittenStamp::of(text.trim())?.day_first()
 }
 
 /// The date and time of so many microseconds since 1899-12-30.
@@ -75,22 +75,22 @@ fn offset(text: &str) -> Option<String> {
 }
 
 /// A date of three parts that is not ISO 8601, and a time.
-struct Written {
+struct WrittenStamp {
     parts: [u16; 3],
-    order: Order,
+    order: DateOrder,
     /// Hour, minute, second and nanosecond.
     time: (i8, i8, i8, i32),
 }
 
 #[derive(PartialEq)]
-enum Order {
+enum DateOrder {
     YearFirst,
     DayFirst,
     /// The day or the month.
     Unclear,
 }
 
-impl Written {
+impl WrittenStamp {
     fn of(text: &str) -> Option<Self> {
         let (date, time) = match text.find([' ', 'T']) {
             Some(end) => (&text[..end], text[end + 1..].trim()),
@@ -106,11 +106,11 @@ impl Written {
             None => fields[k].parse::<u16>().ok(),
         };
         let order = if fields[0].len() == 4 {
-            Order::YearFirst
+            DateOrder::YearFirst
         } else if by_name.is_some() || separator == '.' {
-            Order::DayFirst
+            DateOrder::DayFirst
         } else {
-            Order::Unclear
+            DateOrder::Unclear
         };
         Some(Self {
             parts: [part(0)?, part(1)?, part(2)?],
@@ -121,20 +121,20 @@ impl Written {
 
     fn day_first(&self) -> Option<bool> {
         match self.order {
-            Order::YearFirst | Order::DayFirst => Some(true),
-            Order::Unclear if self.parts[0] > 12 => Some(true),
-            Order::Unclear if self.parts[1] > 12 => Some(false),
-            Order::Unclear => None,
+            DateOrder::YearFirst | DateOrder::DayFirst => Some(true),
+            DateOrder::Unclear if self.parts[0] > 12 => Some(true),
+            DateOrder::Unclear if self.parts[1] > 12 => Some(false),
+            DateOrder::Unclear => None,
         }
     }
 
     fn local(&self, day_first: bool) -> Option<DateTime> {
         let [a, b, c] = self.parts;
         let (year, month, day) = match self.order {
-            Order::YearFirst => (a, b, c),
-            Order::DayFirst => (c, b, a),
-            Order::Unclear if day_first => (c, b, a),
-            Order::Unclear => (c, a, b),
+            DateOrder::YearFirst => (a, b, c),
+            DateOrder::DayFirst => (c, b, a),
+            DateOrder::Unclear if day_first => (c, b, a),
+            DateOrder::Unclear => (c, a, b),
         };
         let year = if year < 100 { year + 2000 } else { year };
         let (hour, minute, second, nanosecond) = self.time;

@@ -1,20 +1,19 @@
-//! What a historian has: tags, each with its own instants, values and quality; and the recording
-//! that they make.
+//! Tags of a historian, each with its own instants, values and quality, and the recording they make.
 //!
 //! All of it is held in memory, 17 bytes a sample and as many as [`SAMPLE_BYTES`] while it is sorted:
 //! [`MAX_HELD_SAMPLES`] samples at the most, and no more than [`Memory`] allows for the body.
 
 use super::cell::Cell;
 use super::clock::Clock;
-use super::column::Column;
-use super::error::{Fault, Faults, ReadError};
+use super::column::SignalColumn;
+use super::error::{ReadError, ReadingFault, ReadingFaults};
 use super::memory::Memory;
-use super::options::{Grid, Options, Purpose};
+use super::options::{GridOption, Options, ReadingPurpose};
 use super::quality::Scheme;
-use crate::columns::Columns;
+use crate::columns::SampleColumns;
 use crate::{
-    Class, ClassSpan, Interpolation, MAX_SIGNALS, Named, Received, TimeAxis, Warning, name_fault,
-    shown,
+    Class, ClassSpan, Interpolation, MAX_SIGNALS, NamedSignal, ReceivedRecording, TimeAxis,
+    Warning, name_fault, shown,
 };
 use std::collections::HashMap;
 use tag::{Common, Tag};
@@ -50,7 +49,7 @@ const MOST_GRID_SAMPLES: usize = 20;
 pub(super) struct Tags<'o> {
     pub(super) options: &'o Options,
     pub(super) clock: Clock,
-    pub(super) faults: Faults,
+    pub(super) faults: ReadingFaults,
     pub(super) notes: Vec<Warning>,
     /// What codes of quality mean, where the format or an option says so.
     scheme: Option<Scheme>,
@@ -63,7 +62,7 @@ pub(super) struct Tags<'o> {
 }
 
 /// A sample as the source has it.
-pub(super) struct Sample<'c> {
+pub(super) struct RawSample<'c> {
     pub(super) tag: usize,
     pub(super) time: Cell<'c>,
     pub(super) value: Cell<'c>,
@@ -81,7 +80,7 @@ pub(super) enum Quality<'c> {
 }
 
 /// Makes a fault at a place of the source.
-pub(super) type Place<'p> = &'p dyn Fn(&'static str, String) -> Fault;
+pub(super) type MakeFault<'p> = &'p dyn Fn(&'static str, String) -> ReadingFault;
 
 impl<'o> Tags<'o> {
     /// No tags yet. `scheme` is what the format itself says of its codes of quality.
@@ -94,7 +93,7 @@ impl<'o> Tags<'o> {
         Self {
             options,
             clock,
-            faults: Faults::default(),
+            faults: ReadingFaults::default(),
             notes: Vec::new(),
             scheme: options.quality_scheme.or(scheme),
             tags: Vec::new(),
@@ -111,13 +110,13 @@ impl<'o> Tags<'o> {
     }
 
     /// The tag of that name, which may be new.
-    pub(super) fn tag(&mut self, name: &str, place: Place<'_>) -> Option<usize> {
+    pub(super) fn tag(&mut self, name: &str, place: MakeFault<'_>) -> Option<usize> {
         self.series(name, name, place)
     }
 
     /// The tag of that key, which may be new. It is called by its short name where no other has
     /// the same.
-    pub(super) fn series(&mut self, key: &str, short: &str, place: Place<'_>) -> Option<usize> {
+    pub(super) fn series(&mut self, key: &str, short: &str, place: MakeFault<'_>) -> Option<usize> {
         if let Some(tag) = self.by_key.get(key) {
             return Some(*tag);
         }
@@ -133,8 +132,8 @@ impl<'o> Tags<'o> {
             self.faults.invalid(place("too_many_signals", detail));
         }
         // In a tag's name brackets need not hold a unit: `PLC1.data[3]`.
-        let column = Column::titled(short, self.options);
-        let column = column.unwrap_or_else(|_| Column::named(short, self.options));
+        let column = SignalColumn::titled(short, self.options);
+        let column = column.unwrap_or_else(|_| SignalColumn::named(short, self.options));
         self.tags.push(Tag::new(key, short, column));
         self.by_key.insert(key.to_owned(), self.tags.len() - 1);
         Some(self.tags.len() - 1)
@@ -146,7 +145,7 @@ impl<'o> Tags<'o> {
         tag: usize,
         unit: Option<&str>,
         interpolation: Option<Interpolation>,
-        place: Place<'_>,
+        place: MakeFault<'_>,
     ) {
         let is_said = self.options.units.contains_key(&self.tags[tag].short);
         let column = &mut self.tags[tag].column;
@@ -156,8 +155,8 @@ impl<'o> Tags<'o> {
             return;
         }
         if !self.tags[tag].values.is_empty() && !self.tags[tag].column.recorded_unit.is_empty() {
-            let known = &self.tags[tag].column.recorded_unit;
-            let detail = format!("`{unit}` where the samples before are in `{known}`");
+            let earlier_unit = &self.tags[tag].column.recorded_unit;
+            let detail = format!("`{unit}` where the samples before are in `{earlier_unit}`");
             self.faults.invalid(place("units_differ", detail));
             return;
         }
@@ -176,7 +175,7 @@ impl<'o> Tags<'o> {
     }
 
     /// Takes a sample.
-    pub(super) fn push(&mut self, sample: &Sample<'_>, place: Place<'_>) {
+    pub(super) fn push(&mut self, sample: &RawSample<'_>, place: MakeFault<'_>) {
         if self.tags[sample.tag].column.is_ignored() {
             return;
         }
@@ -220,7 +219,7 @@ impl<'o> Tags<'o> {
         SAMPLE_BYTES * self.samples as u64
     }
 
-    fn class(&mut self, quality: &Quality<'_>, place: Place<'_>) -> Class {
+    fn class(&mut self, quality: &Quality<'_>, place: MakeFault<'_>) -> Class {
         let code = match quality {
             Quality::Unsaid => return Class::Good,
             Quality::Of(class) => return *class,
@@ -250,7 +249,7 @@ impl<'o> Tags<'o> {
     }
 
     /// The recording, or all faults.
-    pub(super) fn into_received(mut self, format: &str) -> Result<Received, ReadError> {
+    pub(super) fn into_received(mut self, format: &str) -> Result<ReceivedRecording, ReadError> {
         self.check_options();
         self.settle_names();
         for tag in &mut self.tags {
@@ -263,7 +262,8 @@ impl<'o> Tags<'o> {
         self.check_names();
         if self.tags.is_empty() && self.faults.is_empty() {
             let detail = "there is no signal with a number in it".to_owned();
-            self.faults.invalid(Fault::anywhere("no_signals", detail));
+            self.faults
+                .invalid(ReadingFault::anywhere("no_signals", detail));
         }
         std::mem::take(&mut self.faults).result()?;
         let first = self.order();
@@ -271,7 +271,7 @@ impl<'o> Tags<'o> {
         let own_instants = !common.are_all && common.sample_time.is_none();
         let mut bytes = self.common_bytes(&common);
         let options = self.options;
-        if own_instants && options.purpose == Purpose::Stream {
+        if own_instants && options.purpose == ReadingPurpose::Stream {
             self.notes.extend(self.tags.iter().filter_map(Tag::missing));
         }
         let mut signals = Vec::with_capacity(self.tags.len());
@@ -281,7 +281,7 @@ impl<'o> Tags<'o> {
             bytes += SPAN_BYTES * ClassSpan::count(&classes) as u64;
             let what = "samples whose quality changes so often";
             self.memory.hold(bytes, what, INSTEAD)?;
-            signals.push(Named {
+            signals.push(NamedSignal {
                 name: tag.column.name,
                 unit: tag.column.unit.si.into_owned(),
                 recorded_unit: tag.column.recorded_unit,
@@ -292,7 +292,7 @@ impl<'o> Tags<'o> {
             columns.push(values);
         }
         self.notes.extend(self.clock.notes());
-        Ok(Received {
+        Ok(ReceivedRecording {
             name: options.name.clone(),
             start: self.clock.start(first),
             zone: self.clock.zone(),
@@ -302,7 +302,7 @@ impl<'o> Tags<'o> {
             time: options.purpose.axis(common.instants, self.clock.scale()),
             signals,
             notes: self.notes,
-            columns: Columns::of(columns),
+            columns: SampleColumns::of(columns),
         })
     }
 
@@ -330,7 +330,7 @@ impl<'o> Tags<'o> {
             if !seen.insert(tag.column.name.as_str()) {
                 let detail = format!("two signals are called `{}`", tag.column.name);
                 self.faults
-                    .invalid(Fault::anywhere("duplicate_name", detail));
+                    .invalid(ReadingFault::anywhere("duplicate_name", detail));
             }
         }
     }
@@ -380,10 +380,10 @@ impl<'o> Tags<'o> {
         let all_equal = self.tags.iter().all(|tag| tag.instants == *first);
         let least = self.options.purpose.least_instants();
         let grid = match self.options.purpose {
-            Purpose::Recording => self.options.grid,
-            Purpose::Stream => Some(Grid::None),
+            ReadingPurpose::Recording => self.options.grid,
+            ReadingPurpose::Stream => Some(GridOption::None),
         };
-        if all_equal && !matches!(grid, Some(Grid::Every(_))) {
+        if all_equal && !matches!(grid, Some(GridOption::Every(_))) {
             let instants = std::mem::take(&mut self.tags[0].instants);
             return Ok(Common {
                 instants: enough(instants, least)?,
@@ -391,7 +391,7 @@ impl<'o> Tags<'o> {
                 are_all: true,
             });
         }
-        if grid == Some(Grid::None) {
+        if grid == Some(GridOption::None) {
             let mut instants = self.all_instants();
             self.check_common(instants.len())?;
             instants.shrink_to_fit();
@@ -407,8 +407,8 @@ impl<'o> Tags<'o> {
         let fastest = medians
             .filter(|time| *time > 0.0)
             .fold(f64::INFINITY, f64::min);
-        let (sample_time, said) = match grid {
-            Some(Grid::Every(seconds)) => (seconds, "as `grid` says"),
+        let (sample_time, reason) = match grid {
+            Some(GridOption::Every(seconds)) => (seconds, "as `grid` says"),
             _ => (
                 fastest,
                 "the median interval of the fastest; `grid` says otherwise",
@@ -423,14 +423,14 @@ impl<'o> Tags<'o> {
                  `grid`, or `none`",
                 shown(sample_time)
             );
-            return Err(super::error::invalid(Fault::anywhere(
+            return Err(super::error::invalid(ReadingFault::anywhere(
                 "grid_too_fine",
                 detail,
             )));
         }
         self.check_common(points as usize)?;
         let detail = format!(
-            "the signals have instants of their own; they were put on a grid of {} s, {said}: \
+            "the signals have instants of their own; they were put on a grid of {} s, {reason}: \
              held ones keep their last value, others are interpolated linearly",
             shown(sample_time)
         );
@@ -481,20 +481,20 @@ fn enough(instants: Vec<f64>, least: usize) -> Result<Vec<f64>, ReadError> {
         "{} samples at distinct times; at least {least} are needed",
         instants.len()
     );
-    Err(super::error::invalid(Fault::anywhere(
+    Err(super::error::invalid(ReadingFault::anywhere(
         "too_few_samples",
         detail,
     )))
 }
 
 /// Refuses options that speak of signals that there are not.
-pub(super) fn check_options(options: &Options, names: &[&str], faults: &mut Faults) {
+pub(super) fn check_options(options: &Options, names: &[&str], faults: &mut ReadingFaults) {
     for (option, name) in options.named_signals() {
         let renamed = options.rename.values().any(|new| new == name);
         if !names.contains(&name.as_str()) && !renamed {
             let hint = greybox_numerics::parsing::reader::did_you_mean(name, names.iter().copied());
             let detail = format!("there is no signal `{name}`{hint}");
-            faults.invalid(Fault::of_option("unknown_signal", option, detail));
+            faults.invalid(ReadingFault::of_option("unknown_signal", option, detail));
         }
     }
 }

@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 
 /// A unit of measurement.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Unit {
+pub struct RecordedUnit {
     /// The SI unit that values are converted to.
     pub si: Cow<'static, str>,
     /// What a value is multiplied by.
@@ -24,7 +24,7 @@ pub struct Unit {
     pub remark: &'static str,
 }
 
-impl Unit {
+impl RecordedUnit {
     /// The unit of a signal that names none: its values are taken as SI.
     pub const NONE: Self = Self {
         si: Cow::Borrowed(""),
@@ -40,23 +40,23 @@ impl Unit {
     }
 }
 
-/// The unit that `text` names; [`Unit::NONE`] for empty text, `None` for an unknown one.
+/// The unit that `text` names; [`RecordedUnit::NONE`] for empty text, `None` for an unknown one.
 ///
 /// Upper and lower case may be mixed up where that leaves one unit.
 #[must_use]
-pub fn parse(text: &str) -> Option<Unit> {
+pub fn parse(text: &str) -> Option<RecordedUnit> {
     if text.is_empty() {
-        return Some(Unit::NONE);
+        return Some(RecordedUnit::NONE);
     }
     exact(text)
         .or_else(|| of_any_case(text))
-        .map(Row::unit)
+        .map(UnitRow::unit)
         .or_else(|| compound(text))
 }
 
 /// The unit of time that `text` names.
 #[must_use]
-pub fn parse_time(text: &str) -> Option<Unit> {
+pub fn parse_time(text: &str) -> Option<RecordedUnit> {
     let unit = if text.is_empty() { "s" } else { text };
     parse(unit).filter(|unit| unit.si == "s")
 }
@@ -111,14 +111,14 @@ fn is_suffix(text: &str) -> bool {
     of_letters && !is_word && (exact(text).is_some() || of_any_case(text).is_some())
 }
 
-fn exact(text: &str) -> Option<&'static Row> {
-    let has_it = |row: &&Row| row.names.split(' ').any(|name| name == text);
+fn exact(text: &str) -> Option<&'static UnitRow> {
+    let has_it = |row: &&UnitRow| row.names.split(' ').any(|name| name == text);
     TABLE.iter().find(has_it)
 }
 
 /// The only unit of that name in any case; `MW` and `mW` are two, of which neither is `mw`.
-fn of_any_case(text: &str) -> Option<&'static Row> {
-    let has_it = |row: &&Row| {
+fn of_any_case(text: &str) -> Option<&'static UnitRow> {
+    let has_it = |row: &&UnitRow| {
         let mut names = row.names.split(' ');
         names.any(|name| name.to_lowercase() == text.to_lowercase())
     };
@@ -128,7 +128,7 @@ fn of_any_case(text: &str) -> Option<&'static Row> {
 }
 
 /// A product of units.
-fn compound(text: &str) -> Option<Unit> {
+fn compound(text: &str) -> Option<RecordedUnit> {
     /// Longer texts are no unit.
     const LONGEST: usize = 60;
     if text.len() > LONGEST {
@@ -136,7 +136,7 @@ fn compound(text: &str) -> Option<Unit> {
     }
     let lookup = |name: &str| part(name).ok_or_else(String::new);
     let scaled = parse_scaled(&spelled_out(text), &lookup).ok()?;
-    let is_same = |row: &&Row| {
+    let is_same = |row: &&UnitRow| {
         let of_row = Dimension::parse(row.si);
         of_row.is_ok_and(|dimension| dimension == scaled.dimension)
     };
@@ -145,10 +145,10 @@ fn compound(text: &str) -> Option<Unit> {
         None if scaled.dimension == Dimension::NONE => Cow::Borrowed("1"),
         None => Cow::Owned(scaled.dimension.in_base_units()),
     };
-    Some(Unit {
+    Some(RecordedUnit {
         si,
         factor: scaled.factor,
-        ..Unit::NONE
+        ..RecordedUnit::NONE
     })
 }
 
@@ -202,8 +202,8 @@ fn spelled_out(text: &str) -> String {
     spelled
 }
 
-fn first_names(wanted: impl Fn(&Row) -> bool) -> String {
-    let first = |row: &Row| row.names.split(' ').next().unwrap_or_default();
+fn first_names(wanted: impl Fn(&UnitRow) -> bool) -> String {
+    let first = |row: &UnitRow| row.names.split(' ').next().unwrap_or_default();
     TABLE
         .iter()
         .filter(|row| wanted(row))
@@ -212,7 +212,7 @@ fn first_names(wanted: impl Fn(&Row) -> bool) -> String {
         .join(", ")
 }
 
-struct Row {
+struct UnitRow {
     /// The names, separated by a blank; the first is shown in messages.
     names: &'static str,
     si: &'static str,
@@ -221,9 +221,9 @@ struct Row {
     remark: &'static str,
 }
 
-impl Row {
-    fn unit(&self) -> Unit {
-        Unit {
+impl UnitRow {
+    fn unit(&self) -> RecordedUnit {
+        RecordedUnit {
             si: Cow::Borrowed(self.si),
             factor: self.factor,
             offset: self.offset,
@@ -232,12 +232,12 @@ impl Row {
     }
 }
 
-const fn row(names: &'static str, si: &'static str, factor: f64) -> Row {
+const fn row(names: &'static str, si: &'static str, factor: f64) -> UnitRow {
     affine(names, si, factor, 0.0)
 }
 
-const fn affine(names: &'static str, si: &'static str, factor: f64, offset: f64) -> Row {
-    Row {
+const fn affine(names: &'static str, si: &'static str, factor: f64, offset: f64) -> UnitRow {
+    UnitRow {
         names,
         si,
         factor,
@@ -246,15 +246,15 @@ const fn affine(names: &'static str, si: &'static str, factor: f64, offset: f64)
     }
 }
 
-const fn gauge(names: &'static str, factor: f64) -> Row {
-    Row {
+const fn gauge(names: &'static str, factor: f64) -> UnitRow {
+    UnitRow {
         remark: "gauge pressure was made absolute: the standard atmosphere, 101325 Pa, was added",
         ..affine(names, "Pa", factor, ATMOSPHERE)
     }
 }
 
-const fn remarked(row: Row, remark: &'static str) -> Row {
-    Row { remark, ..row }
+const fn remarked(row: UnitRow, remark: &'static str) -> UnitRow {
+    UnitRow { remark, ..row }
 }
 
 /// Standard gravity `[m/s²]`.
@@ -271,7 +271,26 @@ const POUND: f64 = 0.453_592_37;
 /// US liquid gallon `[m³]`.
 const GALLON: f64 = 231.0 * INCH * INCH * INCH;
 
-const TABLE: &[Row] = &[
+/// The units in which people read values, by SI unit; the SI unit comes first.
+pub const READ_IN: &[(&str, &[&str])] = &[
+    ("Pa", &["Pa", "kPa", "bar", "MPa", "psi"]),
+    ("K", &["K", "°C"]),
+    ("m", &["m", "cm", "mm", "µm"]),
+    ("m/s", &["m/s", "mm/s", "m/min", "km/h"]),
+    ("m^2", &["m²", "cm²", "mm²"]),
+    ("m^3", &["m³", "l", "cm³"]),
+    ("m^3/s", &["m³/s", "l/s", "l/min", "m³/h"]),
+    ("kg/s", &["kg/s", "kg/min", "kg/h", "t/h"]),
+    ("rad", &["rad", "°", "rev"]),
+    ("rad/s", &["rad/s", "°/s", "rpm"]),
+    ("N", &["N", "kN"]),
+    ("W", &["W", "kW", "MW"]),
+    ("V", &["V", "mV"]),
+    ("A", &["A", "mA"]),
+    ("s", &["s", "ms", "min", "h"]),
+];
+
+const TABLE: &[UnitRow] = &[
     row("m", "m", 1.0),
     row("km", "m", 1e3),
     row("dm", "m", 1e-1),

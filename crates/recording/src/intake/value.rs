@@ -6,7 +6,7 @@ use std::borrow::Cow;
 
 /// What a cell is where a value is looked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Value {
+pub(super) enum CellValue {
     Number(f64),
     /// There is nothing.
     Empty,
@@ -36,7 +36,7 @@ const WORDS: [&str; 13] = [
     "not connect",
 ];
 
-impl Value {
+impl CellValue {
     /// The value in a cell.
     pub(super) fn of(cell: &Cell<'_>, options: &Options) -> Self {
         match cell {

@@ -7,7 +7,7 @@
 mod same;
 
 use greybox_recording::Recording;
-use greybox_recording::intake::{self, Kind, Options, ReadError};
+use greybox_recording::intake::{self, MediaKind, Options, ReadError};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -39,12 +39,12 @@ fn payload(expectation: &Path) -> Vec<u8> {
     payload.unwrap_or_else(|| panic!("nothing stands beside {path}"))
 }
 
-fn kind(name: &Value) -> Kind {
+fn kind(name: &Value) -> MediaKind {
     match name.as_str().unwrap() {
-        "csv" => Kind::Csv,
-        "json" => Kind::Json,
-        "text" => Kind::Text,
-        _ => Kind::Binary,
+        "csv" => MediaKind::Csv,
+        "json" => MediaKind::Json,
+        "text" => MediaKind::Text,
+        _ => MediaKind::Binary,
     }
 }
 

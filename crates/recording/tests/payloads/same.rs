@@ -1,7 +1,7 @@
 //! One source, written in every format, is one recording.
 
 use greybox_recording::Recording;
-use greybox_recording::intake::{self, Kind, Options};
+use greybox_recording::intake::{self, MediaKind, Options};
 use jiff::{SignedDuration, Timestamp};
 use parquet::data_type::{DoubleType, Int64Type};
 use parquet::file::writer::SerializedFileWriter;
@@ -184,7 +184,7 @@ fn workbook(source: &Source) -> Vec<u8> {
     file.finish().unwrap().into_inner()
 }
 
-fn read(text: &str, kind: Kind) -> Recording {
+fn read(text: &str, kind: MediaKind) -> Recording {
     intake::read(text.as_bytes(), kind, &Options::default())
         .unwrap_or_else(|error| panic!("{error}:\n{text}"))
 }
@@ -212,18 +212,18 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
     fn a_source_is_the_same_recording_in_every_format(source in source()) {
-        let wide = read(&source.wide(), Kind::Csv);
+        let wide = read(&source.wide(), MediaKind::Csv);
         prop_assert_eq!(wide.start, Some(START.parse().unwrap()));
         let mut others = vec![
-            ("long_csv", read(&source.long(), Kind::Csv)),
-            ("influx_line_protocol", read(&source.lines(), Kind::Text)),
+            ("long_csv", read(&source.long(), MediaKind::Csv)),
+            ("influx_line_protocol", read(&source.lines(), MediaKind::Text)),
         ];
         for (format, bytes) in [("parquet", parquet(&source)), ("excel", workbook(&source))] {
-            let read = intake::read(&bytes[..], Kind::Binary, &Options::default());
+            let read = intake::read(&bytes[..], MediaKind::Binary, &Options::default());
             others.push((format, read.unwrap_or_else(|error| panic!("{format}: {error}"))));
         }
         for (format, document) in source.historians() {
-            others.push((format, read(&document.to_string(), Kind::Json)));
+            others.push((format, read(&document.to_string(), MediaKind::Json)));
         }
         for (format, other) in others {
             prop_assert_eq!(&other.source.format, format);

@@ -1,7 +1,7 @@
 //! Blocks on a small plant: bits, neighbours, a closed form, delays.
 
 use super::*;
-use crate::Candidate;
+use crate::SimulatedCandidate;
 use crate::native::{Dynamics, Native};
 
 /// x'' = −ω²·x + u − friction, whose parameters are ω² and a dry friction; stiff where the
@@ -68,8 +68,8 @@ fn rank(parameters: &[[f64; 3]], inputs: &[Vec<f64>], width: Width) -> Vec<Vec<f
     positions.take(parameters.len()).collect()
 }
 
-fn excitation(accuracy: Accuracy, inputs: &[Vec<f64>]) -> Excitation<'_> {
-    Excitation {
+fn excitation(accuracy: Accuracy, inputs: &[Vec<f64>]) -> DrivingInputs<'_> {
+    DrivingInputs {
         sample_time: 0.1,
         instants: None,
         samples: inputs[0].len(),
@@ -79,8 +79,8 @@ fn excitation(accuracy: Accuracy, inputs: &[Vec<f64>]) -> Excitation<'_> {
     }
 }
 
-fn candidates(parameters: &[[f64; 3]]) -> Vec<Candidate<'_>> {
-    let candidate = |parameters| Candidate {
+fn candidates(parameters: &[[f64; 3]]) -> Vec<SimulatedCandidate<'_>> {
+    let candidate = |parameters| SimulatedCandidate {
         parameters,
         initial_state: &[None, None],
     };
@@ -122,11 +122,11 @@ fn of_block<T: Scalar, const N: usize>(
 ) -> Vec<Lanes> {
     let excitation = excitation(accuracy, inputs);
     let candidates = candidates(parameters);
-    let candidates = Candidates {
+    let candidates = CandidateBlock {
         members: &candidates,
         in_step: false,
     };
-    let mut block = Block::<_, T, N>::new(&PENDULUM, excitation, candidates, width);
+    let mut block = SimulationBlock::<_, T, N>::new(&PENDULUM, excitation, candidates, width);
     let mut outputs = vec![Lanes([0.0; LANES]); 2 * inputs[0].len() * N.div_ceil(LANES)];
     let ended = block.advance(inputs[0].len(), &mut outputs, &NEVER);
     assert!(ended.is_some(), "nobody stops it");
@@ -212,7 +212,7 @@ fn in_a_block(accuracy: Accuracy, parameters: &[[f64; 3]]) -> Vec<Vec<f64>> {
     let candidates = candidates(parameters);
     let groups = parameters.len().div_ceil(LANES);
     let mut outputs = vec![Lanes([0.0; LANES]); 2 * excitation.samples * groups];
-    let candidates = Candidates {
+    let candidates = CandidateBlock {
         members: &candidates,
         in_step: false,
     };

@@ -88,7 +88,7 @@ const POINTS: [&[Term]; STAGES - 1] = [
     ],
 ];
 
-/// When these slopes are taken, as a share of the step.
+/// The times at which the slopes of `POINTS` are taken, as shares of the step.
 const TIMES: [f64; STAGES - 1] = [
     0.052_600_151_958_767_73,
     0.078_900_227_938_151_6,
@@ -139,7 +139,7 @@ const THIRD: &[Term] = &[
 
 /// The slopes of a step, and where it leads.
 #[derive(Clone, Debug)]
-pub struct Stages<S> {
+pub struct EighthOrderStages<S> {
     slopes: [S; STAGES],
     /// Where the last slope is taken.
     pub point: S,
@@ -149,10 +149,10 @@ pub struct Stages<S> {
     pub end: S,
 }
 
-impl<S: Clone> Stages<S> {
+impl<S: Clone> EighthOrderStages<S> {
     /// Room for the slopes of such states.
-    pub fn like(states: &S) -> Stages<S> {
-        Stages {
+    pub fn like(states: &S) -> EighthOrderStages<S> {
+        EighthOrderStages {
             slopes: std::array::from_fn(|_| states.clone()),
             point: states.clone(),
             next: states.clone(),
@@ -161,32 +161,46 @@ impl<S: Clone> Stages<S> {
     }
 }
 
-/// A step of `length` from states whose slope is `first`, `elapsed` after the held quantities began
-/// to act: writes where it leads and the slope there.
+/// Where a step starts.
+pub struct StepStart<'a, S, R> {
+    /// The states at the start.
+    pub states: &'a S,
+    /// The slope of the states at the start.
+    pub slope: &'a S,
+    /// The time since the held quantities began to act `[s]`.
+    pub elapsed: R,
+}
+
+/// A step of `length`: writes the states at the end and the slope there.
 #[inline(always)]
 pub fn step<R: Real, E: Equations<R>>(
     equations: &mut E,
-    (states, first): (&E::States, &E::States),
-    stages: &mut Stages<E::States>,
-    (elapsed, length): (R, R),
+    start: StepStart<'_, E::States, R>,
+    stages: &mut EighthOrderStages<E::States>,
+    length: R,
 ) {
-    let Stages {
+    let EighthOrderStages {
         slopes,
         point,
         next,
         end,
     } = stages;
-    slopes[0].as_mut().copy_from_slice(first.as_ref());
+    let StepStart {
+        states,
+        slope,
+        elapsed,
+    } = start;
+    slopes[0].as_mut().copy_from_slice(slope.as_ref());
     for (stage, (terms, time)) in POINTS.into_iter().zip(TIMES).enumerate() {
-        combine(point, states, length, (terms, slopes));
+        combine(point, states, length, terms, slopes);
         let time = elapsed + length * R::splat(time);
         equations.rates(point, time, &mut slopes[stage + 1]);
     }
-    combine(next, states, length, (END, slopes));
+    combine(next, states, length, END, slopes);
     equations.rates(next, elapsed + length, end);
 }
 
-impl<S> Stages<S> {
+impl<S> EighthOrderStages<S> {
     /// The slope at the end by way of the point before.
     pub fn last(&self) -> &S {
         &self.slopes[STAGES - 1]
@@ -223,7 +237,8 @@ fn combine<R: Real, S: AsRef<[R]> + AsMut<[R]>>(
     to: &mut S,
     from: &S,
     length: R,
-    (terms, slopes): (&[Term], &[S; STAGES]),
+    terms: &[Term],
+    slopes: &[S; STAGES],
 ) {
     for (index, (to, from)) in to.as_mut().iter_mut().zip(from.as_ref()).enumerate() {
         *to = *from + length * sum(terms, slopes, index);

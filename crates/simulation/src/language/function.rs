@@ -49,6 +49,8 @@ pub const ALL: [(&str, &[&str], Function); 18] = [
 /// A function and the names of its arguments.
 #[must_use]
 pub fn find(name: &str) -> Option<(Function, &'static [&'static str])> {
-    let (_, arguments, function) = ALL.iter().find(|(own, ..)| *own == name)?;
+    let (_, arguments, function) = ALL
+        .iter()
+        .find(|(function_name, ..)| *function_name == name)?;
     Some((*function, arguments))
 }

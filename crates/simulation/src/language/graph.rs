@@ -14,7 +14,7 @@ pub type NodeId = u16;
 
 /// What a node is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Node {
+pub enum GraphNode {
     /// A fixed number.
     Constant(f64),
     /// What comes from outside.
@@ -49,12 +49,12 @@ pub struct Full;
 /// A graph under construction, then finished.
 #[derive(Clone, Debug, Default)]
 pub struct Graph {
-    nodes: Vec<Node>,
-    known: HashMap<Key, NodeId>,
+    nodes: Vec<GraphNode>,
+    ids: HashMap<NodeKey, NodeId>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Key {
+enum NodeKey {
     Constant(u64),
     Leaf(Leaf),
     Compute(Operation, [NodeId; 3]),
@@ -63,7 +63,7 @@ enum Key {
 impl Graph {
     /// The nodes, in an order of computation.
     #[must_use]
-    pub fn nodes(&self) -> &[Node] {
+    pub fn nodes(&self) -> &[GraphNode] {
         &self.nodes
     }
 
@@ -71,19 +71,22 @@ impl Graph {
     #[must_use]
     pub fn as_constant(&self, node: NodeId) -> Option<f64> {
         match self.nodes[usize::from(node)] {
-            Node::Constant(value) => Some(value),
+            GraphNode::Constant(value) => Some(value),
             _ => None,
         }
     }
 
     /// A fixed number.
     pub fn constant(&mut self, value: f64) -> Result<NodeId, Full> {
-        self.insert(Key::Constant(value.to_bits()), Node::Constant(value))
+        self.insert(
+            NodeKey::Constant(value.to_bits()),
+            GraphNode::Constant(value),
+        )
     }
 
     /// What comes from outside.
     pub fn leaf(&mut self, leaf: Leaf) -> Result<NodeId, Full> {
-        self.insert(Key::Leaf(leaf), Node::Leaf(leaf))
+        self.insert(NodeKey::Leaf(leaf), GraphNode::Leaf(leaf))
     }
 
     /// An operation on as many nodes as it takes.
@@ -100,24 +103,24 @@ impl Graph {
             places[..2].sort_unstable();
             places[2] = places[0];
         }
-        let key = Key::Compute(operation, places);
-        self.insert(key, Node::Compute(operation, places))
+        let key = NodeKey::Compute(operation, places);
+        self.insert(key, GraphNode::Compute(operation, places))
     }
 
-    fn insert(&mut self, key: Key, node: Node) -> Result<NodeId, Full> {
-        if let Some(&known) = self.known.get(&key) {
-            return Ok(known);
+    fn insert(&mut self, key: NodeKey, node: GraphNode) -> Result<NodeId, Full> {
+        if let Some(&id) = self.ids.get(&key) {
+            return Ok(id);
         }
         if self.nodes.len() >= MAX_NODES {
             return Err(Full);
         }
         let id = self.nodes.len() as NodeId;
         self.nodes.push(node);
-        self.known.insert(key, id);
+        self.ids.insert(key, id);
         Ok(id)
     }
 
-    /// Of each node, whether any of `wanted` needs it.
+    /// For each node, whether any node of `wanted` needs its value.
     #[must_use]
     pub fn needed(&self, wanted: impl IntoIterator<Item = NodeId>) -> Vec<bool> {
         let mut needed = vec![false; self.nodes.len()];
@@ -125,7 +128,7 @@ impl Graph {
             needed[usize::from(node)] = true;
         }
         for (index, node) in self.nodes.iter().enumerate().rev() {
-            if let (true, Node::Compute(_, on)) = (needed[index], node) {
+            if let (true, GraphNode::Compute(_, on)) = (needed[index], node) {
                 on.iter().for_each(|node| needed[usize::from(*node)] = true);
             }
         }

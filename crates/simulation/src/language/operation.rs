@@ -85,14 +85,14 @@ impl Operation {
 
 /// A curve through points, straight between them and level beyond them.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Table {
+pub struct LookupTable {
     /// Where the points stand, rising.
     pub x: Vec<f64>,
     /// The heights of the points.
     pub y: Vec<f64>,
 }
 
-impl Table {
+impl LookupTable {
     /// The point before `x` of the segment that holds it; none beyond the ends.
     fn segment(&self, x: f64) -> Option<usize> {
         let after = self.x.partition_point(|point| *point <= x);
@@ -145,9 +145,9 @@ fn sign(value: f64) -> f64 {
 
 /// The result of an operation on single numbers.
 #[must_use]
-pub fn apply(operation: Operation, [a, b, c]: [f64; 3], tables: &[Table]) -> f64 {
+pub fn apply(operation: Operation, [a, b, c]: [f64; 3], tables: &[LookupTable]) -> f64 {
     let mut registers = [a, b, c, 0.0];
-    execute(operation, &mut registers, ([0, 1, 2], 3), tables);
+    execute(operation, &mut registers, [0, 1, 2], 3, tables);
     registers[3]
 }
 
@@ -158,8 +158,9 @@ pub fn apply(operation: Operation, [a, b, c]: [f64; 3], tables: &[Table]) -> f64
 pub fn execute<R: Real, const N: usize>(
     operation: Operation,
     registers: &mut [R; N],
-    (on, to): ([u16; 3], u16),
-    tables: &[Table],
+    on: [u16; 3],
+    to: u16,
+    tables: &[LookupTable],
 ) {
     let r = registers;
     let place = |register: u16| usize::from(register) & (N - 1);
@@ -199,9 +200,10 @@ pub fn execute<R: Real, const N: usize>(
 #[inline(always)]
 pub fn partials<R: Real>(
     operation: Operation,
-    ([a, b, _], result): ([R; 3], R),
+    [a, b, _]: [R; 3],
+    result: R,
     by_exponent: bool,
-    tables: &[Table],
+    tables: &[LookupTable],
 ) -> [R; 3] {
     let (zero, one) = (R::splat(0.0), R::splat(1.0));
     let by_a = |slope: R| [slope, zero, zero];
@@ -262,8 +264,8 @@ mod tests {
     use greybox_numerics::lanes::{LANES, Lanes};
     use proptest::prelude::*;
 
-    fn tables() -> Vec<Table> {
-        vec![Table {
+    fn tables() -> Vec<LookupTable> {
+        vec![LookupTable {
             x: vec![-1.0, 0.0, 2.0],
             y: vec![3.0, 1.0, 5.0],
         }]
@@ -320,7 +322,7 @@ mod tests {
                 row[0].set_lane(LANES - 1, a);
                 row[1].set_lane(LANES - 1, b);
                 let mut registers = [row[0], row[1], row[2], Lanes::splat(0.0)];
-                execute(operation, &mut registers, ([0, 1, 2], 3), &tables());
+                execute(operation, &mut registers, [0, 1, 2], 3, &tables());
                 let lane = registers[3].lane(LANES - 1);
                 prop_assert!(lane.to_bits() == single.to_bits() || lane.is_nan() && single.is_nan());
             }
@@ -336,7 +338,7 @@ mod tests {
             for operation in ALL {
                 let at = [a, b, 0.7];
                 let result = apply(operation, at, &tables());
-                let slopes = partials(operation, (at, result), true, &tables());
+                let slopes = partials(operation, at, result, true, &tables());
                 for (place, slope) in slopes.into_iter().enumerate() {
                     let moved = |by: f64| {
                         let mut at = at;

@@ -4,7 +4,7 @@
 //! minus, `^` (to the right), then numbers, names, calls and parentheses. Length and depth are
 //! bounded; every node knows where in the text it stands.
 
-pub use super::token::{Operator, Span, SyntaxError};
+pub use super::token::{Operator, SyntaxError, TextSpan};
 use super::token::{Token, tokens};
 
 /// The bytes of one expression at the most.
@@ -19,15 +19,15 @@ pub const MAX_OPERATIONS: usize = 256;
 /// A node of the tree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expression {
-    /// Where it stands.
-    pub span: Span,
-    /// What it is.
-    pub kind: Kind,
+    /// The place of the expression in the text.
+    pub span: TextSpan,
+    /// The operation of the node, with its operands.
+    pub kind: Syntax,
 }
 
-/// What a node is.
+/// The operation of a node, with its operands.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Kind {
+pub enum Syntax {
     /// A literal.
     Number(f64),
     /// The name of a quantity.
@@ -56,7 +56,7 @@ pub fn parse(text: &str) -> Result<Expression, SyntaxError> {
             "{} bytes are more than {MAX_BYTES}; name parts of it under `quantities`",
             text.len()
         );
-        let span = Span::default();
+        let span = TextSpan::default();
         return Err(SyntaxError { span, detail });
     }
     let mut parser = Parser {
@@ -76,19 +76,19 @@ pub fn parse(text: &str) -> Result<Expression, SyntaxError> {
 }
 
 struct Parser<'t> {
-    tokens: Vec<(Token<'t>, Span)>,
+    tokens: Vec<(Token<'t>, TextSpan)>,
     next: usize,
     depth: usize,
     operations: usize,
 }
 
 impl<'t> Parser<'t> {
-    fn peek(&self) -> (Token<'t>, Span) {
+    fn peek(&self) -> (Token<'t>, TextSpan) {
         let last = self.tokens.len() - 1;
         self.tokens[self.next.min(last)]
     }
 
-    fn take(&mut self) -> (Token<'t>, Span) {
+    fn take(&mut self) -> (Token<'t>, TextSpan) {
         let taken = self.peek();
         self.next += 1;
         taken
@@ -119,7 +119,7 @@ impl<'t> Parser<'t> {
             let right = self.expression(binds_right)?;
             left = Expression {
                 span: left.span.to(right.span),
-                kind: Kind::Binary(operator, Box::new([left, right])),
+                kind: Syntax::Binary(operator, Box::new([left, right])),
             };
         }
         self.depth -= 1;
@@ -131,13 +131,13 @@ impl<'t> Parser<'t> {
         match token {
             Token::Number(value) => Ok(Expression {
                 span,
-                kind: Kind::Number(value),
+                kind: Syntax::Number(value),
             }),
             Token::Operator(Operator::Subtract) => {
                 let inner = self.expression(MINUS_BINDING)?;
                 Ok(Expression {
                     span: span.to(inner.span),
-                    kind: Kind::Negative(Box::new(inner)),
+                    kind: Syntax::Negative(Box::new(inner)),
                 })
             }
             Token::Operator(Operator::Add) => self.expression(MINUS_BINDING),
@@ -145,7 +145,7 @@ impl<'t> Parser<'t> {
                 let inner = self.expression(NOT_BINDING)?;
                 Ok(Expression {
                     span: span.to(inner.span),
-                    kind: Kind::Not(Box::new(inner)),
+                    kind: Syntax::Not(Box::new(inner)),
                 })
             }
             Token::Open => {
@@ -159,7 +159,7 @@ impl<'t> Parser<'t> {
             Token::Name(name) if self.peek().0 == Token::Open => self.call(name, span),
             Token::Name(name) => Ok(Expression {
                 span,
-                kind: Kind::Name(name.to_owned()),
+                kind: Syntax::Name(name.to_owned()),
             }),
             token => Err(SyntaxError {
                 span,
@@ -168,7 +168,7 @@ impl<'t> Parser<'t> {
         }
     }
 
-    fn call(&mut self, name: &str, span: Span) -> Result<Expression, SyntaxError> {
+    fn call(&mut self, name: &str, span: TextSpan) -> Result<Expression, SyntaxError> {
         self.take();
         let mut arguments = Vec::new();
         if self.peek().0 != Token::Close {
@@ -181,11 +181,11 @@ impl<'t> Parser<'t> {
         let close = self.close()?;
         Ok(Expression {
             span: span.to(close),
-            kind: Kind::Call(name.to_owned(), arguments),
+            kind: Syntax::Call(name.to_owned(), arguments),
         })
     }
 
-    fn close(&mut self) -> Result<Span, SyntaxError> {
+    fn close(&mut self) -> Result<TextSpan, SyntaxError> {
         match self.take() {
             (Token::Close, span) => Ok(span),
             (token, span) => Err(SyntaxError {
@@ -204,15 +204,15 @@ mod tests {
     /// The tree as fully bracketed text.
     fn shown(expression: &Expression) -> String {
         match &expression.kind {
-            Kind::Number(value) => value.to_string(),
-            Kind::Name(name) => name.clone(),
-            Kind::Negative(inner) => format!("(-{})", shown(inner)),
-            Kind::Not(inner) => format!("(not {})", shown(inner)),
-            Kind::Binary(operator, sides) => {
+            Syntax::Number(value) => value.to_string(),
+            Syntax::Name(name) => name.clone(),
+            Syntax::Negative(inner) => format!("(-{})", shown(inner)),
+            Syntax::Not(inner) => format!("(not {})", shown(inner)),
+            Syntax::Binary(operator, sides) => {
                 let [left, right] = sides.as_ref();
                 format!("({} {} {})", shown(left), operator.symbol(), shown(right))
             }
-            Kind::Call(name, arguments) => {
+            Syntax::Call(name, arguments) => {
                 let arguments: Vec<String> = arguments.iter().map(shown).collect();
                 format!("{name}({})", arguments.join(", "))
             }

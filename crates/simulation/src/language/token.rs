@@ -4,14 +4,14 @@ use std::fmt;
 
 /// Where something stands in the text of an expression, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Span {
+pub struct TextSpan {
     /// The first byte.
     pub start: usize,
     /// Behind the last byte.
     pub end: usize,
 }
 
-impl Span {
+impl TextSpan {
     /// The line and the column of the start, both from 1, in characters.
     #[must_use]
     pub fn place(self, text: &str) -> (u64, u64) {
@@ -23,8 +23,8 @@ impl Span {
 
     /// From here to the end of another.
     #[must_use]
-    pub fn to(self, end: Span) -> Span {
-        Span {
+    pub fn to(self, end: TextSpan) -> TextSpan {
+        TextSpan {
             start: self.start,
             end: end.end,
         }
@@ -48,7 +48,7 @@ pub enum Operator {
 }
 
 impl Operator {
-    /// How it is written.
+    /// The operator as an author writes it.
     #[must_use]
     pub fn symbol(self) -> &'static str {
         match self {
@@ -87,7 +87,7 @@ impl Operator {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SyntaxError {
     /// Where.
-    pub span: Span,
+    pub span: TextSpan,
     /// What is wrong, as a sentence.
     pub detail: String,
 }
@@ -124,7 +124,7 @@ impl fmt::Display for Token<'_> {
 }
 
 /// The words of a text, the last of them its end.
-pub fn tokens(text: &str) -> Result<Vec<(Token<'_>, Span)>, SyntaxError> {
+pub fn tokens(text: &str) -> Result<Vec<(Token<'_>, TextSpan)>, SyntaxError> {
     let mut tokens = Vec::new();
     let mut at = 0;
     while let Some(first) = text[at..].chars().next() {
@@ -142,14 +142,14 @@ pub fn tokens(text: &str) -> Result<Vec<(Token<'_>, Span)>, SyntaxError> {
         } else {
             symbol(rest, at)?
         };
-        let span = Span {
+        let span = TextSpan {
             start: at,
             end: at + length,
         };
         tokens.push((token, span));
         at += length;
     }
-    let end = Span { start: at, end: at };
+    let end = TextSpan { start: at, end: at };
     tokens.push((Token::End, end));
     Ok(tokens)
 }
@@ -183,7 +183,7 @@ fn number(rest: &str, at: usize) -> Result<(Token<'_>, usize), SyntaxError> {
     }
     let value = rest[..end].parse::<f64>().ok().filter(|v| v.is_finite());
     let value = value.ok_or_else(|| SyntaxError {
-        span: Span {
+        span: TextSpan {
             start: at,
             end: at + end,
         },
@@ -225,7 +225,7 @@ fn symbol(rest: &str, at: usize) -> Result<(Token<'_>, usize), SyntaxError> {
         _ => "",
     };
     Err(SyntaxError {
-        span: Span {
+        span: TextSpan {
             start: at,
             end: at + first.len_utf8(),
         },

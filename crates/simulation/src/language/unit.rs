@@ -9,7 +9,7 @@ use std::fmt;
 
 /// The unit of a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Unit {
+pub enum ValueUnit {
     /// Not checked.
     Any,
     /// A bare number.
@@ -18,78 +18,78 @@ pub enum Unit {
     Known(Dimension),
 }
 
-impl Unit {
+impl ValueUnit {
     /// Reads the unit of a declaration.
     ///
     /// # Errors
     /// What is not understood, as a sentence.
-    pub fn parse(text: &str) -> Result<Unit, String> {
+    pub fn parse(text: &str) -> Result<ValueUnit, String> {
         match text {
-            "" | "unitless" => Ok(Unit::Any),
-            "1" => Ok(Unit::Number),
-            _ => Dimension::parse(text).map(Unit::Known),
+            "" | "unitless" => Ok(ValueUnit::Any),
+            "1" => Ok(ValueUnit::Number),
+            _ => Dimension::parse(text).map(ValueUnit::Known),
         }
     }
 
     /// The unit of both sides of a sum or a comparison; none where they do not fit.
     #[must_use]
-    pub fn joined(self, other: Unit) -> Option<Unit> {
+    pub fn joined(self, other: ValueUnit) -> Option<ValueUnit> {
         match (self, other) {
-            (Unit::Any, _) | (_, Unit::Any) => Some(Unit::Any),
-            (Unit::Number, unit) | (unit, Unit::Number) => Some(unit),
-            (Unit::Known(one), Unit::Known(other)) => (one == other).then_some(self),
+            (ValueUnit::Any, _) | (_, ValueUnit::Any) => Some(ValueUnit::Any),
+            (ValueUnit::Number, unit) | (unit, ValueUnit::Number) => Some(unit),
+            (ValueUnit::Known(left), ValueUnit::Known(right)) => (left == right).then_some(self),
         }
     }
 
     /// The unit of a product.
     #[must_use]
-    pub fn times(self, other: Unit) -> Unit {
+    pub fn times(self, other: ValueUnit) -> ValueUnit {
         match (self, other) {
-            (Unit::Any, _) | (_, Unit::Any) => Unit::Any,
-            (Unit::Number, unit) | (unit, Unit::Number) => unit,
-            (Unit::Known(one), Unit::Known(other)) => {
-                one.times(other).map_or(Unit::Any, Unit::Known)
+            (ValueUnit::Any, _) | (_, ValueUnit::Any) => ValueUnit::Any,
+            (ValueUnit::Number, unit) | (unit, ValueUnit::Number) => unit,
+            (ValueUnit::Known(left), ValueUnit::Known(right)) => {
+                left.times(right).map_or(ValueUnit::Any, ValueUnit::Known)
             }
         }
     }
 
     /// The unit of a quotient.
     #[must_use]
-    pub fn over(self, other: Unit) -> Unit {
-        self.times(other.power(-1.0).unwrap_or(Unit::Any))
+    pub fn over(self, other: ValueUnit) -> ValueUnit {
+        self.times(other.power(-1.0).unwrap_or(ValueUnit::Any))
     }
 
     /// The unit of a power; none where it has no meaning.
     #[must_use]
-    pub fn power(self, exponent: f64) -> Option<Unit> {
+    pub fn power(self, exponent: f64) -> Option<ValueUnit> {
         match self {
-            Unit::Any | Unit::Number => Some(self),
-            Unit::Known(dimension) => dimension.power(exponent).map(Unit::Known),
+            ValueUnit::Any | ValueUnit::Number => Some(self),
+            ValueUnit::Known(dimension) => dimension.power(exponent).map(ValueUnit::Known),
         }
     }
 
     /// The unit of a rate of change.
     #[must_use]
-    pub fn per_second(self) -> Unit {
+    pub fn per_second(self) -> ValueUnit {
         match self {
-            Unit::Any | Unit::Number => self,
-            Unit::Known(_) => self.over(Unit::Known(Dimension::SECOND)),
+            ValueUnit::Any | ValueUnit::Number => self,
+            ValueUnit::Known(_) => self.over(ValueUnit::Known(Dimension::SECOND)),
         }
     }
 
     /// Whether a function that needs a plain number takes it.
     #[must_use]
     pub fn is_number(self) -> bool {
-        !matches!(self, Unit::Known(dimension) if dimension != Dimension::NONE)
+        !matches!(self, ValueUnit::Known(dimension) if dimension != Dimension::NONE)
     }
 }
 
-impl fmt::Display for Unit {
+impl fmt::Display for ValueUnit {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Unit::Any => formatter.write_str("any unit"),
-            Unit::Number => formatter.write_str("1 (no unit)"),
-            Unit::Known(dimension) => dimension.fmt(formatter),
+            ValueUnit::Any => formatter.write_str("any unit"),
+            ValueUnit::Number => formatter.write_str("1 (no unit)"),
+            ValueUnit::Known(dimension) => dimension.fmt(formatter),
         }
     }
 }

@@ -60,7 +60,7 @@ pub struct ParameterDescription {
     /// The SI unit, e.g. `Pa`; `1` where there is none.
     #[schema(value_type = String)]
     pub unit: Cow<'static, str>,
-    /// What it is, in one sentence.
+    /// What the parameter means, in one sentence.
     #[schema(value_type = String)]
     pub meaning: Cow<'static, str>,
     /// The value when a job does not name it, SI.
@@ -162,7 +162,7 @@ pub struct SignalDescription {
     /// The SI unit.
     #[schema(value_type = String)]
     pub unit: Cow<'static, str>,
-    /// What it is, in one sentence.
+    /// What the signal means, in one sentence.
     #[schema(value_type = String)]
     pub meaning: Cow<'static, str>,
 }
@@ -222,9 +222,9 @@ pub struct StateDescription {
     /// The SI unit.
     #[schema(value_type = String)]
     pub unit: Cow<'static, str>,
-    /// What it is, in one sentence.
+    /// What the state means, in one sentence.
     #[schema(value_type = String)]
     pub meaning: Cow<'static, str>,
-    /// Where it starts when a job does not say.
+    /// Where the state starts when a job does not say.
     pub initial: InitialState,
 }

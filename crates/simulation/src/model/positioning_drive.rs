@@ -25,7 +25,7 @@ pub fn model() -> Model {
 struct PositioningDrive;
 
 #[derive(Clone, Copy, Debug)]
-struct Constants<R> {
+struct DriveConstants<R> {
     inverse_mass: R,
     viscous_friction: R,
     coulomb_friction: R,
@@ -39,9 +39,9 @@ impl Dynamics for PositioningDrive {
     type State<R: Real> = [R; 2];
     /// The force.
     type Held<R: Real> = [R; 1];
-    type Constants<R: Real> = Constants<R>;
+    type Constants<R: Real> = DriveConstants<R>;
 
-    fn constants<R: Real>(&self, parameters: &[R]) -> Constants<R> {
+    fn constants<R: Real>(&self, parameters: &[R]) -> DriveConstants<R> {
         let &[
             mass,
             viscous_friction,
@@ -53,7 +53,7 @@ impl Dynamics for PositioningDrive {
         else {
             unreachable!("a parameter vector has as many values as the description has parameters")
         };
-        Constants {
+        DriveConstants {
             inverse_mass: R::splat(1.0) / mass,
             viscous_friction,
             coulomb_friction,
@@ -63,14 +63,14 @@ impl Dynamics for PositioningDrive {
         }
     }
 
-    fn initial_state<R: Real>(&self, _constants: &Constants<R>) -> [R; 2] {
+    fn initial_state<R: Real>(&self, _constants: &DriveConstants<R>) -> [R; 2] {
         [R::splat(0.0); 2]
     }
 
     #[inline(always)]
     fn hold<R: Real>(
         &self,
-        _constants: &Constants<R>,
+        _constants: &DriveConstants<R>,
         sample: &Sample<'_>,
         _state: &[R; 2],
     ) -> [R; 1] {
@@ -80,7 +80,7 @@ impl Dynamics for PositioningDrive {
     #[inline(always)]
     fn derivative<R: Real>(
         &self,
-        constants: &Constants<R>,
+        constants: &DriveConstants<R>,
         &[force]: &[R; 1],
         &[_, velocity]: &[R; 2],
     ) -> [R; 2] {
@@ -93,15 +93,15 @@ impl Dynamics for PositioningDrive {
     }
 
     #[inline(always)]
-    fn outputs<R: Real>(&self, _constants: &Constants<R>, state: &[R; 2], outputs: &mut [R]) {
+    fn outputs<R: Real>(&self, _constants: &DriveConstants<R>, state: &[R; 2], outputs: &mut [R]) {
         outputs.copy_from_slice(state);
     }
 
-    fn input_delay<R: Real>(&self, constants: &Constants<R>) -> Option<R> {
+    fn input_delay<R: Real>(&self, constants: &DriveConstants<R>) -> Option<R> {
         Some(constants.input_delay)
     }
 
-    fn sizes<R: Real>(&self, _constants: &Constants<R>) -> [R; 2] {
+    fn sizes<R: Real>(&self, _constants: &DriveConstants<R>) -> [R; 2] {
         [R::splat(1.0); 2]
     }
 }
@@ -149,7 +149,6 @@ fn describe() -> ModelDescription {
 }
 
 fn parameters() -> Vec<ParameterDescription> {
-    type P = ParameterDescription;
     const MASS: [&str; 3] = ["M", "kg", "moving mass, rotating parts included"];
     const VISCOUS: [&str; 3] = ["Fv", "N*s/m", "viscous friction"];
     const COULOMB: [&str; 3] = ["Fc", "N", "Coulomb friction"];
@@ -160,24 +159,24 @@ fn parameters() -> Vec<ParameterDescription> {
     const CURRENT_LOOP: &str = "bandwidth of a drive's current loop";
     let positive = Some(f64::MIN_POSITIVE);
     vec![
-        P::known("mass", MASS, 100.0, [10.0, 1000.0])
+        ParameterDescription::known("mass", MASS, 100.0, [10.0, 1000.0])
             .log_scale()
             .unknown()
             .within(positive, None),
-        P::known("viscous_friction", VISCOUS, 200.0, [1.0, 2000.0])
+        ParameterDescription::known("viscous_friction", VISCOUS, 200.0, [1.0, 2000.0])
             .log_scale()
             .unknown(),
-        P::known("coulomb_friction", COULOMB, 20.0, [1.0, 500.0])
+        ParameterDescription::known("coulomb_friction", COULOMB, 20.0, [1.0, 500.0])
             .log_scale()
             .unknown(),
-        P::known("offset", OFFSET, 0.0, [-100.0, 100.0])
+        ParameterDescription::known("offset", OFFSET, 0.0, [-100.0, 100.0])
             .unknown()
             .within(None, None),
-        P::known("friction_velocity", VELOCITY, 2e-3, [1e-4, 2e-2])
+        ParameterDescription::known("friction_velocity", VELOCITY, 2e-3, [1e-4, 2e-2])
             .log_scale()
             .within(positive, None)
             .within_tolerance(Tolerance::Percent(50.0), ROUGH),
-        P::known("input_delay", DELAY, 0.0, [0.0, 0.05])
+        ParameterDescription::known("input_delay", DELAY, 0.0, [0.0, 0.05])
             .within_tolerance(Tolerance::Absolute(5e-4), CURRENT_LOOP),
     ]
 }

@@ -19,7 +19,7 @@ impl Specialised {
         let bits: Vec<Option<u64>> = fixed.iter().map(|value| value.map(f64::to_bits)).collect();
         // Nothing in here can be left half done.
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, made)) = kept.iter().find(|(own, _)| *own == bits) {
+        if let Some((_, made)) = kept.iter().find(|(fixed_bits, _)| *fixed_bits == bits) {
             return Arc::clone(made);
         }
         let made = plant.specialised(fixed);

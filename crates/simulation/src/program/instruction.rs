@@ -22,10 +22,10 @@ pub type Register = u16;
 /// One step of a computation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instruction {
-    /// What it does.
+    /// The operation of the instruction.
     pub operation: Operation,
     /// Where the result goes.
     pub to: Register,
-    /// What it works on; places that the operation does not use repeat the first.
+    /// The registers that the operation reads; those that the operation does not use repeat the first.
     pub on: [Register; 3],
 }

@@ -7,13 +7,13 @@
 
 use super::instruction::{Instruction, Register};
 use crate::language::graph::MAX_NODES;
-use crate::language::operation::{self, Operation, Table};
+use crate::language::operation::{self, LookupTable, Operation};
 use greybox_numerics::lanes::Real;
 use std::collections::HashMap;
 
 /// What the instructions of a run do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Kind {
+enum JoinedKind {
     /// One operation.
     Single(Operation),
     /// An operation on a and b, another on its result and c.
@@ -52,39 +52,39 @@ enum Second {
 
 /// Where an instruction writes and what it reads.
 #[derive(Clone, Copy, Debug)]
-struct Places {
+struct Operands {
     to: Register,
     on: [Register; 3],
 }
 
 /// Instructions of one kind, none of which needs another.
 #[derive(Clone, Copy, Debug)]
-struct Run {
-    kind: Kind,
+struct JoinedRun {
+    kind: JoinedKind,
     length: usize,
 }
 
 /// The runs, and the places of their instructions one after the other.
 #[derive(Debug, Default)]
 pub struct Joined {
-    runs: Vec<Run>,
-    places: Vec<Places>,
+    runs: Vec<JoinedRun>,
+    operands: Vec<Operands>,
 }
 
 /// A step of the program before it has its place.
 #[derive(Clone, Copy, Debug)]
-struct Step {
-    kind: Kind,
-    places: Places,
+struct JoinedStep {
+    kind: JoinedKind,
+    operands: Operands,
 }
 
 impl Joined {
     /// A program that leaves every register as the list does.
     #[must_use]
     pub fn all(list: &[Instruction]) -> Joined {
-        let single = |instruction: &Instruction| Step {
-            kind: Kind::Single(instruction.operation),
-            places: Places {
+        let single = |instruction: &Instruction| JoinedStep {
+            kind: JoinedKind::Single(instruction.operation),
+            operands: Operands {
                 to: instruction.to,
                 on: instruction.on,
             },
@@ -100,41 +100,43 @@ impl Joined {
 
     /// Puts steps of one kind together as far as they do not need each other: again and again
     /// all that is ready of a kind that this exhausts, or else of the kind that is readiest.
-    fn scheduled(steps: Vec<Step>) -> Joined {
+    fn scheduled(steps: Vec<JoinedStep>) -> Joined {
         let mut program = Joined::default();
-        let mut kinds: Vec<Kind> = Vec::new();
-        let mut known = HashMap::new();
+        let mut kinds: Vec<JoinedKind> = Vec::new();
+        let mut numbers = HashMap::new();
         let mut unmade = vec![false; MAX_NODES];
-        let mut waiting: Vec<(usize, Places)> = Vec::with_capacity(steps.len());
-        for Step { kind, places } in steps {
-            let number = *known.entry(kind).or_insert_with(|| {
+        let mut waiting: Vec<(usize, Operands)> = Vec::with_capacity(steps.len());
+        for JoinedStep { kind, operands } in steps {
+            let number = *numbers.entry(kind).or_insert_with(|| {
                 kinds.push(kind);
                 kinds.len() - 1
             });
-            unmade[usize::from(places.to)] = true;
-            waiting.push((number, places));
+            unmade[usize::from(operands.to)] = true;
+            waiting.push((number, operands));
         }
         while !waiting.is_empty() {
-            let is_ready = |places: &Places| !places.on.iter().any(|r| unmade[usize::from(*r)]);
+            let is_ready =
+                |operands: &Operands| !operands.on.iter().any(|r| unmade[usize::from(*r)]);
             let mut counts = vec![(0, 0); kinds.len()];
-            for (number, places) in &waiting {
+            for (number, operands) in &waiting {
                 counts[*number].0 += 1;
-                counts[*number].1 += usize::from(is_ready(places));
+                counts[*number].1 += usize::from(is_ready(operands));
             }
             let readiness = |number: &usize| {
                 let (all, ready) = counts[*number];
                 (ready > 0, all == ready, ready)
             };
             let best = (0..kinds.len()).max_by_key(readiness).unwrap_or(0);
-            let first = program.places.len();
-            let run =
-                waiting.extract_if(.., |(number, places)| *number == best && is_ready(places));
-            program.places.extend(run.map(|(_, places)| places));
-            let now = &program.places[first..];
+            let first = program.operands.len();
+            let run = waiting.extract_if(.., |(number, operands)| {
+                *number == best && is_ready(operands)
+            });
+            program.operands.extend(run.map(|(_, operands)| operands));
+            let now = &program.operands[first..];
             assert!(!now.is_empty(), "a list is in an order of computation");
             now.iter()
-                .for_each(|places| unmade[usize::from(places.to)] = false);
-            program.runs.push(Run {
+                .for_each(|operands| unmade[usize::from(operands.to)] = false);
+            program.runs.push(JoinedRun {
                 kind: kinds[best],
                 length: now.len(),
             });
@@ -144,18 +146,20 @@ impl Joined {
 
     /// Runs the program.
     #[inline(always)]
-    pub fn run<R: Real>(&self, registers: &mut [R; MAX_NODES], tables: &[Table]) {
-        let mut places = &self.places[..];
+    pub fn run<R: Real>(&self, registers: &mut [R; MAX_NODES], tables: &[LookupTable]) {
+        let mut operands = &self.operands[..];
         for run in &self.runs {
-            let Some((now, rest)) = places.split_at_checked(run.length) else {
+            let Some((now, rest)) = operands.split_at_checked(run.length) else {
                 return;
             };
-            places = rest;
+            operands = rest;
             match run.kind {
-                Kind::Single(operation) => singles(operation, registers, now, tables),
-                Kind::Pair(first, second) => pairs((first, second), registers, now),
-                Kind::SignedRoot => each(registers, now, |a, b, _| a / (a * a + b).sqrt().sqrt()),
-                Kind::Clip => each(registers, now, |a, b, c| Real::min(Real::max(a, b), c)),
+                JoinedKind::Single(operation) => singles(operation, registers, now, tables),
+                JoinedKind::Pair(first, second) => pairs(first, second, registers, now),
+                JoinedKind::SignedRoot => {
+                    each(registers, now, |a, b, _| a / (a * a + b).sqrt().sqrt())
+                }
+                JoinedKind::Clip => each(registers, now, |a, b, c| Real::min(Real::max(a, b), c)),
             }
         }
     }
@@ -166,11 +170,11 @@ impl Joined {
 #[inline(always)]
 fn each<R: Real>(
     registers: &mut [R; MAX_NODES],
-    places: &[Places],
+    operands: &[Operands],
     function: impl Fn(R, R, R) -> R,
 ) {
     let place = |register: Register| usize::from(register) & (MAX_NODES - 1);
-    for Places { to, on: [a, b, c] } in places {
+    for Operands { to, on: [a, b, c] } in operands {
         let (a, b, c) = (
             registers[place(*a)],
             registers[place(*b)],
@@ -184,60 +188,65 @@ fn each<R: Real>(
 fn singles<R: Real>(
     operation: Operation,
     registers: &mut [R; MAX_NODES],
-    places: &[Places],
-    tables: &[Table],
+    operands: &[Operands],
+    tables: &[LookupTable],
 ) {
     let r = registers;
     match operation {
-        Operation::Add => each(r, places, |a, b, _| a + b),
-        Operation::Subtract => each(r, places, |a, b, _| a - b),
-        Operation::Multiply => each(r, places, |a, b, _| a * b),
-        Operation::Divide => each(r, places, |a, b, _| a / b),
-        Operation::Minimum => each(r, places, |a, b, _| Real::min(a, b)),
-        Operation::Maximum => each(r, places, |a, b, _| Real::max(a, b)),
-        Operation::Select => each(r, places, |a, b, c| a.select_ge(R::splat(0.5), b, c)),
+        Operation::Add => each(r, operands, |a, b, _| a + b),
+        Operation::Subtract => each(r, operands, |a, b, _| a - b),
+        Operation::Multiply => each(r, operands, |a, b, _| a * b),
+        Operation::Divide => each(r, operands, |a, b, _| a / b),
+        Operation::Minimum => each(r, operands, |a, b, _| Real::min(a, b)),
+        Operation::Maximum => each(r, operands, |a, b, _| Real::max(a, b)),
+        Operation::Select => each(r, operands, |a, b, c| a.select_ge(R::splat(0.5), b, c)),
         _ => {
-            for Places { to, on } in places {
-                operation::execute(operation, r, (*on, *to), tables);
+            for Operands { to, on } in operands {
+                operation::execute(operation, r, *on, *to, tables);
             }
         }
     }
 }
 
 #[inline(always)]
-fn pairs<R: Real>(kind: (First, Second), registers: &mut [R; MAX_NODES], places: &[Places]) {
+fn pairs<R: Real>(
+    first: First,
+    second: Second,
+    registers: &mut [R; MAX_NODES],
+    operands: &[Operands],
+) {
     let r = registers;
-    match kind {
-        (First::Add, Second::Add) => each(r, places, |a, b, c| (a + b) + c),
-        (First::Add, Second::Subtract) => each(r, places, |a, b, c| (a + b) - c),
-        (First::Add, Second::SubtractFrom) => each(r, places, |a, b, c| c - (a + b)),
-        (First::Add, Second::Multiply) => each(r, places, |a, b, c| (a + b) * c),
-        (First::Add, Second::DivideBy) => each(r, places, |a, b, c| (a + b) / c),
-        (First::Add, Second::Divide) => each(r, places, |a, b, c| c / (a + b)),
-        (First::Subtract, Second::Add) => each(r, places, |a, b, c| (a - b) + c),
-        (First::Subtract, Second::Subtract) => each(r, places, |a, b, c| (a - b) - c),
-        (First::Subtract, Second::SubtractFrom) => each(r, places, |a, b, c| c - (a - b)),
-        (First::Subtract, Second::Multiply) => each(r, places, |a, b, c| (a - b) * c),
-        (First::Subtract, Second::DivideBy) => each(r, places, |a, b, c| (a - b) / c),
-        (First::Subtract, Second::Divide) => each(r, places, |a, b, c| c / (a - b)),
-        (First::Multiply, Second::Add) => each(r, places, |a, b, c| (a * b) + c),
-        (First::Multiply, Second::Subtract) => each(r, places, |a, b, c| (a * b) - c),
-        (First::Multiply, Second::SubtractFrom) => each(r, places, |a, b, c| c - (a * b)),
-        (First::Multiply, Second::Multiply) => each(r, places, |a, b, c| (a * b) * c),
-        (First::Multiply, Second::DivideBy) => each(r, places, |a, b, c| (a * b) / c),
-        (First::Multiply, Second::Divide) => each(r, places, |a, b, c| c / (a * b)),
-        (First::Divide, Second::Add) => each(r, places, |a, b, c| (a / b) + c),
-        (First::Divide, Second::Subtract) => each(r, places, |a, b, c| (a / b) - c),
-        (First::Divide, Second::SubtractFrom) => each(r, places, |a, b, c| c - (a / b)),
-        (First::Divide, Second::Multiply) => each(r, places, |a, b, c| (a / b) * c),
-        (First::Divide, Second::DivideBy) => each(r, places, |a, b, c| (a / b) / c),
-        (First::Divide, Second::Divide) => each(r, places, |a, b, c| c / (a / b)),
+    match (first, second) {
+        (First::Add, Second::Add) => each(r, operands, |a, b, c| (a + b) + c),
+        (First::Add, Second::Subtract) => each(r, operands, |a, b, c| (a + b) - c),
+        (First::Add, Second::SubtractFrom) => each(r, operands, |a, b, c| c - (a + b)),
+        (First::Add, Second::Multiply) => each(r, operands, |a, b, c| (a + b) * c),
+        (First::Add, Second::DivideBy) => each(r, operands, |a, b, c| (a + b) / c),
+        (First::Add, Second::Divide) => each(r, operands, |a, b, c| c / (a + b)),
+        (First::Subtract, Second::Add) => each(r, operands, |a, b, c| (a - b) + c),
+        (First::Subtract, Second::Subtract) => each(r, operands, |a, b, c| (a - b) - c),
+        (First::Subtract, Second::SubtractFrom) => each(r, operands, |a, b, c| c - (a - b)),
+        (First::Subtract, Second::Multiply) => each(r, operands, |a, b, c| (a - b) * c),
+        (First::Subtract, Second::DivideBy) => each(r, operands, |a, b, c| (a - b) / c),
+        (First::Subtract, Second::Divide) => each(r, operands, |a, b, c| c / (a - b)),
+        (First::Multiply, Second::Add) => each(r, operands, |a, b, c| (a * b) + c),
+        (First::Multiply, Second::Subtract) => each(r, operands, |a, b, c| (a * b) - c),
+        (First::Multiply, Second::SubtractFrom) => each(r, operands, |a, b, c| c - (a * b)),
+        (First::Multiply, Second::Multiply) => each(r, operands, |a, b, c| (a * b) * c),
+        (First::Multiply, Second::DivideBy) => each(r, operands, |a, b, c| (a * b) / c),
+        (First::Multiply, Second::Divide) => each(r, operands, |a, b, c| c / (a * b)),
+        (First::Divide, Second::Add) => each(r, operands, |a, b, c| (a / b) + c),
+        (First::Divide, Second::Subtract) => each(r, operands, |a, b, c| (a / b) - c),
+        (First::Divide, Second::SubtractFrom) => each(r, operands, |a, b, c| c - (a / b)),
+        (First::Divide, Second::Multiply) => each(r, operands, |a, b, c| (a / b) * c),
+        (First::Divide, Second::DivideBy) => each(r, operands, |a, b, c| (a / b) / c),
+        (First::Divide, Second::Divide) => each(r, operands, |a, b, c| c / (a / b)),
     }
 }
 
 /// Joins operations to the one that alone needs their result.
 struct Joiner {
-    steps: Vec<Option<Step>>,
+    steps: Vec<Option<JoinedStep>>,
     /// The step that writes a register.
     made_by: HashMap<Register, usize>,
     /// How often a register is read, by steps or from outside.
@@ -260,15 +269,15 @@ impl Joiner {
                 *joiner.uses.entry(*register).or_default() += 1;
             }
             joiner.made_by.insert(to, index);
-            joiner.steps.push(Some(Step {
-                kind: Kind::Single(operation),
-                places: Places { to, on },
+            joiner.steps.push(Some(JoinedStep {
+                kind: JoinedKind::Single(operation),
+                operands: Operands { to, on },
             }));
         }
         joiner
     }
 
-    fn steps(mut self) -> Vec<Step> {
+    fn steps(mut self) -> Vec<JoinedStep> {
         self.join_all(Joiner::signed_root);
         self.join_all(Joiner::clip);
         self.join_all(Joiner::pair);
@@ -276,7 +285,7 @@ impl Joiner {
     }
 
     /// Joins wherever `join` finds a step and those that it swallows.
-    fn join_all(&mut self, join: impl Fn(&Joiner, usize) -> Option<(Step, Vec<usize>)>) {
+    fn join_all(&mut self, join: impl Fn(&Joiner, usize) -> Option<(JoinedStep, Vec<usize>)>) {
         for index in 0..self.steps.len() {
             if let Some((step, swallowed)) = join(self, index) {
                 self.replace(index, step, &swallowed);
@@ -285,7 +294,7 @@ impl Joiner {
     }
 
     /// Puts a step in the place of one that it does together with the `swallowed`.
-    fn replace(&mut self, index: usize, step: Step, swallowed: &[usize]) {
+    fn replace(&mut self, index: usize, step: JoinedStep, swallowed: &[usize]) {
         self.steps[index] = Some(step);
         for &index in swallowed {
             self.steps[index] = None;
@@ -293,27 +302,27 @@ impl Joiner {
     }
 
     /// The operation of a step that is still alone, and its places.
-    fn single(&self, index: usize) -> Option<(Operation, Places)> {
+    fn single(&self, index: usize) -> Option<(Operation, Operands)> {
         match self.steps[index] {
-            Some(Step {
-                kind: Kind::Single(operation),
-                places,
-            }) => Some((operation, places)),
+            Some(JoinedStep {
+                kind: JoinedKind::Single(operation),
+                operands,
+            }) => Some((operation, operands)),
             _ => None,
         }
     }
 
     /// The step that does `operation` for the register, where nobody else reads it `uses` times.
-    fn maker(&self, register: Register, operation: Operation) -> Option<(usize, Places)> {
+    fn maker(&self, register: Register, operation: Operation) -> Option<(usize, Operands)> {
         let index = *self.made_by.get(&register)?;
-        let (own, places) = self.single(index)?;
-        (own == operation && self.uses.get(&register) == Some(&1)).then_some((index, places))
+        let (made, operands) = self.single(index)?;
+        (made == operation && self.uses.get(&register) == Some(&1)).then_some((index, operands))
     }
 
-    fn signed_root(&self, index: usize) -> Option<(Step, Vec<usize>)> {
+    fn signed_root(&self, index: usize) -> Option<(JoinedStep, Vec<usize>)> {
         let (
             Operation::Divide,
-            Places {
+            Operands {
                 to,
                 on: [drop, root, _],
             },
@@ -321,22 +330,22 @@ impl Joiner {
         else {
             return None;
         };
-        let (outer, places) = self.maker(root, Operation::SquareRoot)?;
-        let (inner, places) = self.maker(places.on[0], Operation::SquareRoot)?;
-        let (sum, places) = self.maker(places.on[0], Operation::Add)?;
-        let [one, other, _] = places.on;
+        let (outer, operands) = self.maker(root, Operation::SquareRoot)?;
+        let (inner, operands) = self.maker(operands.on[0], Operation::SquareRoot)?;
+        let (sum, operands) = self.maker(operands.on[0], Operation::Add)?;
+        let [left, right, _] = operands.on;
         let squared = |register| {
-            let (index, places) = self.maker(register, Operation::Multiply)?;
-            (places.on[0] == drop && places.on[1] == drop).then_some(index)
+            let (index, operands) = self.maker(register, Operation::Multiply)?;
+            (operands.on[0] == drop && operands.on[1] == drop).then_some(index)
         };
-        let (square, width) = match (squared(one), squared(other)) {
-            (Some(square), _) => (square, other),
-            (None, Some(square)) => (square, one),
+        let (square, width) = match (squared(left), squared(right)) {
+            (Some(square), _) => (square, right),
+            (None, Some(square)) => (square, left),
             (None, None) => return None,
         };
-        let step = Step {
-            kind: Kind::SignedRoot,
-            places: Places {
+        let step = JoinedStep {
+            kind: JoinedKind::SignedRoot,
+            operands: Operands {
                 to,
                 on: [drop, width, drop],
             },
@@ -344,10 +353,10 @@ impl Joiner {
         Some((step, vec![outer, inner, sum, square]))
     }
 
-    fn clip(&self, index: usize) -> Option<(Step, Vec<usize>)> {
+    fn clip(&self, index: usize) -> Option<(JoinedStep, Vec<usize>)> {
         let (
             Operation::Minimum,
-            Places {
+            Operands {
                 to,
                 on: [above, upper, _],
             },
@@ -355,20 +364,20 @@ impl Joiner {
         else {
             return None;
         };
-        let (inner, places) = self.maker(above, Operation::Maximum)?;
-        let [a, lower, _] = places.on;
-        let places = Places {
+        let (inner, operands) = self.maker(above, Operation::Maximum)?;
+        let [a, lower, _] = operands.on;
+        let operands = Operands {
             to,
             on: [a, lower, upper],
         };
-        let kind = Kind::Clip;
-        Some((Step { kind, places }, vec![inner]))
+        let kind = JoinedKind::Clip;
+        Some((JoinedStep { kind, operands }, vec![inner]))
     }
 
-    fn pair(&self, index: usize) -> Option<(Step, Vec<usize>)> {
+    fn pair(&self, index: usize) -> Option<(JoinedStep, Vec<usize>)> {
         let (
             operation,
-            Places {
+            Operands {
                 to,
                 on: [left, right, _],
             },
@@ -380,12 +389,12 @@ impl Joiner {
             Operation::Divide => (Second::DivideBy, Second::Divide),
             _ => return None,
         };
-        let of_left = self.first(left).map(|found| (found, as_left, right));
-        let of_right = || self.first(right).map(|found| (found, as_right, left));
+        let of_left = self.first(left).map(|inner| (inner, as_left, right));
+        let of_right = || self.first(right).map(|inner| (inner, as_right, left));
         let ((inner, first, [a, b, _]), second, c) = of_left.or_else(of_right)?;
-        let step = Step {
-            kind: Kind::Pair(first, second),
-            places: Places { to, on: [a, b, c] },
+        let step = JoinedStep {
+            kind: JoinedKind::Pair(first, second),
+            operands: Operands { to, on: [a, b, c] },
         };
         Some((step, vec![inner]))
     }
@@ -400,8 +409,8 @@ impl Joiner {
         ]
         .into_iter()
         .find_map(|(operation, first)| {
-            let (index, places) = self.maker(register, operation)?;
-            Some((index, first, places.on))
+            let (index, operands) = self.maker(register, operation)?;
+            Some((index, first, operands.on))
         })
     }
 }

@@ -6,9 +6,9 @@
 
 use super::instruction::{Instruction, Register, Registers, zeros};
 use super::joined::Joined;
-use super::rewrite::{Equations, Level, Roots, levels};
-use crate::language::graph::{Leaf, Node};
-use crate::language::operation::Table;
+use super::rewrite::{Dependence, EquationGraph, Roots, levels};
+use crate::language::graph::{GraphNode, Leaf};
+use crate::language::operation::LookupTable;
 use greybox_numerics::lanes::Real;
 use greybox_numerics::width::{Wide, Width};
 
@@ -32,7 +32,7 @@ impl List {
 pub struct Lists {
     constants: Vec<(Register, f64)>,
     leaves: Vec<(Leaf, Register)>,
-    tables: Vec<Table>,
+    tables: Vec<LookupTable>,
     /// What follows from the parameters, once a candidate.
     pub setup: List,
     /// What is computed once a sample.
@@ -50,8 +50,8 @@ pub struct Lists {
 impl Lists {
     /// Lays equations out. With `moving_inputs` the inputs change between the samples.
     #[must_use]
-    pub fn new(equations: &Equations, tables: Vec<Table>, moving_inputs: bool) -> Lists {
-        let Equations { graph, roots } = equations;
+    pub fn new(equations: &EquationGraph, tables: Vec<LookupTable>, moving_inputs: bool) -> Lists {
+        let EquationGraph { graph, roots } = equations;
         let levels = levels(graph, moving_inputs);
         let from_rates = graph.needed(roots.rates.iter().copied());
         let from_output = graph.needed(roots.outputs.iter().chain(&roots.valid).copied());
@@ -80,15 +80,15 @@ impl Lists {
             let kind = &graph.nodes()[node];
             registers[node] = register;
             let (operation, on) = match kind {
-                Node::Constant(value) => {
+                GraphNode::Constant(value) => {
                     lists.constants.push((register, *value));
                     continue;
                 }
-                Node::Leaf(leaf) => {
+                GraphNode::Leaf(leaf) => {
                     lists.leaves.push((*leaf, register));
                     continue;
                 }
-                Node::Compute(operation, on) => (*operation, on),
+                GraphNode::Compute(operation, on) => (*operation, on),
             };
             let instruction = Instruction {
                 operation,
@@ -96,19 +96,19 @@ impl Lists {
                 on: on.map(|node| registers[usize::from(node)]),
             };
             match levels[node] {
-                Level::Setup => lists.setup.instructions.push(instruction),
-                Level::Held if from_rates[node] || from_output[node] => {
+                Dependence::Setup => lists.setup.instructions.push(instruction),
+                Dependence::Held if from_rates[node] || from_output[node] => {
                     lists.held.instructions.push(instruction);
                 }
                 _ => {}
             }
-            if from_sample[node] && levels[node] != Level::Setup {
+            if from_sample[node] && levels[node] != Dependence::Setup {
                 lists.sample.instructions.push(instruction);
             }
-            if from_rates[node] && levels[node] == Level::Moving {
+            if from_rates[node] && levels[node] == Dependence::Moving {
                 lists.rates.instructions.push(instruction);
             }
-            if from_output[node] && levels[node] == Level::Moving {
+            if from_output[node] && levels[node] == Dependence::Moving {
                 lists.output.instructions.push(instruction);
             }
         }
@@ -159,14 +159,14 @@ impl Lists {
 
     /// The tables, by number.
     #[must_use]
-    pub fn tables(&self) -> &[Table] {
+    pub fn tables(&self) -> &[LookupTable] {
         &self.tables
     }
 }
 
 /// One list over one row.
 struct OneList<'a, R> {
-    tables: &'a [Table],
+    tables: &'a [LookupTable],
     list: &'a List,
     registers: &'a mut Registers<R>,
 }

@@ -11,13 +11,13 @@ mod rewrite;
 mod row;
 mod tangents;
 
-pub use rewrite::{Equations as EquationGraph, Roots};
+pub use rewrite::{EquationGraph, Roots};
 
-use super::block::Block;
-use super::equations::{Equations, Held, System};
-use super::{BlockSimulator, Candidates, Excitation, Plant};
+use super::block::SimulationBlock;
+use super::equations::{Equations, HeldQuantities, System};
+use super::{BlockSimulator, CandidateBlock, DrivingInputs, Plant};
 use crate::language::graph::Leaf;
-use crate::language::operation::Table;
+use crate::language::operation::LookupTable;
 use greybox_numerics::eigenvalues::spectral_radius;
 use greybox_numerics::lanes::{LANES, Real};
 use greybox_numerics::width::Width;
@@ -96,7 +96,7 @@ impl Program {
     #[must_use]
     pub fn new(
         equations: &EquationGraph,
-        tables: Vec<Table>,
+        tables: Vec<LookupTable>,
         sizes: &[Option<f64>],
         defaults: &[f64],
         moving_inputs: bool,
@@ -105,14 +105,14 @@ impl Program {
         let lists = Lists::new(&equations.with_fixed(&[]), tables, moving_inputs);
         let mut program = Program::of_lists(equations, lists, defaults.len(), moving_inputs);
         let starts = program.row(defaults, 1.0).initial_states();
-        let own = |start: &f64| {
+        let start_size = |start: &f64| {
             let size = start.abs();
             let is_size = size > 0.0 && size.is_finite();
             LEAST_SHARE * if is_size { size } else { 1.0 }
         };
         let sizes = sizes.iter().zip(&starts);
         program.sizes = sizes
-            .map(|(given, start)| given.unwrap_or_else(|| own(start)))
+            .map(|(given, start)| given.unwrap_or_else(|| start_size(start)))
             .collect();
         program
     }
@@ -166,7 +166,7 @@ impl Plant for Program {
             return hint;
         }
         let mut row = self.row(parameters, 1.0);
-        row.act(&Held {
+        row.act(&HeldQuantities {
             values: vec![0.0; row.n_held()],
             slopes: Vec::new(),
         });
@@ -190,11 +190,11 @@ impl Plant for Program {
 
     fn simulator<'a>(
         &'a self,
-        excitation: Excitation<'a>,
-        candidates: Candidates<'_>,
+        excitation: DrivingInputs<'a>,
+        candidates: CandidateBlock<'_>,
     ) -> Box<dyn BlockSimulator + 'a> {
         let width = Width::widest();
-        Box::new(Block::<_, f64, LANES>::new(
+        Box::new(SimulationBlock::<_, f64, LANES>::new(
             self, excitation, candidates, width,
         ))
     }

@@ -1,7 +1,7 @@
 //! Equations made shorter before they are laid out: divisions by what stands still become
 //! products, and parameters that a job fixes become numbers, with which effects that are off go.
 
-use crate::language::graph::{Full, Graph, Leaf, Node, NodeId};
+use crate::language::graph::{Full, Graph, GraphNode, Leaf, NodeId};
 use crate::language::operation::Operation;
 
 /// What the equations are made of, as nodes of a graph.
@@ -46,7 +46,7 @@ impl Roots {
 
 /// What a node depends on.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
+pub enum Dependence {
     /// On parameters alone.
     Setup,
     /// On held quantities.
@@ -56,20 +56,20 @@ pub enum Level {
 }
 
 /// What each node depends on.
-pub fn levels(graph: &Graph, moving_inputs: bool) -> Vec<Level> {
-    let mut levels: Vec<Level> = Vec::with_capacity(graph.nodes().len());
+pub fn levels(graph: &Graph, moving_inputs: bool) -> Vec<Dependence> {
+    let mut levels: Vec<Dependence> = Vec::with_capacity(graph.nodes().len());
     for node in graph.nodes() {
         let level = match node {
-            Node::Constant(_) => Level::Setup,
-            Node::Leaf(leaf) => match leaf {
-                Leaf::SampleTime | Leaf::Parameter(_) => Level::Setup,
-                Leaf::Input(_) if !moving_inputs => Level::Held,
-                Leaf::Sampled(_) => Level::Held,
-                _ => Level::Moving,
+            GraphNode::Constant(_) => Dependence::Setup,
+            GraphNode::Leaf(leaf) => match leaf {
+                Leaf::SampleTime | Leaf::Parameter(_) => Dependence::Setup,
+                Leaf::Input(_) if !moving_inputs => Dependence::Held,
+                Leaf::Sampled(_) => Dependence::Held,
+                _ => Dependence::Moving,
             },
-            Node::Compute(_, on) => {
+            GraphNode::Compute(_, on) => {
                 let levels = on.iter().map(|node| levels[usize::from(*node)]);
-                levels.max().unwrap_or(Level::Setup)
+                levels.max().unwrap_or(Dependence::Setup)
             }
         };
         levels.push(level);
@@ -79,23 +79,23 @@ pub fn levels(graph: &Graph, moving_inputs: bool) -> Vec<Level> {
 
 /// Equations as a graph and what is asked of it.
 #[derive(Clone, Debug)]
-pub struct Equations {
+pub struct EquationGraph {
     /// The numbers.
     pub graph: Graph,
     /// Which of them are rates, outputs and so on.
     pub roots: Roots,
 }
 
-impl Equations {
+impl EquationGraph {
     /// The equations with `x·(1/p)` for `x/p` where `x` moves with the states and `p` does not: the
     /// reciprocal is taken once a candidate, or once a sample. What would have too many nodes
     /// stays as it is.
     #[must_use]
-    pub fn with_reciprocals(&self, moving_inputs: bool) -> Equations {
+    pub fn with_reciprocals(&self, moving_inputs: bool) -> EquationGraph {
         let levels = levels(&self.graph, moving_inputs);
-        let moves = |node: NodeId| levels[usize::from(node)] == Level::Moving;
+        let moves = |node: NodeId| levels[usize::from(node)] == Dependence::Moving;
         let rewritten = self.rewritten(|graph, (node, places), on| match node {
-            Node::Compute(Operation::Divide, [above, below, _])
+            GraphNode::Compute(Operation::Divide, [above, below, _])
                 if moves(*above) && !moves(*below) =>
             {
                 let one = graph.constant(1.0)?;
@@ -111,14 +111,14 @@ impl Equations {
     /// (also where it would have been no number), what is added to 0 or multiplied by 1 stays
     /// alone, and of a choice that is settled one side stays. Everything else keeps its bits.
     #[must_use]
-    pub fn with_fixed(&self, fixed: &[Option<f64>]) -> Equations {
+    pub fn with_fixed(&self, fixed: &[Option<f64>]) -> EquationGraph {
         let value = |index: u16| fixed.get(usize::from(index)).copied().flatten();
         let rewritten = self.rewritten(|graph, (node, places), on| match node {
-            Node::Leaf(Leaf::Parameter(index)) => match value(*index) {
+            GraphNode::Leaf(Leaf::Parameter(index)) => match value(*index) {
                 Some(value) => graph.constant(value),
                 None => graph.leaf(Leaf::Parameter(*index)),
             },
-            Node::Compute(operation, _) => match simpler(graph, *operation, on) {
+            GraphNode::Compute(operation, _) => match simpler(graph, *operation, on) {
                 Some(node) => node,
                 None => graph.compute(*operation, &on[..places]),
             },
@@ -131,32 +131,32 @@ impl Equations {
     /// and what has become of the nodes that stand there.
     fn rewritten(
         &self,
-        rule: impl Fn(&mut Graph, (&Node, usize), [NodeId; 3]) -> Result<NodeId, Full>,
-    ) -> Result<Equations, Full> {
+        rule: impl Fn(&mut Graph, (&GraphNode, usize), [NodeId; 3]) -> Result<NodeId, Full>,
+    ) -> Result<EquationGraph, Full> {
         let mut graph = Graph::default();
         let mut now: Vec<NodeId> = Vec::with_capacity(self.graph.nodes().len());
         for node in self.graph.nodes() {
             let (places, on) = match node {
-                Node::Compute(operation, on) => (
+                GraphNode::Compute(operation, on) => (
                     operation.arguments(),
                     on.map(|place| now[usize::from(place)]),
                 ),
-                Node::Constant(_) | Node::Leaf(_) => (0, [0; 3]),
+                GraphNode::Constant(_) | GraphNode::Leaf(_) => (0, [0; 3]),
             };
             now.push(rule(&mut graph, (node, places), on)?);
         }
-        Ok(Equations {
+        Ok(EquationGraph {
             graph,
             roots: self.roots.renamed(&now),
         })
     }
 }
 
-fn copied(graph: &mut Graph, node: &Node, on: &[NodeId]) -> Result<NodeId, Full> {
+fn copied(graph: &mut Graph, node: &GraphNode, on: &[NodeId]) -> Result<NodeId, Full> {
     match node {
-        Node::Constant(value) => graph.constant(*value),
-        Node::Leaf(leaf) => graph.leaf(*leaf),
-        Node::Compute(operation, _) => graph.compute(*operation, on),
+        GraphNode::Constant(value) => graph.constant(*value),
+        GraphNode::Leaf(leaf) => graph.leaf(*leaf),
+        GraphNode::Compute(operation, _) => graph.compute(*operation, on),
     }
 }
 
@@ -187,16 +187,16 @@ fn simpler(
 }
 
 /// x, where the terms are max(x, 0) and min(x, 0): a dead band of no width.
-fn parts_of_one(graph: &Graph, one: NodeId, other: NodeId) -> Option<NodeId> {
+fn parts_of_one(graph: &Graph, left: NodeId, right: NodeId) -> Option<NodeId> {
     let part = |node: NodeId| match graph.nodes()[usize::from(node)] {
-        Node::Compute(operation @ (Operation::Maximum | Operation::Minimum), [x, zero, _])
+        GraphNode::Compute(operation @ (Operation::Maximum | Operation::Minimum), [x, zero, _])
             if graph.as_constant(zero) == Some(0.0) =>
         {
             Some((operation, x))
         }
         _ => None,
     };
-    let ((first, x), (second, same)) = (part(one)?, part(other)?);
+    let ((first, x), (second, same)) = (part(left)?, part(right)?);
     (first != second && x == same).then_some(x)
 }
 
@@ -205,17 +205,17 @@ mod tests {
     use super::*;
 
     /// Equations of one rate.
-    fn of(build: impl Fn(&mut Graph) -> Result<NodeId, Full>) -> Equations {
+    fn of(build: impl Fn(&mut Graph) -> Result<NodeId, Full>) -> EquationGraph {
         let mut graph = Graph::default();
         let rate = build(&mut graph).expect("there is room");
         let roots = Roots {
             rates: vec![rate],
             ..Roots::default()
         };
-        Equations { graph, roots }
+        EquationGraph { graph, roots }
     }
 
-    fn rate(equations: &Equations) -> Node {
+    fn rate(equations: &EquationGraph) -> GraphNode {
         equations.graph.nodes()[usize::from(equations.roots.rates[0])]
     }
 
@@ -237,14 +237,16 @@ mod tests {
             graph.compute(Operation::Subtract, &[banded, friction])
         });
         let left = equations.with_fixed(&[Some(0.0), Some(0.0)]);
-        assert_eq!(rate(&left), Node::Leaf(Leaf::State(0)));
+        assert_eq!(rate(&left), GraphNode::Leaf(Leaf::State(0)));
         let left = equations.with_fixed(&[Some(2.0), None]);
         let needed = left.graph.needed(left.roots.rates.iter().copied());
         let leaves = left.graph.nodes().iter().zip(needed);
-        let leaves: Vec<&Node> = leaves
-            .filter_map(|(node, needed)| (needed && matches!(node, Node::Leaf(_))).then_some(node))
+        let leaves: Vec<&GraphNode> = leaves
+            .filter_map(|(node, needed)| {
+                (needed && matches!(node, GraphNode::Leaf(_))).then_some(node)
+            })
             .collect();
-        let expected = [Leaf::State(0), Leaf::Parameter(1)].map(Node::Leaf);
+        let expected = [Leaf::State(0), Leaf::Parameter(1)].map(GraphNode::Leaf);
         assert_eq!(leaves, expected.iter().collect::<Vec<_>>());
     }
 
@@ -258,7 +260,7 @@ mod tests {
             });
             rate(&equations.with_reciprocals(false))
         };
-        let is_product = |node| matches!(node, Node::Compute(Operation::Multiply, _));
+        let is_product = |node| matches!(node, GraphNode::Compute(Operation::Multiply, _));
         assert!(is_product(by(Leaf::Parameter(0))));
         assert!(is_product(by(Leaf::Input(0))));
         assert!(!is_product(by(Leaf::State(1))));

@@ -3,7 +3,8 @@
 use super::Program;
 use super::instruction::{Register, Registers};
 use super::lists::List;
-use crate::equations::{Equations, Held, Sample, Shares};
+use super::tangents::{Room, StateDerivatives};
+use crate::equations::{Equations, HeldQuantities, Sample, Shares};
 use greybox_numerics::lanes::Real;
 use greybox_numerics::width::Width;
 
@@ -18,7 +19,7 @@ pub struct ProgramRow<'a, R> {
     /// The sampled quantities at the sample before.
     previous: Vec<R>,
     /// Room for derivatives, once they are asked for.
-    tangents: Option<super::tangents::Room<R>>,
+    tangents: Option<Room<R>>,
 }
 
 impl<'a, R: Real> ProgramRow<'a, R> {
@@ -128,7 +129,7 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
     }
 
     /// The inputs, and behind them what is computed once a sample.
-    fn hold(&mut self, sample: &Sample<'_>, states: &Vec<R>, held: &mut Held<R>) {
+    fn hold(&mut self, sample: &Sample<'_>, states: &Vec<R>, held: &mut HeldQuantities<R>) {
         let Program { lists, wiring, .. } = self.program;
         self.load(states, R::splat(0.0));
         for (input, register) in wiring.recorded.iter().enumerate() {
@@ -157,7 +158,7 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
         }
     }
 
-    fn act(&mut self, held: &Held<R>) {
+    fn act(&mut self, held: &HeldQuantities<R>) {
         let Program { lists, wiring, .. } = self.program;
         let (inputs, sampled) = held.values.split_at(wiring.inputs.len());
         for (register, value) in wiring.inputs.iter().zip(inputs) {
@@ -187,8 +188,13 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
             lists, tangents, ..
         } = self.program;
         let room = self.tangents.get_or_insert_with(|| tangents.room());
-        let rows = (&mut self.registers, room);
-        tangents.by_states(lists, rows, (matrix, self.width));
+        self.width.does(StateDerivatives {
+            tangents,
+            lists,
+            registers: &mut self.registers,
+            room,
+            matrix,
+        });
     }
 
     fn rates_by_time(&mut self, by_time: &mut [R]) -> bool {

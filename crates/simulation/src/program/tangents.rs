@@ -8,11 +8,11 @@ use super::lists::Lists;
 use crate::language::graph::MAX_NODES;
 use crate::language::operation;
 use greybox_numerics::lanes::Real;
-use greybox_numerics::width::{Wide, Width};
+use greybox_numerics::width::Wide;
 
 /// Which instructions of the rates a direction reaches, by their place in the list.
 #[derive(Debug)]
-struct Reach {
+struct DirectionReach {
     /// The registers that the direction starts from.
     from: Vec<Register>,
     instructions: Vec<usize>,
@@ -23,8 +23,8 @@ struct Reach {
 /// The directions of the states, and that of all inputs together.
 #[derive(Debug)]
 pub struct Tangents {
-    states: Vec<Reach>,
-    inputs: Reach,
+    states: Vec<DirectionReach>,
+    inputs: DirectionReach,
     /// For each instruction whether a direction reaches its second number.
     reaches_second: Vec<bool>,
     /// The register of each input, where the equations use it.
@@ -37,8 +37,8 @@ pub struct Room<R> {
     along: Registers<R>,
 }
 
-impl Reach {
-    fn of(lists: &Lists, from: Vec<Register>) -> Reach {
+impl DirectionReach {
+    fn of(lists: &Lists, from: Vec<Register>) -> DirectionReach {
         let mut is_reached = vec![false; MAX_NODES];
         for register in &from {
             is_reached[usize::from(*register)] = true;
@@ -57,7 +57,7 @@ impl Reach {
         }
         let rates = lists.roots.rates.iter().enumerate();
         let rates = rates.filter(|(_, register)| is_reached[usize::from(**register)]);
-        Reach {
+        DirectionReach {
             from,
             instructions,
             rates: rates.map(|(rate, _)| rate).collect(),
@@ -72,10 +72,11 @@ impl Tangents {
         states: &[Option<Register>],
         inputs: &[Option<Register>],
     ) -> Tangents {
-        let of_state =
-            |register: &Option<Register>| Reach::of(lists, register.iter().copied().collect());
-        let states: Vec<Reach> = states.iter().map(of_state).collect();
-        let inputs_reach = Reach::of(lists, inputs.iter().copied().flatten().collect());
+        let of_state = |register: &Option<Register>| {
+            DirectionReach::of(lists, register.iter().copied().collect())
+        };
+        let states: Vec<DirectionReach> = states.iter().map(of_state).collect();
+        let inputs_reach = DirectionReach::of(lists, inputs.iter().copied().flatten().collect());
         let instructions = lists.rates.instructions();
         let mut is_reached = vec![false; MAX_NODES];
         for reach in states.iter().chain([&inputs_reach]) {
@@ -106,54 +107,6 @@ impl Tangents {
         }
     }
 
-    /// ∂rate/∂state at the states in the registers: `matrix[rate · n + state]`.
-    pub fn by_states<R: Real>(
-        &self,
-        lists: &Lists,
-        (registers, room): (&mut Registers<R>, &mut Room<R>),
-        (matrix, width): (&mut [R], Width),
-    ) {
-        width.does(ByStates {
-            tangents: self,
-            lists,
-            registers,
-            room,
-            matrix,
-        });
-    }
-
-    #[inline(always)]
-    fn write_by_states<R: Real>(
-        &self,
-        lists: &Lists,
-        (registers, room): (&mut Registers<R>, &mut Room<R>),
-        matrix: &mut [R],
-    ) {
-        let n = self.states.len();
-        room.partials.clear();
-        let instructions = lists.rates.instructions().iter();
-        for (Instruction { operation, to, on }, second) in instructions.zip(&self.reaches_second) {
-            operation::execute(*operation, registers, (*on, *to), lists.tables());
-            let values = on.map(|register| registers[usize::from(register)]);
-            let result = registers[usize::from(*to)];
-            let at = (values, result);
-            let partials = operation::partials(*operation, at, *second, lists.tables());
-            room.partials.push(partials);
-        }
-        matrix.fill(R::splat(0.0));
-        for (column, reach) in self.states.iter().enumerate() {
-            for register in &reach.from {
-                room.along[usize::from(*register)] = R::splat(1.0);
-            }
-            reach.follow(lists, room);
-            for rate in &reach.rates {
-                let register = lists.roots.rates[*rate];
-                matrix[rate * n + column] = room.along[usize::from(register)];
-            }
-            reach.clear(lists, room);
-        }
-    }
-
     /// The rates' own rates of change through inputs that move, where the derivatives by the
     /// states were taken last.
     pub fn by_inputs<R: Real>(
@@ -177,25 +130,59 @@ impl Tangents {
     }
 }
 
-/// The derivatives by the states as work that is compiled for each width of registers.
-struct ByStates<'a, R> {
-    tangents: &'a Tangents,
-    lists: &'a Lists,
-    registers: &'a mut Registers<R>,
-    room: &'a mut Room<R>,
-    matrix: &'a mut [R],
+/// The derivatives of the rates by the states, as work that is compiled for each width of registers.
+pub struct StateDerivatives<'a, R> {
+    /// Which instructions the states reach.
+    pub tangents: &'a Tangents,
+    /// The instructions.
+    pub lists: &'a Lists,
+    /// Registers that hold the states at which the derivatives are taken.
+    pub registers: &'a mut Registers<R>,
+    /// Room for the derivatives of each instruction.
+    pub room: &'a mut Room<R>,
+    /// The result, ∂rate/∂state: `matrix[rate · n + state]`.
+    pub matrix: &'a mut [R],
 }
 
-impl<R: Real> Wide for ByStates<'_, R> {
+impl<R: Real> Wide for StateDerivatives<'_, R> {
     type Output = ();
     #[inline(always)]
     fn work(self) {
-        let rows = (self.registers, self.room);
-        self.tangents.write_by_states(self.lists, rows, self.matrix);
+        let StateDerivatives {
+            tangents,
+            lists,
+            registers,
+            room,
+            matrix,
+        } = self;
+        let n = tangents.states.len();
+        let tables = lists.tables();
+        room.partials.clear();
+        let instructions = lists.rates.instructions().iter();
+        let instructions = instructions.zip(&tangents.reaches_second);
+        for (Instruction { operation, to, on }, second) in instructions {
+            operation::execute(*operation, registers, *on, *to, tables);
+            let values = on.map(|register| registers[usize::from(register)]);
+            let result = registers[usize::from(*to)];
+            let partials = operation::partials(*operation, values, result, *second, tables);
+            room.partials.push(partials);
+        }
+        matrix.fill(R::splat(0.0));
+        for (column, reach) in tangents.states.iter().enumerate() {
+            for register in &reach.from {
+                room.along[usize::from(*register)] = R::splat(1.0);
+            }
+            reach.follow(lists, room);
+            for rate in &reach.rates {
+                let register = lists.roots.rates[*rate];
+                matrix[rate * n + column] = room.along[usize::from(register)];
+            }
+            reach.clear(lists, room);
+        }
     }
 }
 
-impl Reach {
+impl DirectionReach {
     /// Carries the derivatives from the registers that the direction starts from to the rates.
     #[inline(always)]
     fn follow<R: Real>(&self, lists: &Lists, room: &mut Room<R>) {

@@ -2,8 +2,8 @@
 //! the row's is.
 
 use super::{
-    CALM_STEPS, EXPLICIT_DERIVATIVES, Integrator, MOST_STIFF_LOOKS, NOT_STIFF, Source, Stretch,
-    Trial,
+    CALM_STEPS, EXPLICIT_DERIVATIVES, IntegratedStretch, Integrator, MOST_STIFF_LOOKS, NOT_STIFF,
+    RowCandidates, StepTrial,
 };
 use crate::equations::{Equations, System, lanes_from};
 use crate::explicit;
@@ -25,7 +25,7 @@ pub(super) struct Exact<E: Equations<Lanes>> {
 impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     /// Whether a candidate that moves uses the explicit method.
     #[inline(never)]
-    pub(super) fn has_explicit(&self, stretch: &Stretch<'_, R>) -> bool {
+    pub(super) fn has_explicit(&self, stretch: &IntegratedStretch<'_, R>) -> bool {
         let moves = |lane: usize| stretch.remaining.lane(lane) > 0.0;
         (0..R::WIDTH).any(|lane| moves(lane) && !self.is_stiff[lane])
     }
@@ -34,8 +34,8 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     #[inline(never)]
     pub(super) fn try_stiff(
         &mut self,
-        stretch: &mut Stretch<'_, R>,
-        (elapsed, trial): (R, &mut Trial<R>),
+        stretch: &mut IntegratedStretch<'_, R>,
+        trial: &mut StepTrial<R>,
     ) {
         let remaining = stretch.remaining;
         let moves = |lane: &usize| remaining.lane(*lane) > 0.0;
@@ -52,10 +52,10 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             }
             exact.load(self, first);
             let taken = lanes_from(&trial.taken, first);
-            let taken = exact.step(self.source.width, lanes_from(&elapsed, first), taken);
+            let taken = exact.step(self.source.width, lanes_from(&trial.elapsed, first), taken);
             for lane in members {
                 let place = lane - first;
-                self.stages.set_end(lane, (&exact.next, &exact.end), place);
+                self.stages.set_end(lane, &exact.next, &exact.end, place);
                 let error = taken.squared_error.lane(place);
                 trial.squared_error.set_lane(lane, error);
                 self.note_stiff_step(lane, taken.rate_times_length.lane(place));
@@ -90,8 +90,8 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     }
 
     /// Rows of eight candidates in double precision that know what is held.
-    fn prepare_exact(&mut self, stretch: &mut Stretch<'_, R>) {
-        let Source {
+    fn prepare_exact(&mut self, stretch: &mut IntegratedStretch<'_, R>) {
+        let RowCandidates {
             plant,
             parameters,
             sample_time,
@@ -145,13 +145,13 @@ impl<E: Equations<Lanes>> Exact<E> {
 
     /// A step. Compiled once for rows of every kind.
     #[inline(never)]
-    fn step(&mut self, width: Width, elapsed: Lanes, length: Lanes) -> stiff::Taken {
+    fn step(&mut self, width: Width, elapsed: Lanes, length: Lanes) -> stiff::StiffOutcome {
         // Candidates that stay get a step all the same, whose outcome nobody reads.
         let length = length.map(|length| if length > 0.0 { length } else { 1.0 });
         width.does(WideStep {
             rosenbrock: &mut self.rosenbrock,
             equations: &mut self.equations,
-            step: stiff::Step {
+            step: stiff::StiffStep {
                 states: &self.states,
                 weights: &self.weights,
                 elapsed,

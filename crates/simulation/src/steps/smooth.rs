@@ -1,9 +1,9 @@
 //! The candidates of a row that use the method of eighth order: those that take many steps from one
 //! sample to the next.
 
-use super::{Integrator, LARGEST_FACTOR, Stretch, Trial};
+use super::{IntegratedStretch, Integrator, LARGEST_FACTOR, StepTrial};
 use crate::equations::{Equations, System};
-use crate::explicit::eighth::{self, STABLE_FOR, Stages};
+use crate::explicit::eighth::{self, EighthOrderStages, STABLE_FOR, StepStart};
 use greybox_numerics::lanes::Real;
 
 /// A candidate that is not at the end of a stretch after so many trials, or after as many more, goes
@@ -19,7 +19,7 @@ const FIRST_FACTOR: f64 = 5.0;
 
 /// The candidates that use the method of eighth order, and its stages.
 pub(super) struct Smooth<S, R> {
-    stages: Stages<S>,
+    stages: EighthOrderStages<S>,
     /// 1 for each candidate that uses it, 0 for the others.
     pub candidates: R,
     /// Whether there is one.
@@ -34,7 +34,7 @@ impl<S: Clone, R: Real> Smooth<S, R> {
     pub fn of<E: Equations<R, States = S>>(states: &S) -> Option<Box<Self>> {
         const { E::MAY_BE_SMOOTH }.then(|| {
             Box::new(Smooth {
-                stages: Stages::like(states),
+                stages: EighthOrderStages::like(states),
                 candidates: R::splat(0.0),
                 is_used: false,
             })
@@ -54,32 +54,32 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
 
     /// Whether a candidate that moves does not use it.
     #[inline(always)]
-    pub(super) fn has_fourth_order(&self, stretch: &Stretch<'_, R>) -> bool {
+    pub(super) fn has_fourth_order(&self, stretch: &IntegratedStretch<'_, R>) -> bool {
         self.smooth_in_use().is_none_or(|smooth| {
             let zero = R::splat(0.0);
-            let others = smooth
+            let fourth_order = smooth
                 .candidates
                 .select_ge(R::splat(1.0), zero, stretch.remaining);
-            others.any_above(0.0)
+            fourth_order.any_above(0.0)
         })
     }
 
     /// A trial of the candidates that use it; that of the others stands.
     #[inline(always)]
-    pub(super) fn try_smooth(
-        &mut self,
-        equations: &mut P::Row<'a, R>,
-        (elapsed, trial): (R, &mut Trial<R>),
-    ) {
+    pub(super) fn try_smooth(&mut self, equations: &mut P::Row<'a, R>, trial: &mut StepTrial<R>) {
         if self.smooth_in_use().is_none() {
             return;
         }
         let Some(smooth) = self.smooth.as_deref_mut() else {
             return;
         };
-        let from = (&self.states, &self.stages.first);
+        let start = StepStart {
+            states: &self.states,
+            slope: &self.stages.first,
+            elapsed: trial.elapsed,
+        };
         let stages = &mut smooth.stages;
-        eighth::step(equations, from, stages, (elapsed, trial.taken));
+        eighth::step(equations, start, stages, trial.taken);
         let squared_error = stages.squared_error(&self.weights, trial.taken);
         let share = self.shares.eighth;
         let squared_error = squared_error * R::splat(1.0 / (share * share));
@@ -90,7 +90,12 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
 
     /// Lets candidates use the method that needs fewer derivatives from one sample to the next.
     #[inline(never)]
-    pub(super) fn choose_order(&mut self, stretch: &Stretch<'_, R>, trial: &Trial<R>, trials: u32) {
+    pub(super) fn choose_order(
+        &mut self,
+        stretch: &IntegratedStretch<'_, R>,
+        trial: &StepTrial<R>,
+        trials: u32,
+    ) {
         let Some(smooth) = self.smooth.as_deref_mut() else {
             return;
         };

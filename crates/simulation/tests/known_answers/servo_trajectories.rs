@@ -5,9 +5,9 @@
 //! stalled at its stops, from `scripts/all_effects.py`.
 
 use greybox_numerics::lanes::Lanes;
-use greybox_simulation::batch::{self, Run, Sink};
+use greybox_simulation::batch::{self, BatchRun, Sink};
 use greybox_simulation::model::{Catalogue, Model};
-use greybox_simulation::{Accuracy, Candidate, Excitation, single};
+use greybox_simulation::{Accuracy, DrivingInputs, SimulatedCandidate, single};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -119,7 +119,7 @@ fn simulate_as(
         let index = model.description().parameter_index(name);
         values[index.unwrap_or_else(|| panic!("the servo has no parameter `{name}`"))] = *value;
     }
-    let excitation = Excitation {
+    let excitation = DrivingInputs {
         sample_time: 0.01,
         instants: None,
         samples: input.len(),
@@ -127,7 +127,7 @@ fn simulate_as(
         inputs: &[input.to_vec()],
         accuracy,
     };
-    let candidate = Candidate {
+    let candidate = SimulatedCandidate {
         parameters: &values,
         initial_state: &[None; 6],
     };
@@ -227,12 +227,12 @@ fn positions(accuracy: Accuracy, candidates: &[Vec<f64>], input: &[f64]) -> Vec<
             self.0.extend(outputs.chunks_exact(4).map(|row| row[0]));
         }
     }
-    let candidate = |parameters| Candidate {
+    let candidate = |parameters| SimulatedCandidate {
         parameters,
         initial_state: &[None; 6],
     };
-    let run = Run {
-        excitation: Excitation {
+    let run = BatchRun {
+        excitation: DrivingInputs {
             sample_time: 0.01,
             instants: None,
             samples: input.len(),

@@ -3,9 +3,9 @@
 //! Where the problems and the ends come from: `scripts/test_set.py`.
 
 use greybox_numerics::lanes::Lanes;
-use greybox_simulation::batch::{self, Piece, Run, Sink};
+use greybox_simulation::batch::{self, BatchRun, Piece, Sink};
 use greybox_simulation::model::document;
-use greybox_simulation::{Accuracy, Candidate, Excitation};
+use greybox_simulation::{Accuracy, DrivingInputs, SimulatedCandidate};
 use serde_json::Value;
 use std::sync::atomic::AtomicBool;
 
@@ -37,8 +37,8 @@ fn end(problem: &Value, accuracy: Accuracy) -> (Vec<f64>, u64) {
     let model = document::read(&problem["document"]).unwrap().model;
     let parameters = model.description().defaults();
     let initial_state = vec![None; model.description().states.len()];
-    let run = Run {
-        excitation: Excitation {
+    let run = BatchRun {
+        excitation: DrivingInputs {
             sample_time: problem["end"].as_f64().unwrap(),
             instants: None,
             samples: 2,
@@ -46,7 +46,7 @@ fn end(problem: &Value, accuracy: Accuracy) -> (Vec<f64>, u64) {
             inputs: &[],
             accuracy,
         },
-        candidates: vec![Candidate {
+        candidates: vec![SimulatedCandidate {
             parameters: &parameters,
             initial_state: &initial_state,
         }],

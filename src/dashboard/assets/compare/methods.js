@@ -106,9 +106,6 @@ function parts(comparison) {
     spread(method.cost_ratio, (value) => number(value)),
     spread(method.deviation_percent, (value) => `${number(value, 3)} %`),
   ]);
-  const ended = comparison.jobs.filter(({ status }) =>
-    ["succeeded", "failed", "cancelled"].includes(status),
-  ).length;
   const names = comparison.jobs
     .slice(0, 10)
     .map(({ id }) => id)
@@ -116,7 +113,7 @@ function parts(comparison) {
   return [
     facts([
       ["Created", instant(comparison.created_at)],
-      ["Runs", `${ended} of ${comparison.jobs.length} ended`],
+      ["Runs", `${comparison.ended} of ${comparison.jobs.length} ended`],
       ["Lowest cost", number(comparison.lowest_cost, 6)],
     ]),
     h(

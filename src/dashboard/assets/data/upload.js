@@ -4,34 +4,13 @@
 // the file.
 
 import { query, request } from "../shell/api.js";
+import { described, namesOfParameter } from "../shell/description.js";
 import { h, notice, warningList } from "../shell/dom.js";
-import { count, duration } from "../shell/format.js";
-
-const FORMATS = [
-  "wide_csv",
-  "long_csv",
-  "senseye",
-  "simulink_csv",
-  "influx_csv",
-  "influx_line_protocol",
-  "pi_web_api",
-  "omf",
-  "aveva_odata",
-  "aveva_sql",
-  "canary",
-  "ignition",
-  "opc_ua_json",
-  "cognite",
-  "pandas_records",
-  "pandas_split",
-  "pandas_table",
-  "excel",
-  "parquet",
-  "json",
-];
+import { count, duration, words } from "../shell/format.js";
 
 // Each option tells the server something about a file; it has a title and either a hint or a list of
-// choices.
+// choices. The server says which choices the options of NAMED have.
+const NAMED = ["format", "quality_scheme"];
 const OPTIONS = {
   tz: { title: "Time zone of its clock", hint: "Europe/Berlin", list: () => zones() },
   time_unit: {
@@ -61,20 +40,8 @@ const OPTIONS = {
   ignore: { title: "Signals to leave out", hint: "name, name" },
   rename: { title: "New names", hint: "old:new, old:new" },
   encoding: { title: "Encoding", hint: "windows-1252" },
-  format: { title: "Format", choices: FORMATS.map((name) => [name, name.replaceAll("_", " ")]) },
-  quality_scheme: {
-    title: "Codes of quality",
-    choices: [
-      "opc_da",
-      "opc_ua",
-      "aveva_quality",
-      "aveva_quality_detail",
-      "ignition",
-      "ignition_legacy",
-      "cognite",
-      "words",
-    ].map((name) => [name, name.replaceAll("_", " ")]),
-  },
+  format: { title: "Format", choices: [] },
+  quality_scheme: { title: "Codes of quality", choices: [] },
   interpolation: { title: "Between samples", hint: "hold, or valve:hold" },
   grid: { title: "Common instants", hint: "10ms, 100Hz or none" },
   sheet: { title: "Worksheet", hint: "first that has anything in it" },
@@ -135,6 +102,16 @@ export function uploader(view, stored) {
   for (const option of Object.keys(OPTIONS)) {
     ask(option, rest);
   }
+  described().then(
+    (description) => {
+      for (const option of NAMED) {
+        const names = namesOfParameter(description, "/v1/datasets", "post", option);
+        const choices = names.map((value) => h("option", { value }, words(value)));
+        state.fields.get(option).input.append(...choices);
+      }
+    },
+    (error) => outcome.fail(error),
+  );
 
   const submit = async (event) => {
     event.preventDefault();

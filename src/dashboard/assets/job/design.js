@@ -6,7 +6,7 @@ import { plot } from "../plot/plot.js";
 import { get } from "../shell/api.js";
 import { facts, h, notice, table, warningList } from "../shell/dom.js";
 import { count, duration, number, unitText, words } from "../shell/format.js";
-import { isFinished } from "./feed.js";
+import { isAtRest, isFinished } from "./feed.js";
 
 const KNOWN_COLUMNS = [
   { title: "Unknown" },
@@ -59,7 +59,7 @@ export function designPanel(view) {
           ],
         ]),
       );
-      if ((isFinished(job) || job.status === "paused") && shown !== job.status) {
+      if (isAtRest(job) && shown !== job.status) {
         shown = job.status;
         await get(`/v1/jobs/${job.id}/result`, view.signal).then(
           ({ data }) => content.replaceChildren(...report(data, view)),

@@ -8,9 +8,10 @@ import { get, items, pause, query } from "../shell/api.js";
 const POLL_MS = 2000;
 const PAGE = 1000;
 const MOST_PAGES = 100;
-const FINISHED = ["succeeded", "failed", "cancelled"];
 
-export const isFinished = (job) => FINISHED.includes(job.status);
+// A job at its end has the time of the end, and a job at work can be paused.
+export const isFinished = (job) => Boolean(job.finished_at);
+export const isAtRest = (job) => !job.actions.includes("pause");
 
 export class JobFeed {
   // The feed calls job(), history() and connection(text) of the `observer` when that part has changed,

@@ -13,12 +13,6 @@ import { progressPanel } from "./progress.js";
 import { resultPanel } from "./result.js";
 import { trajectoryPanel } from "./trajectory.js";
 
-const ACTIONS = {
-  queued: ["pause", "cancel"],
-  running: ["pause", "cancel"],
-  paused: ["resume", "cancel"],
-};
-
 export function showJob(view, id) {
   const heading = h("h1", { tabindex: "-1" }, id);
   const parts = {
@@ -157,7 +151,7 @@ function buttons(job, feed, outcome) {
   };
   const name = (action) => action[0].toUpperCase() + action.slice(1);
   return [
-    ...(ACTIONS[job.status] ?? []).map((action) => button(name(action), act(action))),
+    ...job.actions.map((action) => button(name(action), act(action))),
     job.kind !== "design" && h("a", { class: "button", href: `#/new?from=${job.id}` }, "Use as template"),
     job.kind !== "design" && isFinished(job) && button("Compare methods", () => compareMethods(job, outcome)),
     isFinished(job) && button("Delete", remove, "danger"),

@@ -8,7 +8,7 @@ import { get } from "../shell/api.js";
 import { facts, h, notice, quoted } from "../shell/dom.js";
 import { count, number, words } from "../shell/format.js";
 import { prepare } from "../shell/prepared.js";
-import { isFinished } from "./feed.js";
+import { isAtRest, isFinished } from "./feed.js";
 import { profiled, profilesPart } from "./profiles.js";
 import { residualsPart, startsPart } from "./residuals.js";
 import {
@@ -20,8 +20,6 @@ import {
   parameterTable,
 } from "./tables.js";
 import { conclusions } from "./verdict.js";
-
-const WITH_RESULT = ["succeeded", "cancelled", "paused", "failed"];
 
 export function resultPanel(view) {
   const outcome = notice();
@@ -50,7 +48,7 @@ export function resultPanel(view) {
         ({ data }) => data.items,
         () => null,
       );
-      const result = WITH_RESULT.includes(job.status) ? await read(job, view, outcome) : null;
+      const result = isAtRest(job) ? await read(job, view, outcome) : null;
       if (turn !== state.turn) {
         return false;
       }

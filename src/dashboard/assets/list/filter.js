@@ -3,7 +3,6 @@
 // that they can be tested without a page.
 
 export const FILTERS = ["text", "status", "trust", "model", "method", "label", "dataset"];
-const TRUST = { high: 3, moderate: 2, low: 1 };
 
 // Reads the filter and the order from the query of an address.
 /** @returns {{ [name: string]: string } & { sort: string, descending: any }} */
@@ -80,16 +79,16 @@ export function seconds(job, now) {
 const KEYS = {
   created: (job) => job.id,
   status: (job) => job.status,
-  trust: (job) => TRUST[job.trust] ?? 0,
+  trust: (job, { trusts }) => trusts.indexOf(job.trust),
   name: (job) => (job.name ?? job.id).toLowerCase(),
   model: (job) => job.model,
   method: (job) => job.method ?? "",
   dataset: (job) => (job.datasets[0]?.name ?? "").toLowerCase(),
-  duration: (job, now) => seconds(job, now) ?? -1,
+  duration: (job, { now }) => seconds(job, now) ?? -1,
 };
 
 // Gives the jobs that a filter lets through, in its order; of jobs with equal keys the newest comes
-// first.
+// first. The `trusts` of the filter are the grades of a verdict from the lowest on.
 export function arranged(jobs, filter, now) {
   const key = KEYS[filter.sort] ?? KEYS.created;
   const sign = filter.descending ? -1 : 1;
@@ -97,7 +96,7 @@ export function arranged(jobs, filter, now) {
   const kept = [];
   for (const job of jobs) {
     if (passes(job)) {
-      kept.push([key(job, now), job]);
+      kept.push([key(job, { now, trusts: filter.trusts ?? [] }), job]);
     }
   }
   kept.sort(([a, first], [b, second]) => (a < b ? -sign : a > b ? sign : first.id < second.id ? 1 : -1));

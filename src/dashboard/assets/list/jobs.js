@@ -3,14 +3,12 @@
 // stream of all jobs. The address has the filter.
 
 import { get, query } from "../shell/api.js";
+import { described, namesIn } from "../shell/description.js";
 import { h, notice } from "../shell/dom.js";
-import { count } from "../shell/format.js";
+import { count, words } from "../shell/format.js";
 import { arranged, fromQuery, matcher, toQuery } from "./filter.js";
 import { JobRows } from "./rows.js";
 
-const STATUSES = ["queued", "running", "paused", "succeeded", "failed", "cancelled"];
-const TRUSTS = ["high", "moderate", "low", "none"];
-const METHODS = ["icra_genetic", "differential_evolution", "cma_es", "multistart_lm"];
 const FIRST_PAGE = 100;
 const PAGE = 500;
 const MOST = 50_000;
@@ -44,6 +42,7 @@ class JobList {
     this.drawing = false;
     this.sorted = null;
     this.models = new Set();
+    this.trusts = [];
     this.loaded = false;
     this.outcome = notice();
     this.summary = h("p", { class: "quiet", role: "status" }, "Loading …");
@@ -71,23 +70,15 @@ class JobList {
       this.filter[name] = event.target.value.trim();
       this.changed();
     };
-    const select = (name, title, values) =>
-      h(
-        "label",
-        {},
-        title,
-        h(
-          "select",
-          { onchange: set(name), "data-filter": name },
-          h("option", { value: "" }, "all"),
-          values.map((value) =>
-            h("option", { value, selected: value === this.filter[name] }, value.replaceAll("_", " ")),
-          ),
-        ),
-      );
+    const places = {};
+    const select = (name, title) => {
+      places[name] = h("select", { onchange: set(name), "data-filter": name });
+      this.offer(places[name], name, []);
+      return h("label", {}, title, places[name]);
+    };
     this.modelPlace = h("select", { onchange: set("model") });
     this.drawModels();
-    return h(
+    const fields = h(
       "search",
       { class: "fields filters" },
       h(
@@ -101,10 +92,10 @@ class JobList {
           oninput: set("text"),
         }),
       ),
-      select("status", "Status", STATUSES),
-      select("trust", "Trust", TRUSTS),
+      select("status", "Status"),
+      select("trust", "Trust"),
       h("label", {}, "Model", this.modelPlace),
-      select("method", "Method", METHODS),
+      select("method", "Method"),
       h(
         "label",
         {},
@@ -117,6 +108,28 @@ class JobList {
           oninput: set("label"),
         }),
       ),
+    );
+    described().then(
+      (description) => {
+        this.trusts = namesIn(description, "Trust");
+        this.sorted = null;
+        this.offer(places.status, "status", namesIn(description, "Status"));
+        this.offer(places.trust, "trust", [...this.trusts.toReversed(), "none"]);
+        this.offer(places.method, "method", namesIn(description, "MethodName"));
+        this.drawSoon();
+      },
+      (error) => this.outcome.fail(error),
+    );
+    return fields;
+  }
+
+  // Offers the values of a filter; the chosen one stays even where it is not among them.
+  offer(place, name, values) {
+    const chosen = this.filter[name];
+    const offered = chosen && !values.includes(chosen) ? [...values, chosen] : values;
+    place.replaceChildren(
+      h("option", { value: "" }, "all"),
+      ...offered.map((value) => h("option", { value, selected: value === chosen }, words(value))),
     );
   }
 
@@ -164,7 +177,7 @@ class JobList {
   draw() {
     // The sorted list is kept until a job changes, so that a typed letter only filters.
     const { sort, descending } = this.filter;
-    this.sorted ??= arranged(this.jobs.values(), { sort, descending }, Date.now());
+    this.sorted ??= arranged(this.jobs.values(), { sort, descending, trusts: this.trusts }, Date.now());
     const shown = this.sorted.filter(matcher(this.filter));
     this.rows.show(shown);
     const all = this.jobs.size;

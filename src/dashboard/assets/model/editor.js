@@ -2,7 +2,8 @@
 // The page edits the equations of a model as text. The server checks them as the reader types; beside
 // the text stand the equations as formulas, the unit of every symbol, and the response of the model.
 
-import { get, send } from "../shell/api.js";
+import { get, items, send } from "../shell/api.js";
+import { described } from "../shell/description.js";
 import { h, notice, quoted, table } from "../shell/dom.js";
 import { unitText, words } from "../shell/format.js";
 import { keep } from "../shell/prepared.js";
@@ -45,9 +46,10 @@ export function showModelEditor(view) {
   const source = from
     ? get(`/v1/models/${encodeURIComponent(from)}`, view.signal).then(({ data }) => data.document)
     : null;
-  Promise.all([editorLibrary(), source])
-    .then(([library, document]) => {
-      const page = new ModelEditor(view, library, document ? asYaml(library, document) : EXAMPLE, outcome);
+  Promise.all([editorLibrary(), source, languageWords(view)])
+    .then(([library, document, language]) => {
+      const text = document ? asYaml(library, document) : EXAMPLE;
+      const page = new ModelEditor(view, { library, language }, text, outcome);
       place.replaceChildren(page.element);
       page.soon(0);
     })
@@ -57,8 +59,23 @@ export function showModelEditor(view) {
     });
 }
 
+// The server says which functions the language has. Usual units are those of the models that it lists and
+// those of recordings.
+async function languageWords(view) {
+  const [description, models] = await Promise.all([described(), get("/v1/models", view.signal)]);
+  const quantities = items(models.data).flatMap(({ inputs, outputs, states, parameters }) => [
+    ...parameters,
+    ...states,
+    ...inputs,
+    ...outputs,
+  ]);
+  const used = quantities.map(({ unit }) => unit).filter(Boolean);
+  const units = [...new Set([...used, ...Object.keys(description["x-units"])])].sort();
+  return { functions: Object.entries(description["x-functions"]), units };
+}
+
 class ModelEditor {
-  constructor(view, library, text, outcome) {
+  constructor(view, { library, language }, text, outcome) {
     this.view = view;
     this.library = library;
     this.outcome = outcome;
@@ -71,7 +88,7 @@ class ModelEditor {
       signal: view.signal,
       changed: () => this.soon(),
       language: MODEL_WORDS,
-      words: (before) => wordsAt(before, this.read?.value ?? this.last),
+      words: (before) => wordsAt(before, this.read?.value ?? this.last, language),
     });
     this.state = h("p", { role: "status" });
     this.faults = h("ul", { class: "warnings faults" });

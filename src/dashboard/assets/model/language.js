@@ -3,27 +3,6 @@
 // text, and the words that could stand at the cursor. Its functions are pure, so that they can be
 // tested without a page.
 
-// The functions of expressions have these arguments.
-export const FUNCTIONS = {
-  if: "condition, then, else",
-  min: "a, b",
-  max: "a, b",
-  abs: "a",
-  sign: "a",
-  sqrt: "a",
-  exp: "a",
-  log: "a",
-  sin: "a",
-  cos: "a",
-  tan: "a",
-  atan: "a",
-  atan2: "y, x",
-  tanh: "a",
-  soft_sign: "v, width",
-  signed_sqrt: "d, width",
-  dead_band: "x, width",
-  clip: "x, lower, upper",
-};
 const WORDS = ["and", "or", "not"];
 const FORMULAS = [
   "derivative",
@@ -66,35 +45,6 @@ const FIELDS = {
   options: ["delay", "fastest_rate", "input_hold", "valid_while"],
 };
 const VALUES = { unknown: ["true", "false"], scale: ["linear", "log"], input_hold: ["zero", "first"] };
-const UNITS = [
-  "1",
-  "m",
-  "mm",
-  "m/s",
-  "rad",
-  "rad/s",
-  "kg",
-  "N",
-  "N/m",
-  "N*s/m",
-  "N*m",
-  "Pa",
-  "bar",
-  "m^2",
-  "m^3",
-  "m^3/s",
-  "s",
-  "Hz",
-  "K",
-  "W",
-  "W/K",
-  "J/K",
-  "W/(m^2*K)",
-  "V",
-  "A",
-  "Ohm",
-  "H",
-];
 
 const KEY = /^(?:"(?:[^"\\]|\\.)*"(?=\s*:)|'[^']*'(?=\s*:)|[\p{L}_][\p{L}\p{N}_.@/-]*(?=\s*:(?:\s|$)))/u;
 const NAME = /^[\p{L}_][\p{L}\p{N}_]*/u;
@@ -160,11 +110,7 @@ function formula(stream) {
   const name = stream.match(NAME);
   if (name) {
     const called = /^\s*\(/.test(stream.string.slice(stream.pos));
-    return WORDS.includes(name[0])
-      ? "keyword"
-      : called && name[0] in FUNCTIONS
-        ? "variableName.function"
-        : "variableName";
+    return WORDS.includes(name[0]) ? "keyword" : called ? "variableName.function" : "variableName";
   }
   return "+-*/^<>=".includes(stream.next()) ? "operator" : "punctuation";
 }
@@ -213,15 +159,16 @@ export function namesOf(document) {
 
 const isObject = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
 
-// Completes `before`, the text up to the cursor: the answer is { from, options } or null.
-export function wordsAt(before, document) {
+// Completes `before`, the text up to the cursor: the answer is { from, options } or null. The language
+// has `functions`, [name, arguments] each, and `units` that are usual.
+export function wordsAt(before, document, { functions, units }) {
   const line = before.slice(before.lastIndexOf("\n") + 1);
   const [typed] = /[\p{L}\p{N}_]*$/u.exec(line);
   const from = before.length - typed.length;
   const key = /([\p{L}\p{N}_]+)["']?\s*:\s[^:]*$/u.exec(line)?.[1];
   const inEntry = key && !/[,{]\s*["']?[\p{L}\p{N}_]*$/u.test(line.slice(line.lastIndexOf(`${key}`)));
   if (key && FORMULAS.includes(key) && (inEntry || /\([^)]*$/.test(line))) {
-    return { from, options: formulaWords(key, document) };
+    return { from, options: formulaWords(key, document, functions) };
   }
   if (key && inEntry && key in VALUES) {
     return { from, options: VALUES[key].map((label) => ({ label, type: "constant" })) };
@@ -230,7 +177,7 @@ export function wordsAt(before, document) {
     const [unit] = /[^\s:,{}"']*$/.exec(line);
     return {
       from: before.length - unit.length,
-      options: UNITS.map((label) => ({ label: /^\d/.test(label) ? `"${label}"` : label, type: "constant" })),
+      options: units.map((label) => ({ label: /^\d/.test(label) ? `"${label}"` : label, type: "constant" })),
     };
   }
   const section = sectionOf(before, line);
@@ -243,16 +190,16 @@ export function wordsAt(before, document) {
   };
 }
 
-function formulaWords(key, document) {
+function formulaWords(key, document, functions) {
   const names = namesOf(document).map(({ name, kind, unit, entry }) => ({
     label: name,
     type: "variable",
     detail: `${kind}${entry === name ? "" : ` ${entry}`}${unit && ` [${unit}]`}`,
   }));
-  const calls = Object.entries(FUNCTIONS).map(([label, values]) => ({
+  const calls = functions.map(([label, values]) => ({
     label,
     type: "function",
-    detail: `(${values})`,
+    detail: `(${values.join(", ")})`,
     apply: `${label}(`,
   }));
   const beginnings =

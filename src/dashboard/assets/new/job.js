@@ -5,8 +5,9 @@
 
 import { MODEL_WORDS } from "../model/language.js";
 import { get, items, request } from "../shell/api.js";
+import { defaultAt, described, namesIn } from "../shell/description.js";
 import { h, keepingFocus, notice } from "../shell/dom.js";
-import { numberOf } from "../shell/format.js";
+import { numberOf, words } from "../shell/format.js";
 import { prepared } from "../shell/prepared.js";
 import { placed, readText } from "../text/document.js";
 import { Editor, editorLibrary } from "../text/editor.js";
@@ -26,12 +27,13 @@ import { preflightPart } from "./preflight.js";
 import { recordingsPart } from "./recordings.js";
 import { tryPart } from "./trial.js";
 
-const METHODS = [
-  ["icra_genetic", "ICRA credits and a genetic search"],
-  ["differential_evolution", "differential evolution"],
-  ["cma_es", "CMA-ES"],
-  ["multistart_lm", "least squares from many starts"],
-];
+// What methods and intervals are called on the page; a name without a title stands for itself.
+const TITLES = {
+  icra_genetic: "ICRA credits and a genetic search",
+  cma_es: "CMA-ES",
+  multistart_lm: "least squares from many starts",
+  profile: "likelihood profile",
+};
 
 export function showNewJob(view) {
   const place = h("div", {}, h("p", { class: "quiet" }, "Loading …"));
@@ -52,10 +54,11 @@ export function showNewJob(view) {
 async function load(view) {
   const from = view.query.get("from");
   const chosenDataset = view.query.get("dataset");
-  const [models, datasets, template] = await Promise.all([
+  const [models, datasets, template, description] = await Promise.all([
     get("/v1/models", view.signal),
     get("/v1/datasets?limit=200", view.signal),
     from ? get(`/v1/jobs/${from}`, view.signal) : null,
+    described(),
   ]);
   const recordings = new Map(items(datasets.data).map((dataset) => [dataset.id, dataset]));
   let spec = prepared(view) ?? (template ? asAsked(template.data.spec) : { experiments: [] });
@@ -83,7 +86,7 @@ async function load(view) {
   if (chosenDataset && recordings.has(chosenDataset) && spec.experiments.length === 0) {
     spec = { ...spec, experiments: [experimentOf(recordings.get(chosenDataset), model)] };
   }
-  return { models: listed, datasets: recordings, spec };
+  return { models: listed, datasets: recordings, spec, description };
 }
 
 // A completed specification becomes a template without its seed, so that the server draws a new seed.
@@ -99,11 +102,12 @@ function faultOf({ message }, text) {
 }
 
 class NewJob {
-  constructor(view, { models, datasets, spec }, outcome) {
+  constructor(view, { models, datasets, spec, description }, outcome) {
     this.view = view;
     this.models = models;
     this.datasets = datasets;
     this.spec = spec;
+    this.description = description;
     this.outcome = outcome;
     this.key = null;
     this.keyBody = null;
@@ -304,6 +308,21 @@ class NewJob {
         this.at(path, read(event.target.value), "search");
     const whole = (value) =>
       value.trim() === "" ? undefined : Number.isFinite(numberOf(value)) ? numberOf(value) : value;
+    const usual = (path) => defaultAt(this.description, "JobSpec", path);
+    const chosen = (title, path, value, schema, shown) =>
+      h(
+        "label",
+        {},
+        title,
+        h(
+          "select",
+          { onchange: put(path) },
+          namesIn(this.description, schema).map((name) =>
+            h("option", { value: name, selected: name === (value ?? usual(path)) }, shown(name)),
+          ),
+        ),
+      );
+    const titled = (name) => TITLES[name] ?? words(name);
     const field = (title, path, value, options = {}) =>
       h(
         "label",
@@ -313,7 +332,7 @@ class NewJob {
           type: "text",
           value: value ?? "",
           onchange: put(path, options.read),
-          placeholder: options.hint,
+          placeholder: options.hint ?? usual(path),
           size: options.size ?? "12",
         }),
       );
@@ -360,59 +379,35 @@ class NewJob {
         h(
           "div",
           { class: "fields" },
-          h(
-            "label",
-            {},
-            "Method",
-            h(
-              "select",
-              { onchange: put(["method", "name"]) },
-              METHODS.map(([name, title]) =>
-                h("option", { value: name, selected: name === (spec.method?.name ?? "icra_genetic") }, title),
-              ),
-            ),
-          ),
+          chosen("Method", ["method", "name"], spec.method?.name, "MethodName", titled),
           field("Candidates", ["method", "population"], spec.method?.population, {
             read: whole,
             size: "8",
-            hint: "30",
           }),
           field("Generations at the most", ["method", "generations"], spec.method?.generations, {
             read: whole,
             size: "8",
-            hint: "1000",
           }),
           field("Searches", ["method", "restarts"], spec.method?.restarts, {
             read: whole,
             size: "6",
-            hint: "1",
           }),
-          h(
-            "label",
-            {},
+          chosen(
             "Intervals",
-            h(
-              "select",
-              { onchange: put(["uncertainty", "intervals"]) },
-              [
-                ["", "as usual"],
-                ["profile", "likelihood profile"],
-                ["bootstrap", "bootstrap"],
-              ].map(([name, title]) =>
-                h("option", { value: name, selected: name === (spec.uncertainty?.intervals ?? "") }, title),
-              ),
-            ),
+            ["uncertainty", "intervals"],
+            spec.uncertainty?.intervals,
+            "Intervals",
+            (name) => (name === usual(["uncertainty", "intervals"]) ? "as usual" : titled(name)),
           ),
           field(
             "Fits of a Monte Carlo analysis",
             ["uncertainty", "monte_carlo_samples"],
             spec.uncertainty?.monte_carlo_samples,
-            { read: whole, size: "8", hint: "none" },
+            { read: whole, size: "8" },
           ),
           field("Longest time, s", ["limits", "max_duration_s"], spec.limits?.max_duration_s, {
             read: whole,
             size: "8",
-            hint: "3600",
           }),
           field("Seed", ["seed"], spec.seed, { read: whole, size: "10", hint: "drawn" }),
         ),

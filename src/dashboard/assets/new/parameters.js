@@ -3,6 +3,7 @@
 // range of the search, and beside it the standard error that the check before the start expects.
 
 import { entryOf, parameterRows } from "../model/parameters.js";
+import { namesIn } from "../shell/description.js";
 import { h } from "../shell/dom.js";
 import { number, numberOf, unitText, words } from "../shell/format.js";
 import { changed } from "./draft.js";
@@ -113,7 +114,7 @@ function parameterRow(job, row, several) {
     h(
       "td",
       {},
-      entries.length ? h("span", { class: "quiet" }, "an own one in each experiment") : fields(row, put),
+      entries.length ? h("span", { class: "quiet" }, "an own one in each experiment") : fields(job, row, put),
     ),
     several && h("td", {}, ownFields(job, row, entries)),
     h("td", { class: "expected" }, expected(job, row)),
@@ -143,7 +144,7 @@ function field(label, text, act, options = {}) {
 
 const shown = (value) => (value === null || value === undefined ? "" : String(value));
 
-function fields(row, put) {
+function fields(job, row, put) {
   const { about } = row;
   const name = words(about.name);
   if (!row.free) {
@@ -169,7 +170,9 @@ function fields(row, put) {
     h(
       "select",
       { "aria-label": `${name}, scale`, onchange: (event) => put({ scale: event.target.value }) },
-      ["linear", "log"].map((scale) => h("option", { value: scale, selected: scale === row.scale }, scale)),
+      namesIn(job.description, "Scale").map((scale) =>
+        h("option", { value: scale, selected: scale === row.scale }, scale),
+      ),
     ),
     row.prior
       ? h(

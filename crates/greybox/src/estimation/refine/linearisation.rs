@@ -4,8 +4,8 @@ use super::{SMALLEST_DAMPING, sides};
 use crate::estimation::feasible::{self, Limit};
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{Neighbourhood, SensitivityError};
-use greybox_numerics::least_squares::{Rows, Triangle};
-use greybox_simulation::{Accuracy, Failure};
+use greybox_numerics::least_squares::{RowGatherer, Triangle};
+use greybox_simulation::{Accuracy, SimulationFailure};
 use std::sync::atomic::AtomicBool;
 
 /// The residuals linearised at a candidate.
@@ -36,8 +36,8 @@ pub fn linearise(
 }
 
 impl Linearisation {
-    pub(super) fn of(around: &Neighbourhood<'_>) -> Result<Linearisation, Failure> {
-        let mut rows = Rows::new(around.n_columns());
+    pub(super) fn of(around: &Neighbourhood<'_>) -> Result<Linearisation, SimulationFailure> {
+        let mut rows = RowGatherer::new(around.n_columns());
         let mut sum = 0.0;
         let loss = around.loss();
         around.visit(|row| {
@@ -53,7 +53,7 @@ impl Linearisation {
         let triangle = rows.finish();
         let cost = sum / triangle.rows() as f64;
         if !cost.is_finite() || !triangle.is_usable() {
-            return Err(Failure::Diverged);
+            return Err(SimulationFailure::Diverged);
         }
         let limits = around.limits();
         Ok(Linearisation {

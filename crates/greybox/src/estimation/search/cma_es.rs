@@ -18,7 +18,7 @@ use crate::estimation::objective::Evaluation;
 use crate::estimation::settings::Settings;
 use crate::genetic::{Chromosome, Encoding};
 use greybox_numerics::rng::{self, Purpose, Rng};
-use greybox_numerics::symmetric::{self, Axis};
+use greybox_numerics::symmetric::{self, PrincipalAxis};
 use rates::Rates;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -122,7 +122,7 @@ impl Strategy {
         self.drawn.iter().map(inside).collect()
     }
 
-    fn draw_one(&self, axes: &[Axis], rng: &mut impl Rng) -> Vec<f64> {
+    fn draw_one(&self, axes: &[PrincipalAxis], rng: &mut impl Rng) -> Vec<f64> {
         let mut drawn = self.mean.clone();
         for axis in axes {
             let length = self.step * axis.value * rng::normal(rng);
@@ -132,7 +132,7 @@ impl Strategy {
     }
 
     /// The axes of the distribution, each with its standard deviation in steps.
-    fn axes(&self) -> Vec<Axis> {
+    fn axes(&self) -> Vec<PrincipalAxis> {
         let mut axes = symmetric::axes(&self.covariance);
         for axis in &mut axes {
             let deviation = axis.value.max(0.0).sqrt();
@@ -171,7 +171,7 @@ impl Strategy {
 
     /// Adds the move of the mean to the paths. Answers whether the path is no longer than chance
     /// makes it (h_σ): a longer one would stretch the covariance before the step size has grown.
-    fn follow(&mut self, gone: &[f64], axes: &[Axis], rates: &Rates) -> bool {
+    fn follow(&mut self, gone: &[f64], axes: &[PrincipalAxis], rates: &Rates) -> bool {
         let keep = 1.0 - rates.step_path;
         scale(&mut self.round_path, keep);
         let share = (rates.step_path * (2.0 - rates.step_path) * rates.effective).sqrt();
@@ -190,7 +190,13 @@ impl Strategy {
 
     /// Moves the covariance towards the path and towards the moves of the better candidates, and
     /// away from those of the worse.
-    fn stretch(&mut self, moves: &[Vec<f64>], is_steady: bool, axes: &[Axis], rates: &Rates) {
+    fn stretch(
+        &mut self,
+        moves: &[Vec<f64>],
+        is_steady: bool,
+        axes: &[PrincipalAxis],
+        rates: &Rates,
+    ) {
         let missed = match is_steady {
             true => 0.0,
             false => rates.path * (2.0 - rates.path),
@@ -224,7 +230,7 @@ fn mirrored(part: f64) -> f64 {
 }
 
 /// A move in coordinates in which the distribution is round: C^(−1/2) times it.
-fn rounded(way: &[f64], axes: &[Axis]) -> Vec<f64> {
+fn rounded(way: &[f64], axes: &[PrincipalAxis]) -> Vec<f64> {
     let mut round = vec![0.0; way.len()];
     for axis in axes {
         let along: f64 = axis.direction.iter().zip(way).map(|(a, b)| a * b).sum();

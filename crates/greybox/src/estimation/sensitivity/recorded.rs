@@ -2,8 +2,8 @@
 
 use crate::estimation::problem::{Extent, Problem, Spelled};
 use greybox_numerics::lanes::Lanes;
-use greybox_simulation::batch::{self, Run, Sink};
-use greybox_simulation::{Accuracy, Failure};
+use greybox_simulation::batch::{self, BatchRun, Sink};
+use greybox_simulation::{Accuracy, SimulationFailure};
 use std::sync::atomic::AtomicBool;
 
 /// The outputs of all candidates over one experiment.
@@ -12,7 +12,7 @@ pub struct Columns {
     /// For each candidate the piece that holds it and its lane there.
     places: Vec<(usize, usize)>,
     /// How each candidate has failed, if it has.
-    pub failures: Vec<Option<Failure>>,
+    pub failures: Vec<Option<SimulationFailure>>,
     pieces: Vec<Recorded>,
     n_outputs: usize,
 }
@@ -58,7 +58,11 @@ pub(super) fn record(
 }
 
 /// Simulates runs that all have as many candidates. Answers nothing when the stop flag was raised.
-pub fn record_runs(problem: &Problem, runs: &[Run<'_>], stop: &AtomicBool) -> Option<Vec<Columns>> {
+pub fn record_runs(
+    problem: &Problem,
+    runs: &[BatchRun<'_>],
+    stop: &AtomicBool,
+) -> Option<Vec<Columns>> {
     let recorder = |run: usize| Recorder {
         chosen: problem.outputs.iter().map(|output| output.index).collect(),
         n_outputs: problem.model.description().outputs.len(),
@@ -68,7 +72,7 @@ pub fn record_runs(problem: &Problem, runs: &[Run<'_>], stop: &AtomicBool) -> Op
         },
     };
     let pieces = batch::simulate(problem.plant().as_ref(), runs, stop, recorder)?;
-    let empty = |run: &Run<'_>| Columns {
+    let empty = |run: &BatchRun<'_>| Columns {
         places: vec![(0, 0); run.candidates.len()],
         failures: vec![None; run.candidates.len()],
         pieces: Vec::new(),

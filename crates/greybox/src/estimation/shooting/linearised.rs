@@ -91,7 +91,7 @@ impl Linearised {
             self.n_jumps += 1;
         }
         Member {
-            own,
+            n_own: own,
             rows,
             joins,
             weight: root,

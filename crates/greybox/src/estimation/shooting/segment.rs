@@ -2,8 +2,8 @@
 
 use crate::estimation::problem::{Experiment, Filled, Problem};
 use crate::estimation::sensitivity::{Columns, SHIFT, record_runs};
-use greybox_simulation::batch::Run;
-use greybox_simulation::{Accuracy, Candidate, Excitation};
+use greybox_simulation::batch::BatchRun;
+use greybox_simulation::{Accuracy, DrivingInputs, SimulatedCandidate};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 
@@ -89,9 +89,9 @@ impl Segment {
         starts.of[self.experiment].get(self.place.checked_sub(1)?)
     }
 
-    fn run<'a>(&'a self, candidates: &'a [Filled], in_step: usize) -> Run<'a> {
-        Run {
-            excitation: Excitation {
+    fn run<'a>(&'a self, candidates: &'a [Filled], in_step: usize) -> BatchRun<'a> {
+        BatchRun {
+            excitation: DrivingInputs {
                 sample_time: self.data.sample_time,
                 instants: self.data.instants.as_deref(),
                 samples: self.data.samples,
@@ -105,8 +105,8 @@ impl Segment {
     }
 }
 
-fn spelled(filled: &Filled) -> Candidate<'_> {
-    Candidate {
+fn spelled(filled: &Filled) -> SimulatedCandidate<'_> {
+    SimulatedCandidate {
         parameters: &filled.parameters,
         initial_state: &filled.initial_state,
     }
@@ -120,7 +120,7 @@ fn simulate(
     stop: &AtomicBool,
 ) -> Option<Vec<Columns>> {
     let pairs = segments.iter().zip(filled);
-    let runs: Vec<Run<'_>> = pairs
+    let runs: Vec<BatchRun<'_>> = pairs
         .map(|(segment, filled)| segment.run(filled, in_step))
         .collect();
     record_runs(problem, &runs, stop)

@@ -8,7 +8,7 @@ use crate::identification::spec::{
 };
 use greybox_numerics::parsing::fault::Fault;
 use greybox_numerics::statistics;
-use greybox_recording::{Mapped, Recording, Selection, Split, Window};
+use greybox_recording::{Mapped, Recording, RecordingSelection, Split, TimeWindow};
 use greybox_simulation::model::{InitialState, ModelDescription, Scale};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -169,12 +169,12 @@ impl Cutter<'_> {
         &self,
         spec: &ExperimentSpec,
         recording: &Recording,
-    ) -> Result<greybox_recording::Experiment, Vec<Fault>> {
-        let window = spec.window.map(|window| Window {
+    ) -> Result<greybox_recording::ExperimentData, Vec<Fault>> {
+        let window = spec.window.map(|window| TimeWindow {
             from_s: window.from_s,
             to_s: window.to_s,
         });
-        let selection = Selection {
+        let selection = RecordingSelection {
             window,
             exclude: spec.exclude.as_ref(),
             instants: spec.instants,
@@ -206,7 +206,7 @@ impl Cutter<'_> {
     }
 
     /// For each output the noise of its samples, where it is recorded.
-    fn noise(&self, data: &greybox_recording::Experiment) -> Vec<Option<Vec<f64>>> {
+    fn noise(&self, data: &greybox_recording::ExperimentData) -> Vec<Option<Vec<f64>>> {
         let of_output = |output: &MeasuredOutput| {
             let noise = data.signal(&name_of_noise(&output.name));
             noise.map(<[f64]>::to_vec)
@@ -231,7 +231,7 @@ impl Cutter<'_> {
     /// The samples of each input, their holes bridged.
     fn inputs(
         &self,
-        data: &greybox_recording::Experiment,
+        data: &greybox_recording::ExperimentData,
         names: &[Cow<'static, str>],
         findings: &mut Vec<Finding>,
         faults: &mut Vec<Fault>,
@@ -267,7 +267,7 @@ impl Cutter<'_> {
 
     /// The samples of each measured output; missing throughout where this experiment does not
     /// measure it.
-    fn measured(&self, data: &greybox_recording::Experiment) -> Vec<Vec<f64>> {
+    fn measured(&self, data: &greybox_recording::ExperimentData) -> Vec<Vec<f64>> {
         let samples = |output: &MeasuredOutput| {
             data.signal(&output.name)
                 .map_or_else(|| vec![f64::NAN; data.samples], <[f64]>::to_vec)

@@ -5,7 +5,7 @@ use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::SensitivityError;
 use crate::uncertainty::budget::Extended;
 use crate::uncertainty::covariance::NO_EFFECT;
-use greybox_numerics::least_squares::{Rows, Triangle};
+use greybox_numerics::least_squares::{RowGatherer, Triangle};
 use greybox_simulation::Accuracy;
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -55,7 +55,7 @@ pub(super) fn triangle(
     weights: &[f64],
     stop: &AtomicBool,
 ) -> Result<Triangle, SensitivityError> {
-    let mut rows = Rows::new(positions.len() + problem.assumptions.len());
+    let mut rows = RowGatherer::new(positions.len() + problem.assumptions.len());
     visit(problem, positions, stop, |_, output, columns| {
         let weight = weights[output];
         rows.add(columns.iter().map(|column| column * weight), 0.0);

@@ -5,7 +5,7 @@ use super::information::{Known, NOT_FIXED, deviations, sum, triangle, visit, wit
 use crate::estimation::problem::{Experiment, Problem};
 use crate::estimation::sensitivity::SensitivityError;
 use crate::uncertainty::covariance::NO_EFFECT;
-use greybox_numerics::least_squares::{Rows, Triangle};
+use greybox_numerics::least_squares::{RowGatherer, Triangle};
 use greybox_numerics::rng::{self, Purpose, Rng};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
@@ -95,7 +95,7 @@ impl Present {
     ) -> Result<Present, SensitivityError> {
         let mut problem = next.clone();
         problem.experiments = Arc::new(vec![experiment]);
-        let mut rows = Rows::new(self.order.len());
+        let mut rows = RowGatherer::new(self.order.len());
         visit(&problem, &self.points[0], stop, |sample, _, columns| {
             for _ in samples.iter().filter(|own| **own == sample) {
                 rows.add(columns.iter().copied(), 0.0);
@@ -219,7 +219,7 @@ fn alone(next: &Problem, (index, &middle): (usize, &f64), rng: &mut impl Rng) ->
 fn beside_data(next: &Problem, positions: &[f64]) -> Triangle {
     let unknowns = positions.len();
     let columns = unknowns + next.assumptions.len();
-    let mut rows = Rows::new(columns);
+    let mut rows = RowGatherer::new(columns);
     let mut add = |index: usize, slope: f64| {
         let part = |column: usize| if column == index { slope } else { 0.0 };
         rows.add((0..columns).map(part), 0.0);

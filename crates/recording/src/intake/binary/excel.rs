@@ -2,10 +2,13 @@
 
 use super::super::error::{broken, invalid, malformed};
 use super::super::memory::Memory;
-use super::{Rows, TEXT_AT_ONCE, Text, push_field, push_number, receive_rows, workbook};
+use super::{
+    ConvertedRows, RowText, TEXT_AT_ONCE, WriteRows, push_field, push_number, receive_rows,
+    workbook,
+};
 use crate::intake::options::Options;
-use crate::intake::{Fault, Format, ReadError};
-use crate::{MAX_SIGNALS, NewScratch, Received, Warning};
+use crate::intake::{Format, ReadError, ReadingFault};
+use crate::{MAX_SIGNALS, NewScratch, ReceivedRecording, Warning};
 use bytes::Bytes;
 use calamine::{
     Cell, DataRef, ExcelDateTime, Reader, SheetType, SheetVisible, Xlsx, XlsxCellReader, XlsxError,
@@ -17,14 +20,14 @@ const MOST_ROWS: u32 = 1 << 20;
 /// Seconds in a day.
 const DAY_S: f64 = 86_400.0;
 
-type Source = Cursor<Bytes>;
+type WorkbookBytes = Cursor<Bytes>;
 
 pub(super) fn receive(
     bytes: Bytes,
     options: &Options,
     scratch: Option<NewScratch>,
     memory: &Memory,
-) -> Result<Received, ReadError> {
+) -> Result<ReceivedRecording, ReadError> {
     if !bytes.starts_with(b"PK") {
         return Err(ReadError::Unsupported(
             "this is an Excel workbook of the form before 2007, or a protected one: recognised, \
@@ -37,24 +40,25 @@ pub(super) fn receive(
     let (sheet, notes) = sheet(&mut workbook, options)?;
     let cells = workbook.worksheet_cells_reader(&sheet);
     let cells = cells.map_err(|error| not_read(&error))?;
-    let rows = Text::new(Sheet {
+    let rows = RowText::new(Sheet {
         cells,
         next: None,
         is_over: false,
         row: 0,
         header: None,
     });
-    receive_rows(Format::Excel, (rows, notes), options, scratch, memory)
+    let rows = ConvertedRows { text: rows, notes };
+    receive_rows(Format::Excel, rows, options, scratch, memory)
 }
 
 fn not_read(error: &XlsxError) -> ReadError {
     let detail = format!("this is no Excel workbook that can be read: {error}");
-    malformed(Fault::anywhere("not_a_workbook", detail))
+    malformed(ReadingFault::anywhere("not_a_workbook", detail))
 }
 
 /// The sheet to read: the one that an option names, or the first that can be seen and has cells.
 fn sheet(
-    workbook: &mut Xlsx<Source>,
+    workbook: &mut Xlsx<WorkbookBytes>,
     options: &Options,
 ) -> Result<(String, Vec<Warning>), ReadError> {
     let sheets = workbook.sheets_metadata().iter();
@@ -69,7 +73,7 @@ fn sheet(
             return Ok((wanted.clone(), Vec::new()));
         }
         let detail = format!("the workbook has {}, not `{wanted}`", names(&sheets));
-        let fault = Fault::of_option("invalid_parameter", "sheet", detail);
+        let fault = ReadingFault::of_option("invalid_parameter", "sheet", detail);
         return Err(invalid(fault));
     }
     let mut filled = Vec::new();
@@ -79,21 +83,21 @@ fn sheet(
         }
     }
     let Some(first) = filled.first() else {
-        let fault = Fault::anywhere(
+        let fault = ReadingFault::anywhere(
             "empty",
             "no worksheet of the workbook has anything in it".to_owned(),
         );
         return Err(malformed(fault));
     };
     let note = (filled.len() > 1).then(|| {
-        let (read, others) = (&first.name, names(&filled[1..]));
-        let detail = format!("`{read}` was read, not {others}; `sheet` says otherwise");
+        let (read, unread) = (&first.name, names(&filled[1..]));
+        let detail = format!("`{read}` was read, not {unread}; `sheet` says otherwise");
         Warning::of_recording("other_sheets", detail)
     });
     Ok((first.name.clone(), note.into_iter().collect()))
 }
 
-fn has_cells(workbook: &mut Xlsx<Source>, name: &str) -> Result<bool, ReadError> {
+fn has_cells(workbook: &mut Xlsx<WorkbookBytes>, name: &str) -> Result<bool, ReadError> {
     let mut cells = match workbook.worksheet_cells_reader(name) {
         Ok(cells) => cells,
         Err(error) => return Err(not_read(&error)),
@@ -108,7 +112,7 @@ fn has_cells(workbook: &mut Xlsx<Source>, name: &str) -> Result<bool, ReadError>
 
 /// The rows of a sheet.
 struct Sheet<'w> {
-    cells: XlsxCellReader<'w, Source>,
+    cells: XlsxCellReader<'w, WorkbookBytes>,
     /// The first cell of the next row.
     next: Option<Cell<DataRef<'w>>>,
     /// Whether there are no more cells; asked again, the reader would take that for an error.
@@ -127,7 +131,7 @@ impl<'w> Sheet<'w> {
         while !self.is_over {
             let cell = self.cells.next_cell().map_err(|error| {
                 let detail = format!("the worksheet is broken: {error}");
-                broken(Fault::at_line(
+                broken(ReadingFault::at_line(
                     "not_a_workbook",
                     u64::from(self.row) + 1,
                     None,
@@ -148,7 +152,7 @@ impl<'w> Sheet<'w> {
         let (row, _) = first.get_position();
         let out_of_place = |detail: &str| {
             let line = u64::from(row) + 1;
-            broken(Fault::at_line("out_of_place", line, None, detail))
+            broken(ReadingFault::at_line("out_of_place", line, None, detail))
         };
         if row < self.row || row >= MOST_ROWS {
             return Err(out_of_place("rows do not follow each other"));
@@ -159,10 +163,10 @@ impl<'w> Sheet<'w> {
             .map_or(first.get_position().1, |(begin, _)| begin);
         let mut column = begin;
         let mut cell = Some(first);
-        while let Some(own) = cell.take() {
-            let (of, place) = own.get_position();
+        while let Some(filled_cell) = cell.take() {
+            let (of, place) = filled_cell.get_position();
             if of != row {
-                self.next = Some(own);
+                self.next = Some(filled_cell);
                 break;
             }
             if place < column {
@@ -179,7 +183,7 @@ impl<'w> Sheet<'w> {
             }
             text.resize(text.len() + (place - column) as usize, b',');
             column = place;
-            write_value(text, own.get_value())?;
+            write_value(text, filled_cell.get_value())?;
             cell = self.next()?;
         }
         // Cells at the end of a row that have nothing in them need not be there.
@@ -191,7 +195,7 @@ impl<'w> Sheet<'w> {
     }
 }
 
-impl Rows for Sheet<'_> {
+impl WriteRows for Sheet<'_> {
     fn write(&mut self, text: &mut Vec<u8>) -> io::Result<bool> {
         while text.len() < TEXT_AT_ONCE {
             let Some(first) = self.next()? else {

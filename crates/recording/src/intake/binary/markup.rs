@@ -47,7 +47,7 @@ pub(super) enum Excess {
 
 /// What of the markup is being gone through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
+enum MarkupState {
     Text,
     /// A tag outside of quotes.
     Tag,
@@ -60,7 +60,7 @@ enum State {
 
 /// What the library keeps of an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum ElementKind {
     /// Nothing once its text was used.
     Cell,
     SharedString,
@@ -71,7 +71,7 @@ enum Kind {
 /// An element that the library holds whole.
 #[derive(Clone, Copy, Debug)]
 struct Item {
-    kind: Kind,
+    kind: ElementKind,
     /// The tags around it.
     depth: usize,
     /// The bytes of the text so far.
@@ -80,7 +80,7 @@ struct Item {
 
 /// The parts of a workbook as far as they were gone through.
 pub(super) struct Scan {
-    state: State,
+    state: MarkupState,
     /// The tag, comment or instruction that is being read, without its `<`.
     tag: Vec<u8>,
     /// Bytes of the text since the last tag.
@@ -98,7 +98,7 @@ pub(super) struct Scan {
 impl Scan {
     pub(super) fn new() -> Self {
         Self {
-            state: State::Text,
+            state: MarkupState::Text,
             tag: Vec::new(),
             text: 0,
             names: Vec::new(),
@@ -116,7 +116,7 @@ impl Scan {
         }
         let mut rest = bytes;
         while let Some(first) = rest.first() {
-            if self.state == State::Text && *first != b'<' {
+            if self.state == MarkupState::Text && *first != b'<' {
                 let length = rest.iter().position(|byte| *byte == b'<');
                 let (text, after) = rest.split_at(length.unwrap_or(rest.len()));
                 self.text += text.len();
@@ -132,7 +132,7 @@ impl Scan {
 
     /// Ends a part.
     pub(super) fn end_part(&mut self) -> Result<(), Excess> {
-        let is_whole = self.state == State::Text && self.begins.is_empty();
+        let is_whole = self.state == MarkupState::Text && self.begins.is_empty();
         self.text = 0;
         match is_whole {
             true => Ok(()),
@@ -141,23 +141,23 @@ impl Scan {
     }
 
     fn byte(&mut self, byte: u8) -> Result<(), Excess> {
-        if self.state == State::Text {
-            self.state = State::Tag;
+        if self.state == MarkupState::Text {
+            self.state = MarkupState::Tag;
             self.text = 0;
             self.tag.clear();
             return self.grow(1);
         }
-        if byte != b'>' || matches!(self.state, State::Quoted(_)) {
+        if byte != b'>' || matches!(self.state, MarkupState::Quoted(_)) {
             return self.push(byte);
         }
         let is_end = match self.state {
-            State::Comment => self.tag.ends_with(b"--"),
-            State::Data => self.tag.ends_with(b"]]"),
-            State::Instruction => self.tag.ends_with(b"?"),
+            MarkupState::Comment => self.tag.ends_with(b"--"),
+            MarkupState::Data => self.tag.ends_with(b"]]"),
+            MarkupState::Instruction => self.tag.ends_with(b"?"),
             _ => true,
         };
         // Readers differ on where such a short one ends.
-        let is_short = self.tag.len() < 8 && self.state == State::Comment || self.tag == b"?";
+        let is_short = self.tag.len() < 8 && self.state == MarkupState::Comment || self.tag == b"?";
         match (is_end, is_short) {
             (_, true) => Err(Excess::Unsound("a comment or an instruction of nothing")),
             (false, _) => self.push(byte),
@@ -168,17 +168,19 @@ impl Scan {
     /// Adds a byte to the tag.
     fn push(&mut self, byte: u8) -> Result<(), Excess> {
         self.state = match (self.state, byte) {
-            (State::Tag, b'"' | b'\'') if self.tag.first() != Some(&b'!') => State::Quoted(byte),
-            (State::Quoted(quote), _) if quote == byte => State::Tag,
+            (MarkupState::Tag, b'"' | b'\'') if self.tag.first() != Some(&b'!') => {
+                MarkupState::Quoted(byte)
+            }
+            (MarkupState::Quoted(quote), _) if quote == byte => MarkupState::Tag,
             (state, _) => state,
         };
         self.tag.push(byte);
-        if self.state == State::Tag && matches!(self.tag[0], b'!' | b'?') {
+        if self.state == MarkupState::Tag && matches!(self.tag[0], b'!' | b'?') {
             self.state = match self.tag.as_slice() {
-                b"?" => State::Instruction,
-                b"!--" => State::Comment,
-                tag if tag == DATA => State::Data,
-                tag if b"!--".starts_with(tag) || DATA.starts_with(tag) => State::Tag,
+                b"?" => MarkupState::Instruction,
+                b"!--" => MarkupState::Comment,
+                tag if tag == DATA => MarkupState::Data,
+                tag if b"!--".starts_with(tag) || DATA.starts_with(tag) => MarkupState::Tag,
                 _ => return Err(Excess::Unsound("a declaration")),
             };
         }
@@ -198,8 +200,8 @@ impl Scan {
     }
 
     fn end_tag(&mut self) -> Result<(), Excess> {
-        let state = std::mem::replace(&mut self.state, State::Text);
-        if state != State::Tag {
+        let state = std::mem::replace(&mut self.state, MarkupState::Text);
+        if state != MarkupState::Tag {
             self.tag.clear();
             return Ok(());
         }
@@ -220,7 +222,7 @@ impl Scan {
         if self.begins.len() == MOST_DEPTH {
             return Err(Excess::Unsound("tags within each other, more than 64"));
         }
-        if let Some(kind) = Kind::of(name) {
+        if let Some(kind) = ElementKind::of(name) {
             self.begin_item(kind, tag.len());
         }
         if local(name) == b"sst" {
@@ -246,15 +248,15 @@ impl Scan {
     }
 
     /// Begins an element that the library holds, within another one or not.
-    fn begin_item(&mut self, kind: Kind, bytes: usize) {
+    fn begin_item(&mut self, kind: ElementKind, bytes: usize) {
         self.keep(match kind {
-            Kind::Cell => 0,
-            Kind::SharedString => STRING_BYTES,
-            Kind::Style => STYLE_BYTES + 2 * self.longest_entry,
-            Kind::Entry => ENTRY_BYTES,
+            ElementKind::Cell => 0,
+            ElementKind::SharedString => STRING_BYTES,
+            ElementKind::Style => STYLE_BYTES + 2 * self.longest_entry,
+            ElementKind::Entry => ENTRY_BYTES,
         });
         match &mut self.item {
-            Some(around) if kind != Kind::Cell => around.kind = Kind::Entry,
+            Some(around) if kind != ElementKind::Cell => around.kind = ElementKind::Entry,
             Some(_) => {}
             None => {
                 let depth = self.begins.len();
@@ -267,11 +269,11 @@ impl Scan {
     fn end_item(&mut self, item: Item) {
         let bytes = item.bytes as u64;
         self.keep(match item.kind {
-            Kind::Cell => 0,
-            Kind::SharedString => bytes,
-            Kind::Style | Kind::Entry => ENTRY_COPIES * bytes,
+            ElementKind::Cell => 0,
+            ElementKind::SharedString => bytes,
+            ElementKind::Style | ElementKind::Entry => ENTRY_COPIES * bytes,
         });
-        if item.kind == Kind::Entry {
+        if item.kind == ElementKind::Entry {
             self.longest_entry = self.longest_entry.max(bytes);
         }
         self.item = None;
@@ -283,7 +285,7 @@ impl Scan {
     }
 }
 
-impl Kind {
+impl ElementKind {
     /// What the library keeps of an element of that name, with or without a prefix.
     fn of(name: &[u8]) -> Option<Self> {
         match local(name) {

@@ -15,8 +15,8 @@ mod workbook;
 use super::error::{malformed, told};
 use super::memory::Memory;
 use super::options::Options;
-use super::{Fault, Format, HEAD_BYTES, ReadError, csv};
-use crate::{NewScratch, Received, Warning};
+use super::{Format, HEAD_BYTES, ReadError, ReadingFault, csv};
+use crate::{NewScratch, ReceivedRecording, Warning};
 use bytes::Bytes;
 use std::io::{self, Cursor, Read};
 use std::panic::{self, AssertUnwindSafe};
@@ -35,7 +35,7 @@ pub(super) fn receive(
     options: &Options,
     scratch: Option<NewScratch>,
     memory: &Memory,
-) -> Result<Received, ReadError> {
+) -> Result<ReceivedRecording, ReadError> {
     options.refuse(&["encoding", "decimal"], format.name())?;
     let mut bytes = Vec::new();
     source.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes)?;
@@ -45,7 +45,7 @@ pub(super) fn receive(
             format.name(),
             MAX_BYTES >> 20
         );
-        return Err(malformed(Fault::anywhere("too_large", detail)));
+        return Err(malformed(ReadingFault::anywhere("too_large", detail)));
     }
     memory.take(bytes.len() as u64);
     let bytes = Bytes::from(bytes);
@@ -63,56 +63,64 @@ pub(super) fn receive(
 /// What they were given is dropped with them.
 fn unless_it_panics(
     format: Format,
-    read: impl FnOnce() -> Result<Received, ReadError>,
-) -> Result<Received, ReadError> {
+    read: impl FnOnce() -> Result<ReceivedRecording, ReadError>,
+) -> Result<ReceivedRecording, ReadError> {
     panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err(damaged(format)))
 }
 
 fn damaged(format: Format) -> ReadError {
     let name = format.name();
     let detail = format!("the file is damaged: no reader of {name} reads it");
-    malformed(Fault::anywhere("damaged", detail))
+    malformed(ReadingFault::anywhere("damaged", detail))
 }
 
-/// Reads rows that have been turned into text; `notes` are what was left out of them.
+/// The rows of a file, turned into CSV, with notes on what the text leaves out.
+struct ConvertedRows<R> {
+    text: R,
+    notes: Vec<Warning>,
+}
+
+/// Reads rows that have been turned into text.
 fn receive_rows(
     format: Format,
-    (mut rows, notes): (impl Read, Vec<Warning>),
+    mut rows: ConvertedRows<impl Read>,
     options: &Options,
     scratch: Option<NewScratch>,
     memory: &Memory,
-) -> Result<Received, ReadError> {
+) -> Result<ReceivedRecording, ReadError> {
     let mut head = Vec::new();
-    let read = rows.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
+    let read = rows.text.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
     read.map_err(|error| told(ReadError::Io(error)))?;
     if head.trim_ascii().is_empty() {
-        let fault = Fault::at_line("empty", 1, None, "there is no header row: there is no row");
+        let fault =
+            ReadingFault::at_line("empty", 1, None, "there is no header row: there is no row");
         return Err(malformed(fault));
     }
     let layout = csv::recognised(&head);
     options.refuse(layout.without(), layout.name())?;
-    let whole = Cursor::new(head.clone()).chain(rows);
-    let received = csv::receive_as(layout, (&head, whole), options, scratch, memory);
+    let whole = Cursor::new(head.clone()).chain(rows.text);
+    let text = csv::SniffedText { head: &head, whole };
+    let received = csv::receive_as(layout, text, options, scratch, memory);
     let mut received = received.map_err(told)?;
     received.source.format = format.name().to_owned();
-    received.notes.splice(0..0, notes);
+    received.notes.splice(0..0, rows.notes);
     Ok(received)
 }
 
 /// Rows as text, made as they are read.
-struct Text<R> {
+struct RowText<R> {
     rows: R,
     buffer: Vec<u8>,
     read: usize,
 }
 
 /// What makes rows of CSV.
-trait Rows {
+trait WriteRows {
     /// Adds some rows to the text; says whether there were any.
     fn write(&mut self, text: &mut Vec<u8>) -> io::Result<bool>;
 }
 
-impl<R: Rows> Text<R> {
+impl<R: WriteRows> RowText<R> {
     fn new(rows: R) -> Self {
         Self {
             rows,
@@ -122,7 +130,7 @@ impl<R: Rows> Text<R> {
     }
 }
 
-impl<R: Rows> Read for Text<R> {
+impl<R: WriteRows> Read for RowText<R> {
     fn read(&mut self, target: &mut [u8]) -> io::Result<usize> {
         while self.read == self.buffer.len() {
             self.buffer.clear();

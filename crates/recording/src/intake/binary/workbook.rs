@@ -4,7 +4,7 @@
 use super::super::error::malformed;
 use super::super::memory::{MOST_RATIO, Memory, may_unpack};
 use super::markup::{Excess, LONGEST_BYTES, Scan};
-use crate::intake::{Fault, ReadError};
+use crate::intake::{ReadError, ReadingFault};
 use bytes::Bytes;
 use std::fmt;
 use std::io::{Cursor, Read};
@@ -105,7 +105,7 @@ fn is_markup(name: &str) -> bool {
     name.ends_with(".xml") || name.ends_with(".rels")
 }
 
-/// What was met of a workbook so far.
+/// The sizes and the markup of the parts of a workbook that have been read.
 struct Check {
     /// Bytes of the file.
     packed: u64,
@@ -170,10 +170,10 @@ fn refused(excess: Excess) -> ReadError {
 }
 
 fn too_large(detail: String) -> ReadError {
-    malformed(Fault::anywhere("too_large", detail))
+    malformed(ReadingFault::anywhere("too_large", detail))
 }
 
 fn no_workbook(why: &dyn fmt::Display) -> ReadError {
     let detail = format!("this is no Excel workbook that can be read: {why}");
-    malformed(Fault::anywhere("not_a_workbook", detail))
+    malformed(ReadingFault::anywhere("not_a_workbook", detail))
 }

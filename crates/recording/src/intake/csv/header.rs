@@ -1,7 +1,7 @@
 //! The header row: column names, their units, and which column is the time.
 
-use super::super::column::Column;
-use super::super::error::{Fault, Faults, invalid};
+use super::super::column::SignalColumn;
+use super::super::error::{ReadingFault, ReadingFaults, invalid};
 use super::super::options::Options;
 use super::super::{ReadError, stamp, units};
 use super::{line_of, texts};
@@ -14,7 +14,7 @@ use std::collections::HashSet;
 pub(super) struct Header {
     /// The columns in their order, without empty ones at the end of the line; the time's is not
     /// used.
-    pub(super) columns: Vec<Column>,
+    pub(super) columns: Vec<SignalColumn>,
     /// The names as the header has them.
     pub(super) names: Vec<String>,
     /// The index of the time column.
@@ -22,7 +22,7 @@ pub(super) struct Header {
     /// The unit of the time column, as its title has it.
     pub(super) time_unit: String,
     /// The faults of the header, to be reported with those of the rows.
-    pub(super) faults: Faults,
+    pub(super) faults: ReadingFaults,
 }
 
 impl Header {
@@ -37,32 +37,38 @@ impl Header {
         while titles.last().is_some_and(|title| title.is_empty()) {
             titles.pop();
         }
-        let mut faults = Faults::default();
+        let mut faults = ReadingFaults::default();
         let time = time_column(&titles, options.time.as_deref());
         if titles.len() < 2 {
             let detail = "a time column and at least one signal column are needed, separated by \
                           comma, semicolon or tab";
-            faults.malformed(Fault::at_line("no_signals", line, None, detail));
+            faults.malformed(ReadingFault::at_line("no_signals", line, None, detail));
         } else if titles.len() > MAX_SIGNALS + 1 {
             let detail = format!("{} columns; at most {MAX_SIGNALS} are read", titles.len());
-            faults.invalid(Fault::at_line("too_many_signals", line, None, detail));
+            faults.invalid(ReadingFault::at_line(
+                "too_many_signals",
+                line,
+                None,
+                detail,
+            ));
         } else if let Some(first) = titles.iter().find(|_| titles.iter().all(|t| is_data(t))) {
             let detail = format!(
                 "the first row has `{first}` where a name is expected; put a row of names before it"
             );
-            faults.invalid(Fault::at_line("no_header", line, None, detail));
+            faults.invalid(ReadingFault::at_line("no_header", line, None, detail));
         } else if time.is_none() {
             let wanted = options.time.as_deref().unwrap_or_default();
             let detail = format!("there is no time column `{wanted}`");
-            faults.invalid(Fault::at_line("no_time_column", line, None, detail));
+            faults.invalid(ReadingFault::at_line("no_time_column", line, None, detail));
         }
         let Some(time) = time.filter(|_| faults.is_empty()) else {
             faults.result()?;
-            let fault = Fault::at_line("no_time_column", line, None, "there is no time column");
+            let fault =
+                ReadingFault::at_line("no_time_column", line, None, "there is no time column");
             return Err(invalid(fault));
         };
         let (_, time_unit) = time_name_and_unit(titles[time]);
-        let (columns, names) = columns(&titles, (time, line), options, &mut faults);
+        let (columns, names) = columns(&titles, time, line, options, &mut faults);
         Ok(Self {
             columns,
             names,
@@ -89,7 +95,8 @@ fn time_column(titles: &[&str], wanted: Option<&str>) -> Option<usize> {
         .position(|title| *title == wanted || time_name_and_unit(title).0 == wanted)
 }
 
-/// Of the time column, behind the name any unit of time is meant as one: `t_s`, `elapsed_min`.
+/// The name and the unit in the title of the time column, whose name may end with a unit of time: `t_s`,
+/// `elapsed_min`.
 pub(in crate::intake) fn time_name_and_unit(title: &str) -> (&str, &str) {
     let (name, unit) = units::name_and_unit(title);
     if !unit.is_empty() {
@@ -107,35 +114,46 @@ pub(in crate::intake) fn time_name_and_unit(title: &str) -> (&str, &str) {
 
 fn columns(
     titles: &[&str],
-    (time, line): (usize, u64),
+    time: usize,
+    line: u64,
     options: &Options,
-    faults: &mut Faults,
-) -> (Vec<Column>, Vec<String>) {
+    faults: &mut ReadingFaults,
+) -> (Vec<SignalColumn>, Vec<String>) {
     let mut seen = HashSet::new();
     let mut columns = Vec::with_capacity(titles.len());
     let mut names = Vec::with_capacity(titles.len());
     for (k, title) in titles.iter().enumerate() {
         let (name, _) = units::name_and_unit(title);
         if k == time {
-            columns.push(Column::named(name, &Options::default()));
+            columns.push(SignalColumn::named(name, &Options::default()));
             names.push(name.to_owned());
             seen.insert(name.to_owned());
             continue;
         }
-        let column = Column::titled(title, options).unwrap_or_else(|wrong| {
+        let column = SignalColumn::titled(title, options).unwrap_or_else(|wrong| {
             let (column, detail) = *wrong;
-            faults.invalid(Fault::at_line("unknown_unit", line, Some(name), detail));
+            faults.invalid(ReadingFault::at_line(
+                "unknown_unit",
+                line,
+                Some(name),
+                detail,
+            ));
             column
         });
         if let Some((code, detail)) = name_fault(&column.name) {
             let detail = format!("column {}: {detail}", k + 1);
-            faults.invalid(Fault::at_line(code, line, None, detail));
+            faults.invalid(ReadingFault::at_line(code, line, None, detail));
         } else if !seen.insert(column.name.clone()) {
             let detail = format!(
                 "column {} has a name that stands further left already",
                 k + 1
             );
-            faults.invalid(Fault::at_line("duplicate_name", line, Some(name), detail));
+            faults.invalid(ReadingFault::at_line(
+                "duplicate_name",
+                line,
+                Some(name),
+                detail,
+            ));
         }
         columns.push(column);
         names.push(name.to_owned());

@@ -3,19 +3,19 @@
 
 use super::super::cell::Cell;
 use super::super::clock::Clock;
-use super::super::error::{Fault, ReadError};
+use super::super::error::{ReadError, ReadingFault};
 use super::super::memory::Memory;
 use super::super::options::Options;
-use super::super::tags::{Quality, Sample, Tags};
-use super::rows::Rows;
+use super::super::tags::{Quality, RawSample, Tags};
+use super::rows::BoundedRows;
 use super::{is_empty, line_of, read_row, texts};
-use crate::Received;
+use crate::ReceivedRecording;
 use ::csv::{ByteRecord, Reader};
 use std::io::Read;
 
 /// What the columns of the present table are.
 #[derive(Default)]
-struct Table {
+struct InfluxTable {
     titles: Vec<String>,
     datatypes: Vec<String>,
     defaults: Vec<String>,
@@ -26,13 +26,13 @@ const OWN: [&str; 7] = ["", "result", "table", "_start", "_stop", "_time", "_val
 
 /// Reads all tables.
 pub(super) fn read(
-    mut rows: Reader<Rows<impl Read>>,
+    mut rows: Reader<BoundedRows<impl Read>>,
     options: &Options,
     memory: &Memory,
-) -> Result<Received, ReadError> {
+) -> Result<ReceivedRecording, ReadError> {
     let mut record = ByteRecord::new();
     let mut tags = Tags::new(Clock::new("_time", "", options), options, None, memory);
-    let mut table = Table::default();
+    let mut table = InfluxTable::default();
     while !tags.is_full() && read_row(&mut rows, &mut record)? {
         let fields = texts(&record)?;
         let owned = || fields.iter().map(|field| (*field).to_owned()).collect();
@@ -48,15 +48,20 @@ pub(super) fn read(
     tags.into_received("influx_csv")
 }
 
-impl Table {
+impl InfluxTable {
     /// Takes a row.
     fn push(&self, tags: &mut Tags<'_>, fields: &[&str], line: u64) {
         let field = |k: usize| {
-            let own = fields.get(k).copied().filter(|field| !field.is_empty());
-            own.unwrap_or_else(|| self.defaults.get(k).map_or("", String::as_str))
+            let cell = fields.get(k).copied().filter(|field| !field.is_empty());
+            cell.unwrap_or_else(|| self.defaults.get(k).map_or("", String::as_str))
         };
-        let of = |title: &str| self.titles.iter().position(|own| own == title).map(field);
-        let place = |code, detail: String| Fault::at_line(code, line, None, detail);
+        let of = |title: &str| {
+            self.titles
+                .iter()
+                .position(|column| column == title)
+                .map(field)
+        };
+        let place = |code, detail: String| ReadingFault::at_line(code, line, None, detail);
         let Some(time) = of("_time") else {
             let detail = "a row before any header with `_time`".to_owned();
             return tags.faults.invalid(place("columns_missing", detail));
@@ -65,7 +70,7 @@ impl Table {
             let Some(tag) = tags.series(key, name, &place) else {
                 return;
             };
-            let sample = Sample {
+            let sample = RawSample {
                 tag,
                 time: Cell::Text(time),
                 value: Cell::Text(value),

@@ -3,20 +3,20 @@
 
 use super::super::cell::Cell;
 use super::super::clock::Clock;
-use super::super::error::{Fault, ReadError, invalid};
+use super::super::error::{ReadError, ReadingFault, invalid};
 use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::quality::Scheme;
-use super::super::tags::{Quality, Sample, Tags};
-use super::rows::Rows;
+use super::super::tags::{Quality, RawSample, Tags};
+use super::rows::BoundedRows;
 use super::{is_empty, line_of, read_row, texts};
-use crate::Received;
+use crate::ReceivedRecording;
 use ::csv::{ByteRecord, Reader};
 use std::io::Read;
 
 /// Where in a row things stand.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Places {
+pub(super) struct LongColumns {
     time: usize,
     tag: usize,
     value: usize,
@@ -24,7 +24,7 @@ pub(super) struct Places {
     unit: Option<usize>,
 }
 
-impl Places {
+impl LongColumns {
     /// What the titles say, where there are a time, a tag and a value among them.
     pub(super) fn of(titles: &[&str]) -> Option<Self> {
         let plain = |title: &&str| -> String {
@@ -79,17 +79,17 @@ impl Places {
 
 /// Reads all rows.
 pub(super) fn read(
-    mut rows: Reader<Rows<impl Read>>,
+    mut rows: Reader<BoundedRows<impl Read>>,
     options: &Options,
     memory: &Memory,
-) -> Result<Received, ReadError> {
+) -> Result<ReceivedRecording, ReadError> {
     let mut record = ByteRecord::new();
     read_row(&mut rows, &mut record)?;
     let titles = texts(&record)?;
-    let places = Places::of(&titles).ok_or_else(|| {
+    let places = LongColumns::of(&titles).ok_or_else(|| {
         let detail = "a row for each sample needs columns for the time, the tag and the value, \
                       such as timestamp,tag,value";
-        invalid(Fault::at_line("columns_missing", 1, None, detail))
+        invalid(ReadingFault::at_line("columns_missing", 1, None, detail))
     })?;
     let clock = Clock::new(titles[places.time], "", options);
     let scheme = places.quality.and_then(|(_, scheme)| scheme);
@@ -102,19 +102,19 @@ pub(super) fn read(
     tags.into_received("long_csv")
 }
 
-fn push(tags: &mut Tags<'_>, places: Places, record: &ByteRecord) -> Result<(), ReadError> {
+fn push(tags: &mut Tags<'_>, places: LongColumns, record: &ByteRecord) -> Result<(), ReadError> {
     let line = line_of(record);
     let fields = texts(record)?;
     let field = |place: usize| fields.get(place).copied().unwrap_or_default();
     let name = field(places.tag);
-    let place = |code, detail: String| Fault::at_line(code, line, Some(name), detail);
+    let place = |code, detail: String| ReadingFault::at_line(code, line, Some(name), detail);
     let Some(tag) = tags.tag(name, &place) else {
         return Ok(());
     };
     if let Some(unit) = places.unit {
         tags.describe(tag, Some(field(unit)), None, &place);
     }
-    let sample = Sample {
+    let sample = RawSample {
         tag,
         time: Cell::Text(field(places.time)),
         value: Cell::Text(field(places.value)),

@@ -22,15 +22,15 @@ pub use super::options::Options;
 use super::error::{malformed, told};
 use super::memory::Memory;
 use super::options::Decimal;
-use super::{Fault, Format, Kind, ReadError};
-use crate::{NewScratch, Received, Recording, Warning};
+use super::{Format, MediaKind, ReadError, ReadingFault};
+use crate::{NewScratch, ReceivedRecording, Recording, Warning};
 use ::csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
 use header::Header;
 pub(super) use header::time_name_and_unit;
-use rows::Rows;
+use rows::BoundedRows;
 use sniff::Sniff;
 use std::io::{self, Read};
-use table::Table;
+use table::CsvTable;
 
 impl Recording {
     /// A recording from CSV: a header row that names the columns with their units in brackets,
@@ -56,7 +56,7 @@ impl Recording {
 /// When the source fails, when the text is not CSV, or with everything that is wrong with the
 /// columns and values.
 pub fn read(reader: impl Read, options: &Options) -> Result<Recording, ReadError> {
-    super::read(reader, Kind::Csv, options)
+    super::read(reader, MediaKind::Csv, options)
 }
 
 /// Reads a recording of which memory holds a few MiB; what is more goes to the scratch.
@@ -67,8 +67,8 @@ pub fn receive(
     reader: impl Read,
     options: &Options,
     scratch: NewScratch,
-) -> Result<Received, ReadError> {
-    super::receive(reader, Kind::Csv, options, Some(scratch))
+) -> Result<ReceivedRecording, ReadError> {
+    super::receive(reader, MediaKind::Csv, options, Some(scratch))
 }
 
 /// What kind of CSV begins so.
@@ -76,15 +76,21 @@ pub(super) fn recognised(head: &[u8]) -> Format {
     Sniff::new(head).format()
 }
 
-/// Reads the text, which begins with the head, as one of the formats that are CSV.
+/// A text whose beginning has been read to see what it is: the `whole` begins with the `head`.
+pub(super) struct SniffedText<'h, R> {
+    pub(super) head: &'h [u8],
+    pub(super) whole: R,
+}
+
+/// Reads a text as one of the formats that are CSV.
 pub(super) fn receive_as(
     format: Format,
-    (head, text): (&[u8], impl Read),
+    text: SniffedText<'_, impl Read>,
     options: &Options,
     scratch: Option<NewScratch>,
     memory: &Memory,
-) -> Result<Received, ReadError> {
-    let sniff = Sniff::new(head);
+) -> Result<ReceivedRecording, ReadError> {
+    let sniff = Sniff::new(text.head);
     let mut notes = Vec::new();
     let mut options = options.clone();
     if options.decimal.is_none() && sniff.has_decimal_commas() {
@@ -97,7 +103,7 @@ pub(super) fn receive_as(
         .flexible(true)
         .has_headers(false)
         // Every row ends with its line, the last one too.
-        .from_reader(Rows::of(text.chain(&b"\n"[..])));
+        .from_reader(BoundedRows::of(text.whole.chain(&b"\n"[..])));
     let mut received = match format {
         Format::LongCsv => long::read(rows, &options, memory),
         Format::SimulinkCsv => simulink::read(rows, &options, memory),
@@ -109,16 +115,16 @@ pub(super) fn receive_as(
 }
 
 fn wide(
-    mut rows: Reader<Rows<impl Read>>,
+    mut rows: Reader<BoundedRows<impl Read>>,
     sniff: &Sniff,
     options: &Options,
     scratch: Option<NewScratch>,
-) -> Result<Received, ReadError> {
+) -> Result<ReceivedRecording, ReadError> {
     let mut record = ByteRecord::new();
     read_row(&mut rows, &mut record)?;
     let header = Header::parse(&record, options)?;
     let times = sniff.column(header.time);
-    let mut table = Table::new(header, options, scratch);
+    let mut table = CsvTable::new(header, options, scratch);
     table.look_ahead(times.iter().map(String::as_str));
     while !table.is_full() && read_row(&mut rows, &mut record)? {
         table.push(&record).map_err(ReadError::Scratch)?;
@@ -128,7 +134,7 @@ fn wide(
 
 /// The next row; false at the end.
 fn read_row(
-    rows: &mut Reader<Rows<impl Read>>,
+    rows: &mut Reader<BoundedRows<impl Read>>,
     record: &mut ByteRecord,
 ) -> Result<bool, ReadError> {
     rows.get_mut().begin();
@@ -159,9 +165,9 @@ fn texts(record: &ByteRecord) -> Result<Vec<&str>, ReadError> {
     fields.map_err(|_| malformed(not_utf8(line_of(record))))
 }
 
-fn not_utf8(line: u64) -> Fault {
+fn not_utf8(line: u64) -> ReadingFault {
     let detail = "the text is not UTF-8; say its encoding, such as encoding=windows-1252";
-    Fault::at_line("not_utf8", line, None, detail)
+    ReadingFault::at_line("not_utf8", line, None, detail)
 }
 
 fn from_csv(error: ::csv::Error) -> ReadError {

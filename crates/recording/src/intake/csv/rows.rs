@@ -1,6 +1,6 @@
 //! Rows of CSV of which none is so long that memory would not hold its fields.
 
-use super::super::error::{Fault, broken};
+use super::super::error::{ReadingFault, broken};
 use super::super::memory::LONGEST_ROW;
 use std::io::{self, Read};
 
@@ -8,7 +8,7 @@ use std::io::{self, Read};
 const PIECE_BYTES: usize = 8 << 10;
 
 /// A text whose rows are bounded.
-pub(super) struct Rows<R> {
+pub(super) struct BoundedRows<R> {
     text: R,
     /// Bytes that were handed over since the row began.
     handed: u64,
@@ -16,7 +16,7 @@ pub(super) struct Rows<R> {
     row: u64,
 }
 
-impl<R> Rows<R> {
+impl<R> BoundedRows<R> {
     pub(super) fn of(text: R) -> Self {
         Self {
             text,
@@ -32,7 +32,7 @@ impl<R> Rows<R> {
     }
 }
 
-impl<R: Read> Read for Rows<R> {
+impl<R: Read> Read for BoundedRows<R> {
     fn read(&mut self, target: &mut [u8]) -> io::Result<usize> {
         if self.handed > LONGEST_ROW {
             let detail = format!(
@@ -40,7 +40,7 @@ impl<R: Read> Read for Rows<R> {
                  row of all that follows",
                 self.row
             );
-            return Err(broken(Fault::anywhere("row_too_long", detail)));
+            return Err(broken(ReadingFault::anywhere("row_too_long", detail)));
         }
         let length = target.len().min(PIECE_BYTES);
         let count = self.text.read(&mut target[..length])?;

@@ -3,18 +3,18 @@
 
 use super::super::cell::Cell;
 use super::super::clock::Clock;
-use super::super::error::{Fault, ReadError, invalid};
+use super::super::error::{ReadError, ReadingFault, invalid};
 use super::super::memory::Memory;
 use super::super::options::Options;
-use super::super::tags::{Quality, Sample, Tags};
-use super::rows::Rows;
+use super::super::tags::{Quality, RawSample, Tags};
+use super::rows::BoundedRows;
 use super::{is_empty, line_of, read_row, texts};
-use crate::{Interpolation, Received};
+use crate::{Interpolation, ReceivedRecording};
 use ::csv::{ByteRecord, Reader};
 use std::io::Read;
 
 /// A column of a signal and that of its time.
-struct Place {
+struct SimulinkColumns {
     tag: usize,
     time: usize,
     value: usize,
@@ -22,10 +22,10 @@ struct Place {
 
 /// Reads all rows.
 pub(super) fn read(
-    mut rows: Reader<Rows<impl Read>>,
+    mut rows: Reader<BoundedRows<impl Read>>,
     options: &Options,
     memory: &Memory,
-) -> Result<Received, ReadError> {
+) -> Result<ReceivedRecording, ReadError> {
     let mut record = ByteRecord::new();
     read_row(&mut rows, &mut record)?;
     let mut tags = Tags::new(Clock::new("time", "s", options), options, None, memory);
@@ -40,25 +40,25 @@ pub(super) fn read(
             describe(&mut tags, &places, &fields, line);
             continue;
         }
-        for Place { tag, time, value } in &places {
+        for SimulinkColumns { tag, time, value } in &places {
             let field = |place: usize| fields.get(place).copied().unwrap_or_default();
             if field(*time).is_empty() {
                 continue;
             }
-            let sample = Sample {
+            let sample = RawSample {
                 tag: *tag,
                 time: Cell::Text(field(*time)),
                 value: Cell::Text(field(*value)),
                 quality: Quality::Unsaid,
             };
-            let place = |code, detail: String| Fault::at_line(code, line, None, detail);
+            let place = |code, detail: String| ReadingFault::at_line(code, line, None, detail);
             tags.push(&sample, &place);
         }
     }
     tags.into_received("simulink_csv")
 }
 
-fn signals(tags: &mut Tags<'_>, header: &ByteRecord) -> Result<Vec<Place>, ReadError> {
+fn signals(tags: &mut Tags<'_>, header: &ByteRecord) -> Result<Vec<SimulinkColumns>, ReadError> {
     let line = line_of(header);
     let mut time = None;
     let mut places = Vec::new();
@@ -66,9 +66,9 @@ fn signals(tags: &mut Tags<'_>, header: &ByteRecord) -> Result<Vec<Place>, ReadE
         if title.eq_ignore_ascii_case("time") {
             time = Some(k);
         } else if let Some(time) = time.filter(|_| !title.is_empty()) {
-            let place = |code, detail: String| Fault::at_line(code, line, None, detail);
+            let place = |code, detail: String| ReadingFault::at_line(code, line, None, detail);
             let tag = tags.tag(title, &place);
-            places.extend(tag.map(|tag| Place {
+            places.extend(tag.map(|tag| SimulinkColumns {
                 tag,
                 time,
                 value: k,
@@ -77,7 +77,7 @@ fn signals(tags: &mut Tags<'_>, header: &ByteRecord) -> Result<Vec<Place>, ReadE
     }
     if places.is_empty() {
         let detail = "a column `time` with signals to the right of it is needed";
-        return Err(invalid(Fault::at_line(
+        return Err(invalid(ReadingFault::at_line(
             "columns_missing",
             line,
             None,
@@ -94,11 +94,11 @@ fn description(field: &str) -> Option<(&str, &str)> {
     is_key.then(|| (key, value.trim()))
 }
 
-fn describe(tags: &mut Tags<'_>, places: &[Place], fields: &[&str], line: u64) {
-    for Place { tag, value, .. } in places {
-        let place = |code, detail: String| Fault::at_line(code, line, None, detail);
-        let said = fields.get(*value).and_then(|field| description(field));
-        match said {
+fn describe(tags: &mut Tags<'_>, places: &[SimulinkColumns], fields: &[&str], line: u64) {
+    for SimulinkColumns { tag, value, .. } in places {
+        let place = |code, detail: String| ReadingFault::at_line(code, line, None, detail);
+        let described = fields.get(*value).and_then(|field| description(field));
+        match described {
             Some(("Unit", unit)) => tags.describe(*tag, Some(unit), None, &place),
             Some(("Interp", how)) => {
                 let how = match how {

@@ -63,7 +63,7 @@ impl Sniff {
             return Format::SimulinkCsv;
         }
         let titles: Vec<&str> = first.iter().map(String::as_str).collect();
-        match long::Places::of(&titles) {
+        match long::LongColumns::of(&titles) {
             Some(_) => Format::LongCsv,
             None => Format::WideCsv,
         }
@@ -80,7 +80,7 @@ impl Sniff {
         if self.delimiter == b',' {
             return false;
         }
-        let mut found = false;
+        let mut has_comma = false;
         for field in self.rows.iter().skip(1).flatten() {
             if field.contains('.') && value::number(field, None).is_some() {
                 return false;
@@ -89,9 +89,9 @@ impl Sniff {
             let is_number = value::number(field, Some(Decimal::Comma)).is_some();
             // `1,234` may be a thousand and more.
             let is_clear = |fraction: &str| fraction.len() != 3 || field.starts_with("0,");
-            found |= is_number && fraction.is_some_and(is_clear);
+            has_comma |= is_number && fraction.is_some_and(is_clear);
         }
-        found
+        has_comma
     }
 }
 

@@ -3,25 +3,25 @@
 
 use super::super::cell::Cell;
 use super::super::clock::Clock;
-use super::super::column::Column;
-use super::super::error::{Fault, Faults, ReadError};
-use super::super::options::{Options, Purpose};
+use super::super::column::SignalColumn;
+use super::super::error::{ReadError, ReadingFault, ReadingFaults};
+use super::super::options::{Options, ReadingPurpose};
 use super::super::tags::check_options;
 use super::header::Header;
 use super::{is_empty, line_of, not_utf8};
-use crate::columns::{Columns, Series};
-use crate::{Named, NewScratch, Received, TimeAxis, Warning};
+use crate::columns::{SampleColumns, SampleSeries};
+use crate::{NamedSignal, NewScratch, ReceivedRecording, TimeAxis, Warning};
 use ::csv::ByteRecord;
 use std::io;
 
 /// The values read so far.
-pub(super) struct Table<'o> {
+pub(super) struct CsvTable<'o> {
     options: &'o Options,
-    columns: Vec<Column>,
+    columns: Vec<SignalColumn>,
     /// The names as the header has them.
     names: Vec<String>,
     /// The samples of each column; the time's are seconds from the first row.
-    samples: Columns,
+    samples: SampleColumns,
     /// The row that is read.
     row: Vec<f64>,
     /// The row before, which a later row may correct.
@@ -33,10 +33,10 @@ pub(super) struct Table<'o> {
     ran_backwards: bool,
     duplicates: usize,
     empty_rows: usize,
-    faults: Faults,
+    faults: ReadingFaults,
 }
 
-impl<'o> Table<'o> {
+impl<'o> CsvTable<'o> {
     pub(super) fn new(header: Header, options: &'o Options, scratch: Option<NewScratch>) -> Self {
         let Header {
             columns,
@@ -47,7 +47,7 @@ impl<'o> Table<'o> {
         } = header;
         Self {
             options,
-            samples: Columns::new(columns.len(), scratch),
+            samples: SampleColumns::new(columns.len(), scratch),
             row: Vec::with_capacity(columns.len()),
             last_row: Vec::with_capacity(columns.len()),
             clock: Clock::new(&names[time], &time_unit, options),
@@ -90,7 +90,7 @@ impl<'o> Table<'o> {
         if record.len() < wanted || surplus {
             let detail = format!("{} fields where the header has {wanted}", record.len());
             self.faults
-                .malformed(Fault::at_line("ragged_row", line, None, detail));
+                .malformed(ReadingFault::at_line("ragged_row", line, None, detail));
             return Ok(());
         }
         let Ok(time) = std::str::from_utf8(&record[self.time]) else {
@@ -101,7 +101,7 @@ impl<'o> Table<'o> {
             Err((code, detail)) => {
                 let column = Some(self.names[self.time].as_str());
                 self.faults
-                    .invalid(Fault::at_line(code, line, column, detail));
+                    .invalid(ReadingFault::at_line(code, line, column, detail));
             }
             Ok(instant) if self.is_next(instant, line) => {
                 self.push_last_row()?;
@@ -133,8 +133,12 @@ impl<'o> Table<'o> {
             let detail =
                 format!("time runs backwards: {instant} s after {last} s from the first row");
             let column = Some(self.names[self.time].as_str());
-            self.faults
-                .invalid(Fault::at_line("time_backwards", line, column, detail));
+            self.faults.invalid(ReadingFault::at_line(
+                "time_backwards",
+                line,
+                column,
+                detail,
+            ));
         }
         instant > last
     }
@@ -152,7 +156,7 @@ impl<'o> Table<'o> {
                 return;
             };
             let name = &self.names[k];
-            let place = |code, detail| Fault::at_line(code, line, Some(name), detail);
+            let place = |code, detail| ReadingFault::at_line(code, line, Some(name), detail);
             let value = self.columns[k].take(&Cell::Text(text), self.options, place);
             self.row.push(value);
         }
@@ -168,7 +172,7 @@ impl<'o> Table<'o> {
     }
 
     /// The recording, or all faults.
-    pub(super) fn into_received(mut self) -> Result<Received, ReadError> {
+    pub(super) fn into_received(mut self) -> Result<ReceivedRecording, ReadError> {
         self.push_last_row().map_err(ReadError::Scratch)?;
         let samples = self.samples.rows();
         self.check(samples);
@@ -180,7 +184,7 @@ impl<'o> Table<'o> {
         for (k, column) in columns.filter(|(k, _)| *k != self.time) {
             notes.extend(column.notes());
             if column.is_signal() {
-                signals.push(Named {
+                signals.push(NamedSignal {
                     name: column.name,
                     unit: column.unit.si.into_owned(),
                     recorded_unit: column.recorded_unit,
@@ -190,13 +194,15 @@ impl<'o> Table<'o> {
                 });
             }
         }
-        let end = (samples, self.last.unwrap_or(0.0));
+        let last = self.last.unwrap_or(0.0);
         let mut instants = self.samples.column(self.time);
         let time = match self.options.purpose {
-            Purpose::Recording => TimeAxis::of_series(&mut instants, end, self.clock.scale()),
-            Purpose::Stream => instants.collect().map(TimeAxis::Instants),
+            ReadingPurpose::Recording => {
+                TimeAxis::of_series(&mut instants, samples, last, self.clock.scale())
+            }
+            ReadingPurpose::Stream => instants.collect().map(TimeAxis::Instants),
         };
-        Ok(Received {
+        Ok(ReceivedRecording {
             double_hour: self.clock.double_hour(0.0),
             own_instants: false,
             name: self.options.name.clone(),
@@ -210,7 +216,7 @@ impl<'o> Table<'o> {
         })
     }
 
-    /// What was met among the rows.
+    /// Warnings about the rows.
     fn notes(&self) -> Vec<Warning> {
         let mut notes = Vec::new();
         if self.duplicates > 0 {
@@ -226,12 +232,12 @@ impl<'o> Table<'o> {
     /// What can be told at the end only.
     fn check(&mut self, samples: usize) {
         let least = self.options.purpose.least_instants();
-        let others = self
+        let signals = self
             .names
             .iter()
             .enumerate()
             .filter(|(k, _)| *k != self.time);
-        let names: Vec<&str> = others.map(|(_, name)| name.as_str()).collect();
+        let names: Vec<&str> = signals.map(|(_, name)| name.as_str()).collect();
         check_options(self.options, &names, &mut self.faults);
         let signals = self.columns.iter_mut().enumerate();
         let mut n_signals = 0;
@@ -241,11 +247,12 @@ impl<'o> Table<'o> {
         }
         if n_signals == 0 && self.faults.is_empty() {
             let detail = "no column but the time has a number in it".to_owned();
-            self.faults.invalid(Fault::anywhere("no_signals", detail));
+            self.faults
+                .invalid(ReadingFault::anywhere("no_signals", detail));
         } else if self.faults.is_empty() && samples < least {
             let detail = format!("{samples} rows with distinct times; at least {least} are needed");
             self.faults
-                .invalid(Fault::at_line("too_few_samples", 1, None, detail));
+                .invalid(ReadingFault::at_line("too_few_samples", 1, None, detail));
         }
     }
 }

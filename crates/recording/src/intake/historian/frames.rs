@@ -4,8 +4,8 @@
 use super::super::cell::Cell;
 use super::super::clock::Clock;
 use super::super::csv::time_name_and_unit;
-use super::super::tags::{Quality, Sample, Tags};
-use super::walk::{Around, Fields, Leaf, Visit};
+use super::super::tags::{Quality, RawSample, Tags};
+use super::walk::{Fields, JsonLeaf, Surroundings, Visit};
 
 /// Names of columns that are the time, in the order in which they are looked for.
 const TIMES: [&str; 10] = [
@@ -43,7 +43,7 @@ impl<'o> Frame<'o> {
         if let Some(time) = &self.time {
             return time.clone();
         }
-        let said = self.tags.options.time.as_deref();
+        let time_option = self.tags.options.time.as_deref();
         let is_named = |name: &&str| {
             let (plain, _) = time_name_and_unit(name);
             let plain = plain.to_lowercase();
@@ -52,7 +52,7 @@ impl<'o> Frame<'o> {
                 .any(|time| plain == *time || name.to_lowercase() == *time)
         };
         let named = columns.iter().copied().find(is_named);
-        let time = said.or(key).or(named).or(columns.first().copied());
+        let time = time_option.or(key).or(named).or(columns.first().copied());
         let time = time.unwrap_or_default().to_owned();
         let (_, unit) = time_name_and_unit(&time);
         self.tags.clock = Clock::new(&time, unit, self.tags.options);
@@ -62,16 +62,16 @@ impl<'o> Frame<'o> {
 
     fn push<'c>(
         &mut self,
-        around: &Around<'_>,
+        around: &Surroundings<'_>,
         time: &Cell<'_>,
-        cells: impl Iterator<Item = (&'c str, &'c Leaf)>,
+        cells: impl Iterator<Item = (&'c str, &'c JsonLeaf)>,
     ) {
         for (name, leaf) in cells {
             let place = |code, detail: String| around.fault(code, &detail);
             let Some(tag) = self.tags.tag(name, &place) else {
                 continue;
             };
-            let sample = Sample {
+            let sample = RawSample {
                 tag,
                 time: time.clone(),
                 value: leaf.cell(),
@@ -83,7 +83,7 @@ impl<'o> Frame<'o> {
 }
 
 impl Visit for Frame<'_> {
-    fn object(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+    fn object(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool {
         let in_schema = around.keys().any(|key| key == "schema");
         if around.objects.len() > 1 || in_schema || fields.has("data") {
             return false;
@@ -92,24 +92,24 @@ impl Visit for Frame<'_> {
             .objects
             .first()
             .and_then(|frame| match frame.get("schema") {
-                Some(Leaf::Object(schema)) => schema.get("primaryKey").cloned(),
+                Some(JsonLeaf::Object(schema)) => schema.get("primaryKey").cloned(),
                 _ => None,
             });
         let key = match &key {
-            Some(Leaf::List(names)) => names.first().and_then(Leaf::text),
+            Some(JsonLeaf::List(names)) => names.first().and_then(JsonLeaf::text),
             _ => None,
         };
         let columns: Vec<&str> = fields.0.iter().map(|(name, _)| &**name).collect();
         let time = self.time_of(&columns, key.as_deref());
-        let instant = fields.get(&time).map_or(Cell::Empty, Leaf::cell);
-        let others = fields.0.iter().filter(|(name, _)| **name != *time);
-        self.push(around, &instant, others.map(|(name, leaf)| (&**name, leaf)));
+        let instant = fields.get(&time).map_or(Cell::Empty, JsonLeaf::cell);
+        let values = fields.0.iter().filter(|(name, _)| **name != *time);
+        self.push(around, &instant, values.map(|(name, leaf)| (&**name, leaf)));
         true
     }
 
-    fn row(&mut self, around: &Around<'_>, cells: &[Leaf]) {
+    fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]) {
         let list = |name| match around.field(&[name]) {
-            Some(Leaf::List(list)) => Some(list),
+            Some(JsonLeaf::List(list)) => Some(list),
             _ => None,
         };
         let Some(columns) = list("columns") else {
@@ -119,22 +119,22 @@ impl Visit for Frame<'_> {
                 .invalid(around.fault("columns_missing", detail));
             return;
         };
-        let names: Vec<String> = columns.iter().filter_map(Leaf::text).collect();
+        let names: Vec<String> = columns.iter().filter_map(JsonLeaf::text).collect();
         let of_row = list("index").and_then(|index| index.get(around.index()));
-        let mut known: Vec<&str> = names.iter().map(String::as_str).collect();
-        known.push("index");
-        let time = self.time_of(&known, None);
+        let mut field_names: Vec<&str> = names.iter().map(String::as_str).collect();
+        field_names.push("index");
+        let time = self.time_of(&field_names, None);
         let of_column = names.iter().position(|name| *name == time);
         let instant = match of_column {
             Some(k) => cells.get(k),
             None => of_row,
         };
-        let instant = instant.map_or(Cell::Empty, Leaf::cell);
-        let others = names.iter().zip(cells).filter(|(name, _)| **name != time);
+        let instant = instant.map_or(Cell::Empty, JsonLeaf::cell);
+        let values = names.iter().zip(cells).filter(|(name, _)| **name != time);
         self.push(
             around,
             &instant,
-            others.map(|(name, leaf)| (name.as_str(), leaf)),
+            values.map(|(name, leaf)| (name.as_str(), leaf)),
         );
     }
 

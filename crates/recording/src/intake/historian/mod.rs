@@ -14,7 +14,7 @@ use super::memory::Memory;
 use super::options::Options;
 use super::tags::Tags;
 use super::{Format, ReadError};
-use crate::Received;
+use crate::ReceivedRecording;
 use frames::Frame;
 use records::Records;
 use std::io::{BufReader, Read};
@@ -62,7 +62,7 @@ pub(super) fn read(
     format: Format,
     options: &Options,
     memory: &Memory,
-) -> Result<Received, ReadError> {
+) -> Result<ReceivedRecording, ReadError> {
     let source = BufReader::new(source);
     let is_frame = matches!(
         format,

@@ -11,9 +11,9 @@
 
 use super::super::cell::Cell;
 use super::super::quality::Scheme;
-use super::super::tags::{Quality, Sample, Tags};
-use super::super::{Format, error::Fault};
-use super::walk::{Around, Fields, Leaf, Visit};
+use super::super::tags::{Quality, RawSample, Tags};
+use super::super::{Format, error::ReadingFault};
+use super::walk::{Fields, JsonLeaf, Surroundings, Visit};
 use crate::{Class, Interpolation, Warning};
 
 /// PI Web API answers so many values when nobody says how many.
@@ -33,10 +33,10 @@ pub(super) struct Records<'o> {
 }
 
 /// A sample and where it belongs.
-struct Record<'f> {
+struct HistorianSample<'f> {
     key: String,
     name: String,
-    time: Option<&'f Leaf>,
+    time: Option<&'f JsonLeaf>,
     value: Cell<'f>,
     quality: Quality<'f>,
     unit: Option<&'f str>,
@@ -85,7 +85,7 @@ impl<'o> Records<'o> {
         self.tags
     }
 
-    fn push(&mut self, around: &Around<'_>, record: &Record<'_>) {
+    fn push(&mut self, around: &Surroundings<'_>, record: &HistorianSample<'_>) {
         let place = |code, detail: String| around.fault(code, &detail);
         let Some(tag) = self.tags.series(&record.key, &record.name, &place) else {
             return;
@@ -96,9 +96,9 @@ impl<'o> Records<'o> {
         self.counts[tag] += 1;
         self.tags
             .describe(tag, record.unit, record.interpolation, &place);
-        let sample = Sample {
+        let sample = RawSample {
             tag,
-            time: record.time.map_or(Cell::Empty, Leaf::cell),
+            time: record.time.map_or(Cell::Empty, JsonLeaf::cell),
             value: record.value.clone(),
             quality: match &record.quality {
                 Quality::Unsaid => Quality::Unsaid,
@@ -109,46 +109,46 @@ impl<'o> Records<'o> {
         self.tags.push(&sample, &place);
     }
 
-    fn fault(&mut self, fault: Fault) {
+    fn fault(&mut self, fault: ReadingFault) {
         self.tags.faults.invalid(fault);
     }
 
-    fn pi(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+    fn pi(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool {
         if !fields.has("Timestamp") {
             let errors = fields
                 .get("Errors")
-                .filter(|errors| **errors != Leaf::List(Vec::new()));
+                .filter(|errors| **errors != JsonLeaf::List(Vec::new()));
             if errors.is_some() {
                 let detail = "the source answered errors instead of values";
                 self.fault(around.fault("source_errors", detail));
             }
             return false;
         }
-        let said = |name| fields.get(name).is_some_and(Leaf::is_true);
-        let is_bad = fields.get("Good") == Some(&Leaf::Bool(false));
+        let is_set = |name| fields.get(name).is_some_and(JsonLeaf::is_true);
+        let is_bad = fields.get("Good") == Some(&JsonLeaf::Bool(false));
         let (value, is_system) = match fields.get("Value") {
-            Some(Leaf::Object(state)) => {
-                let is_system = state.get("IsSystem").is_some_and(Leaf::is_true);
+            Some(JsonLeaf::Object(state)) => {
+                let is_system = state.get("IsSystem").is_some_and(JsonLeaf::is_true);
                 (state.get("Value"), is_system)
             }
             value => (value, false),
         };
         let class = match () {
             () if is_bad || is_system => Class::Bad,
-            () if said("Substituted") => Class::Substituted,
-            () if said("Questionable") => Class::Uncertain,
+            () if is_set("Substituted") => Class::Substituted,
+            () if is_set("Questionable") => Class::Uncertain,
             () => Class::Good,
         };
-        let text = |name: &str| around.field(&[name]).and_then(Leaf::text);
+        let text = |name: &str| around.field(&[name]).and_then(JsonLeaf::text);
         let name = text("Name").unwrap_or_else(|| UNNAMED.to_owned());
         let unit = fields
             .get("UnitsAbbreviation")
             .or(around.field(&["UnitsAbbreviation"]));
-        let record = Record {
+        let record = HistorianSample {
             key: text("Path").unwrap_or_else(|| name.clone()),
             name,
             time: fields.get("Timestamp"),
-            value: value.map_or(Cell::Empty, Leaf::cell),
+            value: value.map_or(Cell::Empty, JsonLeaf::cell),
             quality: Quality::Of(class),
             unit: unit.and_then(as_text),
             interpolation: None,
@@ -157,7 +157,7 @@ impl<'o> Records<'o> {
         true
     }
 
-    fn omf(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+    fn omf(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool {
         let times = [
             "timestamp",
             "Timestamp",
@@ -170,14 +170,16 @@ impl<'o> Records<'o> {
         let Some(time_key) = time.filter(|_| around.keys().next_back() == Some("values")) else {
             return false;
         };
-        let container = around.field(&["containerid", "id"]).and_then(Leaf::text);
+        let container = around
+            .field(&["containerid", "id"])
+            .and_then(JsonLeaf::text);
         let container = container.unwrap_or_else(|| UNNAMED.to_owned());
         for (field, leaf) in fields.0.iter().filter(|(key, _)| **key != **time_key) {
             let name = match field.eq_ignore_ascii_case("value") {
                 true => container.clone(),
                 false => format!("{container}.{field}"),
             };
-            let record = Record {
+            let record = HistorianSample {
                 key: name.clone(),
                 name,
                 time: fields.get(time_key),
@@ -191,7 +193,7 @@ impl<'o> Records<'o> {
         true
     }
 
-    fn odata(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+    fn odata(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool {
         let Some(name) = ["FQN", "TagName"]
             .iter()
             .find_map(|name| fields.get(name)?.text())
@@ -201,11 +203,11 @@ impl<'o> Records<'o> {
         if !fields.has("DateTime") {
             return false;
         }
-        let record = Record {
+        let record = HistorianSample {
             key: name.clone(),
             name,
             time: fields.get("DateTime"),
-            value: fields.get("Value").map_or(Cell::Empty, Leaf::cell),
+            value: fields.get("Value").map_or(Cell::Empty, JsonLeaf::cell),
             quality: code(fields.get("OpcQuality")),
             unit: ["Unit", "EngUnit"]
                 .iter()
@@ -216,13 +218,17 @@ impl<'o> Records<'o> {
         true
     }
 
-    fn canary(&mut self, around: &Around<'_>, [time, value, quality]: [Option<&Leaf>; 3]) {
+    fn canary(
+        &mut self,
+        around: &Surroundings<'_>,
+        [time, value, quality]: [Option<&JsonLeaf>; 3],
+    ) {
         let name = around.keys().next_back().unwrap_or(UNNAMED).to_owned();
-        let record = Record {
+        let record = HistorianSample {
             key: name.clone(),
             name,
             time,
-            value: value.map_or(Cell::Empty, Leaf::cell),
+            value: value.map_or(Cell::Empty, JsonLeaf::cell),
             quality: code(quality),
             unit: None,
             interpolation: None,
@@ -230,7 +236,7 @@ impl<'o> Records<'o> {
         self.push(around, &record);
     }
 
-    fn opc_ua(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+    fn opc_ua(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool {
         let stamps = ["SourceTimestamp", "ServerTimestamp"];
         let time = stamps.iter().find_map(|name| fields.get(name));
         if time.is_none() {
@@ -247,23 +253,25 @@ impl<'o> Records<'o> {
             "Messages",
         ];
         let names = ["DisplayName", "Name", "BrowseName", "NodeId", "Id"];
-        let name = around.field(&names).and_then(Leaf::text);
+        let name = around.field(&names).and_then(JsonLeaf::text);
         let key = || around.keys().rev().find(|key| !HOLDERS.contains(key));
         let name = name.or_else(|| key().map(str::to_owned));
         let name = name.unwrap_or_else(|| UNNAMED.to_owned());
         let value = match fields.get("Value") {
-            Some(Leaf::Object(variant)) => ["Body", "Value"].iter().find_map(|n| variant.get(n)),
+            Some(JsonLeaf::Object(variant)) => {
+                ["Body", "Value"].iter().find_map(|n| variant.get(n))
+            }
             value => value,
         };
         let status = match fields.get("Status").or(fields.get("StatusCode")) {
-            Some(Leaf::Object(status)) => status.get("Code"),
+            Some(JsonLeaf::Object(status)) => status.get("Code"),
             status => status,
         };
-        let record = Record {
+        let record = HistorianSample {
             key: name.clone(),
             name,
             time,
-            value: value.map_or(Cell::Empty, Leaf::cell),
+            value: value.map_or(Cell::Empty, JsonLeaf::cell),
             quality: code(status),
             unit: None,
             interpolation: None,
@@ -272,25 +280,25 @@ impl<'o> Records<'o> {
         true
     }
 
-    fn cognite(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+    fn cognite(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool {
         if !fields.has("timestamp") {
             return false;
         }
-        let name = around.field(&["externalId", "id"]).and_then(Leaf::text);
+        let name = around.field(&["externalId", "id"]).and_then(JsonLeaf::text);
         let name = name.unwrap_or_else(|| UNNAMED.to_owned());
         let step = around.field(&["isStep"]).map(|step| match step.is_true() {
             true => Interpolation::Hold,
             false => Interpolation::Linear,
         });
         let status = match fields.get("status") {
-            Some(Leaf::Object(status)) => status.get("code"),
+            Some(JsonLeaf::Object(status)) => status.get("code"),
             status => status,
         };
-        let record = Record {
+        let record = HistorianSample {
             key: name.clone(),
             name,
             time: fields.get("timestamp"),
-            value: fields.get("value").map_or(Cell::Empty, Leaf::cell),
+            value: fields.get("value").map_or(Cell::Empty, JsonLeaf::cell),
             quality: code(status),
             unit: around.field(&["unit"]).and_then(as_text),
             interpolation: step,
@@ -300,20 +308,20 @@ impl<'o> Records<'o> {
     }
 }
 
-fn as_text(leaf: &Leaf) -> Option<&str> {
+fn as_text(leaf: &JsonLeaf) -> Option<&str> {
     match leaf {
-        Leaf::Text(text) => Some(text),
+        JsonLeaf::Text(text) => Some(text),
         _ => None,
     }
 }
 
 /// What a source says of a sample; nothing means good in all formats that come here.
-fn code(said: Option<&Leaf>) -> Quality<'_> {
-    said.map_or(Quality::Unsaid, |code| Quality::Code(code.cell()))
+fn code(code: Option<&JsonLeaf>) -> Quality<'_> {
+    code.map_or(Quality::Unsaid, |code| Quality::Code(code.cell()))
 }
 
 impl Visit for Records<'_> {
-    fn object(&mut self, around: &Around<'_>, fields: &Fields) -> bool {
+    fn object(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool {
         self.goes_on |= ["continuation", "nextCursor", "@odata.nextLink"]
             .iter()
             .any(|name| fields.get(name).is_some());
@@ -331,7 +339,7 @@ impl Visit for Records<'_> {
         }
     }
 
-    fn row(&mut self, around: &Around<'_>, cells: &[Leaf]) {
+    fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]) {
         if self.format == Format::Canary {
             self.canary(around, [cells.first(), cells.get(1), cells.get(2)]);
         }

@@ -1,7 +1,7 @@
 //! One walk through a document of JSON.
 
 use super::super::cell::Cell;
-use super::super::error::{Fault, ReadError, malformed};
+use super::super::error::{ReadError, ReadingFault, malformed};
 use super::super::json;
 use super::super::memory::Memory;
 use serde::de::{self, DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
@@ -10,21 +10,21 @@ use std::io::Read;
 use std::rc::Rc;
 
 /// Memory that a value takes in a list that grows by doubling, and a field with its key `[bytes]`.
-const VALUE_BYTES: u64 = 2 * size_of::<Leaf>() as u64;
-const FIELD_BYTES: u64 = 2 * size_of::<(Rc<str>, Leaf)>() as u64;
+const VALUE_BYTES: u64 = 2 * size_of::<JsonLeaf>() as u64;
+const FIELD_BYTES: u64 = 2 * size_of::<(Rc<str>, JsonLeaf)>() as u64;
 
 /// Different keys that are kept for the next object.
 const KEPT_KEYS: usize = 64;
 
 /// A value of the document, without what was handed over already.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Leaf {
+pub(super) enum JsonLeaf {
     Null,
     Bool(bool),
     Integer(i64),
     Number(f64),
     Text(String),
-    List(Vec<Leaf>),
+    List(Vec<JsonLeaf>),
     Object(Fields),
     /// It was handed over.
     Taken,
@@ -32,16 +32,16 @@ pub(super) enum Leaf {
 
 /// The fields of an object.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Fields(pub(super) Vec<(Rc<str>, Leaf)>);
+pub(super) struct Fields(pub(super) Vec<(Rc<str>, JsonLeaf)>);
 
 /// Where an object stands: the objects around it, from the outermost, as far as they were read.
-pub(super) struct Around<'w> {
+pub(super) struct Surroundings<'w> {
     pub(super) objects: &'w [Fields],
-    path: &'w [Step],
+    path: &'w [PathStep],
 }
 
 #[derive(Clone, Debug)]
-enum Step {
+enum PathStep {
     Key(Rc<str>),
     Index(usize),
 }
@@ -49,10 +49,10 @@ enum Step {
 /// Who is handed what is met.
 pub(super) trait Visit {
     /// An object that is complete. Answers whether it took it.
-    fn object(&mut self, around: &Around<'_>, fields: &Fields) -> bool;
+    fn object(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool;
 
     /// An array of scalars within an array.
-    fn row(&mut self, around: &Around<'_>, cells: &[Leaf]);
+    fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]);
 
     /// Whether reading on is pointless.
     fn is_full(&self) -> bool;
@@ -76,7 +76,7 @@ pub(super) fn walk(
     let walked = through(source, &mut walker);
     memory.release(walker.held);
     match walker.refusal {
-        Some(detail) => Err(malformed(Fault::anywhere("too_much_memory", detail))),
+        Some(detail) => Err(malformed(ReadingFault::anywhere("too_much_memory", detail))),
         None => walked.map_err(json::from_json),
     }
 }
@@ -86,7 +86,7 @@ fn through<V: Visit>(
     walker: &mut Walker<'_, V>,
 ) -> Result<(), serde_json::Error> {
     let mut text = serde_json::Deserializer::from_reader(source);
-    let node = Node {
+    let node = LeafSeed {
         walker: &mut *walker,
         in_list: false,
     };
@@ -105,15 +105,15 @@ struct Walker<'v, V> {
     refusal: Option<String>,
     visit: &'v mut V,
     objects: Vec<Fields>,
-    path: Vec<Step>,
+    path: Vec<PathStep>,
     keys: Vec<Rc<str>>,
 }
 
 impl<V> Walker<'_, V> {
     /// Holds a value until its list or object ends.
-    fn hold<E: de::Error>(&mut self, leaf: &Leaf, bytes: u64) -> Result<(), E> {
+    fn hold<E: de::Error>(&mut self, leaf: &JsonLeaf, bytes: u64) -> Result<(), E> {
         let bytes = match leaf {
-            Leaf::Text(text) => bytes + text.len() as u64,
+            JsonLeaf::Text(text) => bytes + text.len() as u64,
             _ => bytes,
         };
         self.memory.take(bytes);
@@ -137,8 +137,8 @@ impl<V> Walker<'_, V> {
     }
 
     fn key(&mut self, key: &str) -> Rc<str> {
-        if let Some(known) = self.keys.iter().find(|known| &***known == key) {
-            return Rc::clone(known);
+        if let Some(kept) = self.keys.iter().find(|kept| &***kept == key) {
+            return Rc::clone(kept);
         }
         let new: Rc<str> = key.into();
         if self.keys.len() < KEPT_KEYS {
@@ -149,58 +149,58 @@ impl<V> Walker<'_, V> {
 }
 
 /// A place of the document.
-struct Node<'n, 'v, V> {
+struct LeafSeed<'n, 'v, V> {
     walker: &'n mut Walker<'v, V>,
     in_list: bool,
 }
 
-impl<'de, V: Visit> DeserializeSeed<'de> for Node<'_, '_, V> {
-    type Value = Leaf;
+impl<'de, V: Visit> DeserializeSeed<'de> for LeafSeed<'_, '_, V> {
+    type Value = JsonLeaf;
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Leaf, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<JsonLeaf, D::Error> {
         deserializer.deserialize_any(self)
     }
 }
 
-impl<'de, V: Visit> Visitor<'de> for Node<'_, '_, V> {
-    type Value = Leaf;
+impl<'de, V: Visit> Visitor<'de> for LeafSeed<'_, '_, V> {
+    type Value = JsonLeaf;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("any value")
     }
 
-    fn visit_unit<E>(self) -> Result<Leaf, E> {
-        Ok(Leaf::Null)
+    fn visit_unit<E>(self) -> Result<JsonLeaf, E> {
+        Ok(JsonLeaf::Null)
     }
 
-    fn visit_bool<E>(self, value: bool) -> Result<Leaf, E> {
-        Ok(Leaf::Bool(value))
+    fn visit_bool<E>(self, value: bool) -> Result<JsonLeaf, E> {
+        Ok(JsonLeaf::Bool(value))
     }
 
-    fn visit_f64<E>(self, value: f64) -> Result<Leaf, E> {
-        Ok(Leaf::Number(value))
+    fn visit_f64<E>(self, value: f64) -> Result<JsonLeaf, E> {
+        Ok(JsonLeaf::Number(value))
     }
 
-    fn visit_u64<E>(self, value: u64) -> Result<Leaf, E> {
-        Ok(i64::try_from(value).map_or(Leaf::Number(value as f64), Leaf::Integer))
+    fn visit_u64<E>(self, value: u64) -> Result<JsonLeaf, E> {
+        Ok(i64::try_from(value).map_or(JsonLeaf::Number(value as f64), JsonLeaf::Integer))
     }
 
-    fn visit_i64<E>(self, value: i64) -> Result<Leaf, E> {
-        Ok(Leaf::Integer(value))
+    fn visit_i64<E>(self, value: i64) -> Result<JsonLeaf, E> {
+        Ok(JsonLeaf::Integer(value))
     }
 
-    fn visit_str<E>(self, text: &str) -> Result<Leaf, E> {
-        Ok(Leaf::Text(text.to_owned()))
+    fn visit_str<E>(self, text: &str) -> Result<JsonLeaf, E> {
+        Ok(JsonLeaf::Text(text.to_owned()))
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Leaf, A::Error> {
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<JsonLeaf, A::Error> {
         let walker = self.walker;
         let mut scalars = Vec::new();
         let mut all_scalars = true;
         let held = walker.held;
         for index in 0.. {
-            walker.path.push(Step::Index(index));
-            let node = Node {
+            walker.path.push(PathStep::Index(index));
+            let node = LeafSeed {
                 walker: &mut *walker,
                 in_list: true,
             };
@@ -208,7 +208,9 @@ impl<'de, V: Visit> Visitor<'de> for Node<'_, '_, V> {
             walker.path.pop();
             match element {
                 None => break,
-                Some(Leaf::List(_) | Leaf::Object(_) | Leaf::Taken) => all_scalars = false,
+                Some(JsonLeaf::List(_) | JsonLeaf::Object(_) | JsonLeaf::Taken) => {
+                    all_scalars = false
+                }
                 Some(scalar) => {
                     walker.hold(&scalar, VALUE_BYTES)?;
                     scalars.push(scalar);
@@ -216,28 +218,28 @@ impl<'de, V: Visit> Visitor<'de> for Node<'_, '_, V> {
             }
         }
         if self.in_list && all_scalars {
-            let around = Around {
+            let around = Surroundings {
                 objects: &walker.objects,
                 path: &walker.path,
             };
             walker.visit.row(&around, &scalars);
             walker.let_go(held);
-            return Ok(Leaf::Taken);
+            return Ok(JsonLeaf::Taken);
         }
         if all_scalars {
-            return Ok(Leaf::List(scalars));
+            return Ok(JsonLeaf::List(scalars));
         }
         walker.let_go(held);
-        Ok(Leaf::Taken)
+        Ok(JsonLeaf::Taken)
     }
 
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Leaf, A::Error> {
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<JsonLeaf, A::Error> {
         let walker = self.walker;
         walker.objects.push(Fields::default());
         let held = walker.held;
-        while let Some(key) = map.next_key_seed(Key(walker))? {
-            walker.path.push(Step::Key(Rc::clone(&key)));
-            let node = Node {
+        while let Some(key) = map.next_key_seed(KeySeed(walker))? {
+            walker.path.push(PathStep::Key(Rc::clone(&key)));
+            let node = LeafSeed {
                 walker: &mut *walker,
                 in_list: false,
             };
@@ -248,23 +250,23 @@ impl<'de, V: Visit> Visitor<'de> for Node<'_, '_, V> {
             fields.0.push((key, value));
         }
         let fields = walker.objects.pop().expect("this object's fields");
-        let around = Around {
+        let around = Surroundings {
             objects: &walker.objects,
             path: &walker.path,
         };
         let is_taken = walker.visit.is_full() || walker.visit.object(&around, &fields);
         if is_taken {
             walker.let_go(held);
-            return Ok(Leaf::Taken);
+            return Ok(JsonLeaf::Taken);
         }
-        Ok(Leaf::Object(fields))
+        Ok(JsonLeaf::Object(fields))
     }
 }
 
 /// A key, of which the same text is kept once.
-struct Key<'n, 'v, V>(&'n mut Walker<'v, V>);
+struct KeySeed<'n, 'v, V>(&'n mut Walker<'v, V>);
 
-impl<'de, V> DeserializeSeed<'de> for Key<'_, '_, V> {
+impl<'de, V> DeserializeSeed<'de> for KeySeed<'_, '_, V> {
     type Value = Rc<str>;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Rc<str>, D::Error> {
@@ -272,7 +274,7 @@ impl<'de, V> DeserializeSeed<'de> for Key<'_, '_, V> {
     }
 }
 
-impl<'de, V> Visitor<'de> for Key<'_, '_, V> {
+impl<'de, V> Visitor<'de> for KeySeed<'_, '_, V> {
     type Value = Rc<str>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -284,9 +286,9 @@ impl<'de, V> Visitor<'de> for Key<'_, '_, V> {
     }
 }
 
-impl Around<'_> {
+impl Surroundings<'_> {
     /// The nearest field of one of these names around the object, in their order.
-    pub(super) fn field(&self, names: &[&str]) -> Option<&Leaf> {
+    pub(super) fn field(&self, names: &[&str]) -> Option<&JsonLeaf> {
         let mut outwards = self.objects.iter().rev();
         outwards.find_map(|fields| names.iter().find_map(|name| fields.get(name)))
     }
@@ -294,36 +296,36 @@ impl Around<'_> {
     /// The keys on the way here, from the outermost.
     pub(super) fn keys(&self) -> impl DoubleEndedIterator<Item = &str> {
         self.path.iter().filter_map(|step| match step {
-            Step::Key(key) => Some(&**key),
-            Step::Index(_) => None,
+            PathStep::Key(key) => Some(&**key),
+            PathStep::Index(_) => None,
         })
     }
 
     /// The place of an element in its array.
     pub(super) fn index(&self) -> usize {
         match self.path.last() {
-            Some(Step::Index(index)) => *index,
+            Some(PathStep::Index(index)) => *index,
             _ => 0,
         }
     }
 
     /// A fault at this place.
-    pub(super) fn fault(&self, code: &'static str, detail: &str) -> Fault {
+    pub(super) fn fault(&self, code: &'static str, detail: &str) -> ReadingFault {
         let steps = self.path.iter().map(|step| match step {
-            Step::Key(key) => format!("/{}", key.replace('~', "~0").replace('/', "~1")),
-            Step::Index(index) => format!("/{index}"),
+            PathStep::Key(key) => format!("/{}", key.replace('~', "~0").replace('/', "~1")),
+            PathStep::Index(index) => format!("/{index}"),
         });
-        Fault::at_pointer(code, steps.collect(), detail)
+        ReadingFault::at_pointer(code, steps.collect(), detail)
     }
 }
 
 impl Fields {
     /// The value of a field; none where it is `null`.
-    pub(super) fn get(&self, name: &str) -> Option<&Leaf> {
-        let found = self.0.iter().find(|(key, _)| &**key == name);
-        found
+    pub(super) fn get(&self, name: &str) -> Option<&JsonLeaf> {
+        let entry = self.0.iter().find(|(key, _)| &**key == name);
+        entry
             .map(|(_, leaf)| leaf)
-            .filter(|leaf| **leaf != Leaf::Null)
+            .filter(|leaf| **leaf != JsonLeaf::Null)
     }
 
     /// Whether there is a field of that name, even if it is `null`.
@@ -332,8 +334,8 @@ impl Fields {
     }
 }
 
-impl Leaf {
-    /// What it is where a value is looked for.
+impl JsonLeaf {
+    /// The cell that the leaf is where a value is looked for.
     pub(super) fn cell(&self) -> Cell<'_> {
         match self {
             Self::Null => Cell::Empty,
@@ -355,7 +357,7 @@ impl Leaf {
         }
     }
 
-    /// Whether it is true.
+    /// Whether the leaf is the boolean `true`.
     pub(super) fn is_true(&self) -> bool {
         *self == Self::Bool(true)
     }

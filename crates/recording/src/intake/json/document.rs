@@ -1,9 +1,9 @@
 //! What the document said, and whether it makes a recording.
 
-use super::super::error::Faults;
-use super::super::units::{self, Unit};
-use super::super::{Fault, Purpose, ReadError};
-use super::scalar::Scalar;
+use super::super::error::ReadingFaults;
+use super::super::units::{self, RecordedUnit};
+use super::super::{ReadError, ReadingFault, ReadingPurpose};
+use super::scalar::JsonScalar;
 use crate::{MAX_NAME_CHARACTERS, MAX_SIGNALS, Recording, Signal, TimeAxis, Warning, name_fault};
 use jiff::Timestamp;
 use std::collections::HashSet;
@@ -14,10 +14,10 @@ pub(super) struct Document {
     name: Option<String>,
     sample_time: Option<f64>,
     start: Option<Timestamp>,
-    pub(super) time: Option<Column>,
+    pub(super) time: Option<JsonColumn>,
     pub(super) has_signals: bool,
-    pub(super) signals: Vec<(String, Column)>,
-    pub(super) faults: Faults,
+    pub(super) signals: Vec<(String, JsonColumn)>,
+    pub(super) faults: ReadingFaults,
     notes: Vec<Warning>,
     fields: HashSet<String>,
     signal_names: HashSet<String>,
@@ -25,7 +25,7 @@ pub(super) struct Document {
 
 /// A signal or the time.
 #[derive(Debug, Default)]
-pub(super) struct Column {
+pub(super) struct JsonColumn {
     pub(super) unit: Option<String>,
     pub(super) values: Option<Vec<f64>>,
 }
@@ -36,8 +36,8 @@ const LONGEST_SAMPLE_TIME: f64 = 1e9;
 const FIELDS: [&str; 5] = ["name", "sample_time_s", "start", "time", "signals"];
 
 /// A fault at a pointer.
-pub(super) fn fault(code: &'static str, pointer: String, detail: &str) -> Fault {
-    Fault::at_pointer(code, pointer, detail)
+pub(super) fn fault(code: &'static str, pointer: String, detail: &str) -> ReadingFault {
+    ReadingFault::at_pointer(code, pointer, detail)
 }
 
 /// A key as a part of a JSON pointer (RFC 6901), as far as a name may be long.
@@ -86,15 +86,15 @@ impl Document {
     }
 
     /// Takes the value of `name`, `start` or `sample_time_s`.
-    pub(super) fn take_scalar(&mut self, key: &str, scalar: Scalar) {
+    pub(super) fn take_scalar(&mut self, key: &str, scalar: JsonScalar) {
         let problem = match (key, scalar) {
-            ("name" | "start", Scalar::Null) => None,
-            ("name", Scalar::Text(name)) => {
+            ("name" | "start", JsonScalar::Null) => None,
+            ("name", JsonScalar::Text(name)) => {
                 let problem = name_fault(&name);
                 self.name = Some(name);
                 problem
             }
-            ("start", Scalar::Text(start)) => match start.parse() {
+            ("start", JsonScalar::Text(start)) => match start.parse() {
                 Ok(start) => {
                     self.start = Some(start);
                     None
@@ -105,25 +105,25 @@ impl Document {
                         .to_owned(),
                 )),
             },
-            ("sample_time_s", Scalar::Number(sample_time))
+            ("sample_time_s", JsonScalar::Number(sample_time))
                 if sample_time > 0.0 && sample_time <= LONGEST_SAMPLE_TIME =>
             {
                 self.sample_time = Some(sample_time);
                 None
             }
-            ("sample_time_s", Scalar::Number(sample_time)) => Some((
+            ("sample_time_s", JsonScalar::Number(sample_time)) => Some((
                 "out_of_range",
                 format!(
                     "the sample time {sample_time} s is not above 0 s and at most {LONGEST_SAMPLE_TIME} s"
                 ),
             )),
-            ("sample_time_s", other) => Some((
+            ("sample_time_s", scalar) => Some((
                 "wrong_type",
-                format!("expected a number, found {}", other.kind()),
+                format!("expected a number, found {}", scalar.kind()),
             )),
-            (_, other) => Some((
+            (_, scalar) => Some((
                 "wrong_type",
-                format!("expected a string, found {}", other.kind()),
+                format!("expected a string, found {}", scalar.kind()),
             )),
         };
         if let Some((code, detail)) = problem {
@@ -132,7 +132,10 @@ impl Document {
     }
 
     /// The recording, or all faults.
-    pub(super) fn into_recording(mut self, purpose: Purpose) -> Result<Recording, ReadError> {
+    pub(super) fn into_recording(
+        mut self,
+        purpose: ReadingPurpose,
+    ) -> Result<Recording, ReadError> {
         let time = self.check_time();
         let samples = time.as_ref().map(Vec::len).or_else(|| {
             self.signals
@@ -189,11 +192,11 @@ impl Document {
         let column = self.time.take()?;
         let text = column.unit.unwrap_or_default();
         let unit = units::parse_time(&text).unwrap_or_else(|| {
-            let known = units::known_times();
-            let detail = format!("unit `{text}` is not a time; known: {known}");
+            let known_units = units::known_times();
+            let detail = format!("unit `{text}` is not a time; known: {known_units}");
             self.faults
                 .invalid(fault("unknown_unit", "/time/unit".to_owned(), &detail));
-            Unit::NONE
+            RecordedUnit::NONE
         });
         let Some(mut instants) = column.values else {
             self.faults.invalid(fault(
@@ -242,7 +245,7 @@ impl Document {
                 self.faults
                     .invalid(fault("unknown_unit", format!("{pointer}/unit"), &detail));
             }
-            let unit = unit.unwrap_or(Unit::NONE);
+            let unit = unit.unwrap_or(RecordedUnit::NONE);
             let place = format!("{pointer}/values");
             let Some(mut values) = column.values else {
                 self.faults
@@ -279,14 +282,14 @@ impl Document {
 
 /// The recording over listed times. Of samples at one time the first stays in a recording, and the
 /// last one that is not missing in a batch of a stream.
-fn over_instants(times: Vec<f64>, mut signals: Vec<Signal>, purpose: Purpose) -> Recording {
+fn over_instants(times: Vec<f64>, mut signals: Vec<Signal>, purpose: ReadingPurpose) -> Recording {
     let scale = times
         .iter()
         .fold(0.0_f64, |largest, time| largest.max(time.abs()));
     let first = times[0];
     let is_kept = |k: usize| match purpose {
-        Purpose::Recording => k == 0 || times[k] > times[k - 1],
-        Purpose::Stream => k + 1 == times.len() || times[k + 1] > times[k],
+        ReadingPurpose::Recording => k == 0 || times[k] > times[k - 1],
+        ReadingPurpose::Stream => k + 1 == times.len() || times[k + 1] > times[k],
     };
     let keep: Vec<bool> = (0..times.len()).map(is_kept).collect();
     if purpose.is_later_right() {

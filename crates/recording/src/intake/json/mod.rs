@@ -14,10 +14,10 @@ mod document;
 mod node;
 mod scalar;
 
-use super::{Fault, Purpose, ReadError};
+use super::{ReadError, ReadingFault, ReadingPurpose};
 use crate::Recording;
 use document::Document;
-use node::Node;
+use node::DocumentTarget;
 use serde::de::DeserializeSeed;
 use serde_json::error::Category;
 use std::io::{BufReader, Read};
@@ -27,10 +27,10 @@ use std::io::{BufReader, Read};
 /// # Errors
 /// When the source fails, when the text is not JSON, or with everything that is wrong with the
 /// document.
-pub fn read(reader: impl Read, purpose: Purpose) -> Result<Recording, ReadError> {
+pub fn read(reader: impl Read, purpose: ReadingPurpose) -> Result<Recording, ReadError> {
     let mut document = Document::default();
     let mut text = serde_json::Deserializer::from_reader(BufReader::new(reader));
-    Node::Document(&mut document)
+    DocumentTarget::Document(&mut document)
         .deserialize(&mut text)
         .and_then(|()| text.end())
         .map_err(from_json)?;
@@ -41,10 +41,10 @@ pub(super) fn from_json(error: serde_json::Error) -> ReadError {
     if error.classify() == Category::Io {
         return ReadError::Io(error.into());
     }
-    ReadError::Malformed(vec![Fault {
+    ReadError::Malformed(vec![ReadingFault {
         line: Some(error.line() as u64),
         column: Some(error.column().to_string()),
-        ..Fault::anywhere("not_json", format!("not JSON: {error}"))
+        ..ReadingFault::anywhere("not_json", format!("not JSON: {error}"))
     }])
 }
 

@@ -2,33 +2,33 @@
 //!
 //! A value of the wrong kind is a fault at its pointer and is skipped, so that the rest is read.
 
-use super::super::error::Faults;
-use super::document::{Column, Document, escape, fault};
-use super::scalar::Scalar;
+use super::super::error::ReadingFaults;
+use super::document::{Document, JsonColumn, escape, fault};
+use super::scalar::JsonScalar;
 use serde::de::{DeserializeSeed, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use std::fmt;
 
 /// A place in the document and what it fills.
-pub(super) enum Node<'a> {
+pub(super) enum DocumentTarget<'a> {
     /// The whole document.
     Document(&'a mut Document),
     /// The object of signals.
     Signals(&'a mut Document),
     /// A signal, or the time: an object with a unit and values.
     Column {
-        column: &'a mut Column,
-        faults: &'a mut Faults,
+        column: &'a mut JsonColumn,
+        faults: &'a mut ReadingFaults,
         pointer: String,
     },
     /// The array of values.
     Values {
         values: &'a mut Vec<f64>,
-        faults: &'a mut Faults,
+        faults: &'a mut ReadingFaults,
         pointer: String,
     },
 }
 
-impl<'de> DeserializeSeed<'de> for Node<'_> {
+impl<'de> DeserializeSeed<'de> for DocumentTarget<'_> {
     type Value = ();
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
@@ -36,7 +36,7 @@ impl<'de> DeserializeSeed<'de> for Node<'_> {
     }
 }
 
-impl Node<'_> {
+impl DocumentTarget<'_> {
     fn expected(&self) -> &'static str {
         match self {
             Self::Values { .. } => "an array",
@@ -45,8 +45,8 @@ impl Node<'_> {
     }
 
     /// Reports that something else was found here.
-    fn mismatch(self, found: &str) {
-        let detail = format!("expected {}, found {found}", self.expected());
+    fn mismatch(self, actual: &str) {
+        let detail = format!("expected {}, found {actual}", self.expected());
         let (faults, pointer) = match self {
             Self::Document(document) => (&mut document.faults, String::new()),
             Self::Signals(document) => (&mut document.faults, "/signals".to_owned()),
@@ -61,7 +61,7 @@ impl Node<'_> {
     }
 }
 
-impl<'de> Visitor<'de> for Node<'_> {
+impl<'de> Visitor<'de> for DocumentTarget<'_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -109,12 +109,12 @@ impl<'de> Visitor<'de> for Node<'_> {
             while seq.next_element::<IgnoredAny>()?.is_some() {}
             return Ok(());
         };
-        while let Some(scalar) = seq.next_element::<Scalar>()? {
+        while let Some(scalar) = seq.next_element::<JsonScalar>()? {
             let value = match scalar {
-                Scalar::Number(value) => value,
-                Scalar::Null => f64::NAN,
-                other => {
-                    let detail = format!("expected a number or null, found {}", other.kind());
+                JsonScalar::Number(value) => value,
+                JsonScalar::Null => f64::NAN,
+                scalar => {
+                    let detail = format!("expected a number or null, found {}", scalar.kind());
                     let place = format!("{pointer}/{}", values.len());
                     faults.invalid(fault("not_a_number", place, &detail));
                     f64::NAN
@@ -153,11 +153,11 @@ fn read_document<'de, A: MapAccess<'de>>(
             continue;
         }
         match key.as_str() {
-            "signals" => map.next_value_seed(Node::Signals(document))?,
+            "signals" => map.next_value_seed(DocumentTarget::Signals(document))?,
             "time" => {
-                let column = document.time.insert(Column::default());
+                let column = document.time.insert(JsonColumn::default());
                 let faults = &mut document.faults;
-                map.next_value_seed(Node::Column {
+                map.next_value_seed(DocumentTarget::Column {
                     column,
                     faults,
                     pointer: "/time".to_owned(),
@@ -183,9 +183,9 @@ fn read_signals<'de, A: MapAccess<'de>>(
             map.next_value::<IgnoredAny>()?;
             continue;
         }
-        let mut column = Column::default();
+        let mut column = JsonColumn::default();
         let faults = &mut document.faults;
-        map.next_value_seed(Node::Column {
+        map.next_value_seed(DocumentTarget::Column {
             column: &mut column,
             faults,
             pointer,
@@ -196,8 +196,8 @@ fn read_signals<'de, A: MapAccess<'de>>(
 }
 
 fn read_column<'de, A: MapAccess<'de>>(
-    column: &mut Column,
-    faults: &mut Faults,
+    column: &mut JsonColumn,
+    faults: &mut ReadingFaults,
     pointer: &str,
     mut map: A,
 ) -> Result<(), A::Error> {
@@ -206,16 +206,16 @@ fn read_column<'de, A: MapAccess<'de>>(
         match key.as_str() {
             "values" if column.values.is_none() => {
                 let values = column.values.insert(Vec::new());
-                map.next_value_seed(Node::Values {
+                map.next_value_seed(DocumentTarget::Values {
                     values,
                     faults,
                     pointer: place,
                 })?;
             }
             "unit" if column.unit.is_none() => match map.next_value()? {
-                Scalar::Text(unit) => column.unit = Some(unit.trim().to_owned()),
-                other => {
-                    let detail = format!("expected a string, found {}", other.kind());
+                JsonScalar::Text(unit) => column.unit = Some(unit.trim().to_owned()),
+                scalar => {
+                    let detail = format!("expected a string, found {}", scalar.kind());
                     faults.invalid(fault("wrong_type", place, &detail));
                 }
             },

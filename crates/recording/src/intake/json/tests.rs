@@ -5,14 +5,14 @@ use crate::TimeAxis;
 use proptest::prelude::*;
 
 fn parse(text: &str) -> Result<Recording, ReadError> {
-    read(text.as_bytes(), Purpose::Recording)
+    read(text.as_bytes(), ReadingPurpose::Recording)
 }
 
 /// Pointer and code of every fault.
 fn faults(text: &str) -> Vec<(String, &'static str)> {
     let error = parse(text).unwrap_err();
     assert!(matches!(error, ReadError::Invalid(_)), "{error}");
-    let place = |fault: &Fault| (fault.pointer.clone().unwrap_or_default(), fault.code);
+    let place = |fault: &ReadingFault| (fault.pointer.clone().unwrap_or_default(), fault.code);
     error.faults().iter().map(place).collect()
 }
 

@@ -1,8 +1,8 @@
 //! One tag: its samples in their order, and at the instants of all.
 
-use super::super::column::Column;
-use super::super::options::Purpose;
-use crate::{Class, Interpolation, Rule, TimeAxis, Warning, resample};
+use super::super::column::SignalColumn;
+use super::super::options::ReadingPurpose;
+use crate::{Class, Interpolation, ResampleRule, TimeAxis, Warning, resample};
 
 /// A tag with its own instants.
 pub(super) struct Tag {
@@ -10,11 +10,19 @@ pub(super) struct Tag {
     pub(super) key: String,
     /// The name of the tag, which other tags may have too.
     pub(super) short: String,
-    pub(super) column: Column,
+    pub(super) column: SignalColumn,
     /// Seconds from the first instant that the source named.
     pub(super) instants: Vec<f64>,
     pub(super) values: Vec<f64>,
     pub(super) classes: Vec<Class>,
+}
+
+/// One sample of a tag.
+#[derive(Clone, Copy)]
+struct TagSample {
+    instant: f64,
+    value: f64,
+    class: Class,
 }
 
 /// The instants of a recording, and the sample time where they are a grid.
@@ -26,7 +34,7 @@ pub(super) struct Common {
 }
 
 impl Tag {
-    pub(super) fn new(key: &str, short: &str, column: Column) -> Self {
+    pub(super) fn new(key: &str, short: &str, column: SignalColumn) -> Self {
         Self {
             key: key.to_owned(),
             short: short.to_owned(),
@@ -40,7 +48,7 @@ impl Tag {
     /// Sorts by instant and keeps one of the samples at an instant: the first of a recording, and of
     /// a batch of a stream the last that says something. Answers how many samples stood behind a
     /// later one, and how many were dropped.
-    pub(super) fn order(&mut self, purpose: Purpose) -> (usize, usize) {
+    pub(super) fn order(&mut self, purpose: ReadingPurpose) -> (usize, usize) {
         let is_later = |pair: &&[f64]| pair[1] < pair[0];
         let mut disordered = self.instants.windows(2).filter(is_later).count();
         if disordered > 0 {
@@ -95,7 +103,7 @@ impl Tag {
     }
 
     /// Keeps one of the samples at an instant; answers how many were dropped.
-    fn drop_repeated(&mut self, purpose: Purpose) -> usize {
+    fn drop_repeated(&mut self, purpose: ReadingPurpose) -> usize {
         let samples = self.instants.len();
         let mut kept = 0;
         for k in 0..samples {
@@ -112,14 +120,18 @@ impl Tag {
         samples - kept
     }
 
-    fn sample(&self, k: usize) -> (f64, f64, Class) {
-        (self.instants[k], self.values[k], self.classes[k])
+    fn sample(&self, k: usize) -> TagSample {
+        TagSample {
+            instant: self.instants[k],
+            value: self.values[k],
+            class: self.classes[k],
+        }
     }
 
-    fn set(&mut self, k: usize, (instant, value, class): (f64, f64, Class)) {
-        self.instants[k] = instant;
-        self.values[k] = value;
-        self.classes[k] = class;
+    fn set(&mut self, k: usize, sample: TagSample) {
+        self.instants[k] = sample.instant;
+        self.values[k] = sample.value;
+        self.classes[k] = sample.class;
     }
 
     /// The values and classes at the instants that all signals have; the tag has no samples then.
@@ -141,24 +153,26 @@ impl Tag {
     fn on(&self, common: &Common) -> (Vec<f64>, Vec<Class>) {
         let at = &common.instants;
         let Some(sample_time) = common.sample_time else {
-            let place =
-                |instant: &f64| self.instants.binary_search_by(|own| own.total_cmp(instant));
-            let own = |instant| place(instant).ok();
-            let value = |instant| own(instant).map_or(f64::NAN, |k| self.values[k]);
-            let class = |instant| own(instant).map_or(Class::Good, |k| self.classes[k]);
+            let place = |instant: &f64| {
+                self.instants
+                    .binary_search_by(|sampled| sampled.total_cmp(instant))
+            };
+            let index = |instant| place(instant).ok();
+            let value = |instant| index(instant).map_or(f64::NAN, |k| self.values[k]);
+            let class = |instant| index(instant).map_or(Class::Good, |k| self.classes[k]);
             return (
                 at.iter().map(value).collect(),
                 at.iter().map(class).collect(),
             );
         };
-        let rule = Rule::of(self.column.interpolation, Interpolation::Linear);
+        let rule = ResampleRule::of(self.column.interpolation, Interpolation::Linear);
         let own_time = TimeAxis::sample_time_of(&self.instants, 0.0);
         let rule = rule.scaled(own_time / sample_time);
-        let samples = (self.instants.as_slice(), self.values.as_slice());
-        let values = resample(samples, at.iter().copied(), sample_time, rule);
+        let at_instants = at.iter().copied();
+        let values = resample(&self.instants, &self.values, at_instants, sample_time, rule);
         // A value is as good as the worse of the samples that it stands between.
         let class = |instant: &f64| {
-            let right = self.instants.partition_point(|own| own < instant);
+            let right = self.instants.partition_point(|sampled| sampled < instant);
             if self.instants.get(right) == Some(instant) {
                 return self.classes[right];
             }

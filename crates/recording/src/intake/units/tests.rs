@@ -15,9 +15,9 @@ fn a_name_means_one_unit() {
 fn every_si_unit_is_a_unit_that_changes_nothing() {
     for row in TABLE {
         let unit = parse(row.si).unwrap_or_else(|| panic!("`{}` is not in the table", row.si));
-        let expected = Unit {
+        let expected = RecordedUnit {
             si: Cow::Borrowed(row.si),
-            ..Unit::NONE
+            ..RecordedUnit::NONE
         };
         assert_eq!(unit, expected);
     }

@@ -3,11 +3,11 @@
 //! Every fault of every expression is found, each with its line and column. A name that was
 //! faulted once is not faulted again through the names that use it.
 
-use super::definition::{Declared, Definition, Text};
+use super::definition::{Declared, Definition, Written};
 use crate::language::graph::{Full, Graph, Leaf, MAX_NODES, NodeId};
 use crate::language::operation::Operation;
-use crate::language::syntax::{Expression, Kind, Span};
-use crate::language::unit::Unit;
+use crate::language::syntax::{Expression, Syntax, TextSpan};
+use crate::language::unit::ValueUnit;
 use greybox_numerics::parsing::fault::Fault;
 use greybox_numerics::parsing::reader::{Faults, did_you_mean};
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -20,9 +20,9 @@ const MAX_HINTS: usize = 20;
 /// How deep trees may stand in each other, also through the names in them.
 const MAX_DEPTH: usize = 300;
 
-/// Where an expression stands, which decides what its names may mean.
+/// When an expression is computed, which decides what its names may mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Context {
+pub enum Timing {
     /// The plant between the samples, and its outputs.
     Plant,
     /// What is computed once a sample.
@@ -45,21 +45,21 @@ enum Symbol {
     Table(usize),
 }
 
-/// The value of an expression.
+/// The value of an expression, ready for an operation.
 #[derive(Clone, Copy, Debug)]
-pub struct Value {
+pub struct Operand {
     pub node: NodeId,
-    pub unit: Unit,
+    pub unit: ValueUnit,
     /// A truth and not a number.
     pub is_condition: bool,
 }
 
-/// What is known about a named quantity in one context.
+/// How far the value of a named quantity has been worked out for one timing.
 #[derive(Clone, Copy, Debug)]
-enum Known {
+enum SymbolValue {
     InWork,
     Failed,
-    Value(Value),
+    Done(Operand),
 }
 
 /// Puts expressions together.
@@ -67,20 +67,20 @@ pub struct Compiler<'d> {
     definition: &'d Definition,
     faults: &'d Faults,
     names: BTreeMap<&'d str, Symbol>,
-    known: HashMap<(Context, Symbol), Known>,
+    values: HashMap<(Timing, Symbol), SymbolValue>,
     used: HashSet<Symbol>,
     depth: usize,
     /// The graph so far.
     pub graph: Graph,
 }
 
-/// The expression that is being read.
+/// Where an expression stands that is being read.
 #[derive(Clone, Copy)]
-pub struct Place<'a> {
-    text: &'a Text,
-    context: Context,
+pub struct Site<'a> {
+    text: &'a Written,
+    timing: Timing,
     /// The sampled quantity whose expression it is.
-    own: Option<usize>,
+    sampled: Option<usize>,
 }
 
 impl<'d> Compiler<'d> {
@@ -90,7 +90,7 @@ impl<'d> Compiler<'d> {
             definition,
             faults,
             names: BTreeMap::from([("sample_time", Symbol::SampleTime), ("pi", Symbol::Pi)]),
-            known: HashMap::new(),
+            values: HashMap::new(),
             used: HashSet::new(),
             depth: 0,
             graph: Graph::default(),
@@ -138,7 +138,7 @@ impl<'d> Compiler<'d> {
         if let Some(alias) = declared
             .symbol
             .as_ref()
-            .filter(|own| **own != declared.name)
+            .filter(|symbol| **symbol != declared.name)
         {
             self.name(alias, symbol, &declared.pointer);
         }
@@ -166,11 +166,11 @@ impl<'d> Compiler<'d> {
     }
 
     /// A number in a unit; faults where it has another.
-    pub fn number(&mut self, text: &Text, context: Context, unit: Unit) -> Option<NodeId> {
-        let place = Place {
+    pub fn number(&mut self, text: &Written, timing: Timing, unit: ValueUnit) -> Option<NodeId> {
+        let place = Site {
             text,
-            context,
-            own: None,
+            timing,
+            sampled: None,
         };
         self.number_at(place, unit)
     }
@@ -178,29 +178,29 @@ impl<'d> Compiler<'d> {
     /// Reads every named quantity, also one that nothing uses.
     pub fn quantities(&mut self) {
         for index in 0..self.definition.quantities.len() {
-            self.symbol_value(Context::Plant, Symbol::Quantity(index));
+            self.symbol_value(Timing::Plant, Symbol::Quantity(index));
         }
     }
 
     /// The value of a sampled quantity at the sample.
     pub fn sampled(&mut self, index: usize) -> Option<NodeId> {
-        let value = self.symbol_value(Context::Sample, Symbol::Sampled(index))?;
+        let value = self.symbol_value(Timing::Sample, Symbol::Sampled(index))?;
         Some(value.node)
     }
 
     /// A condition.
-    pub fn condition(&mut self, text: &Text) -> Option<NodeId> {
-        let place = Place {
+    pub fn condition(&mut self, text: &Written) -> Option<NodeId> {
+        let place = Site {
             text,
-            context: Context::Plant,
-            own: None,
+            timing: Timing::Plant,
+            sampled: None,
         };
         let tree = text.tree.as_ref()?;
         let value = self.value(place, tree)?;
         self.expect_condition(place, tree, value)
     }
 
-    fn number_at(&mut self, place: Place<'_>, unit: Unit) -> Option<NodeId> {
+    fn number_at(&mut self, place: Site<'_>, unit: ValueUnit) -> Option<NodeId> {
         let tree = place.text.tree.as_ref()?;
         let value = self.value(place, tree)?;
         let value = self.expect_number(place, tree, value)?;
@@ -215,7 +215,7 @@ impl<'d> Compiler<'d> {
     }
 
     /// Records a fault within an expression.
-    pub fn fault(&self, place: Place<'_>, span: Span, code: &'static str, detail: String) {
+    pub fn fault(&self, place: Site<'_>, span: TextSpan, code: &'static str, detail: String) {
         if !self.faults.are_full() {
             let fault = Fault::new(&place.text.pointer, code, detail);
             self.faults.push(fault.within(span.place(&place.text.text)));
@@ -223,7 +223,7 @@ impl<'d> Compiler<'d> {
     }
 
     /// The text of a part of an expression, short.
-    pub fn shown(place: Place<'_>, span: Span) -> String {
+    pub fn shown(place: Site<'_>, span: TextSpan) -> String {
         let text = place
             .text
             .text
@@ -237,7 +237,7 @@ impl<'d> Compiler<'d> {
     }
 
     /// The value of a tree.
-    fn value(&mut self, place: Place<'_>, tree: &Expression) -> Option<Value> {
+    fn value(&mut self, place: Site<'_>, tree: &Expression) -> Option<Operand> {
         if self.depth >= MAX_DEPTH {
             let detail = "nested too deeply through names; define quantities before their use";
             self.fault(place, tree.span, "too_deep", detail.to_owned());
@@ -249,54 +249,59 @@ impl<'d> Compiler<'d> {
         value
     }
 
-    fn value_of_kind(&mut self, place: Place<'_>, tree: &Expression) -> Option<Value> {
+    fn value_of_kind(&mut self, place: Site<'_>, tree: &Expression) -> Option<Operand> {
         match &tree.kind {
-            Kind::Number(value) => {
+            Syntax::Number(value) => {
                 let node = self.graph.constant(*value);
-                self.built(place, tree.span, node, Unit::Number)
+                self.built(place, tree.span, node, ValueUnit::Number)
             }
-            Kind::Name(name) => self.named(place, tree.span, name),
-            Kind::Negative(inner) => {
+            Syntax::Name(name) => self.named(place, tree.span, name),
+            Syntax::Negative(inner) => {
                 let value = self.value(place, inner);
                 let value = self.expect_number(place, inner, value?)?;
                 let node = self.graph.compute(Operation::Negate, &[value.node]);
                 self.built(place, tree.span, node, value.unit)
             }
-            Kind::Not(inner) => {
+            Syntax::Not(inner) => {
                 let value = self.value(place, inner);
                 let node = self.expect_condition(place, inner, value?)?;
                 let one = self.graph.constant(1.0).ok()?;
                 let node = self.graph.compute(Operation::Subtract, &[one, node]);
                 self.truth(place, tree.span, node)
             }
-            Kind::Binary(operator, sides) => self.binary(place, tree.span, *operator, sides),
-            Kind::Call(name, arguments) => self.call(place, tree.span, name, arguments),
+            Syntax::Binary(operator, sides) => self.binary(place, tree.span, *operator, sides),
+            Syntax::Call(name, arguments) => self.call(place, tree.span, name, arguments),
         }
     }
 
     /// What an operation made, or the fault that the graph is full.
     pub fn built(
         &self,
-        place: Place<'_>,
-        span: Span,
+        place: Site<'_>,
+        span: TextSpan,
         node: Result<NodeId, Full>,
-        unit: Unit,
-    ) -> Option<Value> {
+        unit: ValueUnit,
+    ) -> Option<Operand> {
         if node.is_err() {
             let detail = format!("the model has more than {MAX_NODES} operations");
             self.fault(place, span, "too_large", detail);
         }
         let node = node.ok()?;
-        Some(Value {
+        Some(Operand {
             node,
             unit,
             is_condition: false,
         })
     }
 
-    fn truth(&self, place: Place<'_>, span: Span, node: Result<NodeId, Full>) -> Option<Value> {
-        let value = self.built(place, span, node, Unit::Number)?;
-        Some(Value {
+    fn truth(
+        &self,
+        place: Site<'_>,
+        span: TextSpan,
+        node: Result<NodeId, Full>,
+    ) -> Option<Operand> {
+        let value = self.built(place, span, node, ValueUnit::Number)?;
+        Some(Operand {
             is_condition: true,
             ..value
         })
@@ -305,10 +310,10 @@ impl<'d> Compiler<'d> {
     /// Answers the value where it is a number.
     pub fn expect_number(
         &self,
-        place: Place<'_>,
+        place: Site<'_>,
         tree: &Expression,
-        value: Value,
-    ) -> Option<Value> {
+        value: Operand,
+    ) -> Option<Operand> {
         if value.is_condition {
             let shown = Self::shown(place, tree.span);
             let detail = format!(
@@ -323,9 +328,9 @@ impl<'d> Compiler<'d> {
     /// Answers the node where it is a condition.
     pub fn expect_condition(
         &self,
-        place: Place<'_>,
+        place: Site<'_>,
         tree: &Expression,
-        value: Value,
+        value: Operand,
     ) -> Option<NodeId> {
         if !value.is_condition {
             let shown = Self::shown(place, tree.span);
@@ -337,7 +342,7 @@ impl<'d> Compiler<'d> {
         Some(value.node)
     }
 
-    fn named(&mut self, place: Place<'_>, span: Span, name: &str) -> Option<Value> {
+    fn named(&mut self, place: Site<'_>, span: TextSpan, name: &str) -> Option<Operand> {
         let Some(&symbol) = self.names.get(name) else {
             if self.faults.are_full() {
                 return None;
@@ -348,7 +353,7 @@ impl<'d> Compiler<'d> {
             return None;
         };
         self.used.insert(symbol);
-        if let Some(why) = self.forbidden(place.context, symbol) {
+        if let Some(why) = self.forbidden(place.timing, symbol) {
             self.fault(
                 place,
                 span,
@@ -357,21 +362,24 @@ impl<'d> Compiler<'d> {
             );
             return None;
         }
-        if place.own.is_some_and(|own| symbol == Symbol::Sampled(own)) {
+        if place
+            .sampled
+            .is_some_and(|sampled| symbol == Symbol::Sampled(sampled))
+        {
             return self.previous(place, span, symbol);
         }
         if matches!(
-            self.known.get(&(place.context, symbol)),
-            Some(Known::InWork)
+            self.values.get(&(place.timing, symbol)),
+            Some(SymbolValue::InWork)
         ) {
             let detail = format!("`{name}` depends on itself: an algebraic loop");
             self.fault(place, span, "algebraic_loop", detail);
             return None;
         }
-        self.symbol_value(place.context, symbol)
+        self.symbol_value(place.timing, symbol)
     }
 
-    /// What was meant by an unknown name. Looking for it is dear: not among very many faults.
+    /// The name that an author may have meant by an unknown one. The search is dear: not among very many faults.
     fn hint(&self, name: &str) -> String {
         if self.faults.count() >= MAX_HINTS {
             return String::new();
@@ -379,37 +387,35 @@ impl<'d> Compiler<'d> {
         did_you_mean(name, self.names.keys().copied())
     }
 
-    fn forbidden(&self, context: Context, symbol: Symbol) -> Option<&'static str> {
+    fn forbidden(&self, timing: Timing, symbol: Symbol) -> Option<&'static str> {
         match symbol {
             Symbol::Table(_) => Some("is a table: write its argument behind it, in parentheses"),
-            Symbol::Input(_) | Symbol::State(_) | Symbol::Sampled(_)
-                if context == Context::Setup =>
-            {
+            Symbol::Input(_) | Symbol::State(_) | Symbol::Sampled(_) if timing == Timing::Setup => {
                 Some("changes with time; only parameters and constants can stand here")
             }
             _ => None,
         }
     }
 
-    fn symbol_value(&mut self, context: Context, symbol: Symbol) -> Option<Value> {
-        match self.known.get(&(context, symbol)) {
-            Some(Known::Value(value)) => return Some(*value),
+    fn symbol_value(&mut self, timing: Timing, symbol: Symbol) -> Option<Operand> {
+        match self.values.get(&(timing, symbol)) {
+            Some(SymbolValue::Done(value)) => return Some(*value),
             Some(_) => return None,
             None => {}
         }
-        self.known.insert((context, symbol), Known::InWork);
-        let value = self.new_value(context, symbol);
-        self.known
-            .insert((context, symbol), value.map_or(Known::Failed, Known::Value));
+        self.values.insert((timing, symbol), SymbolValue::InWork);
+        let value = self.new_value(timing, symbol);
+        let outcome = value.map_or(SymbolValue::Failed, SymbolValue::Done);
+        self.values.insert((timing, symbol), outcome);
         value
     }
 
-    fn new_value(&mut self, context: Context, symbol: Symbol) -> Option<Value> {
+    fn new_value(&mut self, timing: Timing, symbol: Symbol) -> Option<Operand> {
         let definition = self.definition;
         let number = |node: Result<NodeId, Full>, unit| {
             let node = node.ok()?;
             let is_condition = false;
-            Some(Value {
+            Some(Operand {
                 node,
                 unit,
                 is_condition,
@@ -417,9 +423,9 @@ impl<'d> Compiler<'d> {
         };
         match symbol {
             Symbol::Table(_) => None,
-            Symbol::Pi => number(self.graph.constant(std::f64::consts::PI), Unit::Number),
+            Symbol::Pi => number(self.graph.constant(std::f64::consts::PI), ValueUnit::Number),
             Symbol::SampleTime => {
-                let second = Unit::Known(greybox_numerics::dimension::Dimension::SECOND);
+                let second = ValueUnit::Known(greybox_numerics::dimension::Dimension::SECOND);
                 number(self.graph.leaf(Leaf::SampleTime), second)
             }
             Symbol::Constant(index) => {
@@ -431,8 +437,8 @@ impl<'d> Compiler<'d> {
                 number(self.graph.leaf(Leaf::Parameter(index as u16)), unit)
             }
             Symbol::Input(index) => {
-                let leaf = match context {
-                    Context::Sample => Leaf::Recorded(index as u16),
+                let leaf = match timing {
+                    Timing::Sample => Leaf::Recorded(index as u16),
                     _ => Leaf::Input(index as u16),
                 };
                 number(self.graph.leaf(leaf), definition.inputs[index].unit)
@@ -441,38 +447,42 @@ impl<'d> Compiler<'d> {
                 let unit = definition.states[index].declared.unit;
                 number(self.graph.leaf(Leaf::State(index as u16)), unit)
             }
-            Symbol::Sampled(index) if context != Context::Sample => {
+            Symbol::Sampled(index) if timing != Timing::Sample => {
                 let unit = definition.sampled[index].formula.declared.unit;
                 number(self.graph.leaf(Leaf::Sampled(index as u16)), unit)
             }
             Symbol::Sampled(index) => {
                 let formula = &definition.sampled[index].formula;
-                self.formula(&formula.text, &formula.declared, context, Some(index))
+                self.formula(&formula.text, &formula.declared, timing, Some(index))
             }
             Symbol::Quantity(index) => {
                 let formula = &definition.quantities[index];
-                self.formula(&formula.text, &formula.declared, context, None)
+                self.formula(&formula.text, &formula.declared, timing, None)
             }
         }
     }
 
     fn formula(
         &mut self,
-        text: &'d Text,
+        text: &'d Written,
         declared: &Declared,
-        context: Context,
-        own: Option<usize>,
-    ) -> Option<Value> {
-        let place = Place { text, context, own };
+        timing: Timing,
+        sampled: Option<usize>,
+    ) -> Option<Operand> {
+        let place = Site {
+            text,
+            timing,
+            sampled,
+        };
         let tree = text.tree.as_ref()?;
         let value = self.value(place, tree)?;
         if value.is_condition {
             return Some(value);
         }
         let Some(joined) = value.unit.joined(declared.unit) else {
-            let (name, own) = (&declared.name, declared.unit);
+            let (name, declared_unit) = (&declared.name, declared.unit);
             let detail = format!(
-                "`{name}` is declared in {own}, but its expression is in {}",
+                "`{name}` is declared in {declared_unit}, but its expression is in {}",
                 value.unit
             );
             self.fault(place, tree.span, "units_do_not_fit", detail);
@@ -484,6 +494,6 @@ impl<'d> Compiler<'d> {
         } else {
             joined
         };
-        Some(Value { unit, ..value })
+        Some(Operand { unit, ..value })
     }
 }

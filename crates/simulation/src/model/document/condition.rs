@@ -1,11 +1,11 @@
 //! Conditions on the parameters of a model: `tau1 < tau2`, `k1 + k2 <= 1`.
 
-use super::compile::{Compiler, Context};
-use super::definition::{Declared, Definition, Options, Parameter, Text};
-use crate::language::graph::{Graph, Leaf, Node, NodeId};
+use super::compile::{Compiler, Timing};
+use super::definition::{Declared, Definition, ModelOptions, Parameter, Written};
+use crate::language::graph::{Graph, GraphNode, Leaf, NodeId};
 use crate::language::operation;
-use crate::language::syntax::{self, Expression, Kind, Operator};
-use crate::language::unit::Unit;
+use crate::language::syntax::{self, Expression, Operator, Syntax};
+use crate::language::unit::ValueUnit;
 use crate::model::{ModelDescription, ParameterDescription};
 use greybox_numerics::parsing::fault::Fault;
 use greybox_numerics::parsing::reader::{Faults, Field};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// What comes with `<` and with `<=` is the same to a number: on the border it holds.
 const NO_COMPARISON: &str = "a condition compares two expressions with <, <=, > or >=";
 
-/// That one expression of a model's parameters is at most another.
+/// A condition on the parameters of a model: an expression of them is at most another.
 #[derive(Clone, Debug)]
 pub struct Condition {
     /// As it was written; several of one text share it.
@@ -34,8 +34,8 @@ impl Condition {
         let Some(text) = field.text() else {
             return Vec::new();
         };
-        let found = Condition::compile(text, &field.pointer, model);
-        found.unwrap_or_else(|faults| {
+        let conditions = Condition::compile(text, &field.pointer, model);
+        conditions.unwrap_or_else(|faults| {
             faults.into_iter().for_each(|fault| field.push(fault));
             Vec::new()
         })
@@ -50,14 +50,14 @@ impl Condition {
         pointer: &str,
         model: &ModelDescription,
     ) -> Result<Vec<Condition>, Vec<Fault>> {
-        let fault = |code: &'static str, detail: String, span: syntax::Span| {
+        let fault = |code: &'static str, detail: String, span: syntax::TextSpan| {
             vec![Fault::new(pointer, code, detail).within(span.place(text))]
         };
         let tree = syntax::parse(text);
         let tree =
             tree.map_err(|error| fault("expression_not_understood", error.detail, error.span))?;
-        let mut found = Vec::new();
-        if comparisons(&tree, &mut found).is_none() {
+        let mut compared = Vec::new();
+        if comparisons(&tree, &mut compared).is_none() {
             return Err(fault(
                 "not_a_condition",
                 NO_COMPARISON.to_owned(),
@@ -67,17 +67,17 @@ impl Condition {
         let faults = Faults::default();
         let definition = definition_of(model);
         let mut compiler = Compiler::new(&definition, &faults);
-        let spelled = |tree| Text {
+        let spelled = |tree| Written {
             pointer: pointer.to_owned(),
             text: text.to_owned(),
             tree: Some(tree),
         };
-        let nodes: Vec<Option<NodeId>> = found
+        let nodes: Vec<Option<NodeId>> = compared
             .into_iter()
-            .map(|own| {
+            .map(|sides| {
                 // What does not fit together is told of the comparison, not of the difference.
-                compiler.condition(&spelled(own.comparison))?;
-                compiler.number(&spelled(own.difference), Context::Setup, Unit::Any)
+                compiler.condition(&spelled(sides.comparison))?;
+                compiler.number(&spelled(sides.difference), Timing::Setup, ValueUnit::Any)
             })
             .collect();
         let graph = Arc::new(compiler.graph);
@@ -88,11 +88,14 @@ impl Condition {
             slack,
         });
         let conditions: Vec<Condition> = conditions.collect();
-        let found = faults.into_vec();
-        if !found.is_empty() {
-            return Err(found);
+        let faults = faults.into_vec();
+        if !faults.is_empty() {
+            return Err(faults);
         }
-        if conditions.iter().any(|own| own.parameters.is_empty()) {
+        if conditions
+            .iter()
+            .any(|condition| condition.parameters.is_empty())
+        {
             let detail = "no parameter of the model stands in it".to_owned();
             return Err(fault("not_a_condition", detail, tree.span));
         }
@@ -115,23 +118,23 @@ impl Condition {
     /// is at least 0.
     #[must_use]
     pub fn slack(&self, values: &[f64]) -> f64 {
-        let mut known: Vec<f64> = Vec::with_capacity(usize::from(self.slack) + 1);
+        let mut computed: Vec<f64> = Vec::with_capacity(usize::from(self.slack) + 1);
         for node in &self.graph.nodes()[..=usize::from(self.slack)] {
-            known.push(match node {
-                Node::Constant(value) => *value,
-                Node::Leaf(Leaf::Parameter(place)) => values[usize::from(*place)],
-                Node::Leaf(_) => f64::NAN,
-                Node::Compute(operation, on) => {
-                    operation::apply(*operation, on.map(|node| known[usize::from(node)]), &[])
+            computed.push(match node {
+                GraphNode::Constant(value) => *value,
+                GraphNode::Leaf(Leaf::Parameter(place)) => values[usize::from(*place)],
+                GraphNode::Leaf(_) => f64::NAN,
+                GraphNode::Compute(operation, on) => {
+                    operation::apply(*operation, on.map(|node| computed[usize::from(node)]), &[])
                 }
             });
         }
-        known[usize::from(self.slack)]
+        computed[usize::from(self.slack)]
     }
 }
 
 /// One comparison of a text.
-struct Comparison {
+struct ComparedSides {
     comparison: Expression,
     /// The larger side less the smaller one.
     difference: Expression,
@@ -139,18 +142,18 @@ struct Comparison {
 
 /// The comparisons of a tree; the last operand of a chain is what the next comparison goes on from.
 /// None where it is something else.
-fn comparisons(tree: &Expression, found: &mut Vec<Comparison>) -> Option<()> {
-    let Kind::Binary(operator, sides) = &tree.kind else {
+fn comparisons(tree: &Expression, compared: &mut Vec<ComparedSides>) -> Option<()> {
+    let Syntax::Binary(operator, sides) = &tree.kind else {
         return None;
     };
     let [left, right] = sides.as_ref();
     if *operator == Operator::And {
-        comparisons(left, found)?;
-        return comparisons(right, found);
+        comparisons(left, compared)?;
+        return comparisons(right, compared);
     }
     let left = match &left.kind {
-        Kind::Binary(inner, sides) if is_comparison(*inner) => {
-            comparisons(left, found)?;
+        Syntax::Binary(inner, sides) if is_comparison(*inner) => {
+            comparisons(left, compared)?;
             &sides[1]
         }
         _ => left,
@@ -163,9 +166,9 @@ fn comparisons(tree: &Expression, found: &mut Vec<Comparison>) -> Option<()> {
     let span = left.span.to(right.span);
     let joined = |operator: Operator, sides: [&Expression; 2]| Expression {
         span,
-        kind: Kind::Binary(operator, Box::new(sides.map(Expression::clone))),
+        kind: Syntax::Binary(operator, Box::new(sides.map(Expression::clone))),
     };
-    found.push(Comparison {
+    compared.push(ComparedSides {
         comparison: joined(*operator, [left, right]),
         difference: joined(Operator::Subtract, [larger, smaller]),
     });
@@ -184,7 +187,7 @@ fn parameters(graph: &Graph, node: NodeId) -> Vec<usize> {
     let needed = graph.needed([node]);
     let nodes = graph.nodes().iter().zip(needed);
     let places = nodes.filter_map(|(node, needed)| match node {
-        Node::Leaf(Leaf::Parameter(place)) if needed => Some(usize::from(*place)),
+        GraphNode::Leaf(Leaf::Parameter(place)) if needed => Some(usize::from(*place)),
         _ => None,
     });
     let mut places: Vec<usize> = places.collect();
@@ -194,21 +197,21 @@ fn parameters(graph: &Graph, node: NodeId) -> Vec<usize> {
 
 /// The names that a condition may use: the parameters of the model.
 fn definition_of(model: &ModelDescription) -> Definition {
-    let parameter = |own: &ParameterDescription| Parameter {
+    let parameter = |described: &ParameterDescription| Parameter {
         declared: Declared {
-            name: own.name.to_string(),
+            name: described.name.to_string(),
             symbol: None,
-            unit: Unit::parse(&own.unit).unwrap_or(Unit::Any),
-            unit_text: own.unit.to_string(),
+            unit: ValueUnit::parse(&described.unit).unwrap_or(ValueUnit::Any),
+            unit_text: described.unit.to_string(),
             meaning: String::new(),
             pointer: String::new(),
         },
-        default: own.default,
-        bounds: [own.lower, own.upper],
-        scale: own.scale,
-        unknown: own.unknown_by_default,
-        limits: [own.minimum, own.maximum],
-        tolerance: own.tolerance,
+        default: described.default,
+        bounds: [described.lower, described.upper],
+        scale: described.scale,
+        unknown: described.unknown_by_default,
+        limits: [described.minimum, described.maximum],
+        tolerance: described.tolerance,
     };
     Definition {
         name: model.name.to_string(),
@@ -223,7 +226,7 @@ fn definition_of(model: &ModelDescription) -> Definition {
         sampled: Vec::new(),
         states: Vec::new(),
         outputs: Vec::new(),
-        options: Options::default(),
+        options: ModelOptions::default(),
     }
 }
 

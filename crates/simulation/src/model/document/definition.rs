@@ -1,9 +1,9 @@
 //! A model document as its author wrote it: the names, units and texts, before the equations are
 //! put together.
 
-use crate::language::operation::Table;
+use crate::language::operation::LookupTable;
 use crate::language::syntax::Expression;
-use crate::language::unit::Unit;
+use crate::language::unit::ValueUnit;
 use crate::model::{Scale, Tolerance};
 
 /// A document, read.
@@ -19,9 +19,9 @@ pub struct Definition {
     pub tables: Vec<NamedTable>,
     pub quantities: Vec<Formula>,
     pub sampled: Vec<Sampled>,
-    pub states: Vec<State>,
+    pub states: Vec<StateDefinition>,
     pub outputs: Vec<Formula>,
-    pub options: Options,
+    pub options: ModelOptions,
 }
 
 /// A name with its unit.
@@ -29,7 +29,7 @@ pub struct Definition {
 pub struct Declared {
     pub name: String,
     pub symbol: Option<String>,
-    pub unit: Unit,
+    pub unit: ValueUnit,
     pub unit_text: String,
     pub meaning: String,
     pub pointer: String,
@@ -49,14 +49,14 @@ pub struct Parameter {
 #[derive(Debug)]
 pub struct NamedTable {
     pub name: String,
-    pub table: Table,
-    pub units: [Unit; 2],
+    pub table: LookupTable,
+    pub units: [ValueUnit; 2],
     pub pointer: String,
 }
 
 /// The text of an expression, and its tree where it has one.
 #[derive(Debug)]
-pub struct Text {
+pub struct Written {
     pub pointer: String,
     pub text: String,
     pub tree: Option<Expression>,
@@ -65,7 +65,7 @@ pub struct Text {
 #[derive(Debug)]
 pub struct Formula {
     pub declared: Declared,
-    pub text: Text,
+    pub text: Written,
 }
 
 /// What is computed once a sample and held.
@@ -73,13 +73,13 @@ pub struct Formula {
 pub struct Sampled {
     pub formula: Formula,
     /// What the quantity was before the first sample, where it remembers itself.
-    pub initial: Option<Text>,
+    pub initial: Option<Written>,
 }
 
 #[derive(Debug)]
-pub struct State {
+pub struct StateDefinition {
     pub declared: Declared,
-    pub derivative: Text,
+    pub derivative: Written,
     pub initial: Initial,
     pub scale: Option<f64>,
 }
@@ -87,14 +87,14 @@ pub struct State {
 #[derive(Debug)]
 pub enum Initial {
     /// What follows from the parameters.
-    Computed(Text),
+    Computed(Written),
     /// Read off an output.
     Measured {
         kind: Measured,
         output: String,
         pointer: String,
         /// Where the state starts when the output is not recorded.
-        otherwise: Option<Text>,
+        otherwise: Option<Written>,
     },
 }
 
@@ -110,12 +110,12 @@ pub enum Measured {
 }
 
 #[derive(Debug, Default)]
-pub struct Options {
+pub struct ModelOptions {
     pub first_order_hold: bool,
-    pub delay: Option<Text>,
-    pub fastest_rate: Option<Text>,
-    pub valid_while: Option<Text>,
+    pub delay: Option<Written>,
+    pub fastest_rate: Option<Written>,
+    pub valid_while: Option<Written>,
     /// Where the author lists kinks of the rates: read for documents that have the list, though
     /// steps follow from their errors and need no mention of kinks.
-    pub kinks: Option<Vec<Text>>,
+    pub kinks: Option<Vec<Written>>,
 }

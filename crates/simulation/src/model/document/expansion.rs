@@ -1,31 +1,31 @@
 //! What the functions of the language become: one or a few operations each.
 
-use super::compile::{Compiler, Place, Value};
+use super::compile::{Compiler, Operand, Site};
 use crate::language::function::Function;
 use crate::language::graph::{Full, Graph, NodeId};
 use crate::language::operation::Operation;
-use crate::language::syntax::{Expression, Span};
-use crate::language::unit::Unit;
+use crate::language::syntax::{Expression, TextSpan};
+use crate::language::unit::ValueUnit;
 
 /// Whole exponents up to this become products.
 const LARGEST_PRODUCT: f64 = 8.0;
 
-type Argument<'a> = (&'a Expression, Value);
+type Argument<'a> = (&'a Expression, Operand);
 
 /// A call with the right number of arguments.
 pub fn call(
     compiler: &mut Compiler<'_>,
-    place: Place<'_>,
-    span: Span,
+    place: Site<'_>,
+    span: TextSpan,
     function: Function,
     arguments: &[Argument<'_>],
-) -> Option<Value> {
+) -> Option<Operand> {
     let condition = match function {
         Function::If => Some(compiler.expect_condition(place, arguments[0].0, arguments[0].1)?),
         _ => None,
     };
     let numbers = &arguments[usize::from(condition.is_some())..];
-    let checked: Vec<Option<Value>> = numbers
+    let checked: Vec<Option<Operand>> = numbers
         .iter()
         .map(|(tree, value)| compiler.expect_number(place, tree, *value))
         .collect();
@@ -47,18 +47,18 @@ pub fn call(
 /// The unit of the result; faults where those of the arguments have no meaning together.
 fn unit_of(
     compiler: &Compiler<'_>,
-    place: Place<'_>,
+    place: Site<'_>,
     function: Function,
     arguments: &[Argument<'_>],
-) -> Option<Unit> {
+) -> Option<ValueUnit> {
     let (first, value) = arguments[0];
     let name = crate::language::function::ALL
         .iter()
-        .find(|(.., own)| *own == function)
+        .find(|(.., entry)| *entry == function)
         .map_or("", |(name, ..)| *name);
     let mut joined = value.unit;
-    for other in &arguments[1..] {
-        joined = joined.joined(compiler.joined(place, [arguments[0], *other], name)?)?;
+    for argument in &arguments[1..] {
+        joined = joined.joined(compiler.joined(place, [arguments[0], *argument], name)?)?;
     }
     match function {
         Function::Exponential
@@ -77,10 +77,12 @@ fn unit_of(
                 compiler.fault(place, first.span, "units_do_not_fit", detail);
                 return None;
             }
-            Some(Unit::Number)
+            Some(ValueUnit::Number)
         }
-        Function::Sign | Function::SoftSign | Function::ArcTangent2 => Some(Unit::Number),
-        Function::SquareRoot | Function::SignedRoot => Some(joined.power(0.5).unwrap_or(Unit::Any)),
+        Function::Sign | Function::SoftSign | Function::ArcTangent2 => Some(ValueUnit::Number),
+        Function::SquareRoot | Function::SignedRoot => {
+            Some(joined.power(0.5).unwrap_or(ValueUnit::Any))
+        }
         _ => Some(joined),
     }
 }
@@ -140,10 +142,10 @@ impl Compiler<'_> {
     /// A power: small whole exponents are products, halves are roots.
     pub fn power(
         &mut self,
-        place: Place<'_>,
-        span: Span,
+        place: Site<'_>,
+        span: TextSpan,
         [(left, base), (right, exponent)]: [Argument<'_>; 2],
-    ) -> Option<Value> {
+    ) -> Option<Operand> {
         if !exponent.unit.is_number() {
             let detail = format!("an exponent is a plain number, not in {}", exponent.unit);
             self.fault(place, right.span, "units_do_not_fit", detail);

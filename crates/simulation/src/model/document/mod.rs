@@ -18,20 +18,26 @@ pub use reference::{Referenced, referenced};
 
 use super::Model;
 use crate::language::graph::NodeId;
-use crate::language::unit::Unit;
+use crate::language::unit::ValueUnit;
 use crate::program::{EquationGraph, Program, Roots};
-use compile::{Compiler, Context};
+use compile::{Compiler, Timing};
 use definition::{Definition, Initial};
 use greybox_numerics::parsing::fault::Fault;
 use greybox_numerics::parsing::reader::{Faults, Field};
 use serde_json::Value;
+
+/// The functions that an expression may call, each with the names of its arguments.
+pub fn functions() -> impl Iterator<Item = (&'static str, &'static [&'static str])> {
+    let functions = crate::language::function::ALL.into_iter();
+    functions.map(|(name, arguments, _)| (name, arguments))
+}
 
 /// A document that can run.
 #[derive(Debug)]
 pub struct Read {
     /// The model.
     pub model: Model,
-    /// What its author should know: a parameter that nothing uses.
+    /// Warnings for the author: parameters that nothing uses.
     pub warnings: Vec<Fault>,
 }
 
@@ -43,10 +49,10 @@ pub struct Read {
 pub fn read(document: &Value) -> Result<Read, Vec<Fault>> {
     let faults = Faults::default();
     let read = read_into(document, &faults);
-    let found = faults.into_vec();
+    let faults = faults.into_vec();
     match read {
-        Some(read) if found.is_empty() => Ok(read),
-        _ => Err(found),
+        Some(read) if faults.is_empty() => Ok(read),
+        _ => Err(faults),
     }
 }
 
@@ -91,39 +97,39 @@ fn read_into(document: &Value, faults: &Faults) -> Option<Read> {
 
 /// Every expression of the document; none where one of them is wrong.
 fn roots(definition: &Definition, compiler: &mut Compiler<'_>) -> Option<Roots> {
-    let second = Unit::Known(greybox_numerics::dimension::Dimension::SECOND);
+    let second = ValueUnit::Known(greybox_numerics::dimension::Dimension::SECOND);
     let options = &definition.options;
-    let mut setup = |text: &Option<definition::Text>, unit| {
+    let mut setup = |text: &Option<definition::Written>, unit| {
         text.as_ref()
-            .map(|text| compiler.number(text, Context::Setup, unit))
+            .map(|text| compiler.number(text, Timing::Setup, unit))
     };
     let delay = setup(&options.delay, second);
-    let per_second = second.power(-1.0).unwrap_or(Unit::Any);
+    let per_second = second.power(-1.0).unwrap_or(ValueUnit::Any);
     let fastest_rate = setup(&options.fastest_rate, per_second);
     let mut initial = Vec::new();
     let mut rates = Vec::new();
     for state in &definition.states {
         let unit = state.declared.unit;
-        rates.push(compiler.number(&state.derivative, Context::Plant, unit.per_second()));
+        rates.push(compiler.number(&state.derivative, Timing::Plant, unit.per_second()));
         initial.push(match &state.initial {
-            Initial::Computed(text) => compiler.number(text, Context::Setup, unit),
+            Initial::Computed(text) => compiler.number(text, Timing::Setup, unit),
             Initial::Measured {
                 otherwise: Some(text),
                 ..
-            } => compiler.number(text, Context::Setup, unit),
+            } => compiler.number(text, Timing::Setup, unit),
             Initial::Measured { .. } => compiler.graph.constant(0.0).ok(),
         });
     }
     let outputs: Vec<Option<NodeId>> = definition
         .outputs
         .iter()
-        .map(|output| compiler.number(&output.text, Context::Plant, output.declared.unit))
+        .map(|output| compiler.number(&output.text, Timing::Plant, output.declared.unit))
         .collect();
     let mut sampled = Vec::new();
     for (index, quantity) in definition.sampled.iter().enumerate() {
         let unit = quantity.formula.declared.unit;
         let initial = quantity.initial.as_ref();
-        let initial = initial.map(|text| compiler.number(text, Context::Setup, unit));
+        let initial = initial.map(|text| compiler.number(text, Timing::Setup, unit));
         sampled.push((compiler.sampled(index), initial));
     }
     let valid = options.valid_while.as_ref();

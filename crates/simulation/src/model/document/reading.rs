@@ -3,12 +3,12 @@
 //! Everything is bounded here, so that what follows works on a small thing.
 
 use super::definition::{
-    Declared, Definition, Formula, Initial, Measured, NamedTable, Options, Parameter, Sampled,
-    State, Text,
+    Declared, Definition, Formula, Initial, Measured, ModelOptions, NamedTable, Parameter, Sampled,
+    StateDefinition, Written,
 };
-use crate::language::operation::Table;
+use crate::language::operation::LookupTable;
 use crate::language::syntax;
-use crate::language::unit::Unit;
+use crate::language::unit::ValueUnit;
 use crate::model::{Scale, Tolerance};
 use greybox_numerics::parsing::fault::Fault;
 use greybox_numerics::parsing::reader::{Faults, Field, Object};
@@ -28,7 +28,7 @@ const MAX_TEXT_CHARS: usize = 4000;
 
 /// Reads a document; none where so much is wrong that nothing else can be said.
 pub fn read(document: &Field<'_>, faults: &Faults) -> Option<Definition> {
-    let reader = Reader { faults };
+    let reader = SectionReader { faults };
     let mut root = document.object()?;
     let name = root.required("name");
     let name = name.and_then(|field| reader.model_name(&field));
@@ -42,14 +42,29 @@ pub fn read(document: &Field<'_>, faults: &Faults) -> Option<Definition> {
         name: name.unwrap_or_default(),
         summary: reader.text(root.optional("summary")),
         source: reader.text(root.optional("source")),
-        inputs: reader.section(&mut root, "inputs", MAX_SIGNALS, Reader::input),
-        parameters: reader.section(&mut root, "parameters", MAX_PARAMETERS, Reader::parameter),
-        constants: reader.section(&mut root, "constants", MAX_PARAMETERS, Reader::constant),
-        tables: reader.section(&mut root, "tables", MAX_TABLES, Reader::table),
-        quantities: reader.section(&mut root, "quantities", MAX_QUANTITIES, Reader::formula),
-        sampled: reader.section(&mut root, "sampled", MAX_SIGNALS, Reader::sampled),
-        states: reader.section(&mut root, "states", MAX_STATES, Reader::state),
-        outputs: reader.section(&mut root, "outputs", MAX_SIGNALS, Reader::formula),
+        inputs: reader.section(&mut root, "inputs", MAX_SIGNALS, SectionReader::input),
+        parameters: reader.section(
+            &mut root,
+            "parameters",
+            MAX_PARAMETERS,
+            SectionReader::parameter,
+        ),
+        constants: reader.section(
+            &mut root,
+            "constants",
+            MAX_PARAMETERS,
+            SectionReader::constant,
+        ),
+        tables: reader.section(&mut root, "tables", MAX_TABLES, SectionReader::table),
+        quantities: reader.section(
+            &mut root,
+            "quantities",
+            MAX_QUANTITIES,
+            SectionReader::formula,
+        ),
+        sampled: reader.section(&mut root, "sampled", MAX_SIGNALS, SectionReader::sampled),
+        states: reader.section(&mut root, "states", MAX_STATES, SectionReader::state),
+        outputs: reader.section(&mut root, "outputs", MAX_SIGNALS, SectionReader::formula),
         options: root
             .optional("options")
             .map(|field| reader.options(&field))
@@ -72,11 +87,11 @@ fn is_hollow(value: &serde_json::Value) -> bool {
     value.is_null() || value.as_object().is_some_and(serde_json::Map::is_empty)
 }
 
-struct Reader<'f> {
+struct SectionReader<'f> {
     faults: &'f Faults,
 }
 
-impl Reader<'_> {
+impl SectionReader<'_> {
     /// The entries of a section, each by its name.
     fn section<'v, T>(
         &self,
@@ -121,16 +136,16 @@ impl Reader<'_> {
         text.to_owned()
     }
 
-    fn unit(&self, field: Option<Field<'_>>) -> (Unit, String) {
+    fn unit(&self, field: Option<Field<'_>>) -> (ValueUnit, String) {
         let Some(field) = field else {
-            return (Unit::Any, String::new());
+            return (ValueUnit::Any, String::new());
         };
         let Some(text) = field.text() else {
-            return (Unit::Any, String::new());
+            return (ValueUnit::Any, String::new());
         };
-        let unit = Unit::parse(text).unwrap_or_else(|why| {
+        let unit = ValueUnit::parse(text).unwrap_or_else(|why| {
             field.fault("unknown_unit", why);
-            Unit::Any
+            ValueUnit::Any
         });
         (unit, text.to_owned())
     }
@@ -209,7 +224,7 @@ impl Reader<'_> {
             let declared = Declared {
                 name: name.to_owned(),
                 symbol: None,
-                unit: Unit::Any,
+                unit: ValueUnit::Any,
                 unit_text: String::new(),
                 meaning: String::new(),
                 pointer: field.pointer.clone(),
@@ -243,13 +258,13 @@ impl Reader<'_> {
         }
         Some(NamedTable {
             name: name.to_owned(),
-            table: Table { x, y },
+            table: LookupTable { x, y },
             units,
             pointer: field.pointer.clone(),
         })
     }
 
-    fn expression(&self, field: &Field<'_>) -> Option<Text> {
+    fn expression(&self, field: &Field<'_>) -> Option<Written> {
         let text = match field.value.as_f64() {
             Some(number) => number.to_string(),
             None => field.text()?.to_owned(),
@@ -259,7 +274,7 @@ impl Reader<'_> {
             let fault = Fault::new(&field.pointer, "expression_not_understood", &error.detail);
             self.faults.push(fault.within(error.span.place(&text)));
         }
-        Some(Text {
+        Some(Written {
             pointer: field.pointer.clone(),
             text,
             tree: tree.ok(),
@@ -273,7 +288,7 @@ impl Reader<'_> {
                 declared: Declared {
                     name: name.to_owned(),
                     symbol: None,
-                    unit: Unit::Any,
+                    unit: ValueUnit::Any,
                     unit_text: String::new(),
                     meaning: String::new(),
                     pointer: field.pointer.clone(),
@@ -315,7 +330,7 @@ impl Reader<'_> {
         })
     }
 
-    fn state(&self, name: &str, field: &Field<'_>) -> Option<State> {
+    fn state(&self, name: &str, field: &Field<'_>) -> Option<StateDefinition> {
         let mut object = field.object()?;
         let declared = self.declared(name, &field.pointer, &mut object);
         let derivative = object.required("derivative");
@@ -324,7 +339,7 @@ impl Reader<'_> {
         let initial = initial.and_then(|field| self.initial(name, &field));
         let scale = object.optional("scale").and_then(|field| field.positive());
         object.finish();
-        Some(State {
+        Some(StateDefinition {
             declared,
             derivative: derivative?,
             initial: initial?,
@@ -383,9 +398,9 @@ impl Reader<'_> {
         })
     }
 
-    fn options(&self, field: &Field<'_>) -> Options {
+    fn options(&self, field: &Field<'_>) -> ModelOptions {
         let Some(mut object) = field.object() else {
-            return Options::default();
+            return ModelOptions::default();
         };
         let hold = object.optional("input_hold");
         let hold = hold.and_then(|field| field.choice(&[("zero", false), ("first", true)]));
@@ -393,7 +408,7 @@ impl Reader<'_> {
             let field = object.optional(name)?;
             self.expression(&field)
         };
-        let options = Options {
+        let options = ModelOptions {
             first_order_hold: hold.unwrap_or(false),
             delay: expression("delay"),
             fastest_rate: expression("fastest_rate"),
@@ -406,7 +421,7 @@ impl Reader<'_> {
         options
     }
 
-    fn kinks(&self, field: &Field<'_>) -> Option<Vec<Text>> {
+    fn kinks(&self, field: &Field<'_>) -> Option<Vec<Written>> {
         let items = field.array()?;
         if items.len() > MAX_KINKS {
             let detail = format!("{} kinks are more than {MAX_KINKS}", items.len());

@@ -19,7 +19,7 @@ pub struct Referenced {
     pub digest: String,
     /// The model, whose name is `name@digest`.
     pub model: Arc<Model>,
-    /// What its author should know.
+    /// Warnings for the author.
     pub warnings: Vec<Fault>,
 }
 

@@ -1,7 +1,9 @@
 //! Documents that run, and documents that are told why they do not.
 
 use super::*;
-use crate::{Accuracy, Candidate, Candidates, Excitation, Failure, single};
+use crate::{
+    Accuracy, CandidateBlock, DrivingInputs, SimulatedCandidate, SimulationFailure, single,
+};
 use proptest::prelude::*;
 use serde_json::json;
 use std::sync::atomic::AtomicBool;
@@ -32,8 +34,8 @@ fn simulate(
     model: &Model,
     parameters: &[f64],
     inputs: &[Vec<f64>],
-) -> Result<Vec<Vec<f64>>, Failure> {
-    let excitation = Excitation {
+) -> Result<Vec<Vec<f64>>, SimulationFailure> {
+    let excitation = DrivingInputs {
         sample_time: 0.1,
         instants: None,
         samples: inputs[0].len(),
@@ -42,7 +44,7 @@ fn simulate(
         accuracy: Accuracy::Full,
     };
     let states = vec![None; model.description().states.len()];
-    let candidate = Candidate {
+    let candidate = SimulatedCandidate {
         parameters,
         initial_state: &states,
     };
@@ -163,9 +165,9 @@ fn stiff_friction_is_integrated_and_an_explosion_is_an_honest_failure() {
     let outputs = simulate(&model(&stiff), &[1.0; 4], &[vec![1.0; 20]]).unwrap();
     assert!((outputs[0][19] - 1.0).abs() < 1e-7);
     for (derivative, failure) in [
-        ("1 + x^2 + 100*x^4", Failure::Diverged),
-        ("sqrt(-1 - x)", Failure::Diverged),
-        ("1/x", Failure::Diverged),
+        ("1 + x^2 + 100*x^4", SimulationFailure::Diverged),
+        ("sqrt(-1 - x)", SimulationFailure::Diverged),
+        ("1/x", SimulationFailure::Diverged),
     ] {
         let document = with(lag(derivative), "/states/x/unit", json!("unitless"));
         assert_eq!(
@@ -177,7 +179,7 @@ fn stiff_friction_is_integrated_and_an_explosion_is_an_honest_failure() {
     let limited = with(lag("u"), "/options", json!({"valid_while": "x < 1"}));
     let limited = with(limited, "/states/x/unit", json!("unitless"));
     let outcome = simulate(&model(&limited), &[1.0; 4], &[vec![1.0; 50]]);
-    assert_eq!(outcome, Err(Failure::OutOfRange));
+    assert_eq!(outcome, Err(SimulationFailure::OutOfRange));
 }
 
 #[test]
@@ -186,7 +188,7 @@ fn lanes_that_repeat_the_first_do_not_count() {
     let steep = with(lag("x*u*u"), "/states/x/unit", json!("unitless"));
     let steep = model(&with(steep, "/states/x/initial", json!("1e-300")));
     let inputs = [vec![0.0, 1.0, -1e3]];
-    let excitation = Excitation {
+    let excitation = DrivingInputs {
         sample_time: 1e-3,
         instants: None,
         samples: 3,
@@ -195,13 +197,13 @@ fn lanes_that_repeat_the_first_do_not_count() {
         accuracy: Accuracy::Screening,
     };
     let parameters = steep.description().defaults();
-    let candidate = Candidate {
+    let candidate = SimulatedCandidate {
         parameters: &parameters,
         initial_state: &[None],
     };
-    let run = |candidates: &[Candidate<'_>]| {
+    let run = |candidates: &[SimulatedCandidate<'_>]| {
         let mut rows = vec![greybox_numerics::lanes::Lanes([0.0; 8]); 3];
-        let candidates = Candidates {
+        let candidates = CandidateBlock {
             members: candidates,
             in_step: false,
         };
@@ -345,13 +347,13 @@ proptest! {
         let own = [gain, time, 1.0, 1.0];
         let others: Vec<[f64; 4]> = (0..7).map(|k| [-10.0 * f64::from(k), 1e-3, 1.0, 1.0]).collect();
         let inputs = [(0..40).map(|k| if k % 9 < 4 { 1.0 } else { -1.0 }).collect::<Vec<f64>>()];
-        let excitation = Excitation {
+        let excitation = DrivingInputs {
             sample_time: 0.1, instants: None, samples: 40, input_set: 0, inputs: &inputs, accuracy: Accuracy::Screening,
         };
-        let candidate = |parameters| Candidate { parameters, initial_state: &[None] };
-        let run = |candidates: &[Candidate<'_>]| {
+        let candidate = |parameters| SimulatedCandidate { parameters, initial_state: &[None] };
+        let run = |candidates: &[SimulatedCandidate<'_>]| {
             let mut rows = vec![greybox_numerics::lanes::Lanes([0.0; 8]); 40];
-            let candidates = Candidates { members: candidates, in_step: false };
+            let candidates = CandidateBlock { members: candidates, in_step: false };
             let mut block = model.plant().simulator(excitation, candidates);
             assert!(block.advance(40, &mut rows, &AtomicBool::new(false)).is_some());
             rows.iter().map(|row| row.0[0].to_bits()).collect::<Vec<_>>()

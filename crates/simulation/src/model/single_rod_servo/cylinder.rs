@@ -14,6 +14,15 @@ const ATMOSPHERE: f64 = 101_325.0;
 /// Below this pressure the softening by air no longer grows [Pa].
 const LOWEST_AIR_PRESSURE: f64 = 2e4;
 
+/// A quantity of each chamber.
+#[derive(Clone, Copy, Debug)]
+pub struct PerChamber<R> {
+    /// The quantity of chamber 1.
+    pub chamber_1: R,
+    /// The quantity of chamber 2.
+    pub chamber_2: R,
+}
+
 /// What follows from the cylinder's parameters.
 #[derive(Clone, Copy, Debug)]
 pub struct Cylinder<R> {
@@ -51,34 +60,38 @@ impl<R: Real> Cylinder<R> {
 
     /// V1 and V2 at a position [m³].
     #[inline(always)]
-    pub fn volumes(&self, position: R) -> (R, R) {
-        (
-            self.dead_volume_1 + self.piston_area * position,
-            self.dead_volume_2 + self.annulus_area * (self.stroke - position),
-        )
+    pub fn volumes(&self, position: R) -> PerChamber<R> {
+        PerChamber {
+            chamber_1: self.dead_volume_1 + self.piston_area * position,
+            chamber_2: self.dead_volume_2 + self.annulus_area * (self.stroke - position),
+        }
     }
 
     /// p1' and p2' [Pa/s] from the flows into chamber 1 and out of chamber 2 [m³/s].
     #[inline(always)]
     pub fn pressure_rates<const EFFECTS: bool>(
         &self,
-        flows: (R, R),
-        pressures: (R, R),
-        motion: (R, R),
-    ) -> (R, R) {
-        let (position, velocity) = motion;
-        let (volume_1, volume_2) = self.volumes(position);
-        let mut net_1 = flows.0 - self.piston_area * velocity;
-        let mut net_2 = self.annulus_area * velocity - flows.1;
+        flows: PerChamber<R>,
+        pressures: PerChamber<R>,
+        position: R,
+        velocity: R,
+    ) -> PerChamber<R> {
+        let PerChamber {
+            chamber_1: p1,
+            chamber_2: p2,
+        } = pressures;
+        let volumes = self.volumes(position);
+        let mut net_1 = flows.chamber_1 - self.piston_area * velocity;
+        let mut net_2 = self.annulus_area * velocity - flows.chamber_2;
         if EFFECTS && self.has_leakage {
-            let across = self.internal_leakage * (pressures.0 - pressures.1);
-            net_1 = net_1 - across - self.external_leakage * (pressures.0 - self.return_pressure);
-            net_2 = net_2 + across - self.external_leakage * (pressures.1 - self.return_pressure);
+            let across = self.internal_leakage * (p1 - p2);
+            net_1 = net_1 - across - self.external_leakage * (p1 - self.return_pressure);
+            net_2 = net_2 + across - self.external_leakage * (p2 - self.return_pressure);
         }
-        (
-            self.bulk_modulus_at::<EFFECTS>(pressures.0) / volume_1 * net_1,
-            self.bulk_modulus_at::<EFFECTS>(pressures.1) / volume_2 * net_2,
-        )
+        PerChamber {
+            chamber_1: self.bulk_modulus_at::<EFFECTS>(p1) / volumes.chamber_1 * net_1,
+            chamber_2: self.bulk_modulus_at::<EFFECTS>(p2) / volumes.chamber_2 * net_2,
+        }
     }
 
     #[inline(always)]
@@ -95,9 +108,9 @@ impl<R: Real> Cylinder<R> {
     /// `Km·(A1²/V1 + A2²/V2)/M`.
     #[inline(always)]
     pub fn hydraulic_mode_squared(&self, position: R, mass: R) -> R {
-        let (volume_1, volume_2) = self.volumes(position);
-        let spring = self.piston_area * self.piston_area / volume_1
-            + self.annulus_area * self.annulus_area / volume_2;
+        let volumes = self.volumes(position);
+        let spring = self.piston_area * self.piston_area / volumes.chamber_1
+            + self.annulus_area * self.annulus_area / volumes.chamber_2;
         (self.bulk_modulus * spring / mass).abs()
     }
 }

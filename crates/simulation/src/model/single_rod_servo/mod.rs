@@ -28,13 +28,13 @@ mod servovalve;
 use super::Model;
 use crate::equations::Sample;
 use crate::native::Dynamics;
-use cylinder::Cylinder;
+use cylinder::{Cylinder, PerChamber};
 use friction::Friction;
 use greybox_numerics::lanes::Real;
 use load::Load;
 use orifice::signed_root;
 use plant::Servo;
-use servovalve::{Spool, Valve};
+use servovalve::{SpoolState, Valve};
 
 /// The model with its description.
 #[must_use]
@@ -57,7 +57,7 @@ struct SingleRodServo<const EFFECTS: bool>;
 
 /// What follows from a candidate's parameters.
 #[derive(Clone, Copy, Debug)]
-struct Constants<R> {
+struct ServoConstants<R> {
     mass: R,
     flow_gain: R,
     supply_pressure: R,
@@ -76,10 +76,10 @@ struct Constants<R> {
 /// Opening of the valve and the pressure drops over its two ports.
 struct Ports<R> {
     opening: R,
-    drops: (R, R),
+    drops: PerChamber<R>,
 }
 
-impl<R: Real> Constants<R> {
+impl<R: Real> ServoConstants<R> {
     /// Whether a switchable effect is there, or another lag of the valve than that of second order.
     fn has_effects(&self) -> bool {
         self.has_droop
@@ -93,38 +93,44 @@ impl<R: Real> Constants<R> {
 
     /// The pressure drops that drive Q1 and Q2, by the sign of the opening.
     #[inline(always)]
-    fn ports<const EFFECTS: bool>(&self, opening: R, pressures: (R, R)) -> Ports<R> {
+    fn ports<const EFFECTS: bool>(&self, opening: R, pressures: PerChamber<R>) -> Ports<R> {
         let zero = R::splat(0.0);
-        let (p1, p2) = pressures;
+        let PerChamber {
+            chamber_1: p1,
+            chamber_2: p2,
+        } = pressures;
         let supply = self.supply::<EFFECTS>(opening, pressures);
         let drop_1 = opening.select_ge(zero, supply - p1, p1 - self.return_pressure);
         let drop_2 = opening.select_ge(zero, p2 - self.return_pressure, supply - p2);
         Ports {
             opening,
-            drops: (drop_1, drop_2),
+            drops: PerChamber {
+                chamber_1: drop_1,
+                chamber_2: drop_2,
+            },
         }
     }
 
     /// The supply pressure, which sags by the droop times the flow that the valve would take at
     /// full pressure (a first approximation of the sag; exact for small droop).
     #[inline(always)]
-    fn supply<const EFFECTS: bool>(&self, opening: R, (p1, p2): (R, R)) -> R {
+    fn supply<const EFFECTS: bool>(&self, opening: R, pressures: PerChamber<R>) -> R {
         if !(EFFECTS && self.has_droop) {
             return self.supply_pressure;
         }
-        let chamber = opening.select_ge(R::splat(0.0), p1, p2);
+        let chamber = opening.select_ge(R::splat(0.0), pressures.chamber_1, pressures.chamber_2);
         let root = signed_root(self.supply_pressure - chamber, self.transition_squared);
         let taken = (self.flow_gain * opening.abs() * root).max(R::splat(0.0));
         self.supply_pressure - self.supply_droop * taken
     }
 
     #[inline(always)]
-    fn flows(&self, ports: &Ports<R>) -> (R, R) {
+    fn flows(&self, ports: &Ports<R>) -> PerChamber<R> {
         let gain = self.flow_gain * ports.opening;
-        (
-            gain * signed_root(ports.drops.0, self.transition_squared),
-            gain * signed_root(ports.drops.1, self.transition_squared),
-        )
+        PerChamber {
+            chamber_1: gain * signed_root(ports.drops.chamber_1, self.transition_squared),
+            chamber_2: gain * signed_root(ports.drops.chamber_2, self.transition_squared),
+        }
     }
 }
 
@@ -133,9 +139,9 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
     type State<R: Real> = [R; 6];
     /// The valve command.
     type Held<R: Real> = [R; 1];
-    type Constants<R: Real> = Constants<R>;
+    type Constants<R: Real> = ServoConstants<R>;
 
-    fn constants<R: Real>(&self, parameters: &[R]) -> Constants<R> {
+    fn constants<R: Real>(&self, parameters: &[R]) -> ServoConstants<R> {
         #[rustfmt::skip]
         let &[
             mass, damping, stiffness, bulk_modulus, flow_gain, supply_pressure, return_pressure,
@@ -149,7 +155,7 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
             unreachable!("a parameter vector has as many values as the description has parameters")
         };
         let is_there = |value: R| value.any(|value| value != 0.0);
-        Constants {
+        ServoConstants {
             mass,
             flow_gain,
             supply_pressure,
@@ -200,7 +206,7 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
         }
     }
 
-    fn initial_state<R: Real>(&self, constants: &Constants<R>) -> [R; 6] {
+    fn initial_state<R: Real>(&self, constants: &ServoConstants<R>) -> [R; 6] {
         let zero = R::splat(0.0);
         let p2 = constants.supply_pressure * R::splat(INITIAL_PRESSURE_SHARE);
         let p1 = p2 * constants.cylinder.annulus_area / constants.cylinder.piston_area;
@@ -210,7 +216,7 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
     #[inline(always)]
     fn hold<R: Real>(
         &self,
-        constants: &Constants<R>,
+        constants: &ServoConstants<R>,
         sample: &Sample<'_>,
         state: &[R; 6],
     ) -> [R; 1] {
@@ -226,26 +232,29 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
     #[inline(always)]
     fn derivative<R: Real>(
         &self,
-        constants: &Constants<R>,
+        constants: &ServoConstants<R>,
         &[command]: &[R; 1],
         &[p1, p2, x, v, spool_position, spool_velocity]: &[R; 6],
     ) -> [R; 6] {
-        let spool = Spool {
+        let spool = SpoolState {
             position: spool_position,
             velocity: spool_velocity,
         };
         let opening = constants.valve.opening::<EFFECTS>(command, &spool);
-        let flows = constants.flows(&constants.ports::<EFFECTS>(opening, (p1, p2)));
-        let (pressures, motion) = ((p1, p2), (x, v));
-        let (p1_rate, p2_rate) = constants
+        let pressures = PerChamber {
+            chamber_1: p1,
+            chamber_2: p2,
+        };
+        let flows = constants.flows(&constants.ports::<EFFECTS>(opening, pressures));
+        let pressure_rates = constants
             .cylinder
-            .pressure_rates::<EFFECTS>(flows, pressures, motion);
+            .pressure_rates::<EFFECTS>(flows, pressures, x, v);
         let force = constants.cylinder.piston_area * p1 - constants.cylinder.annulus_area * p2;
         let acceleration = constants.load.acceleration::<EFFECTS>(force, x, v);
         let spool_rates = constants.valve.rates::<EFFECTS>(command, &spool);
         [
-            p1_rate,
-            p2_rate,
+            pressure_rates.chamber_1,
+            pressure_rates.chamber_2,
             v,
             acceleration,
             spool_rates.position,
@@ -254,16 +263,16 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
     }
 
     #[inline(always)]
-    fn outputs<R: Real>(&self, _constants: &Constants<R>, state: &[R; 6], outputs: &mut [R]) {
+    fn outputs<R: Real>(&self, _constants: &ServoConstants<R>, state: &[R; 6], outputs: &mut [R]) {
         let &[p1, p2, x, v, _, _] = state;
         outputs.copy_from_slice(&[x, v, p1, p2]);
     }
 
-    fn input_delay<R: Real>(&self, constants: &Constants<R>) -> Option<R> {
+    fn input_delay<R: Real>(&self, constants: &ServoConstants<R>) -> Option<R> {
         Some(constants.input_delay)
     }
 
-    fn work_rate(&self, constants: &Constants<f64>) -> f64 {
+    fn work_rate(&self, constants: &ServoConstants<f64>) -> f64 {
         let middle = constants.load.stroke * 0.5;
         let mode = constants
             .cylinder
@@ -273,7 +282,7 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
 
     /// In proportion to what the rig can reach, with factors by which each state adds about as
     /// much to the error of the position (tried on steps like recording A's).
-    fn sizes<R: Real>(&self, constants: &Constants<R>) -> [R; 6] {
+    fn sizes<R: Real>(&self, constants: &ServoConstants<R>) -> [R; 6] {
         let pressure = R::splat(80.0) * constants.supply_pressure;
         let position = R::splat(40.0) * constants.cylinder.stroke;
         let [velocity, opening, spool_velocity] = [20.0, 600.0, 2e5].map(R::splat);
@@ -288,8 +297,8 @@ impl<const EFFECTS: bool> Dynamics for SingleRodServo<EFFECTS> {
     }
 
     #[inline(always)]
-    fn validity<R: Real>(&self, constants: &Constants<R>, state: &[R; 6]) -> R {
-        let (volume_1, volume_2) = constants.cylinder.volumes(state[2]);
-        Real::min(volume_1, volume_2)
+    fn validity<R: Real>(&self, constants: &ServoConstants<R>, state: &[R; 6]) -> R {
+        let volumes = constants.cylinder.volumes(state[2]);
+        Real::min(volumes.chamber_1, volumes.chamber_2)
     }
 }

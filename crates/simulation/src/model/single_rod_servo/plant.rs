@@ -6,7 +6,9 @@
 
 use super::SingleRodServo;
 use crate::native::{Dynamics, Native};
-use crate::{Accuracy, BlockSimulator, Candidate, Candidates, Excitation, Plant, block};
+use crate::{
+    Accuracy, BlockSimulator, CandidateBlock, DrivingInputs, Plant, SimulatedCandidate, block,
+};
 
 /// The servo.
 #[derive(Clone, Copy, Debug)]
@@ -46,10 +48,10 @@ impl Plant for Servo {
 
     fn simulator<'a>(
         &'a self,
-        excitation: Excitation<'a>,
-        candidates: Candidates<'_>,
+        excitation: DrivingInputs<'a>,
+        candidates: CandidateBlock<'_>,
     ) -> Box<dyn BlockSimulator + 'a> {
-        let has_effects = |candidate: &Candidate<'_>| {
+        let has_effects = |candidate: &SimulatedCandidate<'_>| {
             let constants = self.with_effects.dynamics.constants(candidate.parameters);
             constants.has_effects()
         };

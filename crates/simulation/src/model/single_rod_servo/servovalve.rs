@@ -27,7 +27,7 @@ pub struct Valve<R> {
 
 /// Position and velocity of the spool, or their rates of change.
 #[derive(Clone, Copy, Debug)]
-pub struct Spool<R> {
+pub struct SpoolState<R> {
     /// Position as a share of the full stroke [1].
     pub position: R,
     /// The rate of change of the position [1/s].
@@ -57,7 +57,7 @@ impl<R: Real> Valve<R> {
     /// The opening of the ports [1], positive towards extension: the spool beyond its dead band,
     /// at most fully open.
     #[inline(always)]
-    pub fn opening<const EFFECTS: bool>(&self, command: R, spool: &Spool<R>) -> R {
+    pub fn opening<const EFFECTS: bool>(&self, command: R, spool: &SpoolState<R>) -> R {
         let spool = self.acting::<EFFECTS>(command, spool);
         if !(EFFECTS && self.has_dead_band) {
             return spool.clamp(-1.0, 1.0);
@@ -67,7 +67,7 @@ impl<R: Real> Valve<R> {
     }
 
     #[inline(always)]
-    fn acting<const EFFECTS: bool>(&self, command: R, spool: &Spool<R>) -> R {
+    fn acting<const EFFECTS: bool>(&self, command: R, spool: &SpoolState<R>) -> R {
         if !EFFECTS {
             return spool.position;
         }
@@ -76,7 +76,7 @@ impl<R: Real> Valve<R> {
 
     /// The spool's rates of change.
     #[inline(always)]
-    pub fn rates<const EFFECTS: bool>(&self, command: R, spool: &Spool<R>) -> Spool<R> {
+    pub fn rates<const EFFECTS: bool>(&self, command: R, spool: &SpoolState<R>) -> SpoolState<R> {
         let error = command - spool.position;
         let velocity = self.stiffness * error - self.damping * spool.velocity;
         let position = if EFFECTS {
@@ -84,7 +84,7 @@ impl<R: Real> Valve<R> {
         } else {
             spool.velocity
         };
-        Spool { position, velocity }
+        SpoolState { position, velocity }
     }
 
     /// Whether the lag is of second order in every lane.

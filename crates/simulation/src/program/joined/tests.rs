@@ -59,11 +59,11 @@ fn run(program: &Joined) -> Vec<Lanes> {
 fn one_by_one(list: &[Instruction]) -> Vec<Lanes> {
     let mut program = Joined::default();
     for instruction in list {
-        program.runs.push(Run {
-            kind: Kind::Single(instruction.operation),
+        program.runs.push(JoinedRun {
+            kind: JoinedKind::Single(instruction.operation),
             length: 1,
         });
-        program.places.push(Places {
+        program.operands.push(Operands {
             to: instruction.to,
             on: instruction.on,
         });
@@ -104,6 +104,6 @@ fn what_belongs_together_is_one_instruction() {
     let list = list(&[]);
     let last = list.len() - 1;
     let program = Joined::new(&list, [list[last].to]);
-    let kinds: Vec<Kind> = program.runs.iter().map(|run| run.kind).collect();
-    assert_eq!(kinds, [Kind::SignedRoot, Kind::Clip]);
+    let kinds: Vec<JoinedKind> = program.runs.iter().map(|run| run.kind).collect();
+    assert_eq!(kinds, [JoinedKind::SignedRoot, JoinedKind::Clip]);
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use greybox_numerics::rng::{Purpose, stream};
-use greybox_simulation::Failure;
+use greybox_simulation::SimulationFailure;
 
 /// The lowest value of a function after so many evaluations of it, and the strategy then.
 fn lowest(
@@ -130,7 +130,7 @@ fn evaluation(cost: f64) -> Arc<Evaluation> {
     Arc::new(Evaluation {
         cost,
         block_errors: Vec::new(),
-        failure: (!cost.is_finite()).then_some(Failure::Diverged),
+        failure: (!cost.is_finite()).then_some(SimulationFailure::Diverged),
     })
 }
 

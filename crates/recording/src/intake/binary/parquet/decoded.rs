@@ -1,7 +1,7 @@
 //! The values of a column, some rows at a time.
 
 use super::super::push_number;
-use super::meaning::Meaning;
+use super::meaning::ColumnMeaning;
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use ::parquet::data_type::{
     BoolType, ByteArrayType, DataType, DoubleType, FixedLenByteArrayType, FloatType, Int32Type,
@@ -12,84 +12,92 @@ use std::io::{self, Write};
 
 /// Rows of a column that have been decoded, and where reading goes on.
 pub(super) enum Decoded {
-    Bool(Batch<BoolType>),
-    Int32(Batch<Int32Type>),
-    Int64(Batch<Int64Type>),
-    Int96(Batch<Int96Type>),
-    Float(Batch<FloatType>),
-    Double(Batch<DoubleType>),
-    Bytes(Batch<ByteArrayType>),
-    Fixed(Batch<FixedLenByteArrayType>),
+    Bool(DecodedRows<BoolType>),
+    Int32(DecodedRows<Int32Type>),
+    Int64(DecodedRows<Int64Type>),
+    Int96(DecodedRows<Int96Type>),
+    Float(DecodedRows<FloatType>),
+    Double(DecodedRows<DoubleType>),
+    Bytes(DecodedRows<ByteArrayType>),
+    Fixed(DecodedRows<FixedLenByteArrayType>),
 }
 
 impl Decoded {
     pub(super) fn new(reader: ColumnReader, most: i16) -> Self {
         match reader {
-            ColumnReader::BoolColumnReader(own) => Self::Bool(Batch::new(own, most)),
-            ColumnReader::Int32ColumnReader(own) => Self::Int32(Batch::new(own, most)),
-            ColumnReader::Int64ColumnReader(own) => Self::Int64(Batch::new(own, most)),
-            ColumnReader::Int96ColumnReader(own) => Self::Int96(Batch::new(own, most)),
-            ColumnReader::FloatColumnReader(own) => Self::Float(Batch::new(own, most)),
-            ColumnReader::DoubleColumnReader(own) => Self::Double(Batch::new(own, most)),
-            ColumnReader::ByteArrayColumnReader(own) => Self::Bytes(Batch::new(own, most)),
-            ColumnReader::FixedLenByteArrayColumnReader(own) => Self::Fixed(Batch::new(own, most)),
+            ColumnReader::BoolColumnReader(reader) => Self::Bool(DecodedRows::new(reader, most)),
+            ColumnReader::Int32ColumnReader(reader) => Self::Int32(DecodedRows::new(reader, most)),
+            ColumnReader::Int64ColumnReader(reader) => Self::Int64(DecodedRows::new(reader, most)),
+            ColumnReader::Int96ColumnReader(reader) => Self::Int96(DecodedRows::new(reader, most)),
+            ColumnReader::FloatColumnReader(reader) => Self::Float(DecodedRows::new(reader, most)),
+            ColumnReader::DoubleColumnReader(reader) => {
+                Self::Double(DecodedRows::new(reader, most))
+            }
+            ColumnReader::ByteArrayColumnReader(reader) => {
+                Self::Bytes(DecodedRows::new(reader, most))
+            }
+            ColumnReader::FixedLenByteArrayColumnReader(reader) => {
+                Self::Fixed(DecodedRows::new(reader, most))
+            }
         }
     }
 
     /// Decodes so many rows at the most; says how many.
     pub(super) fn fill(&mut self, rows: usize) -> Result<usize, ParquetError> {
         match self {
-            Self::Bool(own) => own.fill(rows),
-            Self::Int32(own) => own.fill(rows),
-            Self::Int64(own) => own.fill(rows),
-            Self::Int96(own) => own.fill(rows),
-            Self::Float(own) => own.fill(rows),
-            Self::Double(own) => own.fill(rows),
-            Self::Bytes(own) => own.fill(rows),
-            Self::Fixed(own) => own.fill(rows),
+            Self::Bool(column) => column.fill(rows),
+            Self::Int32(column) => column.fill(rows),
+            Self::Int64(column) => column.fill(rows),
+            Self::Int96(column) => column.fill(rows),
+            Self::Float(column) => column.fill(rows),
+            Self::Double(column) => column.fill(rows),
+            Self::Bytes(column) => column.fill(rows),
+            Self::Fixed(column) => column.fill(rows),
         }
     }
 
     /// Writes the next row's value, where it has one.
-    pub(super) fn write(&mut self, meaning: Meaning, text: &mut Vec<u8>) -> io::Result<()> {
+    pub(super) fn write(&mut self, meaning: ColumnMeaning, text: &mut Vec<u8>) -> io::Result<()> {
         match self {
-            Self::Bool(own) => match own.next() {
+            Self::Bool(rows) => match rows.next() {
                 Some(true) => text.extend_from_slice(b"TRUE"),
                 Some(false) => text.extend_from_slice(b"FALSE"),
                 None => {}
             },
-            Self::Int32(own) => match (own.next(), meaning) {
-                (Some(number), Meaning::Unsigned) => write!(text, "{}", number.cast_unsigned())?,
+            Self::Int32(rows) => match (rows.next(), meaning) {
+                (Some(number), ColumnMeaning::Unsigned) => {
+                    write!(text, "{}", number.cast_unsigned())?
+                }
                 (Some(number), _) => meaning.write_integer(text, i64::from(*number))?,
                 (None, _) => {}
             },
-            Self::Int64(own) => {
-                if let Some(number) = own.next() {
+            Self::Int64(rows) => {
+                if let Some(number) = rows.next() {
                     meaning.write_integer(text, *number)?;
                 }
             }
-            Self::Int96(own) => {
-                if let Some(time) = own.next() {
+            Self::Int96(rows) => {
+                if let Some(time) = rows.next() {
                     meaning.write_integer(text, time.to_nanos())?;
                 }
             }
-            Self::Float(own) => {
-                if let Some(number) = own.next() {
+            Self::Float(rows) => {
+                if let Some(number) = rows.next() {
                     push_number(text, *number);
                 }
             }
-            Self::Double(own) => {
-                if let Some(number) = own.next() {
+            Self::Double(rows) => {
+                if let Some(number) = rows.next() {
                     push_number(text, *number);
                 }
             }
-            Self::Bytes(own) => {
-                if let Some(bytes) = own.next() {
+            Self::Bytes(rows) => {
+                if let Some(bytes) = rows.next() {
                     meaning.write_bytes(text, bytes.data())?;
                 }
             }
-            Self::Fixed(own) => {
-                if let Some(bytes) = own.next() {
+            Self::Fixed(rows) => {
+                if let Some(bytes) = rows.next() {
                     meaning.write_bytes(text, bytes.data())?;
                 }
             }
@@ -99,7 +107,7 @@ impl Decoded {
 }
 
 /// Some rows of one type.
-pub(super) struct Batch<T: DataType> {
+pub(super) struct DecodedRows<T: DataType> {
     reader: ColumnReaderImpl<T>,
     /// The level of a row that has a value.
     most: i16,
@@ -109,7 +117,7 @@ pub(super) struct Batch<T: DataType> {
     value: usize,
 }
 
-impl<T: DataType> Batch<T> {
+impl<T: DataType> DecodedRows<T> {
     fn new(reader: ColumnReaderImpl<T>, most: i16) -> Self {
         Self {
             reader,

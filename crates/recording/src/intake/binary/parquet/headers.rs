@@ -35,7 +35,7 @@ pub(super) fn footer_is_sound(bytes: &[u8]) -> bool {
         let length = usize::try_from(u32::from_le_bytes(*length)).ok()?;
         let begin = rest.len().checked_sub(length)?;
         (end == END).then_some(())?;
-        Header(&rest[begin..]).step_over(MOST_DEPTH)
+        HeaderBytes(&rest[begin..]).step_over(MOST_DEPTH)
     };
     footer().is_some()
 }
@@ -71,7 +71,7 @@ fn walk_pages(bytes: &[u8], column: &ColumnChunkMetaData) -> Option<Pages> {
         .unwrap_or(column.data_page_offset());
     let begin = usize::try_from(begin).ok()?;
     let length = usize::try_from(column.compressed_size()).ok()?;
-    let mut header = Header(bytes.get(begin..begin.checked_add(length)?)?);
+    let mut header = HeaderBytes(bytes.get(begin..begin.checked_add(length)?)?);
     let mut pages = Pages::default();
     while !header.0.is_empty() {
         let page = header.page()?;
@@ -88,18 +88,18 @@ fn walk_pages(bytes: &[u8], column: &ColumnChunkMetaData) -> Option<Pages> {
 
 /// The header of a page.
 #[derive(Default)]
-struct Page {
+struct PageHeader {
     packed: u64,
     unpacked: u64,
     encoding: i64,
 }
 
 /// What is left of a header.
-struct Header<'b>(&'b [u8]);
+struct HeaderBytes<'b>(&'b [u8]);
 
-impl Header<'_> {
-    fn page(&mut self) -> Option<Page> {
-        let mut page = Page::default();
+impl HeaderBytes<'_> {
+    fn page(&mut self) -> Option<PageHeader> {
+        let mut page = PageHeader::default();
         self.structure(&mut |header, id, kind| match (id, kind) {
             (UNCOMPRESSED_PAGE_SIZE, 4..=6) => {
                 page.unpacked = u64::try_from(header.number()?).ok()?;
@@ -117,7 +117,7 @@ impl Header<'_> {
     }
 
     /// Steps over what is said of a page of data, and notes how its values are encoded.
-    fn encoding(&mut self, field: i64, page: &mut Page) -> Option<()> {
+    fn encoding(&mut self, field: i64, page: &mut PageHeader) -> Option<()> {
         self.structure(&mut |header, id, kind| match (id, kind) {
             (id, 4..=6) if id == field => {
                 page.encoding = header.number()?;

@@ -9,47 +9,47 @@ use std::io::{self, Write};
 
 /// What the values of a column are.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Meaning {
+pub(super) enum ColumnMeaning {
     Number,
     Unsigned,
     /// Divided by a power of ten.
     Decimal(i32),
     Words,
-    /// So many nanoseconds each, since 1970: in UTC, or in a local time that nobody names.
+    /// A count of units of `nanoseconds` since 1970: in UTC, or in a local time that nobody names.
     Instant {
         nanoseconds: i64,
         is_utc: bool,
     },
     /// Days since 1970.
     Date,
-    /// So many nanoseconds each, since midnight.
+    /// A count of units of `nanoseconds` since midnight.
     TimeOfDay {
         nanoseconds: i64,
     },
 }
 
-impl Meaning {
+impl ColumnMeaning {
     /// What a column's values are; none where they are nothing that a recording has.
     pub(super) fn of(column: &ColumnDescriptor) -> Option<Self> {
         // A list in a row has no one value.
         if column.max_rep_level() > 0 {
             return None;
         }
-        let is_said = column.logical_type_ref().is_some();
-        let said = match column.logical_type_ref() {
+        let is_annotated = column.logical_type_ref().is_some();
+        let annotated = match column.logical_type_ref() {
             Some(logical) => Self::of_logical(logical),
             None => Self::of_converted(column),
         };
-        match (column.physical_type(), said) {
+        match (column.physical_type(), annotated) {
             (Type::INT32 | Type::INT64, Some(Self::Words)) => None,
-            (Type::INT32 | Type::INT64, Some(said)) => Some(said),
-            (Type::INT32 | Type::INT64, None) if is_said => None,
+            (Type::INT32 | Type::INT64, Some(annotated)) => Some(annotated),
+            (Type::INT32 | Type::INT64, None) if is_annotated => None,
             (Type::BYTE_ARRAY, Some(Self::Words)) => Some(Self::Words),
-            (Type::BYTE_ARRAY | Type::FIXED_LEN_BYTE_ARRAY, Some(said @ Self::Decimal(_))) => {
-                Some(said)
+            (Type::BYTE_ARRAY | Type::FIXED_LEN_BYTE_ARRAY, Some(annotated @ Self::Decimal(_))) => {
+                Some(annotated)
             }
             // What wrote words before types were named left nothing but their bytes.
-            (Type::BYTE_ARRAY, None) if !is_said => Some(Self::Words),
+            (Type::BYTE_ARRAY, None) if !is_annotated => Some(Self::Words),
             // Nobody says in which zone these count.
             (Type::INT96, _) => Some(Self::Instant {
                 nanoseconds: 1,
@@ -69,17 +69,17 @@ impl Meaning {
             TimeUnit::NANOS => 1,
         };
         match logical {
-            LogicalType::Timestamp(own) => Some(Self::Instant {
-                nanoseconds: unit(&own.unit),
-                is_utc: own.is_adjusted_to_u_t_c,
+            LogicalType::Timestamp(timestamp) => Some(Self::Instant {
+                nanoseconds: unit(&timestamp.unit),
+                is_utc: timestamp.is_adjusted_to_u_t_c,
             }),
-            LogicalType::Time(own) => Some(Self::TimeOfDay {
-                nanoseconds: unit(&own.unit),
+            LogicalType::Time(time) => Some(Self::TimeOfDay {
+                nanoseconds: unit(&time.unit),
             }),
             LogicalType::Date => Some(Self::Date),
-            LogicalType::Integer(own) if !own.is_signed => Some(Self::Unsigned),
+            LogicalType::Integer(integer) if !integer.is_signed => Some(Self::Unsigned),
             LogicalType::Integer(_) => Some(Self::Number),
-            LogicalType::Decimal(own) => Some(Self::Decimal(own.scale)),
+            LogicalType::Decimal(decimal) => Some(Self::Decimal(decimal.scale)),
             LogicalType::String | LogicalType::Enum => Some(Self::Words),
             _ => None,
         }

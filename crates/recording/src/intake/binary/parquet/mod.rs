@@ -6,15 +6,15 @@ mod meaning;
 
 use super::super::error::{broken, malformed};
 use super::super::memory::Memory;
-use super::{Rows, TEXT_AT_ONCE, Text, push_field, receive_rows};
+use super::{ConvertedRows, RowText, TEXT_AT_ONCE, WriteRows, push_field, receive_rows};
 use crate::intake::options::Options;
-use crate::intake::{Fault, Format, ReadError};
-use crate::{MAX_SIGNALS, NewScratch, Received, Warning};
+use crate::intake::{Format, ReadError, ReadingFault};
+use crate::{MAX_SIGNALS, NewScratch, ReceivedRecording, Warning};
 use ::parquet::errors::ParquetError;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use bytes::Bytes;
 use decoded::Decoded;
-use meaning::Meaning;
+use meaning::ColumnMeaning;
 use std::{fmt, io};
 
 /// The rows that are decoded at once, where no value may be long though its bytes are few.
@@ -28,10 +28,10 @@ pub(super) fn receive(
     options: &Options,
     scratch: Option<NewScratch>,
     memory: &Memory,
-) -> Result<Received, ReadError> {
+) -> Result<ReceivedRecording, ReadError> {
     let not_read = |why: &dyn fmt::Display| {
         let detail = format!("this is no Parquet file that can be read: {why}");
-        malformed(Fault::anywhere("not_parquet", detail))
+        malformed(ReadingFault::anywhere("not_parquet", detail))
     };
     if !headers::footer_is_sound(&bytes) {
         return Err(not_read(&"its footer does not read"));
@@ -44,7 +44,10 @@ pub(super) fn receive(
     let (columns, left_out) = columns(&file, options);
     if columns.len() > MAX_SIGNALS + 1 {
         let detail = format!("more than {MAX_SIGNALS} signals");
-        return Err(malformed(Fault::anywhere("too_many_signals", detail)));
+        return Err(malformed(ReadingFault::anywhere(
+            "too_many_signals",
+            detail,
+        )));
     }
     let note = (!left_out.is_empty()).then(|| {
         let detail = format!(
@@ -53,7 +56,7 @@ pub(super) fn receive(
         );
         Warning::of_recording("columns_left_out", detail)
     });
-    let table = Table {
+    let table = ParquetTable {
         rows_at_once: if pages.have_prefixes { 1 } else { ROWS_AT_ONCE },
         file,
         columns,
@@ -61,28 +64,34 @@ pub(super) fn receive(
         left: 0,
         row: None,
     };
-    let rows = (Text::new(table), note.into_iter().collect());
+    let rows = ConvertedRows {
+        text: RowText::new(table),
+        notes: note.into_iter().collect(),
+    };
     receive_rows(Format::Parquet, rows, options, scratch, memory)
 }
 
 /// A column that is read.
-struct Column {
+struct ParquetColumn {
     place: usize,
     name: String,
-    meaning: Meaning,
+    meaning: ColumnMeaning,
     decoded: Option<Decoded>,
 }
 
 /// The columns in the order in which they are written, the time first where there is no doubt which it
 /// is; and the names of those that cannot be read.
-fn columns(file: &SerializedFileReader<Bytes>, options: &Options) -> (Vec<Column>, Vec<String>) {
+fn columns(
+    file: &SerializedFileReader<Bytes>,
+    options: &Options,
+) -> (Vec<ParquetColumn>, Vec<String>) {
     let schema = file.metadata().file_metadata().schema_descr();
     let mut columns = Vec::new();
     let mut left_out = Vec::new();
     for (place, column) in schema.columns().iter().enumerate() {
         let name = column.path().string();
-        match Meaning::of(column) {
-            Some(meaning) => columns.push(Column {
+        match ColumnMeaning::of(column) {
+            Some(meaning) => columns.push(ParquetColumn {
                 place,
                 name,
                 meaning,
@@ -91,13 +100,14 @@ fn columns(file: &SerializedFileReader<Bytes>, options: &Options) -> (Vec<Column
             None => left_out.push(format!("`{name}`")),
         }
     }
-    let is_instant = |own: &Column| matches!(own.meaning, Meaning::Instant { .. });
-    let is_only = columns.iter().filter(|own| is_instant(own)).count() == 1;
+    let is_instant =
+        |column: &ParquetColumn| matches!(column.meaning, ColumnMeaning::Instant { .. });
+    let is_only = columns.iter().filter(|column| is_instant(column)).count() == 1;
     let time = columns
         .iter()
-        .position(|own| match is_only && options.time.is_none() {
-            true => is_instant(own),
-            false => own.name == UNNAMED_INDEX,
+        .position(|column| match is_only && options.time.is_none() {
+            true => is_instant(column),
+            false => column.name == UNNAMED_INDEX,
         });
     if let Some(time) = time {
         let mut first = columns.remove(time);
@@ -110,11 +120,11 @@ fn columns(file: &SerializedFileReader<Bytes>, options: &Options) -> (Vec<Column
 }
 
 /// All rows of a file.
-struct Table {
+struct ParquetTable {
     /// The rows that are decoded at once.
     rows_at_once: usize,
     file: SerializedFileReader<Bytes>,
-    columns: Vec<Column>,
+    columns: Vec<ParquetColumn>,
     /// The row groups that have been begun.
     group: usize,
     /// The rows that are decoded and not written.
@@ -123,11 +133,11 @@ struct Table {
     row: Option<u64>,
 }
 
-impl Table {
+impl ParquetTable {
     fn fault(&self, error: &ParquetError) -> io::Error {
         let line = self.row.unwrap_or_default() + 2;
         let detail = format!("the file is broken after row {}: {error}", line - 1);
-        broken(Fault::at_line("not_parquet", line, None, detail))
+        broken(ReadingFault::at_line("not_parquet", line, None, detail))
     }
 
     fn begin_group(&mut self) -> Result<(), ParquetError> {
@@ -149,11 +159,11 @@ impl Table {
     fn fill(&mut self) -> Result<usize, ParquetError> {
         let mut rows = None;
         for column in &mut self.columns {
-            let own = match &mut column.decoded {
+            let column_rows = match &mut column.decoded {
                 Some(decoded) => decoded.fill(self.rows_at_once)?,
                 None => 0,
             };
-            if *rows.get_or_insert(own) != own {
+            if *rows.get_or_insert(column_rows) != column_rows {
                 let detail = format!("`{}` has fewer rows than others", column.name);
                 return Err(ParquetError::General(detail));
             }
@@ -162,7 +172,7 @@ impl Table {
     }
 }
 
-impl Table {
+impl ParquetTable {
     /// Adds the next of the rows that are decoded.
     fn write_row(&mut self, text: &mut Vec<u8>) -> io::Result<()> {
         for (place, column) in self.columns.iter_mut().enumerate() {
@@ -178,7 +188,7 @@ impl Table {
     }
 }
 
-impl Rows for Table {
+impl WriteRows for ParquetTable {
     fn write(&mut self, text: &mut Vec<u8>) -> io::Result<bool> {
         if self.row.is_none() {
             for column in &self.columns {

@@ -1,22 +1,22 @@
 //! Operators, calls and tables: what stands between names, with the units that fit.
 
 use super::super::expansion;
-use super::{Compiler, Place, Symbol, Value};
+use super::{Compiler, Operand, Site, Symbol};
 use crate::language::function;
 use crate::language::graph::Leaf;
 use crate::language::operation::Operation;
-use crate::language::syntax::{Expression, Operator, Span};
-use crate::language::unit::Unit;
+use crate::language::syntax::{Expression, Operator, TextSpan};
+use crate::language::unit::ValueUnit;
 use greybox_numerics::parsing::reader::did_you_mean;
 
 impl Compiler<'_> {
     /// A sampled quantity in its own expression is its value at the sample before.
     pub(super) fn previous(
         &mut self,
-        place: Place<'_>,
-        span: Span,
+        place: Site<'_>,
+        span: TextSpan,
         symbol: Symbol,
-    ) -> Option<Value> {
+    ) -> Option<Operand> {
         let Symbol::Sampled(index) = symbol else {
             return None;
         };
@@ -36,11 +36,11 @@ impl Compiler<'_> {
 
     pub(super) fn binary(
         &mut self,
-        place: Place<'_>,
-        span: Span,
+        place: Site<'_>,
+        span: TextSpan,
         operator: Operator,
         sides: &[Expression; 2],
-    ) -> Option<Value> {
+    ) -> Option<Operand> {
         let [left, right] = sides;
         let values = (self.value(place, left), self.value(place, right));
         let (a, b) = (values.0?, values.1?);
@@ -90,10 +90,10 @@ impl Compiler<'_> {
     /// The common unit of two values; a fault with both spelled out where there is none.
     pub fn joined(
         &self,
-        place: Place<'_>,
-        [(left, a), (right, b)]: [(&Expression, Value); 2],
+        place: Site<'_>,
+        [(left, a), (right, b)]: [(&Expression, Operand); 2],
         by: &str,
-    ) -> Option<Unit> {
+    ) -> Option<ValueUnit> {
         let unit = a.unit.joined(b.unit);
         if unit.is_none() {
             let detail = format!(
@@ -110,12 +110,12 @@ impl Compiler<'_> {
 
     pub(super) fn call(
         &mut self,
-        place: Place<'_>,
-        span: Span,
+        place: Site<'_>,
+        span: TextSpan,
         name: &str,
         arguments: &[Expression],
-    ) -> Option<Value> {
-        let values: Vec<Option<Value>> = arguments
+    ) -> Option<Operand> {
+        let values: Vec<Option<Operand>> = arguments
             .iter()
             .map(|argument| self.value(place, argument))
             .collect();
@@ -151,8 +151,8 @@ impl Compiler<'_> {
             self.fault(place, span, "wrong_number_of_arguments", detail);
             return None;
         }
-        let values: Vec<Value> = values.into_iter().collect::<Option<_>>()?;
-        let arguments: Vec<(&Expression, Value)> = arguments.iter().zip(values).collect();
+        let values: Vec<Operand> = values.into_iter().collect::<Option<_>>()?;
+        let arguments: Vec<(&Expression, Operand)> = arguments.iter().zip(values).collect();
         match (table, function) {
             (Some(index), _) => self.look_up(place, span, index, &arguments),
             (_, Some((function, _))) => expansion::call(self, place, span, function, &arguments),
@@ -162,11 +162,11 @@ impl Compiler<'_> {
 
     fn look_up(
         &mut self,
-        place: Place<'_>,
-        span: Span,
+        place: Site<'_>,
+        span: TextSpan,
         index: usize,
-        arguments: &[(&Expression, Value)],
-    ) -> Option<Value> {
+        arguments: &[(&Expression, Operand)],
+    ) -> Option<Operand> {
         let (tree, value) = arguments[0];
         let value = self.expect_number(place, tree, value)?;
         let table = &self.definition.tables[index];
