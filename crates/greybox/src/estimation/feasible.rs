@@ -92,16 +92,17 @@ pub fn holds(problem: &Problem, positions: &[f64]) -> bool {
 
 /// Which constraints are asked in which experiments.
 fn places(problem: &Problem) -> impl Iterator<Item = (usize, usize)> {
-    let own = |parameter: &usize| {
+    let is_of_experiments = |parameter: &usize| {
         let coordinates = problem.coordinates.iter();
         let mut targets = coordinates.map(|coordinate| coordinate.target);
-        let is_own = |target: Target| matches!(target, Target::ExperimentParameter { parameter: own, .. } if own == *parameter);
-        let mut said = problem.experiments.iter().flat_map(|own| &own.parameters);
-        targets.any(is_own) || said.any(|(own, _)| own == parameter)
+        let is_estimated = |target: Target| matches!(target, Target::ExperimentParameter { parameter: estimated, .. } if estimated == *parameter);
+        let experiments = problem.experiments.iter();
+        let mut given = experiments.flat_map(|experiment| &experiment.parameters);
+        targets.any(is_estimated) || given.any(|(index, _)| index == parameter)
     };
     let constraints = problem.constraints.iter().enumerate();
     constraints.flat_map(move |(constraint, condition)| {
-        let experiments = match condition.parameters().iter().any(own) {
+        let experiments = match condition.parameters().iter().any(is_of_experiments) {
             true => problem.experiments.len(),
             false => 1,
         };

@@ -82,7 +82,7 @@ struct EstimationState {
     #[serde(default)]
     searches: Vec<FinishedSearch>,
     descents: Vec<Descent>,
-    /// Of how many searches the best have gone over segments.
+    /// The searches whose best candidates have gone over segments.
     #[serde(default)]
     shot_searches: usize,
     /// Whether parameters that could change their places have.
@@ -107,9 +107,9 @@ struct FinishedSearch {
 
 /// A checkpoint that does not belong to the problem and the settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the checkpoint has {found} unknowns where the problem has {expected}")]
+#[error("the checkpoint has {unknowns} unknowns where the problem has {expected}")]
 pub struct CheckpointError {
-    found: usize,
+    unknowns: usize,
     expected: usize,
 }
 
@@ -164,13 +164,13 @@ impl Estimation {
         checkpoint: Checkpoint,
     ) -> Result<Estimation, CheckpointError> {
         let expected = problem.coordinates.len();
-        let found = checkpoint
+        let unknowns = checkpoint
             .search
             .population
             .first()
             .map_or(0, |first| first.0.len());
-        if found != expected {
-            return Err(CheckpointError { found, expected });
+        if unknowns != expected {
+            return Err(CheckpointError { unknowns, expected });
         }
         Ok(Estimation::at(problem, settings, seed, checkpoint))
     }
@@ -354,7 +354,7 @@ impl Estimation {
     /// The positions of a candidate of the search. What a segmented search cannot judge, the
     /// initial states, stands in the middle of its range: at what was measured.
     fn positions(&self, problem: &Problem, chromosome: &crate::genetic::Chromosome) -> Vec<f64> {
-        let found = self
+        let decoded = self
             .search
             .positions(problem, chromosome)
             .into_iter()
@@ -363,7 +363,7 @@ impl Estimation {
             let is_state = matches!(coordinate.target, problem::Target::InitialState { .. });
             is_state && self.segmented.is_some()
         };
-        found
+        decoded
             .map(|(position, coordinate)| if unjudged(coordinate) { 0.5 } else { position })
             .collect()
     }

@@ -234,16 +234,16 @@ impl Descent {
         self.is_counted = false;
     }
 
-    /// One iteration; `found` are the minima that others have found. Answers false, with nothing
+    /// One iteration; `minima` are those that other descents have found. Answers false, with nothing
     /// changed, when `stop` was raised.
-    pub fn iterate(&mut self, problem: &Problem, found: &[Minimum], stop: &AtomicBool) -> bool {
+    pub fn iterate(&mut self, problem: &Problem, minima: &[Minimum], stop: &AtomicBool) -> bool {
         let Some(allowed) = feasible::nearest(problem, self.positions.clone()) else {
             self.end = Some(DescentEnd::Failed);
             return true;
         };
         self.positions = allowed;
         let linearisation = match self.linearisation.take() {
-            Some(known) => known,
+            Some(linearisation) => linearisation,
             None => match linearise(problem, &self.positions, self.accuracy, stop) {
                 Ok(linearisation) => {
                     if !self.is_counted {
@@ -259,7 +259,7 @@ impl Descent {
             },
         };
         self.start_cost.get_or_insert(linearisation.cost);
-        if let Some((end, minimum)) = self.predicted_end(problem, &linearisation, found) {
+        if let Some((end, minimum)) = self.predicted_end(problem, &linearisation, minima) {
             self.positions = minimum.positions;
             self.cost = Some(minimum.cost);
             self.end = Some(end);
@@ -389,7 +389,7 @@ impl Descent {
         &mut self,
         problem: &Problem,
         linearisation: &Linearisation,
-        found: &[Minimum],
+        minima: &[Minimum],
     ) -> Option<(DescentEnd, Minimum)> {
         let outlook = linearisation.outlook(problem, &self.positions)?;
         let distance = linearisation.distance(&outlook.positions, &self.positions);
@@ -416,8 +416,8 @@ impl Descent {
         let leads_to = |minimum: &&Minimum| {
             linearisation.distance(&outlook.positions, &minimum.positions) < SAME_MINIMUM
         };
-        let known = found.iter().find(leads_to);
-        known.map(|minimum| (DescentEnd::Merged, minimum.clone()))
+        let led_to = minima.iter().find(leads_to);
+        led_to.map(|minimum| (DescentEnd::Merged, minimum.clone()))
     }
 
     /// The minimum that it has found, if it has converged.

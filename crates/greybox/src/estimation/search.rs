@@ -240,11 +240,13 @@ impl Search {
         population: &[Chromosome],
         stop: &AtomicBool,
     ) -> Option<Vec<Arc<Evaluation>>> {
-        let mut known: HashSet<&Chromosome> = HashSet::new();
+        let mut listed: HashSet<&Chromosome> = HashSet::new();
         let (places, fresh): (Vec<usize>, Vec<&Chromosome>) = population
             .iter()
             .enumerate()
-            .filter(|(_, one)| self.cache.recall(one).is_none() && known.insert(one))
+            .filter(|(_, candidate)| {
+                self.cache.recall(candidate).is_none() && listed.insert(candidate)
+            })
             .unzip();
         let positions: Vec<Vec<f64>> = fresh.iter().map(|c| self.positions(problem, c)).collect();
         let evaluations = self

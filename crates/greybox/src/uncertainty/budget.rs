@@ -150,8 +150,8 @@ impl Extended {
             if let Target::InitialState { experiment, state } = target {
                 // A start that is given stands before a coordinate.
                 let experiments = Arc::make_mut(&mut extended.problem.experiments).iter_mut();
-                let own = experiments.filter(|own| own.place == experiment);
-                own.for_each(|own| own.initial_state[state] = None);
+                let concerned = experiments.filter(|data| data.place == experiment);
+                concerned.for_each(|data| data.initial_state[state] = None);
             }
         }
         extended
@@ -232,13 +232,14 @@ impl Around<'_> {
         let place = (row.experiment, row.sample, row.output);
         let scale = self.neighbourhood.scale(place);
         let simulated = extended.positions.len() - unknowns;
-        let others = extended.assumptions()[simulated..].iter().map(move |own| {
+        let measured = extended.assumptions()[simulated..].iter();
+        let measured = measured.map(move |assumption| {
             let by_value = self
                 .sensors
-                .derivative(&extended.problem, own.target, place);
-            -by_value * own.tolerance / scale
+                .derivative(&extended.problem, assumption.target, place);
+            -by_value * assumption.tolerance / scale
         });
-        columns.chain(others)
+        columns.chain(measured)
     }
 
     /// Whether nothing can be said of an assumption, by its place.
@@ -272,7 +273,7 @@ impl Budget {
     pub fn of(extended: &Extended, around: &Around<'_>, seen: Seen<'_>) -> Result<Budget, Failure> {
         let unknowns = extended.unknowns;
         let noise: Vec<Option<f64>> = (0..unknowns)
-            .map(|index| seen.linear.deviation(index).map(|own| own * own))
+            .map(|index| seen.linear.deviation(index).map(|noise| noise * noise))
             .collect();
         let weighing = Weighing::of(&extended.problem, seen);
         let joint = gather(extended, around, weighing)?;
@@ -298,7 +299,7 @@ impl Budget {
         let joint = gather(extended, around, Weighing::of_noise_alone(weights))?;
         let noise: Vec<Option<f64>> = deviations
             .iter()
-            .map(|own| Some(own * own).filter(|square| square.is_finite()))
+            .map(|noise| Some(noise * noise).filter(|square| square.is_finite()))
             .collect();
         Ok(Budget::from(
             extended,

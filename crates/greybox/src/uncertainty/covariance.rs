@@ -249,9 +249,9 @@ pub(super) fn effective(factor: &DMatrix<f64>) -> Vec<usize> {
 /// A matrix of some of the coordinates as one of all, zero for the others.
 fn among(matrix: &DMatrix<f64>, fixed: &[usize], n: usize) -> DMatrix<f64> {
     let mut all = DMatrix::zeros(n, n);
-    for (row, own) in fixed.iter().enumerate() {
-        for (column, other) in fixed.iter().enumerate() {
-            all[(*own, *other)] = matrix[(row, column)];
+    for (row, of_row) in fixed.iter().enumerate() {
+        for (column, of_column) in fixed.iter().enumerate() {
+            all[(*of_row, *of_column)] = matrix[(row, column)];
         }
     }
     all
@@ -268,7 +268,7 @@ fn condition(factor: &DMatrix<f64>) -> f64 {
         factor[(row, column)] / norms[column]
     });
     singular_values(&scaled)
-        .and_then(|found| Some(found.sizes.first()? / found.sizes.last()?))
+        .and_then(|values| Some(values.sizes.first()? / values.sizes.last()?))
         .unwrap_or(f64::INFINITY)
 }
 

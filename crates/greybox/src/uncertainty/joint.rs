@@ -67,7 +67,7 @@ impl Joint {
         }
         let columns = plain.factor().ncols();
         let fixed = effective(&plain.factor().columns(0, unknowns).into_owned());
-        let rows = (0..unknowns).map(|own| fixed.iter().position(|index| *index == own));
+        let rows = (0..unknowns).map(|unknown| fixed.iter().position(|index| *index == unknown));
         let rows: Vec<Option<usize>> = rows.collect();
         let kept: Vec<usize> = fixed.iter().copied().chain(unknowns..columns).collect();
         let (plain, white) = (plain.of_columns(&kept), white.of_columns(&kept));
@@ -149,10 +149,10 @@ impl Joint {
     #[must_use]
     pub fn contribution(&self, unknown: usize, assumption: usize) -> Option<(f64, f64)> {
         let moves = self.moves(unknown)?;
-        let own = moves[assumption];
+        let share = moves[assumption];
         let joint = self.posterior.column(assumption).dot(&moves);
-        let deviation = own.abs() * self.posterior[(assumption, assumption)].sqrt();
-        Some((deviation, own * joint))
+        let deviation = share.abs() * self.posterior[(assumption, assumption)].sqrt();
+        Some((deviation, share * joint))
     }
 
     /// What the mean square of an unknown's error would be, were the tolerance of an assumption

@@ -269,9 +269,9 @@ impl FirstOrder {
         let deviations: Vec<Option<f64>> = (0..report.positions.len())
             .map(|index| linear.deviation(index))
             .collect();
-        for (index, known) in coordinates.iter_mut().enumerate() {
+        for (index, described) in coordinates.iter_mut().enumerate() {
             let total = self.budget.totals[index].zip(deviations[index]);
-            known.widen(&problem.coordinates[index], report.positions[index], total);
+            described.widen(&problem.coordinates[index], report.positions[index], total);
         }
         let constrained = Constrained::of(linear);
         if let Some(constrained) = &constrained {
@@ -288,8 +288,8 @@ impl FirstOrder {
         }
         if !self.monte_carlo.is_empty() {
             let spreads = monte_carlo::spreads(estimate, &self.monte_carlo);
-            for (known, spread) in coordinates.iter_mut().zip(spreads.into_iter().flatten()) {
-                known.monte_carlo = Some(spread);
+            for (described, spread) in coordinates.iter_mut().zip(spreads.into_iter().flatten()) {
+                described.monte_carlo = Some(spread);
             }
         }
         let unfixed = || "the data do not fix all of the unknowns".to_owned();
@@ -348,12 +348,12 @@ impl FirstOrder {
         let Some(IntervalEnds { method, ends }) = improved else {
             return;
         };
-        let described = problem.coordinates.iter().zip(ends);
-        for (known, (coordinate, (lower, upper))) in coordinates.iter_mut().zip(described) {
+        let with_ends = problem.coordinates.iter().zip(ends);
+        for (described, (coordinate, (lower, upper))) in coordinates.iter_mut().zip(with_ends) {
             let value = |position: f64| coordinate.value(position);
-            known.interval = Some((lower.map(value), upper.map(value)));
-            known.ends = Some((lower, upper));
-            known.method = method;
+            described.interval = Some((lower.map(value), upper.map(value)));
+            described.ends = Some((lower, upper));
+            described.method = method;
         }
     }
 }

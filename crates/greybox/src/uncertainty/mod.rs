@@ -158,8 +158,8 @@ pub fn analyse(
 
 impl Analysis {
     fn judge(&mut self, verdict: Verdict) {
-        for (known, trust) in self.coordinates.iter_mut().zip(&verdict.coordinates) {
-            known.trust = *trust;
+        for (coordinate, trust) in self.coordinates.iter_mut().zip(&verdict.coordinates) {
+            coordinate.trust = *trust;
         }
         self.verdict = verdict;
     }

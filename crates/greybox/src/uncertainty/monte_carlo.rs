@@ -91,21 +91,21 @@ fn assume(problem: &mut Problem, assumption: &Assumption, value: f64, sensors: &
     let target = match assumption.target {
         Assumed::Model(target) => target,
         sensor @ (Assumed::Sensor { .. } | Assumed::Clock) => {
-            return correct(problem, (sensor, value - assumption.value), sensors);
+            return correct(problem, sensor, value - assumption.value, sensors);
         }
     };
     if let Target::Parameter(parameter) = target {
         problem.parameters[parameter] = value;
         return;
     }
-    let own = Arc::make_mut(&mut problem.experiments).iter_mut();
-    for experiment in own.filter(|own| target.experiment() == Some(own.place)) {
+    let experiments = Arc::make_mut(&mut problem.experiments).iter_mut();
+    for experiment in experiments.filter(|data| target.experiment() == Some(data.place)) {
         match target {
             Target::Parameter(_) => {}
             Target::ExperimentParameter { parameter, .. } => {
                 let values = experiment.parameters.iter_mut();
                 let same = values.filter(|(place, _)| *place == parameter);
-                same.for_each(|(_, known)| *known = value);
+                same.for_each(|(_, given)| *given = value);
             }
             Target::InitialState { state, .. } => experiment.initial_state[state] = Some(value),
         }
@@ -114,11 +114,11 @@ fn assume(problem: &mut Problem, assumption: &Assumption, value: f64, sensors: &
 
 /// Takes out of what was measured what a sensor or the clock has added, if its number is off by so
 /// much.
-fn correct(problem: &mut Problem, (assumed, off): (Assumed, f64), sensors: &Sensors) {
+fn correct(problem: &mut Problem, assumed: Assumed, off: f64, sensors: &Sensors) {
     let mut experiments = Arc::clone(&problem.experiments);
-    let own = Arc::make_mut(&mut experiments).iter_mut().enumerate();
-    for (experiment, own) in own {
-        for (output, measured) in own.measured.iter_mut().enumerate() {
+    let changed = Arc::make_mut(&mut experiments).iter_mut().enumerate();
+    for (experiment, data) in changed {
+        for (output, measured) in data.measured.iter_mut().enumerate() {
             for (sample, value) in measured.iter_mut().enumerate() {
                 let place = (experiment, sample, output);
                 *value -= off * sensors.derivative(problem, assumed, place);

@@ -31,15 +31,20 @@ impl Sensors {
         positions: &[f64],
         stop: &AtomicBool,
     ) -> Option<Sensors> {
-        let assumed = || problem.assumptions.iter().map(|own| own.target);
-        if !assumed().any(|own| !matches!(own, Assumed::Model(_))) {
+        let assumed = || {
+            problem
+                .assumptions
+                .iter()
+                .map(|assumption| assumption.target)
+        };
+        if !assumed().any(|target| !matches!(target, Assumed::Model(_))) {
             return Some(Sensors::default());
         }
         let at_clock = |factor: f64| {
             let mut changed = problem.clone();
             if factor != 1.0 {
                 let experiments = Arc::make_mut(&mut changed.experiments).iter_mut();
-                experiments.for_each(|own| stretch(own, factor));
+                experiments.for_each(|experiment| stretch(experiment, factor));
             }
             trajectory::simulate(&changed, positions, stop)
         };
@@ -47,7 +52,7 @@ impl Sensors {
             return Some(Sensors::default());
         };
         let mut clocks = None;
-        if assumed().any(|own| own == Assumed::Clock) {
+        if assumed().any(|target| target == Assumed::Clock) {
             let sides = [at_clock(1.0 - CLOCK_SHIFT)?, at_clock(1.0 + CLOCK_SHIFT)?];
             if let [Ok(slow), Ok(fast)] = sides {
                 clocks = Some([slow, fast]);

@@ -131,8 +131,8 @@ fn filters(problem: &Problem, seen: Seen<'_>, weights: &[f64]) -> Vec<Option<Fil
                 return None;
             }
             let weighted = |experiment: usize| -> Vec<f64> {
-                let own = &seen.trajectories[experiment];
-                let series = residuals::series(problem, own, experiment, output);
+                let trajectory = &seen.trajectories[experiment];
+                let series = residuals::series(problem, trajectory, experiment, output);
                 let scale = weights[output] / measured.residual_scale;
                 series.iter().map(|residual| residual * scale).collect()
             };

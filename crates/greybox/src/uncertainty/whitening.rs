@@ -61,15 +61,17 @@ fn levinson(correlations: &[f64]) -> (Vec<f64>, f64) {
     let mut coefficients: Vec<f64> = Vec::new();
     let mut remaining = 1.0;
     for order in 1..correlations.len() {
-        let known = coefficients.iter().enumerate();
-        let predicted: f64 = known.map(|(k, a)| a * correlations[order - 1 - k]).sum();
+        let predictors = coefficients.iter().enumerate();
+        let predicted: f64 = predictors
+            .map(|(k, a)| a * correlations[order - 1 - k])
+            .sum();
         let reflection = (correlations[order] - predicted) / remaining;
         if !reflection.is_finite() || reflection.abs() >= 1.0 {
             break;
         }
         let reversed: Vec<f64> = coefficients.iter().rev().copied().collect();
-        for (own, mirrored) in coefficients.iter_mut().zip(reversed) {
-            *own -= reflection * mirrored;
+        for (coefficient, mirrored) in coefficients.iter_mut().zip(reversed) {
+            *coefficient -= reflection * mirrored;
         }
         coefficients.push(reflection);
         remaining *= 1.0 - reflection * reflection;

@@ -96,8 +96,8 @@ impl Linearisation {
     }
 
     /// How far two candidates are apart, in standard errors.
-    pub fn distance(&self, one: &[f64], other: &[f64]) -> f64 {
-        let step: Vec<f64> = one.iter().zip(other).map(|(a, b)| a - b).collect();
+    pub fn distance(&self, from: &[f64], to: &[f64]) -> f64 {
+        let step: Vec<f64> = from.iter().zip(to).map(|(a, b)| a - b).collect();
         (self.triangle.movement(&step) / self.cost).sqrt()
     }
 }

@@ -58,7 +58,7 @@ impl Linearised {
         let (segment, columns) = (&simulated.segments[place], &simulated.columns[place]);
         let n = simulated.shifts.len();
         // The first segment starts where the problem says.
-        let own = match segment.place {
+        let starting = match segment.place {
             0 => 0,
             _ => starts.scales.len(),
         };
@@ -70,7 +70,7 @@ impl Linearised {
             let residual = (measured - here) / scale;
             let slope = problem.loss.slope(residual);
             let by = |member: usize| (here - value(member)) / scale * slope;
-            rows.extend((0..own).map(|state| by(1 + n + state) / STATE_SHIFT));
+            rows.extend((0..starting).map(|state| by(1 + n + state) / STATE_SHIFT));
             let by_step = simulated.shifts.iter().enumerate();
             rows.extend(by_step.map(|(k, shift)| by(1 + k) / shift));
             let bent = problem.loss.bent(residual);
@@ -83,7 +83,7 @@ impl Linearised {
         for (state, jump) in jumps(segment, columns, 0, starts).into_iter().enumerate() {
             let end = |member: usize| columns.last_state(member, state);
             let by = |member: usize| root * (end(member) - end(0)) / starts.scales[state];
-            joins.extend((0..own).map(|own| by(1 + n + own) / STATE_SHIFT));
+            joins.extend((0..starting).map(|start| by(1 + n + start) / STATE_SHIFT));
             let by_step = simulated.shifts.iter().enumerate();
             joins.extend(by_step.map(|(k, shift)| by(1 + k) / shift));
             joins.push(root * jump);
@@ -91,7 +91,7 @@ impl Linearised {
             self.n_jumps += 1;
         }
         Member {
-            own,
+            own: starting,
             rows,
             joins,
             weight: root,

@@ -147,7 +147,11 @@ impl Simulated {
         let segments = segments(problem);
         let shift = |position: &f64| if *position < 0.5 { SHIFT } else { -SHIFT };
         let shifts: Vec<f64> = positions.iter().map(shift).collect();
-        let state_shifts: Vec<f64> = starts.scales.iter().map(|own| own * STATE_SHIFT).collect();
+        let state_shifts: Vec<f64> = starts
+            .scales
+            .iter()
+            .map(|scale| scale * STATE_SHIFT)
+            .collect();
         let around = |segment: &Segment| {
             let here = segment.fill(problem, positions, starts);
             let coordinates = shifts.iter().enumerate().map(|(coordinate, shift)| {
@@ -158,9 +162,10 @@ impl Simulated {
             let states = state_shifts.iter().enumerate().map(|(state, shift)| {
                 let mut moved = here.clone();
                 // The first segment starts where the problem says.
-                let own = moved.initial_state[state].filter(|_| segment.place > 0);
-                moved.initial_state[state] =
-                    own.map(|own| own + shift).or(here.initial_state[state]);
+                let start = moved.initial_state[state].filter(|_| segment.place > 0);
+                moved.initial_state[state] = start
+                    .map(|start| start + shift)
+                    .or(here.initial_state[state]);
                 moved
             });
             let neighbours: Vec<Filled> = coordinates.chain(states).collect();
@@ -358,6 +363,6 @@ fn measured_states(
             && (change(output, state) - shift(state)).abs() <= SAME.sqrt() * shift(state)
             && others.into_iter().all(|other| change(output, other) == 0.0)
     };
-    let source = |state: usize| (0..problem.outputs.len()).find(|own| is_state(*own, state));
+    let source = |state: usize| (0..problem.outputs.len()).find(|output| is_state(*output, state));
     Some(Some((0..states).map(source).collect()))
 }

@@ -97,7 +97,7 @@ impl Present {
         problem.experiments = Arc::new(vec![experiment]);
         let mut rows = Rows::new(self.order.len());
         visit(&problem, &self.points[0], stop, |sample, _, columns| {
-            for _ in samples.iter().filter(|own| **own == sample) {
+            for _ in samples.iter().filter(|taken| **taken == sample) {
                 rows.add(columns.iter().copied(), 0.0);
             }
         })?;
@@ -162,9 +162,9 @@ impl Present {
     /// What is known of each unknown by the information at the first point.
     pub(super) fn known_by(&self, sum: &Triangle) -> Option<Vec<Known>> {
         let unknowns = self.slopes.len();
-        let own: Vec<usize> = (0..unknowns).collect();
+        let alone: Vec<usize> = (0..unknowns).collect();
         let all: Vec<usize> = (unknowns..self.order.len()).chain(0..unknowns).collect();
-        let noise = deviations(&sum.of_columns(&own).factor())?;
+        let noise = deviations(&sum.of_columns(&alone).factor())?;
         let total = deviations(&sum.of_columns(&all).factor())?;
         let total = &total[all.len() - unknowns..];
         let fixed = |deviation: f64| (deviation < NOT_FIXED).then_some(deviation);
@@ -188,7 +188,9 @@ impl Present {
         let first = all.len() - unknowns;
         let corner = factor.view((first, first), (unknowns, unknowns));
         let corner = corner.into_owned();
-        let are_known = deviations(&corner)?.iter().all(|own| *own < 1.0);
+        let are_known = deviations(&corner)?
+            .iter()
+            .all(|deviation| *deviation < 1.0);
         are_known.then(|| corner.solve_upper_triangular(&DMatrix::identity(unknowns, unknowns)))?
     }
 
