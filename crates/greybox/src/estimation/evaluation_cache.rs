@@ -102,7 +102,7 @@ mod tests {
             }
             assert!(cache.recall(&Chromosome(vec![0, blocks])).is_none());
             let count = cache.order.len();
-            assert_eq!(count, cache.known.len());
+            assert_eq!(count, cache.evaluations.len());
             assert!(
                 count > 10 && count * OVERHEAD <= room,
                 "{count} of {blocks} blocks"

@@ -55,7 +55,7 @@ impl Limit {
 pub fn limits(problem: &Problem, positions: &[f64]) -> Vec<Limit> {
     let of = |(constraint, experiment): (usize, usize)| {
         let condition = &problem.constraints[constraint];
-        let slack = |positions: &[f64]| slack(problem, (condition, experiment), positions);
+        let slack = |positions: &[f64]| slack(problem, condition, experiment, positions);
         let slope = |index: usize| {
             let mut moved = positions.to_vec();
             let ends = [-SHIFT, SHIFT].map(|shift| (positions[index] + shift).clamp(0.0, 1.0));
@@ -82,7 +82,8 @@ pub fn holds(problem: &Problem, positions: &[f64]) -> bool {
     let is_met = |(constraint, experiment): (usize, usize)| {
         slack(
             problem,
-            (&problem.constraints[constraint], experiment),
+            &problem.constraints[constraint],
+            experiment,
             positions,
         ) >= 0.0
     };
@@ -110,11 +111,7 @@ fn places(problem: &Problem) -> impl Iterator<Item = (usize, usize)> {
     })
 }
 
-fn slack(
-    problem: &Problem,
-    (condition, experiment): (&Condition, usize),
-    positions: &[f64],
-) -> f64 {
+fn slack(problem: &Problem, condition: &Condition, experiment: usize, positions: &[f64]) -> f64 {
     let slack = condition.slack(&problem.fill(experiment, positions).parameters);
     if slack.is_nan() {
         f64::NEG_INFINITY

@@ -180,7 +180,7 @@ impl Estimation {
         let Checkpoint { search, state } = checkpoint;
         let segmented = segments::segmented(problem);
         let landmarks = Landmarks::of(problem);
-        let task = task((problem, segmented.as_ref()), settings, seed, landmarks);
+        let task = task(problem, segmented.as_ref(), settings, seed, landmarks);
         let number = match state.stage {
             Stage::Search => state.searches.len(),
             Stage::Refine(_) | Stage::Analyse { .. } => state.searches.len().saturating_sub(1),
@@ -311,8 +311,8 @@ impl Estimation {
         if !self.has_searches_ahead() {
             return None;
         }
-        let searched = (problem, self.segmented.as_ref());
-        let task = task(searched, &self.settings, self.seed, self.landmarks);
+        let (segmented, settings) = (self.segmented.as_ref(), &self.settings);
+        let task = task(problem, segmented, settings, self.seed, self.landmarks);
         let ahead = self.state.searches.len() as u32 + 1..self.settings.restarts;
         let number = self.speculative.next(share, ahead)?;
         let stretch = self.speculative.judge(&task, number, at_most, stop)?;
@@ -408,7 +408,8 @@ impl Estimation {
 
 /// What all searches of a run have in common: they judge the problem over segments where it is so given.
 fn task<'a>(
-    (problem, segmented): (&'a Problem, Option<&'a Problem>),
+    problem: &'a Problem,
+    segmented: Option<&'a Problem>,
     settings: &'a Settings,
     seed: u64,
     landmarks: Landmarks,

@@ -103,7 +103,7 @@ pub fn descend(
     accuracy: Accuracy,
     stop: &AtomicBool,
 ) -> Option<Descent> {
-    descend_at_most(problem, start, (accuracy, HARD_LIMIT), stop)
+    descend_at_most(problem, start, accuracy, HARD_LIMIT, stop)
 }
 
 /// Descends from a start for `iterations` iterations at the most; a descent that they cut short has
@@ -112,7 +112,8 @@ pub fn descend(
 pub fn descend_at_most(
     problem: &Problem,
     start: Vec<f64>,
-    (accuracy, iterations): (Accuracy, u32),
+    accuracy: Accuracy,
+    iterations: u32,
     stop: &AtomicBool,
 ) -> Option<Descent> {
     let mut descent = Descent::from(start);

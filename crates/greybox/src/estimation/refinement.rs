@@ -214,8 +214,8 @@ impl Estimation {
         let polished: Option<Vec<Descent>> = apart
             .into_par_iter()
             .map(|positions| {
-                let polished = (Accuracy::Full, RIVAL_ITERATIONS);
-                refine::descend_at_most(problem, positions, polished, stop)
+                let iterations = RIVAL_ITERATIONS;
+                refine::descend_at_most(problem, positions, Accuracy::Full, iterations, stop)
             })
             .collect();
         let polished = polished?;

@@ -126,7 +126,14 @@ impl Shooting {
             true => FIRST_WEIGHT,
             false => FIRST_WEIGHT_WITHOUT_NOISE,
         });
-        let next = self.next(problem, (&starts, weight), stop);
+        let next = self.next(
+            problem,
+            Joins {
+                starts: &starts,
+                weight,
+            },
+            stop,
+        );
         self.starts = Some(starts);
         let Some(next) = next else {
             return false;
@@ -163,12 +170,8 @@ impl Shooting {
     }
 
     /// What the next iteration leads to. Nothing when `stop` was raised.
-    fn next(
-        &self,
-        problem: &Problem,
-        (starts, weight): (&Starts, f64),
-        stop: &AtomicBool,
-    ) -> Option<Next> {
+    fn next(&self, problem: &Problem, joins: Joins<'_>, stop: &AtomicBool) -> Option<Next> {
+        let Joins { starts, weight } = joins;
         let simulated = Simulated::around(problem, &self.positions, starts, stop)?;
         let mut next = Next {
             simulated: simulated.n_candidates(),
@@ -176,7 +179,7 @@ impl Shooting {
             has_joined: false,
             has_failed: true,
         };
-        let here = Linearised::of(problem, &self.positions, (starts, weight), &simulated);
+        let here = Linearised::of(problem, &self.positions, joins, &simulated);
         let Some(here) = here else {
             return Some(next);
         };
@@ -226,6 +229,15 @@ impl Shooting {
         }
         trials
     }
+}
+
+/// How the segments are joined.
+#[derive(Clone, Copy)]
+struct Joins<'a> {
+    /// Where the segments start.
+    starts: &'a Starts,
+    /// How much the square of a jump counts beside the square of a residual.
+    weight: f64,
 }
 
 /// What an iteration came to.

@@ -48,7 +48,8 @@ const MOST_NUMBERS: usize = 32 << 20;
 #[must_use]
 pub fn deviations(
     problem: &Problem,
-    (positions, errors): (&[f64], &Errors),
+    positions: &[f64],
+    errors: &Errors,
     stop: &AtomicBool,
 ) -> Option<Option<Vec<Outputs>>> {
     let mut candidates = vec![positions.to_vec()];

@@ -84,8 +84,8 @@ pub struct Run {
 /// Where a run stands.
 #[derive(Debug)]
 enum Stage {
-    /// A new run is about to look what the data do not see. It has the findings that are made
-    /// before anything is simulated.
+    /// A new run is about to find out what the data do not see. Its findings are those that were
+    /// made before anything is simulated.
     LookAhead(Vec<Finding>),
     /// The data do not fix the unknowns: the run goes no further.
     Refused(Vec<Finding>),
@@ -265,8 +265,8 @@ impl Run {
         }
     }
 
-    /// Looks what the data do not see, before a new run searches for it, and answers how the run
-    /// goes on; nothing when `stop` was raised.
+    /// Finds out what the data do not see, before a new run searches for it, and answers the stage that
+    /// follows; nothing when `stop` was raised.
     fn look_ahead(
         &self,
         findings: Vec<Finding>,
@@ -318,21 +318,17 @@ impl Run {
         };
     }
 
-    /// Takes over what another node did. A part whose name cannot be read is done here.
+    /// Takes over what another node did.
     pub fn take_parts(&mut self, parts: impl IntoIterator<Item = (String, Part)>) {
         for (name, part) in parts {
             match part {
-                Part::Refit(refit) => {
-                    if let Ok(name) = name.parse() {
-                        self.refits.insert(name, refit);
-                    }
-                }
+                Part::Refit(refit) => self.refits.add(&name, refit),
                 Part::Search(update) => self.estimation.apply(update),
             }
         }
     }
 
-    /// What others are to know of that was done here since this was asked for.
+    /// The parts that were done here since this was last called, for other nodes.
     pub fn new_parts(&mut self) -> Vec<(String, Part)> {
         let refits = self.refits.take_new().into_iter();
         let refits = refits.map(|(name, refit)| (name.to_string(), Part::Refit(refit)));
@@ -340,8 +336,8 @@ impl Run {
         refits.chain(update).collect()
     }
 
-    /// Does so many refits or generations of a share at the most for the node that has the run. Nothing is
-    /// left of it, or can be done yet, where it answers none.
+    /// Does so many refits or generations of a share at the most for the node that has the run; none
+    /// where nothing of the share is left, or can be done yet.
     pub fn help(&mut self, share: Share, at_most: u32, stop: &AtomicBool) -> Vec<(String, Part)> {
         match &mut self.stage {
             Stage::Analyse(analyser) if analyser.has_independent_refits() => {

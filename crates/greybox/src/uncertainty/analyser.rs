@@ -126,7 +126,7 @@ impl Analyser {
                 Step::Begin(solved) => self.reweight(&solved.problem, &solved.report, stop),
                 Step::Reweight(weighed) => self.select(&weighed.problem, &weighed.report, stop),
                 Step::Select(elimination) => match elimination.after_round() {
-                    AfterRound::Further(elimination) => Some(Step::Select(Box::new(elimination))),
+                    AfterRound::Further(elimination) => Some(Step::Select(elimination)),
                     AfterRound::Selected(selected) => {
                         let Selected {
                             problem,

@@ -229,7 +229,7 @@ impl Around<'_> {
             false if derivative.is_nan() => 0.0,
             false => derivative * per_tolerance,
         });
-        let place = (row.experiment, row.sample, row.output);
+        let place = row.place();
         let scale = self.neighbourhood.scale(place);
         let simulated = extended.positions.len() - unknowns;
         let measured = extended.assumptions()[simulated..].iter();
@@ -277,12 +277,7 @@ impl Budget {
             .collect();
         let weighing = Weighing::of(&extended.problem, seen);
         let joint = gather(extended, around, weighing)?;
-        Ok(Budget::from(
-            extended,
-            around,
-            (joint.as_ref(), &noise),
-            true,
-        ))
+        Ok(Budget::from(extended, around, joint.as_ref(), &noise, true))
     }
 
     /// The budget that is to be expected at a point of the search box, before anything is
@@ -304,7 +299,8 @@ impl Budget {
         Ok(Budget::from(
             extended,
             around,
-            (joint.as_ref(), &noise),
+            joint.as_ref(),
+            &noise,
             false,
         ))
     }
@@ -312,7 +308,8 @@ impl Budget {
     fn from(
         extended: &Extended,
         around: &Around<'_>,
-        (joint, noise): (Option<&Joint>, &[Option<f64>]),
+        joint: Option<&Joint>,
+        noise: &[Option<f64>],
         has_residuals: bool,
     ) -> Budget {
         let total = |index: usize| {
@@ -323,7 +320,7 @@ impl Budget {
             let total = if has_residuals {
                 joint.total(index, noise)?
             } else {
-                joint.total_if((index, noise), (0, 1.0))?
+                joint.total_if(index, noise, 0, 1.0)?
             };
             Some(total.sqrt())
         };
@@ -347,7 +344,7 @@ impl Budget {
                         let (noise, total) = (noise[unknown]?, totals[unknown]?);
                         let joint = joint?;
                         let (deviation, variance) = joint.contribution(unknown, place)?;
-                        let better = joint.total_if((unknown, noise), (place, 1.0 / BETTER))?;
+                        let better = joint.total_if(unknown, noise, place, 1.0 / BETTER)?;
                         Some(Contribution {
                             deviation,
                             share: variance / (total * total),
@@ -380,6 +377,6 @@ fn gather(
         return Ok(None);
     }
     let columns = |row: &Row<'_>| around.columns(extended, row).collect();
-    let (plain, white) = weighing.triangles(&around.neighbourhood, (unknowns, n), columns)?;
+    let (plain, white) = weighing.triangles(&around.neighbourhood, unknowns, n, columns)?;
     Ok(Joint::new(&plain, &white, unknowns))
 }

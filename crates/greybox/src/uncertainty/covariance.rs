@@ -183,7 +183,8 @@ pub fn linearise(
         let derivatives = &row.derivatives[..unknowns];
         gathered.add(
             derivatives,
-            (score, levels.variance(row.output)),
+            score,
+            levels.variance(row.output),
             levels.weight,
         );
         slopes.add(row.output, derivatives);
@@ -362,7 +363,7 @@ impl Gathered {
         }
     }
 
-    fn add(&mut self, derivatives: &[f64], (residual, variance): (f64, f64), weight: f64) {
+    fn add(&mut self, derivatives: &[f64], residual: f64, variance: f64, weight: f64) {
         let weighted = || derivatives.iter().map(|derivative| derivative * weight);
         self.rows.add(weighted(), residual * weight);
         for (row, first) in weighted().enumerate() {

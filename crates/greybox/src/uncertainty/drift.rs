@@ -77,7 +77,7 @@ pub fn of(
     };
     let n = unknowns + tested.len();
     let weighing = Weighing::of(problem, seen);
-    let (plain, white) = weighing.triangles(neighbourhood, (unknowns, n), columns)?;
+    let (plain, white) = weighing.triangles(neighbourhood, unknowns, n, columns)?;
     let Some(joint) = Joint::new(&plain, &white, unknowns) else {
         return Ok(Vec::new());
     };

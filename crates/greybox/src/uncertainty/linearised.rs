@@ -110,7 +110,7 @@ impl LinearisedEstimate {
         };
         let residuals = residuals::report(problem, &trajectories);
         let estimate = estimate(trajectories, residuals);
-        let first_order = match FirstOrder::of(&estimate, (&extended, &around), request, stop) {
+        let first_order = match FirstOrder::of(&estimate, &extended, &around, request, stop) {
             Ok(first_order) => Ok(Box::new(first_order)),
             Err(SensitivityError::Interrupted) => return None,
             Err(failure) => Err(NoDerivatives::Failed(failure)),
@@ -173,7 +173,8 @@ impl LinearisedEstimate {
 impl FirstOrder {
     fn of(
         estimate: &Arc<Estimate>,
-        (extended, around): (&Extended, &Around<'_>),
+        extended: &Extended,
+        around: &Around<'_>,
         request: &Request,
         stop: &AtomicBool,
     ) -> Result<FirstOrder, SensitivityError> {

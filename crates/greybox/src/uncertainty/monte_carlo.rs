@@ -13,6 +13,7 @@ use super::bootstrap::{DrawnFit, fitted, quantile};
 use super::linearised::Estimate;
 use super::sensors::Sensors;
 use crate::estimation::problem::{Assumed, Assumption, Problem, Target};
+use crate::estimation::sensitivity::ResidualPlace;
 use greybox_numerics::rng::{self, Purpose, Rng};
 
 /// A number outside its limits is drawn again, so many times at the most.
@@ -120,7 +121,11 @@ fn correct(problem: &mut Problem, assumed: Assumed, off: f64, sensors: &Sensors)
     for (experiment, data) in changed {
         for (output, measured) in data.measured.iter_mut().enumerate() {
             for (sample, value) in measured.iter_mut().enumerate() {
-                let place = (experiment, sample, output);
+                let place = ResidualPlace {
+                    experiment,
+                    sample,
+                    output,
+                };
                 *value -= off * sensors.derivative(problem, assumed, place);
             }
         }

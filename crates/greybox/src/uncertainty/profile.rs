@@ -158,13 +158,21 @@ pub(super) struct Walk {
     reduced: Problem,
     position: f64,
     others: Others,
-    /// The farthest position below the level, with the root of the excess there.
-    inside: (f64, f64),
-    /// The nearest position above the level, with the root of the excess there.
-    outside: Option<(f64, f64)>,
+    /// The farthest position that was tried below the level.
+    inside: Tried,
+    /// The nearest position that was tried above the level.
+    outside: Option<Tried>,
     points: Vec<Point>,
     fits: usize,
     end: End,
+}
+
+/// A position that was tried.
+#[derive(Clone, Copy, Debug)]
+struct Tried {
+    position: f64,
+    /// The root of the excess there.
+    root: f64,
 }
 
 /// Where the other coordinates were when the one was held.
@@ -224,7 +232,10 @@ impl Walk {
                 at: start,
                 positions,
             },
-            inside: (start, 0.0),
+            inside: Tried {
+                position: start,
+                root: 0.0,
+            },
             outside: None,
             points: Vec::new(),
             fits: 0,
@@ -264,12 +275,12 @@ impl Walk {
             return;
         }
         if root > 1.0 {
-            self.outside = Some((position, root));
+            self.outside = Some(Tried { position, root });
         } else if position <= 0.0 || position >= 1.0 {
             self.end = End::Open;
             return;
         } else {
-            self.inside = (position, root);
+            self.inside = Tried { position, root };
             if let Some(fit) = fit {
                 self.others = Others {
                     at: position,
@@ -278,7 +289,7 @@ impl Walk {
             }
         }
         if self.fits == MOST_FITS {
-            self.end = End::At(self.inside.0);
+            self.end = End::At(self.inside.position);
             return;
         }
         let start = self.base.estimate.report.positions[self.coordinate];
@@ -344,14 +355,14 @@ impl Walk {
 
 /// The next position to try: by the secant where both sides of the level are known, else further
 /// out in proportion, four times as far at the most.
-fn between(start: f64, inside: (f64, f64), outside: Option<(f64, f64)>) -> f64 {
+fn between(start: f64, inside: Tried, outside: Option<Tried>) -> f64 {
     match outside {
-        Some((position, root)) if root.is_finite() => {
-            let share = (1.0 - inside.1) / (root - inside.1);
-            inside.0 + (position - inside.0) * share.clamp(0.05, 0.95)
+        Some(outside) if outside.root.is_finite() => {
+            let share = (1.0 - inside.root) / (outside.root - inside.root);
+            inside.position + (outside.position - inside.position) * share.clamp(0.05, 0.95)
         }
-        Some((position, _)) => 0.5 * (inside.0 + position),
-        None => start + (inside.0 - start) * (1.02 / inside.1).min(4.0),
+        Some(outside) => 0.5 * (inside.position + outside.position),
+        None => start + (inside.position - start) * (1.02 / inside.root).min(4.0),
     }
 }
 

@@ -76,7 +76,7 @@ pub(super) struct Selected {
 #[derive(Debug)]
 pub(super) enum AfterRound {
     /// Smaller models are tried.
-    Further(Elimination),
+    Further(Box<Elimination>),
     /// No smaller model is better.
     Selected(Box<Selected>),
 }
@@ -165,13 +165,13 @@ impl Elimination {
         let is_new = |effects: &Vec<String>| tried.iter().all(|fit| fit.tried.effects != *effects);
         let smaller = kept.iter().map(without).filter(is_new);
         let fits = ModelFit::all(&self.bench, smaller);
-        AfterRound::Further(Elimination {
+        AfterRound::Further(Box::new(Elimination {
             bench: Arc::clone(&self.bench),
             current: current.clone(),
             is_first: false,
             fits,
             tried,
-        })
+        }))
     }
 
     /// Selects the best of all models that were tried.

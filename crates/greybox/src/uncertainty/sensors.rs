@@ -4,6 +4,7 @@
 //! every time between samples longer by it, for the inputs as for the outputs.
 
 use crate::estimation::problem::{Assumed, Experiment, Problem, SensorNumber};
+use crate::estimation::sensitivity::ResidualPlace;
 use crate::estimation::trajectory;
 use greybox_simulation::single::Outputs;
 use std::sync::Arc;
@@ -72,8 +73,13 @@ impl Sensors {
         &self,
         problem: &Problem,
         assumed: Assumed,
-        (experiment, sample, output): (usize, usize, usize),
+        place: ResidualPlace,
     ) -> f64 {
+        let ResidualPlace {
+            experiment,
+            sample,
+            output,
+        } = place;
         let index = problem.outputs[output].index;
         let Some(outputs) = self.simulated.get(experiment) else {
             return 0.0;
@@ -81,7 +87,7 @@ impl Sensors {
         let values = &outputs[index];
         match assumed {
             Assumed::Model(_) => 0.0,
-            Assumed::Sensor { output: own, .. } if own != output => 0.0,
+            Assumed::Sensor { output: shown, .. } if shown != output => 0.0,
             Assumed::Sensor { number, .. } => match number {
                 SensorNumber::Gain => values[sample],
                 SensorNumber::Offset => 1.0,

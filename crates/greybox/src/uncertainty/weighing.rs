@@ -76,7 +76,8 @@ impl Weighing {
     pub fn triangles(
         mut self,
         neighbourhood: &Neighbourhood<'_>,
-        (unknowns, n): (usize, usize),
+        unknowns: usize,
+        n: usize,
         columns: impl Fn(&Row<'_>) -> Vec<f64>,
     ) -> Result<(Triangle, Triangle), Failure> {
         let loss = neighbourhood.loss();
@@ -97,7 +98,7 @@ impl Weighing {
             let weight = self.white[row.output];
             values.iter_mut().for_each(|value| *value *= weight);
             let filtered = match &mut self.filters[row.output] {
-                Some(filter) => filter.take((row.experiment, row.sample), values),
+                Some(filter) => filter.take(row.experiment, row.sample, values),
                 None => Some(values),
             };
             if let Some(mut filtered) = filtered {

@@ -1,5 +1,6 @@
 //! The residuals and jumps of all segments linearised, with the starts eliminated.
 
+use super::Joins;
 use super::segment::{STATE_SHIFT, Simulated, Starts, jumps, visit};
 use crate::estimation::problem::Problem;
 use greybox_numerics::chain::{Chains, Member};
@@ -19,7 +20,7 @@ impl Linearised {
     pub(super) fn of(
         problem: &Problem,
         positions: &[f64],
-        (starts, weight): (&Starts, f64),
+        joins: Joins<'_>,
         simulated: &Simulated,
     ) -> Option<Linearised> {
         if !simulated.is_whole() {
@@ -39,7 +40,7 @@ impl Linearised {
             linearised.residuals += prior.residual * prior.residual;
         }
         for place in 0..simulated.segments.len() {
-            let member = linearised.member(problem, (starts, weight), simulated, place);
+            let member = linearised.member(problem, joins, simulated, place);
             linearised.chains.add(&member);
         }
         let sums = linearised.residuals + linearised.jumps;
@@ -51,7 +52,7 @@ impl Linearised {
     fn member(
         &mut self,
         problem: &Problem,
-        (starts, weight): (&Starts, f64),
+        Joins { starts, weight }: Joins<'_>,
         simulated: &Simulated,
         place: usize,
     ) -> Member {

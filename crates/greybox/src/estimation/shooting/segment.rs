@@ -116,7 +116,8 @@ fn spelled(filled: &Filled) -> Candidate<'_> {
 fn simulate(
     problem: &Problem,
     segments: &[Segment],
-    (filled, in_step): (&[Vec<Filled>], usize),
+    filled: &[Vec<Filled>],
+    in_step: usize,
     stop: &AtomicBool,
 ) -> Option<Vec<Columns>> {
     let pairs = segments.iter().zip(filled);
@@ -175,7 +176,7 @@ impl Simulated {
         let filled: Vec<Vec<Filled>> = filled.collect();
         let in_step = filled.first().map_or(0, Vec::len);
         Some(Simulated {
-            columns: simulate(problem, &segments, (&filled, in_step), stop)?,
+            columns: simulate(problem, &segments, &filled, in_step, stop)?,
             segments,
             shifts,
             state_shifts,
@@ -207,7 +208,7 @@ pub(super) fn judge(
         trials.iter().map(fill).collect()
     });
     let filled: Vec<Vec<Filled>> = filled.collect();
-    let columns = simulate(problem, &segments, (&filled, 0), stop)?;
+    let columns = simulate(problem, &segments, &filled, 0, stop)?;
     let sums = trials.iter().enumerate().map(|(member, trial)| {
         let mut sums = [problem.prior_sum(&trial.positions).0, 0.0];
         for (segment, columns) in segments.iter().zip(&columns) {
@@ -274,7 +275,7 @@ pub(super) fn first_starts(
     };
     for segment in segments(problem) {
         let filled = vec![vec![segment.fill(problem, positions, &starts)]];
-        let columns = simulate(problem, std::slice::from_ref(&segment), (&filled, 0), stop)?;
+        let columns = simulate(problem, std::slice::from_ref(&segment), &filled, 0, stop)?;
         let has_failed = columns[0].failures[0].is_some();
         if segment.compared == segment.data.samples {
             continue;
@@ -332,7 +333,7 @@ fn measured_states(
     };
     let here = vec![vec![problem.fill(0, positions)]];
     let moments = std::slice::from_ref(&moment);
-    let columns = simulate(problem, moments, (&here, 0), stop)?;
+    let columns = simulate(problem, moments, &here, 0, stop)?;
     if columns[0].failures[0].is_some() {
         return Some(None);
     }
@@ -351,7 +352,7 @@ fn measured_states(
     };
     let candidates = std::iter::once(None).chain((0..states).map(Some));
     let moved = vec![candidates.map(moved).collect::<Vec<Filled>>()];
-    let columns = &simulate(problem, moments, (&moved, 0), stop)?[0];
+    let columns = &simulate(problem, moments, &moved, 0, stop)?[0];
     let change = |output: usize, state: usize| {
         columns.value(1 + state, 0, output) - columns.value(0, 0, output)
     };

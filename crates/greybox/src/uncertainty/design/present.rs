@@ -121,7 +121,7 @@ impl Present {
                 }
                 None => {
                     let places = middle.iter().enumerate();
-                    let drawn = places.map(|place| alone(next, place, &mut rng));
+                    let drawn = places.map(|(index, middle)| alone(next, index, *middle, &mut rng));
                     drawn.collect()
                 }
             };
@@ -208,7 +208,7 @@ impl Present {
 }
 
 /// A position of one unknown, drawn from its prior about the middle, else from its range.
-fn alone(next: &Problem, (index, &middle): (usize, &f64), rng: &mut impl Rng) -> f64 {
+fn alone(next: &Problem, index: usize, middle: f64, rng: &mut impl Rng) -> f64 {
     let coordinate = &next.coordinates[index];
     let Some(prior) = next.prior_of(index) else {
         return INNER + (1.0 - 2.0 * INNER) * rng::unit(rng);
