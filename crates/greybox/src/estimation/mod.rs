@@ -60,13 +60,13 @@ use serde::{Deserialize, Serialize};
 use settings::MethodName;
 use shooting::Shooting;
 use speculative_search::SpeculativeSearches;
-use stage::{Refinement, Stage};
+use stage::{EstimationStage, RefinementStage};
 use std::sync::atomic::AtomicBool;
 use totals::Totals;
 
 /// Where a run is saved to go on from. Serialises to about 1 kB for each 10 candidates and leader.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Checkpoint {
+pub struct EstimationCheckpoint {
     search: search::State,
     #[serde(flatten)]
     state: EstimationState,
@@ -91,7 +91,7 @@ struct EstimationState {
     /// Why the last search before a refinement ended.
     stop_reason: Option<StopReason>,
     #[serde(flatten)]
-    stage: Stage,
+    stage: EstimationStage,
 }
 
 /// A search of a run that has ended.
@@ -133,7 +133,7 @@ impl Estimation {
     /// Begins a run.
     #[must_use]
     pub fn start(problem: &Problem, settings: &Settings, seed: u64) -> Estimation {
-        let mut run = Estimation::at(problem, settings, seed, Checkpoint::default());
+        let mut run = Estimation::at(problem, settings, seed, EstimationCheckpoint::default());
         run.search.restart(0);
         let n = problem.coordinates.len();
         if settings.name == MethodName::MultistartLm {
@@ -161,7 +161,7 @@ impl Estimation {
         problem: &Problem,
         settings: &Settings,
         seed: u64,
-        checkpoint: Checkpoint,
+        checkpoint: EstimationCheckpoint,
     ) -> Result<Estimation, CheckpointError> {
         let expected = problem.coordinates.len();
         let unknowns = checkpoint
@@ -176,14 +176,21 @@ impl Estimation {
     }
 
     /// A run that stands where a checkpoint was saved.
-    fn at(problem: &Problem, settings: &Settings, seed: u64, checkpoint: Checkpoint) -> Estimation {
-        let Checkpoint { search, state } = checkpoint;
+    fn at(
+        problem: &Problem,
+        settings: &Settings,
+        seed: u64,
+        checkpoint: EstimationCheckpoint,
+    ) -> Estimation {
+        let EstimationCheckpoint { search, state } = checkpoint;
         let segmented = segments::segmented(problem);
         let landmarks = Landmarks::of(problem);
         let task = task(problem, segmented.as_ref(), settings, seed, landmarks);
         let number = match state.stage {
-            Stage::Search => state.searches.len(),
-            Stage::Refine(_) | Stage::Analyse { .. } => state.searches.len().saturating_sub(1),
+            EstimationStage::Search => state.searches.len(),
+            EstimationStage::Refine(_) | EstimationStage::Analyse { .. } => {
+                state.searches.len().saturating_sub(1)
+            }
         };
         Estimation {
             settings: settings.clone(),
@@ -207,16 +214,18 @@ impl Estimation {
         observer: &mut dyn Observer,
     ) -> Advance {
         match &self.state.stage {
-            Stage::Search => self.advance_search(problem, stop, observer),
-            Stage::Refine(_) if !self.settings.refine => self.finish(Vec::new()),
-            Stage::Refine(Refinement::OverSegments(shootings)) => {
+            EstimationStage::Search => self.advance_search(problem, stop, observer),
+            EstimationStage::Refine(_) if !self.settings.refine => self.finish(Vec::new()),
+            EstimationStage::Refine(RefinementStage::OverSegments(shootings)) => {
                 match Shooting::iterate_all(shootings, problem, stop) {
                     Some(next) => self.follow_segments(next),
                     None => Advance::Interrupted,
                 }
             }
-            Stage::Refine(Refinement::FreeRun) => self.advance_descents(problem, stop, observer),
-            Stage::Analyse { .. } => Advance::Finished,
+            EstimationStage::Refine(RefinementStage::FreeRun) => {
+                self.advance_descents(problem, stop, observer)
+            }
+            EstimationStage::Analyse { .. } => Advance::Finished,
         }
     }
 
@@ -387,8 +396,8 @@ impl Estimation {
 
     /// All that is needed to resume the run.
     #[must_use]
-    pub fn checkpoint(&self) -> Checkpoint {
-        Checkpoint {
+    pub fn checkpoint(&self) -> EstimationCheckpoint {
+        EstimationCheckpoint {
             search: self.search.state.clone(),
             state: self.state.clone(),
         }

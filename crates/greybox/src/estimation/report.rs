@@ -4,7 +4,7 @@ use super::floor::Floor;
 use super::observer::Counters;
 use super::problem::Problem;
 use super::refine::DescentEnd;
-use super::stage::Stage;
+use super::stage::EstimationStage;
 use super::{Estimation, StopReason};
 
 /// What a run came to.
@@ -73,8 +73,8 @@ impl Report {
     ) -> Report {
         let total = run.state.totals.and(&run.search.state);
         let twins = match &run.state.stage {
-            Stage::Analyse { twins } => &twins[..],
-            Stage::Search | Stage::Refine(_) => &[],
+            EstimationStage::Analyse { twins } => &twins[..],
+            EstimationStage::Search | EstimationStage::Refine(_) => &[],
         };
         let reason = stopped
             .or(run.state.stop_reason)

@@ -9,7 +9,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::linearised::Estimate;
+use super::linearised::SimulatedEstimate;
 use super::monte_carlo::Assumptions;
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use super::residuals::{self, ResidualReport};
@@ -26,7 +26,7 @@ const FEWEST_BLOCKS: usize = 10;
 /// What drawn recordings are made from.
 #[derive(Debug)]
 pub(super) struct Resampling {
-    pub estimate: Arc<Estimate>,
+    pub estimate: Arc<SimulatedEstimate>,
     /// Where the random numbers come from.
     pub seed: u64,
     /// The assumptions that are drawn along with the noise, where any are.
@@ -106,7 +106,7 @@ impl Resampling {
 
     /// A recording that might have been.
     fn resampled(&self, sample: u32) -> Problem {
-        let Estimate {
+        let SimulatedEstimate {
             problem,
             report,
             trajectories,

@@ -26,7 +26,7 @@ use std::sync::atomic::AtomicBool;
 
 /// An estimate with its simulation.
 #[derive(Debug)]
-pub(super) struct Estimate {
+pub(super) struct SimulatedEstimate {
     pub problem: Problem,
     pub report: Report,
     /// The simulation at the estimate; empty where it fails.
@@ -38,7 +38,7 @@ pub(super) struct Estimate {
 /// An estimate that is looked at as far as goes without refits.
 #[derive(Debug)]
 pub(super) struct LinearisedEstimate {
-    estimate: Arc<Estimate>,
+    estimate: Arc<SimulatedEstimate>,
     /// What follows from the derivatives at the estimate.
     first_order: Result<Box<FirstOrder>, NoDerivatives>,
 }
@@ -95,7 +95,7 @@ impl LinearisedEstimate {
         );
         let (trajectories, around) = (trajectories?, around?);
         let estimate = |trajectories: Vec<Outputs>, residuals| {
-            Arc::new(Estimate {
+            Arc::new(SimulatedEstimate {
                 problem: problem.clone(),
                 report: report.clone(),
                 trajectories,
@@ -130,13 +130,13 @@ impl LinearisedEstimate {
     }
 
     /// The estimate.
-    pub fn estimate(&self) -> &Estimate {
+    pub fn estimate(&self) -> &SimulatedEstimate {
         &self.estimate
     }
 
     /// What is said of the estimate; nothing before all refits have finished.
     pub fn analysis(&self) -> Option<Analysis> {
-        let Estimate {
+        let SimulatedEstimate {
             problem,
             report,
             trajectories,
@@ -172,13 +172,13 @@ impl LinearisedEstimate {
 
 impl FirstOrder {
     fn of(
-        estimate: &Arc<Estimate>,
+        estimate: &Arc<SimulatedEstimate>,
         extended: &Extended,
         around: &Around<'_>,
         request: &Request,
         stop: &AtomicBool,
     ) -> Result<FirstOrder, SensitivityError> {
-        let Estimate {
+        let SimulatedEstimate {
             problem,
             report,
             trajectories,
@@ -257,11 +257,11 @@ impl FirstOrder {
 
     /// What is said of the estimate beside what the simulation alone tells; nothing before all
     /// refits have finished.
-    fn analysis(&self, estimate: &Estimate) -> Option<Analysis> {
+    fn analysis(&self, estimate: &SimulatedEstimate) -> Option<Analysis> {
         if !self.has_ended() {
             return None;
         }
-        let Estimate {
+        let SimulatedEstimate {
             problem, report, ..
         } = estimate;
         let linear = &self.linear;
@@ -313,7 +313,11 @@ impl FirstOrder {
     }
 
     /// Puts the intervals that were asked for in the place of those from the curvature.
-    fn improve_intervals(&self, coordinates: &mut [CoordinateUncertainty], estimate: &Estimate) {
+    fn improve_intervals(
+        &self,
+        coordinates: &mut [CoordinateUncertainty],
+        estimate: &SimulatedEstimate,
+    ) {
         let (problem, positions) = (&estimate.problem, &estimate.report.positions);
         let closed = |(low, high)| (Some(low), Some(high));
         let improved = match &self.intervals {

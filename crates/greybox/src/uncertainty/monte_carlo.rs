@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use super::bootstrap::{DrawnFit, fitted, quantile};
-use super::linearised::Estimate;
+use super::linearised::SimulatedEstimate;
 use super::sensors::Sensors;
 use crate::estimation::problem::{Assumed, Assumption, Problem, Target};
 use crate::estimation::sensitivity::ResidualPlace;
@@ -39,7 +39,7 @@ pub(super) struct Assumptions {
 
 impl Assumptions {
     /// Takes the assumptions of an estimate's problem. Answers nothing when `stop` was raised.
-    pub fn of(estimate: &Estimate, stop: &AtomicBool) -> Option<Assumptions> {
+    pub fn of(estimate: &SimulatedEstimate, stop: &AtomicBool) -> Option<Assumptions> {
         let (problem, positions) = (&estimate.problem, &estimate.report.positions);
         Some(Assumptions {
             assumptions: Arc::clone(&problem.assumptions),
@@ -59,7 +59,7 @@ impl Assumptions {
 
 /// How refits to drawn noise and drawn assumptions lie about an estimate, for each coordinate; none
 /// where fewer than half of them could be fitted.
-pub(super) fn spreads(estimate: &Estimate, refits: &[DrawnFit]) -> Option<Vec<Spread>> {
+pub(super) fn spreads(estimate: &SimulatedEstimate, refits: &[DrawnFit]) -> Option<Vec<Spread>> {
     let fitted = fitted(refits)?;
     let coordinates = estimate.problem.coordinates.iter();
     let described = coordinates.zip(&estimate.report.positions).enumerate();
