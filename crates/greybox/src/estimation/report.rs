@@ -6,6 +6,8 @@ use super::problem::Problem;
 use super::refine::DescentEnd;
 use super::stage::EstimationStage;
 use super::{Estimation, StopReason};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 /// What a run came to.
 #[derive(Clone, Debug)]
@@ -37,13 +39,13 @@ pub struct Report {
 }
 
 /// How one of the searches ended.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct SearchEnd {
-    /// Why.
+    /// Why the search ended: `generation_limit`, `cost_target`, `noise_floor` or `stagnation`.
     pub stop_reason: StopReason,
-    /// How many generations it took.
+    /// How many generations the search took.
     pub generations: u32,
-    /// The cost of its champion; none where every candidate failed.
+    /// The cost of the best candidate of the search; `null` where all candidates failed.
     pub cost: Option<f64>,
 }
 
@@ -95,7 +97,11 @@ impl Report {
                 .map(|search| SearchEnd {
                     stop_reason: search.stop_reason,
                     generations: search.generations,
-                    cost: search.leaders.first().map(|champion| champion.cost),
+                    cost: search
+                        .leaders
+                        .first()
+                        .map(|champion| champion.cost)
+                        .filter(|cost| cost.is_finite()),
                 })
                 .collect(),
             refinements: run

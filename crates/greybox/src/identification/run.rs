@@ -192,8 +192,7 @@ impl Run {
         Run {
             origin: Origin {
                 job: spec.name.clone().unwrap_or_default(),
-                seed: spec.seed,
-                spec_digest: spec.digest(),
+                spec: spec.clone(),
                 dataset_digests: Vec::new(),
             },
             request: spec.request(),

@@ -114,7 +114,7 @@ fn a_run_that_is_stopped_has_the_best_so_far_and_says_so() {
     let stop = AtomicBool::new(false);
     let found = identification(carriage(2.0)).run_observed(&stop, &mut Impatient(&stop));
     let found = found.expect("an outcome");
-    assert_eq!(found.stop_reason, StopReason::Cancelled.name());
+    assert_eq!(found.stop_reason, StopReason::Cancelled);
     assert_eq!(found.verdict.trust, Trust::Low);
 }
 

@@ -7,13 +7,15 @@ use super::constrained::Constrained;
 use super::covariance::{self, Covariance, Linear, NoiseLevels};
 use super::drift::{self, Drift};
 use super::fit;
+use super::fit::Criteria;
 use super::identifiability::{self, FlatDirection};
 use super::monte_carlo::{self, Assumptions};
 use super::profile::{self, Ends, Walk};
 use super::refits::RefitSequence;
 use super::residuals::{self, ResidualReport};
+use super::verdict::Judgement;
 use super::weighing::Seen;
-use super::{Analysis, CoordinateUncertainty, Intervals, Request, Verdict};
+use super::{Analysis, CoordinateUncertainty, Intervals, Request};
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
@@ -156,7 +158,7 @@ impl LinearisedEstimate {
         // Criteria compare likelihoods of normal noise.
         let criteria = match problem.loss {
             Loss::Squared => fit::criteria(&estimation_fit, problem.coordinates.len()),
-            Loss::Huber(_) => None,
+            Loss::Huber(_) => Criteria::missing(),
         };
         let mut analysis = Analysis {
             estimation_fit,
@@ -303,12 +305,12 @@ impl FirstOrder {
             estimation_fit: Vec::new(),
             validation_fit: Vec::new(),
             residuals: Vec::new(),
-            criteria: None,
+            criteria: Criteria::missing(),
             deviations,
             budget: self.budget.clone(),
             drifts: self.drifts.clone(),
             bindings: constrained.map_or_else(Vec::new, |constrained| constrained.bindings()),
-            verdict: Verdict::default(),
+            judgement: Judgement::default(),
         })
     }
 

@@ -53,7 +53,7 @@ use monte_carlo::Spread;
 use profile::Ends;
 use residuals::ResidualReport;
 use std::sync::atomic::AtomicBool;
-use verdict::{Trust, Verdict};
+use verdict::{Doubt, Judgement, Rule, Trust};
 
 /// What is known of one coordinate beside its value.
 #[derive(Clone, Debug)]
@@ -109,7 +109,7 @@ pub struct Analysis {
     /// For each output what is left unexplained.
     pub residuals: Vec<ResidualReport>,
     /// Criteria for the comparison of models.
-    pub criteria: Option<Criteria>,
+    pub criteria: Criteria,
     /// For each coordinate the standard deviation that noise alone leaves, as a share of its
     /// search range.
     pub deviations: Vec<Option<f64>>,
@@ -120,7 +120,7 @@ pub struct Analysis {
     /// Constraints that keep the estimate from where the data would have it.
     pub bindings: Vec<Binding>,
     /// Whether the numbers can be trusted.
-    pub verdict: Verdict,
+    pub judgement: Judgement,
 }
 
 /// Half the width of a 95 % interval in standard errors.
@@ -157,11 +157,11 @@ pub fn analyse(
 }
 
 impl Analysis {
-    fn judge(&mut self, verdict: Verdict) {
-        for (coordinate, trust) in self.coordinates.iter_mut().zip(&verdict.coordinates) {
+    fn judge(&mut self, judgement: Judgement) {
+        for (coordinate, trust) in self.coordinates.iter_mut().zip(&judgement.coordinates) {
             coordinate.trust = *trust;
         }
-        self.verdict = verdict;
+        self.judgement = judgement;
     }
 }
 
@@ -172,19 +172,20 @@ pub fn unanalysed(problem: &Problem, report: &Report) -> Conclusion {
     Conclusion {
         problem: problem.clone(),
         report: report.clone(),
-        analysis: unknown(problem, report, "not_analysed", reason),
+        analysis: unknown(problem, report, Rule::NotAnalysed, reason),
         selection: None,
     }
 }
 
 fn without_simulation(problem: &Problem, report: &Report) -> Analysis {
     let reason = "the simulation at the estimate fails".to_owned();
-    unknown(problem, report, "simulation_fails", reason)
+    unknown(problem, report, Rule::SimulationFails, reason)
 }
 
-fn unknown(problem: &Problem, report: &Report, code: &'static str, reason: String) -> Analysis {
+fn unknown(problem: &Problem, report: &Report, rule: Rule, reason: String) -> Analysis {
     let mut analysis = undetermined(problem, report, reason.clone());
-    analysis.judge(Verdict::low(problem, code, reason));
+    let doubt = Doubt::new(rule, Trust::Low, reason);
+    analysis.judge(Judgement::of(problem, vec![doubt]));
     analysis
 }
 
@@ -199,12 +200,12 @@ fn undetermined(problem: &Problem, report: &Report, reason: String) -> Analysis 
         estimation_fit: Vec::new(),
         validation_fit: Vec::new(),
         residuals: Vec::new(),
-        criteria: None,
+        criteria: Criteria::missing(),
         deviations: vec![None; problem.coordinates.len()],
         budget: Budget::default(),
         drifts: Vec::new(),
         bindings: Vec::new(),
-        verdict: Verdict::default(),
+        judgement: Judgement::default(),
     }
 }
 

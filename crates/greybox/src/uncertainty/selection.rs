@@ -341,9 +341,7 @@ impl EliminationBasis {
                 effects: effects.collect(),
                 unknowns: problem.coordinates.len(),
                 cost,
-                criterion: criteria
-                    .filter(|_| trajectories.is_ok())
-                    .map(|criteria| criteria.bic),
+                criterion: criteria.bic.filter(|_| trajectories.is_ok()),
                 estimation_fit,
                 validation_fit,
             },
