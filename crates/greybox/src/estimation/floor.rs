@@ -33,7 +33,7 @@ const NOISE: f64 = 1.05;
 const SMALL_SHARE: f64 = 0.01;
 /// Residuals of a record that costs next to nothing to search again.
 const FEW: usize = 1000;
-/// So few that chi-square hardly tells a wrong minimum from noise.
+/// Residuals of a record in which chi-square hardly tells a wrong minimum from noise.
 const VERY_FEW: usize = 100;
 /// Exchanges that are followed at the most.
 const MOST_EXCHANGES: usize = 3;
@@ -177,7 +177,7 @@ pub fn is_doubtful(landmarks: &Landmarks, descents: &[Descent]) -> bool {
             floor.at_floor == 0 || is_unsure
         }
         _ => {
-            // Of few residuals and unknown noise a wrong minimum is as likely to be found twice.
+            // With few residuals and unknown noise a wrong minimum is as likely to be found twice.
             let enough = if landmarks.residuals <= VERY_FEW {
                 3
             } else {

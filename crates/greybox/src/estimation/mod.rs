@@ -342,7 +342,7 @@ impl Estimation {
             self.begin_next_search();
             return;
         }
-        // Of one search its best distinct candidates, of each of several its best.
+        // A single search gives its best distinct candidates, each of several searches its best.
         let (from, each) = match finished {
             1 => (0, usize::MAX),
             number if number == asked => (0, 1),

@@ -164,11 +164,11 @@ pub struct Descent {
     /// The search that it started from, counted from 0.
     #[serde(default)]
     pub search: Option<u32>,
-    /// Where it started.
+    /// Where the descent started.
     pub start: Vec<f64>,
     /// The cost there; none where the start cannot be simulated, or before the first iteration.
     pub start_cost: Option<f64>,
-    /// Where it is.
+    /// Where the descent is.
     pub positions: Vec<f64>,
     /// The cost there.
     pub cost: Option<f64>,
@@ -189,7 +189,7 @@ pub struct Descent {
     /// The residuals linearised where it is, if they are. Not saved: they come out the same again.
     #[serde(skip)]
     linearisation: Option<Linearisation>,
-    /// Whether its candidates are among the evaluations.
+    /// Whether the candidates of the linearisation are among the evaluations.
     is_counted: bool,
     /// Iterations in a row, up to the last, that have gained next to nothing.
     #[serde(default)]
@@ -220,7 +220,7 @@ impl Descent {
         }
     }
 
-    /// Whether it is simulated finely.
+    /// Whether the descent is simulated finely.
     #[must_use]
     pub fn is_polished(&self) -> bool {
         self.accuracy == Accuracy::Full
@@ -306,7 +306,7 @@ impl Descent {
         self.is_polished() && self.distance.is_some_and(|distance| distance < NEAR)
     }
 
-    /// As many candidates as a linearisation simulates.
+    /// The number of candidates that a linearisation simulates.
     fn columns(&self, problem: &Problem) -> u64 {
         sides(problem, self.accuracy).candidates(self.positions.len())
     }

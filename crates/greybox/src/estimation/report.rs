@@ -58,7 +58,7 @@ pub struct Refinement {
     pub coarse_cost: Option<f64>,
     /// The cost where it ended; finely simulated for the one that was polished.
     pub cost: Option<f64>,
-    /// Where it ended: each coordinate with its value, SI.
+    /// Where the descent ended: each coordinate with its value, SI.
     pub values: Vec<(String, f64)>,
     /// Iterations.
     pub iterations: u32,

@@ -81,7 +81,7 @@ pub struct Task<'a> {
     pub problem: &'a Problem,
     /// How.
     pub settings: &'a Settings,
-    /// What its random numbers come from.
+    /// The seed of the run's random numbers.
     pub seed: u64,
     /// What is known of the cost beforehand, where the search judges the free run.
     pub landmarks: Option<Landmarks>,
@@ -119,7 +119,7 @@ pub struct Search {
 /// A generation that has been judged.
 #[derive(Debug)]
 pub struct Generation {
-    /// What it looked like.
+    /// The row that tells of the generation.
     pub row: GenerationRow,
     /// Why the search ends with it, if it does.
     pub stop: Option<StopReason>,

@@ -9,10 +9,10 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::linearised::SimulatedEstimate;
-use super::monte_carlo::Assumptions;
+use super::drawn_assumptions::DrawnAssumptions;
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use super::residuals::{self, ResidualReport};
+use super::simulated_estimate::SimulatedEstimate;
 use crate::estimation::problem::Problem;
 use greybox_numerics::rng::{self, Purpose};
 use greybox_simulation::Accuracy;
@@ -30,7 +30,7 @@ pub(super) struct Resampling {
     /// Where the random numbers come from.
     pub seed: u64,
     /// The assumptions that are drawn along with the noise, where any are.
-    pub assumptions: Option<Assumptions>,
+    pub assumptions: Option<DrawnAssumptions>,
 }
 
 /// The refit to one drawn recording.

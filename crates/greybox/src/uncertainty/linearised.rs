@@ -5,14 +5,16 @@ use super::bootstrap::{self, DrawnFit, Resampling};
 use super::budget::{Around, Budget, Extended};
 use super::constrained::Constrained;
 use super::covariance::{self, Covariance, Linear, NoiseLevels};
+use super::drawn_assumptions::DrawnAssumptions;
 use super::drift::{self, Drift};
 use super::fit;
 use super::fit::Criteria;
 use super::identifiability::{self, FlatDirection};
-use super::monte_carlo::{self, Assumptions};
+use super::monte_carlo;
 use super::profile::{self, Ends, Walk};
 use super::refits::RefitSequence;
-use super::residuals::{self, ResidualReport};
+use super::residuals;
+use super::simulated_estimate::SimulatedEstimate;
 use super::verdict::Judgement;
 use super::weighing::Seen;
 use super::{Analysis, CoordinateUncertainty, Intervals, Request};
@@ -25,17 +27,6 @@ use greybox_simulation::Accuracy;
 use greybox_simulation::single::Outputs;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-
-/// An estimate with its simulation.
-#[derive(Debug)]
-pub(super) struct SimulatedEstimate {
-    pub problem: Problem,
-    pub report: Report,
-    /// The simulation at the estimate; empty where it fails.
-    pub trajectories: Vec<Outputs>,
-    /// For each output what is left unexplained; empty where the simulation fails.
-    pub residuals: Vec<ResidualReport>,
-}
 
 /// An estimate that is looked at as far as goes without refits.
 #[derive(Debug)]
@@ -217,7 +208,7 @@ impl FirstOrder {
         let monte_carlo = match settings.monte_carlo_samples {
             0 => Vec::new(),
             samples => {
-                let assumptions = Assumptions::of(estimate, stop);
+                let assumptions = DrawnAssumptions::of(estimate, stop);
                 let assumptions = assumptions.ok_or(SensitivityError::Interrupted)?;
                 resampling(Some(assumptions)).fits(samples)
             }

@@ -13,8 +13,8 @@ use std::sync::Arc;
 
 use super::NORMAL_95;
 use super::covariance::Linear;
-use super::linearised::SimulatedEstimate;
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
+use super::simulated_estimate::SimulatedEstimate;
 use crate::estimation::objective::Objective;
 use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::estimation::refine;

@@ -105,7 +105,7 @@ impl Linearisation {
 /// What the linear model promises of a step.
 #[derive(Clone, Debug)]
 pub struct Outlook {
-    /// Where it leads.
+    /// The positions that the step leads to.
     pub positions: Vec<f64>,
     /// The share of the cost that is gained there.
     pub gain: f64,
