@@ -58,7 +58,6 @@ use refine::Descent;
 use search::{Search, Task};
 use serde::{Deserialize, Serialize};
 use settings::MethodName;
-use shooting::Shooting;
 use speculative_search::SpeculativeSearches;
 use stage::{EstimationStage, RefinementStage};
 use std::sync::atomic::AtomicBool;
@@ -216,11 +215,8 @@ impl Estimation {
         match &self.state.stage {
             EstimationStage::Search => self.advance_search(problem, stop, observer),
             EstimationStage::Refine(_) if !self.settings.refine => self.finish(Vec::new()),
-            EstimationStage::Refine(RefinementStage::OverSegments(shootings)) => {
-                match Shooting::iterate_all(shootings, problem, stop) {
-                    Some(next) => self.follow_segments(next),
-                    None => Advance::Interrupted,
-                }
+            EstimationStage::Refine(RefinementStage::OverSegments(_)) => {
+                self.advance_segments(problem, stop)
             }
             EstimationStage::Refine(RefinementStage::FreeRun) => {
                 self.advance_descents(problem, stop, observer)

@@ -41,15 +41,26 @@ impl Estimation {
         counters.distinct_evaluations += simulated;
     }
 
-    /// Goes on from an iteration over segments; when all descents over segments have ended,
-    /// descents of the free run go on from where they came to.
-    pub(super) fn follow_segments(&mut self, next: Vec<Shooting>) -> Advance {
+    /// One iteration of all descents over segments that have not ended. When all have ended, descents of
+    /// the free run go on from where they came to.
+    pub(super) fn advance_segments(&mut self, problem: &Problem, stop: &AtomicBool) -> Advance {
+        let EstimationStage::Refine(RefinementStage::OverSegments(shootings)) = &self.state.stage
+        else {
+            return Advance::Working;
+        };
+        let iterate = |shooting: &Shooting| {
+            let mut next = shooting.clone();
+            let done = next.has_ended || next.iterate(problem, stop);
+            done.then_some(next)
+        };
+        let next: Option<Vec<Shooting>> = shootings.par_iter().map(iterate).collect();
+        let Some(next) = next else {
+            return Advance::Interrupted;
+        };
         let total = |shootings: &[Shooting]| -> u64 {
             shootings.iter().map(|shooting| shooting.evaluations).sum()
         };
-        if let EstimationStage::Refine(RefinementStage::OverSegments(before)) = &self.state.stage {
-            self.count(total(&next) - total(before));
-        }
+        self.count(total(&next) - total(shootings));
         let has_ended = next.iter().all(|shooting| shooting.has_ended);
         self.state.stage = EstimationStage::Refine(if has_ended {
             for ended in next {
