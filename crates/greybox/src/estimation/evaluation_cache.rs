@@ -18,10 +18,11 @@ const OVERHEAD: usize =
 /// Evaluations by chromosome.
 #[derive(Debug)]
 pub struct EvaluationCache {
-    known: HashMap<Arc<Chromosome>, Arc<Evaluation>>,
+    evaluations: HashMap<Arc<Chromosome>, Arc<Evaluation>>,
     order: VecDeque<Arc<Chromosome>>,
-    /// What it may take, and what it takes [bytes].
+    /// The bytes that the cache may take.
     room: usize,
+    /// The bytes that the cache takes.
     taken: usize,
 }
 
@@ -32,10 +33,10 @@ impl Default for EvaluationCache {
 }
 
 impl EvaluationCache {
-    /// An empty one that takes so many bytes at the most.
+    /// An empty cache that takes so many bytes at the most.
     fn of(room: usize) -> Self {
         Self {
-            known: HashMap::new(),
+            evaluations: HashMap::new(),
             order: VecDeque::new(),
             room,
             taken: 0,
@@ -45,14 +46,14 @@ impl EvaluationCache {
     /// The evaluation of a candidate that has been simulated before.
     #[must_use]
     pub fn recall(&self, chromosome: &Chromosome) -> Option<Arc<Evaluation>> {
-        self.known.get(chromosome).cloned()
+        self.evaluations.get(chromosome).cloned()
     }
 
     /// Remembers an evaluation.
     pub fn remember(&mut self, chromosome: Chromosome, evaluation: Arc<Evaluation>) {
         let chromosome = Arc::new(chromosome);
         self.taken += size(&chromosome, &evaluation);
-        match self.known.insert(chromosome.clone(), evaluation) {
+        match self.evaluations.insert(chromosome.clone(), evaluation) {
             Some(earlier) => self.taken -= size(&chromosome, &earlier),
             None => self.order.push_back(chromosome),
         }
@@ -60,7 +61,7 @@ impl EvaluationCache {
             let Some(oldest) = self.order.pop_front() else {
                 break;
             };
-            if let Some(forgotten) = self.known.remove(&oldest) {
+            if let Some(forgotten) = self.evaluations.remove(&oldest) {
                 self.taken -= size(&oldest, &forgotten);
             }
         }
@@ -101,7 +102,7 @@ mod tests {
             }
             assert!(cache.recall(&Chromosome(vec![0, blocks])).is_none());
             let count = cache.order.len();
-            assert_eq!(count, cache.known.len());
+            assert_eq!(count, cache.evaluations.len());
             assert!(
                 count > 10 && count * OVERHEAD <= room,
                 "{count} of {blocks} blocks"

@@ -55,7 +55,7 @@ impl Limit {
 pub fn limits(problem: &Problem, positions: &[f64]) -> Vec<Limit> {
     let of = |(constraint, experiment): (usize, usize)| {
         let condition = &problem.constraints[constraint];
-        let slack = |positions: &[f64]| slack(problem, (condition, experiment), positions);
+        let slack = |positions: &[f64]| slack(problem, condition, experiment, positions);
         let slope = |index: usize| {
             let mut moved = positions.to_vec();
             let ends = [-SHIFT, SHIFT].map(|shift| (positions[index] + shift).clamp(0.0, 1.0));
@@ -82,7 +82,8 @@ pub fn holds(problem: &Problem, positions: &[f64]) -> bool {
     let is_met = |(constraint, experiment): (usize, usize)| {
         slack(
             problem,
-            (&problem.constraints[constraint], experiment),
+            &problem.constraints[constraint],
+            experiment,
             positions,
         ) >= 0.0
     };
@@ -92,16 +93,17 @@ pub fn holds(problem: &Problem, positions: &[f64]) -> bool {
 
 /// Which constraints are asked in which experiments.
 fn places(problem: &Problem) -> impl Iterator<Item = (usize, usize)> {
-    let own = |parameter: &usize| {
+    let is_of_experiments = |parameter: &usize| {
         let coordinates = problem.coordinates.iter();
         let mut targets = coordinates.map(|coordinate| coordinate.target);
-        let is_own = |target: Target| matches!(target, Target::ExperimentParameter { parameter: own, .. } if own == *parameter);
-        let mut said = problem.experiments.iter().flat_map(|own| &own.parameters);
-        targets.any(is_own) || said.any(|(own, _)| own == parameter)
+        let is_estimated = |target: Target| matches!(target, Target::ExperimentParameter { parameter: estimated, .. } if estimated == *parameter);
+        let experiments = problem.experiments.iter();
+        let mut given = experiments.flat_map(|experiment| &experiment.parameters);
+        targets.any(is_estimated) || given.any(|(index, _)| index == parameter)
     };
     let constraints = problem.constraints.iter().enumerate();
     constraints.flat_map(move |(constraint, condition)| {
-        let experiments = match condition.parameters().iter().any(own) {
+        let experiments = match condition.parameters().iter().any(is_of_experiments) {
             true => problem.experiments.len(),
             false => 1,
         };
@@ -109,11 +111,7 @@ fn places(problem: &Problem) -> impl Iterator<Item = (usize, usize)> {
     })
 }
 
-fn slack(
-    problem: &Problem,
-    (condition, experiment): (&Condition, usize),
-    positions: &[f64],
-) -> f64 {
+fn slack(problem: &Problem, condition: &Condition, experiment: usize, positions: &[f64]) -> f64 {
     let slack = condition.slack(&problem.fill(experiment, positions).parameters);
     if slack.is_nan() {
         f64::NEG_INFINITY

@@ -33,7 +33,7 @@ const NOISE: f64 = 1.05;
 const SMALL_SHARE: f64 = 0.01;
 /// Residuals of a record that costs next to nothing to search again.
 const FEW: usize = 1000;
-/// So few that chi-square hardly tells a wrong minimum from noise.
+/// Residuals of a record in which chi-square hardly tells a wrong minimum from noise.
 const VERY_FEW: usize = 100;
 /// Exchanges that are followed at the most.
 const MOST_EXCHANGES: usize = 3;
@@ -177,7 +177,7 @@ pub fn is_doubtful(landmarks: &Landmarks, descents: &[Descent]) -> bool {
             floor.at_floor == 0 || is_unsure
         }
         _ => {
-            // Of few residuals and unknown noise a wrong minimum is as likely to be found twice.
+            // With few residuals and unknown noise a wrong minimum is as likely to be found twice.
             let enough = if landmarks.residuals <= VERY_FEW {
                 3
             } else {
@@ -224,7 +224,7 @@ pub fn exchanged(problem: &Problem, positions: &[f64]) -> Vec<Exchange> {
         let is_another = (position - positions[to]).abs() > APART;
         ((lower..=upper).contains(&value) && is_another).then_some(position)
     };
-    let mut found = Vec::new();
+    let mut exchanges = Vec::new();
     for a in 0..positions.len() {
         for b in a + 1..positions.len() {
             let alike = coordinates[a].unit == coordinates[b].unit;
@@ -232,15 +232,15 @@ pub fn exchanged(problem: &Problem, positions: &[f64]) -> Vec<Exchange> {
             if let Some((at_b, at_a)) = both.filter(|_| alike && is_shared(a) && is_shared(b)) {
                 let mut candidate = positions.to_vec();
                 (candidate[a], candidate[b]) = (at_a, at_b);
-                found.push(Exchange {
+                exchanges.push(Exchange {
                     pair: [a, b],
                     positions: candidate,
                 });
             }
         }
     }
-    found.retain(|exchange| feasible::holds(problem, &exchange.positions));
-    found
+    exchanges.retain(|exchange| feasible::holds(problem, &exchange.positions));
+    exchanges
 }
 
 /// The exchanges that are worth following: of those with a cost the lowest.
@@ -299,19 +299,19 @@ pub fn rivals<'a>(
     let Some(lowest) = cost(best) else {
         return Vec::new();
     };
-    let rivals = descents.iter().filter(|other| {
-        let as_good = cost(other).is_some_and(|cost| landmarks.is_same(lowest, cost));
+    let rivals = descents.iter().filter(|descent| {
+        let as_good = cost(descent).is_some_and(|cost| landmarks.is_same(lowest, cost));
         let ended = matches!(
-            other.end,
+            descent.end,
             Some(DescentEnd::Converged | DescentEnd::IterationLimit)
         );
-        as_good && ended && differs(&other.positions, &best.positions)
+        as_good && ended && differs(&descent.positions, &best.positions)
     });
     rivals.collect()
 }
 
-fn differs(one: &[f64], other: &[f64]) -> bool {
-    one.iter().zip(other).any(|(a, b)| (a - b).abs() > APART)
+fn differs(first: &[f64], second: &[f64]) -> bool {
+    first.iter().zip(second).any(|(a, b)| (a - b).abs() > APART)
 }
 
 /// The positions of those among the rivals that are another minimum than the best, each once.
@@ -321,15 +321,15 @@ pub fn twins<'a>(
     here: &Linearisation,
     rivals: impl Iterator<Item = &'a [f64]>,
 ) -> Vec<Vec<f64>> {
-    let is_apart = |one: &[f64], other: &[f64]| here.distance(one, other) > TWIN_DISTANCE;
-    let mut found: Vec<Vec<f64>> = Vec::new();
+    let is_apart = |from: &[f64], to: &[f64]| here.distance(from, to) > TWIN_DISTANCE;
+    let mut twins: Vec<Vec<f64>> = Vec::new();
     for rival in rivals {
-        let known = found.iter().map(Vec::as_slice).chain([best]);
-        if known.into_iter().all(|known| is_apart(rival, known)) {
-            found.push(rival.to_vec());
+        let minima = twins.iter().map(Vec::as_slice).chain([best]);
+        if minima.into_iter().all(|minimum| is_apart(rival, minimum)) {
+            twins.push(rival.to_vec());
         }
     }
-    found
+    twins
 }
 
 #[cfg(test)]

@@ -24,8 +24,8 @@ pub fn enter(leaders: &mut Vec<Judged>, candidate: Judged, places: usize, encodi
     }
     let positions = encoding.decode(&candidate.chromosome);
     let alike = |leader: &Judged| {
-        let other = encoding.decode(&leader.chromosome);
-        let pairs = positions.iter().zip(other);
+        let decoded = encoding.decode(&leader.chromosome);
+        let pairs = positions.iter().zip(decoded);
         pairs
             .into_iter()
             .all(|(a, b)| (a - b).abs() < SMALLEST_DISTANCE)

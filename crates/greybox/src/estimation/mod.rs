@@ -58,15 +58,14 @@ use refine::Descent;
 use search::{Search, Task};
 use serde::{Deserialize, Serialize};
 use settings::MethodName;
-use shooting::Shooting;
 use speculative_search::SpeculativeSearches;
-use stage::{Refinement, Stage};
+use stage::{EstimationStage, RefinementStage};
 use std::sync::atomic::AtomicBool;
 use totals::Totals;
 
 /// Where a run is saved to go on from. Serialises to about 1 kB for each 10 candidates and leader.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Checkpoint {
+pub struct EstimationCheckpoint {
     search: search::State,
     #[serde(flatten)]
     state: EstimationState,
@@ -82,7 +81,7 @@ struct EstimationState {
     #[serde(default)]
     searches: Vec<FinishedSearch>,
     descents: Vec<Descent>,
-    /// Of how many searches the best have gone over segments.
+    /// The searches whose best candidates have gone over segments.
     #[serde(default)]
     shot_searches: usize,
     /// Whether parameters that could change their places have.
@@ -91,7 +90,7 @@ struct EstimationState {
     /// Why the last search before a refinement ended.
     stop_reason: Option<StopReason>,
     #[serde(flatten)]
-    stage: Stage,
+    stage: EstimationStage,
 }
 
 /// A search of a run that has ended.
@@ -107,9 +106,9 @@ struct FinishedSearch {
 
 /// A checkpoint that does not belong to the problem and the settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the checkpoint has {found} unknowns where the problem has {expected}")]
+#[error("the checkpoint has {unknowns} unknowns where the problem has {expected}")]
 pub struct CheckpointError {
-    found: usize,
+    unknowns: usize,
     expected: usize,
 }
 
@@ -133,7 +132,7 @@ impl Estimation {
     /// Begins a run.
     #[must_use]
     pub fn start(problem: &Problem, settings: &Settings, seed: u64) -> Estimation {
-        let mut run = Estimation::at(problem, settings, seed, Checkpoint::default());
+        let mut run = Estimation::at(problem, settings, seed, EstimationCheckpoint::default());
         run.search.restart(0);
         let n = problem.coordinates.len();
         if settings.name == MethodName::MultistartLm {
@@ -161,29 +160,36 @@ impl Estimation {
         problem: &Problem,
         settings: &Settings,
         seed: u64,
-        checkpoint: Checkpoint,
+        checkpoint: EstimationCheckpoint,
     ) -> Result<Estimation, CheckpointError> {
         let expected = problem.coordinates.len();
-        let found = checkpoint
+        let unknowns = checkpoint
             .search
             .population
             .first()
             .map_or(0, |first| first.0.len());
-        if found != expected {
-            return Err(CheckpointError { found, expected });
+        if unknowns != expected {
+            return Err(CheckpointError { unknowns, expected });
         }
         Ok(Estimation::at(problem, settings, seed, checkpoint))
     }
 
     /// A run that stands where a checkpoint was saved.
-    fn at(problem: &Problem, settings: &Settings, seed: u64, checkpoint: Checkpoint) -> Estimation {
-        let Checkpoint { search, state } = checkpoint;
+    fn at(
+        problem: &Problem,
+        settings: &Settings,
+        seed: u64,
+        checkpoint: EstimationCheckpoint,
+    ) -> Estimation {
+        let EstimationCheckpoint { search, state } = checkpoint;
         let segmented = segments::segmented(problem);
         let landmarks = Landmarks::of(problem);
-        let task = task((problem, segmented.as_ref()), settings, seed, landmarks);
+        let task = task(problem, segmented.as_ref(), settings, seed, landmarks);
         let number = match state.stage {
-            Stage::Search => state.searches.len(),
-            Stage::Refine(_) | Stage::Analyse { .. } => state.searches.len().saturating_sub(1),
+            EstimationStage::Search => state.searches.len(),
+            EstimationStage::Refine(_) | EstimationStage::Analyse { .. } => {
+                state.searches.len().saturating_sub(1)
+            }
         };
         Estimation {
             settings: settings.clone(),
@@ -207,16 +213,15 @@ impl Estimation {
         observer: &mut dyn Observer,
     ) -> Advance {
         match &self.state.stage {
-            Stage::Search => self.advance_search(problem, stop, observer),
-            Stage::Refine(_) if !self.settings.refine => self.finish(Vec::new()),
-            Stage::Refine(Refinement::OverSegments(shootings)) => {
-                match Shooting::iterate_all(shootings, problem, stop) {
-                    Some(next) => self.follow_segments(next),
-                    None => Advance::Interrupted,
-                }
+            EstimationStage::Search => self.advance_search(problem, stop, observer),
+            EstimationStage::Refine(_) if !self.settings.refine => self.finish(Vec::new()),
+            EstimationStage::Refine(RefinementStage::OverSegments(_)) => {
+                self.advance_segments(problem, stop)
             }
-            Stage::Refine(Refinement::FreeRun) => self.advance_descents(problem, stop, observer),
-            Stage::Analyse { .. } => Advance::Finished,
+            EstimationStage::Refine(RefinementStage::FreeRun) => {
+                self.advance_descents(problem, stop, observer)
+            }
+            EstimationStage::Analyse { .. } => Advance::Finished,
         }
     }
 
@@ -311,8 +316,8 @@ impl Estimation {
         if !self.has_searches_ahead() {
             return None;
         }
-        let searched = (problem, self.segmented.as_ref());
-        let task = task(searched, &self.settings, self.seed, self.landmarks);
+        let (segmented, settings) = (self.segmented.as_ref(), &self.settings);
+        let task = task(problem, segmented, settings, self.seed, self.landmarks);
         let ahead = self.state.searches.len() as u32 + 1..self.settings.restarts;
         let number = self.speculative.next(share, ahead)?;
         let stretch = self.speculative.judge(&task, number, at_most, stop)?;
@@ -333,7 +338,7 @@ impl Estimation {
             self.begin_next_search();
             return;
         }
-        // Of one search its best distinct candidates, of each of several its best.
+        // A single search gives its best distinct candidates, each of several searches its best.
         let (from, each) = match finished {
             1 => (0, usize::MAX),
             number if number == asked => (0, 1),
@@ -354,7 +359,7 @@ impl Estimation {
     /// The positions of a candidate of the search. What a segmented search cannot judge, the
     /// initial states, stands in the middle of its range: at what was measured.
     fn positions(&self, problem: &Problem, chromosome: &crate::genetic::Chromosome) -> Vec<f64> {
-        let found = self
+        let decoded = self
             .search
             .positions(problem, chromosome)
             .into_iter()
@@ -363,7 +368,7 @@ impl Estimation {
             let is_state = matches!(coordinate.target, problem::Target::InitialState { .. });
             is_state && self.segmented.is_some()
         };
-        found
+        decoded
             .map(|(position, coordinate)| if unjudged(coordinate) { 0.5 } else { position })
             .collect()
     }
@@ -387,8 +392,8 @@ impl Estimation {
 
     /// All that is needed to resume the run.
     #[must_use]
-    pub fn checkpoint(&self) -> Checkpoint {
-        Checkpoint {
+    pub fn checkpoint(&self) -> EstimationCheckpoint {
+        EstimationCheckpoint {
             search: self.search.state.clone(),
             state: self.state.clone(),
         }
@@ -408,7 +413,8 @@ impl Estimation {
 
 /// What all searches of a run have in common: they judge the problem over segments where it is so given.
 fn task<'a>(
-    (problem, segmented): (&'a Problem, Option<&'a Problem>),
+    problem: &'a Problem,
+    segmented: Option<&'a Problem>,
     settings: &'a Settings,
     seed: u64,
     landmarks: Landmarks,

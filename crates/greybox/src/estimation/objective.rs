@@ -21,7 +21,7 @@ pub struct Evaluation {
     pub cost: f64,
     /// The root mean square of the scaled residuals in each block; infinite where it failed.
     pub block_errors: Vec<f64>,
-    /// How it failed, if it did.
+    /// The failure of the simulation, where it failed.
     pub failure: Option<SimulationFailure>,
 }
 

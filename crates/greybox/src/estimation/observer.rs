@@ -30,7 +30,7 @@ pub struct Finding {
     /// Where: a JSON pointer into the specification.
     #[schema(example = "/experiments/0/signals/reference")]
     pub pointer: String,
-    /// What it is, for people, with the numbers in it.
+    /// The finding in words, with the numbers in it.
     pub detail: String,
 }
 

@@ -50,8 +50,8 @@ impl PriorRow {
     #[must_use]
     pub fn slope(&self, coordinate: usize) -> f64 {
         let mut slopes = self.slopes.iter();
-        let own = slopes.find(|(index, _)| *index == coordinate);
-        own.map_or(0.0, |(_, slope)| *slope)
+        let slope = slopes.find(|(index, _)| *index == coordinate);
+        slope.map_or(0.0, |(_, slope)| *slope)
     }
 }
 
@@ -103,7 +103,10 @@ impl JointPrior {
     /// What the prior knows of one parameter alone.
     #[must_use]
     pub fn marginal(&self, parameter: usize) -> Option<Prior> {
-        let index = self.parameters.iter().position(|own| *own == parameter)?;
+        let index = self
+            .parameters
+            .iter()
+            .position(|index| *index == parameter)?;
         let (middle, deviation) = self.marginals[index];
         Some(Prior {
             middle,
@@ -116,8 +119,8 @@ impl JointPrior {
     pub fn draw_about(&mut self, values: &[f64], mut noise: Vec<f64>) {
         // The inverse of a lower triangle, row by row.
         for row in 0..noise.len() {
-            let known: f64 = (0..row).map(|k| self.whitening[row][k] * noise[k]).sum();
-            noise[row] = (noise[row] - known) / self.whitening[row][row];
+            let above: f64 = (0..row).map(|k| self.whitening[row][k] * noise[k]).sum();
+            noise[row] = (noise[row] - above) / self.whitening[row][row];
         }
         let drawn = values.iter().zip(noise);
         for ((middle, _), (value, off)) in self.marginals.iter_mut().zip(drawn) {

@@ -199,7 +199,7 @@ impl Problem {
     /// The residuals of the priors at a candidate's positions.
     pub fn prior_rows(&self, positions: &[f64]) -> Vec<PriorRow> {
         let pairs = self.coordinates.iter().zip(positions).enumerate();
-        let own = pairs.filter_map(|(index, (coordinate, position))| {
+        let single = pairs.filter_map(|(index, (coordinate, position))| {
             let prior = coordinate.prior?;
             let value = coordinate.value(*position);
             let slope = prior.slope(value) * coordinate.slope(*position);
@@ -208,7 +208,7 @@ impl Problem {
                 slopes: vec![(index, slope)],
             })
         });
-        let mut rows: Vec<PriorRow> = own.collect();
+        let mut rows: Vec<PriorRow> = single.collect();
         for joint in self.joint_priors.iter() {
             let places = |parameter: &usize| self.place_of(*parameter);
             let places: Vec<Option<usize>> = joint.parameters.iter().map(places).collect();
@@ -229,7 +229,7 @@ impl Problem {
     #[must_use]
     pub fn place_of(&self, parameter: usize) -> Option<usize> {
         let mut coordinates = self.coordinates.iter();
-        coordinates.position(|own| own.target == Target::Parameter(parameter))
+        coordinates.position(|coordinate| coordinate.target == Target::Parameter(parameter))
     }
 
     /// The value of a parameter that experiments share at a candidate's positions, SI.
@@ -245,12 +245,13 @@ impl Problem {
     /// a joint one.
     #[must_use]
     pub fn prior_of(&self, coordinate: usize) -> Option<Prior> {
-        let own = &self.coordinates[coordinate];
-        let Target::Parameter(parameter) = own.target else {
-            return own.prior;
+        let coordinate = &self.coordinates[coordinate];
+        let Target::Parameter(parameter) = coordinate.target else {
+            return coordinate.prior;
         };
         let mut joint = self.joint_priors.iter();
-        own.prior
+        coordinate
+            .prior
             .or_else(|| joint.find_map(|joint| joint.marginal(parameter)))
     }
 
@@ -290,19 +291,19 @@ impl Problem {
             initial_state: experiment.initial_state.clone(),
         };
         let pairs = self.coordinates.iter().zip(positions);
-        let mut own = experiment.parameters.clone();
+        let mut given = experiment.parameters.clone();
         for (coordinate, position) in pairs {
             let value = coordinate.value(*position);
             match coordinate.target {
                 Target::Parameter(index) => filled.parameters[index] = value,
                 target if target.experiment() != Some(experiment.place) => {}
-                Target::ExperimentParameter { parameter, .. } => own.push((parameter, value)),
+                Target::ExperimentParameter { parameter, .. } => given.push((parameter, value)),
                 Target::InitialState { state, .. } => {
                     filled.initial_state[state].get_or_insert(value);
                 }
             }
         }
-        for (parameter, value) in own {
+        for (parameter, value) in given {
             filled.parameters[parameter] = value;
         }
         filled
@@ -320,7 +321,7 @@ impl Problem {
                 fixed[parameter] = None;
             }
         }
-        for (parameter, value) in self.experiments.iter().flat_map(|own| &own.parameters) {
+        for (parameter, value) in self.experiments.iter().flat_map(|data| &data.parameters) {
             fixed[*parameter] = fixed[*parameter].filter(|common| common == value);
         }
         self.model.plant_with(&fixed)

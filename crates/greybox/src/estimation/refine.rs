@@ -103,7 +103,7 @@ pub fn descend(
     accuracy: Accuracy,
     stop: &AtomicBool,
 ) -> Option<Descent> {
-    descend_at_most(problem, start, (accuracy, HARD_LIMIT), stop)
+    descend_at_most(problem, start, accuracy, HARD_LIMIT, stop)
 }
 
 /// Descends from a start for `iterations` iterations at the most; a descent that they cut short has
@@ -112,7 +112,8 @@ pub fn descend(
 pub fn descend_at_most(
     problem: &Problem,
     start: Vec<f64>,
-    (accuracy, iterations): (Accuracy, u32),
+    accuracy: Accuracy,
+    iterations: u32,
     stop: &AtomicBool,
 ) -> Option<Descent> {
     let mut descent = Descent::from(start);
@@ -163,11 +164,11 @@ pub struct Descent {
     /// The search that it started from, counted from 0.
     #[serde(default)]
     pub search: Option<u32>,
-    /// Where it started.
+    /// Where the descent started.
     pub start: Vec<f64>,
     /// The cost there; none where the start cannot be simulated, or before the first iteration.
     pub start_cost: Option<f64>,
-    /// Where it is.
+    /// Where the descent is.
     pub positions: Vec<f64>,
     /// The cost there.
     pub cost: Option<f64>,
@@ -188,7 +189,7 @@ pub struct Descent {
     /// The residuals linearised where it is, if they are. Not saved: they come out the same again.
     #[serde(skip)]
     linearisation: Option<Linearisation>,
-    /// Whether its candidates are among the evaluations.
+    /// Whether the candidates of the linearisation are among the evaluations.
     is_counted: bool,
     /// Iterations in a row, up to the last, that have gained next to nothing.
     #[serde(default)]
@@ -219,7 +220,7 @@ impl Descent {
         }
     }
 
-    /// Whether it is simulated finely.
+    /// Whether the descent is simulated finely.
     #[must_use]
     pub fn is_polished(&self) -> bool {
         self.accuracy == Accuracy::Full
@@ -234,16 +235,16 @@ impl Descent {
         self.is_counted = false;
     }
 
-    /// One iteration; `found` are the minima that others have found. Answers false, with nothing
+    /// One iteration; `minima` are those that other descents have found. Answers false, with nothing
     /// changed, when `stop` was raised.
-    pub fn iterate(&mut self, problem: &Problem, found: &[Minimum], stop: &AtomicBool) -> bool {
+    pub fn iterate(&mut self, problem: &Problem, minima: &[Minimum], stop: &AtomicBool) -> bool {
         let Some(allowed) = feasible::nearest(problem, self.positions.clone()) else {
             self.end = Some(DescentEnd::Failed);
             return true;
         };
         self.positions = allowed;
         let linearisation = match self.linearisation.take() {
-            Some(known) => known,
+            Some(linearisation) => linearisation,
             None => match linearise(problem, &self.positions, self.accuracy, stop) {
                 Ok(linearisation) => {
                     if !self.is_counted {
@@ -259,7 +260,7 @@ impl Descent {
             },
         };
         self.start_cost.get_or_insert(linearisation.cost);
-        if let Some((end, minimum)) = self.predicted_end(problem, &linearisation, found) {
+        if let Some((end, minimum)) = self.predicted_end(problem, &linearisation, minima) {
             self.positions = minimum.positions;
             self.cost = Some(minimum.cost);
             self.end = Some(end);
@@ -305,7 +306,7 @@ impl Descent {
         self.is_polished() && self.distance.is_some_and(|distance| distance < NEAR)
     }
 
-    /// As many candidates as a linearisation simulates.
+    /// The number of candidates that a linearisation simulates.
     fn columns(&self, problem: &Problem) -> u64 {
         sides(problem, self.accuracy).candidates(self.positions.len())
     }
@@ -389,7 +390,7 @@ impl Descent {
         &mut self,
         problem: &Problem,
         linearisation: &Linearisation,
-        found: &[Minimum],
+        minima: &[Minimum],
     ) -> Option<(DescentEnd, Minimum)> {
         let outlook = linearisation.outlook(problem, &self.positions)?;
         let distance = linearisation.distance(&outlook.positions, &self.positions);
@@ -416,8 +417,8 @@ impl Descent {
         let leads_to = |minimum: &&Minimum| {
             linearisation.distance(&outlook.positions, &minimum.positions) < SAME_MINIMUM
         };
-        let known = found.iter().find(leads_to);
-        known.map(|minimum| (DescentEnd::Merged, minimum.clone()))
+        let led_to = minima.iter().find(leads_to);
+        led_to.map(|minimum| (DescentEnd::Merged, minimum.clone()))
     }
 
     /// The minimum that it has found, if it has converged.

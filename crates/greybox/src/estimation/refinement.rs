@@ -5,7 +5,7 @@ use super::objective::Objective;
 use super::refine::{self, Descent, Minimum};
 use super::sensitivity::SensitivityError;
 use super::shooting::Shooting;
-use super::stage::{Refinement, Stage};
+use super::stage::{EstimationStage, RefinementStage};
 use super::{Advance, Estimation, Observer, Problem, RefinementRow, StopReason, floor};
 use greybox_simulation::Accuracy;
 use rayon::prelude::*;
@@ -18,12 +18,12 @@ impl Estimation {
     /// Goes over to the refinement.
     pub(super) fn refine(&mut self, reason: StopReason) {
         self.state.stop_reason = Some(reason);
-        self.state.stage = Stage::Refine(Refinement::FreeRun);
+        self.state.stage = EstimationStage::Refine(RefinementStage::FreeRun);
     }
 
     /// Ends with an estimate, and with other minima as low.
     pub(super) fn finish(&mut self, twins: Vec<Vec<f64>>) -> Advance {
-        self.state.stage = Stage::Analyse { twins };
+        self.state.stage = EstimationStage::Analyse { twins };
         Advance::Finished
     }
 
@@ -41,23 +41,34 @@ impl Estimation {
         counters.distinct_evaluations += simulated;
     }
 
-    /// Goes on from an iteration over segments; when all descents over segments have ended,
-    /// descents of the free run go on from where they came to.
-    pub(super) fn follow_segments(&mut self, next: Vec<Shooting>) -> Advance {
+    /// One iteration of all descents over segments that have not ended. When all have ended, descents of
+    /// the free run go on from where they came to.
+    pub(super) fn advance_segments(&mut self, problem: &Problem, stop: &AtomicBool) -> Advance {
+        let EstimationStage::Refine(RefinementStage::OverSegments(shootings)) = &self.state.stage
+        else {
+            return Advance::Working;
+        };
+        let iterate = |shooting: &Shooting| {
+            let mut next = shooting.clone();
+            let done = next.has_ended || next.iterate(problem, stop);
+            done.then_some(next)
+        };
+        let next: Option<Vec<Shooting>> = shootings.par_iter().map(iterate).collect();
+        let Some(next) = next else {
+            return Advance::Interrupted;
+        };
         let total = |shootings: &[Shooting]| -> u64 {
             shootings.iter().map(|shooting| shooting.evaluations).sum()
         };
-        if let Stage::Refine(Refinement::OverSegments(before)) = &self.state.stage {
-            self.count(total(&next) - total(before));
-        }
+        self.count(total(&next) - total(shootings));
         let has_ended = next.iter().all(|shooting| shooting.has_ended);
-        self.state.stage = Stage::Refine(if has_ended {
+        self.state.stage = EstimationStage::Refine(if has_ended {
             for ended in next {
                 self.descend(ended.search, ended.positions);
             }
-            Refinement::FreeRun
+            RefinementStage::FreeRun
         } else {
-            Refinement::OverSegments(next)
+            RefinementStage::OverSegments(next)
         });
         Advance::Working
     }
@@ -73,8 +84,8 @@ impl Estimation {
         if descents.iter().all(|descent| descent.end.is_some()) {
             match self.after_descents(problem, stop) {
                 None => return Advance::Interrupted,
-                Some(Stage::Refine(Refinement::FreeRun)) => {}
-                Some(Stage::Analyse { twins }) => return self.finish(twins),
+                Some(EstimationStage::Refine(RefinementStage::FreeRun)) => {}
+                Some(EstimationStage::Analyse { twins }) => return self.finish(twins),
                 Some(stage) => {
                     self.state.stage = stage;
                     return Advance::Working;
@@ -133,8 +144,8 @@ impl Estimation {
     /// the floor is in doubt, then descents from where a twin would be, then the lowest descent again,
     /// simulated finely; then the estimate stands, compared with those that came as low. Nothing when
     /// `stop` was raised.
-    fn after_descents(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<Stage> {
-        let free_run = Stage::Refine(Refinement::FreeRun);
+    fn after_descents(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<EstimationStage> {
+        let free_run = EstimationStage::Refine(RefinementStage::FreeRun);
         if !self.state.descents.iter().any(Descent::is_polished) {
             let is_doubtful = floor::is_doubtful(&self.landmarks, &self.state.descents);
             let is_poor = floor::is_poor(&self.landmarks, &self.state.descents);
@@ -142,11 +153,13 @@ impl Estimation {
                 && is_poor
                 && let Some(shootings) = self.shoot(problem)
             {
-                return Some(Stage::Refine(Refinement::OverSegments(shootings)));
+                return Some(EstimationStage::Refine(RefinementStage::OverSegments(
+                    shootings,
+                )));
             }
             if self.searches_further() && is_doubtful {
                 self.begin_next_search();
-                return Some(Stage::Search);
+                return Some(EstimationStage::Search);
             }
             if !self.state.exchanged {
                 let starts = self.exchanges(problem, stop)?;
@@ -164,7 +177,7 @@ impl Estimation {
             return Some(free_run);
         }
         let twins = self.find_twins(problem, stop)?;
-        Some(Stage::Analyse { twins })
+        Some(EstimationStage::Analyse { twins })
     }
 
     /// Whether another search may begin by itself.
@@ -214,8 +227,8 @@ impl Estimation {
         let polished: Option<Vec<Descent>> = apart
             .into_par_iter()
             .map(|positions| {
-                let polished = (Accuracy::Full, RIVAL_ITERATIONS);
-                refine::descend_at_most(problem, positions, polished, stop)
+                let iterations = RIVAL_ITERATIONS;
+                refine::descend_at_most(problem, positions, Accuracy::Full, iterations, stop)
             })
             .collect();
         let polished = polished?;

@@ -4,7 +4,7 @@ use super::floor::Floor;
 use super::observer::Counters;
 use super::problem::Problem;
 use super::refine::DescentEnd;
-use super::stage::Stage;
+use super::stage::EstimationStage;
 use super::{Estimation, StopReason};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -58,7 +58,7 @@ pub struct Refinement {
     pub coarse_cost: Option<f64>,
     /// The cost where it ended; finely simulated for the one that was polished.
     pub cost: Option<f64>,
-    /// Where it ended: each coordinate with its value, SI.
+    /// Where the descent ended: each coordinate with its value, SI.
     pub values: Vec<(String, f64)>,
     /// Iterations.
     pub iterations: u32,
@@ -75,8 +75,8 @@ impl Report {
     ) -> Report {
         let total = run.state.totals.and(&run.search.state);
         let twins = match &run.state.stage {
-            Stage::Analyse { twins } => &twins[..],
-            Stage::Search | Stage::Refine(_) => &[],
+            EstimationStage::Analyse { twins } => &twins[..],
+            EstimationStage::Search | EstimationStage::Refine(_) => &[],
         };
         let reason = stopped
             .or(run.state.stop_reason)

@@ -81,7 +81,7 @@ pub struct Task<'a> {
     pub problem: &'a Problem,
     /// How.
     pub settings: &'a Settings,
-    /// What its random numbers come from.
+    /// The seed of the run's random numbers.
     pub seed: u64,
     /// What is known of the cost beforehand, where the search judges the free run.
     pub landmarks: Option<Landmarks>,
@@ -119,7 +119,7 @@ pub struct Search {
 /// A generation that has been judged.
 #[derive(Debug)]
 pub struct Generation {
-    /// What it looked like.
+    /// The row that tells of the generation.
     pub row: GenerationRow,
     /// Why the search ends with it, if it does.
     pub stop: Option<StopReason>,
@@ -240,11 +240,13 @@ impl Search {
         population: &[Chromosome],
         stop: &AtomicBool,
     ) -> Option<Vec<Arc<Evaluation>>> {
-        let mut known: HashSet<&Chromosome> = HashSet::new();
+        let mut listed: HashSet<&Chromosome> = HashSet::new();
         let (places, fresh): (Vec<usize>, Vec<&Chromosome>) = population
             .iter()
             .enumerate()
-            .filter(|(_, one)| self.cache.recall(one).is_none() && known.insert(one))
+            .filter(|(_, candidate)| {
+                self.cache.recall(candidate).is_none() && listed.insert(candidate)
+            })
             .unzip();
         let positions: Vec<Vec<f64>> = fresh.iter().map(|c| self.positions(problem, c)).collect();
         let evaluations = self

@@ -36,6 +36,29 @@ pub struct Row<'a> {
     pub derivatives: &'a [f64],
 }
 
+impl Row<'_> {
+    /// Which residual the row has.
+    #[must_use]
+    pub fn place(&self) -> ResidualPlace {
+        ResidualPlace {
+            experiment: self.experiment,
+            sample: self.sample,
+            output: self.output,
+        }
+    }
+}
+
+/// A residual of a problem, by the places of its experiment, its sample and its output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ResidualPlace {
+    /// The experiment.
+    pub experiment: usize,
+    /// The sample.
+    pub sample: usize,
+    /// The output.
+    pub output: usize,
+}
+
 /// Along what a problem is differentiated.
 #[derive(Clone, Copy, Debug)]
 pub struct Directions<'a> {
@@ -191,12 +214,12 @@ impl<'a> Neighbourhood<'a> {
         } = directions;
         let differences: Vec<Difference> = vectors
             .iter()
-            .map(|direction| Difference::along(direction, positions, (shift, sides)))
+            .map(|direction| Difference::along(direction, positions, shift, sides))
             .collect();
         let (mut candidates, ends) = shifted_candidates(positions, vectors, &differences);
         let first_other = candidates.len();
         candidates.extend_from_slice(others);
-        let recorded = record(problem, (&candidates, first_other), accuracy, stop)?;
+        let recorded = record(problem, &candidates, first_other, accuracy, stop)?;
         Some(Neighbourhood {
             problem,
             differences,
@@ -268,7 +291,11 @@ impl<'a> Neighbourhood<'a> {
             let Some(residual) = self.residual(0, place) else {
                 continue;
             };
-            let (experiment, sample, output) = place;
+            let ResidualPlace {
+                experiment,
+                sample,
+                output,
+            } = place;
             let scale = self.scale(place);
             let at = |member| self.recorded[experiment].value(member, sample, output);
             let columns = self.differences.iter().zip(&self.ends);
@@ -308,22 +335,24 @@ impl<'a> Neighbourhood<'a> {
         }
     }
 
-    fn residual(
-        &self,
-        member: usize,
-        (experiment, sample, output): (usize, usize, usize),
-    ) -> Option<f64> {
+    fn residual(&self, member: usize, place: ResidualPlace) -> Option<f64> {
+        let ResidualPlace {
+            experiment,
+            sample,
+            output,
+        } = place;
         let measured = self.problem.experiments[experiment].measured[output][sample];
         let simulated = self.recorded[experiment].value(member, sample, output);
-        let scale = self.scale((experiment, sample, output));
+        let scale = self.scale(place);
         (!measured.is_nan()).then(|| (measured - simulated) / scale)
     }
 
     /// What a residual is divided by.
     #[must_use]
-    pub fn scale(&self, (experiment, sample, output): (usize, usize, usize)) -> f64 {
-        let weight = self.problem.experiments[experiment].weight(output, sample);
-        self.problem.outputs[output].residual_scale / weight
+    pub fn scale(&self, place: ResidualPlace) -> f64 {
+        let experiment = &self.problem.experiments[place.experiment];
+        let weight = experiment.weight(place.output, place.sample);
+        self.problem.outputs[place.output].residual_scale / weight
     }
 
     fn failure(&self, member: usize) -> Option<SimulationFailure> {
@@ -332,8 +361,8 @@ impl<'a> Neighbourhood<'a> {
     }
 }
 
-/// Every (experiment, sample, output) that is estimated from, sample by sample.
-fn places(problem: &Problem) -> impl Iterator<Item = (usize, usize, usize)> {
+/// Every residual that is estimated from, sample by sample.
+fn places(problem: &Problem) -> impl Iterator<Item = ResidualPlace> {
     let n_outputs = problem.outputs.len();
     problem
         .experiments
@@ -341,7 +370,11 @@ fn places(problem: &Problem) -> impl Iterator<Item = (usize, usize, usize)> {
         .enumerate()
         .flat_map(move |(experiment, data)| {
             (0..data.estimation_samples).flat_map(move |sample| {
-                (0..n_outputs).map(move |output| (experiment, sample, output))
+                (0..n_outputs).map(move |output| ResidualPlace {
+                    experiment,
+                    sample,
+                    output,
+                })
             })
         })
 }
@@ -365,7 +398,7 @@ struct Difference {
 }
 
 impl Difference {
-    fn along(direction: &[f64], positions: &[f64], (shift, sides): (f64, Sides)) -> Self {
+    fn along(direction: &[f64], positions: &[f64], shift: f64, sides: Sides) -> Self {
         let room = |side: f64| {
             let pairs = positions.iter().zip(direction);
             let each = pairs.map(|(position, part)| room(*position, side * part));

@@ -17,7 +17,6 @@ mod segment;
 use super::feasible;
 use super::problem::Problem;
 use linearised::Linearised;
-use rayon::prelude::*;
 use segment::{Simulated, Starts, Trial};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
@@ -77,22 +76,6 @@ impl Shooting {
             .is_some_and(|most| most > 2)
     }
 
-    /// One iteration of all descents that have not ended, side by side. Answers nothing when `stop`
-    /// was raised.
-    #[must_use]
-    pub fn iterate_all(
-        shootings: &[Shooting],
-        problem: &Problem,
-        stop: &AtomicBool,
-    ) -> Option<Vec<Shooting>> {
-        let iterate = |shooting: &Shooting| {
-            let mut next = shooting.clone();
-            let done = next.has_ended || next.iterate(problem, stop);
-            done.then_some(next)
-        };
-        shootings.par_iter().map(iterate).collect()
-    }
-
     /// Begins a descent at a candidate.
     #[must_use]
     pub fn from(search: Option<u32>, positions: Vec<f64>) -> Shooting {
@@ -126,7 +109,14 @@ impl Shooting {
             true => FIRST_WEIGHT,
             false => FIRST_WEIGHT_WITHOUT_NOISE,
         });
-        let next = self.next(problem, (&starts, weight), stop);
+        let next = self.next(
+            problem,
+            Joins {
+                starts: &starts,
+                weight,
+            },
+            stop,
+        );
         self.starts = Some(starts);
         let Some(next) = next else {
             return false;
@@ -163,12 +153,8 @@ impl Shooting {
     }
 
     /// What the next iteration leads to. Nothing when `stop` was raised.
-    fn next(
-        &self,
-        problem: &Problem,
-        (starts, weight): (&Starts, f64),
-        stop: &AtomicBool,
-    ) -> Option<Next> {
+    fn next(&self, problem: &Problem, joins: Joins<'_>, stop: &AtomicBool) -> Option<Next> {
+        let Joins { starts, weight } = joins;
         let simulated = Simulated::around(problem, &self.positions, starts, stop)?;
         let mut next = Next {
             simulated: simulated.n_candidates(),
@@ -176,7 +162,7 @@ impl Shooting {
             has_joined: false,
             has_failed: true,
         };
-        let here = Linearised::of(problem, &self.positions, (starts, weight), &simulated);
+        let here = Linearised::of(problem, &self.positions, joins, &simulated);
         let Some(here) = here else {
             return Some(next);
         };
@@ -226,6 +212,15 @@ impl Shooting {
         }
         trials
     }
+}
+
+/// How the segments are joined.
+#[derive(Clone, Copy)]
+struct Joins<'a> {
+    /// Where the segments start.
+    starts: &'a Starts,
+    /// How much the square of a jump counts beside the square of a residual.
+    weight: f64,
 }
 
 /// What an iteration came to.

@@ -38,8 +38,8 @@ pub struct Stretch {
 impl Stretch {
     /// Returns the rows that follow the first `generations` generations of the search.
     pub(super) fn rows_after(self, generations: u32) -> impl Iterator<Item = GenerationRow> {
-        let known = generations.saturating_sub(self.after) as usize;
-        self.rows.into_iter().skip(known)
+        let before = generations.saturating_sub(self.after) as usize;
+        self.rows.into_iter().skip(before)
     }
 }
 
@@ -86,9 +86,9 @@ impl SearchUpdate {
 /// One of the shares into which independent work is divided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Share {
-    /// Which, from 0.
+    /// The place of the share among all shares, from 0.
     pub index: u32,
-    /// Of how many.
+    /// The number of shares.
     pub of: u32,
 }
 

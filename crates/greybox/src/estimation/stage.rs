@@ -7,12 +7,12 @@ use serde::{Deserialize, Serialize};
 /// Where a run stands.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(tag = "phase", rename_all = "snake_case")]
-pub(super) enum Stage {
+pub(super) enum EstimationStage {
     /// A search goes on, generation after generation.
     #[default]
     Search,
     /// The best candidates of the searches are refined.
-    Refine(Refinement),
+    Refine(RefinementStage),
     /// The estimate stands.
     Analyse {
         /// Other minima as low as the estimate.
@@ -21,13 +21,13 @@ pub(super) enum Stage {
     },
 }
 
-impl Stage {
+impl EstimationStage {
     /// The part of the method that the stage belongs to.
     pub fn phase(&self) -> Phase {
         match self {
-            Stage::Search => Phase::Search,
-            Stage::Refine(_) => Phase::Refine,
-            Stage::Analyse { .. } => Phase::Analyse,
+            EstimationStage::Search => Phase::Search,
+            EstimationStage::Refine(_) => Phase::Refine,
+            EstimationStage::Analyse { .. } => Phase::Analyse,
         }
     }
 }
@@ -36,7 +36,7 @@ impl Stage {
 /// the free run descends.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(from = "SavedRefinement", into = "SavedRefinement")]
-pub(super) enum Refinement {
+pub(super) enum RefinementStage {
     /// The best candidates of a search descend over segments; then the free run descends from
     /// where they came to.
     OverSegments(Vec<Shooting>),
@@ -50,21 +50,21 @@ struct SavedRefinement {
     shootings: Vec<Shooting>,
 }
 
-impl From<SavedRefinement> for Refinement {
-    fn from(saved: SavedRefinement) -> Refinement {
+impl From<SavedRefinement> for RefinementStage {
+    fn from(saved: SavedRefinement) -> RefinementStage {
         match saved.shootings {
-            none if none.is_empty() => Refinement::FreeRun,
-            shootings => Refinement::OverSegments(shootings),
+            none if none.is_empty() => RefinementStage::FreeRun,
+            shootings => RefinementStage::OverSegments(shootings),
         }
     }
 }
 
-impl From<Refinement> for SavedRefinement {
-    fn from(refinement: Refinement) -> SavedRefinement {
+impl From<RefinementStage> for SavedRefinement {
+    fn from(refinement: RefinementStage) -> SavedRefinement {
         SavedRefinement {
             shootings: match refinement {
-                Refinement::OverSegments(shootings) => shootings,
-                Refinement::FreeRun => Vec::new(),
+                RefinementStage::OverSegments(shootings) => shootings,
+                RefinementStage::FreeRun => Vec::new(),
             },
         }
     }
@@ -76,8 +76,8 @@ mod tests {
     use serde_json::{Value, json};
 
     /// Reads a stage, and writes it again.
-    fn rewritten(saved: &Value) -> (Stage, Value) {
-        let stage = Stage::deserialize(saved).expect("a stage");
+    fn rewritten(saved: &Value) -> (EstimationStage, Value) {
+        let stage = EstimationStage::deserialize(saved).expect("a stage");
         let written = serde_json::to_value(&stage).expect("JSON");
         (stage, written)
     }
@@ -91,16 +91,22 @@ mod tests {
         });
         let fields = |phase: &str, shootings: &[&Value], twins: Value| json!({"phase": phase, "shootings": shootings, "twins": twins});
         let (stage, written) = rewritten(&fields("search", &[], json!([])));
-        assert!(matches!(stage, Stage::Search));
+        assert!(matches!(stage, EstimationStage::Search));
         assert_eq!(written, json!({"phase": "search"}));
         let (stage, written) = rewritten(&fields("refine", &[], json!([])));
-        assert!(matches!(stage, Stage::Refine(Refinement::FreeRun)));
+        assert!(matches!(
+            stage,
+            EstimationStage::Refine(RefinementStage::FreeRun)
+        ));
         assert_eq!(written, json!({"phase": "refine", "shootings": []}));
         let (stage, written) = rewritten(&fields("refine", &[&shooting], json!([])));
-        assert!(matches!(stage, Stage::Refine(Refinement::OverSegments(_))));
+        assert!(matches!(
+            stage,
+            EstimationStage::Refine(RefinementStage::OverSegments(_))
+        ));
         assert_eq!(written, json!({"phase": "refine", "shootings": [shooting]}));
         let (stage, written) = rewritten(&fields("analyse", &[], json!([[0.5]])));
-        assert!(matches!(stage, Stage::Analyse { twins } if twins == [[0.5]]));
+        assert!(matches!(stage, EstimationStage::Analyse { twins } if twins == [[0.5]]));
         assert_eq!(written, json!({"phase": "analyse", "twins": [[0.5]]}));
     }
 }

@@ -48,7 +48,8 @@ const MOST_NUMBERS: usize = 32 << 20;
 #[must_use]
 pub fn deviations(
     problem: &Problem,
-    (positions, errors): (&[f64], &Errors),
+    positions: &[f64],
+    errors: &Errors,
     stop: &AtomicBool,
 ) -> Option<Option<Vec<Outputs>>> {
     let mut candidates = vec![positions.to_vec()];
@@ -64,20 +65,20 @@ pub fn deviations(
         }));
         moves.push((index, (ends[1] - ends[0]) / deviation));
     }
-    let samples: usize = problem.experiments.iter().map(|own| own.samples).sum();
+    let samples: usize = problem.experiments.iter().map(|data| data.samples).sum();
     if candidates.len() * samples * problem.outputs.len() > MOST_NUMBERS {
         return Some(None);
     }
     let spelled = Spelled::new(problem, &candidates).in_step(candidates.len());
     let runs = spelled.runs(problem, Extent::Whole, Accuracy::Full);
     let columns = record_runs(problem, &runs, stop)?;
-    let mut failures = columns.iter().flat_map(|own| &own.failures);
+    let mut failures = columns.iter().flat_map(|columns| &columns.failures);
     if failures.any(Option::is_some) {
         return Some(None);
     }
-    let deviation = |own: &Columns, sample: usize, output: usize| {
+    let deviation = |columns: &Columns, sample: usize, output: usize| {
         let slope = |(place, (index, moved)): (usize, &(usize, f64))| {
-            let [low, high] = [1, 2].map(|end| own.value(2 * place + end, sample, output));
+            let [low, high] = [1, 2].map(|end| columns.value(2 * place + end, sample, output));
             (*index, (high - low) / moved)
         };
         let slopes: Vec<(usize, f64)> = moves.iter().enumerate().map(slope).collect();
@@ -87,11 +88,11 @@ pub fn deviations(
         let terms = pairs.map(|(a, b)| errors.correlation[a.0][b.0] * a.1 * b.1);
         terms.sum::<f64>().max(0.0).sqrt()
     };
-    let of_experiment = |(own, experiment): (&Columns, &Experiment)| {
+    let of_experiment = |(columns, experiment): (&Columns, &Experiment)| {
         let of_output = |output: usize| {
             let samples = 0..experiment.samples;
             samples
-                .map(|sample| deviation(own, sample, output))
+                .map(|sample| deviation(columns, sample, output))
                 .collect()
         };
         (0..problem.outputs.len()).map(of_output).collect()

@@ -16,23 +16,29 @@ const RECOMBINATION: f64 = 0.7;
 pub fn trials(parents: &[Vec<f64>], best: usize, rng: &mut impl Rng) -> Vec<Vec<f64>> {
     let weight = WEIGHTS.0 + (WEIGHTS.1 - WEIGHTS.0) * rng::unit(rng);
     (0..parents.len())
-        .map(|own| trial(parents, (own, best), weight, rng))
+        .map(|parent| trial(parents, Mixed { parent, best }, weight, rng))
         .collect()
+}
+
+/// The parents that a trial is mixed from, by their places.
+struct Mixed {
+    parent: usize,
+    best: usize,
 }
 
 fn trial(
     parents: &[Vec<f64>],
-    (own, best): (usize, usize),
+    Mixed { parent, best }: Mixed,
     weight: f64,
     rng: &mut impl Rng,
 ) -> Vec<f64> {
-    let (first, second) = two_others(parents.len(), own, rng);
-    let always = rng::below(rng, parents[own].len());
-    (0..parents[own].len())
+    let (first, second) = two_others(parents.len(), parent, rng);
+    let always = rng::below(rng, parents[parent].len());
+    (0..parents[parent].len())
         .map(|index| {
             let mixes = index == always || rng::unit(rng) < RECOMBINATION;
             if !mixes {
-                return parents[own][index];
+                return parents[parent][index];
             }
             let difference = parents[first][index] - parents[second][index];
             let mixture = parents[best][index] + weight * difference;
@@ -45,11 +51,11 @@ fn trial(
         .collect()
 }
 
-/// Two different parents that are not `own`, as far as there are so many.
-fn two_others(count: usize, own: usize, rng: &mut impl Rng) -> (usize, usize) {
-    let mut others: Vec<usize> = (0..count).filter(|place| *place != own).collect();
+/// Two different parents beside the one at a place, as far as there are so many.
+fn two_others(count: usize, parent: usize, rng: &mut impl Rng) -> (usize, usize) {
+    let mut others: Vec<usize> = (0..count).filter(|place| *place != parent).collect();
     rng::shuffle(rng, &mut others);
-    (others[0], others.get(1).copied().unwrap_or(own))
+    (others[0], others.get(1).copied().unwrap_or(parent))
 }
 
 #[cfg(test)]

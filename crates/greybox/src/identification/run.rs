@@ -8,8 +8,8 @@
 
 use super::IdentificationError;
 use crate::estimation::{
-    self, Advance, Estimation, Finding, Observer, Phase, Problem, Progress, SearchUpdate, Share,
-    StopReason,
+    Advance, Estimation, EstimationCheckpoint, Finding, Observer, Phase, Problem, Progress,
+    SearchUpdate, Share, StopReason,
 };
 use crate::identification::assemble::{self, Assembly, Origin};
 use crate::identification::{JobSpec, Outcome};
@@ -73,7 +73,7 @@ pub struct Run {
     /// What is asked about the estimate's uncertainty.
     request: uncertainty::Request,
     problem: Problem,
-    stage: Stage,
+    stage: RunStage,
     estimation: Estimation,
     /// Finished refits of the analysis.
     refits: Refits,
@@ -83,9 +83,9 @@ pub struct Run {
 
 /// Where a run stands.
 #[derive(Debug)]
-enum Stage {
-    /// A new run is about to look what the data do not see. It has the findings that are made
-    /// before anything is simulated.
+enum RunStage {
+    /// A new run is about to find out what the data do not see. Its findings are those that were
+    /// made before anything is simulated.
     LookAhead(Vec<Finding>),
     /// The data do not fix the unknowns: the run goes no further.
     Refused(Vec<Finding>),
@@ -103,7 +103,7 @@ enum Stage {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Checkpoint {
     #[serde(flatten)]
-    estimation: estimation::Checkpoint,
+    estimation: EstimationCheckpoint,
     /// Finished refits of the analysis.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     refits: BTreeMap<RefitName, Refit>,
@@ -161,7 +161,7 @@ impl Run {
         let estimation = Estimation::start(&assembly.problem, &spec.method, spec.seed);
         let run = Run::of(spec, assembly.problem, estimation);
         Ok(Run {
-            stage: Stage::LookAhead(findings),
+            stage: RunStage::LookAhead(findings),
             ..run
         })
     }
@@ -197,7 +197,7 @@ impl Run {
             },
             request: spec.request(),
             problem,
-            stage: Stage::Estimate,
+            stage: RunStage::Estimate,
             estimation,
             refits: Refits::default(),
             quota: QUOTA_ALONE,
@@ -238,7 +238,7 @@ impl Run {
     /// done again later, with the same bits.
     pub fn advance(&mut self, stop: &AtomicBool, observer: &mut dyn Observer) -> Advance {
         match &mut self.stage {
-            Stage::LookAhead(findings) => {
+            RunStage::LookAhead(findings) => {
                 let findings = findings.clone();
                 let Some(stage) = self.look_ahead(findings, stop, observer) else {
                     return Advance::Interrupted;
@@ -246,54 +246,56 @@ impl Run {
                 self.stage = stage;
                 self.advance(stop, observer)
             }
-            Stage::Estimate => match self.estimation.advance(&self.problem, stop, observer) {
+            RunStage::Estimate => match self.estimation.advance(&self.problem, stop, observer) {
                 Advance::Finished => {
                     self.stage = self.analysis();
                     Advance::Working
                 }
                 advance => advance,
             },
-            Stage::Analyse(analyser) => {
+            RunStage::Analyse(analyser) => {
                 let advance = analyser.advance(&mut self.refits, self.quota, stop);
                 if let (Advance::Finished, Some(conclusion)) = (advance, analyser.conclusion()) {
-                    self.stage = Stage::Concluded(Box::new(conclusion));
+                    self.stage = RunStage::Concluded(Box::new(conclusion));
                 }
                 advance
             }
-            Stage::Refused(_) | Stage::Concluded(_) | Stage::WithoutEstimate => Advance::Finished,
+            RunStage::Refused(_) | RunStage::Concluded(_) | RunStage::WithoutEstimate => {
+                Advance::Finished
+            }
         }
     }
 
-    /// Looks what the data do not see, before a new run searches for it, and answers how the run
-    /// goes on; nothing when `stop` was raised.
+    /// Finds out what the data do not see, before a new run searches for it, and answers the stage that
+    /// follows; nothing when `stop` was raised.
     fn look_ahead(
         &self,
         findings: Vec<Finding>,
         stop: &AtomicBool,
         observer: &mut dyn Observer,
-    ) -> Option<Stage> {
+    ) -> Option<RunStage> {
         let flat = assemble::flat_directions(&self.problem, stop)?;
         let reported = |flat: &FlatDirection| assemble::unseen(&self.problem, flat);
         let flat_directions = self.request.settings.flat_directions;
         let refuses = |flat: &&FlatDirection| flat_directions.refuses(flat);
         let grounds: Vec<Finding> = flat.iter().filter(refuses).map(reported).collect();
         if !grounds.is_empty() {
-            return Some(Stage::Refused(grounds));
+            return Some(RunStage::Refused(grounds));
         }
         for finding in findings.into_iter().chain(flat.iter().map(reported)) {
             observer.finding(&finding);
         }
-        Some(Stage::Estimate)
+        Some(RunStage::Estimate)
     }
 
     /// The stage that follows when the estimation has finished.
-    fn analysis(&self) -> Stage {
+    fn analysis(&self) -> RunStage {
         match self.estimation.report(&self.problem, None) {
             Some(report) => {
                 let analyser = Analyser::new(&self.problem, &report, &self.request);
-                Stage::Analyse(Box::new(analyser))
+                RunStage::Analyse(Box::new(analyser))
             }
-            None => Stage::WithoutEstimate,
+            None => RunStage::WithoutEstimate,
         }
     }
 
@@ -302,8 +304,8 @@ impl Run {
     #[must_use]
     pub fn is_shareable(&self) -> bool {
         match &self.stage {
-            Stage::Estimate => self.estimation.has_searches_ahead(),
-            Stage::Analyse(analyser) => analyser.has_independent_refits(),
+            RunStage::Estimate => self.estimation.has_searches_ahead(),
+            RunStage::Analyse(analyser) => analyser.has_independent_refits(),
             _ => false,
         }
     }
@@ -317,21 +319,17 @@ impl Run {
         };
     }
 
-    /// Takes over what another node did. A part whose name cannot be read is done here.
+    /// Takes over what another node did.
     pub fn take_parts(&mut self, parts: impl IntoIterator<Item = (String, Part)>) {
         for (name, part) in parts {
             match part {
-                Part::Refit(refit) => {
-                    if let Ok(name) = name.parse() {
-                        self.refits.insert(name, refit);
-                    }
-                }
+                Part::Refit(refit) => self.refits.add(&name, refit),
                 Part::Search(update) => self.estimation.apply(update),
             }
         }
     }
 
-    /// What others are to know of that was done here since this was asked for.
+    /// The parts that were done here since this was last called, for other nodes.
     pub fn new_parts(&mut self) -> Vec<(String, Part)> {
         let refits = self.refits.take_new().into_iter();
         let refits = refits.map(|(name, refit)| (name.to_string(), Part::Refit(refit)));
@@ -339,11 +337,11 @@ impl Run {
         refits.chain(update).collect()
     }
 
-    /// Does so many refits or generations of a share at the most for the node that has the run. Nothing is
-    /// left of it, or can be done yet, where it answers none.
+    /// Does so many refits or generations of a share at the most for the node that has the run; none
+    /// where nothing of the share is left, or can be done yet.
     pub fn help(&mut self, share: Share, at_most: u32, stop: &AtomicBool) -> Vec<(String, Part)> {
         match &mut self.stage {
-            Stage::Analyse(analyser) if analyser.has_independent_refits() => {
+            RunStage::Analyse(analyser) if analyser.has_independent_refits() => {
                 let division = Division::Only(share);
                 let quota = Quota { division, at_most };
                 analyser.advance(&mut self.refits, quota, stop);
@@ -369,10 +367,10 @@ impl Run {
         hurry: &AtomicBool,
     ) -> Result<Option<Outcome>, IdentificationError> {
         match &self.stage {
-            Stage::Refused(grounds) => {
+            RunStage::Refused(grounds) => {
                 return Err(IdentificationError::NotIdentifiable(grounds.clone()));
             }
-            Stage::Concluded(conclusion) if stopped.is_none() => {
+            RunStage::Concluded(conclusion) if stopped.is_none() => {
                 return Ok(Some(assemble::outcome(&self.origin, conclusion)));
             }
             _ => {}

@@ -48,11 +48,11 @@ pub fn conclude(
 #[derive(Debug)]
 pub struct Analyser {
     request: Request,
-    step: Step,
+    step: AnalysisStep,
 }
 
 #[derive(Debug)]
-enum Step {
+enum AnalysisStep {
     /// The estimate stands as the run came to it.
     Begin(Box<Solved>),
     /// Outputs of unknown noise are weighed anew.
@@ -77,14 +77,14 @@ struct Examined {
     selection: Option<Selection>,
 }
 
-impl Step {
+impl AnalysisStep {
     /// The refits that the step waits for.
     fn sequences(&mut self) -> Vec<&mut dyn RefitSequence> {
         match self {
-            Step::Begin(_) => Vec::new(),
-            Step::Reweight(reweighting) => vec![&mut **reweighting],
-            Step::Select(elimination) => elimination.sequences(),
-            Step::Examine(examined) => examined.estimate.sequences(),
+            AnalysisStep::Begin(_) => Vec::new(),
+            AnalysisStep::Reweight(reweighting) => vec![&mut **reweighting],
+            AnalysisStep::Select(elimination) => elimination.sequences(),
+            AnalysisStep::Examine(examined) => examined.estimate.sequences(),
         }
     }
 }
@@ -99,7 +99,7 @@ impl Analyser {
         };
         Analyser {
             request: request.clone(),
-            step: Step::Begin(Box::new(solved)),
+            step: AnalysisStep::Begin(Box::new(solved)),
         }
     }
 
@@ -123,10 +123,12 @@ impl Analyser {
                 };
             }
             let next = match &self.step {
-                Step::Begin(solved) => self.reweight(&solved.problem, &solved.report, stop),
-                Step::Reweight(weighed) => self.select(&weighed.problem, &weighed.report, stop),
-                Step::Select(elimination) => match elimination.after_round() {
-                    AfterRound::Further(elimination) => Some(Step::Select(Box::new(elimination))),
+                AnalysisStep::Begin(solved) => self.reweight(&solved.problem, &solved.report, stop),
+                AnalysisStep::Reweight(weighed) => {
+                    self.select(&weighed.problem, &weighed.report, stop)
+                }
+                AnalysisStep::Select(elimination) => match elimination.after_round() {
+                    AfterRound::Further(elimination) => Some(AnalysisStep::Select(elimination)),
                     AfterRound::Selected(selected) => {
                         let Selected {
                             problem,
@@ -136,7 +138,7 @@ impl Analyser {
                         self.examine(&problem, &report, Some(selection), stop)
                     }
                 },
-                Step::Examine(_) => return Advance::Finished,
+                AnalysisStep::Examine(_) => return Advance::Finished,
             };
             match next {
                 Some(step) => self.step = step,
@@ -145,21 +147,31 @@ impl Analyser {
         }
     }
 
-    fn reweight(&self, problem: &Problem, report: &Report, stop: &AtomicBool) -> Option<Step> {
+    fn reweight(
+        &self,
+        problem: &Problem,
+        report: &Report,
+        stop: &AtomicBool,
+    ) -> Option<AnalysisStep> {
         if !self.request.thorough {
             return self.select(problem, report, stop);
         }
         let reweighting = Reweighting::begin(problem, report, stop)?;
-        Some(Step::Reweight(Box::new(reweighting)))
+        Some(AnalysisStep::Reweight(Box::new(reweighting)))
     }
 
-    fn select(&self, problem: &Problem, report: &Report, stop: &AtomicBool) -> Option<Step> {
+    fn select(
+        &self,
+        problem: &Problem,
+        report: &Report,
+        stop: &AtomicBool,
+    ) -> Option<AnalysisStep> {
         let effects = &self.request.effects;
         if effects.is_empty() {
             return self.examine(problem, report, None, stop);
         }
         let elimination = Elimination::begin(problem, report, effects, stop)?;
-        Some(Step::Select(Box::new(elimination)))
+        Some(AnalysisStep::Select(Box::new(elimination)))
     }
 
     fn examine(
@@ -168,10 +180,10 @@ impl Analyser {
         report: &Report,
         selection: Option<Selection>,
         stop: &AtomicBool,
-    ) -> Option<Step> {
+    ) -> Option<AnalysisStep> {
         let problem = validation_start::settled(problem, &report.positions, stop)?;
         let estimate = LinearisedEstimate::of(&problem, report, &self.request, stop)?;
-        Some(Step::Examine(Box::new(Examined {
+        Some(AnalysisStep::Examine(Box::new(Examined {
             estimate,
             selection,
         })))
@@ -180,7 +192,7 @@ impl Analyser {
     /// The conclusion; none before all refits have finished.
     #[must_use]
     pub fn conclusion(&self) -> Option<Conclusion> {
-        let Step::Examine(examined) = &self.step else {
+        let AnalysisStep::Examine(examined) = &self.step else {
             return None;
         };
         let analysis = examined.estimate.analysis()?;

@@ -9,10 +9,10 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::linearised::Estimate;
-use super::monte_carlo::Assumptions;
+use super::drawn_assumptions::DrawnAssumptions;
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use super::residuals::{self, ResidualReport};
+use super::simulated_estimate::SimulatedEstimate;
 use crate::estimation::problem::Problem;
 use greybox_numerics::rng::{self, Purpose};
 use greybox_simulation::Accuracy;
@@ -26,11 +26,11 @@ const FEWEST_BLOCKS: usize = 10;
 /// What drawn recordings are made from.
 #[derive(Debug)]
 pub(super) struct Resampling {
-    pub estimate: Arc<Estimate>,
+    pub estimate: Arc<SimulatedEstimate>,
     /// Where the random numbers come from.
     pub seed: u64,
     /// The assumptions that are drawn along with the noise, where any are.
-    pub assumptions: Option<Assumptions>,
+    pub assumptions: Option<DrawnAssumptions>,
 }
 
 /// The refit to one drawn recording.
@@ -106,7 +106,7 @@ impl Resampling {
 
     /// A recording that might have been.
     fn resampled(&self, sample: u32) -> Problem {
-        let Estimate {
+        let SimulatedEstimate {
             problem,
             report,
             trajectories,

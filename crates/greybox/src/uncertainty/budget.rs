@@ -150,8 +150,8 @@ impl Extended {
             if let Target::InitialState { experiment, state } = target {
                 // A start that is given stands before a coordinate.
                 let experiments = Arc::make_mut(&mut extended.problem.experiments).iter_mut();
-                let own = experiments.filter(|own| own.place == experiment);
-                own.for_each(|own| own.initial_state[state] = None);
+                let concerned = experiments.filter(|data| data.place == experiment);
+                concerned.for_each(|data| data.initial_state[state] = None);
             }
         }
         extended
@@ -229,16 +229,17 @@ impl Around<'_> {
             false if derivative.is_nan() => 0.0,
             false => derivative * per_tolerance,
         });
-        let place = (row.experiment, row.sample, row.output);
+        let place = row.place();
         let scale = self.neighbourhood.scale(place);
         let simulated = extended.positions.len() - unknowns;
-        let others = extended.assumptions()[simulated..].iter().map(move |own| {
+        let measured = extended.assumptions()[simulated..].iter();
+        let measured = measured.map(move |assumption| {
             let by_value = self
                 .sensors
-                .derivative(&extended.problem, own.target, place);
-            -by_value * own.tolerance / scale
+                .derivative(&extended.problem, assumption.target, place);
+            -by_value * assumption.tolerance / scale
         });
-        columns.chain(others)
+        columns.chain(measured)
     }
 
     /// Whether nothing can be said of an assumption, by its place.
@@ -276,16 +277,11 @@ impl Budget {
     ) -> Result<Budget, SimulationFailure> {
         let unknowns = extended.unknowns;
         let noise: Vec<Option<f64>> = (0..unknowns)
-            .map(|index| seen.linear.deviation(index).map(|own| own * own))
+            .map(|index| seen.linear.deviation(index).map(|noise| noise * noise))
             .collect();
         let weighing = Weighing::of(&extended.problem, seen);
         let joint = gather(extended, around, weighing)?;
-        Ok(Budget::from(
-            extended,
-            around,
-            (joint.as_ref(), &noise),
-            true,
-        ))
+        Ok(Budget::from(extended, around, joint.as_ref(), &noise, true))
     }
 
     /// The budget that is to be expected at a point of the search box, before anything is
@@ -302,12 +298,13 @@ impl Budget {
         let joint = gather(extended, around, Weighing::of_noise_alone(weights))?;
         let noise: Vec<Option<f64>> = deviations
             .iter()
-            .map(|own| Some(own * own).filter(|square| square.is_finite()))
+            .map(|noise| Some(noise * noise).filter(|square| square.is_finite()))
             .collect();
         Ok(Budget::from(
             extended,
             around,
-            (joint.as_ref(), &noise),
+            joint.as_ref(),
+            &noise,
             false,
         ))
     }
@@ -315,7 +312,8 @@ impl Budget {
     fn from(
         extended: &Extended,
         around: &Around<'_>,
-        (joint, noise): (Option<&Joint>, &[Option<f64>]),
+        joint: Option<&Joint>,
+        noise: &[Option<f64>],
         has_residuals: bool,
     ) -> Budget {
         let total = |index: usize| {
@@ -326,7 +324,7 @@ impl Budget {
             let total = if has_residuals {
                 joint.total(index, noise)?
             } else {
-                joint.total_if((index, noise), (0, 1.0))?
+                joint.total_if(index, noise, 0, 1.0)?
             };
             Some(total.sqrt())
         };
@@ -350,7 +348,7 @@ impl Budget {
                         let (noise, total) = (noise[unknown]?, totals[unknown]?);
                         let joint = joint?;
                         let (deviation, variance) = joint.contribution(unknown, place)?;
-                        let better = joint.total_if((unknown, noise), (place, 1.0 / BETTER))?;
+                        let better = joint.total_if(unknown, noise, place, 1.0 / BETTER)?;
                         Some(Contribution {
                             deviation,
                             share: variance / (total * total),
@@ -383,6 +381,6 @@ fn gather(
         return Ok(None);
     }
     let columns = |row: &Row<'_>| around.columns(extended, row).collect();
-    let (plain, white) = weighing.triangles(&around.neighbourhood, (unknowns, n), columns)?;
+    let (plain, white) = weighing.triangles(&around.neighbourhood, unknowns, n, columns)?;
     Ok(Joint::new(&plain, &white, unknowns))
 }

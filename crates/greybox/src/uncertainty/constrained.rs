@@ -64,7 +64,7 @@ impl<'a> Constrained<'a> {
     /// The constraints that bind, each once.
     #[must_use]
     pub fn bindings(&self) -> Vec<Binding> {
-        let mut found: Vec<Binding> = Vec::new();
+        let mut bindings: Vec<Binding> = Vec::new();
         for limit in self.limits {
             let slopes = DVector::from_column_slice(&limit.slopes);
             let beyond = -(limit.slack + slopes.dot(self.unconstrained));
@@ -72,12 +72,14 @@ impl<'a> Constrained<'a> {
                 constraint: limit.constraint,
                 deviations: beyond / self.deviation(limit),
             };
-            let is_known = found.iter().any(|own| own.constraint == limit.constraint);
-            if limit.distance() < AT_BORDER && binding.deviations > 0.0 && !is_known {
-                found.push(binding);
+            let is_listed = bindings
+                .iter()
+                .any(|listed| listed.constraint == limit.constraint);
+            if limit.distance() < AT_BORDER && binding.deviations > 0.0 && !is_listed {
+                bindings.push(binding);
             }
         }
-        found
+        bindings
     }
 
     /// The interval of each unknown about its position, were its standard deviation `factors` times

@@ -183,7 +183,8 @@ pub fn linearise(
         let derivatives = &row.derivatives[..unknowns];
         gathered.add(
             derivatives,
-            (score, levels.variance(row.output)),
+            score,
+            levels.variance(row.output),
             levels.weight,
         );
         slopes.add(row.output, derivatives);
@@ -249,9 +250,9 @@ pub(super) fn effective(factor: &DMatrix<f64>) -> Vec<usize> {
 /// A matrix of some of the coordinates as one of all, zero for the others.
 fn among(matrix: &DMatrix<f64>, fixed: &[usize], n: usize) -> DMatrix<f64> {
     let mut all = DMatrix::zeros(n, n);
-    for (row, own) in fixed.iter().enumerate() {
-        for (column, other) in fixed.iter().enumerate() {
-            all[(*own, *other)] = matrix[(row, column)];
+    for (row, of_row) in fixed.iter().enumerate() {
+        for (column, of_column) in fixed.iter().enumerate() {
+            all[(*of_row, *of_column)] = matrix[(row, column)];
         }
     }
     all
@@ -268,7 +269,7 @@ fn condition(factor: &DMatrix<f64>) -> f64 {
         factor[(row, column)] / norms[column]
     });
     singular_values(&scaled)
-        .and_then(|found| Some(found.sizes.first()? / found.sizes.last()?))
+        .and_then(|values| Some(values.sizes.first()? / values.sizes.last()?))
         .unwrap_or(f64::INFINITY)
 }
 
@@ -362,7 +363,7 @@ impl Gathered {
         }
     }
 
-    fn add(&mut self, derivatives: &[f64], (residual, variance): (f64, f64), weight: f64) {
+    fn add(&mut self, derivatives: &[f64], residual: f64, variance: f64, weight: f64) {
         let weighted = || derivatives.iter().map(|derivative| derivative * weight);
         self.rows.add(weighted(), residual * weight);
         for (row, first) in weighted().enumerate() {

@@ -64,20 +64,20 @@ pub fn of(
     let unknowns = problem.coordinates.len();
     let coordinates = problem.coordinates.iter().enumerate();
     let tested: Vec<(usize, Change)> = coordinates
-        .filter(|(_, own)| !matches!(own.target, Target::InitialState { .. }))
+        .filter(|(_, coordinate)| !matches!(coordinate.target, Target::InitialState { .. }))
         .flat_map(|(index, _)| CHANGES.map(|change| (index, change)))
         .collect();
     let columns = |row: &Row<'_>| -> Vec<f64> {
         let samples = problem.experiments[row.experiment].estimation_samples;
-        let own = &row.derivatives[..unknowns];
+        let derivatives = &row.derivatives[..unknowns];
         let changed = tested
             .iter()
-            .map(|(index, change)| own[*index] * change.at(row.sample, samples));
-        own.iter().copied().chain(changed).collect()
+            .map(|(index, change)| derivatives[*index] * change.at(row.sample, samples));
+        derivatives.iter().copied().chain(changed).collect()
     };
     let n = unknowns + tested.len();
     let weighing = Weighing::of(problem, seen);
-    let (plain, white) = weighing.triangles(neighbourhood, (unknowns, n), columns)?;
+    let (plain, white) = weighing.triangles(neighbourhood, unknowns, n, columns)?;
     let Some(joint) = Joint::new(&plain, &white, unknowns) else {
         return Ok(Vec::new());
     };

@@ -164,10 +164,10 @@ pub fn flat_at(
         accuracy: Accuracy::Full,
         stop,
     };
-    let proposed = singular_values(factor).map_or_else(Vec::new, |found| flat_in(&found));
+    let proposed = singular_values(factor).map_or_else(Vec::new, |values| flat_in(&values));
     let proposed = proposed
         .iter()
-        .map(|own| vec![Direction::likely(problem, positions, own)]);
+        .map(|vector| vec![Direction::likely(problem, positions, vector)]);
     let directions = flat_directions(&view, &points, proposed.collect())?;
     Ok(directions
         .iter()

@@ -67,7 +67,7 @@ impl Joint {
         }
         let columns = plain.factor().ncols();
         let fixed = effective(&plain.factor().columns(0, unknowns).into_owned());
-        let rows = (0..unknowns).map(|own| fixed.iter().position(|index| *index == own));
+        let rows = (0..unknowns).map(|unknown| fixed.iter().position(|index| *index == unknown));
         let rows: Vec<Option<usize>> = rows.collect();
         let kept: Vec<usize> = fixed.iter().copied().chain(unknowns..columns).collect();
         let (plain, white) = (plain.of_columns(&kept), white.of_columns(&kept));
@@ -149,10 +149,10 @@ impl Joint {
     #[must_use]
     pub fn contribution(&self, unknown: usize, assumption: usize) -> Option<(f64, f64)> {
         let moves = self.moves(unknown)?;
-        let own = moves[assumption];
+        let share = moves[assumption];
         let joint = self.posterior.column(assumption).dot(&moves);
-        let deviation = own.abs() * self.posterior[(assumption, assumption)].sqrt();
-        Some((deviation, own * joint))
+        let deviation = share.abs() * self.posterior[(assumption, assumption)].sqrt();
+        Some((deviation, share * joint))
     }
 
     /// What the mean square of an unknown's error would be, were the tolerance of an assumption
@@ -160,8 +160,10 @@ impl Joint {
     #[must_use]
     pub fn total_if(
         &self,
-        (unknown, noise): (usize, f64),
-        (assumption, factor): (usize, f64),
+        unknown: usize,
+        noise: f64,
+        assumption: usize,
+        factor: f64,
     ) -> Option<f64> {
         let moves = self.moves(unknown)?;
         let mut deviations = vec![1.0; moves.len()];
@@ -348,7 +350,7 @@ mod tests {
     fn a_tolerance_of_nothing_takes_its_assumption_out_of_the_total() {
         let (joint, (_, alone)) = (joint(1.0), closed_form(1.0));
         let noise = alone[(1, 1)];
-        let without = joint.total_if((1, noise), (1, 1e-9)).unwrap();
+        let without = joint.total_if(1, noise, 1, 1e-9).unwrap();
         let (all, _) = closed_form(1.0);
         // The second assumption adds its 2² to what the first leaves.
         assert!((without - (all[(1, 1)] - 4.0)).abs() < 1e-8, "{without}");

@@ -5,14 +5,16 @@ use super::bootstrap::{self, DrawnFit, Resampling};
 use super::budget::{Around, Budget, Extended};
 use super::constrained::Constrained;
 use super::covariance::{self, Covariance, Linear, NoiseLevels};
+use super::drawn_assumptions::DrawnAssumptions;
 use super::drift::{self, Drift};
 use super::fit;
 use super::fit::Criteria;
 use super::identifiability::{self, FlatDirection};
-use super::monte_carlo::{self, Assumptions};
+use super::monte_carlo;
 use super::profile::{self, Ends, Walk};
 use super::refits::RefitSequence;
-use super::residuals::{self, ResidualReport};
+use super::residuals;
+use super::simulated_estimate::SimulatedEstimate;
 use super::verdict::Judgement;
 use super::weighing::Seen;
 use super::{Analysis, CoordinateUncertainty, Intervals, Request};
@@ -26,21 +28,10 @@ use greybox_simulation::single::Outputs;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// An estimate with its simulation.
-#[derive(Debug)]
-pub(super) struct Estimate {
-    pub problem: Problem,
-    pub report: Report,
-    /// The simulation at the estimate; empty where it fails.
-    pub trajectories: Vec<Outputs>,
-    /// For each output what is left unexplained; empty where the simulation fails.
-    pub residuals: Vec<ResidualReport>,
-}
-
 /// An estimate that is looked at as far as goes without refits.
 #[derive(Debug)]
 pub(super) struct LinearisedEstimate {
-    estimate: Arc<Estimate>,
+    estimate: Arc<SimulatedEstimate>,
     /// What follows from the derivatives at the estimate.
     first_order: Result<Box<FirstOrder>, NoDerivatives>,
 }
@@ -97,7 +88,7 @@ impl LinearisedEstimate {
         );
         let (trajectories, around) = (trajectories?, around?);
         let estimate = |trajectories: Vec<Outputs>, residuals| {
-            Arc::new(Estimate {
+            Arc::new(SimulatedEstimate {
                 problem: problem.clone(),
                 report: report.clone(),
                 trajectories,
@@ -112,7 +103,7 @@ impl LinearisedEstimate {
         };
         let residuals = residuals::report(problem, &trajectories);
         let estimate = estimate(trajectories, residuals);
-        let first_order = match FirstOrder::of(&estimate, (&extended, &around), request, stop) {
+        let first_order = match FirstOrder::of(&estimate, &extended, &around, request, stop) {
             Ok(first_order) => Ok(Box::new(first_order)),
             Err(SensitivityError::Interrupted) => return None,
             Err(failure) => Err(NoDerivatives::Failed(failure)),
@@ -132,13 +123,13 @@ impl LinearisedEstimate {
     }
 
     /// The estimate.
-    pub fn estimate(&self) -> &Estimate {
+    pub fn estimate(&self) -> &SimulatedEstimate {
         &self.estimate
     }
 
     /// What is said of the estimate; nothing before all refits have finished.
     pub fn analysis(&self) -> Option<Analysis> {
-        let Estimate {
+        let SimulatedEstimate {
             problem,
             report,
             trajectories,
@@ -174,12 +165,13 @@ impl LinearisedEstimate {
 
 impl FirstOrder {
     fn of(
-        estimate: &Arc<Estimate>,
-        (extended, around): (&Extended, &Around<'_>),
+        estimate: &Arc<SimulatedEstimate>,
+        extended: &Extended,
+        around: &Around<'_>,
         request: &Request,
         stop: &AtomicBool,
     ) -> Result<FirstOrder, SensitivityError> {
-        let Estimate {
+        let SimulatedEstimate {
             problem,
             report,
             trajectories,
@@ -216,7 +208,7 @@ impl FirstOrder {
         let monte_carlo = match settings.monte_carlo_samples {
             0 => Vec::new(),
             samples => {
-                let assumptions = Assumptions::of(estimate, stop);
+                let assumptions = DrawnAssumptions::of(estimate, stop);
                 let assumptions = assumptions.ok_or(SensitivityError::Interrupted)?;
                 resampling(Some(assumptions)).fits(samples)
             }
@@ -258,11 +250,11 @@ impl FirstOrder {
 
     /// What is said of the estimate beside what the simulation alone tells; nothing before all
     /// refits have finished.
-    fn analysis(&self, estimate: &Estimate) -> Option<Analysis> {
+    fn analysis(&self, estimate: &SimulatedEstimate) -> Option<Analysis> {
         if !self.has_ended() {
             return None;
         }
-        let Estimate {
+        let SimulatedEstimate {
             problem, report, ..
         } = estimate;
         let linear = &self.linear;
@@ -271,9 +263,9 @@ impl FirstOrder {
         let deviations: Vec<Option<f64>> = (0..report.positions.len())
             .map(|index| linear.deviation(index))
             .collect();
-        for (index, known) in coordinates.iter_mut().enumerate() {
+        for (index, described) in coordinates.iter_mut().enumerate() {
             let total = self.budget.totals[index].zip(deviations[index]);
-            known.widen(&problem.coordinates[index], report.positions[index], total);
+            described.widen(&problem.coordinates[index], report.positions[index], total);
         }
         let constrained = Constrained::of(linear);
         if let Some(constrained) = &constrained {
@@ -290,8 +282,8 @@ impl FirstOrder {
         }
         if !self.monte_carlo.is_empty() {
             let spreads = monte_carlo::spreads(estimate, &self.monte_carlo);
-            for (known, spread) in coordinates.iter_mut().zip(spreads.into_iter().flatten()) {
-                known.monte_carlo = Some(spread);
+            for (described, spread) in coordinates.iter_mut().zip(spreads.into_iter().flatten()) {
+                described.monte_carlo = Some(spread);
             }
         }
         let unfixed = || "the data do not fix all of the unknowns".to_owned();
@@ -314,7 +306,11 @@ impl FirstOrder {
     }
 
     /// Puts the intervals that were asked for in the place of those from the curvature.
-    fn improve_intervals(&self, coordinates: &mut [CoordinateUncertainty], estimate: &Estimate) {
+    fn improve_intervals(
+        &self,
+        coordinates: &mut [CoordinateUncertainty],
+        estimate: &SimulatedEstimate,
+    ) {
         let (problem, positions) = (&estimate.problem, &estimate.report.positions);
         let closed = |(low, high)| (Some(low), Some(high));
         let improved = match &self.intervals {
@@ -350,12 +346,12 @@ impl FirstOrder {
         let Some(IntervalEnds { method, ends }) = improved else {
             return;
         };
-        let described = problem.coordinates.iter().zip(ends);
-        for (known, (coordinate, (lower, upper))) in coordinates.iter_mut().zip(described) {
+        let with_ends = problem.coordinates.iter().zip(ends);
+        for (described, (coordinate, (lower, upper))) in coordinates.iter_mut().zip(with_ends) {
             let value = |position: f64| coordinate.value(position);
-            known.interval = Some((lower.map(value), upper.map(value)));
-            known.ends = Some((lower, upper));
-            known.method = method;
+            described.interval = Some((lower.map(value), upper.map(value)));
+            described.ends = Some((lower, upper));
+            described.method = method;
         }
     }
 }

@@ -17,6 +17,7 @@ pub mod budget;
 pub mod constrained;
 pub mod covariance;
 pub mod design;
+mod drawn_assumptions;
 pub mod drift;
 pub mod fit;
 pub mod identifiability;
@@ -31,6 +32,7 @@ mod rules;
 pub mod selection;
 mod sensors;
 pub mod settings;
+mod simulated_estimate;
 pub mod validation_start;
 pub mod verdict;
 pub mod weighing;
@@ -158,8 +160,8 @@ pub fn analyse(
 
 impl Analysis {
     fn judge(&mut self, judgement: Judgement) {
-        for (known, trust) in self.coordinates.iter_mut().zip(&judgement.coordinates) {
-            known.trust = *trust;
+        for (coordinate, trust) in self.coordinates.iter_mut().zip(&judgement.coordinates) {
+            coordinate.trust = *trust;
         }
         self.judgement = judgement;
     }

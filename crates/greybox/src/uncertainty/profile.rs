@@ -13,8 +13,8 @@ use std::sync::Arc;
 
 use super::NORMAL_95;
 use super::covariance::Linear;
-use super::linearised::Estimate;
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
+use super::simulated_estimate::SimulatedEstimate;
 use crate::estimation::objective::Objective;
 use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::estimation::refine;
@@ -45,14 +45,14 @@ pub struct Point {
 
 /// The profile of one coordinate.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Profile {
+pub struct LikelihoodProfile {
     /// The ends of the coordinate's interval.
     pub ends: Ends,
     /// The fits on the way to the ends, in the order of their positions.
     pub points: Vec<Point>,
 }
 
-impl Profile {
+impl LikelihoodProfile {
     /// The points as values, with the estimate, which stands at a position of its own, among them.
     #[must_use]
     pub fn values(&self, coordinate: &Coordinate, estimate: f64) -> Vec<(f64, f64)> {
@@ -70,14 +70,14 @@ impl Profile {
 /// # Errors
 /// When the stop flag was raised, or the estimate cannot be simulated.
 pub(super) fn walks(
-    estimate: &Arc<Estimate>,
+    estimate: &Arc<SimulatedEstimate>,
     linear: &Linear,
     stop: &AtomicBool,
 ) -> Result<Vec<Walk>, SensitivityError> {
     let positions = &estimate.report.positions;
     let bottom = refine::linearise(&estimate.problem, positions, Accuracy::Full, stop)?;
     let coordinates = 0..positions.len();
-    let base = Arc::new(Base {
+    let base = Arc::new(ProfileBase {
         estimate: Arc::clone(estimate),
         sum: bottom.cost * bottom.triangle.rows() as f64,
         inverse: information_inverse(&bottom.triangle),
@@ -92,11 +92,11 @@ pub(super) fn walks(
 }
 
 /// Returns the profile of each coordinate, of which the walks have ended.
-pub(super) fn profiles(walks: &[Walk]) -> Vec<Profile> {
+pub(super) fn profiles(walks: &[Walk]) -> Vec<LikelihoodProfile> {
     let both = walks.chunks_exact(2).map(|sides| {
         let mut points = [&sides[0].points[..], &sides[1].points].concat();
         points.sort_by(|a, b| a.position.total_cmp(&b.position));
-        Profile {
+        LikelihoodProfile {
             ends: (sides[0].end.position(), sides[1].end.position()),
             points,
         }
@@ -118,8 +118,8 @@ fn information_inverse(triangle: &Triangle) -> Option<DMatrix<f64>> {
 
 /// What all walks from one estimate have in common.
 #[derive(Debug)]
-struct Base {
-    estimate: Arc<Estimate>,
+struct ProfileBase {
+    estimate: Arc<SimulatedEstimate>,
     /// The sum of squares at the estimate.
     sum: f64,
     inverse: Option<DMatrix<f64>>,
@@ -131,7 +131,7 @@ struct Base {
 
 /// Where a walk ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum End {
+enum WalkEnd {
     /// The walk goes on.
     Sought,
     /// The excess reaches its level here.
@@ -140,11 +140,11 @@ enum End {
     Open,
 }
 
-impl End {
+impl WalkEnd {
     fn position(self) -> Option<f64> {
         match self {
-            End::At(position) => Some(position),
-            End::Sought | End::Open => None,
+            WalkEnd::At(position) => Some(position),
+            WalkEnd::Sought | WalkEnd::Open => None,
         }
     }
 }
@@ -152,19 +152,27 @@ impl End {
 /// The walk from an estimate to one end of a coordinate's interval, a refit at a time.
 #[derive(Debug)]
 pub(super) struct Walk {
-    base: Arc<Base>,
+    base: Arc<ProfileBase>,
     coordinate: usize,
     /// The problem with the coordinate held at the position that is tried next.
     reduced: Problem,
     position: f64,
     others: Others,
-    /// The farthest position below the level, with the root of the excess there.
-    inside: (f64, f64),
-    /// The nearest position above the level, with the root of the excess there.
-    outside: Option<(f64, f64)>,
+    /// The farthest position that was tried below the level.
+    inside: TriedPosition,
+    /// The nearest position that was tried above the level.
+    outside: Option<TriedPosition>,
     points: Vec<Point>,
     fits: usize,
-    end: End,
+    end: WalkEnd,
+}
+
+/// A position that was tried.
+#[derive(Clone, Copy, Debug)]
+struct TriedPosition {
+    position: f64,
+    /// The root of the excess there.
+    root: f64,
 }
 
 /// Where the other coordinates were when the one was held.
@@ -182,7 +190,7 @@ struct ReducedFit {
 
 impl RefitSequence for Walk {
     fn next(&self) -> Option<RefitName> {
-        let is_sought = self.end == End::Sought;
+        let is_sought = self.end == WalkEnd::Sought;
         is_sought.then(|| RefitName::profile(self.coordinate, self.position))
     }
 
@@ -208,7 +216,12 @@ impl RefitSequence for Walk {
 impl Walk {
     /// Begins a walk to the lower end with side −1, to the upper end with side 1. A single coordinate leaves nothing to fit: then the walk is at its end.
     /// Answers nothing when `stop` was raised.
-    fn begin(base: &Arc<Base>, coordinate: usize, side: f64, stop: &AtomicBool) -> Option<Walk> {
+    fn begin(
+        base: &Arc<ProfileBase>,
+        coordinate: usize,
+        side: f64,
+        stop: &AtomicBool,
+    ) -> Option<Walk> {
         let estimate = &base.estimate;
         let start = estimate.report.positions[coordinate];
         let mut positions = estimate.report.positions.clone();
@@ -224,14 +237,17 @@ impl Walk {
                 at: start,
                 positions,
             },
-            inside: (start, 0.0),
+            inside: TriedPosition {
+                position: start,
+                root: 0.0,
+            },
             outside: None,
             points: Vec::new(),
             fits: 0,
-            end: End::Sought,
+            end: WalkEnd::Sought,
         };
         walk.hold(start + side * first);
-        while walk.others.positions.is_empty() && walk.end == End::Sought {
+        while walk.others.positions.is_empty() && walk.end == WalkEnd::Sought {
             let fit = walk.evaluate(stop)?;
             walk.go_on(fit);
         }
@@ -260,16 +276,16 @@ impl Walk {
         }
         self.fits += 1;
         if (root - 1.0).abs() < NEAR {
-            self.end = End::At(position);
+            self.end = WalkEnd::At(position);
             return;
         }
         if root > 1.0 {
-            self.outside = Some((position, root));
+            self.outside = Some(TriedPosition { position, root });
         } else if position <= 0.0 || position >= 1.0 {
-            self.end = End::Open;
+            self.end = WalkEnd::Open;
             return;
         } else {
-            self.inside = (position, root);
+            self.inside = TriedPosition { position, root };
             if let Some(fit) = fit {
                 self.others = Others {
                     at: position,
@@ -278,7 +294,7 @@ impl Walk {
             }
         }
         if self.fits == MOST_FITS {
-            self.end = End::At(self.inside.0);
+            self.end = WalkEnd::At(self.inside.position);
             return;
         }
         let start = self.base.estimate.report.positions[self.coordinate];
@@ -344,14 +360,14 @@ impl Walk {
 
 /// The next position to try: by the secant where both sides of the level are known, else further
 /// out in proportion, four times as far at the most.
-fn between(start: f64, inside: (f64, f64), outside: Option<(f64, f64)>) -> f64 {
+fn between(start: f64, inside: TriedPosition, outside: Option<TriedPosition>) -> f64 {
     match outside {
-        Some((position, root)) if root.is_finite() => {
-            let share = (1.0 - inside.1) / (root - inside.1);
-            inside.0 + (position - inside.0) * share.clamp(0.05, 0.95)
+        Some(outside) if outside.root.is_finite() => {
+            let share = (1.0 - inside.root) / (outside.root - inside.root);
+            inside.position + (outside.position - inside.position) * share.clamp(0.05, 0.95)
         }
-        Some((position, _)) => 0.5 * (inside.0 + position),
-        None => start + (inside.0 - start) * (1.02 / inside.1).min(4.0),
+        Some(outside) => 0.5 * (inside.position + outside.position),
+        None => start + (inside.position - start) * (1.02 / inside.root).min(4.0),
     }
 }
 

@@ -128,9 +128,12 @@ impl Refits {
         &self.finished
     }
 
-    /// Adds a refit that another node ran.
-    pub fn insert(&mut self, name: RefitName, refit: Refit) {
-        self.finished.insert(name, refit);
+    /// Adds a refit that another node ran, by the text of its name. A text that names no refit adds
+    /// nothing: the refit is then run here.
+    pub fn add(&mut self, name: &str, refit: Refit) {
+        if let Ok(name) = name.parse() {
+            self.finished.insert(name, refit);
+        }
     }
 
     /// Returns the refits that were run here since this was last called.
@@ -201,17 +204,15 @@ impl Refits {
         let is_allowed = || left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, take_one);
         let mut new = Vec::new();
         while let Some(name) = sequence.next() {
-            let refit = match self.finished.get(&name) {
-                Some(finished) => finished.clone(),
-                None => {
-                    let refit = is_allowed().ok().and_then(|_| sequence.task().run(stop));
-                    let Some(refit) = refit else {
-                        break;
-                    };
-                    new.push((name, refit.clone()));
-                    refit
-                }
+            let finished = self.finished.get(&name).cloned();
+            let is_new = finished.is_none();
+            let run = || is_allowed().ok().and_then(|_| sequence.task().run(stop));
+            let Some(refit) = finished.or_else(run) else {
+                break;
             };
+            if is_new {
+                new.push((name, refit.clone()));
+            }
             if sequence.follow(&refit, stop).is_none() {
                 break;
             }

@@ -76,7 +76,7 @@ pub(super) struct Selected {
 #[derive(Debug)]
 pub(super) enum AfterRound {
     /// Smaller models are tried.
-    Further(Elimination),
+    Further(Box<Elimination>),
     /// No smaller model is better.
     Selected(Box<Selected>),
 }
@@ -84,7 +84,7 @@ pub(super) enum AfterRound {
 /// A backward elimination of effects, a round of models at a time.
 #[derive(Debug)]
 pub(super) struct Elimination {
-    bench: Arc<Bench>,
+    basis: Arc<EliminationBasis>,
     /// The models that earlier rounds have tried.
     tried: Vec<FittedModel>,
     /// The model that smaller ones are measured against.
@@ -107,7 +107,7 @@ impl Elimination {
             .experiments
             .iter()
             .any(|experiment| experiment.samples > experiment.estimation_samples);
-        let mut bench = Bench {
+        let mut basis = EliminationBasis {
             problem: problem.clone(),
             report: report.clone(),
             effects: effects.to_vec(),
@@ -119,15 +119,15 @@ impl Elimination {
             worst: f64::INFINITY,
         };
         let positions = report.positions.clone();
-        let whole = bench.measure(problem.clone(), positions, report.cost, stop)?;
-        bench.worst = whole.tried.criterion.unwrap_or(f64::INFINITY) + HOPELESS;
+        let whole = basis.measure(problem.clone(), positions, report.cost, stop)?;
+        basis.worst = whole.tried.criterion.unwrap_or(f64::INFINITY) + HOPELESS;
         // A single effect is the whole model, which is fitted already.
         let alone = effects.iter().filter(|_| effects.len() > 1);
         let singles = alone.map(|effect| vec![effect.clone()]);
-        let bench = Arc::new(bench);
-        let fits = ModelFit::all(&bench, singles.chain([Vec::new()]));
+        let basis = Arc::new(basis);
+        let fits = ModelFit::all(&basis, singles.chain([Vec::new()]));
         Some(Elimination {
-            bench,
+            basis,
             tried: Vec::new(),
             current: whole,
             is_first: true,
@@ -164,14 +164,14 @@ impl Elimination {
         let without = |left: &String| kept.iter().filter(|kept| *kept != left).cloned().collect();
         let is_new = |effects: &Vec<String>| tried.iter().all(|fit| fit.tried.effects != *effects);
         let smaller = kept.iter().map(without).filter(is_new);
-        let fits = ModelFit::all(&self.bench, smaller);
-        AfterRound::Further(Elimination {
-            bench: Arc::clone(&self.bench),
+        let fits = ModelFit::all(&self.basis, smaller);
+        AfterRound::Further(Box::new(Elimination {
+            basis: Arc::clone(&self.basis),
             current: current.clone(),
             is_first: false,
             fits,
             tried,
-        })
+        }))
     }
 
     /// Selects the best of all models that were tried.
@@ -186,12 +186,12 @@ impl Elimination {
                 values: best.problem.values(&best.positions),
                 positions: best.positions,
                 cost: best.tried.cost,
-                ..self.bench.report.clone()
+                ..self.basis.report.clone()
             },
             problem: best.problem,
             selection: Selection {
                 tried: tried.into_iter().map(|fit| fit.tried).collect(),
-                compared_on: self.bench.compared_on,
+                compared_on: self.basis.compared_on,
             },
         }
     }
@@ -203,7 +203,7 @@ const HOPELESS: f64 = 100.0;
 
 /// What all fits have in common.
 #[derive(Debug)]
-struct Bench {
+struct EliminationBasis {
     problem: Problem,
     /// The estimate with all effects.
     report: Report,
@@ -216,7 +216,7 @@ struct Bench {
 /// The fit of one model: coarse, then fine where the coarse one gives hope.
 #[derive(Debug)]
 struct ModelFit {
-    bench: Arc<Bench>,
+    basis: Arc<EliminationBasis>,
     effects: Vec<String>,
     stage: FitStage,
 }
@@ -233,12 +233,15 @@ enum FitStage {
 
 impl ModelFit {
     /// Begins the fits of the models with each of these sets of effects.
-    fn all(bench: &Arc<Bench>, models: impl Iterator<Item = Vec<String>>) -> Vec<ModelFit> {
+    fn all(
+        basis: &Arc<EliminationBasis>,
+        models: impl Iterator<Item = Vec<String>>,
+    ) -> Vec<ModelFit> {
         models
             .map(|effects| {
-                let (problem, start) = bench.reduced(&effects);
+                let (problem, start) = basis.reduced(&effects);
                 ModelFit {
-                    bench: Arc::clone(bench),
+                    basis: Arc::clone(basis),
                     effects,
                     stage: FitStage::Coarse { problem, start },
                 }
@@ -287,8 +290,8 @@ impl RefitSequence for ModelFit {
             FitStage::Fine(coarse) | FitStage::Fitted(coarse) => (&coarse.problem, false),
         };
         let (problem, positions) = (problem.clone(), refit.positions.clone());
-        let fitted = self.bench.measure(problem, positions, refit.cost, stop)?;
-        let is_hopeless = |criterion: f64| criterion > self.bench.worst;
+        let fitted = self.basis.measure(problem, positions, refit.cost, stop)?;
+        let is_hopeless = |criterion: f64| criterion > self.basis.worst;
         self.stage = if is_coarse && !fitted.tried.criterion.is_none_or(is_hopeless) {
             FitStage::Fine(fitted)
         } else {
@@ -298,7 +301,7 @@ impl RefitSequence for ModelFit {
     }
 }
 
-impl Bench {
+impl EliminationBasis {
     /// The problem without the effects that a model leaves out, and where to fit it from.
     fn reduced(&self, effects: &[String]) -> (Problem, Vec<f64>) {
         let is_left_out = |name: &String| self.effects.contains(name) && !effects.contains(name);

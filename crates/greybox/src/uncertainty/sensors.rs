@@ -4,6 +4,7 @@
 //! every time between samples longer by it, for the inputs as for the outputs.
 
 use crate::estimation::problem::{Assumed, Experiment, Problem, SensorNumber};
+use crate::estimation::sensitivity::ResidualPlace;
 use crate::estimation::trajectory;
 use greybox_simulation::single::Outputs;
 use std::sync::Arc;
@@ -31,15 +32,20 @@ impl Sensors {
         positions: &[f64],
         stop: &AtomicBool,
     ) -> Option<Sensors> {
-        let assumed = || problem.assumptions.iter().map(|own| own.target);
-        if !assumed().any(|own| !matches!(own, Assumed::Model(_))) {
+        let assumed = || {
+            problem
+                .assumptions
+                .iter()
+                .map(|assumption| assumption.target)
+        };
+        if !assumed().any(|target| !matches!(target, Assumed::Model(_))) {
             return Some(Sensors::default());
         }
         let at_clock = |factor: f64| {
             let mut changed = problem.clone();
             if factor != 1.0 {
                 let experiments = Arc::make_mut(&mut changed.experiments).iter_mut();
-                experiments.for_each(|own| stretch(own, factor));
+                experiments.for_each(|experiment| stretch(experiment, factor));
             }
             trajectory::simulate(&changed, positions, stop)
         };
@@ -47,7 +53,7 @@ impl Sensors {
             return Some(Sensors::default());
         };
         let mut clocks = None;
-        if assumed().any(|own| own == Assumed::Clock) {
+        if assumed().any(|target| target == Assumed::Clock) {
             let sides = [at_clock(1.0 - CLOCK_SHIFT)?, at_clock(1.0 + CLOCK_SHIFT)?];
             if let [Ok(slow), Ok(fast)] = sides {
                 clocks = Some([slow, fast]);
@@ -67,8 +73,13 @@ impl Sensors {
         &self,
         problem: &Problem,
         assumed: Assumed,
-        (experiment, sample, output): (usize, usize, usize),
+        place: ResidualPlace,
     ) -> f64 {
+        let ResidualPlace {
+            experiment,
+            sample,
+            output,
+        } = place;
         let index = problem.outputs[output].index;
         let Some(outputs) = self.simulated.get(experiment) else {
             return 0.0;
@@ -76,7 +87,7 @@ impl Sensors {
         let values = &outputs[index];
         match assumed {
             Assumed::Model(_) => 0.0,
-            Assumed::Sensor { output: own, .. } if own != output => 0.0,
+            Assumed::Sensor { output: shown, .. } if shown != output => 0.0,
             Assumed::Sensor { number, .. } => match number {
                 SensorNumber::Gain => values[sample],
                 SensorNumber::Offset => 1.0,

@@ -115,8 +115,8 @@ fn forgotten_after(alone: &Problem, stop: &AtomicBool) -> Option<usize> {
 }
 
 /// The last sample at which an output differs by a share of its largest difference.
-fn last_difference(one: &Outputs, other: &Outputs, output: usize) -> usize {
-    let pairs = one[output].iter().zip(&other[output]);
+fn last_difference(middle: &Outputs, moved: &Outputs, output: usize) -> usize {
+    let pairs = middle[output].iter().zip(&moved[output]);
     let differences: Vec<f64> = pairs.map(|(a, b)| (a - b).abs()).collect();
     let largest = differences.iter().copied().fold(0.0, f64::max);
     let shows = |difference: &f64| *difference > FORGOTTEN * largest;

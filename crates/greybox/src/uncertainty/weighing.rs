@@ -76,7 +76,8 @@ impl Weighing {
     pub fn triangles(
         mut self,
         neighbourhood: &Neighbourhood<'_>,
-        (unknowns, n): (usize, usize),
+        unknowns: usize,
+        n: usize,
         columns: impl Fn(&Row<'_>) -> Vec<f64>,
     ) -> Result<(Triangle, Triangle), SimulationFailure> {
         let loss = neighbourhood.loss();
@@ -97,7 +98,7 @@ impl Weighing {
             let weight = self.white[row.output];
             values.iter_mut().for_each(|value| *value *= weight);
             let filtered = match &mut self.filters[row.output] {
-                Some(filter) => filter.take((row.experiment, row.sample), values),
+                Some(filter) => filter.take(row.experiment, row.sample, values),
                 None => Some(values),
             };
             if let Some(mut filtered) = filtered {
@@ -131,8 +132,8 @@ fn filters(problem: &Problem, seen: Seen<'_>, weights: &[f64]) -> Vec<Option<Fil
                 return None;
             }
             let weighted = |experiment: usize| -> Vec<f64> {
-                let own = &seen.trajectories[experiment];
-                let series = residuals::series(problem, own, experiment, output);
+                let trajectory = &seen.trajectories[experiment];
+                let series = residuals::series(problem, trajectory, experiment, output);
                 let scale = weights[output] / measured.residual_scale;
                 series.iter().map(|residual| residual * scale).collect()
             };

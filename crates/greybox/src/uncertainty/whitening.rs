@@ -61,15 +61,17 @@ fn levinson(correlations: &[f64]) -> (Vec<f64>, f64) {
     let mut coefficients: Vec<f64> = Vec::new();
     let mut remaining = 1.0;
     for order in 1..correlations.len() {
-        let known = coefficients.iter().enumerate();
-        let predicted: f64 = known.map(|(k, a)| a * correlations[order - 1 - k]).sum();
+        let predictors = coefficients.iter().enumerate();
+        let predicted: f64 = predictors
+            .map(|(k, a)| a * correlations[order - 1 - k])
+            .sum();
         let reflection = (correlations[order] - predicted) / remaining;
         if !reflection.is_finite() || reflection.abs() >= 1.0 {
             break;
         }
         let reversed: Vec<f64> = coefficients.iter().rev().copied().collect();
-        for (own, mirrored) in coefficients.iter_mut().zip(reversed) {
-            *own -= reflection * mirrored;
+        for (coefficient, mirrored) in coefficients.iter_mut().zip(reversed) {
+            *coefficient -= reflection * mirrored;
         }
         coefficients.push(reflection);
         remaining *= 1.0 - reflection * reflection;
@@ -108,14 +110,10 @@ impl Filter {
 
     /// Takes a row and answers it without what its past said of it; none where the past is not
     /// long enough yet, or broken off by a gap.
-    pub fn take(
-        &mut self,
-        (experiment, sample): (usize, usize),
-        row: Vec<f64>,
-    ) -> Option<Vec<f64>> {
+    pub fn take(&mut self, experiment: usize, sample: usize, row: Vec<f64>) -> Option<Vec<f64>> {
         let goes_on = self
             .last
-            .is_some_and(|(own, before)| own == experiment && before + 1 == sample);
+            .is_some_and(|(of, before)| of == experiment && before + 1 == sample);
         if !goes_on {
             self.past.clear();
         }
@@ -160,7 +158,7 @@ mod tests {
         let mut filter = Filter::new(Whitening::of(std::slice::from_ref(&series)).unwrap());
         let rows = series.iter().enumerate();
         let white: Vec<f64> = rows
-            .filter_map(|(sample, value)| filter.take((0, sample), vec![*value]))
+            .filter_map(|(sample, value)| filter.take(0, sample, vec![*value]))
             .map(|row| row[0])
             .collect();
         let (power, count) = products(std::slice::from_ref(&white), 0);
@@ -176,9 +174,9 @@ mod tests {
             gain: 1.0,
         };
         let mut filter = Filter::new(whitening);
-        assert_eq!(filter.take((0, 0), vec![2.0]), None);
-        assert_eq!(filter.take((0, 1), vec![2.0]), Some(vec![1.0]));
-        assert_eq!(filter.take((0, 3), vec![2.0]), None);
-        assert_eq!(filter.take((1, 4), vec![2.0]), None);
+        assert_eq!(filter.take(0, 0, vec![2.0]), None);
+        assert_eq!(filter.take(0, 1, vec![2.0]), Some(vec![1.0]));
+        assert_eq!(filter.take(0, 3, vec![2.0]), None);
+        assert_eq!(filter.take(1, 4, vec![2.0]), None);
     }
 }

@@ -96,8 +96,8 @@ impl Linearisation {
     }
 
     /// How far two candidates are apart, in standard errors.
-    pub fn distance(&self, one: &[f64], other: &[f64]) -> f64 {
-        let step: Vec<f64> = one.iter().zip(other).map(|(a, b)| a - b).collect();
+    pub fn distance(&self, from: &[f64], to: &[f64]) -> f64 {
+        let step: Vec<f64> = from.iter().zip(to).map(|(a, b)| a - b).collect();
         (self.triangle.movement(&step) / self.cost).sqrt()
     }
 }
@@ -105,7 +105,7 @@ impl Linearisation {
 /// What the linear model promises of a step.
 #[derive(Clone, Debug)]
 pub struct Outlook {
-    /// Where it leads.
+    /// The positions that the step leads to.
     pub positions: Vec<f64>,
     /// The share of the cost that is gained there.
     pub gain: f64,

@@ -36,8 +36,8 @@ fn survivors(
     let challengers = population
         .iter()
         .zip(evaluations)
-        .map(|(own, evaluation)| Parent {
-            chromosome: own.clone(),
+        .map(|(chromosome, evaluation)| Parent {
+            chromosome: chromosome.clone(),
             cost: evaluation.failure.is_none().then_some(evaluation.cost),
         });
     if parents.len() != population.len() {

@@ -48,7 +48,8 @@ impl Columns {
 /// when the stop flag was raised.
 pub(super) fn record(
     problem: &Problem,
-    (candidates, in_step): (&[Vec<f64>], usize),
+    candidates: &[Vec<f64>],
+    in_step: usize,
     accuracy: Accuracy,
     stop: &AtomicBool,
 ) -> Option<Vec<Columns>> {

@@ -1,5 +1,6 @@
 //! The residuals and jumps of all segments linearised, with the starts eliminated.
 
+use super::Joins;
 use super::segment::{STATE_SHIFT, Simulated, Starts, jumps, visit};
 use crate::estimation::problem::Problem;
 use greybox_numerics::chain::{Chains, Member};
@@ -19,7 +20,7 @@ impl Linearised {
     pub(super) fn of(
         problem: &Problem,
         positions: &[f64],
-        (starts, weight): (&Starts, f64),
+        joins: Joins<'_>,
         simulated: &Simulated,
     ) -> Option<Linearised> {
         if !simulated.is_whole() {
@@ -39,7 +40,7 @@ impl Linearised {
             linearised.residuals += prior.residual * prior.residual;
         }
         for place in 0..simulated.segments.len() {
-            let member = linearised.member(problem, (starts, weight), simulated, place);
+            let member = linearised.member(problem, joins, simulated, place);
             linearised.chains.add(&member);
         }
         let sums = linearised.residuals + linearised.jumps;
@@ -51,14 +52,14 @@ impl Linearised {
     fn member(
         &mut self,
         problem: &Problem,
-        (starts, weight): (&Starts, f64),
+        Joins { starts, weight }: Joins<'_>,
         simulated: &Simulated,
         place: usize,
     ) -> Member {
         let (segment, columns) = (&simulated.segments[place], &simulated.columns[place]);
         let n = simulated.shifts.len();
         // The first segment starts where the problem says.
-        let own = match segment.place {
+        let starting = match segment.place {
             0 => 0,
             _ => starts.scales.len(),
         };
@@ -70,7 +71,7 @@ impl Linearised {
             let residual = (measured - here) / scale;
             let slope = problem.loss.slope(residual);
             let by = |member: usize| (here - value(member)) / scale * slope;
-            rows.extend((0..own).map(|state| by(1 + n + state) / STATE_SHIFT));
+            rows.extend((0..starting).map(|state| by(1 + n + state) / STATE_SHIFT));
             let by_step = simulated.shifts.iter().enumerate();
             rows.extend(by_step.map(|(k, shift)| by(1 + k) / shift));
             let bent = problem.loss.bent(residual);
@@ -83,7 +84,7 @@ impl Linearised {
         for (state, jump) in jumps(segment, columns, 0, starts).into_iter().enumerate() {
             let end = |member: usize| columns.last_state(member, state);
             let by = |member: usize| root * (end(member) - end(0)) / starts.scales[state];
-            joins.extend((0..own).map(|own| by(1 + n + own) / STATE_SHIFT));
+            joins.extend((0..starting).map(|start| by(1 + n + start) / STATE_SHIFT));
             let by_step = simulated.shifts.iter().enumerate();
             joins.extend(by_step.map(|(k, shift)| by(1 + k) / shift));
             joins.push(root * jump);
@@ -91,7 +92,7 @@ impl Linearised {
             self.n_jumps += 1;
         }
         Member {
-            n_own: own,
+            n_own: starting,
             rows,
             joins,
             weight: root,

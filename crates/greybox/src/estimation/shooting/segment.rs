@@ -116,7 +116,8 @@ fn spelled(filled: &Filled) -> SimulatedCandidate<'_> {
 fn simulate(
     problem: &Problem,
     segments: &[Segment],
-    (filled, in_step): (&[Vec<Filled>], usize),
+    filled: &[Vec<Filled>],
+    in_step: usize,
     stop: &AtomicBool,
 ) -> Option<Vec<Columns>> {
     let pairs = segments.iter().zip(filled);
@@ -147,7 +148,11 @@ impl Simulated {
         let segments = segments(problem);
         let shift = |position: &f64| if *position < 0.5 { SHIFT } else { -SHIFT };
         let shifts: Vec<f64> = positions.iter().map(shift).collect();
-        let state_shifts: Vec<f64> = starts.scales.iter().map(|own| own * STATE_SHIFT).collect();
+        let state_shifts: Vec<f64> = starts
+            .scales
+            .iter()
+            .map(|scale| scale * STATE_SHIFT)
+            .collect();
         let around = |segment: &Segment| {
             let here = segment.fill(problem, positions, starts);
             let coordinates = shifts.iter().enumerate().map(|(coordinate, shift)| {
@@ -158,9 +163,10 @@ impl Simulated {
             let states = state_shifts.iter().enumerate().map(|(state, shift)| {
                 let mut moved = here.clone();
                 // The first segment starts where the problem says.
-                let own = moved.initial_state[state].filter(|_| segment.place > 0);
-                moved.initial_state[state] =
-                    own.map(|own| own + shift).or(here.initial_state[state]);
+                let start = moved.initial_state[state].filter(|_| segment.place > 0);
+                moved.initial_state[state] = start
+                    .map(|start| start + shift)
+                    .or(here.initial_state[state]);
                 moved
             });
             let neighbours: Vec<Filled> = coordinates.chain(states).collect();
@@ -170,7 +176,7 @@ impl Simulated {
         let filled: Vec<Vec<Filled>> = filled.collect();
         let in_step = filled.first().map_or(0, Vec::len);
         Some(Simulated {
-            columns: simulate(problem, &segments, (&filled, in_step), stop)?,
+            columns: simulate(problem, &segments, &filled, in_step, stop)?,
             segments,
             shifts,
             state_shifts,
@@ -202,7 +208,7 @@ pub(super) fn judge(
         trials.iter().map(fill).collect()
     });
     let filled: Vec<Vec<Filled>> = filled.collect();
-    let columns = simulate(problem, &segments, (&filled, 0), stop)?;
+    let columns = simulate(problem, &segments, &filled, 0, stop)?;
     let sums = trials.iter().enumerate().map(|(member, trial)| {
         let mut sums = [problem.prior_sum(&trial.positions).0, 0.0];
         for (segment, columns) in segments.iter().zip(&columns) {
@@ -269,7 +275,7 @@ pub(super) fn first_starts(
     };
     for segment in segments(problem) {
         let filled = vec![vec![segment.fill(problem, positions, &starts)]];
-        let columns = simulate(problem, std::slice::from_ref(&segment), (&filled, 0), stop)?;
+        let columns = simulate(problem, std::slice::from_ref(&segment), &filled, 0, stop)?;
         let has_failed = columns[0].failures[0].is_some();
         if segment.compared == segment.data.samples {
             continue;
@@ -327,7 +333,7 @@ fn measured_states(
     };
     let here = vec![vec![problem.fill(0, positions)]];
     let moments = std::slice::from_ref(&moment);
-    let columns = simulate(problem, moments, (&here, 0), stop)?;
+    let columns = simulate(problem, moments, &here, 0, stop)?;
     if columns[0].failures[0].is_some() {
         return Some(None);
     }
@@ -346,7 +352,7 @@ fn measured_states(
     };
     let candidates = std::iter::once(None).chain((0..states).map(Some));
     let moved = vec![candidates.map(moved).collect::<Vec<Filled>>()];
-    let columns = &simulate(problem, moments, (&moved, 0), stop)?[0];
+    let columns = &simulate(problem, moments, &moved, 0, stop)?[0];
     let change = |output: usize, state: usize| {
         columns.value(1 + state, 0, output) - columns.value(0, 0, output)
     };
@@ -358,6 +364,6 @@ fn measured_states(
             && (change(output, state) - shift(state)).abs() <= SAME.sqrt() * shift(state)
             && others.into_iter().all(|other| change(output, other) == 0.0)
     };
-    let source = |state: usize| (0..problem.outputs.len()).find(|own| is_state(*own, state));
+    let source = |state: usize| (0..problem.outputs.len()).find(|output| is_state(*output, state));
     Some(Some((0..states).map(source).collect()))
 }

@@ -64,7 +64,7 @@ pub fn trajectory(
         vec![Fault::new("", "simulation_fails", detail)]
     })?;
     let deviations = match errors(&problem, &positions, outcome) {
-        Some(errors) => match trajectory::deviations(&problem, (&positions, &errors), stop) {
+        Some(errors) => match trajectory::deviations(&problem, &positions, &errors, stop) {
             Some(deviations) => deviations,
             None => return Ok(None),
         },

@@ -239,7 +239,7 @@ fn maximal_sequence(bits: u32) -> Vec<f64> {
     let next = || {
         let level = if register & 1 == 1 { 1.0 } else { -1.0 };
         let fed = taps.iter().map(|tap| register >> (bits - tap));
-        let bit = fed.fold(0, |sum, own| sum ^ own) & 1;
+        let bit = fed.fold(0, |sum, tap| sum ^ tap) & 1;
         register = (register >> 1) | (bit << (bits - 1));
         level
     };

@@ -37,12 +37,12 @@ pub struct Choice {
     pub may_repeat: bool,
 }
 
-/// What was chosen.
+/// The instants that were chosen.
 #[derive(Clone, Debug)]
 pub struct Chosen {
     /// The samples, in order.
     pub samples: Vec<usize>,
-    /// What they would bring.
+    /// The information that the instants would bring.
     pub assessment: Assessment,
     /// Whether no exchange would help, as far as was looked.
     pub is_finished: bool,

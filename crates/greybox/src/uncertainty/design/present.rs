@@ -97,7 +97,7 @@ impl Present {
         problem.experiments = Arc::new(vec![experiment]);
         let mut rows = RowGatherer::new(self.order.len());
         visit(&problem, &self.points[0], stop, |sample, _, columns| {
-            for _ in samples.iter().filter(|own| **own == sample) {
+            for _ in samples.iter().filter(|taken| **taken == sample) {
                 rows.add(columns.iter().copied(), 0.0);
             }
         })?;
@@ -121,7 +121,7 @@ impl Present {
                 }
                 None => {
                     let places = middle.iter().enumerate();
-                    let drawn = places.map(|place| alone(next, place, &mut rng));
+                    let drawn = places.map(|(index, middle)| alone(next, index, *middle, &mut rng));
                     drawn.collect()
                 }
             };
@@ -162,9 +162,9 @@ impl Present {
     /// What is known of each unknown by the information at the first point.
     pub(super) fn known_by(&self, sum: &Triangle) -> Option<Vec<Known>> {
         let unknowns = self.slopes.len();
-        let own: Vec<usize> = (0..unknowns).collect();
+        let alone: Vec<usize> = (0..unknowns).collect();
         let all: Vec<usize> = (unknowns..self.order.len()).chain(0..unknowns).collect();
-        let noise = deviations(&sum.of_columns(&own).factor())?;
+        let noise = deviations(&sum.of_columns(&alone).factor())?;
         let total = deviations(&sum.of_columns(&all).factor())?;
         let total = &total[all.len() - unknowns..];
         let fixed = |deviation: f64| (deviation < NOT_FIXED).then_some(deviation);
@@ -188,7 +188,9 @@ impl Present {
         let first = all.len() - unknowns;
         let corner = factor.view((first, first), (unknowns, unknowns));
         let corner = corner.into_owned();
-        let are_known = deviations(&corner)?.iter().all(|own| *own < 1.0);
+        let are_known = deviations(&corner)?
+            .iter()
+            .all(|deviation| *deviation < 1.0);
         are_known.then(|| corner.solve_upper_triangular(&DMatrix::identity(unknowns, unknowns)))?
     }
 
@@ -206,7 +208,7 @@ impl Present {
 }
 
 /// A position of one unknown, drawn from its prior about the middle, else from its range.
-fn alone(next: &Problem, (index, &middle): (usize, &f64), rng: &mut impl Rng) -> f64 {
+fn alone(next: &Problem, index: usize, middle: f64, rng: &mut impl Rng) -> f64 {
     let coordinate = &next.coordinates[index];
     let Some(prior) = next.prior_of(index) else {
         return INNER + (1.0 - 2.0 * INNER) * rng::unit(rng);

@@ -111,7 +111,7 @@ impl Family {
 pub struct Assessed {
     /// The excitation.
     pub excitation: Excitation,
-    /// What it would bring.
+    /// The information that the experiment would bring.
     pub assessment: Assessment,
 }
 

@@ -38,7 +38,7 @@ impl Direction {
             parts: vector.to_vec(),
         };
         let powers = Direction::powers(problem, at, vector);
-        let usual = powers.as_ref().and_then(|own| own.usual(problem));
+        let usual = powers.as_ref().and_then(|powers| powers.usual(problem));
         usual.into_iter().chain(powers).chain([straight]).collect()
     }
 
@@ -90,7 +90,9 @@ impl Direction {
         let mut vector: Vec<f64> = match self.form {
             Form::Straight => self.parts.clone(),
             Form::Powers => pairs
-                .map(|((own, at), part)| part * own.value(*at) / own.slope(*at))
+                .map(|((coordinate, at), part)| {
+                    part * coordinate.value(*at) / coordinate.slope(*at)
+                })
                 .collect(),
         };
         let length = vector.iter().map(|part| part * part).sum::<f64>().sqrt();
