@@ -5,11 +5,10 @@
 //! request holds whatever the slice comes to (see `slices/endings`).
 
 use super::jobs::{self, JobRow};
-use super::slices::endings;
+use super::slices::endings::{self, Transition};
 use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{Change, Store, StoreError, database, queue, results};
-use crate::access::Project;
 use crate::job::{Event, Status};
 use greybox::identification::JobId;
 
@@ -75,7 +74,7 @@ async fn control(
         Ok(step) => step,
         Err(status) => return Ok(Control::Refused(status)),
     };
-    apply(&queue, tx, (id, &row.project), step).await?;
+    apply(&queue, tx, &row, step).await?;
     let row = jobs::fetch(&mut *tx, id).await?;
     Ok(row.map_or(Control::NotFound, |row| Control::Accepted(Box::new(row))))
 }
@@ -125,9 +124,10 @@ impl Wish {
 async fn apply(
     queue: &riverqueue::Client,
     tx: &mut Tx,
-    (id, project): (JobId, &Project),
+    row: &JobRow,
     step: Step,
 ) -> Result<(), StoreError> {
+    let (id, from) = (row.id, row.status);
     match step {
         Step::Nothing => Ok(()),
         Step::Ask(request) => {
@@ -137,9 +137,10 @@ async fn apply(
         }
         Step::Withdraw => set_request(tx, id, None).await,
         Step::Become(Status::Queued) => {
-            queue::renew(queue, tx, id, project).await?;
+            queue::renew(queue, tx, id, &row.project).await?;
             let status = Status::Queued;
-            endings::change_status(tx, id, status, &[Event::State { status }]).await
+            let transition = Transition { from, to: status };
+            endings::change_status(tx, id, transition, &[Event::State { status }]).await
         }
         Step::Become(status) => {
             let mut reported = vec![Event::State { status }];
@@ -147,7 +148,8 @@ async fn apply(
                 reported.push(Event::End { status });
                 results::mark_cancelled(tx, id).await?;
             }
-            endings::change_status(tx, id, status, &reported).await
+            let transition = Transition { from, to: status };
+            endings::change_status(tx, id, transition, &reported).await
         }
     }
 }

@@ -144,7 +144,7 @@ pub enum JobRemoval {
     Unfinished(Status),
 }
 
-const COLUMNS: &str = "id, project, name, labels, model, spec, status, request, progress, attempt, error, \
+pub(super) const COLUMNS: &str = "id, project, name, labels, model, spec, status, request, progress, attempt, error, \
      created_at, started_at, finished_at, last_event, revision, seal";
 
 impl Store {
@@ -332,7 +332,7 @@ pub(super) async fn fetch(
     row.as_ref().map(read).transpose()
 }
 
-fn read(row: &Row) -> Result<JobRow, StoreError> {
+pub(super) fn read(row: &Row) -> Result<JobRow, StoreError> {
     JOBS.verify(row)?;
     let id: String = row.try_get("id")?;
     let status: String = row.try_get("status")?;

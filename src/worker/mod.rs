@@ -19,6 +19,7 @@ pub mod run;
 mod slice;
 #[cfg(test)]
 pub(crate) mod tests;
+mod units;
 mod wake;
 
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! One slice of one job: begin, work in whole units, and hand on or end.
 //!
-//! The computation runs on a blocking thread and sends its rows through a bounded channel; this
-//! side writes them about every 200 ms. A slice ends when its time is up, when the run has
+//! The computation runs on a blocking thread and sends its units through a bounded channel (see
+//! `units`); this side writes their rows about every 200 ms. A slice ends when its time is up, when the run has
 //! finished, when the stop flag is raised (cancel, pause, the job's time limit, shutdown), or when
 //! a write finds that another slice has begun.
 
@@ -13,7 +13,6 @@ use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
 use serde_json::Value;
-use tokio::sync::mpsc;
 use tracing::Instrument as _;
 
 use super::active::{ActiveJob, ActiveJobs};
@@ -21,22 +20,19 @@ use super::between_slices::BetweenSlices;
 use super::candidates::Candidates;
 use super::exchange::Exchange;
 use super::recorder::Recorder;
-use super::run::{Advance, Assignment, Method, Past, Row, Run, Share};
+use super::run::{Advance, Assignment, Method, Past, Run, Share};
+use super::units::{self, Unit, UnitReceiver, UnitSender};
 use crate::access::Project;
 use crate::admission::{Admission, Permit};
 use crate::job::{DesignTask, Failure};
 use crate::span;
-use crate::store::{Begin, Hold, JobRow, Lease, Meaning, SharedPart, Slice, Store, StoreError};
+use crate::store::{Begin, Hold, JobRow, Lease, Meaning, Slice, Store, StoreError};
 use conclusion::{Conclusion, broke};
-use greybox::estimation::Progress;
 use greybox::identification::{DatasetId, JobId};
 use greybox::recording::Recording;
 
 /// How often what a slice did is written.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(200);
-
-/// Units whose rows may wait to be written before the computation waits.
-const UNITS_WAITING: usize = 256;
 
 /// Candidates that are read back at a time when a slice goes on.
 const CANDIDATES_AT_ONCE: usize = 50_000;
@@ -124,14 +120,6 @@ enum Begun {
     New(Box<Materials>),
 }
 
-/// What a unit of work left behind.
-struct Unit {
-    rows: Vec<Row>,
-    /// What other nodes are to know of.
-    parts: Vec<SharedPart>,
-    progress: Progress,
-}
-
 pub(super) type Computed = Result<(Box<dyn Run>, End), Failure>;
 
 impl SliceWorker {
@@ -202,7 +190,7 @@ impl SliceWorker {
             )),
         };
         let (run, candidates) = left.map(|left| (left.run, left.candidates)).unzip();
-        let is_new = run.is_none();
+        let forgot_candidates = run.is_none() && !slice.is_first;
         let candidates = candidates.unwrap_or_else(|| Candidates::new(self.max_candidates));
         let mut recorder = Recorder::new(&slice, candidates);
         let begun = match run {
@@ -214,10 +202,10 @@ impl SliceWorker {
         };
         let computed = match begun {
             Ok(begun) => {
-                let (sender, units) = mpsc::channel(UNITS_WAITING);
+                let (sender, units) = units::channel();
                 let computation = self.compute(slice, begun, &current, sender);
                 let written = self
-                    .write_units(&current, (&mut recorder, is_new), units)
+                    .write_units(&current, (&mut recorder, forgot_candidates), units)
                     .await;
                 let computed = computation.await;
                 match self.or_damage(written)? {
@@ -305,7 +293,7 @@ impl SliceWorker {
         slice: Slice,
         begun: Begun,
         current: &Current,
-        units: mpsc::Sender<Unit>,
+        units: UnitSender,
     ) -> impl Future<Output = Computed> + use<> {
         let method = self.method.clone();
         let (stop, exchange) = (current.stop.clone(), current.exchange.clone());
@@ -336,10 +324,10 @@ impl SliceWorker {
     async fn write_units(
         &self,
         current: &Current,
-        (recorder, is_new): (&mut Recorder, bool),
-        mut units: mpsc::Receiver<Unit>,
+        (recorder, forgot_candidates): (&mut Recorder, bool),
+        mut units: UnitReceiver,
     ) -> Result<Hold, StoreError> {
-        if is_new && let Err(error) = self.recall(current.lease, recorder).await {
+        if forgot_candidates && let Err(error) = self.recall(current.lease, recorder).await {
             current.stop.store(true, Ordering::Relaxed);
             return Err(error);
         }
@@ -348,24 +336,27 @@ impl SliceWorker {
         let out_of_time = tokio::time::sleep(current.time_left.unwrap_or(Duration::MAX));
         tokio::pin!(out_of_time);
         loop {
-            tokio::select! {
-                unit = units.recv() => match unit {
-                    Some(unit) => take(recorder, unit, current.started.elapsed()),
-                    None => return Ok(Hold::Kept),
-                },
-                _ = flush.tick() => {
-                    let written = self.flush(current.lease, recorder).await;
-                    if !matches!(written, Ok(Hold::Kept)) {
-                        current.stop.store(true, Ordering::Relaxed);
-                        return written;
-                    }
-                    if let Some(after) = current.exchange.wanted_after() {
-                        self.bring(current, after).await?;
-                    }
-                }
+            let is_due = tokio::select! {
+                () = units.woken() => false,
+                _ = flush.tick() => true,
                 () = &mut out_of_time, if !out_of_time.is_elapsed() => {
                     current.stop.store(true, Ordering::Relaxed);
+                    false
                 }
+            };
+            if !units.take_waiting(|unit| take(recorder, unit, current.started)) {
+                return Ok(Hold::Kept);
+            }
+            if !is_due {
+                continue;
+            }
+            let written = self.flush(current.lease, recorder).await;
+            if !matches!(written, Ok(Hold::Kept)) {
+                current.stop.store(true, Ordering::Relaxed);
+                return written;
+            }
+            if let Some(after) = current.exchange.wanted_after() {
+                self.bring(current, after).await?;
             }
         }
     }
@@ -405,13 +396,13 @@ impl SliceWorker {
     }
 }
 
-fn take(recorder: &mut Recorder, unit: Unit, worked: Duration) {
-    let now = Timestamp::now();
+/// Records a unit of a slice that began at an instant.
+fn take(recorder: &mut Recorder, unit: Unit, slice_began: Instant) {
     for row in unit.rows {
-        recorder.take(row, now);
+        recorder.take(row, unit.ended_at);
     }
     recorder.take_parts(unit.parts);
-    recorder.note(unit.progress, worked);
+    recorder.note(unit.progress, unit.ended.duration_since(slice_began));
 }
 
 /// Works units until the run has finished, the time is up or the flag is raised.
@@ -419,7 +410,7 @@ fn advance(
     run: &mut dyn Run,
     slice_length: Duration,
     (stop, exchange): (&AtomicBool, &Exchange),
-    units: &mpsc::Sender<Unit>,
+    units: &UnitSender,
 ) -> End {
     let started = Instant::now();
     loop {
@@ -436,8 +427,10 @@ fn advance(
             rows,
             parts: exchange.take(run, begun.elapsed()),
             progress: run.progress(),
+            ended_at: Timestamp::now(),
+            ended: Instant::now(),
         };
-        if units.blocking_send(unit).is_err() {
+        if !units.send(unit) {
             return End::Stopped;
         }
         match advance {

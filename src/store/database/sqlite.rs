@@ -26,10 +26,14 @@ pub(in crate::store) async fn writer(
         .min_connections(1)
         .idle_timeout(None)
         .max_lifetime(None)
+        // A connection to a file does not break off.
+        .test_before_acquire(false)
         .after_release(|connection, _| {
             Box::pin(async move {
-                // The answer comes after a rollback that was begun by dropping a transaction.
-                connection.ping().await?;
+                if connection.is_in_transaction() {
+                    // The answer comes after a rollback that was begun by dropping a transaction.
+                    connection.ping().await?;
+                }
                 Ok(!connection.is_in_transaction())
             })
         })

@@ -33,23 +33,23 @@ pub(in crate::worker) struct Conclusion<'a> {
 impl Conclusion<'_> {
     /// Hands the job on, or ends it.
     pub(in crate::worker) async fn draw(self, computed: Computed) -> Result<After, StoreError> {
+        let run = match computed {
+            Ok((run, End::Finished)) => return self.end_with(run, None).await,
+            Ok((run, End::TimeIsUp | End::Stopped)) => run,
+            Err(failure) => return self.finish(None, Ending::Failed(failure)).await,
+        };
         let id = self.current.lease.job;
         let request = match self.worker.store.job(id).await? {
             Some(job) => job.stop_request,
             None => return Ok(After::Done),
         };
-        let (run, end) = match computed {
-            Ok(computed) => computed,
-            Err(failure) => return self.finish(None, Ending::Failed(failure)).await,
-        };
-        match (end, request) {
-            (End::Finished, _) => self.end_with(run, None).await,
-            (_, Some(StopRequest::Cancel)) => self.end_with(run, Some(StopReason::Cancelled)).await,
-            (_, Some(StopRequest::Pause)) => self.end_with(run, Some(StopReason::Paused)).await,
-            (_, None) if self.current.is_out_of_time() => {
+        match request {
+            Some(StopRequest::Cancel) => self.end_with(run, Some(StopReason::Cancelled)).await,
+            Some(StopRequest::Pause) => self.end_with(run, Some(StopReason::Paused)).await,
+            None if self.current.is_out_of_time() => {
                 self.end_with(run, Some(StopReason::TimeLimit)).await
             }
-            (_, None) => self.hand_on(run).await,
+            None => self.hand_on(run).await,
         }
     }
 
