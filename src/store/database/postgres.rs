@@ -7,6 +7,7 @@ use sqlx::migrate::Migrator;
 use sqlx::postgres::{PgConnectOptions, PgPoolOptions};
 use sqlx::{Connection as _, PgConnection, PgPool};
 
+use super::migrations_after;
 use crate::store::StoreError;
 
 /// The migrations that make the schema of a PostgreSQL database.
@@ -125,7 +126,8 @@ pub(in crate::store) async fn migrate(
         .await?;
     let own = SCHEMA.iter().map(|migration| migration.version).max();
     let own = own.unwrap_or(0);
-    let alone = match Found::of(&mut turn).await? {
+    let found = Found::of(&mut turn).await?;
+    let alone = match found {
         Some(found) if found.version >= own => {
             turn.close().await?;
             return if found.oldest <= own {
@@ -153,7 +155,9 @@ pub(in crate::store) async fn migrate(
     riverqueue::migrate::PostgresMigrator::new(pool.clone())
         .migrate_up()
         .await?;
-    SCHEMA.run(&pool).await?;
+    migrations_after(found.map(|found| found.version), &SCHEMA)?
+        .run(&pool)
+        .await?;
     pool.close().await;
     drop(alone);
     turn.close().await?;

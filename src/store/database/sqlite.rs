@@ -10,6 +10,7 @@ use sqlx::sqlite::{
 };
 use sqlx::{Connection as _, SqliteConnection, SqlitePool};
 
+use super::migrations_after;
 use crate::store::StoreError;
 
 /// The migrations that make the schema of a SQLite database.
@@ -63,8 +64,25 @@ pub(in crate::store) async fn migrate(pool: &SqlitePool) -> Result<(), StoreErro
     riverqueue::migrate::SqliteMigrator::new(pool.clone())
         .migrate_up()
         .await?;
-    SCHEMA.run(pool).await?;
+    migrations_after(schema(pool).await?, &SCHEMA)?
+        .run(pool)
+        .await?;
     Ok(())
+}
+
+/// The schema of a database; nothing of a new database.
+async fn schema(pool: &SqlitePool) -> Result<Option<i64>, sqlx::Error> {
+    let has_schema: bool = sqlx::query_scalar(
+        "select exists (select 1 from sqlite_master where name = '_sqlx_migrations')",
+    )
+    .fetch_one(pool)
+    .await?;
+    if !has_schema {
+        return Ok(None);
+    }
+    sqlx::query_scalar("select max(version) from _sqlx_migrations")
+        .fetch_one(pool)
+        .await
 }
 
 pub(in crate::store) fn options(path: &Path, busy_timeout: Duration) -> SqliteConnectOptions {
