@@ -16,7 +16,6 @@ use tokio::time::Instant;
 
 use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
-use super::http_headers::hex;
 use super::spool::Spool;
 use crate::store::Meaning;
 use greybox::intake::ReadError;
@@ -245,7 +244,7 @@ impl FromRequest<ApiState> for JsonDocument {
         };
         Ok(Self {
             value: parsed.value,
-            digest: hex(&parsed.digest.finalize()),
+            digest: hex::encode(parsed.digest.finalize()),
         })
     }
 }

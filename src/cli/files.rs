@@ -27,10 +27,7 @@ pub fn recorded(path: &Path, time: Option<&str>) -> Result<(Recording, String), 
         File::open(path).and_then(|mut file| file.read_to_end(&mut bytes))
     };
     read.map_err(|error| unreadable(path, &error))?;
-    let digits: String = Sha256::digest(&bytes)
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect();
+    let digits = hex::encode(Sha256::digest(&bytes));
     let recording = parsed(path, &bytes[..], time)?;
     Ok((recording, format!("sha256:{digits}")))
 }

@@ -184,9 +184,8 @@ async fn look_at_models(
             .fetch_all(&mut *connection)
             .await?;
     for (reference, digest, document) in models {
-        let bytes = Sha256::digest(&document);
-        let found: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-        if digest != format!("sha256:{found}") {
+        let digest_of_document = hex::encode(Sha256::digest(&document));
+        if digest != format!("sha256:{digest_of_document}") {
             findings.push(format!("the document of {reference} is not the one stored"));
         }
     }

@@ -172,7 +172,7 @@ impl Store {
         let queue = self.inner.queue.clone();
         self.inner
             .writer
-            .write(move |tx| Box::pin(hand_on(queue, tx, (lease, record), must)))
+            .write(move |tx| Box::pin(hand_on(queue, tx, lease, record, must)))
             .await
     }
 }
@@ -180,7 +180,8 @@ impl Store {
 async fn hand_on(
     queue: Client,
     tx: &mut Tx,
-    (lease, record): (Lease, Record),
+    lease: Lease,
+    record: Record,
     must: bool,
 ) -> Result<HandedOn, StoreError> {
     if write_record(tx, lease, record).await? == Hold::Lost {

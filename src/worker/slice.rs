@@ -16,9 +16,9 @@ use serde_json::Value;
 use tracing::Instrument as _;
 
 use super::active::{ActiveJob, ActiveJobs};
-use super::between_slices::BetweenSlices;
 use super::candidates::Candidates;
 use super::exchange::Exchange;
+use super::kept_runs::KeptRuns;
 use super::recorder::Recorder;
 use super::run::{Advance, Assignment, Method, Past, Run, Share};
 use super::units::{self, Unit, UnitReceiver, UnitSender};
@@ -63,7 +63,7 @@ pub(super) struct SliceWorker {
     pub(super) store: Store,
     pub(super) method: Arc<dyn Method>,
     pub(super) active: ActiveJobs,
-    pub(super) between_slices: BetweenSlices,
+    pub(super) kept_runs: KeptRuns,
     /// Computations at the same time. More entries may have been taken from the queue: the next
     /// ones wait here, so that no permit is idle while the queue is asked or an end is written.
     pub(super) admission: Admission,
@@ -83,12 +83,14 @@ pub(super) enum End {
 pub(super) struct Current {
     pub(super) lease: Lease,
     pub(super) started: Instant,
-    /// When the entry was taken that it is worked for.
+    /// When the entry of the queue was taken that the slice is worked for.
     pub(super) entry_taken: Instant,
+    /// Whether candidates of the job may be stored that the run does not know of.
+    forgot_candidates: bool,
     /// The time that the job may still work, where it has a limit.
     time_left: Option<Duration>,
     stop: Arc<AtomicBool>,
-    /// What it and other nodes that help have for each other.
+    /// What the run and other nodes that help have for each other.
     exchange: Arc<Exchange>,
 }
 
@@ -112,10 +114,17 @@ pub(super) struct Materials {
     pub(super) past: Option<Past>,
 }
 
+/// What lets a slice compute.
+struct Turn {
+    /// The entry of the queue.
+    entry: i64,
+    permit: Permit,
+}
+
 /// What a slice works on.
 enum Begun {
     /// The run that the slice before left.
-    Left(Box<dyn Run>),
+    Kept(Box<dyn Run>),
     /// A run that is begun, or resumed from its checkpoint, with what it is made of.
     New(Box<Materials>),
 }
@@ -140,7 +149,7 @@ impl SliceWorker {
             let Some(job) = self.active.take(id) else {
                 return Ok(After::Later);
             };
-            let slice = self.slice(id, Some((entry, permit)), (&job, taken));
+            let slice = self.slice(&job, Some(Turn { entry, permit }), taken);
             match slice.instrument(span::slice(id, &project)).await? {
                 After::Again => {}
                 after => return Ok(after),
@@ -152,7 +161,7 @@ impl SliceWorker {
     pub(super) async fn settle(&self, id: JobId) -> Result<(), StoreError> {
         if let Some(job) = self.active.take(id) {
             job.stop_flag().store(true, Ordering::Relaxed);
-            self.slice(id, None, (&job, Instant::now())).await?;
+            self.slice(&job, None, Instant::now()).await?;
         } else {
             self.active.stop(id);
         }
@@ -161,12 +170,13 @@ impl SliceWorker {
 
     async fn slice(
         &self,
-        id: JobId,
-        entry: Option<(i64, Permit)>,
-        (job, entry_taken): (&ActiveJob, Instant),
+        job: &ActiveJob,
+        turn: Option<Turn>,
+        entry_taken: Instant,
     ) -> Result<After, StoreError> {
-        let (entry, permit) = entry.unzip();
-        let slice = match self.store.begin_slice(id, entry, DEATH_LIMIT).await? {
+        let (entry, permit) = turn.map(|turn| (turn.entry, turn.permit)).unzip();
+        let begun = self.store.begin_slice(job.id(), entry, DEATH_LIMIT);
+        let slice = match begun.await? {
             Begin::Slice(slice) => *slice,
             Begin::NotYet => return Ok(After::NotYet),
             Begin::Nothing | Begin::Ended => return Ok(After::Done),
@@ -175,26 +185,26 @@ impl SliceWorker {
         if slice.stop_request().is_some() {
             stop.store(true, Ordering::Relaxed);
         }
-        let left = self.between_slices.take(slice.lease);
-        let heard = left.as_ref().map_or(0, |left| left.heard);
+        let kept = self.kept_runs.take(slice.lease);
+        let last_part = kept.as_ref().map_or(0, |kept| kept.last_part);
         let current = Current {
             lease: slice.lease,
             started: Instant::now(),
             entry_taken,
+            forgot_candidates: kept.is_none() && !slice.is_first,
             time_left: time_left(&slice),
             stop,
             exchange: Arc::new(Exchange::new(
                 self.store.share().is_some(),
                 slice.is_shared,
-                heard,
+                last_part,
             )),
         };
-        let (run, candidates) = left.map(|left| (left.run, left.candidates)).unzip();
-        let forgot_candidates = run.is_none() && !slice.is_first;
+        let (run, candidates) = kept.map(|kept| (kept.run, kept.candidates)).unzip();
         let candidates = candidates.unwrap_or_else(|| Candidates::new(self.max_candidates));
         let mut recorder = Recorder::new(&slice, candidates);
         let begun = match run {
-            Some(run) => Ok(Begun::Left(run)),
+            Some(run) => Ok(Begun::Kept(run)),
             None => self
                 .or_damage(self.materials(&slice.job).await)?
                 .flatten()
@@ -204,9 +214,7 @@ impl SliceWorker {
             Ok(begun) => {
                 let (sender, units) = units::channel();
                 let computation = self.compute(slice, begun, &current, sender);
-                let written = self
-                    .write_units(&current, (&mut recorder, forgot_candidates), units)
-                    .await;
+                let written = self.write_units(&current, &mut recorder, units).await;
                 let computed = computation.await;
                 match self.or_damage(written)? {
                     Ok(Hold::Kept) => computed,
@@ -305,7 +313,7 @@ impl SliceWorker {
         };
         let computation = tokio::task::spawn_blocking(move || {
             let mut run = match begun {
-                Begun::Left(run) => run,
+                Begun::Kept(run) => run,
                 Begun::New(materials) => method.begin(Assignment {
                     job: slice.job,
                     model: materials.model,
@@ -314,7 +322,7 @@ impl SliceWorker {
                     checkpoint: slice.checkpoint.map(|checkpoint| checkpoint.state),
                 })?,
             };
-            let end = advance(&mut *run, slice_length, (&stop, &exchange), &units);
+            let end = advance(&mut *run, slice_length, &stop, &exchange, &units);
             Ok((run, end))
         });
         async { computation.await.unwrap_or_else(|error| Err(broke(error))) }
@@ -324,10 +332,12 @@ impl SliceWorker {
     async fn write_units(
         &self,
         current: &Current,
-        (recorder, forgot_candidates): (&mut Recorder, bool),
+        recorder: &mut Recorder,
         mut units: UnitReceiver,
     ) -> Result<Hold, StoreError> {
-        if forgot_candidates && let Err(error) = self.recall(current.lease, recorder).await {
+        if current.forgot_candidates
+            && let Err(error) = self.recall(current.lease, recorder).await
+        {
             current.stop.store(true, Ordering::Relaxed);
             return Err(error);
         }
@@ -356,19 +366,19 @@ impl SliceWorker {
                 return written;
             }
             if let Some(after) = current.exchange.wanted_after() {
-                self.bring(current, after).await?;
+                self.receive_parts(current, after).await?;
             }
         }
     }
 
-    /// Brings the computation what other nodes did after the part with a number.
-    async fn bring(&self, current: &Current, after: i64) -> Result<(), StoreError> {
-        let brought = self.store.shared_parts(current.lease.job, after).await;
-        let brought = brought.inspect_err(|_| {
+    /// Receives the parts of other nodes after the part with a number.
+    async fn receive_parts(&self, current: &Current, after: i64) -> Result<(), StoreError> {
+        let parts = self.store.shared_parts(current.lease.job, after).await;
+        let (parts, last) = parts.inspect_err(|_| {
             current.stop.store(true, Ordering::Relaxed);
         })?;
-        let own = self.store.share().map(|(index, of)| Share { index, of });
-        current.exchange.bring(brought, own);
+        let share = self.store.share().map(|(index, of)| Share { index, of });
+        current.exchange.receive(parts, last, share);
         Ok(())
     }
 
@@ -409,7 +419,8 @@ fn take(recorder: &mut Recorder, unit: Unit, slice_began: Instant) {
 fn advance(
     run: &mut dyn Run,
     slice_length: Duration,
-    (stop, exchange): (&AtomicBool, &Exchange),
+    stop: &AtomicBool,
+    exchange: &Exchange,
     units: &UnitSender,
 ) -> End {
     let started = Instant::now();
@@ -417,7 +428,7 @@ fn advance(
         if stop.load(Ordering::Relaxed) {
             return End::Stopped;
         }
-        if exchange.give(run) {
+        if exchange.deliver(run) {
             return End::TimeIsUp;
         }
         let mut rows = Vec::new();
@@ -425,7 +436,7 @@ fn advance(
         let advance = run.advance(stop, &mut |row| rows.push(row));
         let unit = Unit {
             rows,
-            parts: exchange.take(run, begun.elapsed()),
+            parts: exchange.collect(run, begun.elapsed()),
             progress: run.progress(),
             ended_at: Timestamp::now(),
             ended: Instant::now(),

@@ -108,7 +108,7 @@ pub(super) async fn begin(
     } else {
         let checkpoint = sound_checkpoint(tx, id, &now.damage).await?;
         let above = reported.generation;
-        let unreported = newest_generation(tx, id, (above, &now.damage)).await?;
+        let unreported = newest_generation(tx, id, above, &now.damage).await?;
         (checkpoint, unreported)
     };
     let job = put_to_work(tx, job, now.life).await?;
@@ -194,7 +194,8 @@ async fn sound_checkpoint(
 async fn newest_generation(
     tx: &mut Tx,
     id: JobId,
-    (above, damage): (u32, &Damage),
+    above: u32,
+    damage: &Damage,
 ) -> Result<Option<GenerationEvent>, StoreError> {
     let row = database::query(
         "select job, generation, row, seal from generations where job = $1 and generation > $2 \

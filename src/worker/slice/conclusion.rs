@@ -9,7 +9,7 @@ use super::{After, Computed, Current, End, SliceWorker};
 use crate::admission::Permit;
 use crate::job::Failure;
 use crate::store::{Checkpoint, Ending, HandedOn, Hold, Record, StopRequest, StoreError};
-use crate::worker::between_slices::Left;
+use crate::worker::kept_runs::KeptRun;
 use crate::worker::recorder::Recorder;
 use crate::worker::run::{Run, StopReason};
 use jiff::Timestamp;
@@ -53,7 +53,7 @@ impl Conclusion<'_> {
         }
     }
 
-    /// Lets another slice go on, here where nobody waits.
+    /// Has another slice go on with the job, on this node where nobody waits.
     async fn hand_on(mut self, run: Box<dyn Run>) -> Result<After, StoreError> {
         let mut record = self.last_record();
         record.checkpoint = Some(self.checkpoint(&*run));
@@ -67,13 +67,12 @@ impl Conclusion<'_> {
         if handed_on == HandedOn::Lost {
             return Ok(After::Done);
         }
-        let candidates = self.recorder.into_candidates();
-        let left = Left {
+        let kept = KeptRun {
             run,
-            candidates,
-            heard: self.current.exchange.heard(),
+            candidates: self.recorder.into_candidates(),
+            last_part: self.current.exchange.last_part(),
         };
-        self.worker.between_slices.put(lease, left);
+        self.worker.kept_runs.put(lease, kept);
         match handed_on {
             HandedOn::Stays => Ok(After::Again),
             HandedOn::ToTheQueue | HandedOn::Lost => Ok(After::Done),
@@ -104,8 +103,8 @@ impl Conclusion<'_> {
         self.finish(Some(checkpoint), ending).await
     }
 
-    /// The result. What takes long about one that nobody waits for is left out: the job was asked to
-    /// stop, or the server goes down.
+    /// The result. Analyses that take long are left out where the job was asked to stop or the server goes
+    /// down.
     async fn outcome(
         &self,
         mut run: Box<dyn Run>,
