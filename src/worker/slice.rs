@@ -6,6 +6,7 @@
 //! a write finds that another slice has begun.
 
 mod conclusion;
+mod current;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,19 +16,20 @@ use jiff::Timestamp;
 use serde_json::Value;
 use tracing::Instrument as _;
 
-use super::active::{ActiveJob, ActiveJobs};
+use super::active::ActiveJob;
 use super::candidates::Candidates;
 use super::exchange::Exchange;
-use super::kept_runs::KeptRuns;
 use super::recorder::Recorder;
-use super::run::{Advance, Assignment, Method, Past, Run, Share};
+use super::run::{Advance, Assignment, Past, Run, Share};
 use super::units::{self, Unit, UnitReceiver, UnitSender};
 use crate::access::Project;
-use crate::admission::{Admission, Permit};
+use crate::admission::Permit;
 use crate::job::{DesignTask, Failure};
 use crate::span;
-use crate::store::{Begin, Hold, JobRow, Lease, Meaning, Slice, Store, StoreError};
+use crate::store::{Begin, Hold, JobRow, Lease, Meaning, Slice, StoreError};
 use conclusion::{Conclusion, broke};
+pub(super) use current::{After, SliceWorker};
+use current::{Computed, Current, End};
 use greybox::identification::{DatasetId, JobId};
 use greybox::recording::Recording;
 
@@ -39,72 +41,6 @@ const CANDIDATES_AT_ONCE: usize = 50_000;
 
 /// Lives of the server in a row that may end with a job, none of them without it, before it fails.
 const DEATH_LIMIT: u32 = 10;
-
-/// For how long a job may go on with one entry of the queue, which takes one that is worked for long for
-/// lost.
-const ENTRY_LASTS: Duration = Duration::from_hours(1);
-
-/// What is to be done with the entry of a slice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum After {
-    /// The job has more to do and nobody waits: another slice, now.
-    Again,
-    /// The job is at work already: look again soon.
-    Later,
-    /// The job has to wait a little, for lives of the server ended with it: look again later.
-    NotYet,
-    /// Nothing more to do with this entry.
-    Done,
-}
-
-/// Works slices. Cheap to clone.
-#[derive(Clone)]
-pub(super) struct SliceWorker {
-    pub(super) store: Store,
-    pub(super) method: Arc<dyn Method>,
-    pub(super) active: ActiveJobs,
-    pub(super) kept_runs: KeptRuns,
-    /// Computations at the same time. More entries may have been taken from the queue: the next
-    /// ones wait here, so that no permit is idle while the queue is asked or an end is written.
-    pub(super) admission: Admission,
-    pub(super) slice_length: Duration,
-    pub(super) max_candidates: u64,
-}
-
-/// Why the computation of a slice returned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum End {
-    Finished,
-    TimeIsUp,
-    Stopped,
-}
-
-/// The slice at work.
-pub(super) struct Current {
-    pub(super) lease: Lease,
-    pub(super) started: Instant,
-    /// When the entry of the queue was taken that the slice is worked for.
-    pub(super) entry_taken: Instant,
-    /// Whether candidates of the job may be stored that the run does not know of.
-    forgot_candidates: bool,
-    /// The time that the job may still work, where it has a limit.
-    time_left: Option<Duration>,
-    stop: Arc<AtomicBool>,
-    /// What the run and other nodes that help have for each other.
-    exchange: Arc<Exchange>,
-}
-
-impl Current {
-    pub(super) fn is_out_of_time(&self) -> bool {
-        self.time_left
-            .is_some_and(|left| self.started.elapsed() >= left)
-    }
-
-    /// Whether the job needs a new entry to go on.
-    pub(super) fn entry_is_old(&self) -> bool {
-        self.entry_taken.elapsed() >= ENTRY_LASTS
-    }
-}
 
 /// What a job is worked from: the document of its model, where a user wrote it, its recordings with
 /// their digests, and the finished job that it goes on from.
@@ -129,8 +65,6 @@ enum Begun {
     New(Box<Materials>),
 }
 
-pub(super) type Computed = Result<(Box<dyn Run>, End), Failure>;
-
 impl SliceWorker {
     /// Works slices for an entry of the project's queue, for as long as nobody else waits.
     pub(super) async fn work(
@@ -143,7 +77,7 @@ impl SliceWorker {
         loop {
             let permit = self.admission.take(project.as_str()).await;
             if self.active.all_are_stopped() {
-                self.store.give_back(id, entry).await?;
+                self.store.queue().give_back(id, entry).await?;
                 return Ok(After::Done);
             }
             let Some(job) = self.active.take(id) else {
@@ -175,8 +109,8 @@ impl SliceWorker {
         entry_taken: Instant,
     ) -> Result<After, StoreError> {
         let (entry, permit) = turn.map(|turn| (turn.entry, turn.permit)).unzip();
-        let begun = self.store.begin_slice(job.id(), entry, DEATH_LIMIT);
-        let slice = match begun.await? {
+        let slices = self.store.slices();
+        let slice = match slices.begin(job.id(), entry, DEATH_LIMIT).await? {
             Begin::Slice(slice) => *slice,
             Begin::NotYet => return Ok(After::NotYet),
             Begin::Nothing | Begin::Ended => return Ok(After::Done),
@@ -195,7 +129,7 @@ impl SliceWorker {
             time_left: time_left(&slice),
             stop,
             exchange: Arc::new(Exchange::new(
-                self.store.share().is_some(),
+                self.store.nodes().share().is_some(),
                 slice.is_shared,
                 last_part,
             )),
@@ -214,7 +148,9 @@ impl SliceWorker {
             Ok(begun) => {
                 let (sender, units) = units::channel();
                 let computation = self.compute(slice, begun, &current, sender);
-                let written = self.write_units(&current, &mut recorder, units).await;
+                let written = self
+                    .write_units(&current, &mut recorder, units)
+                    .await;
                 let computed = computation.await;
                 match self.or_damage(written)? {
                     Ok(Hold::Kept) => computed,
@@ -237,7 +173,7 @@ impl SliceWorker {
     fn or_damage<T>(&self, done: Result<T, StoreError>) -> Result<Result<T, Failure>, StoreError> {
         match done {
             Err(error) if error.meaning() == Meaning::Damaged => {
-                self.store.note_damage(&error);
+                self.store.damage().note(&error);
                 Ok(Err(Failure::damaged_data(&error)))
             }
             done => done.map(Ok),
@@ -249,7 +185,7 @@ impl SliceWorker {
         &self,
         job: &JobRow,
     ) -> Result<Result<Materials, Failure>, StoreError> {
-        let model = self.store.model(&job.model).await?;
+        let model = self.store.models().by_reference(&job.model).await?;
         let datasets = match self.recordings(&job.spec).await? {
             Ok(datasets) => datasets,
             Err(failure) => return Ok(Err(failure)),
@@ -267,8 +203,8 @@ impl SliceWorker {
         let Some(id) = DesignTask::past_job(spec) else {
             return Ok(Ok(None));
         };
-        let job = self.store.job(id).await?;
-        let outcome = self.store.result(id).await?;
+        let job = self.store.jobs().find(id).await?;
+        let outcome = self.store.results().find(id).await?;
         let (Some(job), Some(outcome)) = (job, outcome) else {
             let detail = format!("the job {id} or its result is no longer stored");
             return Ok(Err(Failure::cannot_run(detail, Vec::new())));
@@ -284,8 +220,8 @@ impl SliceWorker {
     ) -> Result<Result<Vec<(String, Arc<Recording>)>, Failure>, StoreError> {
         let mut recordings = Vec::new();
         for id in datasets_of(spec) {
-            let row = self.store.dataset(id).await?;
-            let recording = self.store.recording(id).await?;
+            let row = self.store.datasets().find(id).await?;
+            let recording = self.store.datasets().recording(id).await?;
             let (Some(row), Some(recording)) = (row, recording) else {
                 let detail = format!("the dataset {id} is no longer stored");
                 return Ok(Err(Failure::cannot_run(detail, Vec::new())));
@@ -336,8 +272,7 @@ impl SliceWorker {
         mut units: UnitReceiver,
     ) -> Result<Hold, StoreError> {
         if current.forgot_candidates
-            && let Err(error) = self.recall(current.lease, recorder).await
-        {
+            && let Err(error) = self.recall(current.lease, recorder).await {
             current.stop.store(true, Ordering::Relaxed);
             return Err(error);
         }
@@ -373,11 +308,13 @@ impl SliceWorker {
 
     /// Receives the parts of other nodes after the part with a number.
     async fn receive_parts(&self, current: &Current, after: i64) -> Result<(), StoreError> {
-        let parts = self.store.shared_parts(current.lease.job, after).await;
+        let work_shares = self.store.work_shares();
+        let parts = work_shares.after(current.lease.job, after).await;
         let (parts, last) = parts.inspect_err(|_| {
             current.stop.store(true, Ordering::Relaxed);
         })?;
-        let share = self.store.share().map(|(index, of)| Share { index, of });
+        let share = self.store.nodes().share();
+        let share = share.map(|(index, of)| Share { index, of });
         current.exchange.receive(parts, last, share);
         Ok(())
     }
@@ -386,9 +323,10 @@ impl SliceWorker {
     async fn recall(&self, lease: Lease, recorder: &mut Recorder) -> Result<(), StoreError> {
         let mut after = Some(0);
         while let Some(generation) = after {
-            let kept = self
-                .store
-                .candidates(lease.job, generation, u32::MAX, CANDIDATES_AT_ONCE);
+            let kept =
+                self.store
+                    .candidates()
+                    .page(lease.job, generation, u32::MAX, CANDIDATES_AT_ONCE);
             let kept = kept.await?;
             recorder.recall(&kept);
             // Once the record is cut nothing more is kept.
@@ -402,7 +340,7 @@ impl SliceWorker {
         if recorder.is_empty() {
             return Ok(Hold::Kept);
         }
-        self.store.record(lease, recorder.record()).await
+        self.store.slices().record(lease, recorder.record()).await
     }
 }
 

@@ -7,7 +7,7 @@ use sqlx::migrate::Migrator;
 use sqlx::postgres::{PgConnectOptions, PgPoolOptions};
 use sqlx::{Connection as _, PgConnection, PgPool};
 
-use super::migrations_after;
+use super::migrations::migrations_after;
 use crate::store::StoreError;
 
 /// The migrations that make the schema of a PostgreSQL database.

@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
-use super::endings::{self, Transition};
-use super::{Begin, Ending, Lease, Reported, Slice};
+use super::endings::{self, Ending, Transition};
+use super::slice::{Begin, Lease, Reported, Slice};
 use crate::job::{Event, Failure, GenerationEvent, Status};
+use crate::store::columns;
 use crate::store::damage::Damage;
 use crate::store::database::{self, QueryBuilder};
 use crate::store::jobs::{self, JobRow};
@@ -73,7 +74,7 @@ pub(super) async fn begin(
         return Ok(Begin::Nothing);
     };
     let stale = entry.is_some_and(|entry| entry != control.queue_entry);
-    let status = jobs::parse_status(&id.to_string(), &control.status)?;
+    let status = columns::parse_status(&id.to_string(), &control.status)?;
     if stale || !matches!(status, Status::Queued | Status::Running) {
         return Ok(Begin::Nothing);
     }
@@ -166,7 +167,7 @@ async fn put_to_work(tx: &mut Tx, job: JobRow, life: i64) -> Result<JobRow, Stor
     Ok(JobRow {
         status,
         attempt: raised.attempt,
-        started_at: jobs::optional_time(&id.to_string(), raised.started_at.as_deref())?,
+        started_at: columns::optional_time(&id.to_string(), raised.started_at.as_deref())?,
         last_event: raised.last_event,
         revision: raised.revision,
         ..job

@@ -5,16 +5,16 @@
 //! while its last unit was computed does not succeed or fail.
 
 use jiff::Timestamp;
-use riverqueue::Client;
 use serde_json::Value;
 
-use super::{Hold, Lease, Record, queue_again, write_record};
+use super::recording::{queue_again, write_record};
+use super::slice::{Hold, Lease, Record};
 use crate::job::{Event, Failure, Status};
+use crate::store::columns;
 use crate::store::stop_request::StopRequest;
 use crate::store::writer::Tx;
 use crate::store::{
-    Change, Store, StoreError, checkpoints, corrupt, database, events, jobs, results, shared_parts,
-    webhooks,
+    Change, StoreError, checkpoints, corrupt, database, deliveries, events, results, work_shares,
 };
 use greybox::identification::JobId;
 
@@ -70,36 +70,13 @@ pub(super) struct Standing {
     pub(super) request: Option<StopRequest>,
 }
 
-impl Store {
-    /// Writes what a slice did last, and the state, the result and the last events of its job, in
-    /// one transaction. The record has the checkpoint of the run, which is kept where the job may go on.
-    pub async fn finish(
-        &self,
-        lease: Lease,
-        record: Record,
-        ending: Ending,
-    ) -> Result<Hold, StoreError> {
-        let queue = self.inner.queue.clone();
-        let end = LastSlice { record, ending };
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(finish(queue, tx, lease, end)))
-            .await
-    }
-}
-
 /// What is written of a slice that ends its job.
-struct LastSlice {
-    record: Record,
-    ending: Ending,
+pub(super) struct LastSlice {
+    pub(super) record: Record,
+    pub(super) ending: Ending,
 }
 
-async fn finish(
-    queue: Client,
-    tx: &mut Tx,
-    lease: Lease,
-    last: LastSlice,
-) -> Result<Hold, StoreError> {
+pub(super) async fn finish(tx: &mut Tx, lease: Lease, last: LastSlice) -> Result<Hold, StoreError> {
     let LastSlice { mut record, ending } = last;
     let Some(Standing { status, request }) = standing(tx, lease.job).await? else {
         return Ok(Hold::Lost);
@@ -118,7 +95,7 @@ async fn finish(
             let transition = Transition { from: status, to };
             end(tx, lease.job, transition, ending, &[]).await?;
         }
-        (Hold::Kept, None) => queue_again(&queue, tx, lease.job).await?,
+        (Hold::Kept, None) => queue_again(tx, lease.job).await?,
     }
     Ok(hold)
 }
@@ -133,7 +110,7 @@ pub(super) async fn standing(tx: &mut Tx, id: JobId) -> Result<Option<Standing>,
             .await?;
     let read = |(status, request): (String, Option<String>)| {
         Ok(Standing {
-            status: jobs::parse_status(&id, &status)?,
+            status: columns::parse_status(&id, &status)?,
             request: request
                 .map(|word| StopRequest::read(&word, &id))
                 .transpose()?,
@@ -159,7 +136,7 @@ pub(super) async fn end(
     };
     if let Some(failure) = failure.filter(|_| status == Status::Failed) {
         database::query("update jobs set error = $1 where id = $2")
-            .bind(jobs::json(&failure))
+            .bind(columns::json(&failure))
             .bind(id.to_string())
             .execute(&mut **tx)
             .await?;
@@ -217,11 +194,11 @@ pub(in crate::store) async fn change_status(
             checkpoints::forget(tx, id).await?;
         }
         if changed.has_parts {
-            shared_parts::forget(tx, id).await?;
+            work_shares::forget(tx, id).await?;
         }
         metrics::counter!("greybox_jobs_ended_total", "status" => to.as_str()).increment(1);
         if changed.has_webhooks {
-            webhooks::tell_of_end(tx, id).await?;
+            deliveries::tell_of_end(tx, id).await?;
         }
     }
     tx.announce(Change::Job(id));

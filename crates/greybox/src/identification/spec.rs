@@ -204,7 +204,7 @@ pub enum ExperimentRole {
 }
 
 /// A part of a recording, in seconds from its first sample.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WindowSpec {
     /// The first instant used; left out, the first sample.
@@ -305,6 +305,11 @@ impl JobSpec {
     #[must_use]
     pub fn shares(&self, parameter: &str) -> bool {
         own_parameters::shares(&self.experiments, parameter)
+    }
+
+    /// Whether a parameter or an initial state of the job's model is left to estimate.
+    pub(super) fn estimates_anything(&self, model: &ModelDescription) -> bool {
+        anything_free(model, &self.parameters, &self.experiments)
     }
 
     /// What is asked about the estimate, once it stands.
