@@ -148,9 +148,7 @@ impl SliceWorker {
             Ok(begun) => {
                 let (sender, units) = units::channel();
                 let computation = self.compute(slice, begun, &current, sender);
-                let written = self
-                    .write_units(&current, &mut recorder, units)
-                    .await;
+                let written = self.write_units(&current, &mut recorder, units).await;
                 let computed = computation.await;
                 match self.or_damage(written)? {
                     Ok(Hold::Kept) => computed,
@@ -272,7 +270,8 @@ impl SliceWorker {
         mut units: UnitReceiver,
     ) -> Result<Hold, StoreError> {
         if current.forgot_candidates
-            && let Err(error) = self.recall(current.lease, recorder).await {
+            && let Err(error) = self.recall(current.lease, recorder).await
+        {
             current.stop.store(true, Ordering::Relaxed);
             return Err(error);
         }

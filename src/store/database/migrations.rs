@@ -9,7 +9,10 @@ use crate::store::StoreError;
 const FIRST_SCHEMA: i64 = 44;
 
 /// The migrations that a database of a schema may still need; a new database has no schema.
-pub(super) fn migrations_after(schema: Option<i64>, all: &Migrator) -> Result<Migrator, StoreError> {
+pub(super) fn migrations_after(
+    schema: Option<i64>,
+    all: &Migrator,
+) -> Result<Migrator, StoreError> {
     let newest = all.iter().map(|migration| migration.version).max();
     match schema {
         Some(schema) if schema < FIRST_SCHEMA => {
