@@ -7,7 +7,7 @@ use super::{Query, Record, Value};
 
 /// A connection keeps a statement with so many rows of values at the most: each number of rows is
 /// another statement.
-const ROWS_OF_A_KEPT_STATEMENT: usize = 8;
+const ROWS_OF_A_KEPT_STATEMENT: usize = 16;
 
 /// A statement on its way: text is pushed as it is, values get their places.
 pub(in crate::store) struct QueryBuilder {
