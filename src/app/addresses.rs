@@ -38,11 +38,11 @@ impl Addresses {
         };
         let site = site(peer);
         let mut open = self.open.lock();
-        let own = open.entry(site).or_insert(0);
-        if *own >= most {
+        let connections = open.entry(site).or_insert(0);
+        if *connections >= most {
             return None;
         }
-        *own += 1;
+        *connections += 1;
         Some(Place {
             addresses: self.clone(),
             site,
@@ -53,8 +53,8 @@ impl Addresses {
 fn site(address: IpAddr) -> IpAddr {
     match address {
         IpAddr::V4(_) => address,
-        IpAddr::V6(own) => {
-            let bits = u128::from(own) >> SITE_BITS << SITE_BITS;
+        IpAddr::V6(address) => {
+            let bits = u128::from(address) >> SITE_BITS << SITE_BITS;
             Ipv6Addr::from(bits).into()
         }
     }
@@ -69,9 +69,9 @@ pub(super) struct Place {
 impl Drop for Place {
     fn drop(&mut self) {
         let mut open = self.addresses.open.lock();
-        if let Some(own) = open.get_mut(&self.site) {
-            *own -= 1;
-            if *own == 0 {
+        if let Some(connections) = open.get_mut(&self.site) {
+            *connections -= 1;
+            if *connections == 0 {
                 open.remove(&self.site);
             }
         }

@@ -153,9 +153,9 @@ fn configure(files: &TlsFiles, bytes: &[Vec<u8>]) -> Result<Arc<ServerConfig>, T
 }
 
 fn certificates(path: &Path, bytes: &[u8]) -> Result<Vec<CertificateDer<'static>>, TlsError> {
-    let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(bytes).collect();
-    let found = found.ok().filter(|found| !found.is_empty());
-    found.ok_or_else(|| TlsError::Pem {
+    let chain: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(bytes).collect();
+    let chain = chain.ok().filter(|chain| !chain.is_empty());
+    chain.ok_or_else(|| TlsError::Pem {
         path: path.to_owned(),
         what: "certificate",
     })
@@ -286,8 +286,8 @@ mod tests {
             ..files(folder.path())
         };
         let tls = Tls::new(files).expect("sound files");
-        let own = authority.issue("client");
-        assert!(speaks(&tls, &authority, "a.example", Some(own)).await);
+        let trusted = authority.issue("client");
+        assert!(speaks(&tls, &authority, "a.example", Some(trusted)).await);
         let other = stranger.issue("client");
         assert!(!speaks(&tls, &authority, "a.example", Some(other)).await);
         assert!(!speaks(&tls, &authority, "a.example", None).await);

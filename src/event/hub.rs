@@ -223,13 +223,13 @@ impl Subscription {
         }
     }
 
-    /// Returns when there has been news more than `known` times, with the number; nothing when
+    /// Returns when there has been news more than `count` times, with the number; nothing when
     /// the server is going down.
-    pub(super) async fn more_than(&mut self, known: u64) -> Option<u64> {
+    pub(super) async fn more_than(&mut self, count: u64) -> Option<u64> {
         tokio::select! {
             biased;
             () = self.hub.inner.closing.cancelled() => None,
-            news = self.news.wait_for(|news| *news > known) => news.ok().map(|news| *news),
+            news = self.news.wait_for(|news| *news > count) => news.ok().map(|news| *news),
         }
     }
 }
