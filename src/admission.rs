@@ -5,8 +5,9 @@
 //! delays the first request of another by no more than the work that is going on.
 
 use std::collections::{HashMap, VecDeque};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
+use parking_lot::Mutex;
 use tokio::sync::oneshot;
 
 /// The permits of one kind. Cheap to clone.
@@ -61,7 +62,7 @@ impl Admission {
     pub async fn take(&self, caller: impl Into<Arc<str>>) -> Permit {
         let (turn, permit) = oneshot::channel();
         let caller = caller.into();
-        self.state().join(Waiting { caller, turn });
+        self.0.lock().join(Waiting { caller, turn });
         self.give_out();
         permit
             .await
@@ -71,7 +72,7 @@ impl Admission {
     /// A permit for a caller, where one is free that nobody waits for.
     #[must_use]
     pub fn take_free(&self, caller: impl Into<Arc<str>>) -> Option<Permit> {
-        let mut state = self.state();
+        let mut state = self.0.lock();
         let is_free = state.free > 0 && state.waiting.is_empty();
         is_free.then(|| {
             let caller = caller.into();
@@ -83,13 +84,13 @@ impl Admission {
     /// Whether anybody waits for a permit.
     #[must_use]
     pub fn is_waited_for(&self) -> bool {
-        !self.state().waiting.is_empty()
+        !self.0.lock().waiting.is_empty()
     }
 
     /// Permits that nobody holds.
     #[must_use]
     pub fn free(&self) -> usize {
-        self.state().free
+        self.0.lock().free
     }
 
     fn permit(&self, caller: Arc<str>) -> Permit {
@@ -99,21 +100,17 @@ impl Admission {
         }
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Gives the free permits to the callers whose turn it is.
     fn give_out(&self) {
         loop {
-            let Some(Waiting { caller, turn }) = self.state().next() else {
+            let Some(Waiting { caller, turn }) = self.0.lock().next() else {
                 return;
             };
             // A permit that nobody waits for any more is taken back here, not as it is dropped: a
             // thousand requests that were given up do not nest a thousand calls.
             if let Err(mut refused) = turn.send(self.permit(caller)) {
                 refused.admission = None;
-                self.state().take_back(&refused.caller);
+                self.0.lock().take_back(&refused.caller);
             }
         }
     }
@@ -174,7 +171,7 @@ impl State {
 impl Drop for Permit {
     fn drop(&mut self) {
         if let Some(admission) = self.admission.take() {
-            admission.state().take_back(&self.caller);
+            admission.0.lock().take_back(&self.caller);
             admission.give_out();
         }
     }
@@ -251,6 +248,6 @@ mod tests {
         drop(given_up);
         drop(held);
         assert_eq!(admission.free(), 1);
-        assert!(admission.state().callers.is_empty());
+        assert!(admission.0.lock().callers.is_empty());
     }
 }

@@ -3,6 +3,7 @@
 //!
 //! Exit codes: 0 done, 1 something failed on the way, 2 what was given is wrong.
 
+mod assignments;
 mod client;
 mod compare;
 mod database;
@@ -15,7 +16,6 @@ mod health;
 mod manual;
 mod progress;
 mod record;
-mod said;
 mod serve;
 mod simulate;
 mod table;

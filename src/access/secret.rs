@@ -24,7 +24,7 @@ impl Secret {
     /// # Errors
     /// The system gives no random bytes.
     pub fn new() -> Result<Self, getrandom::Error> {
-        Ok(Self(format!("{PREFIX}{}", hex(&random_bytes()?))))
+        Ok(Self(format!("{PREFIX}{}", hex::encode(random_bytes()?))))
     }
 
     /// The text that a client sends; to be shown once.
@@ -36,21 +36,21 @@ impl Secret {
     /// What is kept of it.
     #[must_use]
     pub fn digest(&self) -> Digest {
-        Digest(hex(&Sha256::digest(&self.0)))
+        Digest(hex::encode(Sha256::digest(&self.0)))
     }
 
     /// What is kept of a session's secret: never the digest of a token's, so that neither stands for
     /// the other.
     #[must_use]
     pub fn session_digest(&self) -> Digest {
-        Digest(hex(&Sha256::digest(format!("session {}", self.0))))
+        Digest(hex::encode(Sha256::digest(format!("session {}", self.0))))
     }
 
     /// What a page of this server sends beside a session's cookie. Pages of other sites cannot know
     /// it: they see neither the cookie nor an answer.
     #[must_use]
     pub fn csrf_token(&self) -> String {
-        hex(&Sha256::digest(format!("csrf {}", self.0)))
+        hex::encode(Sha256::digest(format!("csrf {}", self.0)))
     }
 }
 
@@ -89,10 +89,6 @@ pub fn random_bytes() -> Result<[u8; BYTES], getrandom::Error> {
     let mut bytes = [0; BYTES];
     getrandom::fill(&mut bytes)?;
     Ok(bytes)
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]

@@ -15,7 +15,6 @@ use sha2::{Digest, Sha256};
 use tokio::time::Instant;
 
 use super::error::{Answer, Kind, Problem, ProblemFault};
-use super::http_headers::hex;
 use super::limits::Limits;
 use super::spool::{Spool, SpoolRoom};
 use super::work::Work;
@@ -285,7 +284,7 @@ where
         };
         Ok(Self {
             value: parsed.value,
-            digest: hex(&parsed.digest.finalize()),
+            digest: hex::encode(parsed.digest.finalize()),
         })
     }
 }

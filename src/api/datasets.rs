@@ -20,7 +20,7 @@ use super::body::{Bodies, content_type, scratch_failed, unsupported};
 use super::client::Client;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::extract::Named;
-use super::http_headers::{hex, json, prefers, tagged_json};
+use super::http_headers::{json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader, one_of};
 use crate::admission::Permit;
@@ -290,7 +290,7 @@ pub(super) fn digest(mut bytes: Sha256, options: &[(&'static str, String)]) -> S
     for (key, option) in options {
         bytes.update(format!("\0{key}={option}"));
     }
-    format!("sha256:{}", hex(&bytes.finalize()))
+    format!("sha256:{}", hex::encode(bytes.finalize()))
 }
 
 /// The page of a list.

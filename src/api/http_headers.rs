@@ -149,7 +149,7 @@ fn entity_tag(body: &[u8]) -> String {
     /// 128 bits of the digest are enough never to see a collision.
     const TAG_BYTES: usize = 16;
     let digest = Sha256::digest(body);
-    format!("\"{}\"", hex(&digest[..TAG_BYTES]))
+    format!("\"{}\"", hex::encode(&digest[..TAG_BYTES]))
 }
 
 /// Whether `If-None-Match` names the tag. A tag that the compression layer marked is the same.
@@ -166,11 +166,6 @@ fn has_already(headers: &HeaderMap, tag: &str) -> bool {
 
 /// How the tag of a compressed answer ends: other bytes, another strong tag.
 pub const GZIP_TAG_END: &str = "-gzip\"";
-
-/// Lower-case hexadecimal digits.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
 
 #[cfg(test)]
 mod tests {

@@ -2,9 +2,10 @@
 
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv6Addr};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use ipnet::IpNet;
+use parking_lot::Mutex;
 
 /// The bits of an address of IPv6 that stand for a site; whoever has one has all addresses in it.
 const SITE_BITS: u32 = 64;
@@ -28,10 +29,6 @@ impl Addresses {
         }
     }
 
-    fn open(&self) -> MutexGuard<'_, HashMap<IpAddr, usize>> {
-        self.open.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// A place for one more connection of an address; nothing where it has as many as it may.
     pub(super) fn place(&self, peer: IpAddr) -> Option<Place> {
         let peer = peer.to_canonical();
@@ -40,12 +37,12 @@ impl Addresses {
             false => self.most,
         };
         let site = site(peer);
-        let mut open = self.open();
-        let own = open.entry(site).or_insert(0);
-        if *own >= most {
+        let mut open = self.open.lock();
+        let connections = open.entry(site).or_insert(0);
+        if *connections >= most {
             return None;
         }
-        *own += 1;
+        *connections += 1;
         Some(Place {
             addresses: self.clone(),
             site,
@@ -56,8 +53,8 @@ impl Addresses {
 fn site(address: IpAddr) -> IpAddr {
     match address {
         IpAddr::V4(_) => address,
-        IpAddr::V6(own) => {
-            let bits = u128::from(own) >> SITE_BITS << SITE_BITS;
+        IpAddr::V6(address) => {
+            let bits = u128::from(address) >> SITE_BITS << SITE_BITS;
             Ipv6Addr::from(bits).into()
         }
     }
@@ -71,10 +68,10 @@ pub(super) struct Place {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        let mut open = self.addresses.open();
-        if let Some(own) = open.get_mut(&self.site) {
-            *own -= 1;
-            if *own == 0 {
+        let mut open = self.addresses.open.lock();
+        if let Some(connections) = open.get_mut(&self.site) {
+            *connections -= 1;
+            if *connections == 0 {
                 open.remove(&self.site);
             }
         }
@@ -103,7 +100,7 @@ mod tests {
         drop(first);
         assert!(addresses.place(ip("10.0.0.1")).is_some());
         // Nothing is remembered of whoever has left.
-        assert_eq!(addresses.open().len(), 2);
+        assert_eq!(addresses.open.lock().len(), 2);
     }
 
     #[test]

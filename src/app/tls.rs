@@ -3,9 +3,10 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::Arc;
 use std::time::Duration;
 
+use parking_lot::RwLock;
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::server::WebPkiClientVerifier;
@@ -66,7 +67,7 @@ impl Tls {
 
     /// What takes the next connection.
     pub(super) fn acceptor(&self) -> TlsAcceptor {
-        let current = self.current.read().unwrap_or_else(PoisonError::into_inner);
+        let current = self.current.read();
         TlsAcceptor::from(Arc::clone(&current.config))
     }
 
@@ -74,13 +75,13 @@ impl Tls {
     /// what they said before holds on.
     pub(super) fn reload(&self) -> Result<bool, TlsError> {
         let bytes = read(&self.files)?;
-        let current = self.current.read().unwrap_or_else(PoisonError::into_inner);
+        let current = self.current.read();
         if current.bytes == bytes {
             return Ok(false);
         }
         drop(current);
         let config = configure(&self.files, &bytes)?;
-        let mut current = self.current.write().unwrap_or_else(PoisonError::into_inner);
+        let mut current = self.current.write();
         *current = Loaded { bytes, config };
         Ok(true)
     }
@@ -152,9 +153,9 @@ fn configure(files: &TlsFiles, bytes: &[Vec<u8>]) -> Result<Arc<ServerConfig>, T
 }
 
 fn certificates(path: &Path, bytes: &[u8]) -> Result<Vec<CertificateDer<'static>>, TlsError> {
-    let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(bytes).collect();
-    let found = found.ok().filter(|found| !found.is_empty());
-    found.ok_or_else(|| TlsError::Pem {
+    let chain: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(bytes).collect();
+    let chain = chain.ok().filter(|chain| !chain.is_empty());
+    chain.ok_or_else(|| TlsError::Pem {
         path: path.to_owned(),
         what: "certificate",
     })
@@ -285,8 +286,8 @@ mod tests {
             ..files(folder.path())
         };
         let tls = Tls::new(files).expect("sound files");
-        let own = authority.issue("client");
-        assert!(speaks(&tls, &authority, "a.example", Some(own)).await);
+        let trusted = authority.issue("client");
+        assert!(speaks(&tls, &authority, "a.example", Some(trusted)).await);
         let other = stranger.issue("client");
         assert!(!speaks(&tls, &authority, "a.example", Some(other)).await);
         assert!(!speaks(&tls, &authority, "a.example", None).await);

@@ -73,13 +73,13 @@ impl Client {
         Err(CommandError::failed(format!(
             "{} answered {status}{}",
             self.base,
-            said(&problem)
+            sentences_of(&problem)
         )))
     }
 }
 
-/// What a problem document says: its detail and its faults.
-fn said(problem: &Value) -> String {
+/// The detail and the faults of a problem document.
+fn sentences_of(problem: &Value) -> String {
     let detail = problem["detail"].as_str();
     let mut text = detail.map_or(String::new(), |detail| format!(": {detail}"));
     for fault in problem["errors"].as_array().into_iter().flatten() {

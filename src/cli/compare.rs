@@ -56,10 +56,10 @@ pub fn compare(arguments: &Arguments) -> Result<(), CommandError> {
     let identification = estimate::identification(recording, job, arguments.model.as_deref())?;
     let assembly = identification.assembly();
     let (assembly, spec) = assembly.map_err(|error| estimate::wrong(job, error))?;
-    let (problem, own) = (&assembly.problem, &spec.method);
+    let (problem, of_the_job) = (&assembly.problem, &spec.method);
     let settings = methods
         .iter()
-        .map(|(name, method)| settings(own, name, *method));
+        .map(|(name, method)| settings(of_the_job, name, *method));
     let settings = settings.collect::<Result<Vec<Settings>, CommandError>>()?;
     let never = AtomicBool::new(false);
     let mut trials = Vec::new();
@@ -98,10 +98,14 @@ fn methods(names: &[String]) -> Result<Vec<(String, MethodName)>, CommandError> 
 }
 
 /// The job's settings for another method.
-fn settings(own: &Settings, name: &str, method: MethodName) -> Result<Settings, CommandError> {
+fn settings(
+    of_the_job: &Settings,
+    name: &str,
+    method: MethodName,
+) -> Result<Settings, CommandError> {
     let settings = Settings {
         name: method,
-        ..own.clone()
+        ..of_the_job.clone()
     };
     match settings.contradiction() {
         Some(detail) => Err(CommandError::input(format!("--methods: {name}: {detail}"))),

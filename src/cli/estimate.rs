@@ -2,7 +2,7 @@
 
 use super::error::CommandError;
 use super::progress::{self, Progress};
-use super::{files, said, table};
+use super::{assignments, files, table};
 use crate::job::candidate::{self, Selection};
 use crate::job::{Candidate, CandidateColumn, GenerationEvent};
 use clap::Args;
@@ -34,11 +34,11 @@ pub struct Arguments {
 
     /// What is known of a parameter, SI: `mass=50..70` to look there, `mass=58` or `mass=58±1%`
     /// where it is known, `mass=?` to look in the model's range
-    #[arg(long = "set", value_name = "PARAMETER=…", value_parser = said::parameter)]
+    #[arg(long = "set", value_name = "PARAMETER=…", value_parser = assignments::parameter)]
     parameters: Vec<(String, Value)>,
 
     /// Which signal of the recording is one of the model's: `position=cyl_pos`
-    #[arg(long = "signal", value_name = "MODEL=RECORDED", value_parser = said::signal)]
+    #[arg(long = "signal", value_name = "MODEL=RECORDED", value_parser = assignments::signal)]
     signals: Vec<(String, Value)>,
 
     /// Print the result as JSON in the place of the table
@@ -108,7 +108,7 @@ fn asked(arguments: &Arguments, recording: Recording) -> Result<Identification, 
         Some(path) => files::document(path)?,
         None => json!({}),
     };
-    said::into_job(&mut job, &arguments.parameters, &arguments.signals)?;
+    assignments::into_job(&mut job, &arguments.parameters, &arguments.signals)?;
     of_document(job, recording, arguments.model.as_deref())
 }
 

@@ -27,10 +27,7 @@ pub fn recorded(path: &Path, time: Option<&str>) -> Result<(Recording, String), 
         File::open(path).and_then(|mut file| file.read_to_end(&mut bytes))
     };
     read.map_err(|error| unreadable(path, &error))?;
-    let digits: String = Sha256::digest(&bytes)
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect();
+    let digits = hex::encode(Sha256::digest(&bytes));
     let recording = parsed(path, &bytes[..], time)?;
     Ok((recording, format!("sha256:{digits}")))
 }
@@ -65,31 +62,31 @@ pub fn document(path: &Path) -> Result<Value, CommandError> {
 
 fn ends_with(path: &Path, extensions: &[&str]) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str());
-    extension.is_some_and(|own| extensions.contains(&own))
+    extension.is_some_and(|extension| extensions.contains(&extension))
 }
 
-/// The model that `--model` says: a name of the catalogue, or the file of a document. What its
-/// author should know is said on the way.
-pub fn model(said: &str) -> Result<Arc<Model>, CommandError> {
-    let path = Path::new(said);
+/// The model of `--model`: a name of the catalogue, or the file of a document. Warnings of the document are
+/// printed.
+pub fn model(name: &str) -> Result<Arc<Model>, CommandError> {
+    let path = Path::new(name);
     if ends_with(path, &["json", "yaml", "yml"]) {
         let document = document(path)?;
         let read = model_document::referenced(&document);
-        let read = read.map_err(|faults| CommandError::faults(said, &faults))?;
+        let read = read.map_err(|faults| CommandError::faults(name, &faults))?;
         for warning in &read.warnings {
-            eprintln!("note: {said}: {warning}");
+            eprintln!("note: {name}: {warning}");
         }
         return Ok(read.model);
     }
-    Model::named(said).ok_or_else(|| {
+    Model::named(name).ok_or_else(|| {
         let models = Catalogue::built_in();
-        let known: Vec<&str> = models
+        let names: Vec<&str> = models
             .iter()
             .map(|model| &*model.description().name)
             .collect();
         CommandError::input(format!(
-            "--model {said}: the models are {}, or the file of a document (.json, .yaml)",
-            known.join(", ")
+            "--model {name}: the models are {}, or the file of a document (.json, .yaml)",
+            names.join(", ")
         ))
     })
 }

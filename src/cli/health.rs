@@ -145,11 +145,11 @@ fn connector(arguments: &HealthArguments) -> Result<TlsConnector, CommandError> 
 }
 
 fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, CommandError> {
-    let found = CertificateDer::pem_file_iter(file).and_then(Iterator::collect);
-    let found: Vec<_> = found.map_err(|error| unusable(file, &error))?;
-    match found.is_empty() {
+    let chain = CertificateDer::pem_file_iter(file).and_then(Iterator::collect);
+    let chain: Vec<_> = chain.map_err(|error| unusable(file, &error))?;
+    match chain.is_empty() {
         true => Err(unusable(file, &"it holds no certificate in PEM")),
-        false => Ok(found),
+        false => Ok(chain),
     }
 }
 

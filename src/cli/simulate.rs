@@ -53,11 +53,11 @@ pub fn simulate(arguments: &Arguments) -> Result<(), CommandError> {
                 Some(file) => (file, PARAMETERS.len()),
                 None => (arguments.recording.as_path(), 0),
             };
-            let own = Fault {
+            let fault_of_file = Fault {
                 pointer: fault.pointer[skipped..].to_owned(),
                 ..fault.clone()
             };
-            format!("{}: {own}", file.display())
+            format!("{}: {fault_of_file}", file.display())
         });
         CommandError::inputs(sentences)
     };

@@ -47,9 +47,9 @@ impl Telemetry {
             .map(exporter)
             .transpose()?;
         let spans = traces.as_ref().map(|traces| {
-            let own = Targets::new().with_target(span::TARGET, LevelFilter::INFO);
+            let spans_alone = Targets::new().with_target(span::TARGET, LevelFilter::INFO);
             let spans = tracing_opentelemetry::layer().with_tracer(traces.tracer("greybox"));
-            spans.with_filter(own)
+            spans.with_filter(spans_alone)
         });
         let events = targets.and(filter_fn(|what| what.is_event()));
         // Whoever reads the log may stop reading, and its disk may be slow or full: nothing waits for

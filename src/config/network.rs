@@ -8,7 +8,8 @@ use super::SettingsError;
 
 /// A network, or the one address of a text.
 pub(super) fn network(text: &str) -> Result<IpNet, SettingsError> {
-    let one = text.parse::<IpAddr>().map(IpNet::from);
-    one.or_else(|_| text.parse())
+    let network = text.parse::<IpAddr>().map(IpNet::from);
+    network
+        .or_else(|_| text.parse())
         .map_err(|_| SettingsError::Network(text.to_owned()))
 }

@@ -105,13 +105,13 @@ impl Exchange {
 
     /// The addresses that a name stands for now. One of the inside among others is a trap, too.
     async fn resolve(&self, name: &str, port: u16) -> Result<Vec<SocketAddr>, Failure> {
-        let found = tokio::net::lookup_host((name, port)).await.map_err(other)?;
-        let found: Vec<SocketAddr> = found.collect();
-        for address in &found {
+        let addresses = tokio::net::lookup_host((name, port)).await;
+        let addresses: Vec<SocketAddr> = addresses.map_err(other)?.collect();
+        for address in &addresses {
             let checked = self.destinations.check_address(address.ip());
             checked.map_err(Failure::Refused)?;
         }
-        Ok(found)
+        Ok(addresses)
     }
 }
 

@@ -9,15 +9,15 @@ use rustls::{ClientConfig, ConfigBuilder, RootCertStore};
 #[must_use]
 pub fn of_the_system() -> RootCertStore {
     let mut roots = RootCertStore::empty();
-    let found = rustls_native_certs::load_native_certs();
-    for error in found.errors {
+    let loaded = rustls_native_certs::load_native_certs();
+    for error in loaded.errors {
         tracing::warn!(%error, "a certificate of the system cannot be used");
     }
-    roots.add_parsable_certificates(found.certs);
+    roots.add_parsable_certificates(loaded.certs);
     roots
 }
 
-/// A client that believes these, and has yet to say who it is itself.
+/// A client that trusts the authorities; whether the client has a certificate is still open.
 #[must_use]
 pub fn client(roots: RootCertStore) -> ConfigBuilder<ClientConfig, WantsClientCert> {
     let provider = Arc::new(rustls::crypto::ring::default_provider());

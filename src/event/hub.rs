@@ -1,13 +1,14 @@
 //! Wakes those who wait for news of jobs, monitors, slices and deliveries.
 
 use std::collections::{BTreeSet, HashMap};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use tokio::sync::{Notify, watch};
 use tokio_util::sync::CancellationToken;
 
-use super::everyone::{ChangedJobs, Followers};
+use super::broadcast::{Broadcast, ChangedJobs};
 use super::tail::Tail;
 use crate::access::Project;
 use crate::store::{Change, OnChange};
@@ -25,7 +26,7 @@ pub struct EventHub {
 #[derive(Default)]
 struct Inner {
     waiting: Mutex<HashMap<JobId, Arc<Topic>>>,
-    followers: Followers,
+    broadcast: Broadcast,
     slice_waits: Notify,
     slices_wait_in: Mutex<Projects>,
     stop_requested: Notify,
@@ -70,17 +71,6 @@ impl Default for Topic {
     }
 }
 
-impl Inner {
-    fn slices_wait(&self) -> MutexGuard<'_, Projects> {
-        let projects = self.slices_wait_in.lock();
-        projects.unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn waiting(&self) -> MutexGuard<'_, HashMap<JobId, Arc<Topic>>> {
-        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 impl EventHub {
     /// A hub with nobody waiting.
     pub fn new() -> Self {
@@ -96,7 +86,7 @@ impl EventHub {
                 hub.inner.monitors_may_step.notify_one();
             }
             Change::SliceWaits(project) => {
-                if let Projects::Some(projects) = &mut *hub.inner.slices_wait() {
+                if let Projects::Some(projects) = &mut *hub.inner.slices_wait_in.lock() {
                     projects.insert(project);
                 }
                 hub.inner.slice_waits.notify_one();
@@ -108,7 +98,7 @@ impl EventHub {
             Change::HelpWanted => hub.inner.help_wanted.notify_one(),
             Change::DatasetRemoved(_) => {}
             Change::Missed => {
-                hub.inner.followers.lose();
+                hub.inner.broadcast.disconnect_all();
                 hub.look_again();
             }
         })
@@ -116,10 +106,10 @@ impl EventHub {
 
     /// Wakes everyone who waits for anything, to look whether there is news of which nobody told.
     pub fn look_again(&self) {
-        for topic in self.inner.waiting().values() {
+        for topic in self.inner.waiting.lock().values() {
             topic.news.send_modify(|news| *news += 1);
         }
-        *self.inner.slices_wait() = Projects::All;
+        *self.inner.slices_wait_in.lock() = Projects::All;
         self.inner.slice_waits.notify_one();
         self.inner.stop_requested.notify_one();
         self.inner.delivery_waits.notify_one();
@@ -142,8 +132,8 @@ impl EventHub {
 
     /// Wakes those who wait for a job.
     fn wake(&self, job: JobId) {
-        self.inner.followers.tell(job);
-        if let Some(topic) = self.inner.waiting().get(&job) {
+        self.inner.broadcast.publish(job);
+        if let Some(topic) = self.inner.waiting.lock().get(&job) {
             topic.news.send_modify(|news| *news += 1);
         }
     }
@@ -151,7 +141,7 @@ impl EventHub {
     /// Begins to wait for news of a job. Subscribe first and read the store after: what comes
     /// between the two then wakes the subscription.
     pub fn subscribe(&self, job: JobId) -> Subscription {
-        let mut waiting = self.inner.waiting();
+        let mut waiting = self.inner.waiting.lock();
         let topic = waiting.entry(job).or_default();
         Subscription {
             hub: self.clone(),
@@ -163,14 +153,14 @@ impl EventHub {
 
     /// Which jobs change, from now on.
     pub fn changed_jobs(&self) -> ChangedJobs {
-        self.inner.followers.join(self.inner.closing.clone())
+        self.inner.broadcast.subscribe(self.inner.closing.clone())
     }
 
     /// Returns when slices came into the queue since the last call, with the projects that they are
     /// of.
     pub async fn slice_waits(&self) -> Projects {
         self.inner.slice_waits.notified().await;
-        std::mem::take(&mut *self.inner.slices_wait())
+        std::mem::take(&mut *self.inner.slices_wait_in.lock())
     }
 
     /// Returns when a delivery came to be due, or is due at another time, since the last call.
@@ -210,7 +200,7 @@ impl EventHub {
 
     /// Jobs that somebody waits for.
     pub fn n_jobs_waited_for(&self) -> usize {
-        self.inner.waiting().len()
+        self.inner.waiting.lock().len()
     }
 }
 
@@ -233,20 +223,20 @@ impl Subscription {
         }
     }
 
-    /// Returns when there has been news more than `known` times, with the number; nothing when
+    /// Returns when there has been news more than `count` times, with the number; nothing when
     /// the server is going down.
-    pub(super) async fn more_than(&mut self, known: u64) -> Option<u64> {
+    pub(super) async fn more_than(&mut self, count: u64) -> Option<u64> {
         tokio::select! {
             biased;
             () = self.hub.inner.closing.cancelled() => None,
-            news = self.news.wait_for(|news| *news > known) => news.ok().map(|news| *news),
+            news = self.news.wait_for(|news| *news > count) => news.ok().map(|news| *news),
         }
     }
 }
 
 impl Drop for Subscription {
     fn drop(&mut self) {
-        let mut waiting = self.hub.inner.waiting();
+        let mut waiting = self.hub.inner.waiting.lock();
         let only_this_one = |topic: &Arc<Topic>| topic.news.receiver_count() <= 1;
         if waiting.get(&self.job).is_some_and(only_this_one) {
             waiting.remove(&self.job);

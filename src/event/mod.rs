@@ -5,11 +5,11 @@
 //! store. A slow reader therefore holds up nobody and misses nothing, and the hub's memory is one
 //! small entry for each job that somebody waits for.
 
-mod everyone;
+mod broadcast;
 mod feed;
 mod hub;
 mod tail;
 
-pub use everyone::ChangedJobs;
+pub use broadcast::ChangedJobs;
 pub use feed::Feed;
 pub use hub::{EventHub, Projects, Subscription};

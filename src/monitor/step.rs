@@ -410,8 +410,7 @@ impl Step {
         let (from, to) = self.state.span(&self.spec.window);
         let mut digest = rows.digest(signals);
         digest.update(format!("\0{} {}", self.row.id, self.state.next));
-        let digest = digest.finalize();
-        let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        let digest = hex::encode(digest.finalize());
         let source = RecordingSource {
             format: "stream".to_owned(),
             options: [

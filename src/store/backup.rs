@@ -184,8 +184,7 @@ async fn look_at_models(
             .fetch_all(&mut *connection)
             .await?;
     for (reference, digest, document) in models {
-        let bytes = Sha256::digest(&document);
-        let computed: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+        let computed = hex::encode(Sha256::digest(&document));
         if digest != format!("sha256:{computed}") {
             findings.push(format!("the document of {reference} is not the one stored"));
         }

@@ -148,8 +148,7 @@ pub(super) async fn insert(tx: &mut Tx, job: JobId, new: &NewCandidates) -> Resu
                 .push_bind(seal);
         });
         query.push(" on conflict do nothing");
-        // Each number of rows is another statement; they are not worth keeping.
-        query.build().persistent(false).execute(&mut **tx).await?;
+        query.build().execute(&mut **tx).await?;
     }
     Ok(())
 }

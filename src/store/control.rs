@@ -6,7 +6,7 @@
 
 use super::columns;
 use super::jobs::{self, JobRow, Jobs};
-use super::slices::endings;
+use super::slices::endings::{self, Transition};
 use super::stop_request::StopRequest;
 use super::writer::{Tx, in_transaction};
 use super::{Change, StoreError, database, queue, results};
@@ -114,7 +114,7 @@ impl Wish {
 }
 
 async fn apply(tx: &mut Tx, job: &JobRow, step: ControlStep) -> Result<(), StoreError> {
-    let id = job.id;
+    let (id, from) = (job.id, job.status);
     match step {
         ControlStep::Nothing => Ok(()),
         ControlStep::Ask(request) => {
@@ -126,7 +126,8 @@ async fn apply(tx: &mut Tx, job: &JobRow, step: ControlStep) -> Result<(), Store
         ControlStep::Become(Status::Queued) => {
             queue::renew(tx, id, &job.project).await?;
             let status = Status::Queued;
-            endings::change_status(tx, id, status, &[Event::State { status }]).await
+            let transition = Transition { from, to: status };
+            endings::change_status(tx, id, transition, &[Event::State { status }]).await
         }
         ControlStep::Become(status) => {
             let mut reported = vec![Event::State { status }];
@@ -134,7 +135,8 @@ async fn apply(tx: &mut Tx, job: &JobRow, step: ControlStep) -> Result<(), Store
                 reported.push(Event::End { status });
                 results::mark_cancelled(tx, id).await?;
             }
-            endings::change_status(tx, id, status, &reported).await
+            let transition = Transition { from, to: status };
+            endings::change_status(tx, id, transition, &reported).await
         }
     }
 }

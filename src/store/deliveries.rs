@@ -272,16 +272,6 @@ pub(super) async fn tell(
 /// Tells that a job came to its end.
 pub(super) async fn tell_of_end(tx: &mut Tx, id: JobId) -> Result<(), StoreError> {
     let key = id.to_string();
-    let wanted: bool = database::query_scalar(
-        "select exists (select 1 from webhooks join jobs on jobs.project = webhooks.project \
-         where jobs.id = $1)",
-    )
-    .bind(&key)
-    .fetch_one(&mut **tx)
-    .await?;
-    if !wanted {
-        return Ok(());
-    }
     let row = match jobs::fetch(&mut *tx, id).await {
         Ok(Some(row)) => row,
         Ok(None) => return Ok(()),

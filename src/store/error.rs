@@ -113,6 +113,16 @@ pub enum StoreError {
         /// The schema of this program.
         own: i64,
     },
+    /// The database is of a program that is too old.
+    #[error(
+        "the database has the schema {schema}; this greybox opens databases of the schema {oldest} and of newer ones"
+    )]
+    TooOld {
+        /// The schema of the database.
+        schema: i64,
+        /// The oldest schema that is brought up to date.
+        oldest: i64,
+    },
     /// Servers that are too old work with the database that is to be brought up to date.
     #[error(
         "the database {database} is to be brought from the schema {schema} to {own}, which the servers that work \

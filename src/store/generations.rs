@@ -67,8 +67,7 @@ pub(super) async fn insert(
         query.push(
             " on conflict (job, generation) do update set row = excluded.row, seal = excluded.seal",
         );
-        // Each number of rows is another statement; they are not worth keeping.
-        query.build().persistent(false).execute(&mut **tx).await?;
+        query.build().execute(&mut **tx).await?;
     }
     Ok(())
 }

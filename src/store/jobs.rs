@@ -128,7 +128,7 @@ pub enum JobRemoval {
     Unfinished(Status),
 }
 
-const COLUMNS: &str = "id, project, name, labels, model, spec, status, request, progress, attempt, error, \
+pub(super) const COLUMNS: &str = "id, project, name, labels, model, spec, status, request, progress, attempt, error, \
      created_at, started_at, finished_at, last_event, revision, seal";
 
 /// Jobs as they are shown, listed, stopped and deleted.
@@ -330,7 +330,7 @@ pub(super) async fn fetch(
     row.as_ref().map(read).transpose()
 }
 
-fn read(row: &Row) -> Result<JobRow, StoreError> {
+pub(super) fn read(row: &Row) -> Result<JobRow, StoreError> {
     JOBS.verify(row)?;
     let id: String = row.try_get("id")?;
     let status: String = row.try_get("status")?;

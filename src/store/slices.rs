@@ -57,7 +57,7 @@ impl Slices {
         record: Record,
         must: bool,
     ) -> Result<HandedOn, StoreError> {
-        in_transaction!(self.database, |tx| hand_on(tx, (lease, record), must)).await
+        in_transaction!(self.database, |tx| hand_on(tx, lease, record, must)).await
     }
 
     /// Writes what a slice did last, and the state, the result and the last events of its job, in

@@ -1,8 +1,8 @@
 //! The one writer: many writes, one transaction, one sync to disk (group commit).
 //!
 //! Requests come through a bounded channel to one task. It runs all that are waiting in one
-//! transaction, each in a savepoint of its own so that a failing one harms no other, commits, and
-//! only then answers. What a write changed is announced after the commit and before the answer.
+//! transaction, each of several in a savepoint of its own so that a failing one harms no other,
+//! commits, and only then answers. What a write changed is announced after the commit and before the answer.
 //!
 //! A disk that is full fails the transaction and everyone in it; the next one begins afresh.
 
@@ -361,8 +361,9 @@ async fn commit_group(
 ) -> Result<Vec<Change>, WriteFailure> {
     let failed = |error: sqlx::Error| WriteFailure::of_database(&error);
     let mut tx = transactions.begin().await?;
+    let is_alone = group.size_hint() == (1, Some(1));
     for work in group {
-        if let Err(error) = database::query("savepoint one").execute(&mut *tx).await {
+        if !is_alone && let Err(error) = database::query("savepoint one").execute(&mut *tx).await {
             let failure = WriteFailure::of_database(&error);
             work.refuse(StoreError::Commit(failure.clone()));
             return Err(failure);
@@ -371,6 +372,13 @@ async fn commit_group(
         let one = work.run(&mut tx).await;
         let has_failed = one.failure.is_some();
         done.push(one);
+        if is_alone {
+            if has_failed {
+                // The transaction is rolled back as it is dropped.
+                return Ok(Vec::new());
+            }
+            break;
+        }
         if has_failed {
             tx.changes.truncate(changes_before);
             database::query("rollback to savepoint one")

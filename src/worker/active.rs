@@ -1,8 +1,10 @@
 //! Which jobs this server is working on right now, and the flag that stops each.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use parking_lot::Mutex;
 
 use greybox::identification::JobId;
 
@@ -23,13 +25,9 @@ pub(super) struct ActiveJob {
 }
 
 impl ActiveJobs {
-    fn flags(&self) -> MutexGuard<'_, HashMap<JobId, Arc<AtomicBool>>> {
-        self.flags.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Takes a job for one slice; nothing if it is at work already.
     pub(super) fn take(&self, id: JobId) -> Option<ActiveJob> {
-        let mut flags = self.flags();
+        let mut flags = self.flags.lock();
         if flags.contains_key(&id) {
             return None;
         }
@@ -44,7 +42,7 @@ impl ActiveJobs {
 
     /// Raises the flag of a job; says whether it is at work.
     pub(super) fn stop(&self, id: JobId) -> bool {
-        let flags = self.flags();
+        let flags = self.flags.lock();
         let flag = flags.get(&id);
         if let Some(flag) = flag {
             flag.store(true, Ordering::Relaxed);
@@ -59,7 +57,7 @@ impl ActiveJobs {
 
     /// Raises the flags of all jobs, now and to come.
     pub(super) fn stop_all(&self) {
-        let flags = self.flags();
+        let flags = self.flags.lock();
         self.all_stop.store(true, Ordering::Relaxed);
         for flag in flags.values() {
             flag.store(true, Ordering::Relaxed);
@@ -68,6 +66,10 @@ impl ActiveJobs {
 }
 
 impl ActiveJob {
+    pub(super) fn id(&self) -> JobId {
+        self.id
+    }
+
     /// The flag that ends the slice.
     pub(super) fn stop_flag(&self) -> Arc<AtomicBool> {
         self.stop.clone()
@@ -76,7 +78,7 @@ impl ActiveJob {
 
 impl Drop for ActiveJob {
     fn drop(&mut self) {
-        self.jobs.flags().remove(&self.id);
+        self.jobs.flags.lock().remove(&self.id);
     }
 }
 

@@ -43,7 +43,11 @@ pub(super) fn begin(model: Arc<Model>, assignment: Assignment) -> Result<Box<dyn
             spec,
             model,
             past,
-            recordings: assignment.datasets.into_iter().map(|own| own.1).collect(),
+            recordings: assignment
+                .datasets
+                .into_iter()
+                .map(|(_, recording)| recording)
+                .collect(),
         }),
         designing: None,
         saved,

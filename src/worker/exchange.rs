@@ -1,18 +1,19 @@
-//! What a computation and the other nodes that help with it have for each other.
+//! The parts of a job that a computation and the nodes that help with it exchange.
 //!
-//! The computation asks between two units of work; the side that writes asks the store.
+//! The computation collects and receives parts between two units of work; the task that writes asks the store.
 
 use std::ops::Range;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+
+use parking_lot::Mutex;
 
 use super::run::{Run, Share};
 use crate::store::SharedPart;
 
-/// What a unit of work should take that is shared: others are told after each what was done.
+/// How long a unit of shared work should take: other nodes are told after each unit what was done.
 const UNIT: Range<Duration> = Duration::from_millis(200)..Duration::from_millis(800);
 
-/// How many pieces of work, refits or generations, a unit has, so that it takes about as long as it should.
+/// How many pieces of work, refits or generations, a unit has, so that a unit takes about as long as it should.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pace(u32);
 
@@ -51,23 +52,25 @@ pub(super) struct Exchange {
 
 #[derive(Debug, Default)]
 struct State {
-    /// Whether the computation takes what others did.
+    /// Whether the computation takes parts of other nodes.
     is_wanted: bool,
-    /// Which share of what is left is this node's.
-    own: Option<Share>,
-    came: Vec<SharedPart>,
-    /// The number of the last part that came, and of the last that the run has.
-    last: i64,
-    heard: i64,
+    /// The share of the work left that this node begins with.
+    share: Option<Share>,
+    /// Parts that wait for the computation.
+    received: Vec<SharedPart>,
+    /// The number of the last part that was received.
+    last_received: i64,
+    /// The number of the last part that the run has.
+    last_delivered: i64,
     pace: Pace,
 }
 
 impl Exchange {
     /// For a run that has the parts up to a number.
-    pub(super) fn new(has_others: bool, can_begin: bool, heard: i64) -> Self {
+    pub(super) fn new(has_others: bool, can_begin: bool, last_part: i64) -> Self {
         let state = State {
-            last: heard,
-            heard,
+            last_received: last_part,
+            last_delivered: last_part,
             ..State::default()
         };
         Self {
@@ -77,33 +80,29 @@ impl Exchange {
         }
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Gives the run what others did. Says whether the slice has to end first, with a checkpoint, so that
-    /// they can begin.
-    pub(super) fn give(&self, run: &mut dyn Run) -> bool {
+    /// Hands the parts that wait to the run. Says whether the slice has to end first, with a checkpoint from
+    /// which other nodes can begin.
+    pub(super) fn deliver(&self, run: &mut dyn Run) -> bool {
         if !self.has_others || !run.is_shareable() {
             return false;
         }
         if !self.can_begin {
             return true;
         }
-        let mut state = self.state();
+        let mut state = self.state.lock();
         state.is_wanted = true;
-        run.take_parts(std::mem::take(&mut state.came));
-        state.heard = state.last;
-        if let Some(own) = state.own {
-            run.share(own, state.pace.at_most());
+        run.take_parts(std::mem::take(&mut state.received));
+        state.last_delivered = state.last_received;
+        if let Some(share) = state.share {
+            run.share(share, state.pace.at_most());
         }
         false
     }
 
-    /// What the run did in a unit that took so long, for others.
-    pub(super) fn take(&self, run: &mut dyn Run, took: Duration) -> Vec<SharedPart> {
+    /// The parts that the run did in a unit of a duration, for other nodes.
+    pub(super) fn collect(&self, run: &mut dyn Run, took: Duration) -> Vec<SharedPart> {
         let parts = run.new_parts();
-        let mut state = self.state();
+        let mut state = self.state.lock();
         if state.is_wanted {
             state.pace.note(parts.len(), took);
         }
@@ -111,23 +110,23 @@ impl Exchange {
         if self.has_others { parts } else { Vec::new() }
     }
 
-    /// The number of the last part that came, where the computation takes what others did.
+    /// The number of the last part that was received, where the computation takes parts of other nodes.
     pub(super) fn wanted_after(&self) -> Option<i64> {
-        let state = self.state();
-        state.is_wanted.then_some(state.last)
+        let state = self.state.lock();
+        state.is_wanted.then_some(state.last_received)
     }
 
-    /// Brings what others did, up to the part with a number, and which share is this node's.
-    pub(super) fn bring(&self, (parts, last): (Vec<SharedPart>, i64), own: Option<Share>) {
-        let mut state = self.state();
-        state.came.extend(parts);
-        state.last = last;
-        state.own = own;
+    /// Receives parts of other nodes up to the part with the number `last`, and the share of this node.
+    pub(super) fn receive(&self, parts: Vec<SharedPart>, last: i64, share: Option<Share>) {
+        let mut state = self.state.lock();
+        state.received.extend(parts);
+        state.last_received = last;
+        state.share = share;
     }
 
     /// The number of the last part that the run has.
-    pub(super) fn heard(&self) -> i64 {
-        self.state().heard
+    pub(super) fn last_part(&self) -> i64 {
+        self.state.lock().last_delivered
     }
 }
 

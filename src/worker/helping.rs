@@ -120,8 +120,8 @@ async fn help_one(
 
 /// What a helper is to do.
 struct Asked {
-    /// What others did meanwhile.
-    came: Vec<SharedPart>,
+    /// Parts that other nodes did meanwhile.
+    received: Vec<SharedPart>,
     share: Share,
     at_most: u32,
 }
@@ -141,17 +141,17 @@ impl Helper<'_> {
         closing: &CancellationToken,
     ) -> Result<usize, StoreError> {
         let store = &self.slices.store;
-        let (mut known, mut shares_done, mut pace) = (0, 0, Pace::default());
+        let (mut last_part, mut shares_done, mut pace) = (0, 0, Pace::default());
         let mut parts = 0;
         while let Some((index, of)) = store.nodes().share().filter(|(_, of)| shares_done < *of) {
-            let (came, last) = store.work_shares().after(self.id, known).await?;
-            known = last;
+            let (received, last) = store.work_shares().after(self.id, last_part).await?;
+            last_part = last;
             let share = Share {
                 index: (index + shares_done) % of,
                 of,
             };
             let asked = Asked {
-                came,
+                received,
                 share,
                 at_most: pace.at_most(),
             };
@@ -188,7 +188,7 @@ impl Helper<'_> {
     ) -> Option<(Box<dyn Run>, Helped)> {
         let stop = self.stop.clone();
         let mut computing = tokio::task::spawn_blocking(move || {
-            run.take_parts(asked.came);
+            run.take_parts(asked.received);
             let helped = run.help(asked.share, asked.at_most, &stop);
             (run, helped)
         });

@@ -90,8 +90,8 @@ impl Run for IdentificationRun {
         self.run.is_shareable()
     }
 
-    fn share(&mut self, own: Share, at_most: u32) {
-        self.run.share(own, at_most);
+    fn share(&mut self, share: Share, at_most: u32) {
+        self.run.share(share, at_most);
     }
 
     fn take_parts(&mut self, parts: Vec<SharedPart>) {

@@ -7,18 +7,19 @@
 //! ```
 
 mod active;
-mod between_slices;
 mod candidates;
 mod design;
 mod exchange;
 mod helping;
 mod identification;
+mod kept_runs;
 pub mod method;
 mod recorder;
 pub mod run;
 mod slice;
 #[cfg(test)]
 pub(crate) mod tests;
+mod units;
 mod wake;
 
 use std::sync::Arc;
@@ -38,7 +39,7 @@ use greybox::identification::JobId;
 
 use crate::admission::Admission;
 use active::ActiveJobs;
-use between_slices::BetweenSlices;
+use kept_runs::KeptRuns;
 use run::Method;
 use slice::{After, SliceWorker};
 use wake::Wake;
@@ -90,7 +91,7 @@ impl Worker {
         let slices = SliceWorker {
             method,
             active: ActiveJobs::default(),
-            between_slices: BetweenSlices::new(settings.jobs_at_once),
+            kept_runs: KeptRuns::new(settings.jobs_at_once),
             admission: Admission::new(settings.jobs_at_once),
             slice_length: settings.slice_length,
             max_candidates: settings.max_candidates,

@@ -82,7 +82,7 @@ pub trait Run: Send {
 
     /// Has the refits of a share come first, because other nodes begin with the other shares, and so many
     /// in a unit at the most.
-    fn share(&mut self, _own: Share, _at_most: u32) {}
+    fn share(&mut self, _share: Share, _at_most: u32) {}
 
     /// Takes over what other nodes did.
     fn take_parts(&mut self, _parts: Vec<SharedPart>) {}

@@ -1,7 +1,7 @@
 //! One slice of one job: begin, work in whole units, and hand on or end.
 //!
-//! The computation runs on a blocking thread and sends its rows through a bounded channel; this
-//! side writes them about every 200 ms. A slice ends when its time is up, when the run has
+//! The computation runs on a blocking thread and sends its units through a bounded channel (see
+//! `units`); this side writes their rows about every 200 ms. A slice ends when its time is up, when the run has
 //! finished, when the stop flag is raised (cancel, pause, the job's time limit, shutdown), or when
 //! a write finds that another slice has begun.
 
@@ -14,31 +14,27 @@ use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
 use serde_json::Value;
-use tokio::sync::mpsc;
 use tracing::Instrument as _;
 
 use super::active::ActiveJob;
 use super::candidates::Candidates;
 use super::exchange::Exchange;
 use super::recorder::Recorder;
-use super::run::{Advance, Assignment, Past, Row, Run, Share};
+use super::run::{Advance, Assignment, Past, Run, Share};
+use super::units::{self, Unit, UnitReceiver, UnitSender};
 use crate::access::Project;
 use crate::admission::Permit;
 use crate::job::{DesignTask, Failure};
 use crate::span;
-use crate::store::{Begin, Hold, JobRow, Lease, Meaning, SharedPart, Slice, StoreError};
+use crate::store::{Begin, Hold, JobRow, Lease, Meaning, Slice, StoreError};
 use conclusion::{Conclusion, broke};
 pub(super) use current::{After, SliceWorker};
 use current::{Computed, Current, End};
-use greybox::estimation::Progress;
 use greybox::identification::{DatasetId, JobId};
 use greybox::recording::Recording;
 
 /// How often what a slice did is written.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(200);
-
-/// Units whose rows may wait to be written before the computation waits.
-const UNITS_WAITING: usize = 256;
 
 /// Candidates that are read back at a time when a slice goes on.
 const CANDIDATES_AT_ONCE: usize = 50_000;
@@ -54,20 +50,19 @@ pub(super) struct Materials {
     pub(super) past: Option<Past>,
 }
 
+/// What lets a slice compute.
+struct Turn {
+    /// The entry of the queue.
+    entry: i64,
+    permit: Permit,
+}
+
 /// What a slice works on.
 enum Begun {
     /// The run that the slice before left.
-    Left(Box<dyn Run>),
+    Kept(Box<dyn Run>),
     /// A run that is begun, or resumed from its checkpoint, with what it is made of.
     New(Box<Materials>),
-}
-
-/// What a unit of work left behind.
-struct Unit {
-    rows: Vec<Row>,
-    /// What other nodes are to know of.
-    parts: Vec<SharedPart>,
-    progress: Progress,
 }
 
 impl SliceWorker {
@@ -88,7 +83,7 @@ impl SliceWorker {
             let Some(job) = self.active.take(id) else {
                 return Ok(After::Later);
             };
-            let slice = self.slice(id, Some((entry, permit)), (&job, taken));
+            let slice = self.slice(&job, Some(Turn { entry, permit }), taken);
             match slice.instrument(span::slice(id, &project)).await? {
                 After::Again => {}
                 after => return Ok(after),
@@ -100,7 +95,7 @@ impl SliceWorker {
     pub(super) async fn settle(&self, id: JobId) -> Result<(), StoreError> {
         if let Some(job) = self.active.take(id) {
             job.stop_flag().store(true, Ordering::Relaxed);
-            self.slice(id, None, (&job, Instant::now())).await?;
+            self.slice(&job, None, Instant::now()).await?;
         } else {
             self.active.stop(id);
         }
@@ -109,12 +104,13 @@ impl SliceWorker {
 
     async fn slice(
         &self,
-        id: JobId,
-        entry: Option<(i64, Permit)>,
-        (job, entry_taken): (&ActiveJob, Instant),
+        job: &ActiveJob,
+        turn: Option<Turn>,
+        entry_taken: Instant,
     ) -> Result<After, StoreError> {
-        let (entry, permit) = entry.unzip();
-        let slice = match self.store.slices().begin(id, entry, DEATH_LIMIT).await? {
+        let (entry, permit) = turn.map(|turn| (turn.entry, turn.permit)).unzip();
+        let slices = self.store.slices();
+        let slice = match slices.begin(job.id(), entry, DEATH_LIMIT).await? {
             Begin::Slice(slice) => *slice,
             Begin::NotYet => return Ok(After::NotYet),
             Begin::Nothing | Begin::Ended => return Ok(After::Done),
@@ -123,26 +119,26 @@ impl SliceWorker {
         if slice.stop_request().is_some() {
             stop.store(true, Ordering::Relaxed);
         }
-        let left = self.between_slices.take(slice.lease);
-        let heard = left.as_ref().map_or(0, |left| left.heard);
+        let kept = self.kept_runs.take(slice.lease);
+        let last_part = kept.as_ref().map_or(0, |kept| kept.last_part);
         let current = Current {
             lease: slice.lease,
             started: Instant::now(),
             entry_taken,
+            forgot_candidates: kept.is_none() && !slice.is_first,
             time_left: time_left(&slice),
             stop,
             exchange: Arc::new(Exchange::new(
                 self.store.nodes().share().is_some(),
                 slice.is_shared,
-                heard,
+                last_part,
             )),
         };
-        let (run, candidates) = left.map(|left| (left.run, left.candidates)).unzip();
-        let is_new = run.is_none();
+        let (run, candidates) = kept.map(|kept| (kept.run, kept.candidates)).unzip();
         let candidates = candidates.unwrap_or_else(|| Candidates::new(self.max_candidates));
         let mut recorder = Recorder::new(&slice, candidates);
         let begun = match run {
-            Some(run) => Ok(Begun::Left(run)),
+            Some(run) => Ok(Begun::Kept(run)),
             None => self
                 .or_damage(self.materials(&slice.job).await)?
                 .flatten()
@@ -150,11 +146,9 @@ impl SliceWorker {
         };
         let computed = match begun {
             Ok(begun) => {
-                let (sender, units) = mpsc::channel(UNITS_WAITING);
+                let (sender, units) = units::channel();
                 let computation = self.compute(slice, begun, &current, sender);
-                let written = self
-                    .write_units(&current, (&mut recorder, is_new), units)
-                    .await;
+                let written = self.write_units(&current, &mut recorder, units).await;
                 let computed = computation.await;
                 match self.or_damage(written)? {
                     Ok(Hold::Kept) => computed,
@@ -241,7 +235,7 @@ impl SliceWorker {
         slice: Slice,
         begun: Begun,
         current: &Current,
-        units: mpsc::Sender<Unit>,
+        units: UnitSender,
     ) -> impl Future<Output = Computed> + use<> {
         let method = self.method.clone();
         let (stop, exchange) = (current.stop.clone(), current.exchange.clone());
@@ -253,7 +247,7 @@ impl SliceWorker {
         };
         let computation = tokio::task::spawn_blocking(move || {
             let mut run = match begun {
-                Begun::Left(run) => run,
+                Begun::Kept(run) => run,
                 Begun::New(materials) => method.begin(Assignment {
                     job: slice.job,
                     model: materials.model,
@@ -262,7 +256,7 @@ impl SliceWorker {
                     checkpoint: slice.checkpoint.map(|checkpoint| checkpoint.state),
                 })?,
             };
-            let end = advance(&mut *run, slice_length, (&stop, &exchange), &units);
+            let end = advance(&mut *run, slice_length, &stop, &exchange, &units);
             Ok((run, end))
         });
         async { computation.await.unwrap_or_else(|error| Err(broke(error))) }
@@ -272,10 +266,12 @@ impl SliceWorker {
     async fn write_units(
         &self,
         current: &Current,
-        (recorder, is_new): (&mut Recorder, bool),
-        mut units: mpsc::Receiver<Unit>,
+        recorder: &mut Recorder,
+        mut units: UnitReceiver,
     ) -> Result<Hold, StoreError> {
-        if is_new && let Err(error) = self.recall(current.lease, recorder).await {
+        if current.forgot_candidates
+            && let Err(error) = self.recall(current.lease, recorder).await
+        {
             current.stop.store(true, Ordering::Relaxed);
             return Err(error);
         }
@@ -284,44 +280,41 @@ impl SliceWorker {
         let out_of_time = tokio::time::sleep(current.time_left.unwrap_or(Duration::MAX));
         tokio::pin!(out_of_time);
         loop {
-            tokio::select! {
-                unit = units.recv() => match unit {
-                    Some(unit) => take(recorder, unit, current.started.elapsed()),
-                    None => return Ok(Hold::Kept),
-                },
-                _ = flush.tick() => {
-                    let written = self.flush(current.lease, recorder).await;
-                    if !matches!(written, Ok(Hold::Kept)) {
-                        current.stop.store(true, Ordering::Relaxed);
-                        return written;
-                    }
-                    if let Some(after) = current.exchange.wanted_after() {
-                        self.bring(current, after).await?;
-                    }
-                }
+            let is_due = tokio::select! {
+                () = units.woken() => false,
+                _ = flush.tick() => true,
                 () = &mut out_of_time, if !out_of_time.is_elapsed() => {
                     current.stop.store(true, Ordering::Relaxed);
+                    false
                 }
+            };
+            if !units.take_waiting(|unit| take(recorder, unit, current.started)) {
+                return Ok(Hold::Kept);
+            }
+            if !is_due {
+                continue;
+            }
+            let written = self.flush(current.lease, recorder).await;
+            if !matches!(written, Ok(Hold::Kept)) {
+                current.stop.store(true, Ordering::Relaxed);
+                return written;
+            }
+            if let Some(after) = current.exchange.wanted_after() {
+                self.receive_parts(current, after).await?;
             }
         }
     }
 
-    /// Brings the computation what other nodes did after the part with a number.
-    async fn bring(&self, current: &Current, after: i64) -> Result<(), StoreError> {
-        let brought = self
-            .store
-            .work_shares()
-            .after(current.lease.job, after)
-            .await;
-        let brought = brought.inspect_err(|_| {
+    /// Receives the parts of other nodes after the part with a number.
+    async fn receive_parts(&self, current: &Current, after: i64) -> Result<(), StoreError> {
+        let work_shares = self.store.work_shares();
+        let parts = work_shares.after(current.lease.job, after).await;
+        let (parts, last) = parts.inspect_err(|_| {
             current.stop.store(true, Ordering::Relaxed);
         })?;
-        let own = self
-            .store
-            .nodes()
-            .share()
-            .map(|(index, of)| Share { index, of });
-        current.exchange.bring(brought, own);
+        let share = self.store.nodes().share();
+        let share = share.map(|(index, of)| Share { index, of });
+        current.exchange.receive(parts, last, share);
         Ok(())
     }
 
@@ -350,28 +343,29 @@ impl SliceWorker {
     }
 }
 
-fn take(recorder: &mut Recorder, unit: Unit, worked: Duration) {
-    let now = Timestamp::now();
+/// Records a unit of a slice that began at an instant.
+fn take(recorder: &mut Recorder, unit: Unit, slice_began: Instant) {
     for row in unit.rows {
-        recorder.take(row, now);
+        recorder.take(row, unit.ended_at);
     }
     recorder.take_parts(unit.parts);
-    recorder.note(unit.progress, worked);
+    recorder.note(unit.progress, unit.ended.duration_since(slice_began));
 }
 
 /// Works units until the run has finished, the time is up or the flag is raised.
 fn advance(
     run: &mut dyn Run,
     slice_length: Duration,
-    (stop, exchange): (&AtomicBool, &Exchange),
-    units: &mpsc::Sender<Unit>,
+    stop: &AtomicBool,
+    exchange: &Exchange,
+    units: &UnitSender,
 ) -> End {
     let started = Instant::now();
     loop {
         if stop.load(Ordering::Relaxed) {
             return End::Stopped;
         }
-        if exchange.give(run) {
+        if exchange.deliver(run) {
             return End::TimeIsUp;
         }
         let mut rows = Vec::new();
@@ -379,10 +373,12 @@ fn advance(
         let advance = run.advance(stop, &mut |row| rows.push(row));
         let unit = Unit {
             rows,
-            parts: exchange.take(run, begun.elapsed()),
+            parts: exchange.collect(run, begun.elapsed()),
             progress: run.progress(),
+            ended_at: Timestamp::now(),
+            ended: Instant::now(),
         };
-        if units.blocking_send(unit).is_err() {
+        if !units.send(unit) {
             return End::Stopped;
         }
         match advance {

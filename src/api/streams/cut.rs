@@ -13,7 +13,6 @@ use crate::api::client::Client;
 use crate::api::datasets::{Dataset, stored};
 use crate::api::error::{Answer, Problem};
 use crate::api::extract::Named;
-use crate::api::http_headers::hex;
 use crate::api::query::{NoQuery, Params};
 use crate::store::NewDataset;
 use greybox::parsing::Fault;
@@ -121,7 +120,7 @@ pub async fn cut(
         Ok(NewDataset {
             project: client.project,
             name: recording.name.clone(),
-            digest: format!("sha256:{}", hex(&digest.finalize())),
+            digest: format!("sha256:{}", hex::encode(digest.finalize())),
             summary,
             recording: recording.into(),
         })

@@ -5,6 +5,7 @@
 
 mod connection;
 mod kind;
+mod migrations;
 pub(super) mod postgres;
 mod query;
 mod query_builder;

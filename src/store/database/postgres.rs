@@ -7,6 +7,7 @@ use sqlx::migrate::Migrator;
 use sqlx::postgres::{PgConnectOptions, PgPoolOptions};
 use sqlx::{Connection as _, PgConnection, PgPool};
 
+use super::migrations::migrations_after;
 use crate::store::StoreError;
 
 /// The migrations that make the schema of a PostgreSQL database.
@@ -125,7 +126,8 @@ pub(in crate::store) async fn migrate(
         .await?;
     let built = SCHEMA.iter().map(|migration| migration.version).max();
     let built = built.unwrap_or(0);
-    let alone = match Found::of(&mut turn).await? {
+    let present = Found::of(&mut turn).await?;
+    let alone = match present {
         Some(present) if present.version >= built => {
             turn.close().await?;
             return if present.oldest <= built {
@@ -153,7 +155,9 @@ pub(in crate::store) async fn migrate(
     riverqueue::migrate::PostgresMigrator::new(pool.clone())
         .migrate_up()
         .await?;
-    SCHEMA.run(&pool).await?;
+    migrations_after(present.map(|present| present.version), &SCHEMA)?
+        .run(&pool)
+        .await?;
     pool.close().await;
     drop(alone);
     turn.close().await?;

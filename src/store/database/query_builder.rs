@@ -5,10 +5,16 @@ use std::fmt::{Display, Write as _};
 use super::query::{QueryAs, QueryScalar};
 use super::{Query, Record, Value};
 
+/// A connection keeps a statement with so many rows of values at the most: each number of rows is
+/// another statement.
+const ROWS_OF_A_KEPT_STATEMENT: usize = 16;
+
 /// A statement on its way: text is pushed as it is, values get their places.
 pub(in crate::store) struct QueryBuilder {
     sql: String,
     values: Vec<Value>,
+    /// Rows of values so far.
+    rows: usize,
 }
 
 impl QueryBuilder {
@@ -16,6 +22,7 @@ impl QueryBuilder {
         Self {
             sql: sql.to_owned(),
             values: Vec::new(),
+            rows: 0,
         }
     }
 
@@ -52,13 +59,15 @@ impl QueryBuilder {
             self.push(if k == 0 { "(" } else { ", (" });
             push(self.separated(", "), row);
             self.push(")");
+            self.rows = k + 1;
         }
         self
     }
 
     /// The statement, whose rows are read column by column.
     pub(in crate::store) fn build(self) -> Query {
-        Query::made(self.sql, self.values)
+        let is_kept = self.rows <= ROWS_OF_A_KEPT_STATEMENT;
+        Query::made(self.sql, self.values).persistent(is_kept)
     }
 
     /// The statement, whose rows are read into a type.

@@ -47,7 +47,7 @@ impl Row {
     }
 
     /// The row as a whole.
-    pub(super) fn read<T: Record>(&self) -> Result<T, sqlx::Error> {
+    pub(in crate::store) fn read<T: Record>(&self) -> Result<T, sqlx::Error> {
         match self {
             Self::Sqlite(row) => T::from_row(row),
             Self::Postgres(row) => T::from_row(row),

@@ -10,6 +10,7 @@ use sqlx::sqlite::{
 };
 use sqlx::{Connection as _, SqliteConnection, SqlitePool};
 
+use super::migrations::migrations_after;
 use crate::store::StoreError;
 
 /// The migrations that make the schema of a SQLite database.
@@ -32,10 +33,14 @@ pub(in crate::store) async fn writer(
         .min_connections(1)
         .idle_timeout(None)
         .max_lifetime(None)
+        // A connection to a file does not break off.
+        .test_before_acquire(false)
         .after_release(|connection, _| {
             Box::pin(async move {
-                // The answer comes after a rollback that was begun by dropping a transaction.
-                connection.ping().await?;
+                if connection.is_in_transaction() {
+                    // The answer comes after a rollback that was begun by dropping a transaction.
+                    connection.ping().await?;
+                }
                 Ok(!connection.is_in_transaction())
             })
         })
@@ -65,8 +70,25 @@ pub(in crate::store) async fn migrate(pool: &SqlitePool) -> Result<(), StoreErro
     riverqueue::migrate::SqliteMigrator::new(pool.clone())
         .migrate_up()
         .await?;
-    SCHEMA.run(pool).await?;
+    migrations_after(schema(pool).await?, &SCHEMA)?
+        .run(pool)
+        .await?;
     Ok(())
+}
+
+/// The schema of a database; nothing of a new database.
+async fn schema(pool: &SqlitePool) -> Result<Option<i64>, sqlx::Error> {
+    let has_schema: bool = sqlx::query_scalar(
+        "select exists (select 1 from sqlite_master where name = '_sqlx_migrations')",
+    )
+    .fetch_one(pool)
+    .await?;
+    if !has_schema {
+        return Ok(None);
+    }
+    sqlx::query_scalar("select max(version) from _sqlx_migrations")
+        .fetch_one(pool)
+        .await
 }
 
 pub(in crate::store) fn options(path: &Path, busy_timeout: Duration) -> SqliteConnectOptions {

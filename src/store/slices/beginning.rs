@@ -2,16 +2,16 @@
 
 use std::time::Duration;
 
-use super::endings::{self, Ending};
+use super::endings::{self, Ending, Transition};
 use super::slice::{Begin, Lease, Reported, Slice};
 use crate::job::{Event, Failure, GenerationEvent, Status};
 use crate::store::columns;
 use crate::store::damage::Damage;
+use crate::store::database::{self, QueryBuilder};
+use crate::store::jobs::{self, JobRow};
 use crate::store::nodes::{SUSPECT_FROM, wait_after};
 use crate::store::writer::Tx;
-use crate::store::{
-    Change, Checkpoint, StopRequest, StoreError, checkpoints, database, generations, jobs,
-};
+use crate::store::{Change, Checkpoint, StopRequest, StoreError, checkpoints, generations};
 use greybox::identification::JobId;
 
 /// When a slice is to begin, and where damage is noted.
@@ -26,6 +26,7 @@ pub(super) struct Now {
     pub(super) damage: Damage,
 }
 
+/// The columns of a job that decide whether a slice begins, and where the slice goes on.
 #[derive(sqlx::FromRow)]
 struct Control {
     status: String,
@@ -43,6 +44,25 @@ struct Control {
     told_at_ms: i64,
 }
 
+const CONTROL_COLUMNS: &str = "epoch, deaths, at_work_in, queue_entry, is_shared, running_ms, \
+     told_generation, told_refinements, told_at_ms";
+
+/// A job as it stands before a slice of it begins; the row of the job may be damaged.
+struct Waiting {
+    control: Control,
+    job: Result<JobRow, StoreError>,
+}
+
+/// What the beginning of a slice changes of a job that runs.
+#[derive(sqlx::FromRow)]
+struct Raised {
+    #[sqlx(try_from = "i64")]
+    attempt: u32,
+    started_at: Option<String>,
+    last_event: i64,
+    revision: i64,
+}
+
 /// Begins a slice of a job, for an entry of the queue or, without one, for a job that was asked to stop.
 pub(super) async fn begin(
     tx: &mut Tx,
@@ -50,7 +70,7 @@ pub(super) async fn begin(
     entry: Option<i64>,
     now: Now,
 ) -> Result<Begin, StoreError> {
-    let Some(control) = control(tx, id).await? else {
+    let Some(Waiting { control, job }) = waiting(tx, id).await? else {
         return Ok(Begin::Nothing);
     };
     let stale = entry.is_some_and(|entry| entry != control.queue_entry);
@@ -66,40 +86,33 @@ pub(super) async fn begin(
         fail(tx, id, Failure::crashed_too_often(control.deaths)).await?;
         return Ok(Begin::Ended);
     }
-    if let Err(error) = jobs::fetch(&mut *tx, id).await {
-        if error.corrupt_row().is_none() {
-            return Err(error);
+    let job = match job {
+        Err(error) if error.corrupt_row().is_some() => {
+            now.damage.note(&error);
+            fail(tx, id, Failure::damaged_data(&error)).await?;
+            return Ok(Begin::Ended);
         }
-        now.damage.note(&error);
-        fail(tx, id, Failure::damaged_data(&error)).await?;
-        return Ok(Begin::Ended);
-    }
+        job => job?,
+    };
     if entry.is_some() && is_to_wait(tx, control.deaths, &now).await? {
         return Ok(Begin::NotYet);
     }
-    if status == Status::Queued {
-        let status = Status::Running;
-        endings::change_status(tx, id, status, &[Event::State { status }]).await?;
-    }
-    database::query(
-        "update jobs set epoch = epoch + 1, attempt = attempt + 1, revision = revision + 1, \
-         at_work_in = $1 where id = $2",
-    )
-    .bind(now.life)
-    .bind(id.to_string())
-    .execute(&mut **tx)
-    .await?;
-    tx.announce(Change::Job(id));
-    let checkpoint = sound_checkpoint(tx, id, &now.damage).await?;
     let reported = Reported {
         generation: control.told_generation,
         refinements: control.told_refinements,
         at_ms: control.told_at_ms,
     };
-    let unreported = newest_generation(tx, id, (reported.generation, &now.damage)).await?;
-    let Some(job) = jobs::fetch(&mut *tx, id).await? else {
-        return Ok(Begin::Nothing);
+    // A job that was never at work has left nothing.
+    let is_first = job.started_at.is_none();
+    let (checkpoint, unreported) = if is_first {
+        (None, None)
+    } else {
+        let checkpoint = sound_checkpoint(tx, id, &now.damage).await?;
+        let above = reported.generation;
+        let unreported = newest_generation(tx, id, above, &now.damage).await?;
+        (checkpoint, unreported)
     };
+    let job = put_to_work(tx, job, now.life).await?;
     Ok(Begin::Slice(Box::new(Slice {
         lease: Lease {
             job: id,
@@ -111,18 +124,54 @@ pub(super) async fn begin(
         reported,
         unreported,
         is_shared: control.is_shared != 0,
+        is_first,
     })))
 }
 
-async fn control(tx: &mut Tx, id: JobId) -> Result<Option<Control>, StoreError> {
-    let control = database::query_as(
-        "select status, epoch, deaths, at_work_in, queue_entry, is_shared, running_ms, told_generation, \
-         told_refinements, told_at_ms from jobs where id = $1",
+async fn waiting(tx: &mut Tx, id: JobId) -> Result<Option<Waiting>, StoreError> {
+    let mut query = QueryBuilder::new("select ");
+    query
+        .push(format_args!("{}, {CONTROL_COLUMNS}", jobs::COLUMNS))
+        .push(" from jobs where id = ")
+        .push_bind(id.to_string());
+    let row = query.build().fetch_optional(&mut **tx).await?;
+    row.map(|row| {
+        Ok(Waiting {
+            control: row.read()?,
+            job: jobs::read(&row),
+        })
+    })
+    .transpose()
+}
+
+/// Notes that a life of the server is at work on a job, which writes with older leases change nothing of
+/// any more.
+async fn put_to_work(tx: &mut Tx, job: JobRow, life: i64) -> Result<JobRow, StoreError> {
+    let (id, status) = (job.id, Status::Running);
+    if job.status != status {
+        let transition = Transition {
+            from: job.status,
+            to: status,
+        };
+        endings::change_status(tx, id, transition, &[Event::State { status }]).await?;
+    }
+    let raised: Raised = database::query_as(
+        "update jobs set epoch = epoch + 1, attempt = attempt + 1, revision = revision + 1, \
+         at_work_in = $1 where id = $2 returning attempt, started_at, last_event, revision",
     )
+    .bind(life)
     .bind(id.to_string())
-    .fetch_optional(&mut **tx)
+    .fetch_one(&mut **tx)
     .await?;
-    Ok(control)
+    tx.announce(Change::Job(id));
+    Ok(JobRow {
+        status,
+        attempt: raised.attempt,
+        started_at: columns::optional_time(&id.to_string(), raised.started_at.as_deref())?,
+        last_event: raised.last_event,
+        revision: raised.revision,
+        ..job
+    })
 }
 
 /// Where a job can go on. A damaged checkpoint is removed: without one the job begins again from its
@@ -146,7 +195,8 @@ async fn sound_checkpoint(
 async fn newest_generation(
     tx: &mut Tx,
     id: JobId,
-    (above, damage): (u32, &Damage),
+    above: u32,
+    damage: &Damage,
 ) -> Result<Option<GenerationEvent>, StoreError> {
     let row = database::query(
         "select job, generation, row, seal from generations where job = $1 and generation > $2 \
@@ -188,7 +238,17 @@ async fn is_to_wait(tx: &mut Tx, deaths: u32, now: &Now) -> Result<bool, StoreEr
 /// Ends a job that cannot go on, as was asked of it or as failed.
 async fn fail(tx: &mut Tx, id: JobId, failure: Failure) -> Result<(), StoreError> {
     tracing::warn!(job = %id, detail = failure.detail, "a job cannot go on");
-    let asked = endings::asked(tx, id).await?;
-    let status = asked.map_or(Status::Failed, StopRequest::leads_to);
-    endings::end(tx, id, status, Ending::Failed(failure)).await
+    let Some(standing) = endings::standing(tx, id).await? else {
+        return Ok(());
+    };
+    let to = standing
+        .request
+        .map_or(Status::Failed, StopRequest::leads_to);
+    let ending = Ending::Failed(failure);
+    let reported = ending.reports(to);
+    let transition = Transition {
+        from: standing.status,
+        to,
+    };
+    endings::end(tx, id, transition, ending, &reported).await
 }

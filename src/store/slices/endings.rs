@@ -40,6 +40,34 @@ impl Ending {
             (None, Ending::Stopped(_)) => None,
         }
     }
+
+    /// The last events of a job that comes to a state with this ending.
+    pub(super) fn reports(&self, status: Status) -> Vec<Event> {
+        let outcome = match self {
+            Ending::Succeeded(outcome) | Ending::Stopped(Some(outcome)) => Some(outcome),
+            Ending::Failed(_) | Ending::Stopped(None) => None,
+        };
+        let result = outcome.filter(|_| status.is_terminal());
+        let mut reports: Vec<Event> = result.map(Event::of_result).into_iter().collect();
+        reports.push(Event::State { status });
+        if status.is_terminal() {
+            reports.push(Event::End { status });
+        }
+        reports
+    }
+}
+
+/// The state that a job leaves, and the one that the job enters.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::store) struct Transition {
+    pub(in crate::store) from: Status,
+    pub(in crate::store) to: Status,
+}
+
+/// A job as it stands in the transaction that ends a slice of it.
+pub(super) struct Standing {
+    pub(super) status: Status,
+    pub(super) request: Option<StopRequest>,
 }
 
 /// What is written of a slice that ends its job.
@@ -50,41 +78,57 @@ pub(super) struct LastSlice {
 
 pub(super) async fn finish(tx: &mut Tx, lease: Lease, last: LastSlice) -> Result<Hold, StoreError> {
     let LastSlice { mut record, ending } = last;
-    let status = ending.leads_to(asked(tx, lease.job).await?);
-    if status.is_some_and(Status::is_terminal) {
+    let Some(Standing { status, request }) = standing(tx, lease.job).await? else {
+        return Ok(Hold::Lost);
+    };
+    let to = ending.leads_to(request);
+    if let Some(to) = to {
+        record.events.extend(ending.reports(to));
+    }
+    if to.is_some_and(Status::is_terminal) {
         record.checkpoint = None;
     }
     let hold = write_record(tx, lease, record).await?;
-    match (hold, status) {
+    match (hold, to) {
         (Hold::Lost, _) => {}
-        (Hold::Kept, Some(status)) => end(tx, lease.job, status, ending).await?,
+        (Hold::Kept, Some(to)) => {
+            let transition = Transition { from: status, to };
+            end(tx, lease.job, transition, ending, &[]).await?;
+        }
         (Hold::Kept, None) => queue_again(tx, lease.job).await?,
     }
     Ok(hold)
 }
 
-/// What a job is asked to do, as it stands in this transaction.
-pub(in crate::store) async fn asked(
-    tx: &mut Tx,
-    id: JobId,
-) -> Result<Option<StopRequest>, StoreError> {
+/// The state of a job and what it is asked to do; nothing where the job is gone.
+pub(super) async fn standing(tx: &mut Tx, id: JobId) -> Result<Option<Standing>, StoreError> {
     let id = id.to_string();
-    let word: Option<Option<String>> =
-        database::query_scalar("select request from jobs where id = $1")
+    let words: Option<(String, Option<String>)> =
+        database::query_as("select status, request from jobs where id = $1")
             .bind(&id)
             .fetch_optional(&mut **tx)
             .await?;
-    let word = word.flatten();
-    word.map(|word| StopRequest::read(&word, &id)).transpose()
+    let read = |(status, request): (String, Option<String>)| {
+        Ok(Standing {
+            status: columns::parse_status(&id, &status)?,
+            request: request
+                .map(|word| StopRequest::read(&word, &id))
+                .transpose()?,
+        })
+    };
+    words.map(read).transpose()
 }
 
-/// Brings a job into the state that it ends or is held in, with its result or its failure.
-pub(in crate::store) async fn end(
+/// Brings a job into the state that it ends or is held in, with its result or its failure, and with events
+/// that no record has.
+pub(super) async fn end(
     tx: &mut Tx,
     id: JobId,
-    status: Status,
+    transition: Transition,
     ending: Ending,
+    reported: &[Event],
 ) -> Result<(), StoreError> {
+    let status = transition.to;
     let (outcome, failure) = match ending {
         Ending::Succeeded(outcome) => (Some(outcome), None),
         Ending::Stopped(outcome) => (outcome, None),
@@ -97,44 +141,45 @@ pub(in crate::store) async fn end(
             .execute(&mut **tx)
             .await?;
     }
-    let mut reported = Vec::new();
-    if let Some(outcome) = &outcome {
-        results::put(tx, id, outcome.clone(), status).await?;
-        if status.is_terminal() {
-            reported.push(Event::of_result(outcome));
-        }
+    if let Some(outcome) = outcome {
+        results::put(tx, id, outcome, status).await?;
     } else if status == Status::Cancelled {
         results::mark_cancelled(tx, id).await?;
     }
-    reported.push(Event::State { status });
-    if status.is_terminal() {
-        reported.push(Event::End { status });
-    }
-    change_status(tx, id, status, &reported).await
+    change_status(tx, id, transition, reported).await
+}
+
+/// What the change of a job's state comes upon.
+#[derive(sqlx::FromRow)]
+struct Changed {
+    last_event: i64,
+    has_checkpoint: bool,
+    has_parts: bool,
+    /// Whether anybody is told of the ends of the project's jobs.
+    has_webhooks: bool,
 }
 
 /// Brings a job into a state and tells of it. The only place where a job changes its state.
 pub(in crate::store) async fn change_status(
     tx: &mut Tx,
     id: JobId,
-    to: Status,
+    transition: Transition,
     reported: &[Event],
 ) -> Result<(), StoreError> {
     let key = id.to_string();
-    let from: String = database::query_scalar("select status from jobs where id = $1")
-        .bind(&key)
-        .fetch_one(&mut **tx)
-        .await?;
-    let from: Status = from.parse().map_err(|why| corrupt("status", &key, why))?;
-    let to = from
-        .advance_to(to)
+    let to = transition
+        .from
+        .advance_to(transition.to)
         .map_err(|why| corrupt("status", &key, why))?;
     let now = Timestamp::now().to_string();
     let n_events = i64::try_from(reported.len()).expect("a change tells of little");
-    let last_event: i64 = database::query_scalar(
+    let changed: Changed = database::query_as(
         "update jobs set status = $1, request = null, revision = revision + 1, at_work_in = null, is_shared = 0, \
          last_event = last_event + $2, started_at = coalesce(started_at, $3), finished_at = $4 \
-         where id = $5 returning last_event",
+         where id = $5 returning last_event, \
+         exists (select 1 from checkpoints where job = jobs.id) as has_checkpoint, \
+         exists (select 1 from shared_parts where job = jobs.id) as has_parts, \
+         exists (select 1 from webhooks where project = jobs.project) as has_webhooks",
     )
     .bind(to.as_str())
     .bind(n_events)
@@ -143,12 +188,18 @@ pub(in crate::store) async fn change_status(
     .bind(&key)
     .fetch_one(&mut **tx)
     .await?;
-    events::insert(tx, id, last_event - n_events + 1, reported).await?;
+    events::insert(tx, id, changed.last_event - n_events + 1, reported).await?;
     if to.is_terminal() {
-        checkpoints::forget(tx, id).await?;
-        work_shares::forget(tx, id).await?;
+        if changed.has_checkpoint {
+            checkpoints::forget(tx, id).await?;
+        }
+        if changed.has_parts {
+            work_shares::forget(tx, id).await?;
+        }
         metrics::counter!("greybox_jobs_ended_total", "status" => to.as_str()).increment(1);
-        deliveries::tell_of_end(tx, id).await?;
+        if changed.has_webhooks {
+            deliveries::tell_of_end(tx, id).await?;
+        }
     }
     tx.announce(Change::Job(id));
     Ok(())

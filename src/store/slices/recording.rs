@@ -12,7 +12,8 @@ use greybox::identification::JobId;
 
 pub(super) async fn hand_on(
     tx: &mut Tx,
-    (lease, record): (Lease, Record),
+    lease: Lease,
+    record: Record,
     must: bool,
 ) -> Result<HandedOn, StoreError> {
     if write_record(tx, lease, record).await? == Hold::Lost {

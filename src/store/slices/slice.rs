@@ -79,6 +79,8 @@ pub struct Slice {
     pub unreported: Option<GenerationEvent>,
     /// Whether other nodes may help with what is left.
     pub is_shared: bool,
+    /// Whether the job was never at work before: nothing is stored of it yet.
+    pub is_first: bool,
 }
 
 /// How far the events of a job's search go.

@@ -49,8 +49,7 @@ pub(super) async fn remember(
 ) -> Result<(), StoreError> {
     let id = format!("{BATCH}{}", Uuid::now_v7().simple());
     let signals = json(&appended.stream.signals);
-    let digest = Sha256::digest(&signals);
-    let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+    let digest = hex::encode(Sha256::digest(&signals));
     let list = format!("{} {digest}", idempotency.project);
     database::query(
         "insert into signal_lists (id, project, signals) values ($1, $2, $3) \

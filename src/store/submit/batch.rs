@@ -247,9 +247,7 @@ async fn enter(tx: &mut Tx, jobs: Vec<NewJob>) -> Result<Vec<Fresh>, StoreError>
 
 async fn insert(tx: &mut Tx, jobs: &[Fresh]) -> Result<(), StoreError> {
     for statement in statements(jobs).into_iter().flatten() {
-        // Each number of rows is another statement; they are not worth keeping.
-        let statement = statement.build().persistent(false);
-        statement.execute(&mut **tx).await?;
+        statement.build().execute(&mut **tx).await?;
     }
     Ok(())
 }

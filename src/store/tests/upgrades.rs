@@ -1,4 +1,4 @@
-//! Servers of different schemas on one PostgreSQL.
+//! Databases of older and newer schemas, and servers of different schemas on one PostgreSQL.
 
 use sqlx::migrate::{Migration, MigrationType, Migrator};
 use sqlx::postgres::PgConnectOptions;
@@ -30,6 +30,45 @@ async fn migrate(options: &PgConnectOptions, migrations: Vec<Migration>) {
 
 fn own() -> Vec<Migration> {
     postgres::SCHEMA.iter().cloned().collect()
+}
+
+#[tokio::test]
+async fn a_file_whose_schema_is_too_old_or_too_new_is_refused_and_left_as_it_is() {
+    let fixture = Fixture::new().await;
+    let file = fixture.file().to_owned();
+    let Fixture {
+        store,
+        settings,
+        _folder,
+        ..
+    } = fixture;
+    store.close().await;
+    drop(store);
+    let newest = schema_version();
+    for (from, to) in [(newest, newest + 1), (newest + 1, newest), (44, 43)] {
+        let options = database::sqlite::options(&file, settings.busy_timeout);
+        let pool = sqlx::SqlitePool::connect_with(options)
+            .await
+            .expect("a pool");
+        sqlx::query("update _sqlx_migrations set version = $1 where version = $2")
+            .bind(to)
+            .bind(from)
+            .execute(&pool)
+            .await
+            .expect("an update");
+        sqlx::query("delete from _sqlx_migrations where $1 < 44 and version > $1")
+            .bind(to)
+            .execute(&pool)
+            .await
+            .expect("a removal");
+        pool.close().await;
+        if to == newest {
+            open(&settings, &Arc::default()).await.close().await;
+            continue;
+        }
+        let refused = refused(&settings).await.to_string();
+        assert!(refused.contains(&to.to_string()), "{refused}");
+    }
 }
 
 async fn refused(settings: &DatabaseSettings) -> StoreError {
@@ -86,13 +125,13 @@ async fn a_schema_that_servers_at_work_are_too_old_for_waits_until_they_have_sto
         return;
     };
     let mut older = own();
-    older.retain(|own| own.version < 44);
+    older.retain(|own| own.version < 45);
     migrate(&options, older).await;
     let shared = SharedPostgres::of(options.clone());
     let at_work = shared.connect().await.expect("a server of that time");
     let refused = refused(&settings).await;
     assert!(
-        matches!(refused, StoreError::InTheWay { schema: 43, .. }),
+        matches!(refused, StoreError::InTheWay { schema: 44, .. }),
         "{refused}"
     );
     drop(at_work);

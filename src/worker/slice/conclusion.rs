@@ -9,7 +9,7 @@ use super::current::{After, Computed, Current, End, SliceWorker};
 use crate::admission::Permit;
 use crate::job::Failure;
 use crate::store::{Checkpoint, Ending, HandedOn, Hold, Record, StopRequest, StoreError};
-use crate::worker::between_slices::Left;
+use crate::worker::kept_runs::KeptRun;
 use crate::worker::recorder::Recorder;
 use crate::worker::run::{Run, StopReason};
 use jiff::Timestamp;
@@ -33,27 +33,27 @@ pub(in crate::worker) struct Conclusion<'a> {
 impl Conclusion<'_> {
     /// Hands the job on, or ends it.
     pub(in crate::worker) async fn draw(self, computed: Computed) -> Result<After, StoreError> {
+        let run = match computed {
+            Ok((run, End::Finished)) => return self.end_with(run, None).await,
+            Ok((run, End::TimeIsUp | End::Stopped)) => run,
+            Err(failure) => return self.finish(None, Ending::Failed(failure)).await,
+        };
         let id = self.current.lease.job;
         let request = match self.worker.store.jobs().find(id).await? {
             Some(job) => job.stop_request,
             None => return Ok(After::Done),
         };
-        let (run, end) = match computed {
-            Ok(computed) => computed,
-            Err(failure) => return self.finish(None, Ending::Failed(failure)).await,
-        };
-        match (end, request) {
-            (End::Finished, _) => self.end_with(run, None).await,
-            (_, Some(StopRequest::Cancel)) => self.end_with(run, Some(StopReason::Cancelled)).await,
-            (_, Some(StopRequest::Pause)) => self.end_with(run, Some(StopReason::Paused)).await,
-            (_, None) if self.current.is_out_of_time() => {
+        match request {
+            Some(StopRequest::Cancel) => self.end_with(run, Some(StopReason::Cancelled)).await,
+            Some(StopRequest::Pause) => self.end_with(run, Some(StopReason::Paused)).await,
+            None if self.current.is_out_of_time() => {
                 self.end_with(run, Some(StopReason::TimeLimit)).await
             }
-            (_, None) => self.hand_on(run).await,
+            None => self.hand_on(run).await,
         }
     }
 
-    /// Lets another slice go on, here where nobody waits.
+    /// Has another slice go on with the job, on this node where nobody waits.
     async fn hand_on(mut self, run: Box<dyn Run>) -> Result<After, StoreError> {
         let mut record = self.last_record();
         record.checkpoint = Some(self.checkpoint(&*run));
@@ -72,13 +72,12 @@ impl Conclusion<'_> {
         if handed_on == HandedOn::Lost {
             return Ok(After::Done);
         }
-        let candidates = self.recorder.into_candidates();
-        let left = Left {
+        let kept = KeptRun {
             run,
-            candidates,
-            heard: self.current.exchange.heard(),
+            candidates: self.recorder.into_candidates(),
+            last_part: self.current.exchange.last_part(),
         };
-        self.worker.between_slices.put(lease, left);
+        self.worker.kept_runs.put(lease, kept);
         match handed_on {
             HandedOn::Stays => Ok(After::Again),
             HandedOn::ToTheQueue | HandedOn::Lost => Ok(After::Done),
@@ -109,8 +108,8 @@ impl Conclusion<'_> {
         self.finish(Some(checkpoint), ending).await
     }
 
-    /// The result. What takes long about one that nobody waits for is left out: the job was asked to
-    /// stop, or the server goes down.
+    /// The result. Analyses that take long are left out where the job was asked to stop or the server goes
+    /// down.
     async fn outcome(
         &self,
         mut run: Box<dyn Run>,

@@ -8,8 +8,8 @@ use crate::admission::Admission;
 use crate::job::Failure;
 use crate::store::{Lease, Store};
 use crate::worker::active::ActiveJobs;
-use crate::worker::between_slices::BetweenSlices;
 use crate::worker::exchange::Exchange;
+use crate::worker::kept_runs::KeptRuns;
 use crate::worker::run::{Method, Run};
 
 /// For how long a job may go on with one entry of the queue, which takes one that is worked for long for
@@ -35,7 +35,7 @@ pub(in crate::worker) struct SliceWorker {
     pub(in crate::worker) store: Store,
     pub(in crate::worker) method: Arc<dyn Method>,
     pub(in crate::worker) active: ActiveJobs,
-    pub(in crate::worker) between_slices: BetweenSlices,
+    pub(in crate::worker) kept_runs: KeptRuns,
     /// Computations at the same time. More entries may have been taken from the queue: the next
     /// ones wait here, so that no permit is idle while the queue is asked or an end is written.
     pub(in crate::worker) admission: Admission,
@@ -55,12 +55,14 @@ pub(in crate::worker) enum End {
 pub(in crate::worker) struct Current {
     pub(in crate::worker) lease: Lease,
     pub(in crate::worker) started: Instant,
-    /// When the entry was taken that it is worked for.
+    /// When the entry of the queue was taken that the slice is worked for.
     pub(in crate::worker) entry_taken: Instant,
+    /// Whether candidates of the job may be stored that the run does not know of.
+    pub(super) forgot_candidates: bool,
     /// The time that the job may still work, where it has a limit.
     pub(super) time_left: Option<Duration>,
     pub(super) stop: Arc<AtomicBool>,
-    /// What it and other nodes that help have for each other.
+    /// What the run and other nodes that help have for each other.
     pub(super) exchange: Arc<Exchange>,
 }
 

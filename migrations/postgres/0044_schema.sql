@@ -1,5 +1,4 @@
--- What a PostgreSQL database holds: the same tables as in SQLite, whose newest migration has the
--- same number. Texts are ordered by their bytes, as there. Samples are stored as they come, because
+-- What a PostgreSQL database holds: the same tables as in SQLite, whose migration has the same number. Texts are ordered by their bytes, as there. Samples are stored as they come, because
 -- they do not get smaller.
 
 create table jobs (
@@ -35,6 +34,8 @@ create table jobs (
     project text collate "C" not null default 'default',
     method text collate "C"
     generated always as (spec::json #>> '{method,name}') stored,
+    -- Whether other nodes may do some of what is left to do.
+    is_shared bigint not null default 0 check (is_shared in (0, 1)),
     check ((finished_at is not null) = (status in ('succeeded', 'failed', 'cancelled')))
 );
 
@@ -125,15 +126,34 @@ create table candidates (
     primary key (job, generation)
 );
 
-create table server_life (
-    id               bigint not null primary key check (id = 1),
-    number           bigint not null,
-    ended_in_order boolean not null
+-- The servers that work with the database, one row for each life of one: each start is a new one.
+create table nodes (
+    life     bigint not null primary key,
+    -- For people: the machine and the process.
+    name     text   not null,
+    -- Raised again and again for as long as it lives, and how often [ms].
+    beat     bigint not null default 0,
+    beat_ms  bigint not null,
+    -- `dead` is one that did not end in order.
+    state    text collate "C" not null check (state in ('live', 'ended', 'dead')),
+    begun_at text   not null
+) with (fillfactor = 50);
+
+-- What several nodes do of a job together, while the job is at work.
+create table shared_parts (
+    number bigint generated always as identity primary key,
+    job    text collate "C" not null references jobs (id) on delete cascade,
+    -- What is done, and what came of it, in JSON.
+    name   text collate "C" not null,
+    part   text not null,
+    unique (job, name)
 );
 
 create index jobs_at_work on jobs (at_work_in) where at_work_in is not null;
 
 create index jobs_with_deaths on jobs (deaths) where deaths > 0;
+
+create index jobs_shared on jobs (id) where is_shared = 1;
 
 create table comparisons (
     id         text collate "C" not null primary key,
@@ -371,3 +391,12 @@ $$;
 
 create trigger audit_is_only_added_to before update or delete on audit
 for each row execute function audit_is_only_added_to();
+
+-- The oldest schema whose servers can work with the database as it is. A server that is older opens a database
+-- of a newer schema from this one on.
+create table schema_support (
+    id     bigint not null primary key check (id = 1),
+    oldest bigint not null
+);
+
+insert into schema_support (id, oldest) values (1, 44);
