@@ -215,14 +215,8 @@ fn run(
 ) -> Outcome {
     let mut run = Estimation::start(problem, settings, seed);
     let report = run.run(problem, &NEVER, &mut ()).expect("an estimate");
-    let analysis = uncertainty::analyse(
-        problem,
-        &report,
-        &uncertainty::Request::default(),
-        &uncertainty::Refits::unlimited(),
-        &NEVER,
-    )
-    .expect("nobody stops it");
+    let analysis = uncertainty::analyse(problem, &report, &uncertainty::Request::default(), &NEVER)
+        .expect("nobody stops it");
     let of_coordinates = (0..truth.len())
         .map(|index| {
             let error = (report.positions[index] - truth[index]) / theory.bounds[index];

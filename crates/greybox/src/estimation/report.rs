@@ -4,6 +4,7 @@ use super::floor::Floor;
 use super::observer::Counters;
 use super::problem::Problem;
 use super::refine::DescentEnd;
+use super::stage::Stage;
 use super::{Estimation, StopReason};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -72,9 +73,13 @@ impl Report {
         positions: Vec<f64>,
         stopped: Option<StopReason>,
     ) -> Report {
-        let total = run.earlier.and(&run.search.state);
+        let total = run.state.totals.and(&run.search.state);
+        let twins = match &run.state.stage {
+            Stage::Analyse { twins } => &twins[..],
+            Stage::Search | Stage::Refine(_) => &[],
+        };
         let reason = stopped
-            .or(run.stop_reason)
+            .or(run.state.stop_reason)
             .unwrap_or(StopReason::GenerationLimit);
         Report {
             stop_reason: reason,
@@ -86,6 +91,7 @@ impl Report {
             best_credit: total.best_credit.map(|(credit, _)| credit),
             best_generation: total.best_generation,
             searches: run
+                .state
                 .searches
                 .iter()
                 .map(|search| SearchEnd {
@@ -99,6 +105,7 @@ impl Report {
                 })
                 .collect(),
             refinements: run
+                .state
                 .descents
                 .iter()
                 .map(|descent| Refinement {
@@ -110,9 +117,8 @@ impl Report {
                     end: descent.end,
                 })
                 .collect(),
-            floor: Floor::of(&run.landmarks, &run.descents),
-            twins: run
-                .twins
+            floor: Floor::of(&run.landmarks, &run.state.descents),
+            twins: twins
                 .iter()
                 .map(|positions| problem.named_values(positions))
                 .collect(),
