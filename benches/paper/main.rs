@@ -6,12 +6,10 @@
 //! stagnation). It writes `benches/figures/best_credit.svg` and `squared_error.svg`, the rows
 //! behind them as CSV, and prints what the paper states in words.
 
-mod chart;
-
-use chart::{Chart, Line, Scale};
 use greybox::Identification;
 use greybox::demo::{self, Demo, sensors};
 use greybox::estimation::{Estimation, GenerationRow, Observer, Problem, Settings};
+use greybox::report::chart::{Chart, Series};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -22,9 +20,11 @@ const FIGURES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../benches/figure
 /// The seed of the recording and of the search.
 const SEED: u64 = 1;
 
-/// Where the curves are told apart.
+/// The names of the two curves.
 const WITH: &str = "with elitism";
 const WITHOUT: &str = "without elitism";
+/// An orange and a blue that the colour-blind can tell apart (M. Okabe, K. Ito, 2008).
+const COLOURS: [&str; 2] = ["#e69f00", "#0072b2"];
 
 fn main() -> std::io::Result<()> {
     let problem = problem();
@@ -37,10 +37,13 @@ fn main() -> std::io::Result<()> {
     });
     std::fs::create_dir_all(FIGURES)?;
     let folder = Path::new(FIGURES);
-    std::fs::write(folder.join("best_credit.svg"), best_credit(&searches).svg())?;
+    std::fs::write(
+        folder.join("best_credit.svg"),
+        best_credit(&searches).file(),
+    )?;
     std::fs::write(
         folder.join("squared_error.svg"),
-        squared_error(&searches).svg(),
+        squared_error(&searches).file(),
     )?;
     std::fs::write(folder.join("paper.csv"), table(&searches))?;
     println!("figures in benches/figures");
@@ -119,37 +122,39 @@ fn in_words(rows: &[GenerationRow]) -> String {
 
 type Searches = [(&'static str, Vec<GenerationRow>); 2];
 
-fn best_credit(searches: &Searches) -> Chart {
-    Chart {
-        title: "Best credit in each generation (the paper's Figure 4)".to_owned(),
-        x_label: "generation".to_owned(),
-        y_label: "best credit".to_owned(),
-        y_scale: Scale::Linear,
-        lines: lines(searches, |row| row.best_credit),
-    }
+/// The paper's Figure 4.
+fn best_credit(searches: &Searches) -> Chart<'static> {
+    chart("best credit", searches, |row| row.best_credit)
 }
 
-fn squared_error(searches: &Searches) -> Chart {
-    Chart {
-        title: "Squared error of each generation's best candidate (the paper's Figure 7)"
-            .to_owned(),
-        x_label: "generation".to_owned(),
-        y_label: "squared error [mm²]".to_owned(),
-        y_scale: Scale::Log,
-        lines: lines(searches, square_millimetres),
-    }
+/// The paper's Figure 7, of each generation's best candidate.
+fn squared_error(searches: &Searches) -> Chart<'static> {
+    let label = "log10 of the squared error [mm²]";
+    chart(label, searches, |row| square_millimetres(row).log10())
 }
 
-fn lines(searches: &Searches, value: impl Fn(&GenerationRow) -> f64) -> Vec<Line> {
-    let line = |(name, rows): &(&str, Vec<GenerationRow>)| Line {
-        name: (*name).to_owned(),
+fn chart(
+    y_label: &'static str,
+    searches: &Searches,
+    value: impl Fn(&GenerationRow) -> f64,
+) -> Chart<'static> {
+    let series = |((name, rows), colour): (&(&'static str, Vec<GenerationRow>), _)| Series {
+        name,
+        colour,
         points: rows
             .iter()
             .map(|row| (f64::from(row.generation), value(row)))
             .collect(),
     };
     // The line without elitism moves more and is drawn first.
-    searches.iter().rev().map(line).collect()
+    Chart {
+        x_label: "generation",
+        y_label,
+        series: searches.iter().rev().zip(COLOURS).map(series).collect(),
+        levels: Vec::new(),
+        marks: Vec::new(),
+        bars: false,
+    }
 }
 
 fn table(searches: &Searches) -> String {

@@ -48,4 +48,5 @@ mod sessions;
 
 mod slow;
 
+mod verdicts;
 mod webhooks;

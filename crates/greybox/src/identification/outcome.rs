@@ -30,7 +30,7 @@ use super::budget::BudgetLine;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[non_exhaustive]
 pub struct Outcome {
-    /// The job that it belongs to.
+    /// The job that the result belongs to.
     #[schema(example = "job_0198c0de-0000-7000-8000-000000000001")]
     pub job: String,
     /// The model whose parameters were estimated.
@@ -85,7 +85,8 @@ impl Outcome {
     /// The estimate of a parameter that experiments share, or that only one of them has.
     #[must_use]
     pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
-        self.parameters.iter().find(|known| known.name == name)
+        let mut parameters = self.parameters.iter();
+        parameters.find(|parameter| parameter.name == name)
     }
 }
 
@@ -96,7 +97,7 @@ pub struct ParameterEstimate {
     /// The name in the job, e.g. `mass`.
     #[schema(example = "mass")]
     pub name: String,
-    /// The experiment whose value it is, counted from 0 in the order of the job; absent where
+    /// The experiment whose own parameter it is, counted from 0 in the order of the job; absent where
     /// experiments share it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
@@ -113,8 +114,8 @@ pub struct ParameterEstimate {
 }
 
 impl ParameterEstimate {
-    /// A name that no other parameter of the result has: `mass`, or `load[1]` for the second
-    /// experiment's own.
+    /// A name that no other parameter of the result has: `mass`, or `load[1]` for the parameter of
+    /// the second experiment alone.
     #[must_use]
     pub fn key(&self) -> String {
         match self.experiment {
@@ -123,7 +124,7 @@ impl ParameterEstimate {
         }
     }
 
-    /// What it is called in tables, e.g. `mass (M)`.
+    /// The name of the parameter in tables, e.g. `mass (M)`.
     #[must_use]
     pub fn label(&self) -> String {
         let label = format!("{} ({})", self.name, self.symbol);
@@ -148,7 +149,7 @@ pub struct ValidationStart {
     pub unit: String,
     /// The fitted start, SI.
     pub value: f64,
-    /// How long a stretch it was fitted to `[s]`, which counts in no score.
+    /// The length of the stretch that the start was fitted to `[s]`; the stretch counts in no score.
     pub fitted_s: f64,
 }
 

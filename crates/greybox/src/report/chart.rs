@@ -1,4 +1,4 @@
-//! Line charts as SVG.
+//! Line charts as SVG, in a page or as a file.
 
 use super::html::escape;
 use super::push;
@@ -10,6 +10,9 @@ const LEFT: f64 = 78.0;
 const RIGHT: f64 = 12.0;
 const TOP: f64 = 18.0;
 const BOTTOM: f64 = 34.0;
+
+/// How the parts of a chart are drawn.
+pub const STYLE: &str = include_str!("chart.css");
 
 /// One line of a chart.
 #[derive(Debug)]
@@ -68,7 +71,16 @@ impl Axis {
 }
 
 impl Chart<'_> {
-    /// The chart; nothing where there is nothing to draw.
+    /// The chart as a file of its own; nothing where there is nothing to draw.
+    #[must_use]
+    pub fn file(&self) -> String {
+        let mut drawn = String::new();
+        self.draw(&mut drawn);
+        let drawn = drawn.replacen("<svg ", "<svg xmlns=\"http://www.w3.org/2000/svg\" ", 1);
+        drawn.replacen(">\n", &format!(">\n<style>\n{STYLE}</style>\n"), 1)
+    }
+
+    /// Draws the chart on a page; nothing where there is nothing to draw.
     pub fn draw(&self, page: &mut String) {
         let Some((x, y)) = self.axes() else {
             return;

@@ -5,7 +5,7 @@
 //! and from what. It prints on A4 and Letter without a cut; [`markdown`] says the same without plots,
 //! and [`document`] as a document for programs.
 
-mod chart;
+pub mod chart;
 mod html;
 pub mod markdown;
 mod plots;
@@ -112,12 +112,12 @@ pub fn document(report: &Report<'_>) -> ReportDocument {
 pub fn render(report: &Report<'_>) -> String {
     let mut page = String::from("<!doctype html>\n<html lang=\"en\">\n<head>\n");
     let title = escape(report.title);
-    let style = include_str!("style.css");
+    let (style, charts) = (include_str!("style.css"), chart::STYLE);
     push(
         &mut page,
         format_args!(
             "<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
-             <title>{title} – identification report</title>\n<style>\n{style}\
+             <title>{title} – identification report</title>\n<style>\n{style}{charts}\
              @page {{ @bottom-left {{ content: \"{}\"; }} }}\n</style>\n</head>\n\
              <body>\n<header>\n<h1>{title}</h1>\n<p>Identification report · {}</p>\n",
             in_style(report.title),

@@ -209,7 +209,7 @@ fn every_patch_for_every_rule_makes_a_specification_that_can_be_read() {
         "Free gain",
         "Free velocity at the start of experiment 1",
         "Give the noise of position",
-        "Keep the other minimum of mass",
+        "Keep the other minimum of damping in experiment 2",
         "Know the clock better",
         "Know the sensor's lag of position better",
         "Leave out mass < 3.5",

@@ -14,7 +14,7 @@ pub struct ConfidenceInterval {
     pub lower: Option<f64>,
     /// The upper end.
     pub upper: Option<f64>,
-    /// How it was made: `fisher` (curvature at the estimate), `fisher_coloured` (that, widened for
+    /// How the interval was made: `fisher` (curvature at the estimate), `fisher_coloured` (that, widened for
     /// residuals with a memory), `profile` (likelihood profile) or `bootstrap`.
     #[schema(example = "fisher")]
     pub method: String,

@@ -26,13 +26,13 @@ pub struct SearchReport {
 /// One start of the refinement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct StartReport {
-    /// The cost where it started.
+    /// The cost at which the start began.
     pub initial_cost: Option<f64>,
-    /// The cost where its coarse descent ended: what the starts are compared by.
+    /// The cost at which the coarse descent of the start ended: starts are compared by it.
     pub cost: Option<f64>,
-    /// Where it ended, SI.
+    /// The values at which the start ended, SI.
     pub parameters: BTreeMap<String, f64>,
-    /// Why: `converged`, `merged` (its step led within a standard error of a minimum that another
+    /// Why the start ended: `converged`, `merged` (its step led within a standard error of a minimum that another
     /// start had found), `iteration_limit` or `failed`; `null` where the run was stopped before.
     #[serde(default)]
     pub end: Option<String>,

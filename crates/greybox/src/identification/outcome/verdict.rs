@@ -10,7 +10,7 @@ use utoipa::ToSchema;
 pub struct Verdict {
     /// The grade.
     pub trust: Trust,
-    /// What it comes to, in one sentence: who can be trusted how far.
+    /// The verdict in one sentence: which parameters can be trusted how far.
     #[serde(default)]
     pub summary: String,
     /// What speaks against the result, the gravest first; empty when nothing does.
@@ -26,12 +26,12 @@ pub struct Reason {
     pub code: Rule,
     /// What the doubt is and what to do next, for people, with the numbers in it.
     pub detail: String,
-    /// The parameters and initial states that it concerns; absent where it concerns all.
+    /// The parameters and initial states that the doubt concerns; absent where it concerns all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub concerns: Option<Vec<String>>,
-    /// What may be done about it, the most promising first: changes to the specification of the
-    /// job; empty where none would help, and in results of earlier versions.
+    /// What may be done about the doubt, the most promising first: changes to the specification of
+    /// the job; empty where none would help, and in results of earlier versions.
     #[serde(default)]
     pub next: Vec<NextStep>,
 }

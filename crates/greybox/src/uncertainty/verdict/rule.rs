@@ -240,7 +240,7 @@ rules! {
         title: "What was taken as known leaves most open",
         grades: "A remark; low where the total interval is wider than the search range.",
         when: "What was taken as known adds more to the error of a parameter than the noise does, and the total \
-               standard error is beyond 10 % of the value.",
+               standard error is beyond 10 % of the value, or the total interval is wider than the search range.",
         meaning: "More data would not help. The reason names the value whose better knowledge helps most, and by how \
                   much.",
         advice: "Measure that value.",
