@@ -185,8 +185,8 @@ async fn look_at_models(
             .await?;
     for (reference, digest, document) in models {
         let bytes = Sha256::digest(&document);
-        let computed: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-        if digest != format!("sha256:{computed}") {
+        let found: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+        if digest != format!("sha256:{found}") {
             findings.push(format!("the document of {reference} is not the one stored"));
         }
     }

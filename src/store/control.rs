@@ -80,7 +80,7 @@ enum Wish {
 
 /// What a wish comes to, given the job's state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum ControlStep {
+enum Step {
     Nothing,
     Ask(StopRequest),
     Withdraw,
@@ -90,45 +90,45 @@ enum ControlStep {
 impl Wish {
     /// The step that the wish takes, or the state that allows none. A job that was asked to cancel is
     /// treated as cancelled: whoever asked was told that it ends so.
-    fn of(self, row: &JobRow) -> Result<ControlStep, Status> {
+    fn of(self, row: &JobRow) -> Result<Step, Status> {
         match (self, row.status, row.stop_request) {
             (Wish::Cancel, Status::Queued | Status::Paused, _) => {
-                Ok(ControlStep::Become(Status::Cancelled))
+                Ok(Step::Become(Status::Cancelled))
             }
             (Wish::Cancel, Status::Running, None | Some(StopRequest::Pause)) => {
-                Ok(ControlStep::Ask(StopRequest::Cancel))
+                Ok(Step::Ask(StopRequest::Cancel))
             }
             (Wish::Pause | Wish::Resume, Status::Running, Some(StopRequest::Cancel)) => {
                 Err(Status::Cancelled)
             }
-            (Wish::Pause, Status::Queued, _) => Ok(ControlStep::Become(Status::Paused)),
-            (Wish::Pause, Status::Running, None) => Ok(ControlStep::Ask(StopRequest::Pause)),
-            (Wish::Resume, Status::Paused, _) => Ok(ControlStep::Become(Status::Queued)),
-            (Wish::Resume, Status::Running, Some(StopRequest::Pause)) => Ok(ControlStep::Withdraw),
+            (Wish::Pause, Status::Queued, _) => Ok(Step::Become(Status::Paused)),
+            (Wish::Pause, Status::Running, None) => Ok(Step::Ask(StopRequest::Pause)),
+            (Wish::Resume, Status::Paused, _) => Ok(Step::Become(Status::Queued)),
+            (Wish::Resume, Status::Running, Some(StopRequest::Pause)) => Ok(Step::Withdraw),
             (Wish::Cancel, Status::Running | Status::Cancelled, _)
             | (Wish::Pause, Status::Paused | Status::Running, _)
-            | (Wish::Resume, Status::Queued | Status::Running, _) => Ok(ControlStep::Nothing),
+            | (Wish::Resume, Status::Queued | Status::Running, _) => Ok(Step::Nothing),
             (_, Status::Succeeded | Status::Failed | Status::Cancelled, _) => Err(row.status),
         }
     }
 }
 
-async fn apply(tx: &mut Tx, job: &JobRow, step: ControlStep) -> Result<(), StoreError> {
+async fn apply(tx: &mut Tx, job: &JobRow, step: Step) -> Result<(), StoreError> {
     let id = job.id;
     match step {
-        ControlStep::Nothing => Ok(()),
-        ControlStep::Ask(request) => {
+        Step::Nothing => Ok(()),
+        Step::Ask(request) => {
             set_request(tx, id, Some(request)).await?;
             tx.announce(Change::StopRequested(id));
             Ok(())
         }
-        ControlStep::Withdraw => set_request(tx, id, None).await,
-        ControlStep::Become(Status::Queued) => {
+        Step::Withdraw => set_request(tx, id, None).await,
+        Step::Become(Status::Queued) => {
             queue::renew(tx, id, &job.project).await?;
             let status = Status::Queued;
             endings::change_status(tx, id, status, &[Event::State { status }]).await
         }
-        ControlStep::Become(status) => {
+        Step::Become(status) => {
             let mut reported = vec![Event::State { status }];
             if status.is_terminal() {
                 reported.push(Event::End { status });

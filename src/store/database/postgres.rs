@@ -123,28 +123,28 @@ pub(in crate::store) async fn migrate(
         .bind(MIGRATION)
         .execute(&mut turn)
         .await?;
-    let built = SCHEMA.iter().map(|migration| migration.version).max();
-    let built = built.unwrap_or(0);
+    let own = SCHEMA.iter().map(|migration| migration.version).max();
+    let own = own.unwrap_or(0);
     let alone = match Found::of(&mut turn).await? {
-        Some(present) if present.version >= built => {
+        Some(found) if found.version >= own => {
             turn.close().await?;
-            return if present.oldest <= built {
+            return if found.oldest <= own {
                 Ok(())
             } else {
                 Err(StoreError::TooNew {
                     database: database.to_string(),
-                    schema: present.version,
-                    oldest: present.oldest,
-                    own: built,
+                    schema: found.version,
+                    oldest: found.oldest,
+                    own,
                 })
             };
         }
-        Some(present) if present.version < OLDEST_AT_WORK => {
+        Some(found) if found.version < OLDEST_AT_WORK => {
             let alone = hold_alone(options).await?;
             Some(alone.ok_or_else(|| StoreError::InTheWay {
                 database: database.to_string(),
-                schema: present.version,
-                own: built,
+                schema: found.version,
+                own,
             })?)
         }
         Some(_) | None => None,
