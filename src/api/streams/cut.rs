@@ -39,10 +39,10 @@ impl StreamPart {
     fn read(document: &serde_json::Value) -> Result<Self, Vec<Fault>> {
         let faults = Faults::default();
         let part = read_part(&Field::root(document, &faults));
-        let faults = faults.into_vec();
+        let found = faults.into_vec();
         match part {
-            Some(part) if faults.is_empty() => Ok(part),
-            _ => Err(faults),
+            Some(part) if found.is_empty() => Ok(part),
+            _ => Err(found),
         }
     }
 }
