@@ -11,7 +11,7 @@ use crate::store::sealed::{MONITOR_ALARMS, MONITOR_EVENTS, MONITOR_WINDOWS, MONI
 use crate::store::submit::batch::{self, Known};
 use crate::store::submit::{self, Made, Submitted};
 use crate::store::writer::Tx;
-use crate::store::{Change, StoreError, corrupt, datasets, deliveries, jobs, streams};
+use crate::store::{Change, StoreError, datasets, deliveries, jobs, streams};
 use greybox::identification::{DatasetId, JobId};
 
 /// Monitors that a project can have.
