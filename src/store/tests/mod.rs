@@ -24,7 +24,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::database::{Kind, sqlite};
+use super::database::Kind;
 use super::writer::Tx;
 use super::*;
 use crate::access::Project;
