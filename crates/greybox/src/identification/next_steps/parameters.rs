@@ -238,10 +238,7 @@ impl Finished<'_> {
             let experiment = experiment.map(|place| &mut spec.experiments[place]);
             match (coordinate.target, experiment) {
                 (Target::InitialState { .. }, Some(experiment)) => {
-                    let start = experiment.initial_state.get_mut(name);
-                    if let Some(InitialStateSpec::Free(free)) = start {
-                        free.prior = None;
-                    }
+                    forget_start(experiment.initial_state.get_mut(name));
                 }
                 (_, Some(experiment)) => forget(experiment.parameters.get_mut(name)),
                 (_, None) => {
@@ -393,6 +390,12 @@ fn put(spec: &mut JobSpec, target: Target, name: &str, value: ParameterSpec) {
 
 fn forget(parameter: Option<&mut ParameterSpec>) {
     if let Some(ParameterSpec::Free(free)) = parameter {
+        free.prior = None;
+    }
+}
+
+fn forget_start(start: Option<&mut InitialStateSpec>) {
+    if let Some(InitialStateSpec::Free(free)) = start {
         free.prior = None;
     }
 }

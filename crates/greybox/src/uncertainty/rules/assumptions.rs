@@ -95,15 +95,8 @@ impl Case<'_> {
         let drifts = &self.analysis.drifts;
         let (likeliest, others) = drifts.split_first()?;
         let moved = |index: usize| {
-            let by_drift = |drift: &Drift| {
-                let half = if drift.coordinate == index {
-                    0.5 * drift.size.0
-                } else {
-                    0.0
-                };
-                drift.moves[index].unwrap_or_default().abs().max(half.abs())
-            };
-            drifts.iter().map(by_drift).fold(0.0, f64::max)
+            let moves = drifts.iter().map(|drift| move_by(drift, index));
+            moves.fold(0.0, f64::max)
         };
         let name = |drift: &Drift| format!("`{}`", self.problem.coordinates[drift.coordinate].name);
         let named: Vec<String> = others.iter().take(MOST_NAMED).map(name).collect();
@@ -152,16 +145,16 @@ impl Case<'_> {
             let is_wide = 2.0 * NORMAL_95 * total >= 1.0;
             let is_assumed = total > std::f64::consts::SQRT_2 * noise;
             if is_assumed && (is_wide || share > LARGE_TOTAL) {
-                // A wide interval that holds is to be trusted, if it says anything.
-                let trust = if is_wide { Trust::Low } else { Trust::High };
-                doubts.push(self.dominated(index, total, trust));
+                doubts.push(self.dominated(index, total, is_wide));
             }
         }
         doubts
     }
 
     /// The doubt about a coordinate that is known to a total standard deviation only.
-    fn dominated(&self, index: usize, total: f64, trust: Trust) -> Doubt {
+    fn dominated(&self, index: usize, total: f64, is_wide: bool) -> Doubt {
+        // A wide interval that holds is to be trusted, if it says anything.
+        let trust = if is_wide { Trust::Low } else { Trust::High };
         let share = total / self.value_share(index);
         let better = |line: &Line| Some(line.contributions[index]?.total_if_better);
         let lines = self.analysis.budget.lines.iter().enumerate();
@@ -241,6 +234,17 @@ impl Case<'_> {
         }
         doubts
     }
+}
+
+/// How far a coordinate moves by a change within the record, as a position: the coordinate that
+/// changes moves by half of the change at the least.
+fn move_by(drift: &Drift, index: usize) -> f64 {
+    let half = if drift.coordinate == index {
+        0.5 * drift.size.0
+    } else {
+        0.0
+    };
+    drift.moves[index].unwrap_or_default().abs().max(half.abs())
 }
 
 /// What the residuals ask for, the likeliest explanation first; none where there is none.
