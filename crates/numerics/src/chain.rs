@@ -30,7 +30,7 @@ pub struct Member {
 /// The rows by which a member's own unknowns σ were eliminated, with those of the next member σ' and the
 /// shared ones δ: `diagonal·σ + next·σ' + shared·δ + right = 0`.
 #[derive(Clone, Debug)]
-struct Elimination {
+struct EliminatedRows {
     diagonal: DMatrix<f64>,
     next: DMatrix<f64>,
     shared: DMatrix<f64>,
@@ -46,7 +46,7 @@ pub struct Chains {
     /// right.
     left: DMatrix<f64>,
     /// For each chain, the last of which may not have ended, how own unknowns were eliminated.
-    links: Vec<Vec<Elimination>>,
+    links: Vec<Vec<EliminatedRows>>,
 }
 
 impl Chains {
@@ -102,7 +102,7 @@ impl Chains {
         }
         let triangle = stacked.qr().unpack_r();
         if n_own > 0 {
-            let link = Elimination {
+            let link = EliminatedRows {
                 diagonal: triangle.view((0, 0), (n_own, n_own)).into_owned(),
                 next: triangle.view((0, n_own), (n_own, next)).into_owned(),
                 shared: triangle.view((0, n_own + next), (n_own, n)).into_owned(),
@@ -133,7 +133,7 @@ impl Chains {
 }
 
 /// From the last member of a chain to the first.
-fn back(links: &[Elimination], step: &DVector<f64>) -> Option<Vec<Vec<f64>>> {
+fn back(links: &[EliminatedRows], step: &DVector<f64>) -> Option<Vec<Vec<f64>>> {
     let mut steps: Vec<DVector<f64>> = Vec::with_capacity(links.len());
     for link in links.iter().rev() {
         let mut right = &link.shared * step + &link.right;

@@ -253,8 +253,8 @@ impl Clock {
                 Spelling::Stamp { day_first }
             }
             _ => match self.numbers(self.number(cell)?)? {
-                Numbers::Instants(spelling) => spelling,
-                Numbers::Seconds(factor) => {
+                TimeNumbers::Instants(spelling) => spelling,
+                TimeNumbers::Seconds(factor) => {
                     let first = self.number(cell)?;
                     return Ok(TimeKind::Relative {
                         factor,
@@ -285,10 +285,10 @@ impl Clock {
     }
 
     /// What numbers of this size are.
-    fn numbers(&mut self, value: f64) -> Result<Numbers, ClockFault> {
+    fn numbers(&mut self, value: f64) -> Result<TimeNumbers, ClockFault> {
         let factor = match self.options.unit {
             Some(TimeUnit::Seconds(factor)) => Some(factor),
-            Some(TimeUnit::Excel) => return Ok(Numbers::Instants(Spelling::SerialDays)),
+            Some(TimeUnit::Excel) => return Ok(TimeNumbers::Instants(Spelling::SerialDays)),
             Some(TimeUnit::Dates { .. }) | None if !self.recorded_unit.is_empty() => {
                 let unit = units::parse_time(&self.recorded_unit).ok_or_else(|| {
                     let (unit, known_units) = (&self.recorded_unit, units::known_times());
@@ -301,8 +301,8 @@ impl Clock {
         };
         if let Some(factor) = factor {
             return Ok(match UNIX.contains(&(value * factor)) {
-                true => Numbers::Instants(Spelling::Unix { factor }),
-                false => Numbers::Seconds(factor),
+                true => TimeNumbers::Instants(Spelling::Unix { factor }),
+                false => TimeNumbers::Seconds(factor),
             });
         }
         let scales = [
@@ -314,14 +314,14 @@ impl Clock {
         for (factor, name) in scales {
             if UNIX.contains(&(value * factor)) {
                 self.guessed_unit = Some(name);
-                return Ok(Numbers::Instants(Spelling::Unix { factor }));
+                return Ok(TimeNumbers::Instants(Spelling::Unix { factor }));
             }
         }
         self.small_numbers(value)
     }
 
     /// What numbers without a unit are that are no Unix times.
-    fn small_numbers(&mut self, value: f64) -> Result<Numbers, ClockFault> {
+    fn small_numbers(&mut self, value: f64) -> Result<TimeNumbers, ClockFault> {
         let asked = |what: &str| {
             let detail = format!(
                 "`{}` {what}; say what its numbers are with `time_unit`: a unit (s, ms, …), the \
@@ -334,7 +334,7 @@ impl Clock {
         let name: String = letters.flat_map(char::to_lowercase).collect();
         if SERIAL_DAYS.contains(&value) && name.contains("date") {
             self.guessed_unit = Some("serial days of a spreadsheet");
-            return Ok(Numbers::Instants(Spelling::SerialDays));
+            return Ok(TimeNumbers::Instants(Spelling::SerialDays));
         }
         if SERIAL_DAYS.contains(&value) && value.fract() != 0.0 {
             return asked("may be serial days of a spreadsheet or seconds");
@@ -343,7 +343,7 @@ impl Clock {
             return asked("counts samples");
         }
         if TIMES.contains(&name.as_str()) || self.is_said {
-            return Ok(Numbers::Seconds(1.0));
+            return Ok(TimeNumbers::Seconds(1.0));
         }
         asked("does not say its unit")
     }
@@ -444,7 +444,7 @@ impl Clock {
 }
 
 /// What the numbers of a time turned out to be.
-enum Numbers {
+enum TimeNumbers {
     Seconds(f64),
     Instants(Spelling),
 }

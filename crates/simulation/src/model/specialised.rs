@@ -7,11 +7,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 const KEPT: usize = 4;
 
 /// A plant, and the bits of the parameters that it was made for.
-type Made = (Vec<Option<u64>>, Arc<dyn Plant>);
+type SpecialisedPlant = (Vec<Option<u64>>, Arc<dyn Plant>);
 
 /// The plants made last, the newest at the end.
 #[derive(Default)]
-pub(super) struct Specialised(Mutex<Vec<Made>>);
+pub(super) struct Specialised(Mutex<Vec<SpecialisedPlant>>);
 
 impl Specialised {
     /// The plant for candidates that have these parameters in common.
