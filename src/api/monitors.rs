@@ -25,10 +25,12 @@ use super::submit::stored;
 use super::{ApiState, models};
 use crate::job::MonitorId;
 use crate::monitor::state::instant;
-use crate::monitor::{Alarm, MonitorSpec, MonitorWindow, ShownWindow, State as MonitorState, warm};
+use crate::monitor::{
+    Alarm, JobTemplate, MonitorSpec, MonitorWindow, ShownWindow, State as MonitorState, warm,
+};
 use crate::store::{Idempotency, MonitorRow, NewMonitor, StoredWindow, StreamRow};
+use greybox::identification::DatasetId;
 use greybox::identification::spec::Context;
-use greybox::identification::{DatasetId, JobSpec};
 use greybox::parsing::Fault;
 use greybox::recording::{Source, Summary};
 use waiting::WaitsFor;
@@ -222,10 +224,10 @@ async fn check(
     client: &Client,
 ) -> Answer<()> {
     let below = |problem: Problem| problem.below("/job");
-    let asked = models::asked(state, &spec.job, client)
+    let asked = models::asked(state, spec.job.document(), client)
         .await
         .map_err(below)?;
-    spec.job = asked.document.clone();
+    spec.job = JobTemplate::new(asked.document.clone());
     let dataset = DatasetId::new();
     let summary = newest(state, stream, spec.window.length_s).await?;
     let datasets = HashMap::from([(dataset, summary)]);
@@ -234,7 +236,7 @@ async fn check(
         datasets: &datasets,
         max_duration_s: state.limits.max_duration_s,
     };
-    let job = JobSpec::read(&spec.job_for(dataset), &context);
+    let job = spec.job.job(dataset, &context);
     let job = job.map_err(Problem::of_document).map_err(below)?;
     let searched = warm::searched(&job);
     let mut faults = Vec::new();

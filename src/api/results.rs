@@ -117,7 +117,7 @@ pub async fn result(
     let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
     let outcome = result_of(&state, &row).await?;
     if prefers(&headers, "text/csv") {
-        if JobKind::of(&row.spec) == JobKind::Design {
+        if row.task.kind() == JobKind::Design {
             let design = Design::deserialize(outcome).map_err(unreadable)?;
             return Ok(csv(design.csv()));
         }

@@ -20,7 +20,7 @@ use crate::delivery::{RefusedDestination, SigningSecret};
 use crate::job::{DeliveryId, WebhookId};
 use crate::store::{DeliveryRow, WebhookRow};
 use greybox::parsing::Fault;
-use greybox::parsing::reader::{Faults, Field};
+use greybox::parsing::reader::{Field, read_document};
 
 /// The types of events that are delivered.
 pub const EVENTS: [&str; 2] = ["job.ended", "monitor.alarm"];
@@ -150,13 +150,7 @@ pub async fn create(
     _query: Params<NoQuery>,
     document: JsonDocument,
 ) -> Answer {
-    let faults = Faults::default();
-    let asked = read(&Field::root(&document.value, &faults));
-    let found = faults.into_vec();
-    let (url, events) = match asked {
-        Some(asked) if found.is_empty() => asked,
-        _ => return Err(Problem::of_document(found)),
-    };
+    let (url, events) = read_document(&document.value, read).map_err(Problem::of_document)?;
     state.destinations.check(&url).map_err(refused)?;
     if state.store.webhooks(&client.project).await?.len() >= MOST {
         let detail = format!("a project has {MOST} webhooks at the most");

@@ -4,13 +4,13 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use jiff::Timestamp;
-use serde_json::{Value, json};
 
 use super::record::{Alarm, MonitorWindow, Start, WindowStatus};
 use super::spec::MonitorSpec;
 use super::state::{State, Worked, instant, silence};
+use super::template::WindowLabel;
 use super::warm::{self, Known};
-use crate::job::Status;
+use crate::job::{Status, Task};
 use crate::store::{
     Advance, AdvanceWindow, JobRow, MonitorRow, NewDataset, NewJob, NewWindowJob, Store,
     StoreError, StreamRow,
@@ -164,11 +164,10 @@ impl Steps {
             summary: &stored.summary,
             models: descriptions(&catalogue, model.as_ref()),
         };
-        let document = step.document(dataset);
-        Ok(match window.read(&document) {
+        Ok(match step.job(&window) {
             Ok(job) => {
                 let ranges = warm::searched(&job);
-                let new = step.new_job(&job, None);
+                let new = step.new_job(job, None);
                 step.works(Start::Cold, ranges, new)
             }
             Err(faults) => step.fails(sentence(&faults)),
@@ -177,7 +176,7 @@ impl Steps {
 
     /// The model of the job, where the catalogue does not have it.
     async fn model(&self, spec: &MonitorSpec) -> Result<Option<Arc<Model>>, StoreError> {
-        let Some(name) = spec.job.get("model").and_then(Value::as_str) else {
+        let Some(name) = spec.job.model() else {
             return Ok(None);
         };
         if self.catalogue.get(name).is_some() {
@@ -197,9 +196,8 @@ fn reason(job: Option<&JobRow>) -> String {
     let Some(job) = job else {
         return "its job was deleted".to_owned();
     };
-    let error = job.error.as_ref().and_then(|error| error.get("detail"));
-    match error.and_then(Value::as_str) {
-        Some(detail) => detail.to_owned(),
+    match &job.error {
+        Some(failure) => failure.detail.clone(),
         None => format!("its job was {}", job.status),
     }
 }
@@ -229,14 +227,17 @@ struct Window<'a> {
 }
 
 impl Window<'_> {
-    fn read(&self, document: &Value) -> Result<JobSpec, Vec<Fault>> {
+    /// Reads a job against the window.
+    fn read(
+        &self,
+        read: impl FnOnce(&Context<'_>) -> Result<JobSpec, Vec<Fault>>,
+    ) -> Result<JobSpec, Vec<Fault>> {
         let datasets = HashMap::from([(self.dataset, self.summary.clone())]);
-        let context = Context {
+        read(&Context {
             models: self.models.clone(),
             datasets: &datasets,
             max_duration_s: NO_LIMIT,
-        };
-        JobSpec::read(document, &context)
+        })
     }
 }
 
@@ -327,28 +328,30 @@ impl Step {
     }
 
     /// The job of the window, by what the monitor was asked.
-    fn document(&self, dataset: DatasetId) -> Value {
-        let mut document = self.spec.job_for(dataset);
+    fn job(&self, window: &Window<'_>) -> Result<JobSpec, Vec<Fault>> {
         let number = self.state.next;
         let name = self.spec.name.as_deref().unwrap_or(&self.spec.stream);
         let name: String = name.chars().take(150).collect();
-        document["name"] = json!(format!("{name}, window {number}"));
-        document["labels"]["monitor"] = json!(self.row.id);
-        if document.get("seed").is_none() {
-            document["seed"] = json!(1);
-        }
-        document
+        let label = WindowLabel {
+            name: format!("{name}, window {number}"),
+            monitor: self.row.id.to_string(),
+        };
+        let template = &self.spec.job;
+        window.read(|context| template.job_of_window(window.dataset, label, context))
     }
 
-    fn new_job(&self, spec: &JobSpec, dataset: Option<(DatasetId, NewDataset)>) -> NewWindowJob {
+    fn new_job(&self, spec: JobSpec, dataset: Option<(DatasetId, NewDataset)>) -> NewWindowJob {
+        let (name, labels) = (spec.name.clone(), spec.labels.clone());
+        let model = spec.model.clone();
+        let task = Task::Identification(Box::new(spec));
         NewWindowJob {
             job: NewJob {
                 project: self.row.project.clone(),
-                name: spec.name.clone(),
-                labels: spec.labels.clone(),
-                model: spec.model.clone(),
-                spec: serde_json::to_value(spec).expect("a specification has only text keys"),
-                datasets: spec.experiments.iter().map(|own| own.dataset).collect(),
+                name,
+                labels,
+                model,
+                datasets: task.recordings(),
+                task,
                 idempotency: None,
             },
             dataset,
@@ -367,8 +370,7 @@ impl Step {
             summary: &summary,
             models: descriptions(catalogue, model.as_ref()),
         };
-        let document = self.document(id);
-        let job = match window.read(&document) {
+        let job = match self.job(&window) {
             Ok(job) => job,
             Err(faults) => return self.fails(sentence(&faults)),
         };
@@ -384,7 +386,7 @@ impl Step {
             return self.advance(Some((shown, None)), Vec::new());
         }
         let ranges = warm::searched(&job);
-        let (start, job) = self.warm(&window, document, job);
+        let (start, job) = self.warm(&window, job);
         let dataset = NewDataset {
             project: self.row.project.clone(),
             name: recording.name.clone(),
@@ -392,7 +394,7 @@ impl Step {
             summary: summary.clone(),
             recording: recording.into(),
         };
-        let new = self.new_job(&job, Some((id, dataset)));
+        let new = self.new_job(job, Some((id, dataset)));
         self.works(start, ranges, new)
     }
 
@@ -430,16 +432,15 @@ impl Step {
     }
 
     /// The job that begins where the one before ended, where there was one and where it can.
-    fn warm(&self, window: &Window<'_>, document: Value, cold: JobSpec) -> (Start, JobSpec) {
+    fn warm(&self, window: &Window<'_>, cold: JobSpec) -> (Start, JobSpec) {
         let ranges = warm::searched(&cold);
         let prior = self.prior(&ranges);
         // Every parameter that is looked for must be known; what is not has nowhere to begin.
         let Some(prior) = prior.filter(|prior| ranges.keys().all(|name| prior.holds(name))) else {
             return (Start::Cold, cold);
         };
-        let mut document = document;
-        warm::begin_warm(&mut document, &ranges, &prior);
-        match window.read(&document) {
+        let warm = warm::begin_warm(&cold, &ranges, &prior);
+        match window.read(|context| warm.checked(context)) {
             Ok(job) => (Start::Warm, job),
             Err(_) => (Start::Cold, cold),
         }

@@ -5,13 +5,15 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 
 use super::record::WatchedEstimate;
 use super::spec::MonitorSpec;
+use greybox::estimation::Settings;
 use greybox::identification::JobSpec;
 use greybox::identification::outcome::{Correlation, Outcome, Trust};
-use greybox::identification::spec::{ParameterSpec, SearchRange};
+use greybox::identification::spec::{
+    FreeParameter, JointPriorSpec, ParameterSpec, PriorSpec, SearchRange,
+};
 use greybox::model::Scale;
 use greybox::numerics::normal::Normal;
 use greybox::numerics::symmetric;
@@ -192,57 +194,73 @@ pub fn prior(
     prior
 }
 
-/// Has a job begin at its prior: a search of no generations refines the middle of ranges that lie
-/// around it.
-pub fn begin_warm(document: &mut Value, ranges: &BTreeMap<String, SearchRange>, prior: &Known) {
+/// The job that begins at its prior: a search of no generations refines the middle of ranges that
+/// lie around it.
+#[must_use]
+pub fn begin_warm(
+    cold: &JobSpec,
+    ranges: &BTreeMap<String, SearchRange>,
+    prior: &Known,
+) -> JobSpec {
+    let mut warm = cold.clone();
     for name in &prior.names {
-        let (Some(range), Some((middle, variance))) = (ranges.get(name), prior.of(name)) else {
-            continue;
-        };
-        let scale = range.scale;
-        let (low, high) = (
-            coordinate(scale, range.lower),
-            coordinate(scale, range.upper),
-        );
-        let reach = (REACH * variance.sqrt()).max(LEAST_REACH * (high - low));
-        // The middle is the prior's where the whole range has room for it.
-        let reach = reach.min(f64::max(high - middle, middle - low));
-        let lower = f64::max(middle - reach, low);
-        let upper = f64::min(middle + reach, high);
-        document["parameters"][name] = json!({
-            "estimate": {
-                "lower": value_at(scale, lower).max(range.lower),
-                "upper": value_at(scale, upper).min(range.upper),
-                "scale": scale,
-            },
-        });
+        if let (Some(range), Some(known)) = (ranges.get(name), prior.of(name)) {
+            let free = ParameterSpec::Free(FreeParameter {
+                estimate: narrowed(range, known),
+                prior: None,
+            });
+            warm.parameters.insert(name.clone(), free);
+        }
     }
     let scale_of = |name: &String| ranges.get(name).map(|range| range.scale);
     match &prior.names[..] {
         [name] => {
-            if let (Some(scale), Some((middle, variance))) = (scale_of(name), prior.of(name)) {
+            if let (Some(scale), Some((middle, variance))) = (scale_of(name), prior.of(name))
+                && let Some(ParameterSpec::Free(free)) = warm.parameters.get_mut(name)
+            {
                 let half = NORMAL_95 * variance.sqrt();
-                let ends = [middle - half, middle + half].map(|u| value_at(scale, u));
-                let own = json!({"range_95": ends, "scale": scale});
-                document["parameters"][name]["prior"] = own;
+                let range_95 = [middle - half, middle + half].map(|u| value_at(scale, u));
+                free.prior = Some(PriorSpec::Range { range_95, scale });
             }
         }
         names => {
             let scales: Vec<Scale> = names.iter().filter_map(scale_of).collect();
-            document["priors"] = json!([of_values(prior, &scales)]);
+            warm.priors = vec![of_values(prior, &scales)];
         }
     }
-    let huber = document.pointer("/method/huber_threshold").cloned();
-    document["method"] = json!({"generations": 0, "further_searches": 0, "refine_candidates": 1});
-    if let Some(huber) = huber {
-        document["method"]["huber_threshold"] = huber;
+    warm.method = Settings {
+        generations: 0,
+        further_searches: 0,
+        refine_candidates: 1,
+        huber_threshold: cold.method.huber_threshold,
+        ..Settings::default()
+    };
+    warm
+}
+
+/// The part of a range that lies around the middle of a prior with a variance.
+fn narrowed(range: &SearchRange, (middle, variance): (f64, f64)) -> SearchRange {
+    let scale = range.scale;
+    let (low, high) = (
+        coordinate(scale, range.lower),
+        coordinate(scale, range.upper),
+    );
+    let reach = (REACH * variance.sqrt()).max(LEAST_REACH * (high - low));
+    // The middle is the prior's where the whole range has room for it.
+    let reach = reach.min(f64::max(high - middle, middle - low));
+    let lower = f64::max(middle - reach, low);
+    let upper = f64::min(middle + reach, high);
+    SearchRange {
+        lower: value_at(scale, lower).max(range.lower),
+        upper: value_at(scale, upper).min(range.upper),
+        scale,
     }
 }
 
 /// A prior as jobs take it: means and covariance of the values. Where each has a log scale, it is
 /// one of logarithms; where only some have, their values are taken to be normal, as near as their
 /// spread is small.
-fn of_values(prior: &Known, scales: &[Scale]) -> Value {
+fn of_values(prior: &Known, scales: &[Scale]) -> JointPriorSpec {
     let (mean, covariance) = (&prior.normal.mean, &prior.normal.covariance);
     let all_log = scales.iter().all(|scale| *scale == Scale::Log);
     let value = |a: usize| match scales[a] {
@@ -255,16 +273,13 @@ fn of_values(prior: &Known, scales: &[Scale]) -> Value {
         slope(a) * slope(b) * if all_log { libm::expm1(own) } else { own }
     };
     let places = 0..scales.len();
-    let rows = places.clone().map(|a| {
-        let row = places.clone().map(|b| entry(a, b));
-        row.collect::<Vec<f64>>()
-    });
-    json!({
-        "parameters": prior.names,
-        "mean": places.clone().map(value).collect::<Vec<f64>>(),
-        "covariance": rows.collect::<Vec<_>>(),
-        "scale": if all_log { Scale::Log } else { Scale::Linear },
-    })
+    let row = |a| places.clone().map(|b| entry(a, b)).collect();
+    JointPriorSpec {
+        parameters: prior.names.clone(),
+        mean: places.clone().map(value).collect(),
+        covariance: places.clone().map(row).collect(),
+        scale: if all_log { Scale::Log } else { Scale::Linear },
+    }
 }
 
 /// Whether what a warm search came to is better looked for again without what was known before.
@@ -313,6 +328,16 @@ impl<'p> Alone<'p> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::{Value, json};
+
+    /// A job with a parameter that is known.
+    fn cold() -> JobSpec {
+        serde_json::from_value(json!({
+            "model": "m", "experiments": [], "seed": 1, "parameters": {"c": {"value": 1}},
+            "method": {"huber_threshold": 2.0}
+        }))
+        .expect("a job")
+    }
 
     fn range(scale: Scale) -> SearchRange {
         SearchRange {
@@ -403,11 +428,15 @@ mod tests {
                     .all(|(own, e)| (own - e).abs() < 1e-12)
             );
         }
-        let mut document = json!({"priors": "those of the job", "parameters": {}});
-        begin_warm(&mut document, &ranges(Scale::Linear), &prior);
-        assert_eq!(document["priors"][0]["parameters"], json!(["a", "b"]));
-        assert_eq!(document["priors"][0]["mean"], json!([10.0, 20.0]));
-        assert_eq!(document["priors"][0]["covariance"], json!(covariance));
+        let warm = begin_warm(&cold(), &ranges(Scale::Linear), &prior);
+        let [joint] = &warm.priors[..] else {
+            panic!("{:?}", warm.priors);
+        };
+        assert_eq!(joint.parameters, ["a", "b"]);
+        assert_eq!(joint.mean, [10.0, 20.0]);
+        assert_eq!(joint.covariance, *covariance);
+        assert_eq!(warm.method.generations, 0);
+        assert_eq!(warm.method.huber_threshold, Some(2.0));
         // A matrix that rounding has made singular leaves each by itself.
         let singular = two(Scale::Linear, 1.0);
         assert_eq!(singular.normal.covariance[0][1], 0.0);
@@ -416,24 +445,18 @@ mod tests {
     #[test]
     fn a_prior_of_logarithms_is_that_of_the_values_which_jobs_take() {
         let known = two(Scale::Log, 0.9);
-        let mut document = json!({"parameters": {}});
-        begin_warm(&mut document, &ranges(Scale::Log), &known);
-        let own = &document["priors"][0];
-        assert_eq!(own["scale"], "log");
-        let number = |place: &str| {
-            own.pointer(place)
-                .and_then(Value::as_f64)
-                .expect("a number")
-        };
-        let [a, b] = [number("/mean/0"), number("/mean/1")];
+        let warm = begin_warm(&cold(), &ranges(Scale::Log), &known);
+        let joint = &warm.priors[0];
+        assert_eq!(joint.scale, Scale::Log);
+        let (a, b) = (joint.mean[0], joint.mean[1]);
         // The logarithms again: log(1 + C/(m·m)).
         let of_logarithms = [
             (
-                number("/covariance/0/0") / (a * a),
+                joint.covariance[0][0] / (a * a),
                 known.normal.covariance[0][0],
             ),
             (
-                number("/covariance/0/1") / (a * b),
+                joint.covariance[0][1] / (a * b),
                 known.normal.covariance[0][1],
             ),
         ];
@@ -450,10 +473,12 @@ mod tests {
             let ranges = BTreeMap::from([("a".to_owned(), range(scale))]);
             let known = known(&[estimate("a", 10.0, 0.1)], None, &ranges, Errors::Total);
             let prior = prior(&monitor(&json!({})), &known, &ranges, 1.0);
-            let mut document = json!({"parameters": {"b": {"value": 1}}});
-            begin_warm(&mut document, &ranges, &prior);
-            let own = &document["parameters"]["a"]["estimate"];
-            let ends = ["lower", "upper"].map(|end| own[end].as_f64().expect("a number"));
+            let warm = begin_warm(&cold(), &ranges, &prior);
+            let Some(ParameterSpec::Free(free)) = warm.parameters.get("a") else {
+                panic!("{:?}", warm.parameters);
+            };
+            assert!(free.prior.is_some() && warm.parameters.contains_key("c"));
+            let ends = [free.estimate.lower, free.estimate.upper];
             assert!(ends[0] >= 1.0 && ends[1] <= 100.0, "{ends:?}");
             let [low, high] = ends.map(|end| coordinate(scale, end));
             let middle = value_at(scale, 0.5 * (low + high));

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use jiff::Timestamp;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde_json::Value;
 
 use super::database::{self, Connection, Kind, QueryBuilder, Row};
 use super::sealed::JOBS;
@@ -14,7 +13,7 @@ use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{Store, StoreError, corrupt, unsigned};
 use crate::access::Project;
-use crate::job::Status;
+use crate::job::{Failure, Status, Task};
 use greybox::estimation::Progress;
 use greybox::identification::{DatasetId, JobId};
 
@@ -31,8 +30,8 @@ pub struct JobRow {
     pub labels: BTreeMap<String, String>,
     /// The model's name.
     pub model: String,
-    /// The completed specification.
-    pub spec: Value,
+    /// What the job is asked to do.
+    pub task: Task,
     /// The state of the job.
     pub status: Status,
     /// A request to stop the job that has not taken effect yet.
@@ -42,7 +41,7 @@ pub struct JobRow {
     /// Slices begun since the last checkpoint: 1 in a life without crashes, 0 before the first.
     pub attempt: u32,
     /// Why the job failed.
-    pub error: Option<Value>,
+    pub error: Option<Failure>,
     /// When the job was accepted.
     pub created_at: Timestamp,
     /// When the first slice of the job began.
@@ -55,22 +54,10 @@ pub struct JobRow {
     pub revision: i64,
 }
 
-/// A specification of so many values at the most is kept in memory: some 40 KB.
-const SMALL_VALUES: usize = 400;
+/// A row whose task is a text of so many bytes at the most is kept in memory: some 40 KB.
+const SMALL_TASK_BYTES: usize = 8 * 1024;
 
 impl JobRow {
-    /// Whether it is small enough to be kept in memory after it was read.
-    fn is_small(&self) -> bool {
-        fn values(value: &Value) -> usize {
-            1 + match value {
-                Value::Array(items) => items.iter().map(values).sum(),
-                Value::Object(members) => members.values().map(values).sum(),
-                _ => 0,
-            }
-        }
-        values(&self.spec) <= SMALL_VALUES
-    }
-
     /// The row as it was when the job was submitted.
     pub(super) fn into_submitted(self) -> Self {
         Self {
@@ -156,11 +143,14 @@ impl Store {
             Err(reading) => reading,
         };
         let mut connection = self.readers().acquire().await?;
-        let row = fetch(&mut connection, id).await?.map(Arc::new);
-        if let Some(row) = row.as_ref().filter(|row| row.is_small()) {
-            recent.keep(id, reading, row);
+        let Some(stored) = fetch_stored(&mut connection, id).await? else {
+            return Ok(None);
+        };
+        let row = Arc::new(read(&stored)?);
+        if stored.try_get::<&str>("spec")?.len() <= SMALL_TASK_BYTES {
+            recent.keep(id, reading, &row);
         }
-        Ok(row)
+        Ok(Some(row))
     }
 
     /// Whose a job is, if there is one.
@@ -323,13 +313,17 @@ pub(super) async fn fetch(
     connection: &mut Connection,
     id: JobId,
 ) -> Result<Option<JobRow>, StoreError> {
+    let stored = fetch_stored(connection, id).await?;
+    stored.as_ref().map(read).transpose()
+}
+
+async fn fetch_stored(connection: &mut Connection, id: JobId) -> Result<Option<Row>, StoreError> {
     let mut query = QueryBuilder::new("select ");
     query
         .push(COLUMNS)
         .push(" from jobs where id = ")
         .push_bind(id.to_string());
-    let row = query.build().fetch_optional(connection).await?;
-    row.as_ref().map(read).transpose()
+    Ok(query.build().fetch_optional(connection).await?)
 }
 
 fn read(row: &Row) -> Result<JobRow, StoreError> {
@@ -341,7 +335,7 @@ fn read(row: &Row) -> Result<JobRow, StoreError> {
         name: row.try_get("name")?,
         labels: from_json("labels", &id, row.try_get("labels")?)?,
         model: row.try_get("model")?,
-        spec: from_json("specification", &id, row.try_get("spec")?)?,
+        task: Task::read(row.try_get("spec")?).map_err(|why| corrupt("specification", &id, why))?,
         status: parse_status(&id, &status)?,
         stop_request: request
             .map(|word| StopRequest::read(&word, &id))

@@ -11,7 +11,6 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use riverqueue::Client;
-use serde_json::Value;
 use tokio::sync::oneshot;
 
 use super::database::Connection;
@@ -20,6 +19,7 @@ use super::jobs::{self, JobRow};
 use super::writer::Tx;
 use super::{QuotaExceeded, Quotas, Store, StoreError};
 use crate::access::Project;
+use crate::job::Task;
 use greybox::identification::{DatasetId, JobId};
 
 /// A job to be stored.
@@ -33,8 +33,8 @@ pub struct NewJob {
     pub labels: BTreeMap<String, String>,
     /// The model's name.
     pub model: String,
-    /// The completed specification.
-    pub spec: Value,
+    /// What the job is asked to do.
+    pub task: Task,
     /// The recordings that it reads.
     pub datasets: Vec<DatasetId>,
     /// Makes the submission safe to repeat.

@@ -81,6 +81,7 @@ pub mod genetic;
 
 pub use greybox_numerics as numerics;
 pub use greybox_numerics::parsing;
+pub use greybox_numerics::settings;
 pub use greybox_recording as recording;
 pub use greybox_recording::intake;
 pub use greybox_simulation as simulation;

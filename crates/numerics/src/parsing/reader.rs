@@ -53,6 +53,23 @@ impl Faults {
     }
 }
 
+/// What `read` makes of a whole document.
+///
+/// # Errors
+/// Everything that is wrong with the document.
+pub fn read_document<T>(
+    document: &Value,
+    read: impl FnOnce(&Field<'_>) -> Option<T>,
+) -> Result<T, Vec<Fault>> {
+    let faults = Faults::default();
+    let read = read(&Field::root(document, &faults));
+    let faults = faults.into_vec();
+    match read {
+        Some(read) if faults.is_empty() => Ok(read),
+        _ => Err(faults),
+    }
+}
+
 /// A value at its place in the document.
 #[derive(Clone)]
 pub struct Field<'v> {
