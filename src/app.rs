@@ -409,7 +409,7 @@ mod tests {
             name: None,
             labels: [("orders".to_owned(), orders.to_string())].into(),
             model: "descent".to_owned(),
-            task: crate::job::Task::nominal(),
+            task: crate::job::JobTask::nominal(),
             datasets: Vec::new(),
             idempotency: None,
         };

@@ -8,7 +8,7 @@ use futures_util::future::try_join_all;
 use greybox::identification::JobId;
 use greybox::intake::csv;
 use greybox::model::Catalogue;
-use greybox_service::job::{Status, Task};
+use greybox_service::job::{JobTask, Status};
 use greybox_service::store::JobRow;
 use greybox_service::worker::method::Methods;
 use greybox_service::worker::run::{Advance, Assignment, Method};
@@ -88,13 +88,13 @@ pub async fn wait_for(connection: &mut Connection, jobs: usize) -> Outcome {
 }
 
 /// The task of one of the jobs.
-async fn task_of_a_job(connection: &mut Connection) -> Outcome<Task> {
+async fn task_of_a_job(connection: &mut Connection) -> Outcome<JobTask> {
     let page = connection.get("/v1/jobs?limit=1").await?;
-    Ok(Task::read(&page["items"][0]["spec"].to_string())?)
+    Ok(JobTask::read(&page["items"][0]["spec"].to_string())?)
 }
 
 /// Works the same jobs, as many at once as the server does, without a service.
-fn work_alone(task: &Task) -> Duration {
+fn work_alone(task: &JobTask) -> Duration {
     let method = Methods::new(Catalogue::built_in());
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -107,13 +107,13 @@ fn work_alone(task: &Task) -> Duration {
     started.elapsed()
 }
 
-fn work_until_none_is_left(method: &Methods, task: &Task, next: &AtomicUsize) {
+fn work_until_none_is_left(method: &Methods, task: &JobTask, next: &AtomicUsize) {
     while next.fetch_add(1, Ordering::Relaxed) < JOBS {
         work_one(method, task.clone());
     }
 }
 
-fn work_one(method: &Methods, task: Task) {
+fn work_one(method: &Methods, task: JobTask) {
     let recording = csv::read(drive_csv(FEW).as_bytes(), &csv::Options::default());
     let assignment = Assignment {
         job: row(task),
@@ -129,7 +129,7 @@ fn work_one(method: &Methods, task: Task) {
 }
 
 /// A job as the store hands it to a worker.
-fn row(task: Task) -> JobRow {
+fn row(task: JobTask) -> JobRow {
     JobRow {
         project: Default::default(),
         id: JobId::new(),

@@ -17,7 +17,7 @@ use super::jobs::Job;
 use super::query::{NoQuery, Params};
 use super::work::stopped;
 use super::{ApiState, models, submit};
-use crate::job::{DesignTask, Task};
+use crate::job::{DesignTask, JobTask};
 use crate::store::{Idempotency, NewJob, NewModel};
 use greybox::identification::design::Design;
 use greybox::identification::spec::design::{DesignRequest, DesignSpec, PastJob};
@@ -251,7 +251,7 @@ async fn submit(
     let longest = LimitsSpec::default().max_duration_s;
     let longest = longest.min(state.limits.max_duration_s);
     let task = DesignTask::new(ready.request, before.as_ref(), longest);
-    let task = Task::Design(task);
+    let task = JobTask::Design(task);
     let job = NewJob {
         project: client.project,
         name: Some(format!("design for {}", ready.spec.wanted.join(", "))),

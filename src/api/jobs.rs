@@ -17,7 +17,7 @@ use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
 use super::http_headers::{MAX_WAIT_S, json, tagged};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use crate::job::{Failure, IllegalTransition, JobKind, Status, Task};
+use crate::job::{Failure, IllegalTransition, JobKind, JobTask, Status};
 use crate::store::{Control, JobRemoval, JobRow, StoreError};
 use greybox::estimation::{Phase, Progress};
 use greybox::identification::JobId;
@@ -44,7 +44,7 @@ pub struct Job {
     #[schema(example = "single_rod_servo")]
     model: String,
     /// The specification of the job; of an identification, with every default completed.
-    spec: Task,
+    spec: JobTask,
     /// How far the job came.
     progress: Progress,
     /// Slices begun since the last checkpoint: 1 in a life without crashes, 0 before the first.
@@ -119,7 +119,7 @@ impl From<&JobRow> for Job {
 }
 
 /// The progress of a job before its first slice.
-fn no_progress(task: &Task) -> Progress {
+fn no_progress(task: &JobTask) -> Progress {
     let generations = task.identification().map(|spec| spec.method.generations);
     Progress {
         phase: Phase::Search,

@@ -20,7 +20,7 @@ use super::query::{FromQuery, Params, QueryReader};
 use super::spec_cache::SpecKey;
 use super::{ApiState, models};
 use crate::access::Project;
-use crate::job::{Status, Task};
+use crate::job::{JobTask, Status};
 use crate::store::{Idempotency, JobRow, NewJob, NewModel, Submitted};
 use greybox::identification::JobSpec;
 use greybox::identification::assemble::{self, Assembly, Finding, Identifiability, Preflight};
@@ -230,7 +230,7 @@ impl Ready {
     /// The job as it is stored.
     pub(super) fn new_job(&self, idempotency: Option<Idempotency>) -> NewJob {
         let spec = &self.spec;
-        let task = Task::Identification(Box::new(spec.clone()));
+        let task = JobTask::Identification(Box::new(spec.clone()));
         NewJob {
             project: self.project.clone(),
             name: spec.name.clone(),

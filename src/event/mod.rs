@@ -304,7 +304,7 @@ mod tests {
             name: None,
             labels: Default::default(),
             model: "positioning_drive".to_owned(),
-            task: crate::job::Task::nominal(),
+            task: crate::job::JobTask::nominal(),
             datasets: Vec::new(),
             idempotency: None,
         };

@@ -18,4 +18,4 @@ pub use failure::Failure;
 pub use id::{ComparisonId, DeliveryId, MonitorId, WebhookId};
 pub use kind::JobKind;
 pub use state::{IllegalTransition, Status};
-pub use task::Task;
+pub use task::JobTask;

@@ -11,29 +11,29 @@ use greybox::identification::{DatasetId, JobId, JobSpec};
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 #[serde(untagged)]
 #[schema(as = SpecOfJob)]
-pub enum Task {
+pub enum JobTask {
     /// Of an identification.
     Identification(Box<JobSpec>),
     /// Of a design.
     Design(DesignTask),
 }
 
-impl Task {
+impl JobTask {
     /// The task that a stored text says.
     ///
     /// # Errors
     /// The text is not that of a task.
-    pub fn read(text: &str) -> serde_json::Result<Task> {
+    pub fn read(text: &str) -> serde_json::Result<JobTask> {
         /// The one field that tells the tasks from each other.
         #[derive(Deserialize)]
-        struct Tag {
+        struct KindOfTask {
             kind: Option<JobKind>,
         }
-        let Tag { kind } = serde_json::from_str(text)?;
+        let KindOfTask { kind } = serde_json::from_str(text)?;
         match kind {
-            Some(JobKind::Design) => serde_json::from_str(text).map(Task::Design),
+            Some(JobKind::Design) => serde_json::from_str(text).map(JobTask::Design),
             None | Some(JobKind::Identification) => {
-                serde_json::from_str(text).map(Task::Identification)
+                serde_json::from_str(text).map(JobTask::Identification)
             }
         }
     }
@@ -42,8 +42,8 @@ impl Task {
     #[must_use]
     pub fn kind(&self) -> JobKind {
         match self {
-            Task::Identification(_) => JobKind::Identification,
-            Task::Design(_) => JobKind::Design,
+            JobTask::Identification(_) => JobKind::Identification,
+            JobTask::Design(_) => JobKind::Design,
         }
     }
 
@@ -51,8 +51,8 @@ impl Task {
     #[must_use]
     pub fn identification(&self) -> Option<&JobSpec> {
         match self {
-            Task::Identification(spec) => Some(spec),
-            Task::Design(_) => None,
+            JobTask::Identification(spec) => Some(spec),
+            JobTask::Design(_) => None,
         }
     }
 
@@ -60,8 +60,8 @@ impl Task {
     #[must_use]
     pub fn limits(&self) -> LimitsSpec {
         match self {
-            Task::Identification(spec) => spec.limits,
-            Task::Design(task) => task.limits,
+            JobTask::Identification(spec) => spec.limits,
+            JobTask::Design(task) => task.limits,
         }
     }
 
@@ -69,11 +69,11 @@ impl Task {
     #[must_use]
     pub fn datasets(&self) -> Vec<DatasetId> {
         match self {
-            Task::Identification(spec) => {
+            JobTask::Identification(spec) => {
                 let experiments = spec.experiments.iter();
                 experiments.map(|experiment| experiment.dataset).collect()
             }
-            Task::Design(task) => task.datasets(),
+            JobTask::Design(task) => task.datasets(),
         }
     }
 
@@ -90,18 +90,18 @@ impl Task {
     #[must_use]
     pub fn past_job(&self) -> Option<JobId> {
         match self {
-            Task::Identification(_) => None,
-            Task::Design(task) => task.design.job(),
+            JobTask::Identification(_) => None,
+            JobTask::Design(task) => task.design.job(),
         }
     }
 }
 
 #[cfg(test)]
-impl Task {
+impl JobTask {
     /// An identification that says next to nothing, for tests of what happens to jobs.
-    pub(crate) fn nominal() -> Task {
+    pub(crate) fn nominal() -> JobTask {
         let text = r#"{"model":"positioning_drive","experiments":[],"seed":1}"#;
-        Task::read(text).expect("a task")
+        JobTask::read(text).expect("a task")
     }
 }
 
@@ -141,7 +141,7 @@ mod tests {
             text = text.replace(section, &written.expect("text keys"));
         }
         for (text, kind) in [(&*text, JobKind::Identification), (DESIGN, JobKind::Design)] {
-            let task = Task::read(text).expect("a task");
+            let task = JobTask::read(text).expect("a task");
             assert_eq!(task.kind(), kind);
             assert_eq!(serde_json::to_string(&task).expect("text keys"), text);
         }
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_design_names_the_recordings_and_the_job_that_the_design_goes_on_from() {
-        let task = Task::read(DESIGN).expect("a task");
+        let task = JobTask::read(DESIGN).expect("a task");
         assert_eq!(task.limits().max_duration_s, 60.0);
         assert_eq!(task.datasets().len(), 1);
         let past = task.past_job().map(|job| job.to_string());
@@ -169,7 +169,7 @@ mod tests {
             r#"{"kind":"repair"}"#,
             "{",
         ] {
-            assert!(Task::read(text).is_err(), "{text}");
+            assert!(JobTask::read(text).is_err(), "{text}");
         }
     }
 }

@@ -19,9 +19,9 @@ use greybox::settings;
 const LEAST_LENGTH_S: f64 = 1e-3;
 /// A time is so long at the most `[s]`: a century.
 const LONGEST_S: f64 = 3.2e9;
-/// Data have stopped after so many periods, when nobody says …
+/// Data have stopped after so many periods, where the monitor does not say when.
 const PATIENCE_PERIODS: f64 = 3.0;
-/// … and after no less than this `[s]`.
+/// Data have not stopped before so long without data, where the monitor does not say when `[s]`.
 const LEAST_PATIENCE_S: f64 = 60.0;
 /// An input moves when it moves by this share of what it ever moved.
 const USUAL_MOVEMENT: f64 = 0.05;
@@ -153,8 +153,8 @@ impl MonitorSpec {
     /// The share of its range that a signal must move by.
     #[must_use]
     pub fn movement(&self) -> f64 {
-        let said = self.only_when.as_ref().map(|only| only.moves_more_than);
-        said.unwrap_or(USUAL_MOVEMENT)
+        let movement = self.only_when.as_ref();
+        movement.map_or(USUAL_MOVEMENT, |movement| movement.moves_more_than)
     }
 
     /// How long it waits for data before it says that they stopped.

@@ -9,8 +9,8 @@ use super::record::{Alarm, MonitorWindow, Start, WindowStatus};
 use super::spec::MonitorSpec;
 use super::state::{State, Worked, instant, silence};
 use super::template::WindowLabel;
-use super::warm::{self, Known};
-use crate::job::{Status, Task};
+use super::warm::{self, JointEstimate};
+use crate::job::{JobTask, Status};
 use crate::store::{
     Advance, AdvanceWindow, JobRow, MonitorRow, NewDataset, NewJob, NewWindowJob, Store,
     StoreError, StreamRow,
@@ -66,7 +66,7 @@ impl Steps {
                 why: "what it knows does not read back".to_owned(),
             });
         };
-        let step = Step {
+        let step = MonitorStep {
             now: Timestamp::now(),
             row,
             spec,
@@ -92,13 +92,13 @@ impl Steps {
     }
 
     /// Whether the next window can be worked. Samples ahead of the server's clock do not count.
-    async fn is_due(&self, step: &Step) -> Result<bool, StoreError> {
+    async fn is_due(&self, step: &MonitorStep) -> Result<bool, StoreError> {
         let reached = self.store.stream_reached(&step.stream, step.now_ns());
         Ok(reached.await?.is_some_and(|last| last >= step.row.due_ns))
     }
 
     /// Begins the next window.
-    async fn begin(&self, mut step: Step) -> Result<Advance, StoreError> {
+    async fn begin(&self, mut step: MonitorStep) -> Result<Advance, StoreError> {
         let plan = step.spec.window;
         let span = step.state.span(&plan);
         let rows = self
@@ -122,7 +122,7 @@ impl Steps {
     }
 
     /// Takes what the job of a window came to; nothing while it has not ended.
-    async fn conclude(&self, step: Step, id: JobId) -> Result<Option<Advance>, StoreError> {
+    async fn conclude(&self, step: MonitorStep, id: JobId) -> Result<Option<Advance>, StoreError> {
         let job = self.store.job(id).await?;
         if job.as_ref().is_some_and(|job| !job.status.is_terminal()) {
             return Ok(None);
@@ -146,7 +146,7 @@ impl Steps {
     }
 
     /// Has a window worked again, with nothing of what was known before.
-    async fn begin_again(&self, step: Step) -> Result<Advance, StoreError> {
+    async fn begin_again(&self, step: MonitorStep) -> Result<Advance, StoreError> {
         let number = step.state.next;
         let window = self.store.monitor_window(step.row.id, number).await?;
         let dataset = window.and_then(|window| window.dataset);
@@ -159,7 +159,7 @@ impl Steps {
         };
         let model = self.model(&step.spec).await?;
         let (catalogue, dataset) = (self.catalogue.clone(), stored.id);
-        let window = Window {
+        let window = RecordedWindow {
             dataset,
             summary: &stored.summary,
             models: descriptions(&catalogue, model.as_ref()),
@@ -211,7 +211,7 @@ fn sentence(faults: &[Fault]) -> String {
 }
 
 /// A step that is being taken.
-struct Step {
+struct MonitorStep {
     now: Timestamp,
     row: MonitorRow,
     spec: MonitorSpec,
@@ -220,13 +220,13 @@ struct Step {
 }
 
 /// A window that is there, for a job to be read against.
-struct Window<'a> {
+struct RecordedWindow<'a> {
     dataset: DatasetId,
     summary: &'a greybox::recording::Summary,
     models: Vec<&'a greybox::model::ModelDescription>,
 }
 
-impl Window<'_> {
+impl RecordedWindow<'_> {
     /// Reads a job against the window.
     fn read(
         &self,
@@ -249,7 +249,7 @@ fn descriptions<'a>(
     all.map(|model| model.description()).collect()
 }
 
-impl Step {
+impl MonitorStep {
     /// The server's clock, nanoseconds since 1970.
     fn now_ns(&self) -> i64 {
         i64::try_from(self.now.as_nanosecond()).unwrap_or(i64::MAX)
@@ -328,7 +328,7 @@ impl Step {
     }
 
     /// The job of the window, by what the monitor was asked.
-    fn job(&self, window: &Window<'_>) -> Result<JobSpec, Vec<Fault>> {
+    fn job(&self, window: &RecordedWindow<'_>) -> Result<JobSpec, Vec<Fault>> {
         let number = self.state.next;
         let name = self.spec.name.as_deref().unwrap_or(&self.spec.stream);
         let name: String = name.chars().take(150).collect();
@@ -343,7 +343,7 @@ impl Step {
     fn new_job(&self, spec: JobSpec, dataset: Option<(DatasetId, NewDataset)>) -> NewWindowJob {
         let (name, labels) = (spec.name.clone(), spec.labels.clone());
         let model = spec.model.clone();
-        let task = Task::Identification(Box::new(spec));
+        let task = JobTask::Identification(Box::new(spec));
         NewWindowJob {
             job: NewJob {
                 project: self.row.project.clone(),
@@ -365,7 +365,7 @@ impl Step {
         let id = DatasetId::new();
         let (recording, digest) = self.recording(&signals, &rows);
         let summary = recording.summary();
-        let window = Window {
+        let window = RecordedWindow {
             dataset: id,
             summary: &summary,
             models: descriptions(catalogue, model.as_ref()),
@@ -379,7 +379,7 @@ impl Step {
             None => inputs(&job, &window.models),
         };
         let movement = self.spec.movement();
-        if !self.state.moves((&signals, &rows), &movers, movement) {
+        if !self.state.moves(&signals, &rows, &movers, movement) {
             let mut shown = self.state.window(&plan, WindowStatus::Quiet);
             shown.reason = Some(format!("{} did not move", movers.join(", ")));
             self.state.go_on(&plan, None);
@@ -425,14 +425,14 @@ impl Step {
 
     /// What is known of the window's parameters before it is looked at; nothing before the first estimate,
     /// or where nothing is looked for.
-    fn prior(&self, ranges: &BTreeMap<String, SearchRange>) -> Option<Known> {
-        let (begun, known) = self.state.known.as_ref()?;
+    fn prior(&self, ranges: &BTreeMap<String, SearchRange>) -> Option<JointEstimate> {
+        let (begun, estimate) = self.state.known.as_ref()?;
         let after = (self.state.span(&self.spec.window).0 - begun) as f64 * 1e-9;
-        (!ranges.is_empty()).then(|| warm::prior(&self.spec, known, ranges, after))
+        (!ranges.is_empty()).then(|| warm::prior(&self.spec, estimate, ranges, after))
     }
 
     /// The job that begins where the one before ended, where there was one and where it can.
-    fn warm(&self, window: &Window<'_>, cold: JobSpec) -> (Start, JobSpec) {
+    fn warm(&self, window: &RecordedWindow<'_>, cold: JobSpec) -> (Start, JobSpec) {
         let ranges = warm::searched(&cold);
         let prior = self.prior(&ranges);
         // Every parameter that is looked for must be known; what is not has nowhere to begin.

@@ -33,8 +33,8 @@ impl JobTemplate {
     pub(super) fn read(field: &Field<'_>) -> Option<Self> {
         let mut object = field.object()?;
         if let Some(experiments) = object.optional("experiments") {
-            for (place, experiment) in experiments.array()?.enumerate() {
-                if place > 0 {
+            for (index, experiment) in experiments.array()?.enumerate() {
+                if index > 0 {
                     let detail = "a monitor has one experiment: the windows of its stream";
                     experiment.fault("too_many_experiments", detail);
                 }

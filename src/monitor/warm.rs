@@ -21,9 +21,9 @@ use greybox::numerics::symmetric;
 /// Without a drift, the prior of the next window is so many standard errors wider: the window then
 /// has nine tenths of the weight.
 const OWN_WEIGHT: f64 = 3.0;
-/// A warm search looks so many standard deviations of the prior to both sides …
+/// A warm search reaches so many standard deviations of the prior to both sides.
 const REACH: f64 = 8.0;
-/// … and at this share of the whole range at the least.
+/// A warm search reaches so far to both sides at the least, as a share of the whole range.
 const LEAST_REACH: f64 = 0.01;
 /// A prior that the data contradict by so many standard deviations is not used.
 const CONTRADICTED: f64 = 3.0;
@@ -34,7 +34,7 @@ const LEAST_NEWS: f64 = 1e-3;
 
 /// What is known of parameters together: a normal distribution of their coordinates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Known {
+pub struct JointEstimate {
     /// The parameters.
     names: Vec<String>,
     /// The distribution of the coordinates of the parameters.
@@ -42,31 +42,31 @@ pub struct Known {
     normal: Normal,
 }
 
-impl Known {
-    /// Whether it says something of this parameter.
+impl JointEstimate {
+    /// Whether the estimate covers a parameter.
     #[must_use]
     pub fn holds(&self, name: &str) -> bool {
-        self.place(name).is_some()
+        self.index_of(name).is_some()
     }
 
-    fn place(&self, name: &str) -> Option<usize> {
-        self.names.iter().position(|own| own == name)
+    fn index_of(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|other| other == name)
     }
 
     /// The mean of a parameter's coordinate and its variance.
     #[must_use]
     pub fn of(&self, name: &str) -> Option<(f64, f64)> {
-        let place = self.place(name)?;
+        let index = self.index_of(name)?;
         Some((
-            self.normal.mean[place],
-            self.normal.covariance[place][place],
+            self.normal.mean[index],
+            self.normal.covariance[index][index],
         ))
     }
 }
 
 /// The errors of which a distribution is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Errors {
+pub enum ErrorScope {
     /// The errors of the data, and of what was known before.
     Statistical,
     /// The errors of the data, of what was known before, and of all that was taken as known.
@@ -122,24 +122,26 @@ pub fn searched(spec: &JobSpec) -> BTreeMap<String, SearchRange> {
 /// What an estimate says of the parameters that were looked for, with the correlations of their errors;
 /// without them where these are not known.
 #[must_use]
-pub fn known(
+pub fn estimated(
     estimates: &[WatchedEstimate],
     correlation: Option<&Correlation>,
     ranges: &BTreeMap<String, SearchRange>,
-    errors: Errors,
-) -> Known {
-    let each = estimates.iter().filter_map(|own| {
-        let range = ranges.get(&own.name)?;
-        let total = own.total_standard_error.filter(|_| errors == Errors::Total);
-        let deviation = total.or(own.standard_error)?;
-        let deviation = deviation_at(range.scale, own.estimate, deviation);
-        let mean = coordinate(range.scale, own.estimate);
-        (mean.is_finite() && deviation > 0.0).then(|| (own.name.clone(), mean, deviation))
+    errors: ErrorScope,
+) -> JointEstimate {
+    let each = estimates.iter().filter_map(|parameter| {
+        let range = ranges.get(&parameter.name)?;
+        let total = parameter
+            .total_standard_error
+            .filter(|_| errors == ErrorScope::Total);
+        let deviation = total.or(parameter.standard_error)?;
+        let deviation = deviation_at(range.scale, parameter.estimate, deviation);
+        let mean = coordinate(range.scale, parameter.estimate);
+        (mean.is_finite() && deviation > 0.0).then(|| (parameter.name.clone(), mean, deviation))
     });
     let each: Vec<(String, f64, f64)> = each.collect();
     let places = each.iter().map(|(name, ..)| {
         let mut names = correlation?.names.iter();
-        names.position(|own| own == name)
+        names.position(|other| other == name)
     });
     let places: Vec<Option<usize>> = places.collect();
     let between = |a: usize, b: usize| {
@@ -156,8 +158,8 @@ pub fn known(
         (0..each.len()).map(row).collect()
     };
     // Rounding may have made of a nearly flat direction none at all.
-    let joint = Some(covariance(true)).filter(|own| symmetric::whitening(own).is_some());
-    Known {
+    let joint = Some(covariance(true)).filter(|matrix| symmetric::whitening(matrix).is_some());
+    JointEstimate {
         normal: Normal {
             mean: each.iter().map(|(_, mean, _)| *mean).collect(),
             covariance: joint.unwrap_or_else(|| covariance(false)),
@@ -170,22 +172,22 @@ pub fn known(
 #[must_use]
 pub fn prior(
     spec: &MonitorSpec,
-    known: &Known,
+    estimate: &JointEstimate,
     ranges: &BTreeMap<String, SearchRange>,
     after_s: f64,
-) -> Known {
-    let growth = |place: usize| {
-        let name = &known.names[place];
+) -> JointEstimate {
+    let growth = |index: usize| {
+        let name = &estimate.names[index];
         let (drift, range) = (spec.drift.get(name)?, ranges.get(name)?);
-        let value = value_at(range.scale, known.normal.mean[place]);
+        let value = value_at(range.scale, estimate.normal.mean[index]);
         Some(deviation_at(range.scale, value, drift.std).powi(2) * (after_s / drift.per_s))
     };
-    let growth: Vec<Option<f64>> = (0..known.names.len()).map(growth).collect();
-    let mut prior = known.clone();
+    let growth: Vec<Option<f64>> = (0..estimate.names.len()).map(growth).collect();
+    let mut prior = estimate.clone();
     for (a, row) in prior.normal.covariance.iter_mut().enumerate() {
         for (b, entry) in row.iter_mut().enumerate() {
             match (growth[a], growth[b]) {
-                (Some(own), Some(_)) if a == b => *entry += own,
+                (Some(growth), Some(_)) if a == b => *entry += growth,
                 (None, None) => *entry *= 1.0 + OWN_WEIGHT * OWN_WEIGHT,
                 _ => {}
             }
@@ -200,13 +202,13 @@ pub fn prior(
 pub fn begin_warm(
     cold: &JobSpec,
     ranges: &BTreeMap<String, SearchRange>,
-    prior: &Known,
+    prior: &JointEstimate,
 ) -> JobSpec {
     let mut warm = cold.clone();
     for name in &prior.names {
-        if let (Some(range), Some(known)) = (ranges.get(name), prior.of(name)) {
+        if let (Some(range), Some((middle, variance))) = (ranges.get(name), prior.of(name)) {
             let free = ParameterSpec::Free(FreeParameter {
-                estimate: narrowed(range, known),
+                estimate: narrowed(range, middle, variance),
                 prior: None,
             });
             warm.parameters.insert(name.clone(), free);
@@ -239,7 +241,7 @@ pub fn begin_warm(
 }
 
 /// The part of a range that lies around the middle of a prior with a variance.
-fn narrowed(range: &SearchRange, (middle, variance): (f64, f64)) -> SearchRange {
+fn narrowed(range: &SearchRange, middle: f64, variance: f64) -> SearchRange {
     let scale = range.scale;
     let (low, high) = (
         coordinate(scale, range.lower),
@@ -260,7 +262,7 @@ fn narrowed(range: &SearchRange, (middle, variance): (f64, f64)) -> SearchRange 
 /// A prior as jobs take it: means and covariance of the values. Where each has a log scale, it is
 /// one of logarithms; where only some have, their values are taken to be normal, as near as their
 /// spread is small.
-fn of_values(prior: &Known, scales: &[Scale]) -> JointPriorSpec {
+fn of_values(prior: &JointEstimate, scales: &[Scale]) -> JointPriorSpec {
     let (mean, covariance) = (&prior.normal.mean, &prior.normal.covariance);
     let all_log = scales.iter().all(|scale| *scale == Scale::Log);
     let value = |a: usize| match scales[a] {
@@ -268,9 +270,15 @@ fn of_values(prior: &Known, scales: &[Scale]) -> JointPriorSpec {
         scale => value_at(scale, mean[a]),
     };
     let entry = |a: usize, b: usize| {
-        let slope = |place: usize| deviation_of_value(scales[place], value(place), 1.0);
-        let own = covariance[a][b];
-        slope(a) * slope(b) * if all_log { libm::expm1(own) } else { own }
+        let slope = |index: usize| deviation_of_value(scales[index], value(index), 1.0);
+        let of_coordinates = covariance[a][b];
+        slope(a)
+            * slope(b)
+            * if all_log {
+                libm::expm1(of_coordinates)
+            } else {
+                of_coordinates
+            }
     };
     let places = 0..scales.len();
     let row = |a| places.clone().map(|b| entry(a, b)).collect();
@@ -295,30 +303,30 @@ pub fn is_in_doubt(outcome: &Outcome) -> bool {
 /// What a window itself says of its parameters, without its prior. Nothing where it says
 /// next to nothing.
 #[derive(Clone, Debug)]
-pub struct Alone<'p> {
-    own: Option<Known>,
-    prior: Option<&'p Known>,
+pub struct WindowEstimate<'p> {
+    estimate: Option<JointEstimate>,
+    prior: Option<&'p JointEstimate>,
 }
 
-impl<'p> Alone<'p> {
+impl<'p> WindowEstimate<'p> {
     /// From what the window and its prior say together.
     #[must_use]
-    pub fn new(together: Known, prior: Option<&'p Known>) -> Self {
-        let own = match prior {
+    pub fn new(together: JointEstimate, prior: Option<&'p JointEstimate>) -> Self {
+        let estimate = match prior {
             None => Some(together),
             Some(prior) if prior.names == together.names => {
                 let normal = together.normal.without(&prior.normal);
-                normal.map(|normal| Known { normal, ..together })
+                normal.map(|normal| JointEstimate { normal, ..together })
             }
             Some(_) => None,
         };
-        Self { own, prior }
+        Self { estimate, prior }
     }
 
     /// The estimate of a parameter and its variance, in its coordinate.
     #[must_use]
     pub fn of(&self, name: &str) -> Option<(f64, f64)> {
-        let (value, variance) = self.own.as_ref()?.of(name)?;
+        let (value, variance) = self.estimate.as_ref()?.of(name)?;
         let before = self.prior.and_then(|prior| prior.of(name));
         let says_something = before.is_none_or(|(_, known)| LEAST_NEWS * variance < known);
         (value.is_finite() && variance > 0.0 && says_something).then_some((value, variance))
@@ -379,14 +387,14 @@ mod tests {
         .expect("a specification")
     }
 
-    fn two(scale: Scale, between: f64) -> Known {
+    fn two(scale: Scale, between: f64) -> JointEstimate {
         let estimates = [estimate("a", 10.0, 0.4), estimate("b", 20.0, 0.6)];
         let correlation = correlated(&["b", "a"], between);
-        known(
+        estimated(
             &estimates,
             Some(&correlation),
             &ranges(scale),
-            Errors::Total,
+            ErrorScope::Total,
         )
     }
 
@@ -397,20 +405,23 @@ mod tests {
         let x = p * (z / r + middle / m);
         let of = |mean, deviation| {
             let estimates = [estimate("a", mean, deviation)];
-            known(
+            estimated(
                 &estimates,
                 None,
                 &ranges(Scale::Linear),
-                Errors::Statistical,
+                ErrorScope::Statistical,
             )
         };
         let prior = of(middle, f64::sqrt(m));
-        let alone = Alone::new(of(x, p.sqrt()), Some(&prior));
+        let alone = WindowEstimate::new(of(x, p.sqrt()), Some(&prior));
         let (value, variance) = alone.of("a").expect("news");
         assert!((value - z).abs() < 1e-9 && (variance - r).abs() < 1e-9);
-        let nothing_new = Alone::new(prior.clone(), Some(&prior));
+        let nothing_new = WindowEstimate::new(prior.clone(), Some(&prior));
         assert_eq!(nothing_new.of("a"), None);
-        assert_eq!(Alone::new(of(x, 1.0), None).of("a"), Some((x, 1.0)));
+        assert_eq!(
+            WindowEstimate::new(of(x, 1.0), None).of("a"),
+            Some((x, 1.0))
+        );
     }
 
     #[test]
@@ -471,7 +482,12 @@ mod tests {
     fn a_warm_search_has_the_estimate_before_in_its_middle_and_stays_in_the_range() {
         for scale in [Scale::Linear, Scale::Log] {
             let ranges = BTreeMap::from([("a".to_owned(), range(scale))]);
-            let known = known(&[estimate("a", 10.0, 0.1)], None, &ranges, Errors::Total);
+            let known = estimated(
+                &[estimate("a", 10.0, 0.1)],
+                None,
+                &ranges,
+                ErrorScope::Total,
+            );
             let prior = prior(&monitor(&json!({})), &known, &ranges, 1.0);
             let warm = begin_warm(&cold(), &ranges, &prior);
             let Some(ParameterSpec::Free(free)) = warm.parameters.get("a") else {

@@ -13,7 +13,7 @@ use super::stop_request::StopRequest;
 use super::writer::Tx;
 use super::{Store, StoreError, corrupt, unsigned};
 use crate::access::Project;
-use crate::job::{Failure, Status, Task};
+use crate::job::{Failure, JobTask, Status};
 use greybox::estimation::Progress;
 use greybox::identification::{DatasetId, JobId};
 
@@ -31,7 +31,7 @@ pub struct JobRow {
     /// The model's name.
     pub model: String,
     /// What the job is asked to do.
-    pub task: Task,
+    pub task: JobTask,
     /// The state of the job.
     pub status: Status,
     /// A request to stop the job that has not taken effect yet.
@@ -335,7 +335,8 @@ fn read(row: &Row) -> Result<JobRow, StoreError> {
         name: row.try_get("name")?,
         labels: from_json("labels", &id, row.try_get("labels")?)?,
         model: row.try_get("model")?,
-        task: Task::read(row.try_get("spec")?).map_err(|why| corrupt("specification", &id, why))?,
+        task: JobTask::read(row.try_get("spec")?)
+            .map_err(|why| corrupt("specification", &id, why))?,
         status: parse_status(&id, &status)?,
         stop_request: request
             .map(|word| StopRequest::read(&word, &id))

@@ -19,7 +19,7 @@ use super::jobs::{self, JobRow};
 use super::writer::Tx;
 use super::{QuotaExceeded, Quotas, Store, StoreError};
 use crate::access::Project;
-use crate::job::Task;
+use crate::job::JobTask;
 use greybox::identification::{DatasetId, JobId};
 
 /// A job to be stored.
@@ -34,7 +34,7 @@ pub struct NewJob {
     /// The model's name.
     pub model: String,
     /// What the job is asked to do.
-    pub task: Task,
+    pub task: JobTask,
     /// The recordings that it reads.
     pub datasets: Vec<DatasetId>,
     /// Makes the submission safe to repeat.

@@ -11,7 +11,7 @@ use super::run::{Advance, Assignment, Past, Row, Run, StopReason, unread};
 use crate::job::Failure;
 use crate::job::event::DesignEvent;
 use greybox::estimation::{Phase, Progress};
-use greybox::identification::assemble::{COST_OF_JOB, Designing, Looked, PastResult};
+use greybox::identification::assemble::{Assessments, COST_OF_JOB, Designing, PastResult};
 use greybox::identification::design::Design;
 use greybox::identification::spec::design::{DesignRequest, DesignSpec, PastJob};
 use greybox::model::Model;
@@ -66,9 +66,11 @@ struct Beginning {
 /// What is kept between slices.
 #[derive(Default, Serialize, Deserialize)]
 struct Saved {
-    looked: Looked,
-    /// What the best that an event told of would bring: its `log10_determinant`.
-    told: Option<f64>,
+    #[serde(rename = "looked")]
+    assessments: Assessments,
+    /// The `log10_determinant` of the best experiment that an event reported.
+    #[serde(rename = "told")]
+    reported: Option<f64>,
 }
 
 struct DesignRun {
@@ -100,8 +102,8 @@ impl DesignRun {
         let Some(designing) = &self.designing else {
             return Ok(None);
         };
-        let looked = &mut self.saved.looked;
-        let design = designing.go_on(looked, EXPERIMENTS_A_UNIT, stop);
+        let assessments = &mut self.saved.assessments;
+        let design = designing.go_on(assessments, EXPERIMENTS_A_UNIT, stop);
         design.map_err(cannot)
     }
 
@@ -109,10 +111,14 @@ impl DesignRun {
     fn news(&mut self) -> Option<Row> {
         let event = DesignEvent::of(self.best.as_ref()?)?;
         let reached = event.best.log10_determinant;
-        if self.saved.told.is_some_and(|told| reached <= told) {
+        if self
+            .saved
+            .reported
+            .is_some_and(|reported| reached <= reported)
+        {
             return None;
         }
-        self.saved.told = Some(reached);
+        self.saved.reported = Some(reached);
         Some(Row::Design(event))
     }
 }
@@ -139,7 +145,7 @@ impl Run for DesignRun {
     }
 
     fn progress(&self) -> Progress {
-        let looked = self.saved.looked.len();
+        let assessed = self.saved.assessments.len();
         let most = self
             .designing
             .as_ref()
@@ -148,10 +154,10 @@ impl Run for DesignRun {
             phase: Phase::Search,
             generation: 0,
             generations: 0,
-            evaluations: looked as u64,
+            evaluations: assessed as u64,
             best_cost: None,
             best_credit: None,
-            fraction: (looked as f64 / most.max(1) as f64).min(1.0),
+            fraction: (assessed as f64 / most.max(1) as f64).min(1.0),
             eta_s: None,
         }
     }

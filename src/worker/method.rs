@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::run::{Assignment, Method, Run};
 use super::{design, identification};
-use crate::job::{Failure, Task};
+use crate::job::{Failure, JobTask};
 use crate::store::ModelRow;
 use greybox::model::{Catalogue, Model, document};
 
@@ -35,11 +35,11 @@ impl Method for Methods {
     fn begin(&self, assignment: Assignment) -> Result<Box<dyn Run>, Failure> {
         let model = self.model(&assignment.job.model, assignment.model.as_ref())?;
         match &assignment.job.task {
-            Task::Identification(spec) => {
+            JobTask::Identification(spec) => {
                 let spec = spec.clone();
                 identification::begin(&spec, &model, assignment)
             }
-            Task::Design(task) => {
+            JobTask::Design(task) => {
                 let design = task.design.clone();
                 design::begin(&design, model, assignment)
             }

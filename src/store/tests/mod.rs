@@ -25,7 +25,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::job::{Event, Failure, GenerationEvent, Status, Task};
+use crate::job::{Event, Failure, GenerationEvent, JobTask, Status};
 use greybox::estimation::{Phase, Progress};
 
 /// Tests that hold on SQLite and on PostgreSQL.
@@ -182,7 +182,7 @@ fn job(key: Option<(&str, &str)>) -> NewJob {
         name: Some("rig 4".to_owned()),
         labels: BTreeMap::from([("site".to_owned(), "hall 2".to_owned())]),
         model: "positioning_drive".to_owned(),
-        task: Task::nominal(),
+        task: JobTask::nominal(),
         datasets: Vec::new(),
         idempotency: key.map(|(key, body_digest)| Idempotency {
             project: Default::default(),

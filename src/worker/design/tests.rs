@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::*;
-use crate::job::{DesignTask, Task};
+use crate::job::{DesignTask, JobTask};
 use crate::store::JobRow;
 use crate::worker::method::Methods;
 use crate::worker::run::Method;
@@ -40,7 +40,7 @@ fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
     });
     change(&mut design);
     let task = DesignTask::new(DesignRequest::new(design), None, 3600.0);
-    at_work("positioning_drive", Task::Design(task))
+    at_work("positioning_drive", JobTask::Design(task))
 }
 
 fn begun(checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {

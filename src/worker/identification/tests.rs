@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use serde_json::json;
 
 use super::*;
-use crate::job::Task;
+use crate::job::JobTask;
 use crate::store::JobRow;
 use crate::worker::method::Methods;
 use crate::worker::run::Method;
@@ -56,8 +56,8 @@ fn job() -> JobRow {
 
 fn spec_of(job: &mut JobRow) -> &mut JobSpec {
     match &mut job.task {
-        Task::Identification(spec) => spec,
-        Task::Design(_) => panic!("the job estimates"),
+        JobTask::Identification(spec) => spec,
+        JobTask::Design(_) => panic!("the job estimates"),
     }
 }
 
@@ -81,7 +81,7 @@ fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
     let (spec, _) = identification
         .specification()
         .expect("a sound specification");
-    at_work(&spec.model.clone(), Task::Identification(Box::new(spec)))
+    at_work(&spec.model.clone(), JobTask::Identification(Box::new(spec)))
 }
 
 fn begin(job: &JobRow, checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use super::{Worker, WorkerSettings};
 use crate::event::EventHub;
-use crate::job::{Status, Task};
+use crate::job::{JobTask, Status};
 use crate::store::{
     CandidatePage, DatabaseSettings, JobRow, NewJob, Store, StoredEvent, Submitted,
 };
@@ -26,7 +26,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const MAX_CANDIDATES: u64 = 1000;
 
 /// A job as the store hands it to a worker.
-pub(crate) fn at_work(model: &str, task: Task) -> JobRow {
+pub(crate) fn at_work(model: &str, task: JobTask) -> JobRow {
     JobRow {
         project: Default::default(),
         id: JobId::new(),
@@ -90,7 +90,7 @@ impl Server {
             name: None,
             labels: BTreeMap::from([("orders".to_owned(), orders.to_string())]),
             model: "descent".to_owned(),
-            task: Task::read(&task.to_string()).expect("a task"),
+            task: JobTask::read(&task.to_string()).expect("a task"),
             datasets: Vec::new(),
             idempotency: None,
         };

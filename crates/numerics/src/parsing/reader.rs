@@ -73,9 +73,9 @@ pub fn read_document<T>(
 /// A value at its place in the document.
 #[derive(Clone)]
 pub struct Field<'v> {
-    /// Where it stands.
+    /// Where the value stands.
     pub pointer: String,
-    /// What stands there.
+    /// The value.
     pub value: &'v Value,
     faults: &'v Faults,
 }
@@ -237,7 +237,7 @@ pub const LARGEST_EXACT: f64 = 9_007_199_254_740_991.0;
 
 /// An object of which every field must be asked for.
 pub struct Object<'v> {
-    /// Where it stands.
+    /// The JSON pointer of the object.
     pub pointer: String,
     map: &'v Map<String, Value>,
     known: Vec<&'static str>,

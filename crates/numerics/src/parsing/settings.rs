@@ -10,7 +10,7 @@ use super::reader::{Field, Object};
 
 /// The numbers that a setting may have.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Limits {
+pub struct NumberLimits {
     /// The least number.
     pub from: Option<f64>,
     /// The number that the setting has to exceed.
@@ -27,20 +27,20 @@ pub fn limit(number: impl Into<f64>) -> Option<f64> {
 /// A type of settings.
 pub trait Setting: Sized {
     /// The value of a field; where the field has none within the limits, that is a fault.
-    fn read(field: &Field<'_>, limits: &Limits) -> Option<Self>;
+    fn read(field: &Field<'_>, limits: &NumberLimits) -> Option<Self>;
 }
 
 impl Setting for u64 {
-    fn read(field: &Field<'_>, limits: &Limits) -> Option<Self> {
+    fn read(field: &Field<'_>, limits: &NumberLimits) -> Option<Self> {
         let least = limits.from.unwrap_or(0.0) as u64;
         field.integer(least, limits.to.map_or(u64::MAX, |most| most as u64))
     }
 }
 
 impl Setting for u32 {
-    fn read(field: &Field<'_>, limits: &Limits) -> Option<Self> {
+    fn read(field: &Field<'_>, limits: &NumberLimits) -> Option<Self> {
         let most = limits.to.unwrap_or(f64::from(u32::MAX));
-        let limits = Limits {
+        let limits = NumberLimits {
             to: Some(most),
             ..*limits
         };
@@ -49,7 +49,7 @@ impl Setting for u32 {
 }
 
 impl Setting for f64 {
-    fn read(field: &Field<'_>, limits: &Limits) -> Option<Self> {
+    fn read(field: &Field<'_>, limits: &NumberLimits) -> Option<Self> {
         if limits.above == Some(0.0) {
             return field.positive();
         }
@@ -59,13 +59,13 @@ impl Setting for f64 {
 }
 
 impl Setting for bool {
-    fn read(field: &Field<'_>, _: &Limits) -> Option<Self> {
+    fn read(field: &Field<'_>, _: &NumberLimits) -> Option<Self> {
         field.boolean()
     }
 }
 
 impl<T: Setting> Setting for Option<T> {
-    fn read(field: &Field<'_>, limits: &Limits) -> Option<Self> {
+    fn read(field: &Field<'_>, limits: &NumberLimits) -> Option<Self> {
         T::read(field, limits).map(Some)
     }
 }
@@ -105,7 +105,7 @@ macro_rules! words {
         impl $crate::parsing::settings::Setting for $name {
             fn read(
                 field: &$crate::parsing::reader::Field<'_>,
-                _: &$crate::parsing::settings::Limits,
+                _: &$crate::parsing::settings::NumberLimits,
             ) -> Option<Self> {
                 $crate::parsing::settings::word(field)
             }
@@ -166,7 +166,7 @@ macro_rules! settings {
             fn read_fields(object: &mut $crate::parsing::reader::Object<'_>) -> Self {
                 let mut section = Self::default();
                 $(
-                    let limits = $crate::parsing::settings::Limits {
+                    let limits = $crate::parsing::settings::NumberLimits {
                         from: None$(.or($crate::parsing::settings::limit($from)))?,
                         above: None$(.or($crate::parsing::settings::limit($above)))?,
                         to: None$(.or($crate::parsing::settings::limit($to)))?,

@@ -175,7 +175,7 @@ fn read(
     root.finish();
     let (subject, seed) = (subject?, seed?);
     Some(DesignSpec {
-        job: job_to_come(&subject, noise, initial_state, (past, seed)),
+        job: job_to_come(&subject, noise, initial_state, past, seed),
         sensors,
         plan: plan?,
         wanted: wanted?,
@@ -318,7 +318,8 @@ fn job_to_come(
     subject: &Subject<'_>,
     noise: BTreeMap<String, f64>,
     initial_state: BTreeMap<String, InitialStateSpec>,
-    (past, seed): (Option<&PastJob<'_>>, u64),
+    past: Option<&PastJob<'_>>,
+    seed: u64,
 ) -> JobSpec {
     let next = ExperimentSpec {
         // Nothing is recorded yet.

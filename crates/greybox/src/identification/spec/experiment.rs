@@ -64,7 +64,7 @@ fn read(
     let signals = object.optional("signals");
     let signals = match (model, recording) {
         (Some(model), Some(recording)) => {
-            Link { model, recording }.read(&object, signals.as_ref(), true)
+            SignalMatch { model, recording }.read(&object, signals.as_ref(), true)
         }
         _ => None,
     };
@@ -153,12 +153,12 @@ fn same_unit(recorded: &str, model: &str) -> bool {
 }
 
 /// A model and the recording that drives it.
-pub(super) struct Link<'a> {
+pub(super) struct SignalMatch<'a> {
     pub(super) model: &'a ModelDescription,
     pub(super) recording: &'a Summary,
 }
 
-impl Link<'_> {
+impl SignalMatch<'_> {
     /// The map from model signals to recorded ones: one whole set of inputs, and the outputs that
     /// are measured, at least one of them where `explains` holds.
     pub(super) fn read(

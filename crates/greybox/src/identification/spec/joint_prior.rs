@@ -126,12 +126,12 @@ fn is_sound(field: &Field<'_>, prior: &JointPriorSpec) -> bool {
     }
     let rows = prior.covariance.iter().enumerate();
     let mut pairs = rows.flat_map(|(a, row)| row.iter().enumerate().map(move |(b, x)| (a, b, x)));
-    let is_symmetric = pairs.all(|(a, b, own)| {
+    let is_symmetric = pairs.all(|(a, b, entry)| {
         let (other, size) = (
             prior.covariance[b][a],
             (prior.covariance[a][a] * prior.covariance[b][b]).sqrt(),
         );
-        (own - other).abs() <= 1e-9 * size
+        (entry - other).abs() <= 1e-9 * size
     });
     let places = (0..prior.parameters.len()).collect();
     let joint = JointPrior::new(places, prior.scale, &prior.mean, &prior.covariance);
@@ -143,7 +143,7 @@ fn is_sound(field: &Field<'_>, prior: &JointPriorSpec) -> bool {
     is_sound
 }
 
-/// As many numbers.
+/// A list of so many numbers.
 fn numbers(field: &Field<'_>, n: usize) -> Option<Vec<f64>> {
     let entries = field.array()?;
     if entries.len() != n {
@@ -167,9 +167,11 @@ fn matrix(field: &Field<'_>, n: usize) -> Option<Vec<Vec<f64>>> {
 /// The covariance of deviations and correlations.
 fn scaled(correlation: &[Vec<f64>], std: &[f64]) -> Vec<Vec<f64>> {
     let rows = correlation.iter().zip(std);
-    let row = |(row, own): (&Vec<f64>, &f64)| {
+    let row = |(row, of_row): (&Vec<f64>, &f64)| {
         let pairs = row.iter().zip(std);
-        pairs.map(|(entry, other)| entry * own * other).collect()
+        pairs
+            .map(|(entry, of_column)| entry * of_row * of_column)
+            .collect()
     };
     rows.map(row).collect()
 }

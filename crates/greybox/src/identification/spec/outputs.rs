@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::ExperimentSpec;
-use super::experiment::Link;
+use super::experiment::SignalMatch;
 use crate::identification::DatasetId;
 use greybox_numerics::parsing::reader::{Field, did_you_mean, listed};
 use greybox_recording::Summary;
@@ -73,7 +73,7 @@ pub(super) fn read(
             let measured = measured.filter(|experiment| experiment.signals.contains_key(name));
             let recordings = measured.filter_map(|experiment| datasets.get(&experiment.dataset));
             let links = recordings.filter_map(|recording| {
-                Some(Link {
+                Some(SignalMatch {
                     model: model?,
                     recording,
                 })

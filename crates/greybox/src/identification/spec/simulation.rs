@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use super::experiment::{Link, read_initial_state};
+use super::experiment::{SignalMatch, read_initial_state};
 use super::{InitialStateSpec, WindowSpec, parameter, read_model, window};
 use crate::identification::DatasetId;
 use greybox_numerics::parsing::fault::Fault;
@@ -88,7 +88,7 @@ fn read(
     let signals = root.optional("signals");
     let signals = match (model, recording) {
         (Some(model), Some(recording)) => {
-            Link { model, recording }.read(&root, signals.as_ref(), false)
+            SignalMatch { model, recording }.read(&root, signals.as_ref(), false)
         }
         _ => None,
     };

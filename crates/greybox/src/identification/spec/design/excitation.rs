@@ -22,7 +22,8 @@ pub struct Proposal {
 pub(super) fn read(
     field: &Field<'_>,
     index: usize,
-    (grid, inputs): (&Grid, &[&str]),
+    grid: &Grid,
+    inputs: &[&str],
 ) -> Option<Proposal> {
     let mut object = field.object()?;
     let name = object.optional("name");

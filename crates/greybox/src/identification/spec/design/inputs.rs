@@ -171,7 +171,7 @@ fn read_proposals(field: &Field<'_>, grid: &Grid, inputs: &[&str]) -> Option<Vec
     }
     let read = entries.enumerate();
     let read: Vec<_> = read
-        .map(|(index, entry)| excitation::read(&entry, index, (grid, inputs)))
+        .map(|(index, entry)| excitation::read(&entry, index, grid, inputs))
         .collect();
     read.into_iter().collect()
 }
