@@ -129,7 +129,7 @@ impl App {
         let routes = api::resources(state).merge(dashboard::router());
         let around = Around {
             names: Arc::new(settings.names()),
-            audit: Some(Audit::new(store.clone())),
+            audit: Some(Audit::new(store.audit().clone())),
         };
         let routes = api::with_middleware(routes, around);
         let speaks_tls = tls.is_some();
@@ -185,7 +185,7 @@ impl App {
     pub async fn wait_for_signal(&self) -> std::io::Result<()> {
         tokio::select! {
             asked = terminated() => asked,
-            () = self.store.superseded() => Err(std::io::Error::other(
+            () = self.store.nodes().superseded() => Err(std::io::Error::other(
                 "other nodes have declared this one dead and gone on without it",
             )),
         }
@@ -259,7 +259,7 @@ async fn open(
     if let Some(listener) = early {
         return Ok((store, listener));
     }
-    if access.proxies.is_empty() && !store.has_tokens().await? {
+    if access.proxies.is_empty() && !store.tokens().exist().await? {
         store.close().await;
         return Err(StartError::NobodyAsked(settings.listen));
     }
@@ -300,7 +300,7 @@ async fn tidy(store: Store, retention: Retention, closing: CancellationToken) {
             () = tokio::time::sleep(wait) => {}
         }
         wait = TIDY_INTERVAL;
-        if !store.is_in_charge() {
+        if !store.nodes().is_in_charge() {
             continue;
         }
         match store.tidy(retention).await {
@@ -413,7 +413,7 @@ mod tests {
             datasets: Vec::new(),
             idempotency: None,
         };
-        match store.submit(job).await.expect("a submission") {
+        match store.submissions().submit(job).await.expect("a submission") {
             Submitted::Created(row) => row.id,
             other => panic!("not created: {other:?}"),
         }
@@ -480,7 +480,13 @@ mod tests {
         assert!(told.contains("event: state"), "{told}");
 
         let app = start(&settings, &gate).await.expect("the same database");
-        let job = app.store.job(id).await.expect("a read").expect("the job");
+        let job = app
+            .store
+            .jobs()
+            .find(id)
+            .await
+            .expect("a read")
+            .expect("the job");
         assert_eq!(job.status, Status::Running);
         assert_eq!(job.progress.as_ref().expect("progress").generation, 4);
         app.shutdown().await;

@@ -23,7 +23,7 @@ mod telemetry;
 mod token;
 
 use crate::config::Settings;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use error::CommandError;
 use std::process::ExitCode;
 
@@ -98,8 +98,8 @@ fn run(command: Command) -> Result<(), CommandError> {
         Command::Token(command) => token::run(&command),
         Command::Openapi => files::write(None, &openapi()),
         Command::Health(arguments) => health::health(arguments),
-        Command::Completions(arguments) => manual::completions(&arguments),
-        Command::Man(arguments) => manual::man(&arguments),
+        Command::Completions(arguments) => manual::completions(&arguments, CommandLine::command()),
+        Command::Man(arguments) => manual::man(&arguments, CommandLine::command()),
     }
 }
 
@@ -115,7 +115,6 @@ fn openapi() -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_commands_and_their_flags_do_not_contradict_each_other() {

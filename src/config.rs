@@ -5,7 +5,7 @@
 mod database;
 mod error;
 mod network;
-mod tls;
+pub mod tls;
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::num::NonZeroUsize;
@@ -27,7 +27,6 @@ pub use database::DatabaseArguments;
 use database::database_place;
 pub use error::SettingsError;
 use network::network;
-pub use tls::TlsFiles;
 
 /// Connections that read the database at the same time.
 const READERS: u32 = 4;

@@ -215,14 +215,8 @@ fn run(
 ) -> Outcome {
     let mut run = Estimation::start(problem, settings, seed);
     let report = run.run(problem, &NEVER, &mut ()).expect("an estimate");
-    let analysis = uncertainty::analyse(
-        problem,
-        &report,
-        &uncertainty::Request::default(),
-        &uncertainty::Refits::unlimited(),
-        &NEVER,
-    )
-    .expect("nobody stops it");
+    let analysis = uncertainty::analyse(problem, &report, &uncertainty::Request::default(), &NEVER)
+        .expect("nobody stops it");
     let of_coordinates = (0..truth.len())
         .map(|index| {
             let error = (report.positions[index] - truth[index]) / theory.bounds[index];
@@ -237,9 +231,9 @@ fn run(
     let floor = floor(problem, truth);
     let ratio = report.cost.unwrap_or(f64::INFINITY) / floor;
     let miss = (ratio > 1.01).then(|| {
-        let reasons = analysis.verdict.reasons.iter();
-        let codes: Vec<&str> = reasons.map(|reason| reason.code).collect();
-        let trust = analysis.verdict.trust;
+        let doubts = analysis.judgement.doubts.iter();
+        let codes: Vec<&str> = doubts.map(|doubt| doubt.rule.code()).collect();
+        let trust = analysis.judgement.trust;
         format!("{ratio:.3} times the floor, trust {trust:?} {codes:?}")
     });
     Outcome {

@@ -89,14 +89,8 @@ fn search(problem: &Problem, spec: &JobSpec) -> Report {
     let report = run
         .run(problem, &never, &mut ())
         .expect("the demonstration ends with an estimate");
-    uncertainty::analyse(
-        problem,
-        &report,
-        &uncertainty::Request::default(),
-        &uncertainty::Refits::unlimited(),
-        &never,
-    )
-    .expect("nothing interrupts the analysis");
+    uncertainty::analyse(problem, &report, &uncertainty::Request::default(), &never)
+        .expect("nothing interrupts the analysis");
     report
 }
 

@@ -11,32 +11,30 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use axum::body::Body;
-use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
-use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
-use futures_util::StreamExt;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 use ipnet::IpNet;
 use jiff::Timestamp;
 
-use super::admission::as_caller;
 use super::client::{Client, PeerAddress};
 use super::error::{Answer, Kind, Problem};
-use super::events::EVENT_STREAM;
-use super::{ApiState, session_cookie};
-use crate::access::{BELIEVED, Digest, Roles, Scope, Secret};
-use crate::store::TokenRow;
+use super::limits::Limits;
+use super::rates::Rates;
+use super::session_cookie;
+use crate::access::{BELIEVED, Digest, Roles, Secret};
+use crate::store::{Sessions, Store, TokenRow, Tokens};
 
 /// What a request brings that brings another text than the secret of a token.
 pub(super) const NO_TOKEN: &str = "no token of this server";
+/// So many seconds' worth of a caller's requests may come together.
+const BURST_S: f64 = 2.0;
+/// Attempts to sign in from one address, in a second in the long run.
+const SIGN_INS_PER_SECOND: f64 = 0.2;
+/// Attempts to sign in from one address that may come together.
+const SIGN_INS_AT_ONCE: f64 = 10.0;
 /// Tokens that are remembered at the most.
 const REMEMBERED: usize = 1000;
 /// How often at the most it is noted that a token was used.
 const NOTED_EVERY: Duration = Duration::from_secs(60);
-
-/// How often it is looked whether the reader of a stream may still ask.
-const LOOKED_AGAIN: Duration = Duration::from_secs(2);
 
 /// Who may ask, as the server is set up; its tokens stand in the database.
 #[derive(Clone, Debug)]
@@ -66,17 +64,27 @@ impl Default for AccessSettings {
 }
 
 /// What is remembered of callers.
-pub(super) struct Callers {
-    settings: AccessSettings,
+pub struct Callers {
+    pub(super) settings: AccessSettings,
+    /// The tokens that callers bring are looked up here.
+    tokens: Tokens,
+    /// Sessions begin, are looked up and end here.
+    pub(super) sessions: Sessions,
+    /// Whether a session may end at another node.
+    is_shared: bool,
+    /// How much each caller asks.
+    pub(super) requests: Rates,
+    /// How often it is tried to sign in.
+    pub(super) sign_ins: Rates,
     /// Whether everybody has to say who they are.
     asks: AtomicBool,
     looked: Mutex<Option<Instant>>,
-    tokens: Mutex<Tokens>,
+    recent: Mutex<RecentTokens>,
 }
 
 /// The tokens that callers brought lately, and the tokens of their sessions.
 #[derive(Default)]
-struct Tokens {
+struct RecentTokens {
     remembered: HashMap<Digest, Remembered>,
     /// How many sessions have ended here.
     ended: u64,
@@ -97,17 +105,24 @@ struct Reading {
 }
 
 impl Callers {
-    pub(super) fn new(settings: AccessSettings) -> Self {
+    /// Callers of a server.
+    pub(super) fn new(settings: AccessSettings, limits: &Limits, store: &Store) -> Self {
+        let per_second = limits.requests_per_second;
         Self {
+            tokens: store.tokens().clone(),
+            sessions: store.sessions().clone(),
+            is_shared: store.is_shared(),
+            requests: Rates::new(per_second, per_second * BURST_S, limits.requests_at_once),
+            sign_ins: Rates::new(SIGN_INS_PER_SECOND, SIGN_INS_AT_ONCE, u32::MAX),
             asks: AtomicBool::new(!settings.proxies.is_empty()),
             settings,
             looked: Mutex::default(),
-            tokens: Mutex::default(),
+            recent: Mutex::default(),
         }
     }
 
     /// Whether callers have to say who they are: a proxy is trusted, or a token was made.
-    async fn asks(&self, state: &ApiState) -> Answer<bool> {
+    async fn asks(&self) -> Answer<bool> {
         if self.asks.load(Ordering::Relaxed) {
             return Ok(true);
         }
@@ -115,7 +130,7 @@ impl Callers {
         if is_fresh(&lock(&self.looked)) {
             return Ok(false);
         }
-        let asks = state.store.has_tokens().await?;
+        let asks = self.tokens.exist().await?;
         *lock(&self.looked) = Some(Instant::now());
         if asks {
             self.asks.store(true, Ordering::Relaxed);
@@ -124,20 +139,19 @@ impl Callers {
     }
 
     /// Who asks.
-    async fn client(
+    pub(super) async fn client(
         &self,
-        state: &ApiState,
         peer: Option<PeerAddress>,
         headers: &HeaderMap,
     ) -> Answer<Client> {
         let address = peer.as_ref().map_or_else(String::new, PeerAddress::to_text);
         let peer = peer.map(|PeerAddress(ip)| ip.to_canonical());
-        if !self.asks(state).await? {
+        if !self.asks().await? {
             return Ok(Client::local(address));
         }
         if let Some(given) = headers.get(header::AUTHORIZATION) {
             let secret = bearer(given).ok_or_else(|| refused(NO_TOKEN))?;
-            let row = self.token(state, &secret).await?;
+            let row = self.token(&secret).await?;
             return Ok(Client::of_token(row, address));
         }
         if let Some(person) = self.person(peer, headers, &address)? {
@@ -148,10 +162,10 @@ impl Callers {
         let digest = secret.session_digest();
         let row = match self.remembered(&digest) {
             // Who signs out at another node is signed out at this one too.
-            Some(row) if !state.store.is_shared() => row,
-            _ => self.session(state, &digest).await?,
+            Some(row) if !self.is_shared => row,
+            _ => self.session(&digest).await?,
         };
-        let row = self.checked(state, &digest, row)?;
+        let row = self.checked(&digest, row)?;
         Ok(Client {
             has_session: true,
             ..Client::of_token(row, address)
@@ -159,32 +173,32 @@ impl Callers {
     }
 
     /// The token of a secret, where it counts.
-    pub(super) async fn token(&self, state: &ApiState, secret: &Secret) -> Answer<TokenRow> {
+    pub(super) async fn token(&self, secret: &Secret) -> Answer<TokenRow> {
         let digest = secret.digest();
         let row = match self.remembered(&digest) {
             Some(row) => row,
             None => {
                 let reading = self.reading();
-                let row = state.store.token(&digest).await?;
+                let row = self.tokens.find(&digest).await?;
                 let row = row.ok_or_else(|| refused(NO_TOKEN))?;
                 self.remember(&digest, &row, reading);
                 row
             }
         };
-        self.checked(state, &digest, row)
+        self.checked(&digest, row)
     }
 
     /// The token of a session, from the database.
-    async fn session(&self, state: &ApiState, digest: &Digest) -> Answer<TokenRow> {
+    async fn session(&self, digest: &Digest) -> Answer<TokenRow> {
         let reading = self.reading();
-        let row = state.store.session(digest).await?;
+        let row = self.sessions.find(digest).await?;
         let row = row.ok_or_else(|| refused("a session that is over"))?;
         self.remember(digest, &row, reading);
         Ok(row)
     }
 
     /// What stands for a caller, where it still counts; that it was used is noted.
-    fn checked(&self, state: &ApiState, digest: &Digest, row: TokenRow) -> Answer<TokenRow> {
+    fn checked(&self, digest: &Digest, row: TokenRow) -> Answer<TokenRow> {
         if row.revoked_at.is_some() {
             return Err(refused("a token that was revoked"));
         }
@@ -192,9 +206,9 @@ impl Callers {
             return Err(refused("a token that has expired"));
         }
         if self.is_to_be_noted(digest) {
-            let (store, id) = (state.store.clone(), row.id);
+            let (tokens, id) = (self.tokens.clone(), row.id);
             tokio::spawn(async move {
-                let noted = store.note_use(id).await;
+                let noted = tokens.note_use(id).await;
                 let warn = |error| tracing::warn!(%error, "it was not noted that a token was used");
                 noted.unwrap_or_else(warn);
             });
@@ -204,27 +218,27 @@ impl Callers {
 
     /// The row of a token, as long as it is believed.
     fn remembered(&self, digest: &Digest) -> Option<TokenRow> {
-        let tokens = lock(&self.tokens);
+        let tokens = lock(&self.recent);
         let remembered = tokens.remembered.get(digest)?;
         (remembered.read.elapsed() < BELIEVED).then(|| remembered.row.clone())
     }
 
     /// Says that a token is now read from the database.
     fn reading(&self) -> Reading {
-        let ended = lock(&self.tokens).ended;
+        let ended = lock(&self.recent).ended;
         let at = Instant::now();
         Reading { at, ended }
     }
 
     /// Forgets a session that has ended, and lets nobody remember a row that was read before that.
     pub(super) fn forget(&self, digest: &Digest) {
-        let mut tokens = lock(&self.tokens);
+        let mut tokens = lock(&self.recent);
         tokens.remembered.remove(digest);
         tokens.ended += 1;
     }
 
     fn remember(&self, digest: &Digest, row: &TokenRow, reading: Reading) {
-        let mut tokens = lock(&self.tokens);
+        let mut tokens = lock(&self.recent);
         if tokens.ended != reading.ended {
             return;
         }
@@ -240,7 +254,7 @@ impl Callers {
     }
 
     fn is_to_be_noted(&self, digest: &Digest) -> bool {
-        let mut tokens = lock(&self.tokens);
+        let mut tokens = lock(&self.recent);
         let known = tokens.remembered.get_mut(digest);
         known.is_some_and(|known| {
             let is_due = known.noted.elapsed() >= NOTED_EVERY;
@@ -301,134 +315,4 @@ pub(super) fn refused(what: &str) -> Problem {
     let detail = format!("the request brings {what}; `Authorization: Bearer gbx_…` carries one");
     let bearer = HeaderValue::from_static("Bearer realm=\"greybox\"");
     Problem::new(Kind::Unauthorised, detail).with_header(header::WWW_AUTHENTICATE, bearer)
-}
-
-/// What a request takes; nothing where everybody may ask.
-fn needed(method: &Method, path: &str) -> Option<Scope> {
-    let looks = matches!(*method, Method::GET | Method::HEAD);
-    let below = |place: &str| {
-        let rest = path.strip_prefix(place);
-        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
-    };
-    if path == "/metrics" {
-        Some(Scope::Read)
-    } else if !below("/v1") || (path == session_cookie::PATH && *method == Method::POST) {
-        None
-    } else if path == session_cookie::PATH {
-        Some(Scope::Read)
-    } else if ["/v1/audit", "/v1/webhooks", "/v1/deliveries"]
-        .into_iter()
-        .any(below)
-    {
-        Some(Scope::Admin)
-    } else if looks {
-        Some(Scope::Read)
-    } else {
-        Some(Scope::Submit)
-    }
-}
-
-/// Lets a request on whose caller is known and may ask it; notes who that is, for the handlers and
-/// for the log.
-pub(super) async fn authorise(
-    State(state): State<ApiState>,
-    mut request: Request,
-    next: Next,
-) -> Response {
-    let Some(needed) = needed(request.method(), request.uri().path()) else {
-        return next.run(request).await;
-    };
-    let peer = request.extensions().get::<PeerAddress>().copied();
-    let client = state
-        .0
-        .callers
-        .client(&state, peer, request.headers())
-        .await;
-    let client = match client {
-        Ok(client) => client,
-        Err(problem) => return problem.into_response(),
-    };
-    let forgeable = client.has_session && !matches!(*request.method(), Method::GET | Method::HEAD);
-    let counted = client.is_known.then(|| state.0.rates.count(&client.who));
-    let mut response = match counted.transpose() {
-        Err(problem) => problem.into_response(),
-        Ok(_) if forgeable && !session_cookie::brings_csrf_token(request.headers()) => {
-            session_cookie::no_csrf_token().into_response()
-        }
-        Ok(_) if client.scope < needed => {
-            let detail = format!(
-                "this takes the scope `{needed}`; yours is `{}`",
-                client.scope
-            );
-            Problem::new(Kind::Forbidden, detail).into_response()
-        }
-        Ok(counted) => {
-            request.extensions_mut().insert(client.clone());
-            let who = match client.is_known {
-                true => &client.who,
-                false => &client.address,
-            };
-            let headers = request.headers().clone();
-            let response = as_caller(who, next.run(request)).await;
-            match counted {
-                Some(under_way) => {
-                    let response = until_refused(response, state, peer, headers);
-                    under_way.until_the_end_of(response)
-                }
-                None => response,
-            }
-        }
-    };
-    response.extensions_mut().insert(client);
-    response
-}
-
-/// The answer, which ends if it is a stream of events and whoever asked for it may ask no more.
-fn until_refused(
-    answer: Response,
-    state: ApiState,
-    peer: Option<PeerAddress>,
-    headers: HeaderMap,
-) -> Response {
-    let kind = answer.headers().get(header::CONTENT_TYPE);
-    if kind.is_none_or(|kind| kind != EVENT_STREAM) {
-        return answer;
-    }
-    let refused = async move {
-        loop {
-            tokio::time::sleep(LOOKED_AGAIN).await;
-            let client = state.0.callers.client(&state, peer, &headers).await;
-            let kind = client.err().map(|problem| problem.kind());
-            if let Some(Kind::Unauthorised | Kind::Forbidden) = kind {
-                return;
-            }
-        }
-    };
-    answer.map(|body| Body::from_stream(body.into_data_stream().take_until(Box::pin(refused))))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_needed_goes_by_the_path_and_the_method() {
-        for (method, path, expected) in [
-            (Method::GET, "/livez", None),
-            (Method::GET, "/openapi.json", None),
-            (Method::GET, "/metrics", Some(Scope::Read)),
-            (Method::GET, "/v1/jobs", Some(Scope::Read)),
-            (Method::HEAD, "/v1/jobs", Some(Scope::Read)),
-            (Method::POST, "/v1/jobs", Some(Scope::Submit)),
-            (Method::DELETE, "/v1/jobs/x", Some(Scope::Submit)),
-            (Method::OPTIONS, "/v1/anything", Some(Scope::Submit)),
-            (Method::GET, "/v1/audit", Some(Scope::Admin)),
-            (Method::POST, "/v1/session", None),
-            (Method::GET, "/v1/session", Some(Scope::Read)),
-            (Method::DELETE, "/v1/session", Some(Scope::Read)),
-            (Method::GET, "/v1/webhooks/x/deliveries", Some(Scope::Admin)),
-        ] {
-            assert_eq!(needed(&method, path), expected, "{method} {path}");
-        }
-    }
 }

@@ -17,9 +17,9 @@ use super::http_headers::prefers;
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, Params, QueryReader};
 use super::results::csv;
-use super::{ApiState, session_cookie};
+use super::session_cookie;
 use crate::access::Project;
-use crate::store::{AuditEntry, AuditRow, Store};
+use crate::store::{AuditEntry, AuditLog, AuditRow};
 
 /// Requests of a caller that changed nothing and are written down singly at once, at the most. Of more, their
 /// number is.
@@ -36,7 +36,7 @@ const PATH_CHARS: usize = 200;
 /// Writes the log. Cheap to clone.
 #[derive(Clone)]
 pub struct Audit {
-    store: Store,
+    log: AuditLog,
     callers: Arc<Mutex<HashMap<String, InVain>>>,
 }
 
@@ -92,9 +92,9 @@ pub(super) struct Asked<'a> {
 
 impl Audit {
     /// A log in a database.
-    pub fn new(store: Store) -> Self {
+    pub fn new(log: AuditLog) -> Self {
         Self {
-            store,
+            log,
             callers: Arc::default(),
         }
     }
@@ -141,7 +141,7 @@ impl Audit {
             request_id: asked.request_id.to_owned(),
             left_out,
         };
-        if let Err(error) = self.store.audit(entry).await {
+        if let Err(error) = self.log.add(entry).await {
             tracing::error!(%error, request_id = asked.request_id, "the audit log was not written");
         }
     }
@@ -232,16 +232,14 @@ impl FromQuery for WhichEntries {
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
 )]
 pub async fn list(
-    State(state): State<ApiState>,
+    State(log): State<AuditLog>,
     client: Client,
     Params(WhichEntries(cursor)): Params<WhichEntries>,
     headers: HeaderMap,
     uri: Uri,
 ) -> Answer {
     let strangers = client.project == Project::default();
-    let page = state
-        .store
-        .audit_log(&client.project, strangers, cursor.before, cursor.limit);
+    let page = log.list(&client.project, strangers, cursor.before, cursor.limit);
     let page = page.await?;
     let items: Vec<AuditRecord> = page.rows.into_iter().map(AuditRecord::from).collect();
     let as_csv = prefers(&headers, "text/csv").then(|| written(&items));

@@ -7,18 +7,20 @@ use std::pin::pin;
 use std::time::Duration;
 
 use axum::body::{Body, Bytes};
-use axum::extract::{FromRequest, Request};
+use axum::extract::{FromRef, FromRequest, Request};
 use axum::http::{HeaderMap, header};
 use futures_util::{Stream, StreamExt};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use tokio::time::Instant;
 
-use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::http_headers::hex;
-use super::spool::Spool;
-use crate::store::Meaning;
+use super::limits::Limits;
+use super::spool::{Spool, SpoolRoom};
+use super::work::Work;
+use crate::event::EventHub;
+use crate::store::{Datasets, Meaning};
 use greybox::intake::ReadError;
 use greybox::parsing::{json, yaml};
 
@@ -67,44 +69,120 @@ impl Received {
     }
 }
 
-/// Receives a body of at most `limit` bytes.
-pub async fn receive(state: &ApiState, body: Body, limit: u64) -> Answer<Received> {
-    let chunks = body.into_data_stream();
-    let receiving = pin!(receive_chunks(state, chunks, limit));
-    tokio::select! {
-        received = receiving => received,
-        () = state.hub.closed() => Err(Problem::shutting_down()),
-    }
+/// Receives bodies, and writes large answers, by way of the disk. Cheap to clone.
+#[derive(Clone)]
+pub struct Bodies {
+    /// Ends what is being received when the server goes down.
+    hub: EventHub,
+    /// Runs parsers.
+    pub(super) work: Work,
+    /// Makes temporary files beside the database.
+    pub(super) datasets: Datasets,
+    /// The disk that all spools share.
+    room: SpoolRoom,
+    /// The bytes of a JSON document at the most.
+    document_bytes: u64,
+    /// The bytes of a recording at the most.
+    pub(super) dataset_bytes: u64,
 }
 
-async fn receive_chunks<E: std::fmt::Display>(
-    state: &ApiState,
-    chunks: impl Stream<Item = Result<Bytes, E>>,
-    limit: u64,
-) -> Answer<Received> {
-    let mut chunks = pin!(chunks);
-    let mut pace = Pace::begin();
-    let mut digest = Sha256::new();
-    let (mut memory, mut disk) = (Vec::new(), None);
-    let mut left = limit;
-    while let Some(chunk) = pace.next(&mut chunks).await? {
-        digest.update(&chunk);
-        let Some(rest) = left.checked_sub(chunk.len() as u64) else {
-            // A client that is still sending could not hear the answer.
-            skip(&mut pace, &mut chunks, limit).await?;
-            return Err(Problem::too_large(limit));
-        };
-        left = rest;
-        memory.extend_from_slice(&chunk);
-        if memory.len() > IN_MEMORY {
-            disk = Some(put_aside(state, disk, std::mem::take(&mut memory)).await?);
+impl Bodies {
+    /// Bodies within limits.
+    pub(super) fn new(limits: &Limits, hub: EventHub, work: Work, datasets: Datasets) -> Self {
+        Self {
+            hub,
+            work,
+            datasets,
+            room: SpoolRoom::new(limits.spool_bytes),
+            document_bytes: limits.document_bytes,
+            dataset_bytes: limits.dataset_bytes,
         }
     }
-    let content = match disk {
-        None => Content::Memory(memory),
-        Some(disk) => Content::Disk(put_aside(state, Some(disk), memory).await?),
-    };
-    Ok(Received { content, digest })
+
+    /// A new spool.
+    pub(super) fn spool(&self) -> io::Result<Spool> {
+        Ok(self.room.spool(self.datasets.nameless_file()?))
+    }
+
+    /// Receives a body of at most `limit` bytes.
+    pub async fn receive(&self, body: Body, limit: u64) -> Answer<Received> {
+        let chunks = body.into_data_stream();
+        let receiving = pin!(self.receive_chunks(chunks, limit));
+        tokio::select! {
+            received = receiving => received,
+            () = self.hub.closed() => Err(Problem::shutting_down()),
+        }
+    }
+
+    async fn receive_chunks<E: std::fmt::Display>(
+        &self,
+        chunks: impl Stream<Item = Result<Bytes, E>>,
+        limit: u64,
+    ) -> Answer<Received> {
+        let mut chunks = pin!(chunks);
+        let mut pace = Pace::begin();
+        let mut digest = Sha256::new();
+        let (mut memory, mut disk) = (Vec::new(), None);
+        let mut left = limit;
+        while let Some(chunk) = pace.next(&mut chunks).await? {
+            digest.update(&chunk);
+            let Some(rest) = left.checked_sub(chunk.len() as u64) else {
+                // A client that is still sending could not hear the answer.
+                skip(&mut pace, &mut chunks, limit).await?;
+                return Err(Problem::too_large(limit));
+            };
+            left = rest;
+            memory.extend_from_slice(&chunk);
+            if memory.len() > IN_MEMORY {
+                disk = Some(self.put_aside(disk, std::mem::take(&mut memory)).await?);
+            }
+        }
+        let content = match disk {
+            None => Content::Memory(memory),
+            Some(disk) => Content::Disk(self.put_aside(Some(disk), memory).await?),
+        };
+        Ok(Received { content, digest })
+    }
+
+    async fn put_aside(&self, spool: Option<Spool>, bytes: Vec<u8>) -> Answer<Spool> {
+        let bodies = self.clone();
+        let written = tokio::task::spawn_blocking(move || {
+            let mut spool = match spool {
+                Some(spool) => spool,
+                None => bodies.spool()?,
+            };
+            spool.write_all(&bytes)?;
+            Ok(spool)
+        });
+        let written = written.await.unwrap_or_else(|panic| Err(panic.into()));
+        written.map_err(|error| scratch_failed(&error))
+    }
+
+    /// Receives a body of at most `limit` bytes and runs a blocking parser on it.
+    pub async fn parse<T, P>(&self, body: Body, limit: u64, parser: P) -> Answer<Parsed<T>>
+    where
+        T: Send + 'static,
+        P: FnOnce(&mut dyn Read) -> Result<T, Problem> + Send + 'static,
+    {
+        let received = self.receive(body, limit).await?;
+        self.parse_received(received, parser).await
+    }
+
+    /// Runs a blocking parser on a body that has come.
+    pub async fn parse_received<T, P>(&self, received: Received, parser: P) -> Answer<Parsed<T>>
+    where
+        T: Send + 'static,
+        P: FnOnce(&mut dyn Read) -> Result<T, Problem> + Send + 'static,
+    {
+        let digest = received.digest.clone();
+        let value = self
+            .work
+            .convert(move || parser(&mut received.into_reader()?));
+        Ok(Parsed {
+            value: value.await?,
+            digest,
+        })
+    }
 }
 
 /// Takes in what a client sends beyond the limit, as much again at the most.
@@ -121,20 +199,6 @@ async fn skip<E: std::fmt::Display>(
         }
     }
     Ok(())
-}
-
-async fn put_aside(state: &ApiState, spool: Option<Spool>, bytes: Vec<u8>) -> Answer<Spool> {
-    let (store, room) = (state.store.clone(), state.0.spool_room.clone());
-    let written = tokio::task::spawn_blocking(move || {
-        let mut spool = match spool {
-            Some(spool) => spool,
-            None => room.spool(store.nameless_file()?),
-        };
-        spool.write_all(&bytes)?;
-        Ok(spool)
-    });
-    let written = written.await.unwrap_or_else(|panic| Err(panic.into()));
-    written.map_err(|error| scratch_failed(&error))
 }
 
 /// How fast a body comes.
@@ -188,34 +252,6 @@ impl Pace {
     }
 }
 
-/// Receives a body of at most `limit` bytes and runs a blocking parser on it.
-pub async fn parse<T, P>(state: &ApiState, body: Body, limit: u64, parser: P) -> Answer<Parsed<T>>
-where
-    T: Send + 'static,
-    P: FnOnce(&mut dyn Read) -> Result<T, Problem> + Send + 'static,
-{
-    let received = receive(state, body, limit).await?;
-    parse_received(state, received, parser).await
-}
-
-/// Runs a blocking parser on a body that has come.
-pub async fn parse_received<T, P>(
-    state: &ApiState,
-    received: Received,
-    parser: P,
-) -> Answer<Parsed<T>>
-where
-    T: Send + 'static,
-    P: FnOnce(&mut dyn Read) -> Result<T, Problem> + Send + 'static,
-{
-    let digest = received.digest.clone();
-    let value = state.convert(move || parser(&mut received.into_reader()?));
-    Ok(Parsed {
-        value: value.await?,
-        digest,
-    })
-}
-
 /// A JSON body, parsed strictly, and what identifies it.
 pub struct JsonDocument {
     /// The document.
@@ -224,15 +260,19 @@ pub struct JsonDocument {
     pub digest: String,
 }
 
-impl FromRequest<ApiState> for JsonDocument {
+impl<S: Send + Sync> FromRequest<S> for JsonDocument
+where
+    Bodies: FromRef<S>,
+{
     type Rejection = Problem;
 
-    async fn from_request(request: Request, state: &ApiState) -> Answer<Self> {
+    async fn from_request(request: Request, state: &S) -> Answer<Self> {
+        let bodies = Bodies::from_ref(state);
         if content_type(request.headers()) != "application/json" {
             return Err(unsupported(request.headers(), "application/json"));
         }
-        let limit = state.limits.document_bytes;
-        let received = receive(state, request.into_body(), limit).await?;
+        let limit = bodies.document_bytes;
+        let received = bodies.receive(request.into_body(), limit).await?;
         let parsed = match &received.content {
             Content::Memory(text) if text.len() <= SMALL_BYTES => Parsed {
                 value: parse_json(text)?,
@@ -240,7 +280,7 @@ impl FromRequest<ApiState> for JsonDocument {
             },
             _ => {
                 let parser = |source: &mut dyn Read| parse_json(&whole(source)?);
-                parse_received(state, received, parser).await?
+                bodies.parse_received(received, parser).await?
             }
         };
         Ok(Self {
@@ -261,10 +301,14 @@ const YAML: [&str; 4] = [
     "text/x-yaml",
 ];
 
-impl FromRequest<ApiState> for ModelDocument {
+impl<S: Send + Sync> FromRequest<S> for ModelDocument
+where
+    Bodies: FromRef<S>,
+{
     type Rejection = Problem;
 
-    async fn from_request(request: Request, state: &ApiState) -> Answer<Self> {
+    async fn from_request(request: Request, state: &S) -> Answer<Self> {
+        let bodies = Bodies::from_ref(state);
         let media_type = content_type(request.headers());
         if media_type == "application/json" {
             let document = JsonDocument::from_request(request, state).await?;
@@ -274,8 +318,8 @@ impl FromRequest<ApiState> for ModelDocument {
             let expected = "application/json and application/yaml";
             return Err(unsupported(request.headers(), expected));
         }
-        let limit = state.limits.document_bytes;
-        let parsed = parse(state, request.into_body(), limit, |source| {
+        let limit = bodies.document_bytes;
+        let parsed = bodies.parse(request.into_body(), limit, |source| {
             let text = String::from_utf8(whole(source)?)
                 .map_err(|error| Problem::new(Kind::Malformed, format!("not a text: {error}")))?;
             yaml::parse(&text).map_err(|error| not_yaml(&error))
@@ -381,17 +425,19 @@ mod tests {
     use axum::response::IntoResponse;
 
     use super::*;
-    use crate::api::tests::state;
+    use crate::api::state::tests::state;
 
     async fn read(body: Body, limit: u64) -> Answer<Parsed<usize>> {
         let (state, _folder) = state().await;
-        parse(&state, body, limit, |text| {
-            let mut start = [0; 2];
-            text.read_exact(&mut start)
-                .map_err(|_| Problem::new(Kind::Malformed, "short"))?;
-            Ok(2)
-        })
-        .await
+        state
+            .bodies
+            .parse(body, limit, |text| {
+                let mut start = [0; 2];
+                text.read_exact(&mut start)
+                    .map_err(|_| Problem::new(Kind::Malformed, "short"))?;
+                Ok(2)
+            })
+            .await
     }
 
     fn status(answer: Answer<Parsed<usize>>) -> StatusCode {
@@ -414,7 +460,7 @@ mod tests {
             .map(|piece| Ok(Bytes::copy_from_slice(piece)))
             .collect();
         let body = Body::from_stream(futures_util::stream::iter(pieces));
-        let parsed = parse(&state, body, 1 << 20, whole).await.unwrap();
+        let parsed = state.bodies.parse(body, 1 << 20, whole).await.unwrap();
         assert!(parsed.value == text);
         assert_eq!(parsed.digest.finalize(), Sha256::digest(&text));
     }

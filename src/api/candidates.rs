@@ -82,13 +82,20 @@ pub async fn candidates(
     headers: HeaderMap,
 ) -> Answer {
     let (after, limit) = (query.after, query.limit);
-    let page = state.store.candidates(id, after, limit, ENOUGH).await?;
-    if page.columns.is_empty() && state.store.job(id).await?.is_none() {
+    let page = state
+        .store
+        .candidates()
+        .page(id, after, limit, ENOUGH)
+        .await?;
+    if page.columns.is_empty() && state.store.jobs().find(id).await?.is_none() {
         return Err(no_job(id));
     }
     let (cut, more_after) = (page.cut_in_generation, page.more_after);
     let as_csv = prefers(&headers, "text/csv");
-    let mut response = state.convert(move || Ok(written(page, as_csv))).await?;
+    let mut response = state
+        .work
+        .convert(move || Ok(written(page, as_csv)))
+        .await?;
     let answered = response.headers_mut();
     if let Some(generation) = cut {
         answered.insert(CUT_IN_GENERATION, HeaderValue::from(generation));

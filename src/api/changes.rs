@@ -14,16 +14,16 @@ use axum::extract::State;
 use futures_util::stream;
 use utoipa::ToSchema;
 
-use super::ApiState;
 use super::client::Client;
 use super::error::Answer;
+use super::event_streams::EventStreams;
 use super::events::{COMMENT, KEEP_ALIVE, RETRY, streamed};
 use super::job_list::JobSummary;
 use super::query::{NoQuery, Params};
 use crate::access::Project;
 use crate::admission::Permit;
 use crate::event::ChangedJobs;
-use crate::store::{Store, StoreError};
+use crate::store::{Jobs, StoreError};
 use greybox::identification::JobId;
 
 /// Changes are gathered for so long.
@@ -42,14 +42,14 @@ const PIECE: usize = 200;
                description = "The changes, one after the other"))
 )]
 pub async fn changes(
-    State(state): State<ApiState>,
+    State(streams): State<EventStreams>,
     client: Client,
     _query: Params<NoQuery>,
 ) -> Answer {
-    let permit = state.stream_permit()?;
+    let permit = streams.permit()?;
     let follower = Follower {
-        changed: state.hub.changed_jobs(),
-        store: state.store.clone(),
+        changed: streams.hub.changed_jobs(),
+        jobs: streams.store.jobs().clone(),
         project: client.project,
         greeted: false,
         _permit: permit,
@@ -76,7 +76,7 @@ pub struct StreamedChange {
 /// One client's way through the changes.
 struct Follower {
     changed: ChangedJobs,
-    store: Store,
+    jobs: Jobs,
     /// Whose jobs are followed.
     project: Project,
     greeted: bool,
@@ -107,7 +107,7 @@ impl Follower {
     }
 
     async fn written(&self, changed: &[JobId]) -> Result<Bytes, StoreError> {
-        let rows = self.store.job_summaries_of(changed).await?;
+        let rows = self.jobs.summaries_of(changed).await?;
         let mut text = String::new();
         let mut push = |name: &str, data: String| {
             write!(text, "event: {name}\ndata: {data}\n\n")

@@ -25,7 +25,8 @@ use super::{ApiState, submit};
 use crate::job::comparison::{self, Comparison, Trial};
 use crate::job::{ComparisonId, Status};
 use crate::store::{
-    ComparisonRow, ComparisonSummary, Idempotency, JobRow, NewComparison, Submitted,
+    ComparisonRow, ComparisonSummary, Comparisons, Idempotency, JobRow, NewComparison, Results,
+    Submitted,
 };
 use greybox::identification::spec::MethodName;
 use greybox::identification::{JobId, JobSpec, Outcome};
@@ -188,7 +189,7 @@ pub async fn submit_comparison(
         body_digest: document.digest.clone(),
     });
     if let Some(idempotency) = &idempotency
-        && let Some(earlier) = state.store.earlier_comparison(idempotency).await?
+        && let Some(earlier) = state.store.comparisons().earlier(idempotency).await?
     {
         return accepted(&state, earlier).await;
     }
@@ -210,13 +211,16 @@ pub async fn submit_comparison(
             new.model = ready.new;
         }
     }
-    let submitted = state.store.submit_comparison(new).await?;
+    let submitted = state.store.comparisons().submit(new).await?;
     accepted(&state, submitted).await
 }
 
 async fn accepted(state: &ApiState, submitted: Submitted<ComparisonRow>) -> Answer {
     let (row, replayed) = submit::stored(submitted)?;
-    let mut response = json(StatusCode::ACCEPTED, &shown(state, &row).await?);
+    let mut response = json(
+        StatusCode::ACCEPTED,
+        &shown(state.store.results(), &row).await?,
+    );
     let headers = response.headers_mut();
     let location = HeaderValue::from_str(&path_of(row.id));
     let location = location.expect("an identifier is visible ASCII");
@@ -297,14 +301,12 @@ impl FromQuery for WhichComparisons {
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
 )]
 pub async fn list(
-    State(state): State<ApiState>,
+    State(comparisons): State<Comparisons>,
     client: Client,
     Params(WhichComparisons(cursor)): Params<WhichComparisons>,
     uri: Uri,
 ) -> Answer {
-    let page = state
-        .store
-        .comparisons(&client.project, cursor.before, cursor.limit);
+    let page = comparisons.list(&client.project, cursor.before, cursor.limit);
     let page = page.await?;
     let items = page.rows.iter().map(ListedComparison::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
@@ -317,16 +319,17 @@ pub async fn list(
     responses((status = 200, description = "The methods side by side", body = ComparisonState))
 )]
 pub async fn show(
-    State(state): State<ApiState>,
+    State(comparisons): State<Comparisons>,
+    State(results): State<Results>,
     Named(id): Named<ComparisonId>,
     _: Params<NoQuery>,
 ) -> Answer {
-    let row = state.store.comparison(id).await?;
+    let row = comparisons.find(id).await?;
     let row = row.ok_or_else(|| Problem::not_found("comparison", &id.to_string()))?;
-    Ok(json(StatusCode::OK, &shown(&state, &row).await?))
+    Ok(json(StatusCode::OK, &shown(&results, &row).await?))
 }
 
-async fn shown(state: &ApiState, row: &ComparisonRow) -> Answer<ComparisonState> {
+async fn shown(results: &Results, row: &ComparisonRow) -> Answer<ComparisonState> {
     let rows = &row.jobs;
     let mut methods: Vec<String> = Vec::new();
     let mut trials = Vec::new();
@@ -336,7 +339,7 @@ async fn shown(state: &ApiState, row: &ComparisonRow) -> Answer<ComparisonState>
             methods.push(method);
         }
         if row.status.is_terminal()
-            && let Some(outcome) = state.store.result(row.id).await?
+            && let Some(outcome) = results.find(row.id).await?
         {
             trials.extend(trial(row, outcome));
         }

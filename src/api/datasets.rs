@@ -15,8 +15,7 @@ use utoipa::{IntoParams, ToSchema};
 
 pub use document::{FileBytes, RecordedSignal, RecordingDocument};
 
-use super::ApiState;
-use super::body::{content_type, parse_received, receive, scratch_failed, unsupported};
+use super::body::{Bodies, content_type, scratch_failed, unsupported};
 use super::client::Client;
 use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::extract::Named;
@@ -24,7 +23,7 @@ use super::http_headers::{hex, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::admission::Permit;
-use crate::store::{DatasetRemoval, DatasetRow, NewDataset};
+use crate::store::{DatasetRemoval, DatasetRow, Datasets, NewDataset};
 use greybox::identification::DatasetId;
 use greybox::identification::spec::MAX_NAME_CHARS;
 use greybox::intake::{self, Options};
@@ -202,27 +201,28 @@ pub(super) fn reading(query: &mut QueryReader, given: &mut Vec<(&'static str, St
     )
 )]
 pub async fn create(
-    State(state): State<ApiState>,
+    State(bodies): State<Bodies>,
     client: Client,
     Params(new): Params<NewRecording>,
     request: Request,
 ) -> Answer {
     let (kind, charset) = kind_of(request.headers())?;
-    let limit = state.limits.dataset_bytes;
+    let limit = bodies.dataset_bytes;
     let NewRecording { mut options, given } = new;
     if let Some(charset) = charset {
         options.assume_encoding(&charset);
     }
-    let received = receive(&state, request.into_body(), limit).await?;
-    let _permit = state.recording_permit().await?;
-    let scratch = state.store.scratch();
-    let parsed = parse_received(&state, received, move |text| {
-        let mut recording = intake::receive(text, kind, &options, Some(scratch))?;
-        let summary = recording.summary();
-        let summary = summary.map_err(|error| scratch_failed(&error))?;
-        Ok((recording, summary))
-    })
-    .await?;
+    let received = bodies.receive(request.into_body(), limit).await?;
+    let _permit = bodies.work.recording_permit().await?;
+    let scratch = bodies.datasets.scratch();
+    let parsed = bodies
+        .parse_received(received, move |text| {
+            let mut recording = intake::receive(text, kind, &options, Some(scratch))?;
+            let summary = recording.summary();
+            let summary = summary.map_err(|error| scratch_failed(&error))?;
+            Ok((recording, summary))
+        })
+        .await?;
     let (recording, summary) = parsed.value;
     let new = NewDataset {
         project: client.project,
@@ -231,12 +231,12 @@ pub async fn create(
         summary,
         recording,
     };
-    stored(&state, new).await
+    stored(&bodies.datasets, new).await
 }
 
 /// Stores a recording, and says where it is.
-pub(super) async fn stored(state: &ApiState, new: NewDataset) -> Answer {
-    let (row, is_new) = state.store.insert_dataset(new).await?;
+pub(super) async fn stored(datasets: &Datasets, new: NewDataset) -> Answer {
+    let (row, is_new) = datasets.insert(new).await?;
     let status = if is_new {
         StatusCode::CREATED
     } else {
@@ -299,14 +299,12 @@ impl FromQuery for WhichDatasets {
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
 )]
 pub async fn list(
-    State(state): State<ApiState>,
+    State(datasets): State<Datasets>,
     client: Client,
     Params(WhichDatasets(cursor)): Params<WhichDatasets>,
     uri: Uri,
 ) -> Answer {
-    let page = state
-        .store
-        .datasets(&client.project, cursor.before, cursor.limit);
+    let page = datasets.list(&client.project, cursor.before, cursor.limit);
     let page = page.await?;
     let items = page.rows.iter().map(Dataset::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
@@ -319,16 +317,12 @@ pub async fn list(
     responses((status = 200, description = "The recording", body = Dataset))
 )]
 pub async fn show(
-    State(state): State<ApiState>,
+    State(datasets): State<Datasets>,
     Named(id): Named<DatasetId>,
     _query: Params<NoQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let row = state
-        .store
-        .dataset(id)
-        .await?
-        .ok_or_else(|| no_dataset(id))?;
+    let row = datasets.find(id).await?.ok_or_else(|| no_dataset(id))?;
     Ok(tagged_json(&headers, &Dataset::from(&*row)))
 }
 
@@ -344,11 +338,11 @@ fn no_dataset(id: DatasetId) -> Problem {
               (status = 409, description = "A job needs it"))
 )]
 pub async fn remove(
-    State(state): State<ApiState>,
+    State(datasets): State<Datasets>,
     Named(id): Named<DatasetId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    match state.store.delete_dataset(id).await? {
+    match datasets.delete(id).await? {
         DatasetRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
         DatasetRemoval::NotFound => Err(no_dataset(id)),
         DatasetRemoval::InUse(jobs) => {
@@ -403,21 +397,26 @@ impl FromQuery for SamplesQuery {
                content((Samples = "application/json"), (String = "text/csv"))))
 )]
 pub async fn samples(
-    State(state): State<ApiState>,
+    State(bodies): State<Bodies>,
     Named(id): Named<DatasetId>,
     Params(query): Params<SamplesQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let permit = state.recording_permit().await?;
-    let recording = state.store.recording(id).await?;
+    let permit = bodies.work.recording_permit().await?;
+    let recording = bodies.datasets.recording(id).await?;
     let recording = recording.ok_or_else(|| no_dataset(id))?;
     check_names(&recording, query.signals.as_deref())?;
     if prefers(&headers, "text/csv") {
-        return csv_answer(&state, csv(Arc::unwrap_or_clone(recording), query)?, permit).await;
+        return csv_answer(
+            &bodies,
+            csv(Arc::unwrap_or_clone(recording), query)?,
+            permit,
+        )
+        .await;
     }
     let points = query.max_points.unwrap_or(DEFAULT_POINTS);
     let points = usize::try_from(points).expect("the limit is small");
-    let written = state.convert(move || {
+    let written = bodies.work.convert(move || {
         let _permit = permit;
         let names = query.signals.as_deref();
         let samples = recording.decimate(names, query.from, query.to, points);
@@ -466,12 +465,12 @@ fn csv(mut recording: Recording, query: SamplesQuery) -> Answer<Recording> {
 
 /// A recording as CSV: written to disk at once and from there as fast as its client reads, so that
 /// nothing in memory waits for a slow one. The permit is for the recording.
-pub(super) async fn csv_answer(state: &ApiState, recording: Recording, permit: Permit) -> Answer {
-    let (store, room) = (state.store.clone(), state.0.spool_room.clone());
-    let written = state.convert(move || {
+pub(super) async fn csv_answer(bodies: &Bodies, recording: Recording, permit: Permit) -> Answer {
+    let spools = bodies.clone();
+    let written = bodies.work.convert(move || {
         let (_permit, recording) = (permit, recording);
         let write = || {
-            let mut spool = room.spool(store.nameless_file()?);
+            let mut spool = spools.spool()?;
             let mut buffered = BufWriter::with_capacity(CSV_BUFFER_BYTES, &mut spool);
             recording.write_csv(&mut buffered)?;
             buffered.flush()?;

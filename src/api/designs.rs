@@ -16,7 +16,7 @@ use super::http_headers::{json, prefers_job};
 use super::jobs::Job;
 use super::query::{NoQuery, Params};
 use super::work::stopped;
-use super::{ApiState, models, submit};
+use super::{ApiState, submit};
 use crate::job::{DesignTask, JobTask};
 use crate::store::{Idempotency, NewJob, NewModel};
 use greybox::identification::design::Design;
@@ -178,7 +178,7 @@ pub async fn design(
     let Ready {
         past, spec, model, ..
     } = ready(&state, &client, &document.value).await?;
-    let designed = state.compute(move |stop| {
+    let designed = state.work.compute(move |stop| {
         let past = past.as_ref().map(FinishedJob::as_past);
         let design = assemble::design(spec, &model, past, stop);
         let design = design.map_err(Problem::of_document)?.ok_or_else(stopped)?;
@@ -201,9 +201,9 @@ struct Ready {
 /// Reads a design, or says everything that is wrong with it.
 async fn ready(state: &ApiState, client: &Client, document: &Value) -> Answer<Ready> {
     let past = past(state, client, document).await?;
-    let mut asked = models::asked(state, document, client).await?;
+    let mut asked = state.library.asked(document, client).await?;
     let request = DesignRequest::new(std::mem::take(&mut asked.document));
-    let mut models = asked.descriptions(state);
+    let mut models = state.library.descriptions(&asked);
     if let Some(past) = &past {
         models.push(past.model().description());
     }
@@ -213,7 +213,12 @@ async fn ready(state: &ApiState, client: &Client, document: &Value) -> Answer<Re
     let model = match (&past, asked.model) {
         (Some(past), _) => past.shared_model(),
         (None, Some(model)) => model,
-        (None, None) => state.model(&client.project, &spec.job.model).await?,
+        (None, None) => {
+            state
+                .library
+                .model(&client.project, &spec.job.model)
+                .await?
+        }
     };
     Ok(Ready {
         spec,
@@ -262,7 +267,7 @@ async fn submit(
         idempotency,
     };
     let (past, spec, model) = (ready.past, ready.spec, ready.model);
-    let checked = state.compute(move |stop| {
+    let checked = state.work.compute(move |stop| {
         let past = past.as_ref().map(FinishedJob::as_past);
         let checked = assemble::check_design(&spec, &model, past, assemble::COST_OF_JOB, stop);
         let is_whole = checked.map_err(Problem::of_document)?;
@@ -270,9 +275,14 @@ async fn submit(
     });
     checked.await?;
     if let Some(new) = ready.new {
-        state.store.insert_model(new).await?;
+        state.store.models().insert(new).await?;
     }
-    submit::answer(&state, state.store.submit(job).await?, headers).await
+    submit::answer(
+        &state,
+        state.store.submissions().submit(job).await?,
+        headers,
+    )
+    .await
 }
 
 /// What a design reads of the job that it goes on from.
@@ -285,7 +295,7 @@ async fn past(state: &ApiState, client: &Client, document: &Value) -> Answer<Opt
     let Some(id) = DesignRequest::past_job(document) else {
         return Ok(None);
     };
-    let row = state.store.job(id).await?;
+    let row = state.store.jobs().find(id).await?;
     match row.filter(|row| row.project == client.project) {
         Some(_) => Ok(Some(FinishedJob::read(state, id).await?)),
         None => Ok(None),

@@ -17,8 +17,8 @@ use futures_util::stream;
 use serde_json::json;
 use utoipa::{IntoParams, ToSchema};
 
-use super::ApiState;
 use super::error::{Answer, Kind};
+use super::event_streams::EventStreams;
 use super::extract::Named;
 use super::http_headers::header_fault;
 use super::jobs::no_job;
@@ -78,19 +78,24 @@ impl FromQuery for EventsQuery {
     )
 )]
 pub async fn events(
-    State(state): State<ApiState>,
+    State(streams): State<EventStreams>,
     Named(id): Named<JobId>,
     Params(query): Params<EventsQuery>,
     headers: HeaderMap,
 ) -> Answer {
     let last = last_event_id(&headers)?.or(query.last_event_id);
-    let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
+    let row = streams
+        .store
+        .jobs()
+        .find(id)
+        .await?
+        .ok_or_else(|| no_job(id))?;
     let after = last.unwrap_or(0);
     if row.status.is_terminal() && after >= row.last_event {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let permit = state.stream_permit()?;
-    let feed = state.hub.feed(state.store.clone(), id, after);
+    let permit = streams.permit()?;
+    let feed = streams.hub.feed(streams.store.clone(), id, after);
     Ok(follow(feed, id.to_string(), permit))
 }
 

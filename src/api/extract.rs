@@ -3,15 +3,14 @@
 use std::convert::Infallible;
 use std::str::FromStr;
 
-use axum::extract::{FromRequestParts, RawPathParams};
+use axum::extract::{FromRef, FromRequestParts, RawPathParams};
 use axum::http::request::Parts;
 
-use super::ApiState;
 use super::client::Client;
 use super::error::{Answer, Problem};
 use crate::access::Project;
 use crate::job::{ComparisonId, DeliveryId, MonitorId, WebhookId};
-use crate::store::StoreError;
+use crate::store::{Store, StoreError};
 use greybox::identification::{DatasetId, JobId};
 
 /// What the one parameter of a path names: something of the caller's project, or nothing.
@@ -26,39 +25,39 @@ pub trait PathName: FromStr + Sync {
     /// the caller's project alone.
     fn project(
         &self,
-        state: &ApiState,
+        store: &Store,
     ) -> impl Future<Output = Result<Option<Project>, StoreError>> + Send;
 }
 
 impl PathName for JobId {
     const WHAT: &'static str = "job";
 
-    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
-        state.store.project_of_job(*self).await
+    async fn project(&self, store: &Store) -> Result<Option<Project>, StoreError> {
+        store.jobs().project_of(*self).await
     }
 }
 
 impl PathName for ComparisonId {
     const WHAT: &'static str = "comparison";
 
-    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
-        state.store.project_of_comparison(*self).await
+    async fn project(&self, store: &Store) -> Result<Option<Project>, StoreError> {
+        store.comparisons().project_of(*self).await
     }
 }
 
 impl PathName for MonitorId {
     const WHAT: &'static str = "monitor";
 
-    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
-        state.store.project_of_monitor(*self).await
+    async fn project(&self, store: &Store) -> Result<Option<Project>, StoreError> {
+        store.monitors().project_of(*self).await
     }
 }
 
 impl PathName for DatasetId {
     const WHAT: &'static str = "dataset";
 
-    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
-        let row = state.store.dataset(*self).await?;
+    async fn project(&self, store: &Store) -> Result<Option<Project>, StoreError> {
+        let row = store.datasets().find(*self).await?;
         Ok(row.map(|row| row.project.clone()))
     }
 }
@@ -66,8 +65,8 @@ impl PathName for DatasetId {
 impl PathName for WebhookId {
     const WHAT: &'static str = "webhook";
 
-    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
-        let row = state.store.webhook(*self).await?;
+    async fn project(&self, store: &Store) -> Result<Option<Project>, StoreError> {
+        let row = store.webhooks().find(*self).await?;
         Ok(row.map(|row| row.project))
     }
 }
@@ -75,8 +74,8 @@ impl PathName for WebhookId {
 impl PathName for DeliveryId {
     const WHAT: &'static str = "delivery";
 
-    async fn project(&self, state: &ApiState) -> Result<Option<Project>, StoreError> {
-        state.store.project_of_delivery(*self).await
+    async fn project(&self, store: &Store) -> Result<Option<Project>, StoreError> {
+        store.deliveries().project_of(*self).await
     }
 }
 
@@ -94,15 +93,18 @@ impl FromStr for ModelName {
 impl PathName for ModelName {
     const WHAT: &'static str = "model";
 
-    async fn project(&self, _state: &ApiState) -> Result<Option<Project>, StoreError> {
+    async fn project(&self, _store: &Store) -> Result<Option<Project>, StoreError> {
         Ok(None)
     }
 }
 
-impl<T: PathName + Send> FromRequestParts<ApiState> for Named<T> {
+impl<T: PathName + Send, S: Send + Sync> FromRequestParts<S> for Named<T>
+where
+    Store: FromRef<S>,
+{
     type Rejection = Problem;
 
-    async fn from_request_parts(parts: &mut Parts, state: &ApiState) -> Answer<Self> {
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Answer<Self> {
         let client = Client::of(parts)?.clone();
         let params = RawPathParams::from_request_parts(parts, state).await;
         let params = params.map_err(|_| Problem::not_found(T::WHAT, "�"))?;
@@ -112,7 +114,7 @@ impl<T: PathName + Send> FromRequestParts<ApiState> for Named<T> {
             .map_err(|_| Problem::not_found(T::WHAT, name))?;
         // Where nobody has to say who they are there is one project.
         if client.is_known
-            && let Some(project) = named.project(state).await?
+            && let Some(project) = named.project(&Store::from_ref(state)).await?
             && project != client.project
         {
             return Err(client.refuse_another_project());

@@ -12,7 +12,7 @@ use super::jobs::{no_job, retry_after};
 use super::work::stopped;
 use crate::admission::Permit;
 use crate::job::Status;
-use crate::store::JobRow;
+use crate::store::{JobRow, Results};
 use greybox::identification::assemble::{self, ExperimentTrajectory, PastResult};
 use greybox::identification::{JobId, JobSpec, Outcome};
 use greybox::model::Model;
@@ -41,16 +41,21 @@ impl FinishedJob {
     /// There is no such job, it is a design, it has no result or not yet, or its recording has been
     /// removed.
     pub async fn read(state: &ApiState, id: JobId) -> Answer<FinishedJob> {
-        let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
+        let row = state
+            .store
+            .jobs()
+            .find(id)
+            .await?
+            .ok_or_else(|| no_job(id))?;
         let Some(spec) = row.task.identification().cloned() else {
             let detail = "the job designs an experiment: it estimates nothing";
             return Err(Problem::new(Kind::WrongState, detail));
         };
-        let outcome = result_of(state, &row).await?;
-        let permit = state.recording_permit().await?;
+        let outcome = result_of(state.store.results(), &row).await?;
+        let permit = state.work.recording_permit().await?;
         let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
         let recordings = state.recordings(&spec).await?.map_err(removed)?;
-        let model = state.model(&row.project, &spec.model).await?;
+        let model = state.library.model(&row.project, &spec.model).await?;
         Ok(FinishedJob {
             row,
             spec,
@@ -94,9 +99,9 @@ impl FinishedJob {
 }
 
 /// The result of a job that has one.
-pub async fn result_of(state: &ApiState, row: &JobRow) -> Answer<Value> {
+pub async fn result_of(results: &Results, row: &JobRow) -> Answer<Value> {
     let finished = row.status.is_terminal() || row.status == Status::Paused;
-    if finished && let Some(outcome) = state.store.result(row.id).await? {
+    if finished && let Some(outcome) = results.find(row.id).await? {
         return Ok(outcome);
     }
     let detail = match row.status {

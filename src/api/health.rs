@@ -14,7 +14,7 @@ use super::ApiState;
 use super::error::{Answer, Kind, Problem};
 use super::http_headers::json;
 use crate::job::Status;
-use crate::store::Meaning;
+use crate::store::{Damage, Meaning};
 
 /// How long an unready client may wait before it asks again `[s]`.
 const RETRY_S: u32 = 2;
@@ -82,14 +82,14 @@ pub async fn livez() -> Response {
 pub async fn readyz(State(state): State<ApiState>) -> Answer {
     let not_ready = |detail: &str| Problem::new(Kind::Busy, detail).retry_after(RETRY_S);
     if let Err(error) = state.store.ping().await {
-        state.store.note_damage(&error);
+        state.store.damage().note(&error);
         tracing::warn!(%error, "the database does not answer");
         return Err(not_ready("the database does not answer"));
     }
     match tokio::time::timeout(LONGEST_PROBE, state.store.probe()).await {
         Ok(Ok(())) => {}
         Ok(Err(error)) => {
-            state.store.note_damage(&error);
+            state.store.damage().note(&error);
             tracing::warn!(%error, "the database takes no writes");
             return Err(not_ready(match error.meaning() {
                 Meaning::NoRoom => "the disk is full: nothing can be stored",
@@ -103,7 +103,7 @@ pub async fn readyz(State(state): State<ApiState>) -> Answer {
     }
     // One damaged row is no reason to take a server away that serves all others and takes in what comes. Where
     // the database is not sound itself, more would be harmed by writing on.
-    let damage = state.store.damage();
+    let damage = state.store.damage().seen();
     if damage.is_of_the_database {
         return Err(Problem::new(
             Kind::DamagedData,
@@ -119,7 +119,7 @@ pub async fn readyz(State(state): State<ApiState>) -> Answer {
 
 /// Notes the damage that a request met.
 pub(super) async fn note_damage(
-    State(state): State<ApiState>,
+    State(met): State<Damage>,
     request: Request,
     next: Next,
 ) -> Response {
@@ -127,7 +127,7 @@ pub(super) async fn note_damage(
     if let Some(problem) = response.extensions().get::<Problem>()
         && let Some(damage) = problem.damage()
     {
-        state.store.note_damage(damage);
+        met.note(damage);
     }
     response
 }
@@ -154,7 +154,7 @@ pub async fn version() -> Response {
                content_type = "text/plain; version=0.0.4", body = String))
 )]
 pub async fn metrics(State(state): State<ApiState>) -> Answer {
-    let counts: HashMap<_, _> = state.store.job_counts().await?.into_iter().collect();
+    let counts: HashMap<_, _> = state.store.jobs().counts().await?.into_iter().collect();
     for status in Status::ALL {
         // A state that no job is in any more is told too.
         let count = counts.get(&status).copied().unwrap_or(0);
@@ -173,9 +173,8 @@ pub async fn metrics(State(state): State<ApiState>) -> Answer {
     ] {
         metrics::gauge!("greybox_stored_bytes", "of" => of).set(bytes as f64);
     }
-    let streams = state.limits.streams_at_once - state.0.streams.free();
-    metrics::gauge!("greybox_streams_open").set(streams as f64);
-    for (project, worked) in state.store.work_by_project().await? {
+    metrics::gauge!("greybox_streams_open").set(state.event_streams.count() as f64);
+    for (project, worked) in state.store.jobs().work_by_project().await? {
         let project = project.to_string();
         let counter = metrics::counter!("greybox_work_seconds_total", "project" => project);
         counter.absolute(worked.as_secs());

@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
-use super::ApiState;
 use super::client::Client;
 use super::error::Answer;
 use super::jobs::Job;
@@ -17,7 +16,7 @@ use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, Params, QueryReader};
 use crate::access::Project;
 use crate::job::Status;
-use crate::store::{JobFilter, JobSummaryRow, NamedDataset};
+use crate::store::{JobFilter, JobSummaryRow, Jobs, NamedDataset};
 use greybox::estimation::Progress;
 use greybox::identification::outcome::Trust;
 use greybox::identification::spec::{MAX_NAME_CHARS, MethodName};
@@ -209,18 +208,18 @@ pub enum JobsPage {
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
 )]
 pub async fn list(
-    State(state): State<ApiState>,
+    State(jobs): State<Jobs>,
     client: Client,
     Params(WhichJobs(mut filter, view)): Params<WhichJobs>,
     uri: Uri,
 ) -> Answer {
     filter.project = client.project;
     if view == JobView::Summary {
-        let page = state.store.job_summaries(&filter).await?;
+        let page = jobs.summaries(&filter).await?;
         let items = page.rows.into_iter().map(JobSummary::from).collect();
         return Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri));
     }
-    let page = state.store.jobs(&filter).await?;
+    let page = jobs.list(&filter).await?;
     let items = page.rows.iter().map(Job::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
 }

@@ -12,13 +12,13 @@ use serde::Serialize;
 use tokio::time::Instant;
 use utoipa::{IntoParams, ToSchema};
 
-use super::ApiState;
 use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
 use super::http_headers::{MAX_WAIT_S, json, tagged};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
+use crate::event::EventHub;
 use crate::job::{Failure, IllegalTransition, JobKind, JobTask, Status};
-use crate::store::{Control, JobRemoval, JobRow, StoreError};
+use crate::store::{Control, JobRemoval, JobRow, Jobs, StoreError};
 use greybox::estimation::{Phase, Progress};
 use greybox::identification::JobId;
 
@@ -163,15 +163,16 @@ fn insert_retry(response: &mut Response, retry: Option<HeaderValue>) {
 
 /// The job as it is once `done` holds, or after `wait`, or when the server shuts down.
 pub async fn wait_until(
-    state: &ApiState,
+    jobs: &Jobs,
+    hub: &EventHub,
     id: JobId,
     wait: Duration,
     done: impl Fn(&JobRow) -> bool,
 ) -> Result<Option<Arc<JobRow>>, StoreError> {
     let deadline = Instant::now() + wait;
-    let mut changes = state.hub.subscribe(id);
+    let mut changes = hub.subscribe(id);
     loop {
-        let row = state.store.job(id).await?;
+        let row = jobs.find(id).await?;
         if row.as_deref().is_none_or(&done) {
             return Ok(row);
         }
@@ -215,16 +216,17 @@ impl FromQuery for WaitQuery {
     )
 )]
 pub async fn show(
-    State(state): State<ApiState>,
+    State(jobs): State<Jobs>,
+    State(hub): State<EventHub>,
     Named(id): Named<JobId>,
     Params(query): Params<WaitQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let mut row = state.store.job(id).await?;
+    let mut row = jobs.find(id).await?;
     if let (Some(wait), Some(before)) = (query.wait, &row) {
         let before = before.status;
         let changed = |row: &JobRow| row.status != before || row.status.is_terminal();
-        row = wait_until(&state, id, Duration::from_secs(wait), changed).await?;
+        row = wait_until(&jobs, &hub, id, Duration::from_secs(wait), changed).await?;
     }
     let row = row.ok_or_else(|| no_job(id))?;
     let mut response = tagged(&headers, &tag_of(&row), || Job::from(&*row));
@@ -252,11 +254,11 @@ pub fn no_job(id: JobId) -> Problem {
               (status = 409, description = "The job has ended in another way"))
 )]
 pub async fn cancel(
-    State(state): State<ApiState>,
+    State(jobs): State<Jobs>,
     Named(id): Named<JobId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    controlled(id, Status::Cancelled, state.store.request_cancel(id).await?)
+    controlled(id, Status::Cancelled, jobs.cancel(id).await?)
 }
 
 /// Hold a job; the best estimate so far stays readable. Idempotent.
@@ -268,11 +270,11 @@ pub async fn cancel(
               (status = 409, description = "The job has ended"))
 )]
 pub async fn pause(
-    State(state): State<ApiState>,
+    State(jobs): State<Jobs>,
     Named(id): Named<JobId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    controlled(id, Status::Paused, state.store.request_pause(id).await?)
+    controlled(id, Status::Paused, jobs.pause(id).await?)
 }
 
 /// Let a paused job go on. Idempotent.
@@ -283,11 +285,11 @@ pub async fn pause(
               (status = 409, description = "The job has ended"))
 )]
 pub async fn resume(
-    State(state): State<ApiState>,
+    State(jobs): State<Jobs>,
     Named(id): Named<JobId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    controlled(id, Status::Queued, state.store.request_resume(id).await?)
+    controlled(id, Status::Queued, jobs.resume(id).await?)
 }
 
 fn controlled(id: JobId, to: Status, control: Control) -> Answer {
@@ -306,11 +308,11 @@ fn controlled(id: JobId, to: Status, control: Control) -> Answer {
               (status = 409, description = "The job has not ended"))
 )]
 pub async fn remove(
-    State(state): State<ApiState>,
+    State(jobs): State<Jobs>,
     Named(id): Named<JobId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    match state.store.delete_job(id).await? {
+    match jobs.delete(id).await? {
         JobRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
         JobRemoval::NotFound => Err(no_job(id)),
         JobRemoval::Unfinished(status) => {

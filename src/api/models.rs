@@ -1,7 +1,5 @@
 //! The models that can be identified: those of the program and those that users wrote.
 
-use std::sync::Arc;
-
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::IntoResponse;
@@ -9,16 +7,16 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::ApiState;
 use super::body::ModelDocument;
 use super::client::Client;
 use super::error::{Answer, Kind, Problem};
 use super::extract::{ModelName, Named};
 use super::http_headers::{json, tagged_json};
+use super::model_library::{ModelLibrary, new_model};
 use super::query::{NoQuery, Params};
-use crate::store::{ModelRemoval, ModelRow, ModelStored, NewModel};
+use crate::store::{ModelRemoval, ModelRow, ModelStored};
+use greybox::model::ModelDescription;
 use greybox::model::document::{self, Referenced};
-use greybox::model::{Model, ModelDescription};
 use greybox::parsing::Fault;
 
 /// All models.
@@ -109,17 +107,18 @@ impl StoredModel {
     )
 )]
 pub async fn create(
-    State(state): State<ApiState>,
+    State(library): State<ModelLibrary>,
     _query: Params<NoQuery>,
     client: Client,
     ModelDocument(document): ModelDocument,
 ) -> Answer {
     // A document that is refused is also taken apart beside the threads that serve.
-    let read =
-        state.convert(move || Ok(document::referenced(&document).map(|read| (read, document))));
+    let read = library
+        .work
+        .convert(move || Ok(document::referenced(&document).map(|read| (read, document))));
     let (read, document) = read.await?.map_err(Problem::of_document)?;
     let new = new_model(&read, document, client);
-    let (status, row) = match state.store.insert_model(new).await? {
+    let (status, row) = match library.models.insert(new).await? {
         ModelStored::Created(row) => (StatusCode::CREATED, row),
         ModelStored::There(row) => (StatusCode::OK, row),
     };
@@ -132,45 +131,23 @@ pub async fn create(
     Ok(response)
 }
 
-/// Reads a document beside the threads that serve.
-pub(super) async fn read(
-    state: &ApiState,
-    document: Value,
-) -> Answer<Result<Referenced, Vec<Fault>>> {
-    state
-        .convert(move || Ok(document::referenced(&document)))
-        .await
-}
-
-/// A document that was read, to be stored.
-fn new_model(read: &Referenced, document: Value, client: Client) -> NewModel {
-    NewModel {
-        project: client.project,
-        reference: read.reference().to_owned(),
-        name: read.name.clone(),
-        digest: read.digest.clone(),
-        document,
-        client: client.address,
-    }
-}
-
 /// List the models with their signals, parameters and equations.
 #[utoipa::path(
     get, path = "/v1/models", operation_id = "list_models", tag = "models",
     responses((status = 200, description = "All models", body = Models))
 )]
 pub async fn list(
-    State(state): State<ApiState>,
+    State(library): State<ModelLibrary>,
     client: Client,
     _query: Params<NoQuery>,
 ) -> Answer {
-    let mut items: Vec<ModelDescription> = state
+    let mut items: Vec<ModelDescription> = library
         .catalogue
         .iter()
         .map(|model| model.description().clone())
         .collect();
-    let rows = state.store.models(&client.project).await?;
-    let written = state.convert(move || {
+    let rows = library.models.list(&client.project).await?;
+    let written = library.work.convert(move || {
         let read = rows
             .iter()
             .filter_map(|row| document::referenced(&row.document).ok());
@@ -191,17 +168,17 @@ pub async fn list(
     responses((status = 200, description = "The model", body = ShownModel))
 )]
 pub async fn show(
-    State(state): State<ApiState>,
+    State(library): State<ModelLibrary>,
     client: Client,
     Named(ModelName(name)): Named<ModelName>,
     _query: Params<NoQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let model = state.model(&client.project, &name).await?;
+    let model = library.model(&client.project, &name).await?;
     let document = match model.document() {
         Some(document) => Some(document.clone()),
         None => {
-            let row = state.store.model_of(&client.project, &name).await?;
+            let row = library.models.find(&client.project, &name).await?;
             row.map(|row| row.document)
         }
     };
@@ -222,16 +199,16 @@ pub async fn show(
     )
 )]
 pub async fn remove(
-    State(state): State<ApiState>,
+    State(library): State<ModelLibrary>,
     client: Client,
     Named(ModelName(name)): Named<ModelName>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    if state.catalogue.get(&name).is_some() {
+    if library.catalogue.get(&name).is_some() {
         let detail = format!("`{name}` is part of the program");
         return Err(Problem::new(Kind::WrongState, detail));
     }
-    match state.store.delete_model(&client.project, &name).await? {
+    match library.models.delete(&client.project, &name).await? {
         ModelRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
         ModelRemoval::NotFound => Err(Problem::not_found("model", &name)),
         ModelRemoval::InUse(jobs) => {
@@ -239,51 +216,5 @@ pub async fn remove(
             let detail = format!("needed by {}", jobs.join(", "));
             Err(Problem::new(Kind::WrongState, detail))
         }
-    }
-}
-
-/// What a job or a simulation names as its model.
-pub(super) struct Asked {
-    /// The model, where the document names one that the catalogue does not have.
-    pub model: Option<Arc<Model>>,
-    /// What must be stored before a job may name it.
-    pub new: Option<NewModel>,
-    /// The document, with the model's name in the place of the model.
-    pub document: Value,
-}
-
-/// Finds the model that a document names by reference or brings along.
-pub(super) async fn asked(state: &ApiState, document: &Value, client: &Client) -> Answer<Asked> {
-    let mut asked = Asked {
-        model: None,
-        new: None,
-        document: document.clone(),
-    };
-    match document.get("model") {
-        Some(Value::String(name)) if state.catalogue.get(name).is_none() && name.contains('@') => {
-            if let Some(row) = state.store.model_of(&client.project, name).await? {
-                let read = read(state, row.document).await?;
-                asked.model = Some(read.map_err(Problem::of_document)?.model);
-            }
-        }
-        Some(inline @ Value::Object(_)) => {
-            let read = read(state, inline.clone()).await?.map_err(|faults| {
-                let faults = faults.into_iter().map(|fault| fault.below("/model"));
-                Problem::of_document(faults.collect())
-            })?;
-            asked.document["model"] = Value::from(read.reference());
-            asked.new = Some(new_model(&read, inline.clone(), client.clone()));
-            asked.model = Some(read.model);
-        }
-        _ => {}
-    }
-    Ok(asked)
-}
-
-impl Asked {
-    /// The descriptions that the document is read against.
-    pub fn descriptions<'a>(&'a self, state: &'a ApiState) -> Vec<&'a ModelDescription> {
-        let known = state.catalogue.iter().chain(&self.model);
-        known.map(|model| model.description()).collect()
     }
 }

@@ -3,6 +3,7 @@
 mod csv;
 pub mod events;
 pub mod moving;
+mod stored;
 mod waiting;
 
 use std::collections::HashMap;
@@ -14,6 +15,7 @@ use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use super::ApiState;
 use super::body::JsonDocument;
 use super::client::Client;
 use super::error::{Answer, Kind, Problem};
@@ -21,18 +23,20 @@ use super::extract::Named;
 use super::http_headers::{idempotency_key, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use super::submit::stored;
-use super::{ApiState, models};
+use super::submit;
 use crate::job::MonitorId;
 use crate::monitor::state::instant;
 use crate::monitor::{
     Alarm, JobTemplate, MonitorSpec, MonitorWindow, ShownWindow, State as MonitorState, warm,
 };
-use crate::store::{Idempotency, MonitorRow, NewMonitor, StoredWindow, StreamRow};
+use crate::store::{
+    Idempotency, MonitorRow, Monitors, NewMonitor, StoredWindow, StreamRow, Streams,
+};
 use greybox::identification::DatasetId;
 use greybox::identification::spec::Context;
 use greybox::parsing::Fault;
 use greybox::recording::{Source, Summary};
+use stored::{clock_ns, monitor, no_monitor, understood};
 use waiting::WaitsFor;
 
 /// Windows that a monitor shows of itself, and alarms.
@@ -89,17 +93,6 @@ pub struct ShownMonitor {
     waits_for: Option<WaitsFor>,
 }
 
-/// What a monitor was asked for, and what it knows.
-fn understood(row: &MonitorRow) -> Answer<(MonitorSpec, MonitorState)> {
-    let unreadable = |_| {
-        tracing::error!(monitor = %row.id, "a stored monitor does not read back");
-        Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
-    };
-    let spec = MonitorSpec::deserialized(&row.spec).map_err(unreadable)?;
-    let state = serde_json::from_value(row.state.clone()).map_err(unreadable)?;
-    Ok((spec, state))
-}
-
 impl Monitor {
     fn new(row: MonitorRow) -> Answer<Self> {
         let (spec, state) = understood(&row)?;
@@ -119,15 +112,6 @@ impl Monitor {
             created_at: row.created_at,
         })
     }
-}
-
-/// The server's clock, nanoseconds since 1970.
-fn clock_ns() -> i64 {
-    i64::try_from(Timestamp::now().as_nanosecond()).unwrap_or(i64::MAX)
-}
-
-fn no_monitor(id: MonitorId) -> Problem {
-    Problem::not_found("monitor", &id.to_string())
 }
 
 /// Watch a stream.
@@ -165,13 +149,18 @@ pub async fn create(
         body_digest: document.digest.clone(),
     });
     if let Some(idempotency) = &idempotency
-        && let Some(earlier) = state.store.earlier_monitor(idempotency).await?
+        && let Some(earlier) = state.store.monitors().earlier(idempotency).await?
     {
-        let (row, replayed) = stored(earlier)?;
+        let (row, replayed) = submit::stored(earlier)?;
         return created(row, replayed);
     }
     let mut spec = MonitorSpec::read(&document.value).map_err(Problem::of_document)?;
-    let Some(stream) = state.store.stream(&client.project, &spec.stream).await? else {
+    let Some(stream) = state
+        .store
+        .streams()
+        .find(&client.project, &spec.stream)
+        .await?
+    else {
         let detail = format!("there is no stream `{}`", spec.stream);
         let fault = Fault::new("/stream", "unknown_stream", detail);
         return Err(Problem::of_document(vec![fault]));
@@ -194,11 +183,11 @@ pub async fn create(
         patience: spec.patience(),
         idempotency,
     };
-    let inserted = state.store.insert_monitor(new).await?.ok_or_else(|| {
+    let inserted = state.store.monitors().insert(new).await?.ok_or_else(|| {
         let detail = "there are as many monitors as there may be, or the stream has just gone";
         Problem::new(Kind::WrongState, detail)
     })?;
-    let (row, replayed) = stored(inserted)?;
+    let (row, replayed) = submit::stored(inserted)?;
     created(row, replayed)
 }
 
@@ -224,7 +213,9 @@ async fn check(
     client: &Client,
 ) -> Answer<()> {
     let below = |problem: Problem| problem.below("/job");
-    let asked = models::asked(state, spec.job.document(), client)
+    let asked = state
+        .library
+        .asked(spec.job.document(), client)
         .await
         .map_err(below)?;
     spec.job = JobTemplate::new(asked.document.clone());
@@ -232,7 +223,7 @@ async fn check(
     let summary = newest(state, stream, spec.window.length_s).await?;
     let datasets = HashMap::from([(dataset, summary)]);
     let context = Context {
-        models: asked.descriptions(state),
+        models: state.library.descriptions(&asked),
         datasets: &datasets,
         max_duration_s: state.limits.max_duration_s,
     };
@@ -266,7 +257,7 @@ async fn check(
         return Err(Problem::of_document(faults));
     }
     if let Some(new) = asked.new {
-        state.store.insert_model(new).await?;
+        state.store.models().insert(new).await?;
     }
     Ok(())
 }
@@ -274,10 +265,10 @@ async fn check(
 /// What the newest window of a stream holds.
 async fn newest(state: &ApiState, stream: &StreamRow, length_s: f64) -> Answer<Summary> {
     let now = clock_ns();
-    let reached = state.store.stream_reached(stream, now).await?;
+    let reached = state.store.streams().last_instant(stream, now).await?;
     let last = reached.unwrap_or(now);
     let from = last.saturating_sub((length_s * 1e9) as i64);
-    let _permit = state.recording_permit().await?;
+    let _permit = state.work.recording_permit().await?;
     let most = crate::monitor::MAX_WINDOW_SAMPLES;
     let too_many = || {
         let detail = format!("a window would have more than {most} instants");
@@ -289,11 +280,12 @@ async fn newest(state: &ApiState, stream: &StreamRow, length_s: f64) -> Answer<S
     };
     let rows = state
         .store
-        .stream_rows(stream, (from, last.saturating_add(1)), most)
+        .streams()
+        .rows(stream, (from, last.saturating_add(1)), most)
         .await?;
     let rows = rows.ok_or_else(too_many)?;
     let signals = stream.signals.clone();
-    let summary = state.convert(move || {
+    let summary = state.work.convert(move || {
         let recording = rows.into_recording(&signals, Source::default());
         let recording = recording.ok_or_else(|| {
             let detail = "the newest window of the stream has fewer than two samples";
@@ -325,14 +317,13 @@ impl FromQuery for WhichMonitors {
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
 )]
 pub async fn list(
-    State(state): State<ApiState>,
+    State(monitors): State<Monitors>,
     client: Client,
     Params(WhichMonitors(cursor)): Params<WhichMonitors>,
     uri: Uri,
 ) -> Answer {
-    let page = state
-        .store
-        .monitors(&client.project, cursor.before, cursor.limit)
+    let page = monitors
+        .list(&client.project, cursor.before, cursor.limit)
         .await?;
     let items = page.rows.into_iter().map(Monitor::new);
     let items = items.collect::<Answer<Vec<_>>>()?;
@@ -346,28 +337,24 @@ pub async fn list(
     responses((status = 200, description = "The monitor", body = ShownMonitor))
 )]
 pub async fn show(
-    State(state): State<ApiState>,
+    State(monitors): State<Monitors>,
+    State(streams): State<Streams>,
     Named(id): Named<MonitorId>,
     _query: Params<NoQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let row = monitor(&state, id).await?;
-    let windows = state.store.monitor_windows(id, None, SHOWN_WINDOWS).await?;
+    let row = monitor(&monitors, id).await?;
+    let windows = monitors.windows(id, None, SHOWN_WINDOWS).await?;
     let mut windows = shown_windows(windows.rows)?;
     windows.reverse();
-    let alarms = state.store.monitor_alarms(id, None, SHOWN_ALARMS).await?;
+    let alarms = monitors.alarms(id, None, SHOWN_ALARMS).await?;
     let shown = ShownMonitor {
-        waits_for: WaitsFor::of(&state, &row).await?,
+        waits_for: WaitsFor::of(&streams, &row).await?,
         monitor: Monitor::new(row)?,
         windows,
         alarms: shown_alarms(alarms.rows)?,
     };
     Ok(tagged_json(&headers, &shown))
-}
-
-async fn monitor(state: &ApiState, id: MonitorId) -> Answer<MonitorRow> {
-    let row = state.store.monitor(id).await?;
-    row.ok_or_else(|| no_monitor(id))
 }
 
 fn read_back<T: serde::de::DeserializeOwned>(row: serde_json::Value) -> Answer<T> {
@@ -399,11 +386,11 @@ fn shown_alarms(rows: Vec<(i64, serde_json::Value)>) -> Answer<Vec<Alarm>> {
     responses((status = 204, description = "It is removed"))
 )]
 pub async fn remove(
-    State(state): State<ApiState>,
+    State(monitors): State<Monitors>,
     Named(id): Named<MonitorId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    if state.store.delete_monitor(id).await? {
+    if monitors.delete(id).await? {
         Ok(StatusCode::NO_CONTENT.into_response())
     } else {
         Err(no_monitor(id))
@@ -430,14 +417,14 @@ impl FromQuery for WhichNumbers {
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
 )]
 pub async fn windows(
-    State(state): State<ApiState>,
+    State(monitors): State<Monitors>,
     Named(id): Named<MonitorId>,
     Params(WhichNumbers(cursor)): Params<WhichNumbers>,
     headers: HeaderMap,
     uri: Uri,
 ) -> Answer {
-    monitor(&state, id).await?;
-    let page = state.store.monitor_windows(id, cursor.before, cursor.limit);
+    monitor(&monitors, id).await?;
+    let page = monitors.windows(id, cursor.before, cursor.limit);
     let page = page.await?;
     let items = shown_windows(page.rows)?;
     let text = prefers(&headers, "text/csv").then(|| csv::table(&items));
@@ -461,13 +448,13 @@ pub async fn windows(
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
 )]
 pub async fn alarms(
-    State(state): State<ApiState>,
+    State(monitors): State<Monitors>,
     Named(id): Named<MonitorId>,
     Params(WhichNumbers(cursor)): Params<WhichNumbers>,
     uri: Uri,
 ) -> Answer {
-    monitor(&state, id).await?;
-    let page = state.store.monitor_alarms(id, cursor.before, cursor.limit);
+    monitor(&monitors, id).await?;
+    let page = monitors.alarms(id, cursor.before, cursor.limit);
     let page = page.await?;
     let items = shown_alarms(page.rows)?;
     Ok(Page::new(items, page.next.map(|number| number.to_string())).answer(&uri))

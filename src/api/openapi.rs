@@ -2,10 +2,6 @@
 
 mod names;
 
-use std::sync::LazyLock;
-
-use axum::http::HeaderMap;
-use axum::response::Response;
 use serde_json::Value;
 use utoipa::ToSchema;
 use utoipa::openapi::content::ContentBuilder;
@@ -19,12 +15,10 @@ use utoipa::openapi::{
 };
 
 use super::error::{PROBLEM_JSON, ProblemDocument};
-use super::http_headers::tagged_json;
 use crate::job::Event;
 
-/// The description of the whole API.
-pub fn openapi() -> Value {
-    let (_router, mut openapi) = super::described().split_for_parts();
+/// The description of the handlers, with what they do not say themselves.
+pub(super) fn completed(mut openapi: OpenApi) -> Value {
     let mut unnamed = Vec::new();
     name_schema::<ProblemDocument>(&mut unnamed);
     name_schema::<Event>(&mut unnamed);
@@ -58,16 +52,6 @@ pub fn openapi() -> Value {
 fn name_schema<T: ToSchema>(schemas: &mut Vec<(String, RefOr<Schema>)>) {
     schemas.push((T::name().into_owned(), T::schema()));
     T::schemas(schemas);
-}
-
-/// The description of this API.
-#[utoipa::path(
-    get, path = "/openapi.json", operation_id = "openapi", tag = "health",
-    responses((status = 200, description = "OpenAPI 3.1", body = Object))
-)]
-pub async fn document(headers: HeaderMap) -> Response {
-    static OPENAPI: LazyLock<Value> = LazyLock::new(openapi);
-    tagged_json(&headers, &*OPENAPI)
 }
 
 /// What the handlers do not say.
@@ -219,6 +203,7 @@ mod tests {
     use std::collections::HashSet;
 
     use super::*;
+    use crate::api::openapi;
 
     /// Path, method and description of every operation.
     fn all() -> Vec<(String, Value)> {

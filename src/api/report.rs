@@ -78,10 +78,14 @@ pub async fn report(
     Params(query): Params<ReportQuery>,
 ) -> Answer {
     let job = FinishedJob::read(&state, id).await?;
-    let generations = state.store.generations(id, 0, MAX_GENERATIONS).await?;
+    let generations = state
+        .store
+        .generations()
+        .after(id, 0, MAX_GENERATIONS)
+        .await?;
     let generations: Vec<_> = generations.iter().map(GenerationCosts::from).collect();
     let recordings = recordings(&state, &job.spec).await?;
-    let rendered = state.compute(move |stop| {
+    let rendered = state.work.compute(move |stop| {
         let experiments = job.trajectory(stop)?;
         let row = &job.row;
         let title = row.name.clone().unwrap_or_else(|| id.to_string());
@@ -116,7 +120,7 @@ pub async fn report(
 async fn recordings(state: &ApiState, spec: &JobSpec) -> Answer<Vec<RecordingFacts>> {
     let mut facts = Vec::with_capacity(spec.experiments.len());
     for experiment in &spec.experiments {
-        if let Some(row) = state.store.dataset(experiment.dataset).await? {
+        if let Some(row) = state.store.datasets().find(experiment.dataset).await? {
             facts.push(facts_of(&row));
         }
     }

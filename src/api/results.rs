@@ -14,6 +14,7 @@ use super::http_headers::{json, prefers, tagged_json};
 use super::jobs::no_job;
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::job::{GenerationEvent, JobKind};
+use crate::store::{Jobs, Results};
 use greybox::identification::design::Design;
 use greybox::identification::{JobId, Outcome};
 
@@ -70,13 +71,14 @@ pub async fn generations(
 ) -> Answer {
     let items = state
         .store
-        .generations(id, query.after, query.limit)
+        .generations()
+        .after(id, query.after, query.limit)
         .await?;
-    if items.is_empty() && state.store.job(id).await?.is_none() {
+    if items.is_empty() && state.store.jobs().find(id).await?.is_none() {
         return Err(no_job(id));
     }
     let as_csv = prefers(&headers, "text/csv");
-    let written = state.convert(move || {
+    let written = state.work.convert(move || {
         Ok(match as_csv {
             true => csv(GenerationEvent::csv(&items)),
             false => json(StatusCode::OK, &Generations { items }),
@@ -109,13 +111,14 @@ pub fn csv(text: String) -> Response {
     )
 )]
 pub async fn result(
-    State(state): State<ApiState>,
+    State(jobs): State<Jobs>,
+    State(results): State<Results>,
     Named(id): Named<JobId>,
     _query: Params<NoQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
-    let outcome = result_of(&state, &row).await?;
+    let row = jobs.find(id).await?.ok_or_else(|| no_job(id))?;
+    let outcome = result_of(&results, &row).await?;
     if prefers(&headers, "text/csv") {
         if row.task.kind() == JobKind::Design {
             let design = Design::deserialize(outcome).map_err(unreadable)?;

@@ -6,6 +6,8 @@
 //! comes from no other site is looked at before ([`origin`](super::origin)). A session may do what its
 //! token may, and ends with it, with its own time, or by signing out.
 
+use std::sync::Arc;
+
 use axum::extract::{FromRequest, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::IntoResponse;
@@ -13,23 +15,18 @@ use jiff::{SignedDuration, Timestamp};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::ApiState;
-use super::access::{NO_TOKEN, refused};
-use super::body::JsonDocument;
+use super::access::{Callers, NO_TOKEN, refused};
+use super::body::{Bodies, JsonDocument};
 use super::client::{Client, PeerAddress};
 use super::error::{Answer, Kind, Problem};
 use super::http_headers::json;
 use super::query::{NoQuery, Params};
-use super::rates::Rates;
 use super::session_cookie::{cookie, set_cookie};
 use crate::access::Secret;
 use greybox::parsing::reader::{Field, read_document};
 
 /// How long a session lasts.
 const LIFE: SignedDuration = SignedDuration::from_hours(12);
-/// Attempts to sign in from one address, in a second in the long run and together.
-const ATTEMPTS_PER_SECOND: f64 = 0.2;
-const ATTEMPTS_AT_ONCE: f64 = 10.0;
 
 /// A token, to begin a session with.
 #[derive(ToSchema)]
@@ -74,11 +71,6 @@ impl Session {
     }
 }
 
-/// How often may be tried to sign in.
-pub(super) fn sign_ins() -> Rates {
-    Rates::new(ATTEMPTS_PER_SECOND, ATTEMPTS_AT_ONCE, u32::MAX)
-}
-
 /// Begin a session: a browser sends its cookie from then on.
 ///
 /// It may do what the token may, for twelve hours at the most, and ends when the token does. Requests
@@ -91,21 +83,22 @@ pub(super) fn sign_ins() -> Rates {
                headers(("Set-Cookie" = String, description = "The cookie of the session"))))
 )]
 pub async fn sign_in(
-    State(state): State<ApiState>,
+    State(callers): State<Arc<Callers>>,
+    State(bodies): State<Bodies>,
     _query: Params<NoQuery>,
     request: Request,
 ) -> Answer {
     let peer = request.extensions().get::<PeerAddress>();
     let address = peer.map_or_else(String::new, PeerAddress::to_text);
     let attempts = format!("attempts to sign in from {address}");
-    let _counted = state.0.sign_ins.count(&attempts)?;
+    let _counted = callers.sign_ins.count(&attempts)?;
     let headers = request.headers().clone();
-    let document = JsonDocument::from_request(request, &state).await?;
+    let document = JsonDocument::from_request(request, &bodies).await?;
     let token = read_document(&document.value, read).map_err(Problem::of_document)?;
     let token = token.trim().parse::<Secret>();
     let token = token.map_err(|()| refused(NO_TOKEN))?;
-    let row = state.0.callers.token(&state, &token).await?;
-    end(&state, &headers).await?;
+    let row = callers.token(&token).await?;
+    end(&callers, &headers).await?;
     let secret = Secret::new().map_err(|error| {
         tracing::error!(%error, "the system gives no random bytes");
         Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
@@ -114,7 +107,7 @@ pub async fn sign_in(
     let latest = now + LIFE;
     let ends = row.expires_at.map_or(latest, |end| end.min(latest));
     let digest = secret.session_digest();
-    state.store.begin_session(row.id, digest, ends).await?;
+    callers.sessions.begin(row.id, digest, ends).await?;
     let client = Client::of_token(row, address);
     let shown = Session {
         expires_at: Some(ends),
@@ -122,7 +115,7 @@ pub async fn sign_in(
     };
     let mut response = json(StatusCode::OK, &shown);
     let life_s = ends.duration_since(now).as_secs();
-    let is_secure = is_secure(&state, &headers);
+    let is_secure = is_secure(&callers, &headers);
     set_cookie(&mut response, secret.expose(), life_s, is_secure);
     response.extensions_mut().insert(client);
     Ok(response)
@@ -137,18 +130,18 @@ fn read(root: &Field<'_>) -> Option<String> {
 }
 
 /// Whether the browser speaks TLS, to this server or to a proxy in front of it.
-fn is_secure(state: &ApiState, headers: &HeaderMap) -> bool {
+fn is_secure(callers: &Callers, headers: &HeaderMap) -> bool {
     let origin = headers.get(header::ORIGIN);
     let https = origin.is_some_and(|origin| origin.as_bytes().starts_with(b"https:"));
-    https || state.access.speaks_tls
+    https || callers.settings.speaks_tls
 }
 
 /// Ends the session that a request brings, where it brings one.
-async fn end(state: &ApiState, headers: &HeaderMap) -> Answer<()> {
+async fn end(callers: &Callers, headers: &HeaderMap) -> Answer<()> {
     if let Some(secret) = cookie(headers) {
         let digest = secret.session_digest();
-        state.store.end_session(digest.clone()).await?;
-        state.0.callers.forget(&digest);
+        callers.sessions.end(digest.clone()).await?;
+        callers.forget(&digest);
     }
     Ok(())
 }
@@ -175,7 +168,7 @@ pub async fn show(client: Client, _query: Params<NoQuery>, headers: HeaderMap) -
               (status = 409, description = "The caller has no session"))
 )]
 pub async fn sign_out(
-    State(state): State<ApiState>,
+    State(callers): State<Arc<Callers>>,
     client: Client,
     _query: Params<NoQuery>,
     headers: HeaderMap,
@@ -184,8 +177,8 @@ pub async fn sign_out(
         let detail = "there is no session: the request does not bring the cookie of one";
         return Err(Problem::new(Kind::WrongState, detail));
     }
-    end(&state, &headers).await?;
+    end(&callers, &headers).await?;
     let mut response = StatusCode::NO_CONTENT.into_response();
-    set_cookie(&mut response, "", 0, is_secure(&state, &headers));
+    set_cookie(&mut response, "", 0, is_secure(&callers, &headers));
     Ok(response)
 }

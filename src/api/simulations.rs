@@ -9,6 +9,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
+use super::ApiState;
 use super::body::JsonDocument;
 use super::client::Client;
 use super::datasets::{RecordingDocument, csv_answer};
@@ -16,7 +17,6 @@ use super::error::{Answer, Problem};
 use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
 use super::work::stopped;
-use super::{ApiState, models};
 use greybox::identification::spec::simulation::{SimulationSpec, Source};
 use greybox::identification::spec::{FixedValue, InitialStateSpec, ModelOfJob, WindowSpec};
 use greybox::identification::{DatasetId, simulation};
@@ -109,32 +109,32 @@ pub async fn simulate(
     client: Client,
     document: JsonDocument,
 ) -> Answer {
-    let permit = state.recording_permit().await?;
+    let permit = state.work.recording_permit().await?;
     let recording = recording(&state, &client, &document.value).await?;
-    let asked = models::asked(&state, &document.value, &client).await?;
-    let models = asked.descriptions(&state);
+    let asked = state.library.asked(&document.value, &client).await?;
+    let models = state.library.descriptions(&asked);
     let summary = recording.as_deref().map(Recording::summary);
     let spec = SimulationSpec::read(&asked.document, &models, summary.as_ref());
     let spec = spec.map_err(Problem::of_document)?;
     let recording = recording.expect("a specification that exists has a source");
     let model = match asked.model {
         Some(model) => model,
-        None => state.model(&client.project, &spec.model).await?,
+        None => state.library.model(&client.project, &spec.model).await?,
     };
 
     let name = spec.model.clone();
-    let simulated = state.compute(move |stop| {
+    let simulated = state.work.compute(move |stop| {
         let outputs = simulation::simulate(&spec, &model, &recording, stop);
         let outputs = outputs.ok_or_else(stopped)?;
         Ok((outputs.map_err(Problem::of_document)?, permit))
     });
     let (outputs, permit) = simulated.await?;
     if prefers(&headers, "text/csv") {
-        return csv_answer(&state, outputs, permit).await;
+        return csv_answer(&state.bodies, outputs, permit).await;
     }
     let points = query.max_points.unwrap_or(MAX_POINTS);
     let points = usize::try_from(points).expect("the limit is small");
-    let written = state.convert(move || {
+    let written = state.work.convert(move || {
         let _permit = permit;
         let simulated = outputs.time.samples();
         let samples = outputs.decimate(None, None, None, points);
@@ -158,15 +158,15 @@ async fn recording(
 ) -> Answer<Option<Arc<Recording>>> {
     match SimulationSpec::source(document) {
         Source::Dataset(id) => {
-            let row = state.store.dataset(id).await?;
+            let row = state.store.datasets().find(id).await?;
             match row.filter(|row| row.project == client.project) {
-                Some(_) => Ok(state.store.recording(id).await?),
+                Some(_) => Ok(state.store.datasets().recording(id).await?),
                 None => Ok(None),
             }
         }
         Source::Inline(inputs) => {
             let inputs = inputs.clone();
-            let read = state.convert(move || inline(&inputs));
+            let read = state.work.convert(move || inline(&inputs));
             Ok(Some(Arc::new(read.await?)))
         }
         Source::Unclear => Ok(None),

@@ -14,12 +14,12 @@ use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
-use super::body::{parse_received, receive, scratch_failed};
+use super::body::scratch_failed;
 use super::client::Client;
 use super::datasets::{
     FileBytes, ReadingQuery, RecordingDocument, csv_answer, digest, kind_of, reading,
 };
-use super::error::{Answer, Kind, Problem, ProblemFault};
+use super::error::{Answer, Kind, Problem};
 use super::extract::{Named, PathName};
 use super::http_headers::{idempotency_key, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
@@ -27,11 +27,12 @@ use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::access::Project;
 use crate::monitor::MAX_WINDOW_SAMPLES;
 use crate::store::{
-    Appended, BatchOutcome, Idempotency, Keep, MAX_STREAMS, NewBatch, StoreError, StreamRemoval,
-    StreamRow,
+    Appended, BatchOutcome, Idempotency, Keep, MAX_STREAMS, NewBatch, Store, StoreError,
+    StreamRemoval, StreamRow, Streams,
 };
 use greybox::intake::{self, Options, Purpose};
 use greybox::recording::{MAX_SIGNALS, Recording, Samples, Source};
+use stamps::{invalid, nanoseconds};
 
 /// The characters of a stream's name at the most.
 const MAX_NAME: usize = 100;
@@ -58,7 +59,7 @@ impl PathName for StreamName {
     const WHAT: &'static str = "stream (its name has letters, digits, `.`, `_` and `-`, 100 of \
                                 them at the most) called";
 
-    async fn project(&self, _state: &ApiState) -> Result<Option<Project>, StoreError> {
+    async fn project(&self, _store: &Store) -> Result<Option<Project>, StoreError> {
         Ok(None)
     }
 }
@@ -173,17 +174,19 @@ pub async fn append(
         options.assume_encoding(&charset);
     }
     let limit = state.limits.dataset_bytes;
-    let received = receive(&state, request.into_body(), limit).await?;
-    let _permit = state.recording_permit().await?;
-    let scratch = state.store.scratch();
+    let received = state.bodies.receive(request.into_body(), limit).await?;
+    let _permit = state.work.recording_permit().await?;
+    let scratch = state.store.datasets().scratch();
     let options = options.for_purpose(Purpose::Stream);
     let latest = stamps::latest(&state.limits);
-    let parsed = parse_received(&state, received, move |text| {
-        let received = intake::receive(text, kind, &options, Some(scratch))?;
-        let recording = received.into_recording();
-        stamps::batch(recording.map_err(|error| scratch_failed(&error))?, latest)
-    })
-    .await?;
+    let parsed = state
+        .bodies
+        .parse_received(received, move |text| {
+            let received = intake::receive(text, kind, &options, Some(scratch))?;
+            let recording = received.into_recording();
+            stamps::batch(recording.map_err(|error| scratch_failed(&error))?, latest)
+        })
+        .await?;
     given.push(("stream", name.clone()));
     let body_digest = digest(parsed.digest, &given);
     let new = NewBatch {
@@ -197,25 +200,7 @@ pub async fn append(
             body_digest,
         }),
     };
-    answered(&name, state.store.append(new).await?)
-}
-
-/// An instant in nanoseconds since 1970; the nearest that 64 bits hold.
-fn nanoseconds(instant: Timestamp) -> i64 {
-    let nearest = match instant < Timestamp::UNIX_EPOCH {
-        true => i64::MIN,
-        false => i64::MAX,
-    };
-    i64::try_from(instant.as_nanosecond()).unwrap_or(nearest)
-}
-
-fn invalid(code: &str, detail: String) -> Problem {
-    let fault = ProblemFault {
-        code: code.to_owned(),
-        detail,
-        ..ProblemFault::default()
-    };
-    Problem::of_faults(Kind::Invalid, [fault])
+    answered(&name, state.store.streams().append(new).await?)
 }
 
 fn answered(name: &str, outcome: BatchOutcome) -> Answer {
@@ -278,14 +263,13 @@ impl FromQuery for WhichStreams {
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
 )]
 pub async fn list(
-    State(state): State<ApiState>,
+    State(streams): State<Streams>,
     client: Client,
     Params(WhichStreams(cursor)): Params<WhichStreams>,
     uri: Uri,
 ) -> Answer {
-    let page = state
-        .store
-        .streams(&client.project, cursor.before, cursor.limit)
+    let page = streams
+        .list(&client.project, cursor.before, cursor.limit)
         .await?;
     Ok(Page::new(page.rows, page.next).answer(&uri))
 }
@@ -370,7 +354,7 @@ pub async fn show(
     Params(query): Params<StreamQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let stream = stream(&state, &client, &name).await?;
+    let stream = stream(state.store.streams(), &client, &name).await?;
     let wants_csv = prefers(&headers, "text/csv");
     if query.from.is_none() && query.to.is_none() && !wants_csv {
         let shown = ShownStream {
@@ -379,15 +363,15 @@ pub async fn show(
         };
         return Ok(tagged_json(&headers, &shown));
     }
-    let permit = state.recording_permit().await?;
-    let recording = window(&state, &stream, (query.from, query.to)).await?;
+    let permit = state.work.recording_permit().await?;
+    let recording = window(state.store.streams(), &stream, (query.from, query.to)).await?;
     if wants_csv {
         let recording = recording.ok_or_else(|| invalid("too_few_samples", too_few()))?;
-        return csv_answer(&state, recording, permit).await;
+        return csv_answer(&state.bodies, recording, permit).await;
     }
     let points = query.max_points.unwrap_or(DEFAULT_POINTS);
     let points = usize::try_from(points).expect("the limit is small");
-    let written = state.convert(move || {
+    let written = state.work.convert(move || {
         let _permit = permit;
         let samples = recording.map(|recording| StreamSamples {
             start: recording.start,
@@ -410,14 +394,14 @@ fn too_few() -> String {
     "there are fewer than two samples in it".to_owned()
 }
 
-async fn stream(state: &ApiState, client: &Client, name: &str) -> Answer<StreamRow> {
-    let stream = state.store.stream(&client.project, name).await?;
+async fn stream(streams: &Streams, client: &Client, name: &str) -> Answer<StreamRow> {
+    let stream = streams.find(&client.project, name).await?;
     stream.ok_or_else(|| Problem::not_found("stream", name))
 }
 
 /// A part of a stream; nothing where it has fewer than two samples.
 async fn window(
-    state: &ApiState,
+    streams: &Streams,
     stream: &StreamRow,
     (from, to): (Option<Timestamp>, Option<Timestamp>),
 ) -> Answer<Option<Recording>> {
@@ -425,7 +409,7 @@ async fn window(
         from.map_or(i64::MIN, nanoseconds),
         to.map_or(i64::MAX, nanoseconds),
     );
-    let rows = state.store.stream_rows(stream, span, MAX_WINDOW_SAMPLES);
+    let rows = streams.rows(stream, span, MAX_WINDOW_SAMPLES);
     let rows = rows.await?.ok_or_else(|| {
         let detail = format!(
             "there are more than {MAX_WINDOW_SAMPLES} instants in it; ask for a shorter part"
@@ -455,12 +439,12 @@ async fn window(
               (status = 409, description = "A monitor watches it"))
 )]
 pub async fn remove(
-    State(state): State<ApiState>,
+    State(streams): State<Streams>,
     client: Client,
     Named(StreamName(name)): Named<StreamName>,
     _query: Params<NoQuery>,
 ) -> Answer<Response> {
-    match state.store.delete_stream(&client.project, &name).await? {
+    match streams.delete(&client.project, &name).await? {
         StreamRemoval::Removed => Ok(StatusCode::NO_CONTENT.into_response()),
         StreamRemoval::NotFound => Err(Problem::not_found("stream", &name)),
         StreamRemoval::InUse(monitors) => {

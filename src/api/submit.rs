@@ -11,14 +11,15 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
+use super::ApiState;
 use super::body::JsonDocument;
 use super::client::Client;
 use super::error::{Answer, Kind, Problem};
 use super::http_headers::{idempotency_key, json, preferred_wait};
 use super::jobs::{self, Job};
+use super::model_library::Asked;
 use super::query::{FromQuery, Params, QueryReader};
 use super::spec_cache::SpecKey;
-use super::{ApiState, models};
 use crate::access::Project;
 use crate::job::{JobTask, Status};
 use crate::store::{Idempotency, JobRow, NewJob, NewModel, Submitted};
@@ -163,9 +164,14 @@ pub async fn submit(
     };
     let job = ready.new_job(idempotency);
     if let Some(new) = ready.new {
-        state.store.insert_model(new).await?;
+        state.store.models().insert(new).await?;
     }
-    answer(&state, state.store.submit(job).await?, &headers).await
+    answer(
+        &state,
+        state.store.submissions().submit(job).await?,
+        &headers,
+    )
+    .await
 }
 
 /// What makes a submission safe to repeat, where the client asks for it.
@@ -188,7 +194,7 @@ pub(super) async fn earlier(
     idempotency: Option<&Idempotency>,
 ) -> Answer<Option<Submitted>> {
     match idempotency {
-        Some(idempotency) => Ok(state.store.earlier_submission(idempotency).await?),
+        Some(idempotency) => Ok(state.store.submissions().earlier(idempotency).await?),
         None => Ok(None),
     }
 }
@@ -204,11 +210,11 @@ pub(super) struct Ready {
 
 /// Reads a job, or says everything that is wrong with it.
 async fn ready(state: &ApiState, document: &Value, client: &Client) -> Answer<Ready> {
-    let asked = models::asked(state, document, client).await?;
+    let asked = state.library.asked(document, client).await?;
     let spec = read(state, &client.project, &asked).await?;
     let model = match asked.model {
         Some(model) => model,
-        None => state.model(&client.project, &spec.model).await?,
+        None => state.library.model(&client.project, &spec.model).await?,
     };
     let new = asked.new;
     Ok(Ready {
@@ -277,16 +283,16 @@ pub(super) fn stored<T>(submitted: Submitted<T>) -> Answer<(T, bool)> {
 }
 
 /// The completed specification, or everything that is wrong with the document.
-async fn read(state: &ApiState, project: &Project, asked: &models::Asked) -> Answer<JobSpec> {
+async fn read(state: &ApiState, project: &Project, asked: &Asked) -> Answer<JobSpec> {
     let mut datasets = HashMap::new();
     for id in JobSpec::datasets_named(&asked.document) {
-        let row = state.store.dataset(id).await?;
+        let row = state.store.datasets().find(id).await?;
         if let Some(row) = row.filter(|row| row.project == *project) {
             datasets.insert(id, row.summary.clone());
         }
     }
     let context = Context {
-        models: asked.descriptions(state),
+        models: state.library.descriptions(asked),
         datasets: &datasets,
         max_duration_s: state.limits.max_duration_s,
     };
@@ -296,7 +302,7 @@ async fn read(state: &ApiState, project: &Project, asked: &models::Asked) -> Ans
 /// Says what speaks against the job once its recordings are looked at.
 async fn check(state: &ApiState, spec: &JobSpec, model: Arc<Model>) -> Answer<()> {
     let checked = SpecKey::of(spec);
-    let known = state.0.checked.get(checked);
+    let known = state.checked.get(checked);
     let each = match known {
         Some(each) => each,
         None => {
@@ -305,7 +311,7 @@ async fn check(state: &ApiState, spec: &JobSpec, model: Arc<Model>) -> Answer<()
                 Ok(assemble::preflight(assembly, &method, stop).derivatives_per_evaluation)
             };
             let each = assembled(state, spec, model, look).await?;
-            state.0.checked.insert(checked, each);
+            state.checked.insert(checked, each);
             each
         }
     };
@@ -345,11 +351,11 @@ async fn assembled<T: Send + 'static>(
     model: Arc<Model>,
     look: impl FnOnce(&Assembly, &AtomicBool) -> Answer<T> + Send + 'static,
 ) -> Answer<T> {
-    let permit = state.recording_permit().await?;
+    let permit = state.work.recording_permit().await?;
     let recordings = state.recordings(spec).await?;
     let recordings = recordings.map_err(Problem::of_document)?;
     let spec = spec.clone();
-    let looked = state.compute(move |stop| {
+    let looked = state.work.compute(move |stop| {
         let _permit = permit;
         let assembly = assemble::problem(&spec, &model, &recordings);
         let assembly = assembly.map_err(Problem::of_document)?;
@@ -365,7 +371,7 @@ async fn accepted(state: &ApiState, row: JobRow, replayed: bool, headers: &Heade
     let mut row = Arc::new(row);
     if let Some(wait) = wait {
         let finished = |row: &JobRow| row.status.is_terminal() || row.status == Status::Paused;
-        let later = jobs::wait_until(state, id, wait, finished).await?;
+        let later = jobs::wait_until(state.store.jobs(), &state.hub, id, wait, finished).await?;
         row = later.ok_or_else(|| jobs::no_job(id))?;
     }
     let mut response = jobs::answer(StatusCode::ACCEPTED, &row);

@@ -146,7 +146,7 @@ pub async fn trajectory(
 ) -> Answer {
     let simulated = simulated(&state, id).await?;
     let as_csv = prefers(&headers, "text/csv");
-    let written = state.convert(move || {
+    let written = state.work.convert(move || {
         if as_csv {
             return Ok(results::csv(csv(&simulated, &query)));
         }
@@ -165,11 +165,21 @@ pub async fn trajectory(
 
 /// The experiments of a result, simulated now or a moment ago.
 async fn simulated(state: &ApiState, id: JobId) -> Answer<Simulated> {
-    let row = state.store.job(id).await?.ok_or_else(|| no_job(id))?;
-    if let Some(known) = state.0.simulated.get(id, row.revision) {
+    let row = state
+        .store
+        .jobs()
+        .find(id)
+        .await?
+        .ok_or_else(|| no_job(id))?;
+    if let Some(known) = state.simulated.get(id, row.revision) {
         let mut there = true;
         for experiment in known.iter() {
-            there &= state.store.dataset(experiment.dataset).await?.is_some();
+            there &= state
+                .store
+                .datasets()
+                .find(experiment.dataset)
+                .await?
+                .is_some();
         }
         if there {
             return Ok(known);
@@ -177,9 +187,11 @@ async fn simulated(state: &ApiState, id: JobId) -> Answer<Simulated> {
     }
     let job = FinishedJob::read(state, id).await?;
     let revision = job.row.revision;
-    let computed = state.compute(move |stop| job.trajectory(stop).map(Simulated::new));
+    let computed = state
+        .work
+        .compute(move |stop| job.trajectory(stop).map(Simulated::new));
     let simulated = computed.await?;
-    state.0.simulated.keep(id, revision, &simulated);
+    state.simulated.keep(id, revision, &simulated);
     Ok(simulated)
 }
 

@@ -1,5 +1,7 @@
 //! Webhooks: where events of a project are delivered, and what became of each delivery.
 
+use std::sync::Arc;
+
 use axum::extract::State;
 use axum::http::{HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
@@ -8,7 +10,6 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::ApiState;
 use super::body::JsonDocument;
 use super::client::Client;
 use super::error::{Answer, Kind, Problem};
@@ -16,9 +17,9 @@ use super::extract::Named;
 use super::http_headers::json;
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use crate::delivery::{RefusedDestination, SigningSecret};
+use crate::delivery::{Destinations, RefusedDestination, SigningSecret};
 use crate::job::{DeliveryId, WebhookId};
-use crate::store::{DeliveryRow, WebhookRow};
+use crate::store::{self, Deliveries, DeliveryRow, WebhookRow};
 use greybox::parsing::Fault;
 use greybox::parsing::reader::{Field, read_document};
 
@@ -145,14 +146,15 @@ impl From<DeliveryRow> for Delivery {
     )
 )]
 pub async fn create(
-    State(state): State<ApiState>,
+    State(webhooks): State<store::Webhooks>,
+    State(destinations): State<Arc<Destinations>>,
     client: Client,
     _query: Params<NoQuery>,
     document: JsonDocument,
 ) -> Answer {
     let (url, events) = read_document(&document.value, read).map_err(Problem::of_document)?;
-    state.destinations.check(&url).map_err(refused)?;
-    if state.store.webhooks(&client.project).await?.len() >= MOST {
+    destinations.check(&url).map_err(refused)?;
+    if webhooks.list(&client.project).await?.len() >= MOST {
         let detail = format!("a project has {MOST} webhooks at the most");
         return Err(Problem::new(Kind::WrongState, detail));
     }
@@ -168,7 +170,7 @@ pub async fn create(
         secret: secret.expose(),
         created_at: Timestamp::now(),
     };
-    state.store.insert_webhook(row.clone()).await?;
+    webhooks.insert(row.clone()).await?;
     let location = HeaderValue::from_str(&format!("/v1/webhooks/{}", row.id));
     let mut shown = Webhook::from(row);
     shown.secret = Some(secret.expose());
@@ -223,11 +225,11 @@ fn refused(refused: RefusedDestination) -> Problem {
     responses((status = 200, description = "All webhooks", body = Webhooks))
 )]
 pub async fn list(
-    State(state): State<ApiState>,
+    State(webhooks): State<store::Webhooks>,
     client: Client,
     _query: Params<NoQuery>,
 ) -> Answer {
-    let rows = state.store.webhooks(&client.project).await?;
+    let rows = webhooks.list(&client.project).await?;
     let items = rows.into_iter().map(Webhook::from).collect();
     Ok(json(StatusCode::OK, &Webhooks { items }))
 }
@@ -239,11 +241,11 @@ pub async fn list(
     responses((status = 200, description = "The webhook", body = Webhook))
 )]
 pub async fn show(
-    State(state): State<ApiState>,
+    State(webhooks): State<store::Webhooks>,
     Named(id): Named<WebhookId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    let row = state.store.webhook(id).await?;
+    let row = webhooks.find(id).await?;
     let row = row.ok_or_else(|| no_webhook(id))?;
     Ok(json(StatusCode::OK, &Webhook::from(row)))
 }
@@ -259,11 +261,11 @@ fn no_webhook(id: WebhookId) -> Problem {
     responses((status = 204, description = "It is removed"))
 )]
 pub async fn remove(
-    State(state): State<ApiState>,
+    State(webhooks): State<store::Webhooks>,
     Named(id): Named<WebhookId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    match state.store.delete_webhook(id).await? {
+    match webhooks.delete(id).await? {
         true => Ok(StatusCode::NO_CONTENT.into_response()),
         false => Err(no_webhook(id)),
     }
@@ -286,18 +288,16 @@ impl FromQuery for WhichDeliveries {
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
 )]
 pub async fn deliveries(
-    State(state): State<ApiState>,
+    State(webhooks): State<store::Webhooks>,
+    State(deliveries): State<Deliveries>,
     Named(id): Named<WebhookId>,
     Params(WhichDeliveries(cursor)): Params<WhichDeliveries>,
     uri: Uri,
 ) -> Answer {
-    if state.store.webhook(id).await?.is_none() {
+    if webhooks.find(id).await?.is_none() {
         return Err(no_webhook(id));
     }
-    let page = state
-        .store
-        .deliveries(id, cursor.before, cursor.limit)
-        .await?;
+    let page = deliveries.list(id, cursor.before, cursor.limit).await?;
     let items: Vec<Delivery> = page.rows.into_iter().map(Delivery::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
 }
@@ -309,15 +309,15 @@ pub async fn deliveries(
     responses((status = 200, description = "The delivery", body = Delivery))
 )]
 pub async fn show_delivery(
-    State(state): State<ApiState>,
+    State(deliveries): State<Deliveries>,
     Named(id): Named<DeliveryId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    shown(&state, id, StatusCode::OK).await
+    shown(&deliveries, id, StatusCode::OK).await
 }
 
-async fn shown(state: &ApiState, id: DeliveryId, status: StatusCode) -> Answer<Response> {
-    let row = state.store.delivery(id).await?;
+async fn shown(deliveries: &Deliveries, id: DeliveryId, status: StatusCode) -> Answer<Response> {
+    let row = deliveries.find(id).await?;
     let row = row.ok_or_else(|| Problem::not_found("delivery", &id.to_string()))?;
     Ok(json(status, &Delivery::from(row)))
 }
@@ -329,10 +329,10 @@ async fn shown(state: &ApiState, id: DeliveryId, status: StatusCode) -> Answer<R
     responses((status = 202, description = "It will be sent", body = Delivery))
 )]
 pub async fn resend(
-    State(state): State<ApiState>,
+    State(deliveries): State<Deliveries>,
     Named(id): Named<DeliveryId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    state.store.resend(id).await?;
-    shown(&state, id, StatusCode::ACCEPTED).await
+    deliveries.resend(id).await?;
+    shown(&deliveries, id, StatusCode::ACCEPTED).await
 }

@@ -11,8 +11,11 @@ use std::time::Duration;
 
 use axum::http::StatusCode;
 
-use super::ApiState;
+use super::admission::Limited;
 use super::error::{Answer, Kind, Problem};
+use super::limits::Limits;
+use crate::admission::Permit;
+use crate::event::EventHub;
 
 /// How long a client may let the server compute.
 const LONGEST_COMPUTATION: Duration = Duration::from_secs(20);
@@ -28,13 +31,44 @@ impl Drop for StopOnDrop {
     }
 }
 
-impl ApiState {
+/// Where work for requests is done. Cheap to clone.
+#[derive(Clone)]
+pub struct Work {
+    /// Ends computations when the server goes down.
+    hub: EventHub,
+    /// Documents and recordings that are read or written at the same time.
+    conversions: Limited,
+    /// Computations for clients that wait.
+    computations: Limited,
+    /// Recordings that are in memory.
+    recordings: Limited,
+}
+
+impl Work {
+    /// Work within limits.
+    pub(super) fn new(limits: &Limits, hub: EventHub) -> Self {
+        Self {
+            hub,
+            conversions: Limited::new(limits.conversions_at_once, "too many documents at once"),
+            computations: Limited::new(
+                limits.computations_at_once,
+                "too many computations at once",
+            ),
+            recordings: Limited::new(limits.recordings_at_once, "too many recordings at once"),
+        }
+    }
+
+    /// A whole recording takes memory: only so many at once, others wait.
+    pub(super) async fn recording_permit(&self) -> Answer<Permit> {
+        self.recordings.take().await
+    }
+
     /// Runs what reads or writes a document: moments, whatever it holds.
     pub(super) async fn convert<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> Answer<T> + Send + 'static,
     ) -> Answer<T> {
-        let place = self.0.conversions.take().await?;
+        let place = self.conversions.take().await?;
         let done = tokio::task::spawn_blocking(move || {
             let _place = place;
             work()
@@ -51,7 +85,7 @@ impl ApiState {
         &self,
         work: impl FnOnce(&AtomicBool) -> Answer<T> + Send + 'static,
     ) -> Answer<T> {
-        let place = self.0.computations.take().await?;
+        let place = self.computations.take().await?;
         let stop = Arc::new(AtomicBool::new(false));
         let _stop_when_the_client_leaves = StopOnDrop(stop.clone());
         let flag = stop.clone();
@@ -98,7 +132,7 @@ mod tests {
     use axum::response::IntoResponse;
 
     use super::*;
-    use crate::api::tests::state;
+    use crate::api::state::tests::state;
 
     /// Computes until it is told to stop, and says so.
     fn endless(told: mpsc::Sender<()>) -> impl FnOnce(&AtomicBool) -> Answer<()> + Send + 'static {
@@ -111,23 +145,23 @@ mod tests {
         }
     }
 
-    async fn ask(state: ApiState, told: mpsc::Sender<()>) -> Answer<()> {
-        state.compute(endless(told)).await
+    async fn ask(work: Work, told: mpsc::Sender<()>) -> Answer<()> {
+        work.compute(endless(told)).await
     }
 
     #[tokio::test(flavor = "multi_thread")]
     async fn a_computation_that_nobody_waits_for_is_told_to_stop() {
         let (state, _folder) = state().await;
         let (told, stopped) = mpsc::channel();
-        let client = tokio::spawn(ask(state.clone(), told));
-        while state.0.computations.free() == 2 {
+        let client = tokio::spawn(ask(state.work.clone(), told));
+        while state.work.computations.free() == 2 {
             tokio::task::yield_now().await;
         }
         client.abort();
         stopped.recv().expect("it stops");
         // Its place is free again for others.
         for _ in 0..4 {
-            state.compute(|_| Ok(())).await.expect("a place");
+            state.work.compute(|_| Ok(())).await.expect("a place");
         }
     }
 
@@ -135,7 +169,7 @@ mod tests {
     async fn computations_end_with_the_server() {
         let (state, _folder) = state().await;
         let (told, stopped) = mpsc::channel();
-        let computing = state.compute(endless(told));
+        let computing = state.work.compute(endless(told));
         let closing = async { state.hub.close() };
         let (refused, ()) = tokio::join!(computing, closing);
         let refused = refused.expect_err("the server goes down").into_response();

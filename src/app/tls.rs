@@ -13,7 +13,7 @@ use rustls::{RootCertStore, ServerConfig};
 use tokio_rustls::TlsAcceptor;
 use tokio_util::sync::CancellationToken;
 
-use crate::config::TlsFiles;
+use crate::config::tls::TlsFiles;
 
 /// How often it is looked whether the files have changed.
 const LOOK_INTERVAL: Duration = Duration::from_secs(5);

@@ -3,7 +3,7 @@
 use super::error::CommandError;
 use super::serve::block_on;
 use crate::config::DatabaseArguments;
-use crate::store::{DatabasePlace, backup, moving};
+use crate::store::{DatabasePlace, backup, database_copy};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
@@ -60,7 +60,7 @@ pub struct CopyArguments {
 pub fn run(command: &Command) -> Result<(), CommandError> {
     let Command::Copy(CopyArguments { from, to }) = command;
     let copied = block_on(async {
-        let copied = moving::copy(from, to).await;
+        let copied = database_copy::copy(from, to).await;
         copied.map_err(CommandError::failed)
     })?;
     for table in copied.iter().filter(|table| table.rows > 0) {

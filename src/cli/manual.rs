@@ -1,8 +1,8 @@
 //! `greybox completions` and `greybox man`.
 
 use super::error::CommandError;
-use super::{CommandLine, files};
-use clap::{Args, CommandFactory};
+use super::files;
+use clap::{Args, Command};
 use clap_complete::Shell;
 use std::path::PathBuf;
 
@@ -22,16 +22,17 @@ pub struct ManArguments {
 }
 
 /// Prints what makes a shell complete the commands and their flags.
-pub fn completions(arguments: &CompletionArguments) -> Result<(), CommandError> {
+pub fn completions(
+    arguments: &CompletionArguments,
+    mut command: Command,
+) -> Result<(), CommandError> {
     let mut script = Vec::new();
-    let mut command = CommandLine::command();
     clap_complete::generate(arguments.shell, &mut command, "greybox", &mut script);
     files::write(None, &script)
 }
 
 /// Writes the pages of the manual.
-pub fn man(arguments: &ManArguments) -> Result<(), CommandError> {
-    let command = CommandLine::command();
+pub fn man(arguments: &ManArguments, command: Command) -> Result<(), CommandError> {
     match &arguments.output {
         Some(folder) => {
             std::fs::create_dir_all(folder).map_err(CommandError::failed)?;

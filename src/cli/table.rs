@@ -1,7 +1,8 @@
 //! A result as people read it: a table of parameters (Markdown), the verdict and how well the outputs fit.
 
 use comfy_table::{Table, presets};
-use greybox::identification::outcome::{Estimate, Outcome, OutputFit, Trust};
+use greybox::identification::outcome::{Estimate, Outcome, OutputFit};
+use greybox::numerics::digits::significant;
 use std::collections::BTreeMap;
 
 /// What is shown of a result; `truths` are the known values of a plant that has them.
@@ -80,14 +81,13 @@ fn remark(estimate: &Estimate) -> &'static str {
 }
 
 fn verdict(outcome: &Outcome) -> String {
-    let trust = match outcome.verdict.trust {
-        Trust::High => "high",
-        Trust::Moderate => "moderate",
-        Trust::Low => "low",
-    };
-    let mut text = format!("trust {trust}, ended by {}\n", outcome.stop_reason);
+    let trust = outcome.verdict.trust.name();
+    let mut text = format!("trust {trust}, ended by {}\n", outcome.stop_reason.name());
     for reason in &outcome.verdict.reasons {
         text += &format!("  {}: {}\n", reason.code, reason.detail);
+        for step in &reason.next {
+            text += &format!("    next: {}. {}\n", step.label, step.why);
+        }
     }
     if let Some(search) = &outcome.model_search {
         let effects = match &search.supported[..] {
@@ -115,43 +115,14 @@ fn fit(data: &str, outputs: &BTreeMap<String, OutputFit>) -> String {
         .collect()
 }
 
-/// Digits that are shown of a number.
-const DIGITS: i32 = 5;
-
-/// A number with [`DIGITS`] significant digits.
+/// A number of a table.
 pub fn short(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return value.to_string();
-    }
-    let magnitude = value.abs().log10().floor() as i32;
-    if (-3..DIGITS + 1).contains(&magnitude) {
-        let decimals = (DIGITS - 1 - magnitude).max(0) as usize;
-        format!("{value:.decimals$}")
-    } else {
-        format!("{value:.*e}", DIGITS as usize - 1)
-    }
+    significant(value, 5)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn numbers_keep_five_digits_and_large_and_small_ones_their_power() {
-        let shown = [
-            58.0167, 0.0123456, 21_412.3, 1.6009e9, 9.87e-6, 0.0, -370.25,
-        ];
-        let expected = [
-            "58.017",
-            "0.012346",
-            "21412",
-            "1.6009e9",
-            "9.8700e-6",
-            "0",
-            "-370.25",
-        ];
-        assert_eq!(shown.map(short), expected);
-    }
 
     fn estimate(json: serde_json::Value) -> Estimate {
         serde_json::from_value(json).expect("an estimate")

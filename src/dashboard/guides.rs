@@ -1,8 +1,10 @@
 //! The guides are Markdown in `docs/`. The server shows them as pages under `/docs/`, and as they are
 //! written under the same address with `.md` behind it.
 
+use std::borrow::Cow;
 use std::fmt::Write as _;
 
+use greybox::uncertainty::verdict::Rule;
 use pulldown_cmark::{CowStr, Event, Options, Parser, Tag, TagEnd, html};
 
 /// A guide is a text in Markdown with a name and a title.
@@ -11,8 +13,23 @@ pub struct Guide {
     pub name: &'static str,
     /// The navigation shows the title.
     title: &'static str,
-    /// The text is written in Markdown.
-    pub markdown: &'static str,
+    /// The text is written in Markdown; chapters that a table holds are left out of it.
+    source: &'static str,
+}
+
+/// The chapters of the rules of a verdict stand here in the text of a guide.
+const RULES: &str = "<!-- rules -->\n";
+
+impl Guide {
+    /// Gives the whole text in Markdown.
+    pub fn markdown(&self) -> Cow<'static, str> {
+        if !self.source.contains(RULES) {
+            return Cow::Borrowed(self.source);
+        }
+        let chapters = Rule::ALL.iter().map(|rule| rule.entry().chapter());
+        let chapters = chapters.collect::<Vec<_>>().join("\n");
+        Cow::Owned(self.source.replace(RULES, &chapters))
+    }
 }
 
 macro_rules! guide {
@@ -20,7 +37,7 @@ macro_rules! guide {
         Guide {
             name: $name,
             title: $title,
-            markdown: include_str!(concat!("docs/", $name, ".md")),
+            source: include_str!(concat!("docs/", $name, ".md")),
         }
     };
 }
@@ -58,7 +75,7 @@ pub fn page(guide: &Guide) -> String {
     include_str!("assets/docs/guide.html")
         .replace("{title}", guide.title)
         .replace("{links}", &links)
-        .replace("{body}", &body(guide.markdown))
+        .replace("{body}", &body(&guide.markdown()))
 }
 
 /// Writes Markdown as HTML; headings can be linked to by their words.
@@ -129,9 +146,20 @@ mod tests {
     }
 
     #[test]
+    fn every_rule_of_a_verdict_has_a_chapter_that_its_code_links_to() {
+        let mut guides = GUIDES.iter();
+        let guide = guides.find(|guide| guide.name == "verdicts").unwrap();
+        let page = page(guide);
+        for rule in Rule::ALL {
+            let heading = format!("<h2 id=\"{rule}\">");
+            assert_eq!(page.matches(&heading).count(), 1, "{rule}");
+        }
+    }
+
+    #[test]
     fn every_guide_begins_with_its_only_title() {
         for guide in &GUIDES {
-            let titles = Parser::new(guide.markdown).filter(|event| {
+            let titles = Parser::new(guide.source).filter(|event| {
                 matches!(
                     event,
                     Event::Start(Tag::Heading {
@@ -141,7 +169,7 @@ mod tests {
                 )
             });
             assert_eq!(titles.count(), 1, "{}", guide.name);
-            assert!(guide.markdown.starts_with("# "), "{}", guide.name);
+            assert!(guide.source.starts_with("# "), "{}", guide.name);
         }
     }
 }

@@ -68,7 +68,7 @@ fn guide(guide: &'static Guide) -> [Asset; 2] {
         path: format!("/docs/{}.md", guide.name).into(),
         content_type: TEXT,
         policy: DASHBOARD_POLICY,
-        bytes: Bytes::from_static(guide.markdown.as_bytes()),
+        bytes: guide.markdown().into_owned().into(),
     };
     [shown, text]
 }

@@ -83,8 +83,8 @@ impl Sender {
 
     /// What is due, where this server delivers, and when something will be.
     async fn due(&self) -> Result<(Vec<DeliveryRow>, Option<Timestamp>), StoreError> {
-        if self.store.is_in_charge() {
-            self.store.due_deliveries(Timestamp::now()).await
+        if self.store.nodes().is_in_charge() {
+            self.store.deliveries().due(Timestamp::now()).await
         } else {
             Ok((Vec::new(), None))
         }
@@ -116,7 +116,7 @@ impl Sender {
 
     /// Makes one attempt and notes what came of it.
     async fn attempt(&self, delivery: &DeliveryRow) -> Result<(), StoreError> {
-        let Some(webhook) = self.store.webhook(delivery.webhook).await? else {
+        let Some(webhook) = self.store.webhooks().find(delivery.webhook).await? else {
             return Ok(());
         };
         let sent = tokio::time::timeout(LONGEST_ANSWER, self.send(&webhook, delivery)).await;
@@ -137,7 +137,10 @@ impl Sender {
                 .map_or_else(Failure::status, |status| Some(*status)),
             error: sent.err().map(|failure| failure.to_string()),
         };
-        self.store.note_attempt(delivery.id, attempt).await
+        self.store
+            .deliveries()
+            .note_attempt(delivery.id, attempt)
+            .await
     }
 
     /// Sends a delivery; answers the status with which it was taken.
@@ -175,7 +178,7 @@ impl Sender {
             request_id: delivery.id.to_string(),
             left_out: 0,
         };
-        self.store.audit(entry).await
+        self.store.audit().add(entry).await
     }
 }
 

@@ -7,14 +7,13 @@ use std::sync::Arc;
 
 use tokio::sync::OwnedMutexGuard;
 
-use super::Subscription;
+use super::hub::{EventHub, Subscription};
+use super::tail::Tail;
 use crate::store::{Store, StoreError, StoredEvent};
+use greybox::identification::JobId;
 
 /// Events that a feed reads at once.
 const PAGE: u32 = 500;
-/// The newest events of a job that are kept for those who are abreast.
-const SHARED: usize = 16;
-
 /// The events of one job, stored and to come, each once and in order.
 pub struct Feed {
     subscription: Subscription,
@@ -25,48 +24,18 @@ pub struct Feed {
     ended: bool,
 }
 
-/// The newest events of a job as they were read last.
-#[derive(Default)]
-pub(super) struct Tail {
-    /// Without a gap, the last one the newest.
-    events: Vec<Arc<StoredEvent>>,
-    /// The news before the reading.
-    news: u64,
-    /// The id of the newest event.
-    end: i64,
-    /// Nothing follows.
-    over: bool,
-}
-
-impl Tail {
-    /// Notes what a reader found above the end; `news` where that was all there was.
-    fn take(&mut self, events: &[Arc<StoredEvent>], news: Option<u64>, over: bool) {
-        self.news = news.unwrap_or(self.news);
-        self.over = over;
-        if let Some(last) = events.last() {
-            self.end = last.id;
-            self.over = last.is_last();
-            self.events = events[events.len().saturating_sub(SHARED)..].to_vec();
-        }
-    }
-
-    /// The events above `after`, if they are here; nothing if there are none yet.
-    fn above(&self, after: i64, news: u64) -> Option<Vec<Arc<StoredEvent>>> {
-        if after >= self.end {
-            return (news <= self.news).then(Vec::new);
-        }
-        let first = self.events.first()?.id;
-        let skipped = usize::try_from(after + 1 - first).ok()?;
-        let events = self.events.get(skipped..)?;
-        (!events.is_empty()).then(|| events.to_vec())
-    }
-}
-
 /// Some events of a job, as the store has them.
 struct Page {
     events: Vec<Arc<StoredEvent>>,
     /// Whether the store had no more.
     is_last: bool,
+}
+
+impl EventHub {
+    /// The events of a job with an id above `after`: those stored, then those to come.
+    pub fn feed(&self, store: Store, job: JobId, after: i64) -> Feed {
+        Feed::new(self.subscribe(job), store, after)
+    }
 }
 
 impl Feed {
@@ -150,11 +119,11 @@ impl Feed {
 
     async fn page(&self) -> Result<Page, StoreError> {
         let job = self.subscription.job;
-        let (events, limit) = match self.store.events_after(job, self.after, PAGE).await {
+        let (events, limit) = match self.store.events().after(job, self.after, PAGE).await {
             // Events before a damaged one are handed out one by one.
             Err(error) if error.corrupt_row().is_some() => {
-                self.store.note_damage(&error);
-                (self.store.events_after(job, self.after, 1).await?, 1)
+                self.store.damage().note(&error);
+                (self.store.events().after(job, self.after, 1).await?, 1)
             }
             events => (events?, PAGE),
         };
@@ -165,7 +134,7 @@ impl Feed {
     }
 
     async fn nothing_will_come(&self) -> Result<bool, StoreError> {
-        let job = self.store.job(self.subscription.job).await?;
+        let job = self.store.jobs().find(self.subscription.job).await?;
         Ok(job.is_none_or(|job| job.status.is_terminal() && job.last_event <= self.after))
     }
 }

@@ -74,7 +74,7 @@ async fn run(steps: Steps, hub: EventHub) {
             () = hub.monitors_may_step() => {}
             _ = looks.tick() => {}
         }
-        while steps.store.is_in_charge() {
+        while steps.store.nodes().is_in_charge() {
             let taken = tokio::select! {
                 biased;
                 () = hub.closed() => return,

@@ -182,7 +182,7 @@ impl State {
         window.parameters = WatchedEstimate::all(outcome);
         window.trust = Some(outcome.verdict.trust);
         let reasons = outcome.verdict.reasons.iter();
-        window.doubts = reasons.map(|reason| reason.code.clone()).collect();
+        window.doubts = reasons.map(|reason| reason.code.to_string()).collect();
         if let Some(worked) = self.worked.take() {
             window.start = Some(worked.start);
             let correlation = outcome.correlation.as_ref();
@@ -219,8 +219,8 @@ impl State {
             change: None,
             detail: format!(
                 "estimates can be trusted less than before: {}, it was {}",
-                word(trust),
-                word(before)
+                trust.name(),
+                before.name()
             ),
         })
     }
@@ -344,14 +344,6 @@ pub fn silence(received_at: Timestamp, now: Timestamp) -> Alarm {
         window: None,
         change: None,
         detail: format!("no data have come since {received_at}"),
-    }
-}
-
-fn word(trust: Trust) -> &'static str {
-    match trust {
-        Trust::Low => "low",
-        Trust::Moderate => "moderate",
-        Trust::High => "high",
     }
 }
 

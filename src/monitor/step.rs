@@ -37,13 +37,13 @@ impl Steps {
     /// Takes a step of each monitor that has something to do; says how many were taken.
     pub(super) async fn take_all(&self) -> Result<usize, StoreError> {
         let mut taken = 0;
-        for row in self.store.monitors_to_step().await? {
+        for row in self.store.monitors().to_step().await? {
             let id = row.id;
             match self.take(row).await {
                 Ok(true) => taken += 1,
                 Ok(false) => {}
                 Err(error) => {
-                    self.store.note_damage(&error);
+                    self.store.damage().note(&error);
                     tracing::error!(%error, monitor = %id, "a monitor cannot go on");
                 }
             }
@@ -53,7 +53,7 @@ impl Steps {
 
     /// Takes a step; says whether there was one to take.
     async fn take(&self, row: MonitorRow) -> Result<bool, StoreError> {
-        let Some(stream) = self.store.stream(&row.project, &row.stream).await? else {
+        let Some(stream) = self.store.streams().find(&row.project, &row.stream).await? else {
             return Ok(false);
         };
         let id = row.id.to_string();
@@ -88,12 +88,15 @@ impl Steps {
         } else {
             return Ok(false);
         };
-        self.store.advance_monitor(advance).await
+        self.store.monitors().advance(advance).await
     }
 
     /// Whether the next window can be worked. Samples ahead of the server's clock do not count.
     async fn is_due(&self, step: &MonitorStep) -> Result<bool, StoreError> {
-        let reached = self.store.stream_reached(&step.stream, step.now_ns());
+        let reached = self
+            .store
+            .streams()
+            .last_instant(&step.stream, step.now_ns());
         Ok(reached.await?.is_some_and(|last| last >= step.row.due_ns))
     }
 
@@ -103,13 +106,18 @@ impl Steps {
         let span = step.state.span(&plan);
         let rows = self
             .store
-            .stream_rows(&step.stream, span, MAX_WINDOW_SAMPLES);
+            .streams()
+            .rows(&step.stream, span, MAX_WINDOW_SAMPLES);
         let Some(rows) = rows.await? else {
             let reason = format!("a window has more than {MAX_WINDOW_SAMPLES} instants");
             return Ok(step.fails(reason));
         };
         if rows.rows() < 2 {
-            let resumes = self.store.stream_next(&step.stream, span.1).await?;
+            let resumes = self
+                .store
+                .streams()
+                .next_instant(&step.stream, span.1)
+                .await?;
             let resumes = resumes.filter(|instant| *instant <= step.now_ns());
             let window = step.state.window(&plan, WindowStatus::NoData);
             step.state.go_on(&plan, resumes);
@@ -123,12 +131,12 @@ impl Steps {
 
     /// Takes what the job of a window came to; nothing while it has not ended.
     async fn conclude(&self, step: MonitorStep, id: JobId) -> Result<Option<Advance>, StoreError> {
-        let job = self.store.job(id).await?;
+        let job = self.store.jobs().find(id).await?;
         if job.as_ref().is_some_and(|job| !job.status.is_terminal()) {
             return Ok(None);
         }
         let outcome = match &job {
-            Some(job) if job.status == Status::Succeeded => self.store.result(id).await?,
+            Some(job) if job.status == Status::Succeeded => self.store.results().find(id).await?,
             _ => None,
         };
         let outcome = outcome.map(serde_json::from_value::<Outcome>);
@@ -148,10 +156,10 @@ impl Steps {
     /// Has a window worked again, with nothing of what was known before.
     async fn begin_again(&self, step: MonitorStep) -> Result<Advance, StoreError> {
         let number = step.state.next;
-        let window = self.store.monitor_window(step.row.id, number).await?;
+        let window = self.store.monitors().window(step.row.id, number).await?;
         let dataset = window.and_then(|window| window.dataset);
         let stored = match dataset {
-            Some(dataset) => self.store.dataset(dataset).await?,
+            Some(dataset) => self.store.datasets().find(dataset).await?,
             None => None,
         };
         let Some(stored) = stored else {
@@ -182,7 +190,7 @@ impl Steps {
         if self.catalogue.get(name).is_some() {
             return Ok(None);
         }
-        let Some(row) = self.store.model(name).await? else {
+        let Some(row) = self.store.models().by_reference(name).await? else {
             return Ok(None);
         };
         let reading = tokio::task::spawn_blocking(move || document::referenced(&row.document));

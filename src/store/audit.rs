@@ -1,13 +1,17 @@
 //! Who changed what, and who was refused: rows that are added and never change. The oldest go with age, or because
 //! there are too many; an entry states the second.
 
+use std::sync::Arc;
+
 use jiff::Timestamp;
 use sqlx::FromRow;
 
+use super::StoreError;
+use super::columns::{optional_time, project, time};
 use super::database::{self, Connection, QueryBuilder};
-use super::jobs::{Page, optional_time, project, time};
-use super::writer::Tx;
-use super::{Store, StoreError};
+use super::page::Page;
+use super::shared_database::Database;
+use super::writer::{Tx, in_transaction};
 use crate::access::Project;
 
 /// What is written down of a request.
@@ -95,37 +99,39 @@ impl Columns {
     }
 }
 
-impl Store {
+/// The audit log.
+#[derive(Clone)]
+pub struct AuditLog {
+    pub(super) database: Arc<Database>,
+}
+
+impl AuditLog {
     /// Adds an entry to the log. The answer means that it is on disk.
-    pub async fn audit(&self, entry: AuditEntry) -> Result<(), StoreError> {
-        self.inner
-            .writer
-            .write(move |tx| {
-                Box::pin(async move {
-                    database::query(
-                        "insert into audit (at, who, project, address, method, path, status, \
+    pub async fn add(&self, entry: AuditEntry) -> Result<(), StoreError> {
+        in_transaction!(self.database, |tx| async move {
+            database::query(
+                "insert into audit (at, who, project, address, method, path, status, \
                          request_id, left_out) values ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
-                    )
-                    .bind(Timestamp::now().to_string())
-                    .bind(entry.who)
-                    .bind(entry.project.as_ref().map(Project::as_str))
-                    .bind(entry.address)
-                    .bind(entry.method)
-                    .bind(entry.path)
-                    .bind(entry.status)
-                    .bind(entry.request_id)
-                    .bind(entry.left_out.cast_signed())
-                    .execute(&mut **tx)
-                    .await?;
-                    Ok(())
-                })
-            })
-            .await
+            )
+            .bind(Timestamp::now().to_string())
+            .bind(entry.who)
+            .bind(entry.project.as_ref().map(Project::as_str))
+            .bind(entry.address)
+            .bind(entry.method)
+            .bind(entry.path)
+            .bind(entry.status)
+            .bind(entry.request_id)
+            .bind(entry.left_out.cast_signed())
+            .execute(&mut **tx)
+            .await?;
+            Ok(())
+        })
+        .await
     }
 
     /// Entries of a project, newest first, before the one of a number; with `strangers` those of
     /// callers that are not known too. Losses are of all projects.
-    pub async fn audit_log(
+    pub async fn list(
         &self,
         project: &Project,
         strangers: bool,
@@ -149,7 +155,10 @@ impl Store {
         query
             .push(" order by id desc limit ")
             .push_bind(i64::from(limit) + 1);
-        let rows: Vec<Columns> = query.build_query_as().fetch_all(self.readers()).await?;
+        let rows: Vec<Columns> = query
+            .build_query_as()
+            .fetch_all(&self.database.readers)
+            .await?;
         let rows = rows.into_iter().map(Columns::read);
         let rows = rows.collect::<Result<Vec<_>, _>>()?;
         Ok(Page::cut(rows, limit, |row| row.id))

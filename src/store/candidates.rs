@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use futures_util::TryStreamExt;
 
+use super::columns::{self, from_json};
 use super::database::{self, QueryBuilder};
-use super::jobs::{self, from_json};
 use super::sealed::{CANDIDATE_RECORDS, CANDIDATES};
+use super::shared_database::Database;
 use super::writer::Tx;
-use super::{Store, StoreError, corrupt, unsigned};
+use super::{StoreError, corrupt, unsigned};
 use crate::job::candidate::Failure;
 use crate::job::{Candidate, CandidateColumn};
 use greybox::identification::JobId;
@@ -46,10 +47,16 @@ pub struct CandidatePage {
     pub more_after: Option<u32>,
 }
 
-impl Store {
+/// The candidates of searches.
+#[derive(Clone)]
+pub struct Candidates {
+    pub(super) database: Arc<Database>,
+}
+
+impl Candidates {
     /// Candidates of a job from generations above `after`, in order: of at most `generations`
     /// generations, and no further generation once there are `enough` candidates.
-    pub async fn candidates(
+    pub async fn page(
         &self,
         job: JobId,
         after: u32,
@@ -62,7 +69,7 @@ impl Store {
              where job = $1",
         )
         .bind(&job)
-        .fetch_optional(self.readers())
+        .fetch_optional(&self.database.readers)
         .await?;
         let Some(record) = record else {
             return Ok(CandidatePage::default());
@@ -86,7 +93,7 @@ impl Store {
         .bind(&job)
         .bind(after)
         .bind(generations)
-        .fetch(self.readers());
+        .fetch(&self.database.readers);
         let mut read = 0;
         while let Some(row) = rows.try_next().await? {
             if read == generations || page.candidates.len() >= enough {
@@ -107,7 +114,7 @@ impl Store {
 /// Writes candidates. A generation that is there already stays as it is.
 pub(super) async fn insert(tx: &mut Tx, job: JobId, new: &NewCandidates) -> Result<(), StoreError> {
     let job = job.to_string();
-    let columns = jobs::json(&new.columns);
+    let columns = columns::json(&new.columns);
     let kept = i64::try_from(new.kept).unwrap_or(i64::MAX);
     let parts = [
         (&job).into(),

@@ -1,9 +1,12 @@
 //! Where unfinished jobs can go on.
 
+use std::sync::Arc;
+
 use super::database::{self, Target};
 use super::sealed::CHECKPOINTS;
+use super::shared_database::Database;
 use super::writer::Tx;
-use super::{Store, StoreError, unsigned};
+use super::{StoreError, unsigned};
 use greybox::identification::JobId;
 
 /// Where a job can go on.
@@ -15,10 +18,16 @@ pub struct Checkpoint {
     pub refinements: u32,
 }
 
-impl Store {
+/// Where unfinished jobs can go on.
+#[derive(Clone)]
+pub struct Checkpoints {
+    pub(super) database: Arc<Database>,
+}
+
+impl Checkpoints {
     /// Where a job can go on.
-    pub async fn checkpoint(&self, job: JobId) -> Result<Option<Checkpoint>, StoreError> {
-        fetch(self.readers(), job).await
+    pub async fn find(&self, job: JobId) -> Result<Option<Checkpoint>, StoreError> {
+        fetch(&self.database.readers, job).await
     }
 }
 

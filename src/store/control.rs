@@ -4,12 +4,12 @@
 //! worker sees the request, ends the slice and writes the state together with the best estimate. The
 //! request holds whatever the slice comes to (see `slices/endings`).
 
-use super::jobs::{self, JobRow};
+use super::columns;
+use super::jobs::{self, JobRow, Jobs};
 use super::slices::endings;
 use super::stop_request::StopRequest;
-use super::writer::Tx;
-use super::{Change, Store, StoreError, database, queue, results};
-use crate::access::Project;
+use super::writer::{Tx, in_transaction};
+use super::{Change, StoreError, database, queue, results};
 use crate::job::{Event, Status};
 use greybox::identification::JobId;
 
@@ -24,19 +24,19 @@ pub enum Control {
     Refused(Status),
 }
 
-impl Store {
+impl Jobs {
     /// Asks a job to end.
-    pub async fn request_cancel(&self, id: JobId) -> Result<Control, StoreError> {
+    pub async fn cancel(&self, id: JobId) -> Result<Control, StoreError> {
         self.control(id, Wish::Cancel).await
     }
 
     /// Asks a job to hold.
-    pub async fn request_pause(&self, id: JobId) -> Result<Control, StoreError> {
+    pub async fn pause(&self, id: JobId) -> Result<Control, StoreError> {
         self.control(id, Wish::Pause).await
     }
 
     /// Lets a paused job go on.
-    pub async fn request_resume(&self, id: JobId) -> Result<Control, StoreError> {
+    pub async fn resume(&self, id: JobId) -> Result<Control, StoreError> {
         self.control(id, Wish::Resume).await
     }
 
@@ -47,27 +47,18 @@ impl Store {
             "select id from jobs where request is not null \
              and (at_work_in is null or at_work_in = $1) order by id",
         )
-        .bind(self.inner.node.life)
-        .fetch_all(self.readers())
+        .bind(self.database.life)
+        .fetch_all(&self.database.readers)
         .await?;
-        ids.iter().map(|id| jobs::parse_id(id)).collect()
+        ids.iter().map(|id| columns::parse_id(id)).collect()
     }
 
     async fn control(&self, id: JobId, wish: Wish) -> Result<Control, StoreError> {
-        let queue = self.inner.queue.clone();
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(control(queue, tx, id, wish)))
-            .await
+        in_transaction!(self.database, |tx| control(tx, id, wish)).await
     }
 }
 
-async fn control(
-    queue: riverqueue::Client,
-    tx: &mut Tx,
-    id: JobId,
-    wish: Wish,
-) -> Result<Control, StoreError> {
+async fn control(tx: &mut Tx, id: JobId, wish: Wish) -> Result<Control, StoreError> {
     let Some(row) = jobs::fetch(&mut *tx, id).await? else {
         return Ok(Control::NotFound);
     };
@@ -75,7 +66,7 @@ async fn control(
         Ok(step) => step,
         Err(status) => return Ok(Control::Refused(status)),
     };
-    apply(&queue, tx, (id, &row.project), step).await?;
+    apply(tx, &row, step).await?;
     let row = jobs::fetch(&mut *tx, id).await?;
     Ok(row.map_or(Control::NotFound, |row| Control::Accepted(Box::new(row))))
 }
@@ -122,12 +113,8 @@ impl Wish {
     }
 }
 
-async fn apply(
-    queue: &riverqueue::Client,
-    tx: &mut Tx,
-    (id, project): (JobId, &Project),
-    step: Step,
-) -> Result<(), StoreError> {
+async fn apply(tx: &mut Tx, job: &JobRow, step: Step) -> Result<(), StoreError> {
+    let id = job.id;
     match step {
         Step::Nothing => Ok(()),
         Step::Ask(request) => {
@@ -137,7 +124,7 @@ async fn apply(
         }
         Step::Withdraw => set_request(tx, id, None).await,
         Step::Become(Status::Queued) => {
-            queue::renew(queue, tx, id, project).await?;
+            queue::renew(tx, id, &job.project).await?;
             let status = Status::Queued;
             endings::change_status(tx, id, status, &[Event::State { status }]).await
         }

@@ -4,14 +4,14 @@
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::{Meaning, Store, StoreError};
+use super::{Meaning, StoreError};
 
 /// Rows that are remembered at the most; of more it is said that there are so many.
 const MOST_ROWS: usize = 10_000;
 
 /// Damage that was met. Cheap to clone.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Damage(Arc<Mutex<Met>>);
+pub struct Damage(Arc<Mutex<Met>>);
 
 #[derive(Debug, Default)]
 struct Met {
@@ -34,7 +34,7 @@ impl Damage {
     }
 
     /// Remembers and counts an error that tells of damage; others are let pass.
-    pub(super) fn note(&self, error: &StoreError) {
+    pub fn note(&self, error: &StoreError) {
         if error.meaning() != Meaning::Damaged {
             return;
         }
@@ -53,17 +53,10 @@ impl Damage {
         };
         metrics::counter!("greybox_damage_met_total", "what" => what).increment(1);
     }
-}
-
-impl Store {
-    /// Remembers and counts an error that tells of damage; others are let pass.
-    pub fn note_damage(&self, error: &StoreError) {
-        self.inner.damage.note(error);
-    }
 
     /// How much damage was met since the server began.
-    pub fn damage(&self) -> DamageMet {
-        let met = self.inner.damage.met();
+    pub fn seen(&self) -> DamageMet {
+        let met = self.met();
         DamageMet {
             rows: met.rows.len(),
             is_of_the_database: met.is_of_the_database,

@@ -10,11 +10,15 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use tokio::sync::mpsc;
 
+use super::columns::{self, from_json, json, project, time};
 use super::database::{self, QueryBuilder, Row};
-use super::jobs::{Page, from_json, json, project, time};
+use super::page::Page;
+use super::recordings::RecordingCache;
+use super::row_cache::RowCache;
 use super::sealed::{DATASET_CHUNKS, DATASETS};
-use super::writer::Tx;
-use super::{Change, Quotas, Store, StoreError, corrupt, quotas};
+use super::shared_database::Database;
+use super::writer::{Tx, in_transaction};
+use super::{Change, StoreError, corrupt, quota_checks};
 use crate::access::Project;
 use greybox::identification::{DatasetId, JobId};
 use greybox::recording::{
@@ -83,48 +87,53 @@ struct Description {
     notes: Vec<Warning>,
 }
 
-impl Store {
+/// Recordings.
+#[derive(Clone)]
+pub struct Datasets {
+    pub(super) database: Arc<Database>,
+    /// The rows of recordings that were read lately.
+    pub(super) rows: RowCache<DatasetId, DatasetRow>,
+    /// Recordings with their samples that were read lately.
+    pub(super) recordings: RecordingCache,
+}
+
+impl Datasets {
     /// Makes scratches for recordings on their way here: files without a name beside the
     /// database, which are gone with the process.
     pub fn scratch(&self) -> NewScratch {
-        let store = self.clone();
-        Box::new(move || Ok(Box::new(store.nameless_file()?)))
+        let datasets = self.clone();
+        Box::new(move || Ok(Box::new(datasets.nameless_file()?)))
     }
 
     /// A file without a name beside the database, which is gone with the process.
     pub fn nameless_file(&self) -> io::Result<std::fs::File> {
-        tempfile::tempfile_in(&self.inner.folder)
+        tempfile::tempfile_in(&self.database.folder)
     }
 
     /// Stores a recording, or finds the one of its project that has the same digest. Says whether it
     /// is new.
-    pub async fn insert_dataset(&self, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
-        let allowed = self.inner.quotas;
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(insert(tx, new, allowed)))
-            .await
+    pub async fn insert(&self, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
+        in_transaction!(self.database, |tx| insert(tx, new)).await
     }
 
     /// A recording without its samples.
-    pub async fn dataset(&self, id: DatasetId) -> Result<Option<Arc<DatasetRow>>, StoreError> {
-        let recent = &self.inner.recent.datasets;
-        let reading = match recent.get(id) {
+    pub async fn find(&self, id: DatasetId) -> Result<Option<Arc<DatasetRow>>, StoreError> {
+        let reading = match self.rows.get(id) {
             Ok(row) => return Ok(Some(row)),
             Err(reading) => reading,
         };
         let mut query = QueryBuilder::new(SELECT);
         query.push(" where id = ").push_bind(id.to_string());
-        let row = query.build().fetch_optional(self.readers()).await?;
+        let row = query.build().fetch_optional(&self.database.readers).await?;
         let row = row.as_ref().map(read).transpose()?.map(Arc::new);
         if let Some(row) = &row {
-            recent.keep(id, reading, row);
+            reading.keep(row);
         }
         Ok(row)
     }
 
     /// Recordings of a project, newest first, older than `before`.
-    pub async fn datasets(
+    pub async fn list(
         &self,
         project: &Project,
         before: Option<DatasetId>,
@@ -138,27 +147,26 @@ impl Store {
         query
             .push(" order by id desc limit ")
             .push_bind(i64::from(limit) + 1);
-        let rows = query.build().fetch_all(self.readers()).await?;
+        let rows = query.build().fetch_all(&self.database.readers).await?;
         let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         Ok(Page::cut(rows, limit, |row| row.id))
     }
 
     /// A recording with its samples.
     pub async fn recording(&self, id: DatasetId) -> Result<Option<Arc<Recording>>, StoreError> {
-        let kept = &self.inner.recent.recordings;
-        if let Some(recording) = kept.get(id) {
+        if let Some(recording) = self.recordings.get(id) {
             return Ok(Some(recording));
         }
         let read = self.read_recording(id).await?.map(Arc::new);
         if let Some(recording) = &read {
-            kept.keep(id, recording);
+            self.recordings.keep(id, recording);
         }
         Ok(read)
     }
 
     async fn read_recording(&self, id: DatasetId) -> Result<Option<Recording>, StoreError> {
         let key = id.to_string();
-        let mut transaction = self.readers().begin_read().await?;
+        let mut transaction = self.database.readers.begin_read().await?;
         let mut query = QueryBuilder::new(SELECT);
         query.push(" where id = ").push_bind(&key);
         let stored = query.build().fetch_optional(&mut transaction).await?;
@@ -191,11 +199,8 @@ impl Store {
     }
 
     /// Removes a recording that no unfinished job reads.
-    pub async fn delete_dataset(&self, id: DatasetId) -> Result<DatasetRemoval, StoreError> {
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(delete(tx, id)))
-            .await
+    pub async fn delete(&self, id: DatasetId) -> Result<DatasetRemoval, StoreError> {
+        in_transaction!(self.database, |tx| delete(tx, id)).await
     }
 }
 
@@ -216,12 +221,8 @@ fn read(row: &Row) -> Result<DatasetRow, StoreError> {
     })
 }
 
-async fn insert(
-    tx: &mut Tx,
-    new: NewDataset,
-    allowed: Quotas,
-) -> Result<(DatasetRow, bool), StoreError> {
-    insert_as(tx, DatasetId::new(), new, allowed).await
+async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
+    insert_as(tx, DatasetId::new(), new).await
 }
 
 /// Stores a recording by the identifier `id`. A stored recording of the same project and digest
@@ -230,7 +231,6 @@ pub(super) async fn insert_as(
     tx: &mut Tx,
     id: DatasetId,
     new: NewDataset,
-    allowed: Quotas,
 ) -> Result<(DatasetRow, bool), StoreError> {
     let identity = format!("{} {}", new.project, new.digest);
     let mut query = QueryBuilder::new(SELECT);
@@ -240,7 +240,7 @@ pub(super) async fn insert_as(
         return Ok((read(&same)?, false));
     }
     let bytes = bytes_of(&new.recording);
-    quotas::check_dataset(tx, &allowed, &new.project, bytes).await?;
+    quota_checks::check_dataset(tx, &new.project, bytes).await?;
     let row = DatasetRow {
         id,
         project: new.project,
@@ -409,7 +409,7 @@ pub(super) async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval,
     .fetch_all(&mut **tx)
     .await?;
     if !readers.is_empty() {
-        let readers = readers.iter().map(|job| super::jobs::parse_id(job));
+        let readers = readers.iter().map(|job| columns::parse_id(job));
         return Ok(DatasetRemoval::InUse(readers.collect::<Result<_, _>>()?));
     }
     let removed = database::query("delete from datasets where id = $1")

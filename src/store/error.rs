@@ -349,3 +349,12 @@ impl Meaning {
         }
     }
 }
+
+/// What is wrong with a row, as an error.
+pub(super) fn corrupt(what: &'static str, of: impl ToString, why: impl ToString) -> StoreError {
+    StoreError::Corrupt {
+        what,
+        of: of.to_string(),
+        why: why.to_string(),
+    }
+}

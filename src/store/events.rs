@@ -1,9 +1,12 @@
 //! The events of jobs, as they are stored and replayed.
 
+use std::sync::Arc;
+
+use super::StoreError;
 use super::database::{self, QueryBuilder, Row};
 use super::sealed::{EVENTS, Sealed};
+use super::shared_database::Database;
 use super::writer::Tx;
-use super::{Store, StoreError};
 use crate::job::Event;
 use greybox::identification::JobId;
 
@@ -28,12 +31,18 @@ impl StoredEvent {
     }
 }
 
-impl Store {
+/// The events of jobs.
+#[derive(Clone)]
+pub struct JobEvents {
+    pub(super) database: Arc<Database>,
+}
+
+impl JobEvents {
     /// Events of a job with an id above `after`, in order, at most `limit`.
     ///
     /// # Errors
     /// One of them is damaged, or the database fails.
-    pub async fn events_after(
+    pub async fn after(
         &self,
         job: JobId,
         after: i64,
@@ -46,7 +55,7 @@ impl Store {
         .bind(job.to_string())
         .bind(after)
         .bind(limit)
-        .fetch_all(self.readers())
+        .fetch_all(&self.database.readers)
         .await?;
         read(&EVENTS, &rows)
     }

@@ -1,19 +1,28 @@
 //! The history of a search: a row a generation, none left out.
 
+use std::sync::Arc;
+
+use super::StoreError;
+use super::columns::{self, from_json};
 use super::database::{self, QueryBuilder, Row};
-use super::jobs::from_json;
 use super::sealed::GENERATIONS;
+use super::shared_database::Database;
 use super::writer::Tx;
-use super::{Store, StoreError, jobs};
 use crate::job::GenerationEvent;
 use greybox::identification::JobId;
 
 /// Rows in one statement; SQLite takes 32766 values in one.
 const ROWS_PER_STATEMENT: usize = 1000;
 
-impl Store {
+/// The generations of searches.
+#[derive(Clone)]
+pub struct Generations {
+    pub(super) database: Arc<Database>,
+}
+
+impl Generations {
     /// Generations of a job above `after`, in order, at most `limit`.
-    pub async fn generations(
+    pub async fn after(
         &self,
         job: JobId,
         after: u32,
@@ -26,7 +35,7 @@ impl Store {
         .bind(job.to_string())
         .bind(after)
         .bind(limit)
-        .fetch_all(self.readers())
+        .fetch_all(&self.database.readers)
         .await?;
         rows.iter().map(read).collect()
     }
@@ -48,7 +57,7 @@ pub(super) async fn insert(
     for rows in generations.chunks(ROWS_PER_STATEMENT) {
         let mut query = QueryBuilder::new("insert into generations (job, generation, row, seal) ");
         query.push_values(rows, |mut row, generation| {
-            let (number, json) = (generation.generation, jobs::json(generation));
+            let (number, json) = (generation.generation, columns::json(generation));
             let seal = GENERATIONS.seal(&[(&job).into(), number.into(), (&json).into()]);
             row.push_bind(job.clone())
                 .push_bind(number)

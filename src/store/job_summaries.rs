@@ -5,11 +5,10 @@ use std::collections::BTreeMap;
 use jiff::Timestamp;
 use serde::Deserialize;
 
+use super::columns::{from_json, optional, optional_time, parse_id, parse_status, time};
 use super::database::{Kind, QueryBuilder, Row};
-use super::jobs::{
-    from_json, method, optional, optional_time, parse_id, parse_status, push_filter, time,
-};
-use super::{JobFilter, Page, Store, StoreError, corrupt};
+use super::jobs::{Jobs, method, push_filter};
+use super::{JobFilter, Page, StoreError, corrupt};
 use crate::access::Project;
 use crate::job::Status;
 use greybox::estimation::Progress;
@@ -75,38 +74,38 @@ fn datasets(kind: Kind) -> &'static str {
     )
 }
 
-impl Store {
+impl Jobs {
     /// Jobs in short, newest first.
-    pub async fn job_summaries(
+    pub async fn summaries(
         &self,
         filter: &JobFilter,
     ) -> Result<Page<JobSummaryRow, JobId>, StoreError> {
         let mut query = QueryBuilder::new("select ");
         query
             .push(COLUMNS)
-            .push(made(self.readers().kind()))
+            .push(made(self.database.readers.kind()))
             .push(" from jobs where project = ")
             .push_bind(filter.project.as_str().to_owned());
-        push_filter(&mut query, self.readers().kind(), filter);
-        let rows = query.build().fetch_all(self.readers()).await?;
+        push_filter(&mut query, self.database.readers.kind(), filter);
+        let rows = query.build().fetch_all(&self.database.readers).await?;
         let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         Ok(Page::cut(rows, filter.limit, |row| row.id))
     }
 
     /// Summaries of the jobs in `jobs` that exist, in no order.
-    pub async fn job_summaries_of(&self, jobs: &[JobId]) -> Result<Vec<JobSummaryRow>, StoreError> {
+    pub async fn summaries_of(&self, jobs: &[JobId]) -> Result<Vec<JobSummaryRow>, StoreError> {
         if jobs.is_empty() {
             return Ok(Vec::new());
         }
         let mut query = QueryBuilder::new("select ");
-        query.push(COLUMNS).push(made(self.readers().kind()));
+        query.push(COLUMNS).push(made(self.database.readers.kind()));
         query.push(" from jobs where id in (");
         let mut listed = query.separated(", ");
         for job in jobs {
             listed.push_bind(job.to_string());
         }
         query.push(")");
-        let rows = query.build().fetch_all(self.readers()).await?;
+        let rows = query.build().fetch_all(&self.database.readers).await?;
         rows.iter().map(read).collect()
     }
 }

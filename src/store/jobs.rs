@@ -2,16 +2,19 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Duration;
 
 use jiff::Timestamp;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 
+use super::columns::{from_json, optional, optional_time, parse_id, parse_status, project, time};
 use super::database::{self, Connection, Kind, QueryBuilder, Row};
+use super::page::Page;
+use super::row_cache::RowCache;
 use super::sealed::JOBS;
+use super::shared_database::Database;
 use super::stop_request::StopRequest;
-use super::writer::Tx;
-use super::{Store, StoreError, corrupt, unsigned};
+use super::writer::{Tx, in_transaction};
+use super::{StoreError, corrupt, unsigned};
 use crate::access::Project;
 use crate::job::{Failure, JobTask, Status};
 use greybox::estimation::Progress;
@@ -101,25 +104,6 @@ pub struct JobFilter {
     pub limit: u32,
 }
 
-/// A page of a list that is ordered newest first.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Page<T, Id> {
-    /// The rows.
-    pub rows: Vec<T>,
-    /// The last row's identifier, when more rows follow.
-    pub next: Option<Id>,
-}
-
-impl<T, Id> Page<T, Id> {
-    /// A page from one row more than its limit, if there are so many.
-    pub(super) fn cut(mut rows: Vec<T>, limit: u32, id: impl Fn(&T) -> Id) -> Self {
-        let more = rows.len() > limit as usize;
-        rows.truncate(limit as usize);
-        let next = rows.last().filter(|_| more).map(id);
-        Self { rows, next }
-    }
-}
-
 /// What became of a wish to delete a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JobRemoval {
@@ -134,65 +118,83 @@ pub enum JobRemoval {
 const COLUMNS: &str = "id, project, name, labels, model, spec, status, request, progress, attempt, error, \
      created_at, started_at, finished_at, last_event, revision, seal";
 
-impl Store {
+/// Jobs as they are shown, listed, stopped and deleted.
+#[derive(Clone)]
+pub struct Jobs {
+    pub(super) database: Arc<Database>,
+    /// The rows of jobs that were read lately.
+    pub(super) rows: RowCache<JobId, JobRow>,
+}
+
+impl Jobs {
     /// A job, if there is one.
-    pub async fn job(&self, id: JobId) -> Result<Option<Arc<JobRow>>, StoreError> {
-        let recent = &self.inner.recent.jobs;
-        let reading = match recent.get(id) {
+    pub async fn find(&self, id: JobId) -> Result<Option<Arc<JobRow>>, StoreError> {
+        let reading = match self.rows.get(id) {
             Ok(row) => return Ok(Some(row)),
             Err(reading) => reading,
         };
-        let mut connection = self.readers().acquire().await?;
+        let mut connection = self.database.readers.acquire().await?;
         let Some(stored) = fetch_stored(&mut connection, id).await? else {
             return Ok(None);
         };
         let row = Arc::new(read(&stored)?);
         if stored.try_get::<&str>("spec")?.len() <= SMALL_TASK_BYTES {
-            recent.keep(id, reading, &row);
+            reading.keep(&row);
         }
         Ok(Some(row))
     }
 
     /// Whose a job is, if there is one.
-    pub async fn project_of_job(&self, id: JobId) -> Result<Option<Project>, StoreError> {
+    pub async fn project_of(&self, id: JobId) -> Result<Option<Project>, StoreError> {
         let key = id.to_string();
         let name: Option<String> = database::query_scalar("select project from jobs where id = $1")
             .bind(&key)
-            .fetch_optional(self.readers())
+            .fetch_optional(&self.database.readers)
             .await?;
         name.map(|name| project(&key, &name)).transpose()
     }
 
     /// Jobs, newest first.
-    pub async fn jobs(&self, filter: &JobFilter) -> Result<Page<JobRow, JobId>, StoreError> {
+    pub async fn list(&self, filter: &JobFilter) -> Result<Page<JobRow, JobId>, StoreError> {
         let mut query = QueryBuilder::new("select ");
         query
             .push(COLUMNS)
             .push(" from jobs where project = ")
             .push_bind(filter.project.as_str().to_owned());
-        push_filter(&mut query, self.readers().kind(), filter);
-        let rows = query.build().fetch_all(self.readers()).await?;
+        push_filter(&mut query, self.database.readers.kind(), filter);
+        let rows = query.build().fetch_all(&self.database.readers).await?;
         let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         Ok(Page::cut(rows, filter.limit, |row| row.id))
     }
 
     /// How many jobs are in each state.
-    pub async fn job_counts(&self) -> Result<Vec<(Status, u64)>, StoreError> {
+    pub async fn counts(&self) -> Result<Vec<(Status, u64)>, StoreError> {
         let rows: Vec<(String, i64)> =
             database::query_as("select status, count(*) from jobs group by status")
-                .fetch_all(self.readers())
+                .fetch_all(&self.database.readers)
                 .await?;
         rows.into_iter()
             .map(|(status, count)| Ok((parse_status("a job", &status)?, count.unsigned_abs())))
             .collect()
     }
 
+    /// The time that the jobs of each project were at work so far.
+    pub async fn work_by_project(&self) -> Result<Vec<(Project, Duration)>, StoreError> {
+        let rows: Vec<(String, i64)> = database::query_as(
+            "select project, cast(sum(worked_ms) as bigint) from project_days group by project",
+        )
+        .fetch_all(&self.database.readers)
+        .await?;
+        let rows = rows.into_iter().map(|(name, worked_ms)| {
+            let worked = Duration::from_millis(worked_ms.unsigned_abs());
+            Ok((project("a day", &name)?, worked))
+        });
+        rows.collect()
+    }
+
     /// Forgets a job that has ended.
-    pub async fn delete_job(&self, id: JobId) -> Result<JobRemoval, StoreError> {
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(delete(tx, id)))
-            .await
+    pub async fn delete(&self, id: JobId) -> Result<JobRemoval, StoreError> {
+        in_transaction!(self.database, |tx| delete(tx, id)).await
     }
 }
 
@@ -305,10 +307,6 @@ pub(super) async fn status(tx: &mut Tx, id: JobId) -> Result<Status, StoreError>
     parse_status(&key, &word)
 }
 
-pub(super) fn parse_status(of: &str, word: &str) -> Result<Status, StoreError> {
-    word.parse().map_err(|why| corrupt("status", of, why))
-}
-
 pub(super) async fn fetch(
     connection: &mut Connection,
     id: JobId,
@@ -352,41 +350,4 @@ fn read(row: &Row) -> Result<JobRow, StoreError> {
         project: project(&id, row.try_get("project")?)?,
         id: parse_id(&id)?,
     })
-}
-
-pub(super) fn project(of: &str, name: &str) -> Result<Project, StoreError> {
-    name.parse().map_err(|why| corrupt("project", of, why))
-}
-
-pub(super) fn parse_id(text: &str) -> Result<JobId, StoreError> {
-    text.parse().map_err(|why| corrupt("identifier", text, why))
-}
-
-pub(super) fn json(value: &impl Serialize) -> String {
-    serde_json::to_string(value).expect("what is stored has only text keys")
-}
-
-pub(super) fn from_json<T: DeserializeOwned>(
-    what: &'static str,
-    of: &str,
-    text: &str,
-) -> Result<T, StoreError> {
-    serde_json::from_str(text).map_err(|why| corrupt(what, of, why))
-}
-
-pub(super) fn optional<T: DeserializeOwned>(
-    row: &Row,
-    column: &'static str,
-    of: &str,
-) -> Result<Option<T>, StoreError> {
-    let text: Option<&str> = row.try_get(column)?;
-    text.map(|text| from_json(column, of, text)).transpose()
-}
-
-pub(super) fn time(of: &str, text: &str) -> Result<Timestamp, StoreError> {
-    text.parse().map_err(|why| corrupt("time", of, why))
-}
-
-pub(super) fn optional_time(of: &str, text: Option<&str>) -> Result<Option<Timestamp>, StoreError> {
-    text.map(|text| time(of, text)).transpose()
 }

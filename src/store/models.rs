@@ -1,13 +1,16 @@
 //! Models that users wrote: each document kept once, under a reference that never means another.
 
+use std::sync::Arc;
+
 use jiff::Timestamp;
 use serde_json::Value;
 
+use super::StoreError;
+use super::columns::{self, from_json, time};
 use super::database::{self, QueryBuilder, Row};
-use super::jobs::{from_json, time};
 use super::sealed::MODELS;
-use super::writer::Tx;
-use super::{Store, StoreError};
+use super::shared_database::Database;
+use super::writer::{Tx, in_transaction};
 use crate::access::Project;
 use greybox::identification::JobId;
 
@@ -79,17 +82,20 @@ fn read(row: &Row) -> Result<ModelRow, StoreError> {
     })
 }
 
-impl Store {
+/// Models that users wrote.
+#[derive(Clone)]
+pub struct Models {
+    pub(super) database: Arc<Database>,
+}
+
+impl Models {
     /// Stores a model, or finds the one of its project that has the same digest.
-    pub async fn insert_model(&self, new: NewModel) -> Result<ModelStored, StoreError> {
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(insert(tx, new)))
-            .await
+    pub async fn insert(&self, new: NewModel) -> Result<ModelStored, StoreError> {
+        in_transaction!(self.database, |tx| insert(tx, new)).await
     }
 
     /// A model of a project. The names of the catalogue have no digest and are not looked for.
-    pub async fn model_of(
+    pub async fn find(
         &self,
         project: &Project,
         reference: &str,
@@ -100,43 +106,40 @@ impl Store {
         let mut query = QueryBuilder::new(SELECT);
         query.push(" where project = ").push_bind(project.as_str());
         query.push(" and reference = ").push_bind(reference);
-        let row = query.build().fetch_optional(self.readers()).await?;
+        let row = query.build().fetch_optional(&self.database.readers).await?;
         row.as_ref().map(read).transpose()
     }
 
     /// A stored model, whose ever it is: a reference names the same document everywhere. The names
     /// of the catalogue have no digest and are not looked for.
-    pub async fn model(&self, reference: &str) -> Result<Option<ModelRow>, StoreError> {
+    pub async fn by_reference(&self, reference: &str) -> Result<Option<ModelRow>, StoreError> {
         if !reference.contains('@') {
             return Ok(None);
         }
         let mut query = QueryBuilder::new(SELECT);
         query.push(" where reference = ").push_bind(reference);
         query.push(" limit 1");
-        let row = query.build().fetch_optional(self.readers()).await?;
+        let row = query.build().fetch_optional(&self.database.readers).await?;
         row.as_ref().map(read).transpose()
     }
 
     /// All models of a project, newest first.
-    pub async fn models(&self, project: &Project) -> Result<Vec<ModelRow>, StoreError> {
+    pub async fn list(&self, project: &Project) -> Result<Vec<ModelRow>, StoreError> {
         let mut query = QueryBuilder::new(SELECT);
         query.push(" where project = ").push_bind(project.as_str());
         query.push(" order by created_at desc, reference");
-        let rows = query.build().fetch_all(self.readers()).await?;
+        let rows = query.build().fetch_all(&self.database.readers).await?;
         rows.iter().map(read).collect()
     }
 
     /// Removes a model of a project that no job of it was made with.
-    pub async fn delete_model(
+    pub async fn delete(
         &self,
         project: &Project,
         reference: &str,
     ) -> Result<ModelRemoval, StoreError> {
         let (project, reference) = (project.clone(), reference.to_owned());
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(delete(tx, project, reference)))
-            .await
+        in_transaction!(self.database, |tx| delete(tx, project, reference)).await
     }
 }
 
@@ -221,7 +224,7 @@ async fn delete(
     .fetch_all(&mut **tx)
     .await?;
     if !users.is_empty() {
-        let users = users.iter().map(|job| super::jobs::parse_id(job));
+        let users = users.iter().map(|job| columns::parse_id(job));
         return Ok(ModelRemoval::InUse(users.collect::<Result<_, _>>()?));
     }
     let removed = database::query("delete from models where project = $1 and reference = $2")

@@ -17,25 +17,22 @@
 //! A slice that the database refused leaves no trace: the life goes on, so nothing was cut off.
 
 mod beat;
+mod lives;
 mod watch;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use jiff::Timestamp;
-use riverqueue::Client;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use super::database::{self, Kind};
 use super::opening::Shared;
-use super::writer::{Tx, Writer};
-use super::{Change, OnChange, Store, StoreError, queue};
+use super::shared_database::Database;
+use super::writer::in_transaction;
+use super::{OnChange, StoreError};
 use beat::Beats;
-
-/// Lives that ended of which a row is kept.
-const LIVES_KEPT: i64 = 1000;
+pub(super) use lives::begin;
 
 /// From so many lives that ended with it a job waits before it is worked again.
 pub(super) const SUSPECT_FROM: u32 = 3;
@@ -52,43 +49,39 @@ pub(super) fn wait_after(deaths: u32) -> Duration {
 }
 
 /// This server among those of its database.
-pub(super) struct Node {
-    pub(super) life: i64,
+#[derive(Clone)]
+pub struct Nodes {
+    database: Arc<Database>,
+    /// Whether this node does what one node does for all; the task of the beats sets it.
     in_charge: Arc<AtomicBool>,
+    /// Which node this one is of those that live, and how many they are; the task of the beats sets it.
     place: Arc<Mutex<Option<(u32, u32)>>>,
+    /// Cancelled by the task of the beats when others have declared this node dead.
     lost: CancellationToken,
+    /// Ends the task of the beats.
     closing: CancellationToken,
-    beats: Mutex<Option<JoinHandle<()>>>,
+    beats: Arc<Mutex<Option<JoinHandle<()>>>>,
 }
 
-impl Node {
-    /// Begins a life that says every `beat` that it is there.
-    pub(super) async fn begin(writer: &Writer, beat: Duration) -> Result<Self, StoreError> {
-        let life = writer.write(move |tx| Box::pin(begin_in(tx, beat))).await?;
-        writer.fence().set(life);
-        Ok(Self {
-            life,
+impl Nodes {
+    /// A server that is alone, until `closing`.
+    pub(super) fn new(database: Arc<Database>, closing: CancellationToken) -> Self {
+        Self {
+            database,
             in_charge: Arc::new(AtomicBool::new(true)),
             place: Arc::default(),
             lost: CancellationToken::new(),
-            closing: CancellationToken::new(),
-            beats: Mutex::default(),
-        })
+            closing,
+            beats: Arc::default(),
+        }
     }
 
     /// Says that it is there, among others, until it is closed.
-    pub(super) fn live_among_others(
-        &self,
-        shared: Shared,
-        (writer, queue): (Arc<Writer>, Client),
-        on_change: OnChange,
-    ) {
+    pub(super) fn live_among_others(&self, shared: Shared, on_change: OnChange) {
         self.in_charge.store(false, Ordering::Relaxed);
         let beats = Beats {
-            life: self.life,
+            database: self.database.clone(),
             shared,
-            writer,
-            queue,
             on_change,
             in_charge: self.in_charge.clone(),
             place: self.place.clone(),
@@ -98,19 +91,27 @@ impl Node {
         *self.beats.lock().unwrap_or_else(PoisonError::into_inner) = Some(task);
     }
 
-    /// Whether it does what one node does for all: of those that live it has done so for the longest.
-    pub(super) fn is_in_charge(&self) -> bool {
+    /// Whether this server does what one does for all that work with the database: of those that live
+    /// it has done so for the longest.
+    pub fn is_in_charge(&self) -> bool {
         self.in_charge.load(Ordering::Relaxed)
     }
 
-    /// Which it is of those that live, from 0, and how many they are; nothing where it is alone.
-    pub(super) fn place(&self) -> Option<(u32, u32)> {
+    /// Which share of what nodes do together this one begins with, and of how many; nothing where it is
+    /// alone.
+    pub fn share(&self) -> Option<(u32, u32)> {
         *self.place.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns when others have declared it dead.
-    pub(super) async fn lost(&self) {
+    /// Returns when others have declared this server dead: it can do nothing more.
+    pub async fn superseded(&self) {
         self.lost.cancelled().await;
+    }
+
+    /// Notes that the server ends in order.
+    pub(super) async fn end_life(&self) -> Result<(), StoreError> {
+        let life = self.database.life;
+        in_transaction!(self.database, |tx| lives::end(tx, life)).await
     }
 
     /// Says no more that it is there.
@@ -127,132 +128,18 @@ impl Node {
             tracing::error!(%error, "the task that says that this node lives ended badly");
         }
     }
-}
-
-impl Drop for Node {
-    fn drop(&mut self) {
-        self.closing.cancel();
-    }
-}
-
-async fn begin_in(tx: &mut Tx, beat: Duration) -> Result<i64, StoreError> {
-    let last: i64 = database::query_scalar("select coalesce(max(life), 0) from nodes")
-        .fetch_one(&mut **tx)
-        .await?;
-    let life = last + 1;
-    if tx.kind() == Kind::Sqlite {
-        let cut_off: Vec<i64> =
-            database::query_scalar("select life from nodes where state = 'live'")
-                .fetch_all(&mut **tx)
-                .await?;
-        for life in cut_off {
-            note_death(tx, life).await?;
-        }
-    }
-    database::query(
-        "insert into nodes (life, name, beat_ms, state, begun_at) values ($1, $2, $3, 'live', $4)",
-    )
-    .bind(life)
-    .bind(name())
-    .bind(i64::try_from(beat.as_millis()).unwrap_or(i64::MAX))
-    .bind(Timestamp::now().to_string())
-    .execute(&mut **tx)
-    .await?;
-    database::query("delete from nodes where state <> 'live' and life < $1")
-        .bind(life - LIVES_KEPT)
-        .execute(&mut **tx)
-        .await?;
-    Ok(life)
-}
-
-/// The machine and the process.
-fn name() -> String {
-    let machine = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    format!("{}:{}", machine.trim(), std::process::id())
-}
-
-/// Notes that a life was cut off, and what that says of the jobs.
-async fn note_death(tx: &mut Tx, life: i64) -> Result<(), StoreError> {
-    for statement in [
-        "update nodes set state = 'dead' where life = $1",
-        "update jobs set deaths = case when at_work_in = $1 then deaths + 1 else 0 end \
-         where at_work_in = $1 or (deaths > 0 and at_work_in is null)",
-        "update jobs set at_work_in = null where at_work_in = $1",
-    ] {
-        database::query(statement)
-            .bind(life)
-            .execute(&mut **tx)
-            .await?;
-    }
-    Ok(())
-}
-
-/// Declares a node dead that has not said that it lives since `beat`, and has others go on with its jobs.
-async fn take_over(queue: Client, tx: &mut Tx, life: i64, beat: i64) -> Result<(), StoreError> {
-    let silent = database::query(
-        "update nodes set state = 'dead' where life = $1 and beat = $2 and state = 'live'",
-    )
-    .bind(life)
-    .bind(beat)
-    .execute(&mut **tx)
-    .await?;
-    if silent == 0 {
-        return Ok(());
-    }
-    note_death(tx, life).await?;
-    queue::let_go_of_leadership(tx, &queue::client_name(life)).await?;
-    let jobs = queue::reassign(&queue, tx).await?;
-    metrics::counter!("greybox_nodes_taken_over_total").increment(1);
-    tracing::warn!(
-        node = life,
-        jobs,
-        "a node is dead; others go on with its jobs"
-    );
-    tx.announce(Change::Missed);
-    Ok(())
-}
-
-/// Ends a life in order: what was still at work in it others go on with.
-async fn end_in(queue: Client, tx: &mut Tx, life: i64) -> Result<(), StoreError> {
-    for statement in [
-        "update nodes set state = 'ended' where life = $1",
-        "update jobs set at_work_in = null where at_work_in = $1",
-    ] {
-        database::query(statement)
-            .bind(life)
-            .execute(&mut **tx)
-            .await?;
-    }
-    queue::let_go_of_leadership(tx, &queue::client_name(life)).await?;
-    queue::reassign(&queue, tx).await?;
-    Ok(())
-}
-
-impl Store {
-    /// Notes that the server ends in order.
-    pub(super) async fn end_life(&self) -> Result<(), StoreError> {
-        let (queue, life) = (self.inner.queue.clone(), self.inner.node.life);
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(end_in(queue, tx, life)))
-            .await
-    }
 
     /// Declares all other nodes dead, as one that observes them does in time.
     #[cfg(test)]
     pub(super) async fn take_over_from_all_others(&self) -> Result<(), StoreError> {
-        let own = self.inner.node.life;
-        let others: Vec<(i64, i64)> =
-            database::query_as("select life, beat from nodes where state = 'live' and life <> $1")
-                .bind(own)
-                .fetch_all(self.readers())
-                .await?;
+        let others: Vec<(i64, i64)> = super::database::query_as(
+            "select life, beat from nodes where state = 'live' and life <> $1",
+        )
+        .bind(self.database.life)
+        .fetch_all(&self.database.readers)
+        .await?;
         for (life, beat) in others {
-            let queue = self.inner.queue.clone();
-            self.inner
-                .writer
-                .write(move |tx| Box::pin(take_over(queue, tx, life, beat)))
-                .await?;
+            in_transaction!(self.database, |tx| lives::take_over(tx, life, beat)).await?;
         }
         Ok(())
     }

@@ -5,15 +5,19 @@
 //! node, makes a new entry in the same transaction: River ends an entry without looking at who works it,
 //! so that a node which had stood still would end that of another.
 
+use std::sync::Arc;
+
 use std::collections::BTreeSet;
 use std::time::Duration;
 
 use riverqueue::{Client, ClientBuilder, InsertOpts, JobArgs};
 use serde::{Deserialize, Serialize};
 
+use super::columns;
 use super::database::{self, Kind, Pool, QueryBuilder, Transaction};
-use super::writer::Tx;
-use super::{Change, Store, StoreError};
+use super::shared_database::Database;
+use super::writer::{Tx, in_transaction};
+use super::{Change, StoreError};
 use crate::access::Project;
 use greybox::identification::JobId;
 
@@ -92,12 +96,8 @@ pub(super) fn inserter(pool: &Pool) -> Result<Client, StoreError> {
 }
 
 /// Adds an entry for a job in the caller's transaction and returns the entry's id.
-pub(super) async fn enqueue(
-    queue: &Client,
-    tx: &mut Tx,
-    job: JobId,
-    project: &Project,
-) -> Result<i64, StoreError> {
+pub(super) async fn enqueue(tx: &mut Tx, job: JobId, project: &Project) -> Result<i64, StoreError> {
+    let queue = tx.queue.clone();
     let insert = queue.insert(SliceOfJob { job }).opts(options(project));
     let entry = match tx.transaction() {
         Transaction::Sqlite(transaction) => insert.tx(transaction).await?,
@@ -109,7 +109,6 @@ pub(super) async fn enqueue(
 
 /// Adds an entry for each of many jobs; the ids come in the order of the jobs.
 pub(super) async fn enqueue_all(
-    queue: &Client,
     tx: &mut Tx,
     jobs: &[(JobId, Project)],
 ) -> Result<Vec<i64>, StoreError> {
@@ -118,6 +117,7 @@ pub(super) async fn enqueue_all(
     }
     let entries = jobs.iter();
     let entries = entries.map(|(job, project)| (SliceOfJob { job: *job }, options(project)));
+    let queue = tx.queue.clone();
     let insert = queue.insert_many(entries);
     let entries = match tx.transaction() {
         Transaction::Sqlite(transaction) => insert.tx(transaction).await?,
@@ -136,18 +136,27 @@ fn options(project: &Project) -> InsertOpts {
         .with_max_attempts(ENTRY_ATTEMPTS)
 }
 
-impl Store {
+/// The queue in which slices of jobs wait.
+#[derive(Clone)]
+pub struct SliceQueue {
+    pub(super) database: Arc<Database>,
+}
+
+impl SliceQueue {
+    /// What makes a client of the queue, on the connections of the writer.
+    pub fn client(&self) -> ClientBuilder {
+        builder(&self.database.writer_pool).id(client_name(self.database.life))
+    }
+
     /// The projects that have unfinished jobs.
     pub async fn projects_at_work(&self) -> Result<Vec<Project>, StoreError> {
         let names: Vec<String> = database::query_scalar(
             "select distinct project from jobs where status in ('queued', 'running')",
         )
-        .fetch_all(self.readers())
+        .fetch_all(&self.database.readers)
         .await?;
         let names = names.iter();
-        names
-            .map(|name| super::jobs::project("a job", name))
-            .collect()
+        names.map(|name| columns::project("a job", name)).collect()
     }
 
     /// Lets entries go on that wait for a time which the queue never asks anyone to wait for: the
@@ -157,14 +166,14 @@ impl Store {
         query
             .push_bind(KIND)
             .push(" and state in ('available', 'scheduled', 'retryable') and scheduled_at > ")
-            .push(in_three_seconds(self.readers().kind()))
+            .push(in_three_seconds(self.database.readers.kind()))
             .push(")");
-        let waits: bool = query.build_query_scalar().fetch_one(self.readers()).await?;
+        let waits: bool = query
+            .build_query_scalar()
+            .fetch_one(&self.database.readers)
+            .await?;
         if waits {
-            self.inner
-                .writer
-                .write(|tx| Box::pin(free_entries(tx)))
-                .await?;
+            in_transaction!(self.database, |tx| free_entries(tx)).await?;
         }
         Ok(())
     }
@@ -184,29 +193,18 @@ impl Store {
             .await?;
             Ok(())
         };
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(async move { postpone(tx).await }))
-            .await
+        in_transaction!(self.database, |tx| async move { postpone(tx).await }).await
     }
 
     /// Gives an entry that was taken and not worked back to the queue.
     pub async fn give_back(&self, job: JobId, entry: i64) -> Result<(), StoreError> {
-        let queue = self.inner.queue.clone();
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(give_back(queue, tx, job, entry)))
-            .await
+        in_transaction!(self.database, |tx| give_back(tx, job, entry)).await
     }
 
     /// Makes what dead servers left ready to go on: any unfinished job that has no entry which waits
     /// or is worked by a node that lives.
-    pub(super) async fn recover_queue(&self) -> Result<(), StoreError> {
-        let queue = self.inner.queue.clone();
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(recover(queue, tx)))
-            .await
+    pub(super) async fn recover(&self) -> Result<(), StoreError> {
+        in_transaction!(self.database, |tx| recover(tx)).await
     }
 }
 
@@ -245,7 +243,7 @@ async fn free_entries(tx: &mut Tx) -> Result<(), StoreError> {
     Ok(())
 }
 
-async fn recover(queue: Client, tx: &mut Tx) -> Result<(), StoreError> {
+async fn recover(tx: &mut Tx) -> Result<(), StoreError> {
     let mut freeing = freeing(tx.kind());
     freeing
         .push("(state = 'retryable' or (state in ('available', 'scheduled') ")
@@ -258,7 +256,7 @@ async fn recover(queue: Client, tx: &mut Tx) -> Result<(), StoreError> {
             .execute(&mut **tx)
             .await?;
     }
-    let jobs = reassign(&queue, tx).await?;
+    let jobs = reassign(tx).await?;
     if freed > 0 || jobs > 0 {
         tracing::info!(
             slices = freed,
@@ -271,7 +269,7 @@ async fn recover(queue: Client, tx: &mut Tx) -> Result<(), StoreError> {
 
 /// Makes a new entry for each unfinished job that has none which waits or is worked by a node that
 /// lives. Answers how many.
-pub(super) async fn reassign(queue: &Client, tx: &mut Tx) -> Result<usize, StoreError> {
+pub(super) async fn reassign(tx: &mut Tx) -> Result<usize, StoreError> {
     let mut stranded = QueryBuilder::new(
         "select id, project, queue_entry from jobs where status in ('queued', 'running') \
          and not exists (select 1 from river_job where river_job.id = jobs.queue_entry \
@@ -295,14 +293,14 @@ pub(super) async fn reassign(queue: &Client, tx: &mut Tx) -> Result<usize, Store
         .bind(*left)
         .execute(&mut **tx)
         .await?;
-        let job = super::jobs::parse_id(id)?;
-        let project = super::jobs::project(id, project)?;
-        renew(queue, tx, job, &project).await?;
+        let job = columns::parse_id(id)?;
+        let project = columns::project(id, project)?;
+        renew(tx, job, &project).await?;
     }
     Ok(stranded.len())
 }
 
-async fn give_back(queue: Client, tx: &mut Tx, job: JobId, entry: i64) -> Result<(), StoreError> {
+async fn give_back(tx: &mut Tx, job: JobId, entry: i64) -> Result<(), StoreError> {
     let id = job.to_string();
     let project: Option<String> = database::query_scalar(
         "select project from jobs where id = $1 and queue_entry = $2 \
@@ -313,19 +311,14 @@ async fn give_back(queue: Client, tx: &mut Tx, job: JobId, entry: i64) -> Result
     .fetch_optional(&mut **tx)
     .await?;
     match project {
-        Some(project) => renew(&queue, tx, job, &super::jobs::project(&id, &project)?).await,
+        Some(project) => renew(tx, job, &columns::project(&id, &project)?).await,
         None => Ok(()),
     }
 }
 
 /// Gives a job a new entry, which is the one that may begin its slices from now on.
-pub(super) async fn renew(
-    queue: &Client,
-    tx: &mut Tx,
-    job: JobId,
-    project: &Project,
-) -> Result<(), StoreError> {
-    let entry = enqueue(queue, tx, job, project).await?;
+pub(super) async fn renew(tx: &mut Tx, job: JobId, project: &Project) -> Result<(), StoreError> {
+    let entry = enqueue(tx, job, project).await?;
     database::query("update jobs set queue_entry = $1 where id = $2")
         .bind(entry)
         .bind(job.to_string())

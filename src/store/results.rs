@@ -1,20 +1,29 @@
 //! The outcomes of jobs.
 
+use std::sync::Arc;
+
 use serde_json::Value;
 
+use super::StoreError;
+use super::columns::from_json;
 use super::database::{self, Target};
-use super::jobs::from_json;
 use super::sealed::RESULTS;
+use super::shared_database::Database;
 use super::writer::Tx;
-use super::{Store, StoreError};
 use crate::job::Status;
 use greybox::identification::JobId;
 
-impl Store {
+/// The results of jobs.
+#[derive(Clone)]
+pub struct Results {
+    pub(super) database: Arc<Database>,
+}
+
+impl Results {
     /// The result of a job: final for one that succeeded, the best so far for one that was paused
     /// or cancelled, nothing before.
-    pub async fn result(&self, job: JobId) -> Result<Option<Value>, StoreError> {
-        fetch(self.readers(), job).await
+    pub async fn find(&self, job: JobId) -> Result<Option<Value>, StoreError> {
+        fetch(&self.database.readers, job).await
     }
 }
 

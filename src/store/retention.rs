@@ -5,10 +5,12 @@ use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
 
+use super::columns;
 use super::database::{self, Kind, QueryBuilder};
+use super::shared_database::Database;
 use super::streams::answers;
-use super::writer::Tx;
-use super::{Change, Store, StoreError, audit, idempotency, jobs};
+use super::writer::{Tx, in_transaction};
+use super::{Change, StoreError, audit, idempotency};
 use crate::access::Project;
 
 /// Jobs that go in one transaction.
@@ -62,23 +64,14 @@ impl Tidied {
     }
 }
 
-impl Store {
-    /// Lets some of what is older than it is kept for go, and gives some space back. Says what went.
-    pub async fn tidy(&self, retention: Retention) -> Result<Tidied, StoreError> {
-        let tidied = self
-            .inner
-            .writer
-            .write(move |tx| Box::pin(tidy(tx, retention, Timestamp::now())))
-            .await?;
-        self.inner
-            .writer
-            .write(|tx| Box::pin(give_space_back(tx)))
-            .await?;
-        Ok(tidied)
-    }
+/// Lets some of what is older than it is kept for go, and gives some space back. Says what went.
+pub(super) async fn tidy(database: &Database, retention: Retention) -> Result<Tidied, StoreError> {
+    let tidied = in_transaction!(database, |tx| remove(tx, retention, Timestamp::now())).await?;
+    in_transaction!(database, |tx| give_space_back(tx)).await?;
+    Ok(tidied)
 }
 
-async fn tidy(tx: &mut Tx, retention: Retention, now: Timestamp) -> Result<Tidied, StoreError> {
+async fn remove(tx: &mut Tx, retention: Retention, now: Timestamp) -> Result<Tidied, StoreError> {
     let before = |age: Option<Duration>| {
         let age = SignedDuration::try_from(age?).ok()?;
         Some(now.checked_sub(age).ok()?.to_string())
@@ -104,7 +97,7 @@ async fn tidy(tx: &mut Tx, retention: Retention, now: Timestamp) -> Result<Tidie
             .bind(id)
             .execute(&mut **tx)
             .await?;
-        tx.announce(Change::Job(jobs::parse_id(id)?));
+        tx.announce(Change::Job(columns::parse_id(id)?));
     }
     if !going.is_empty() {
         database::query(
@@ -147,7 +140,7 @@ async fn too_many(tx: &mut Tx, most: u32) -> Result<Vec<String>, StoreError> {
     .await?;
     let mut going = Vec::new();
     for (project, finished) in projects {
-        let project: Project = jobs::project("a job", &project)?;
+        let project: Project = columns::project("a job", &project)?;
         let ids: Vec<String> = database::query_scalar(
             "select id from jobs where project = $1 and finished_at is not null order by id limit $2",
         )

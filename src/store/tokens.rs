@@ -1,12 +1,16 @@
 //! Tokens: made, listed and revoked on the database itself, whether a server works with it or not.
 
+use std::sync::Arc;
+
 use jiff::Timestamp;
 use sqlx::FromRow;
 
+use super::columns::{project, time};
 use super::database::{self, Pool, postgres, sqlite};
-use super::jobs::{project, time};
 use super::opening::{Opened, PATIENCE_OF_A_COMMAND};
-use super::{DatabasePlace, DatabaseSettings, Store, StoreError, corrupt, schema_version};
+use super::shared_database::Database;
+use super::writer::in_transaction;
+use super::{DatabasePlace, DatabaseSettings, StoreError, corrupt, schema_version};
 use crate::access::{BELIEVED, Digest, Project, Scope};
 
 /// A token to be made.
@@ -85,44 +89,46 @@ impl Columns {
     }
 }
 
-impl Store {
+/// Tokens as a server asks for them.
+#[derive(Clone)]
+pub struct Tokens {
+    pub(super) database: Arc<Database>,
+}
+
+impl Tokens {
     /// Whether a token was ever made: from then on everybody is asked for one, also when none is
     /// valid any more.
-    pub async fn has_tokens(&self) -> Result<bool, StoreError> {
+    pub async fn exist(&self) -> Result<bool, StoreError> {
         Ok(
             database::query_scalar("select exists (select 1 from tokens)")
-                .fetch_one(self.readers())
+                .fetch_one(&self.database.readers)
                 .await?,
         )
     }
 
     /// The token of a secret, valid or not.
-    pub async fn token(&self, digest: &Digest) -> Result<Option<TokenRow>, StoreError> {
+    pub async fn find(&self, digest: &Digest) -> Result<Option<TokenRow>, StoreError> {
         let row: Option<Columns> = database::query_as(
             "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
              from tokens where digest = $1",
         )
         .bind(digest.as_str())
-        .fetch_optional(self.readers())
+        .fetch_optional(&self.database.readers)
         .await?;
         row.map(Columns::read).transpose()
     }
 
     /// Notes that a token was used now.
     pub async fn note_use(&self, token: i64) -> Result<(), StoreError> {
-        self.inner
-            .writer
-            .write(move |tx| {
-                Box::pin(async move {
-                    database::query("update tokens set last_used_at = $1 where id = $2")
-                        .bind(Timestamp::now().to_string())
-                        .bind(token)
-                        .execute(&mut **tx)
-                        .await?;
-                    Ok(())
-                })
-            })
-            .await
+        in_transaction!(self.database, |tx| async move {
+            database::query("update tokens set last_used_at = $1 where id = $2")
+                .bind(Timestamp::now().to_string())
+                .bind(token)
+                .execute(&mut **tx)
+                .await?;
+            Ok(())
+        })
+        .await
     }
 }
 

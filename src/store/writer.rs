@@ -13,11 +13,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use futures_util::future::BoxFuture;
+use riverqueue::Client;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
 use super::database::{self, Connection, Kind, Pool, Transaction, postgres};
 use super::error::WriteFailure;
+use super::quotas::Quotas;
 use super::{Change, OnChange, StoreError};
 
 /// Writes in one transaction.
@@ -33,6 +35,10 @@ const LONGEST_TRANSACTION: Duration = Duration::from_secs(30);
 pub(super) struct Tx {
     inner: Connection,
     changes: Vec<Change>,
+    /// Adds entries to the queue in this transaction.
+    pub(super) queue: Client,
+    /// What each project may have.
+    pub(super) quotas: Quotas,
 }
 
 impl Tx {
@@ -62,6 +68,15 @@ impl DerefMut for Tx {
         &mut self.inner
     }
 }
+
+/// A write on a database: `work` runs in the transaction that it names. The future ends when what was
+/// written is on disk.
+macro_rules! in_transaction {
+    ($database:expr, |$tx:ident| $work:expr) => {
+        $database.writer.write(move |$tx| Box::pin($work))
+    };
+}
+pub(super) use in_transaction;
 
 type Acknowledge = Box<dyn FnOnce(Result<(), StoreError>) + Send>;
 
@@ -190,11 +205,17 @@ impl Place {
 
 impl Writer {
     /// Starts the writer on a pool of one connection.
-    pub(super) fn start(pool: Pool, on_change: OnChange) -> Self {
+    pub(super) fn start(pool: Pool, queue: Client, quotas: Quotas, on_change: OnChange) -> Self {
         let (requests, waiting) = mpsc::channel(WAITING_LIMIT);
         let last = Arc::new(Mutex::new(LastWrite::now(None)));
         let fence = Fence::default();
-        let task = tokio::spawn(run(pool, waiting, last.clone(), fence.clone(), on_change));
+        let transactions = Transactions {
+            pool,
+            fence: fence.clone(),
+            queue,
+            quotas,
+        };
+        let task = tokio::spawn(run(transactions, waiting, last.clone(), on_change));
         Self {
             requests: Mutex::new(Some(requests)),
             task: Mutex::new(Some(task)),
@@ -261,20 +282,43 @@ impl Writer {
     }
 }
 
-async fn run(
+/// What every transaction is begun with.
+struct Transactions {
     pool: Pool,
+    fence: Fence,
+    queue: Client,
+    quotas: Quotas,
+}
+
+impl Transactions {
+    /// Begins a transaction, where this node may still write.
+    async fn begin(&self) -> Result<Tx, WriteFailure> {
+        let begun = self.pool.begin_write().await;
+        let mut tx = Tx {
+            inner: begun.map_err(|error| WriteFailure::of_database(&error))?,
+            changes: Vec::new(),
+            queue: self.queue.clone(),
+            quotas: self.quotas,
+        };
+        self.fence.pass(&mut tx).await?;
+        Ok(tx)
+    }
+}
+
+async fn run(
+    transactions: Transactions,
     mut waiting: mpsc::Receiver<Box<dyn Work>>,
     last: Arc<Mutex<LastWrite>>,
-    fence: Fence,
     on_change: OnChange,
 ) {
-    let longest = pool.kind().either(Duration::MAX, LONGEST_TRANSACTION);
+    let kind = transactions.pool.kind();
+    let longest = kind.either(Duration::MAX, LONGEST_TRANSACTION);
     let mut group = Vec::with_capacity(GROUP_LIMIT);
     while waiting.recv_many(&mut group, GROUP_LIMIT).await > 0 {
         let mut works = group.drain(..);
         let mut done = Vec::with_capacity(works.len());
         let begun = Instant::now();
-        let committing = commit_group(&pool, &fence, &mut works, &mut done);
+        let committing = commit_group(&transactions, &mut works, &mut done);
         let committed = tokio::time::timeout(longest, committing).await;
         let committed = committed.unwrap_or_else(|_| Err(WriteFailure::no_answer()));
         let took = begun.elapsed().as_secs_f64();
@@ -299,7 +343,7 @@ async fn run(
                 done.into_iter()
                     .for_each(|one| (one.acknowledge)(Err(told())));
                 works.for_each(|work| work.refuse(told()));
-                if pool.kind() == Kind::Postgres {
+                if kind == Kind::Postgres {
                     // It may have been committed all the same, and the answer been lost.
                     on_change(Change::Missed);
                 }
@@ -311,17 +355,12 @@ async fn run(
 /// Runs a group in one transaction. Where that fails, `group` keeps the writes that were not run.
 /// The connection never goes on inside a transaction: the pool closes one that comes back so.
 async fn commit_group(
-    pool: &Pool,
-    fence: &Fence,
+    transactions: &Transactions,
     group: &mut (dyn Iterator<Item = Box<dyn Work>> + Send),
     done: &mut Vec<Done>,
 ) -> Result<Vec<Change>, WriteFailure> {
     let failed = |error: sqlx::Error| WriteFailure::of_database(&error);
-    let mut tx = Tx {
-        inner: pool.begin_write().await.map_err(failed)?,
-        changes: Vec::new(),
-    };
-    fence.pass(&mut tx).await?;
+    let mut tx = transactions.begin().await?;
     for work in group {
         if let Err(error) = database::query("savepoint one").execute(&mut *tx).await {
             let failure = WriteFailure::of_database(&error);
@@ -344,7 +383,7 @@ async fn commit_group(
             .await
             .map_err(failed)?;
     }
-    let Tx { inner, changes } = tx;
+    let Tx { inner, changes, .. } = tx;
     inner.commit().await.map_err(failed)?;
     Ok(changes)
 }

@@ -35,7 +35,7 @@ pub(super) async fn run(slices: SliceWorker, hub: EventHub, closing: Cancellatio
             Ok(Some((id, parts))) => pauses.note(id, parts, Instant::now()),
             Ok(None) => {}
             Err(error) => {
-                slices.store.note_damage(&error);
+                slices.store.damage().note(&error);
                 tracing::error!(%error, "another node could not be helped");
             }
         }
@@ -78,13 +78,13 @@ async fn help_one(
     but: &[JobId],
     closing: &CancellationToken,
 ) -> Result<Option<(JobId, usize)>, StoreError> {
-    if slices.store.share().is_none() {
+    if slices.store.nodes().share().is_none() {
         return Ok(None);
     }
-    let Some(id) = slices.store.job_to_help(but).await? else {
+    let Some(id) = slices.store.work_shares().job_to_help(but).await? else {
         return Ok(None);
     };
-    let Some(job) = slices.store.job(id).await? else {
+    let Some(job) = slices.store.jobs().find(id).await? else {
         return Ok(None);
     };
     let Some(permit) = slices.admission.take_free(job.project.as_str()) else {
@@ -92,7 +92,7 @@ async fn help_one(
     };
     let (materials, checkpoint) = (
         slices.materials(&job).await?,
-        slices.store.checkpoint(id).await?,
+        slices.store.checkpoints().find(id).await?,
     );
     let (Ok(materials), Some(checkpoint)) = (materials, checkpoint) else {
         return Ok(Some((id, 0)));
@@ -143,8 +143,8 @@ impl Helper<'_> {
         let store = &self.slices.store;
         let (mut known, mut shares_done, mut pace) = (0, 0, Pace::default());
         let mut parts = 0;
-        while let Some((index, of)) = store.share().filter(|(_, of)| shares_done < *of) {
-            let (came, last) = store.shared_parts(self.id, known).await?;
+        while let Some((index, of)) = store.nodes().share().filter(|(_, of)| shares_done < *of) {
+            let (came, last) = store.work_shares().after(self.id, known).await?;
             known = last;
             let share = Share {
                 index: (index + shares_done) % of,
@@ -164,7 +164,7 @@ impl Helper<'_> {
             pace.note(helped.refits + helped.generations, begun.elapsed());
             if helped.parts.is_empty() {
                 shares_done += 1;
-            } else if !store.help_with(self.id, helped.parts).await? {
+            } else if !store.work_shares().help_with(self.id, helped.parts).await? {
                 break;
             }
             let counter = |name, number: usize| metrics::counter!(name).increment(number as u64);

@@ -157,7 +157,8 @@ fn river(slices: &SliceWorker, taken_at_once: usize) -> Result<Client, StoreErro
         .with_completed_job_retention(Retention::DeleteAfter(ENTRIES_KEPT));
     Ok(slices
         .store
-        .queue_client()
+        .queue()
+        .client()
         .workers(workers)
         .queue(QUEUE, wake::configuration(taken_at_once))
         .fetch_cooldown(wake::COOLDOWN)
@@ -183,7 +184,7 @@ impl riverqueue::Worker<SliceOfJob> for SliceWorker {
             Ok(After::NotYet) => Ok(WorkOutcome::Snooze(NOT_YET_AFTER)),
             Ok(After::Done | After::Again) => Ok(WorkOutcome::Complete),
             Err(error) => {
-                self.store.note_damage(&error);
+                self.store.damage().note(&error);
                 tracing::error!(%job, %error, "a slice could not be worked and is tried again");
                 Err(error)
             }
@@ -215,7 +216,7 @@ async fn watch_stop_requests(
     let permits = Arc::new(Semaphore::new(at_once));
     let mut settling = JoinSet::new();
     loop {
-        match slices.store.stop_requests().await {
+        match slices.store.jobs().stop_requests().await {
             Ok(jobs) => {
                 for job in jobs {
                     settling.spawn(settle(slices.clone(), job, permits.clone()));
@@ -242,7 +243,7 @@ async fn watch_clock(store: Store, closing: CancellationToken) {
             () = closing.cancelled() => return,
             _ = due.tick() => {}
         }
-        if let Err(error) = store.free_entries_of_the_future().await {
+        if let Err(error) = store.queue().free_entries_of_the_future().await {
             tracing::error!(%error, "slices that wait for a clock could not be looked for");
         }
     }

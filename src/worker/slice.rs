@@ -6,6 +6,7 @@
 //! a write finds that another slice has begun.
 
 mod conclusion;
+mod current;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,20 +16,19 @@ use jiff::Timestamp;
 use tokio::sync::mpsc;
 use tracing::Instrument as _;
 
-use super::active::{ActiveJob, ActiveJobs};
-use super::between_slices::BetweenSlices;
+use super::active::ActiveJob;
 use super::candidates::Candidates;
 use super::exchange::Exchange;
 use super::recorder::Recorder;
-use super::run::{Advance, Assignment, Method, Past, Row, Run, Share};
+use super::run::{Advance, Assignment, Past, Row, Run, Share};
 use crate::access::Project;
-use crate::admission::{Admission, Permit};
+use crate::admission::Permit;
 use crate::job::Failure;
 use crate::span;
-use crate::store::{
-    Begin, Hold, JobRow, Lease, Meaning, ModelRow, SharedPart, Slice, Store, StoreError,
-};
+use crate::store::{Begin, Hold, JobRow, Lease, Meaning, ModelRow, SharedPart, Slice, StoreError};
 use conclusion::{Conclusion, broke};
+pub(super) use current::{After, SliceWorker};
+use current::{Computed, Current, End};
 use greybox::estimation::Progress;
 use greybox::identification::{DatasetId, JobId};
 use greybox::recording::Recording;
@@ -44,70 +44,6 @@ const CANDIDATES_AT_ONCE: usize = 50_000;
 
 /// Lives of the server in a row that may end with a job, none of them without it, before it fails.
 const DEATH_LIMIT: u32 = 10;
-
-/// For how long a job may go on with one entry of the queue, which takes one that is worked for long for
-/// lost.
-const ENTRY_LASTS: Duration = Duration::from_hours(1);
-
-/// What is to be done with the entry of a slice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum After {
-    /// The job has more to do and nobody waits: another slice, now.
-    Again,
-    /// The job is at work already: look again soon.
-    Later,
-    /// The job has to wait a little, for lives of the server ended with it: look again later.
-    NotYet,
-    /// Nothing more to do with this entry.
-    Done,
-}
-
-/// Works slices. Cheap to clone.
-#[derive(Clone)]
-pub(super) struct SliceWorker {
-    pub(super) store: Store,
-    pub(super) method: Arc<dyn Method>,
-    pub(super) active: ActiveJobs,
-    pub(super) between_slices: BetweenSlices,
-    /// Computations at the same time. More entries may have been taken from the queue: the next
-    /// ones wait here, so that no permit is idle while the queue is asked or an end is written.
-    pub(super) admission: Admission,
-    pub(super) slice_length: Duration,
-    pub(super) max_candidates: u64,
-}
-
-/// Why the computation of a slice returned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum End {
-    Finished,
-    TimeIsUp,
-    Stopped,
-}
-
-/// The slice at work.
-pub(super) struct Current {
-    pub(super) lease: Lease,
-    pub(super) started: Instant,
-    /// When the entry was taken that it is worked for.
-    pub(super) entry_taken: Instant,
-    /// The time that the job may still work, where it has a limit.
-    time_left: Option<Duration>,
-    stop: Arc<AtomicBool>,
-    /// What it and other nodes that help have for each other.
-    exchange: Arc<Exchange>,
-}
-
-impl Current {
-    pub(super) fn is_out_of_time(&self) -> bool {
-        self.time_left
-            .is_some_and(|left| self.started.elapsed() >= left)
-    }
-
-    /// Whether the job needs a new entry to go on.
-    pub(super) fn entry_is_old(&self) -> bool {
-        self.entry_taken.elapsed() >= ENTRY_LASTS
-    }
-}
 
 /// What a job is worked from: the stored model, where a user wrote the model, the recordings with
 /// their digests, and the finished job that the job goes on from.
@@ -133,8 +69,6 @@ struct Unit {
     progress: Progress,
 }
 
-pub(super) type Computed = Result<(Box<dyn Run>, End), Failure>;
-
 impl SliceWorker {
     /// Works slices for an entry of the project's queue, for as long as nobody else waits.
     pub(super) async fn work(
@@ -147,7 +81,7 @@ impl SliceWorker {
         loop {
             let permit = self.admission.take(project.as_str()).await;
             if self.active.all_are_stopped() {
-                self.store.give_back(id, entry).await?;
+                self.store.queue().give_back(id, entry).await?;
                 return Ok(After::Done);
             }
             let Some(job) = self.active.take(id) else {
@@ -179,7 +113,7 @@ impl SliceWorker {
         (job, entry_taken): (&ActiveJob, Instant),
     ) -> Result<After, StoreError> {
         let (entry, permit) = entry.unzip();
-        let slice = match self.store.begin_slice(id, entry, DEATH_LIMIT).await? {
+        let slice = match self.store.slices().begin(id, entry, DEATH_LIMIT).await? {
             Begin::Slice(slice) => *slice,
             Begin::NotYet => return Ok(After::NotYet),
             Begin::Nothing | Begin::Ended => return Ok(After::Done),
@@ -197,7 +131,7 @@ impl SliceWorker {
             time_left: time_left(&slice),
             stop,
             exchange: Arc::new(Exchange::new(
-                self.store.share().is_some(),
+                self.store.nodes().share().is_some(),
                 slice.is_shared,
                 heard,
             )),
@@ -242,7 +176,7 @@ impl SliceWorker {
     fn or_damage<T>(&self, done: Result<T, StoreError>) -> Result<Result<T, Failure>, StoreError> {
         match done {
             Err(error) if error.meaning() == Meaning::Damaged => {
-                self.store.note_damage(&error);
+                self.store.damage().note(&error);
                 Ok(Err(Failure::damaged_data(&error)))
             }
             done => done.map(Ok),
@@ -254,7 +188,7 @@ impl SliceWorker {
         &self,
         job: &JobRow,
     ) -> Result<Result<Materials, Failure>, StoreError> {
-        let model = self.store.model(&job.model).await?;
+        let model = self.store.models().by_reference(&job.model).await?;
         let datasets = match self.recordings(&job.task.datasets()).await? {
             Ok(datasets) => datasets,
             Err(failure) => return Ok(Err(failure)),
@@ -272,8 +206,8 @@ impl SliceWorker {
 
     /// The finished job that a job goes on from.
     async fn past(&self, id: JobId) -> Result<Result<Past, Failure>, StoreError> {
-        let job = self.store.job(id).await?;
-        let outcome = self.store.result(id).await?;
+        let job = self.store.jobs().find(id).await?;
+        let outcome = self.store.results().find(id).await?;
         let spec = job.as_ref().and_then(|job| job.task.identification());
         let (Some(spec), Some(outcome)) = (spec, outcome) else {
             let detail = format!("the job {id} or its result is no longer stored");
@@ -296,8 +230,8 @@ impl SliceWorker {
     ) -> Result<Result<Vec<(String, Arc<Recording>)>, Failure>, StoreError> {
         let mut recordings = Vec::new();
         for id in datasets.iter().copied() {
-            let row = self.store.dataset(id).await?;
-            let recording = self.store.recording(id).await?;
+            let row = self.store.datasets().find(id).await?;
+            let recording = self.store.datasets().recording(id).await?;
             let (Some(row), Some(recording)) = (row, recording) else {
                 let detail = format!("the dataset {id} is no longer stored");
                 return Ok(Err(Failure::cannot_run(detail, Vec::new())));
@@ -380,11 +314,19 @@ impl SliceWorker {
 
     /// Brings the computation what other nodes did after the part with a number.
     async fn bring(&self, current: &Current, after: i64) -> Result<(), StoreError> {
-        let brought = self.store.shared_parts(current.lease.job, after).await;
+        let brought = self
+            .store
+            .work_shares()
+            .after(current.lease.job, after)
+            .await;
         let brought = brought.inspect_err(|_| {
             current.stop.store(true, Ordering::Relaxed);
         })?;
-        let own = self.store.share().map(|(index, of)| Share { index, of });
+        let own = self
+            .store
+            .nodes()
+            .share()
+            .map(|(index, of)| Share { index, of });
         current.exchange.bring(brought, own);
         Ok(())
     }
@@ -393,9 +335,10 @@ impl SliceWorker {
     async fn recall(&self, lease: Lease, recorder: &mut Recorder) -> Result<(), StoreError> {
         let mut after = Some(0);
         while let Some(generation) = after {
-            let kept = self
-                .store
-                .candidates(lease.job, generation, u32::MAX, CANDIDATES_AT_ONCE);
+            let kept =
+                self.store
+                    .candidates()
+                    .page(lease.job, generation, u32::MAX, CANDIDATES_AT_ONCE);
             let kept = kept.await?;
             recorder.recall(&kept);
             // Once the record is cut nothing more is kept.
@@ -409,7 +352,7 @@ impl SliceWorker {
         if recorder.is_empty() {
             return Ok(Hold::Kept);
         }
-        self.store.record(lease, recorder.record()).await
+        self.store.slices().record(lease, recorder.record()).await
     }
 }
 

@@ -54,7 +54,7 @@ impl Wake {
         loop {
             match waiting {
                 Projects::Some(projects) => self.wake_all(&projects),
-                Projects::All => match store.projects_at_work().await {
+                Projects::All => match store.queue().projects_at_work().await {
                     Ok(projects) => self.wake_all(&projects),
                     Err(error) => {
                         tracing::error!(%error, "the projects with jobs could not be read")

@@ -15,6 +15,15 @@ struct Module {
     paths: Vec<Place>,
 }
 
+/// Whether a circle of a folder's own file and a file of the folder counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Folders {
+    /// The folder's own file only declares and hands on, or the files of the folder do without it.
+    Strict,
+    /// Together they are one subject.
+    Lenient,
+}
+
 /// The files, by their places.
 pub struct Files(BTreeMap<Place, Module>);
 
@@ -34,12 +43,16 @@ impl Files {
         Files(sources.iter().map(module).collect())
     }
 
-    /// The files that a file needs. A file in a folder may need those of the folder's own file, and
-    /// that the others: together they are one subject.
-    fn needs(&self, own: &Place) -> BTreeSet<&Place> {
-        let paths = self.0[own].paths.iter();
-        let found = paths.filter_map(|path| self.definer(path, 0));
-        found.filter(|other| !own.starts_with(other)).collect()
+    /// The other files that a file needs. Where folders are lenient, a file in a folder may need the
+    /// folder's own file, which needs the files of the folder.
+    fn needs(&self, place: &Place, folders: Folders) -> BTreeSet<&Place> {
+        let paths = self.0[place].paths.iter();
+        let definers = paths.filter_map(|path| self.definer(path, 0));
+        let others = definers.filter(|other| *other != place);
+        let is_parent = |other: &Place| place.starts_with(other);
+        others
+            .filter(|other| folders == Folders::Strict || !is_parent(other))
+            .collect()
     }
 
     /// Where a path leads.
@@ -64,9 +77,9 @@ impl Files {
     }
 
     /// The circles: files each of which needs every other, by way of others.
-    pub fn circles(&self) -> Vec<Vec<&str>> {
-        let needs: BTreeMap<&Place, BTreeSet<&Place>> =
-            self.0.keys().map(|from| (from, self.needs(from))).collect();
+    pub fn circles(&self, folders: Folders) -> Vec<Vec<&str>> {
+        let needs = self.0.keys().map(|from| (from, self.needs(from, folders)));
+        let needs: BTreeMap<&Place, BTreeSet<&Place>> = needs.collect();
         let reach = needs.keys().map(|from| (*from, reached(&needs, from)));
         let reach: BTreeMap<&Place, BTreeSet<&Place>> = reach.collect();
         let mut circles = BTreeSet::new();
@@ -134,6 +147,8 @@ fn defined(code: &str) -> BTreeSet<String> {
 
 /// Every path into this crate, whole.
 fn paths(code: &str, own: &Place, places: &BTreeSet<Place>) -> Vec<Place> {
+    // Who may see an item is no need of the file.
+    let code = &code.replace("pub(in crate::", "pub(in ");
     let mut found = Vec::new();
     for rest in super::after_path_starts(code, "crate::") {
         spelled_out(rest, &[], &mut found);
@@ -162,6 +177,10 @@ fn paths(code: &str, own: &Place, places: &BTreeSet<Place>) -> Vec<Place> {
 
 /// `a::{b, c::d}` as two paths.
 fn spelled_out(text: &str, base: &[String], found: &mut Vec<Place>) {
+    if text.is_empty() {
+        // What follows the last comma of a group.
+        return;
+    }
     if let Some(group) = text.strip_prefix('{') {
         let (mut depth, mut start) = (1, 0);
         for (at, character) in group.char_indices() {
@@ -198,5 +217,20 @@ fn a_circle_by_way_of_a_name_that_is_handed_on_is_seen() {
         source("a/c.rs", "use super::B; pub struct C(B);"),
         source("d.rs", "use crate::a::{self, b::B}; struct D(B, a::A);"),
     ]);
-    assert_eq!(files.circles(), [["a/b.rs", "a/c.rs"]]);
+    assert_eq!(files.circles(Folders::Lenient), [["a/b.rs", "a/c.rs"]]);
+    assert_eq!(
+        files.circles(Folders::Strict),
+        [["a/b.rs", "a/c.rs", "a/mod.rs"]]
+    );
+}
+
+#[test]
+fn a_folder_whose_own_file_only_hands_on_is_no_circle() {
+    let source = |path: &str, code: &str| Source::new("src", path.to_owned(), code);
+    let files = Files::new(&[
+        source("a/mod.rs", "mod b; mod c; pub use b::B; use c::C;"),
+        source("a/b.rs", "use super::{\n    C,\n}; pub struct B(C);"),
+        source("a/c.rs", "pub(in crate::a) struct C;"),
+    ]);
+    assert!(files.circles(Folders::Strict).is_empty());
 }

@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 const part = (name) => import(new URL(`../../src/dashboard/assets/${name}`, import.meta.url));
-const { changed, conditionsOf, conditionText, labelText, labelsOf, priorOfResult, withModel } =
+const { changed, conditionsOf, conditionText, labelText, labelsOf, patched, priorOfResult, withModel } =
   await part("new/draft.js");
 const { entryOf, parameterRows } = await part("model/parameters.js");
 const { inputSet, likeness, suggestSignals } = await part("model/signals.js");
@@ -289,66 +289,62 @@ test("equations are read with their precedence", () => {
 
 const { conclusions, listed } = await part("job/verdict.js");
 
-test("what is about the same parameters becomes one sentence with the job to run next", () => {
-  const reason = (code, concerns) => ({ code, detail: `${code} detail`, concerns });
-  const parameterOf = (name, more) => ({
-    name,
-    unit: "kg",
-    estimate: 57.123456,
-    lower: 20,
-    upper: 120,
-    at_bound: false,
-    ...more,
+const RULES = [
+  { code: "misfit", family: "misfit", title: "The model misses an effect", advice: "Free one." },
+  { code: "residuals_not_white", family: "misfit", title: "Residuals with a memory", advice: "" },
+  { code: "not_identifiable", family: "not_identifiable", title: "Not fixed", advice: "Give one." },
+  { code: "correlated", family: "not_identifiable", title: "Known together", advice: "" },
+];
+const step = (label) => ({ label, why: "", patch: {} });
+
+test("reasons of one family about the same parameters become one sentence with their next steps", () => {
+  const reason = (code, concerns, ...labels) => ({
+    code,
+    detail: `${code} detail`,
+    concerns,
+    next: labels.map(step),
   });
-  const result = {
-    verdict: {
-      trust: "low",
-      reasons: [
-        reason("misfit"),
-        reason("correlated", ["mass", "gain"]),
-        reason("not_identifiable", ["stiffness"]),
-        reason("correlated", ["gain", "stiffness"]),
-        reason("residuals_not_white"),
-      ],
-    },
-    parameters: [parameterOf("mass"), parameterOf("gain"), parameterOf("stiffness")],
-    budget: [
-      { assumption: "dead_band", kind: "absent_effect", score: 2 },
-      { assumption: "coulomb_friction", kind: "absent_effect", score: -9 },
-      { assumption: "supply_pressure", kind: "tolerance", score: 1 },
-    ],
-  };
-  const spec = { seed: 1, experiments: [], parameters: { coulomb_friction: { value: 0 } } };
-  const points = conclusions(result, spec, MODEL);
+  const reasons = [
+    reason("misfit", undefined, "Free friction"),
+    reason("correlated", ["mass", "gain"], "Fix mass", "Fix gain"),
+    reason("not_identifiable", ["stiffness"], "Fix stiffness"),
+    reason("correlated", ["gain", "stiffness"], "Fix gain", "Fix stiffness"),
+    reason("residuals_not_white", undefined, "Free friction"),
+    reason("correlated", ["a", "b[0]"]),
+  ];
+  const points = conclusions({ verdict: { reasons } }, RULES);
   assert.deepEqual(
-    points.map(({ codes }) => codes),
+    points.map(({ codes, next }) => [codes, next.map(({ label }) => label)]),
     [
-      ["misfit", "residuals_not_white"],
-      ["correlated", "not_identifiable"],
+      [["misfit", "residuals_not_white"], ["Free friction"]],
+      [
+        ["correlated", "not_identifiable"],
+        ["Fix mass", "Fix gain", "Fix stiffness"],
+      ],
+      [["correlated"], []],
     ],
   );
-  assert.match(points[1].text, /cannot tell mass, gain and stiffness apart/);
-  assert.deepEqual(
-    points[1].actions.map(({ label }) => label),
-    ["Fix mass", "Fix gain", "Fix stiffness"],
-  );
-  assert.deepEqual(points[1].actions[0].spec.parameters.mass, { value: 57.12 });
-  assert.deepEqual(points[0].actions[0].spec.model_search, { effects: ["coulomb_friction", "dead_band"] });
-  assert.deepEqual(points[0].actions[1].spec.parameters.coulomb_friction, { estimate: {} });
+  assert.equal(points[0].text, "misfit detail (1 more like this below)");
+  assert.equal(points[1].text, "Not fixed: mass, gain and stiffness. Give one.");
+  assert.equal(points[2].text, "correlated detail");
   assert.equal(listed(["load[1]"]), "load in experiment 2");
+  assert.equal(conclusions({ verdict: { reasons } }, []).length, 5);
 });
 
-test("an estimate at its bound gets a wider range, within what is possible", () => {
-  const at = { name: "mass", unit: "kg", estimate: 120, lower: 20, upper: 120, at_bound: true };
-  const result = { verdict: { reasons: [{ code: "at_bound", detail: "d" }] }, parameters: [at], budget: [] };
-  const next = (about) =>
-    conclusions(result, { experiments: [] }, { parameters: [{ name: "mass", scale: "linear", ...about }] })[0]
-      .actions;
-  assert.deepEqual(next({})[0].spec.parameters.mass, {
-    estimate: { lower: 20, upper: 320, scale: "linear" },
+test("a change of the server sets, replaces and removes members of a specification", () => {
+  const spec = { parameters: { mass: { estimate: { lower: 1, upper: 2 } } }, experiments: [1, 2], seed: 3 };
+  const patch = {
+    parameters: { mass: { estimate: null, value: 57 } },
+    experiments: [4],
+    outputs: { y: { noise_std: 1 } },
+  };
+  assert.deepEqual(patched(spec, patch), {
+    parameters: { mass: { value: 57 } },
+    experiments: [4],
+    outputs: { y: { noise_std: 1 } },
+    seed: 3,
   });
-  assert.equal(next({ maximum: 200 })[0].spec.parameters.mass.estimate.upper, 200);
-  assert.deepEqual(next({ maximum: 120 }), []);
+  assert.equal(spec.parameters.mass.estimate.upper, 2);
 });
 
 const LAG = `name: lag

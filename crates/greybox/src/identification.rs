@@ -11,6 +11,7 @@ mod description;
 pub mod design;
 mod experiment;
 pub mod id;
+mod next_steps;
 pub mod outcome;
 mod run;
 pub mod simulation;

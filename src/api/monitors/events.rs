@@ -7,9 +7,9 @@ use axum::http::HeaderMap;
 use axum::response::Response;
 use tokio::sync::watch;
 
-use super::monitor;
-use crate::api::ApiState;
+use super::stored::monitor;
 use crate::api::error::Answer;
+use crate::api::event_streams::EventStreams;
 use crate::api::events::{EventsQuery, Follow, StreamedEvent, follow, last_event_id};
 use crate::api::extract::Named;
 use crate::api::query::Params;
@@ -37,18 +37,18 @@ const EVENTS: u32 = 200;
                description = "The events, one after the other"))
 )]
 pub async fn events(
-    State(state): State<ApiState>,
+    State(streams): State<EventStreams>,
     Named(id): Named<MonitorId>,
     Params(query): Params<EventsQuery>,
     headers: HeaderMap,
 ) -> Answer<Response> {
     let last = last_event_id(&headers)?.or(query.last_event_id);
-    monitor(&state, id).await?;
-    let permit = state.stream_permit()?;
+    monitor(streams.store.monitors(), id).await?;
+    let permit = streams.permit()?;
     let feed = MonitorFeed {
-        news: state.hub.monitor_news(),
-        hub: state.hub.clone(),
-        store: state.store.clone(),
+        news: streams.hub.monitor_news(),
+        hub: streams.hub.clone(),
+        store: streams.store.clone(),
         id,
         after: last.unwrap_or(0),
     };
@@ -68,11 +68,15 @@ impl Follow for MonitorFeed {
     async fn next(&mut self) -> Result<Option<Vec<Arc<StoredEvent>>>, StoreError> {
         loop {
             self.news.mark_unchanged();
-            let page = |limit| self.store.monitor_events_after(self.id, self.after, limit);
+            let page = |limit| {
+                self.store
+                    .monitors()
+                    .events_after(self.id, self.after, limit)
+            };
             let events = match page(EVENTS).await {
                 // Events before a damaged one are handed out one by one.
                 Err(error) if error.corrupt_row().is_some() => {
-                    self.store.note_damage(&error);
+                    self.store.damage().note(&error);
                     page(1).await?
                 }
                 events => events?,
@@ -81,7 +85,7 @@ impl Follow for MonitorFeed {
                 self.after = last.id;
                 return Ok(Some(events.into_iter().map(Arc::new).collect()));
             }
-            if self.store.monitor(self.id).await?.is_none() {
+            if self.store.monitors().find(self.id).await?.is_none() {
                 return Ok(None);
             }
             tokio::select! {

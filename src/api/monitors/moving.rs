@@ -5,8 +5,8 @@ use axum::http::{HeaderMap, StatusCode};
 use jiff::Timestamp;
 use utoipa::ToSchema;
 
-use super::{Monitor, monitor, understood};
-use crate::api::ApiState;
+use super::Monitor;
+use super::stored::{monitor, understood};
 use crate::api::body::JsonDocument;
 use crate::api::error::{Answer, Kind, Problem};
 use crate::api::extract::Named;
@@ -15,7 +15,7 @@ use crate::api::query::{NoQuery, Params};
 use crate::job::MonitorId;
 use crate::monitor::WindowStatus;
 use crate::monitor::state::instant;
-use crate::store::Advance;
+use crate::store::{Advance, Monitors};
 use greybox::parsing::Fault;
 use greybox::parsing::reader::read_document;
 
@@ -55,14 +55,14 @@ impl MonitorMove {
               (status = 409, description = "A job works a window just now"))
 )]
 pub async fn move_to(
-    State(state): State<ApiState>,
+    State(monitors): State<Monitors>,
     Named(id): Named<MonitorId>,
     _query: Params<NoQuery>,
     _headers: HeaderMap,
     document: JsonDocument,
 ) -> Answer {
     let wanted = MonitorMove::read(&document.value).map_err(Problem::of_document)?;
-    let row = monitor(&state, id).await?;
+    let row = monitor(&monitors, id).await?;
     let at_work = || {
         let detail = "a job works a window just now; move the monitor when it has ended";
         Problem::new(Kind::WrongState, detail)
@@ -71,10 +71,7 @@ pub async fn move_to(
         return Err(at_work());
     }
     let (spec, mut knows) = understood(&row)?;
-    let newest = state
-        .store
-        .monitor_windows(id, None, LOOKED_THROUGH)
-        .await?;
+    let newest = monitors.windows(id, None, LOOKED_THROUGH).await?;
     let is_worked = |status: &serde_json::Value| *status != WindowStatus::NoData.as_str();
     let worked = newest
         .rows
@@ -104,11 +101,11 @@ pub async fn move_to(
         forget_before: first - i64::from(spec.keep_jobs),
         from: row,
     };
-    if !state.store.advance_monitor(moved).await? {
+    if !monitors.advance(moved).await? {
         return Err(at_work());
     }
     Ok(json(
         StatusCode::OK,
-        &Monitor::new(monitor(&state, id).await?)?,
+        &Monitor::new(monitor(&monitors, id).await?)?,
     ))
 }

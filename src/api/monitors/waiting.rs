@@ -4,11 +4,10 @@ use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::{clock_ns, understood};
-use crate::api::ApiState;
+use super::stored::{clock_ns, understood};
 use crate::api::error::Answer;
 use crate::monitor::state::instant;
-use crate::store::MonitorRow;
+use crate::store::{MonitorRow, Streams};
 
 /// What a monitor waits for.
 #[derive(Serialize, ToSchema)]
@@ -33,15 +32,15 @@ pub struct WaitsFor {
 }
 
 impl WaitsFor {
-    pub(super) async fn of(state: &ApiState, row: &MonitorRow) -> Answer<Option<Self>> {
+    pub(super) async fn of(streams: &Streams, row: &MonitorRow) -> Answer<Option<Self>> {
         if row.job.is_some() {
             return Ok(None);
         }
         let (spec, knows) = understood(row)?;
         let (from, to) = knows.span(&spec.window);
-        let stream = state.store.stream(&row.project, &row.stream).await?;
+        let stream = streams.find(&row.project, &row.stream).await?;
         let reached = match &stream {
-            Some(stream) => state.store.stream_reached(stream, clock_ns()).await?,
+            Some(stream) => streams.last_instant(stream, clock_ns()).await?,
             None => None,
         };
         let (from, to, due) = (instant(from), instant(to), instant(row.due_ns));

@@ -5,7 +5,8 @@ use jiff::Timestamp;
 use sha2::Digest;
 use utoipa::ToSchema;
 
-use super::{StreamName, invalid, stream, too_few, window};
+use super::stamps::invalid;
+use super::{StreamName, stream, too_few, window};
 use crate::api::ApiState;
 use crate::api::body::JsonDocument;
 use crate::api::client::Client;
@@ -92,12 +93,17 @@ pub async fn cut(
     document: JsonDocument,
 ) -> Answer {
     let part = StreamPart::read(&document.value).map_err(Problem::of_document)?;
-    let stream = stream(&state, &client, &name).await?;
-    let _permit = state.recording_permit().await?;
-    let recording = window(&state, &stream, (Some(part.from), Some(part.to))).await?;
+    let stream = stream(state.store.streams(), &client, &name).await?;
+    let _permit = state.work.recording_permit().await?;
+    let recording = window(
+        state.store.streams(),
+        &stream,
+        (Some(part.from), Some(part.to)),
+    )
+    .await?;
     let mut recording = recording.ok_or_else(|| invalid("too_few_samples", too_few()))?;
     recording.name = part.name;
-    let new = state.convert(move || {
+    let new = state.work.convert(move || {
         let summary = recording.summary();
         let copy = recording.clone();
         let (signals, rows) = Rows::of(copy).expect("a part of a stream has a start");
@@ -114,5 +120,5 @@ pub async fn cut(
             recording: recording.into(),
         })
     });
-    stored(&state, new.await?).await
+    stored(state.store.datasets(), new.await?).await
 }

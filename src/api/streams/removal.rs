@@ -6,15 +6,15 @@ use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
-use super::{StreamName, nanoseconds, read_instants};
-use crate::api::ApiState;
+use super::stamps::nanoseconds;
+use super::{StreamName, read_instants};
 use crate::api::audit::ActedOn;
 use crate::api::client::Client;
 use crate::api::error::{Answer, Problem};
 use crate::api::extract::Named;
 use crate::api::http_headers::json;
 use crate::api::query::{FromQuery, Params, QueryReader};
-use crate::store::StreamRow;
+use crate::store::{StreamRow, Streams};
 
 /// Which samples are to go.
 #[derive(IntoParams)]
@@ -58,7 +58,7 @@ pub struct RemovedSamples {
     responses((status = 200, description = "They are removed", body = RemovedSamples))
 )]
 pub async fn remove_samples(
-    State(state): State<ApiState>,
+    State(streams): State<Streams>,
     client: Client,
     Named(StreamName(name)): Named<StreamName>,
     Params(span): Params<RemovedSpan>,
@@ -68,7 +68,7 @@ pub async fn remove_samples(
     let acted_on = ActedOn(format!("/v1/streams/{name}/samples?from={from}&to={to}"));
     let ns = |instant: Option<Timestamp>, open| instant.map_or(open, nanoseconds);
     let span = (ns(span.from, i64::MIN), ns(span.to, i64::MAX));
-    let cleared = state.store.remove_samples(&client.project, &name, span);
+    let cleared = streams.remove_samples(&client.project, &name, span);
     let cleared = cleared.await?;
     let cleared = cleared.ok_or_else(|| Problem::not_found("stream", &name))?;
     let shown = RemovedSamples {

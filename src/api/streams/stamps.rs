@@ -2,7 +2,6 @@
 
 use jiff::Timestamp;
 
-use super::{invalid, nanoseconds};
 use crate::api::Limits;
 use crate::api::error::{Answer, Kind, Problem, ProblemFault};
 use crate::monitor::state::instant;
@@ -40,4 +39,23 @@ pub(super) fn batch(recording: Recording, latest: Timestamp) -> Answer<Batch> {
         ..ProblemFault::default()
     });
     Err(Problem::of_faults(Kind::Invalid, faults))
+}
+
+/// An instant in nanoseconds since 1970; the nearest that 64 bits hold.
+pub(super) fn nanoseconds(instant: Timestamp) -> i64 {
+    let nearest = match instant < Timestamp::UNIX_EPOCH {
+        true => i64::MIN,
+        false => i64::MAX,
+    };
+    i64::try_from(instant.as_nanosecond()).unwrap_or(nearest)
+}
+
+/// The samples are not what they have to be.
+pub(super) fn invalid(code: &str, detail: String) -> Problem {
+    let fault = ProblemFault {
+        code: code.to_owned(),
+        detail,
+        ..ProblemFault::default()
+    };
+    Problem::of_faults(Kind::Invalid, [fault])
 }

@@ -15,6 +15,12 @@ use crate::store::StoreError;
 /// The migrations that make the schema of a SQLite database.
 pub(in crate::store) static SCHEMA: Migrator = sqlx::migrate!("./migrations");
 
+/// The version of the database's schema that this build works with.
+pub fn schema_version() -> i64 {
+    let versions = SCHEMA.iter().map(|migration| migration.version);
+    versions.max().unwrap_or(0)
+}
+
 /// The one connection that writes. A disk that is full can leave it inside a transaction that SQLite
 /// has ended and the connection has not; such a one is closed, and the next write opens another.
 pub(in crate::store) async fn writer(

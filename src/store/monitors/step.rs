@@ -1,18 +1,17 @@
 //! What is written of a monitor: that it is there, and each of its steps.
 
 use jiff::Timestamp;
-use riverqueue::Client;
 use serde_json::{Value, json};
 
-use super::{Advance, AdvanceWindow, MonitorRow, NewMonitor, fetch};
+use super::monitor::{self, Advance, AdvanceWindow, MonitorRow, NewMonitor, fetch};
 use crate::job::MonitorId;
 use crate::store::database::{self, Connection};
-use crate::store::idempotency::{self, Idempotency};
+use crate::store::idempotency;
 use crate::store::sealed::{MONITOR_ALARMS, MONITOR_EVENTS, MONITOR_WINDOWS, MONITORS};
-use crate::store::submit::Submitted;
 use crate::store::submit::batch::{self, Known};
+use crate::store::submit::{self, Made, Submitted};
 use crate::store::writer::Tx;
-use crate::store::{Change, Quotas, StoreError, corrupt, datasets, jobs, streams, webhooks};
+use crate::store::{Change, StoreError, datasets, deliveries, jobs, streams};
 use greybox::identification::{DatasetId, JobId};
 
 /// Monitors that a project can have.
@@ -23,7 +22,7 @@ pub(super) async fn insert(
     new: NewMonitor,
 ) -> Result<Option<Submitted<MonitorRow>>, StoreError> {
     if let Some(idempotency) = &new.idempotency
-        && let Some(earlier) = earlier(tx, idempotency).await?
+        && let Some(earlier) = submit::earlier(tx, idempotency).await?
     {
         return Ok(Some(earlier));
     }
@@ -73,25 +72,13 @@ pub(super) async fn insert(
     Ok(fetch(tx, id).await?.map(Submitted::Created))
 }
 
-/// The answer to a monitor whose key came before.
-pub(super) async fn earlier(
-    connection: &mut Connection,
-    idempotency: &Idempotency,
-) -> Result<Option<Submitted<MonitorRow>>, StoreError> {
-    let Some(earlier) = idempotency::earlier(connection, idempotency).await? else {
-        return Ok(None);
-    };
-    let made = earlier.made;
-    if !earlier.is_same_body || !made.starts_with(MonitorId::PREFIX) {
-        return Ok(Some(Submitted::KeyReused));
+impl Made for MonitorRow {
+    type Id = MonitorId;
+    const PREFIX: &'static str = MonitorId::PREFIX;
+
+    async fn fetch(connection: &mut Connection, id: MonitorId) -> Result<Option<Self>, StoreError> {
+        fetch(connection, id).await
     }
-    let id = made
-        .parse()
-        .map_err(|why| corrupt("identifier", &made, why))?;
-    Ok(Some(match fetch(connection, id).await? {
-        Some(row) => Submitted::Replayed(row),
-        None => Submitted::Forgotten(made),
-    }))
 }
 
 pub(super) async fn delete(tx: &mut Tx, id: MonitorId) -> Result<bool, StoreError> {
@@ -103,11 +90,7 @@ pub(super) async fn delete(tx: &mut Tx, id: MonitorId) -> Result<bool, StoreErro
     Ok(removed > 0)
 }
 
-pub(super) async fn advance(
-    (queue, quotas): (Client, Quotas),
-    tx: &mut Tx,
-    step: Advance,
-) -> Result<bool, StoreError> {
+pub(super) async fn advance(tx: &mut Tx, step: Advance) -> Result<bool, StoreError> {
     let Advance {
         from,
         state,
@@ -127,7 +110,7 @@ pub(super) async fn advance(
     };
     let mut job = now.job;
     if let Some(window) = window {
-        let (works, row) = put_window((&queue, quotas), tx, from.id, window).await?;
+        let (works, row) = put_window(tx, from.id, window).await?;
         job = works;
         told.tell(tx, "window", &row).await?;
     }
@@ -172,7 +155,6 @@ pub(super) async fn advance(
 
 /// Writes what there is to say of a window, with the job that works it from now on.
 async fn put_window(
-    (queue, quotas): (&Client, Quotas),
     tx: &mut Tx,
     monitor: MonitorId,
     window: AdvanceWindow,
@@ -190,21 +172,19 @@ async fn put_window(
     .bind(number)
     .fetch_optional(&mut **tx)
     .await?;
-    let before = before.as_ref().map(super::window).transpose()?;
+    let before = before.as_ref().map(monitor::window).transpose()?;
     let (mut id, mut dataset) = (None, None);
     if let Some(new) = job {
         let refused = match new.dataset {
             None => None,
-            Some((name, recording)) => {
-                match datasets::insert_as(tx, name, recording, quotas).await {
-                    Ok((stored, _)) => {
-                        dataset = Some(stored.id);
-                        None
-                    }
-                    Err(StoreError::Quota(exceeded)) => Some(exceeded.to_string()),
-                    Err(other) => return Err(other),
+            Some((name, recording)) => match datasets::insert_as(tx, name, recording).await {
+                Ok((stored, _)) => {
+                    dataset = Some(stored.id);
+                    None
                 }
-            }
+                Err(StoreError::Quota(exceeded)) => Some(exceeded.to_string()),
+                Err(other) => return Err(other),
+            },
         };
         let all = vec![new.job];
         let known = Known::look_up(tx, &all).await?;
@@ -214,7 +194,7 @@ async fn put_window(
             row["status"] = "failed".into();
             row["reason"] = reason.into();
         } else {
-            let stored = batch::store(queue, tx, all).await?;
+            let stored = batch::store(tx, all).await?;
             id = stored.first().map(|job| job.id);
         }
     }
@@ -254,7 +234,7 @@ async fn forget(tx: &mut Tx, monitor: MonitorId, before: i64) -> Result<(), Stor
     .await?;
     let old = old
         .iter()
-        .map(super::window)
+        .map(monitor::window)
         .collect::<Result<Vec<_>, _>>()?;
     for window in old {
         if let Some(job) = window.job {
@@ -301,7 +281,7 @@ async fn insert_alarm(
         .execute(&mut **tx)
         .await?;
     let data = json!({"monitor": monitor.id.to_string(), "alarm": alarm});
-    webhooks::tell(tx, &monitor.project, "monitor.alarm", &data).await
+    deliveries::tell(tx, &monitor.project, "monitor.alarm", &data).await
 }
 
 /// Events of a monitor, as they are stored.

@@ -4,25 +4,24 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use riverqueue::Client;
 use sqlx::PgConnection;
 use tokio::time::MissedTickBehavior;
 use tokio_util::sync::CancellationToken;
 
-use super::super::opening::Shared;
-use super::super::writer::Writer;
-use super::super::{Change, OnChange};
+use super::lives;
 use super::watch::{Beat, Watch};
+use crate::store::opening::Shared;
+use crate::store::shared_database::Database;
+use crate::store::writer::in_transaction;
+use crate::store::{Change, OnChange};
 
 /// How long a beat may take: after that its connection is given up and another one made.
 const LONGEST_BEAT: Duration = Duration::from_secs(2);
 
 /// What a node needs to say that it lives and to take over from others.
 pub(super) struct Beats {
-    pub(super) life: i64,
+    pub(super) database: Arc<Database>,
     pub(super) shared: Shared,
-    pub(super) writer: Arc<Writer>,
-    pub(super) queue: Client,
     pub(super) on_change: OnChange,
     pub(super) in_charge: Arc<AtomicBool>,
     /// Which it is of those that live, and how many they are.
@@ -37,7 +36,7 @@ impl Beats {
         let mut due = tokio::time::interval(self.shared.beat);
         due.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut connection = None;
-        let mut watch = Watch::of(self.life);
+        let mut watch = Watch::of(self.database.life);
         loop {
             tokio::select! {
                 () = closing.cancelled() => return,
@@ -48,7 +47,7 @@ impl Beats {
                 Err(sqlx::Error::Io(std::io::ErrorKind::TimedOut.into()))
             });
             match beat {
-                Ok(live) if live.iter().any(|node| node.life == self.life) => {
+                Ok(live) if live.iter().any(|node| node.life == self.database.life) => {
                     self.look(&mut watch, &live);
                 }
                 Ok(_without_this_one) => {
@@ -75,7 +74,7 @@ impl Beats {
             }
         };
         sqlx::query("update nodes set beat = beat + 1 where life = $1 and state = 'live'")
-            .bind(self.life)
+            .bind(self.database.life)
             .execute(&mut *connection)
             .await?;
         sqlx::query_as("select life, beat, beat_ms from nodes where state = 'live' order by life")
@@ -88,27 +87,27 @@ impl Beats {
         let own = live
             .iter()
             .zip(0..)
-            .find(|(node, _)| node.life == self.life);
+            .find(|(node, _)| node.life == self.database.life);
         let of = u32::try_from(live.len()).unwrap_or(u32::MAX);
         let place = own.filter(|_| of > 1).map(|(_, index)| (index, of));
         *self.place.lock().unwrap_or_else(PoisonError::into_inner) = place;
-        let is_oldest = live.first().is_some_and(|oldest| oldest.life == self.life);
+        let is_oldest = live
+            .first()
+            .is_some_and(|oldest| oldest.life == self.database.life);
         if self.in_charge.swap(is_oldest, Ordering::Relaxed) != is_oldest {
             // What waited for the node that was in charge waits for this one now.
             (self.on_change)(Change::Missed);
         }
         let own_ms = i64::try_from(self.shared.beat.as_millis()).unwrap_or(i64::MAX);
         for dead in watch.observe(own_ms, live) {
-            tokio::spawn(take_over(self.writer.clone(), self.queue.clone(), dead));
+            tokio::spawn(take_over(self.database.clone(), dead));
         }
     }
 }
 
-async fn take_over(writer: Arc<Writer>, queue: Client, dead: Beat) {
+async fn take_over(database: Arc<Database>, dead: Beat) {
     let Beat { life, beat, .. } = dead;
-    let taken = writer
-        .write(move |tx| Box::pin(super::take_over(queue, tx, life, beat)))
-        .await;
+    let taken = in_transaction!(database, |tx| lives::take_over(tx, life, beat)).await;
     if let Err(error) = taken {
         tracing::error!(node = life, %error, "the jobs of a dead node are not taken over yet");
     }

@@ -2,8 +2,10 @@
 
 use std::time::Duration;
 
-use super::{Begin, Ending, Lease, Reported, Slice, endings};
+use super::endings::{self, Ending};
+use super::slice::{Begin, Lease, Reported, Slice};
 use crate::job::{Event, Failure, GenerationEvent, Status};
+use crate::store::columns;
 use crate::store::damage::Damage;
 use crate::store::nodes::{SUSPECT_FROM, wait_after};
 use crate::store::writer::Tx;
@@ -52,7 +54,7 @@ pub(super) async fn begin(
         return Ok(Begin::Nothing);
     };
     let stale = entry.is_some_and(|entry| entry != control.queue_entry);
-    let status = jobs::parse_status(&id.to_string(), &control.status)?;
+    let status = columns::parse_status(&id.to_string(), &control.status)?;
     if stale || !matches!(status, Status::Queued | Status::Running) {
         return Ok(Begin::Nothing);
     }

@@ -5,16 +5,16 @@
 //! while its last unit was computed does not succeed or fail.
 
 use jiff::Timestamp;
-use riverqueue::Client;
 use serde_json::Value;
 
-use super::{Hold, Lease, Record, queue_again, write_record};
+use super::recording::{queue_again, write_record};
+use super::slice::{Hold, Lease, Record};
 use crate::job::{Event, Failure, Status};
+use crate::store::columns;
 use crate::store::stop_request::StopRequest;
 use crate::store::writer::Tx;
 use crate::store::{
-    Change, Store, StoreError, checkpoints, corrupt, database, events, jobs, results, shared_parts,
-    webhooks,
+    Change, StoreError, checkpoints, corrupt, database, deliveries, events, results, work_shares,
 };
 use greybox::identification::JobId;
 
@@ -42,36 +42,13 @@ impl Ending {
     }
 }
 
-impl Store {
-    /// Writes what a slice did last, and the state, the result and the last events of its job, in
-    /// one transaction. The record has the checkpoint of the run, which is kept where the job may go on.
-    pub async fn finish(
-        &self,
-        lease: Lease,
-        record: Record,
-        ending: Ending,
-    ) -> Result<Hold, StoreError> {
-        let queue = self.inner.queue.clone();
-        let end = LastSlice { record, ending };
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(finish(queue, tx, lease, end)))
-            .await
-    }
-}
-
 /// What is written of a slice that ends its job.
-struct LastSlice {
-    record: Record,
-    ending: Ending,
+pub(super) struct LastSlice {
+    pub(super) record: Record,
+    pub(super) ending: Ending,
 }
 
-async fn finish(
-    queue: Client,
-    tx: &mut Tx,
-    lease: Lease,
-    last: LastSlice,
-) -> Result<Hold, StoreError> {
+pub(super) async fn finish(tx: &mut Tx, lease: Lease, last: LastSlice) -> Result<Hold, StoreError> {
     let LastSlice { mut record, ending } = last;
     let status = ending.leads_to(asked(tx, lease.job).await?);
     if status.is_some_and(Status::is_terminal) {
@@ -81,7 +58,7 @@ async fn finish(
     match (hold, status) {
         (Hold::Lost, _) => {}
         (Hold::Kept, Some(status)) => end(tx, lease.job, status, ending).await?,
-        (Hold::Kept, None) => queue_again(&queue, tx, lease.job).await?,
+        (Hold::Kept, None) => queue_again(tx, lease.job).await?,
     }
     Ok(hold)
 }
@@ -115,7 +92,7 @@ pub(in crate::store) async fn end(
     };
     if let Some(failure) = failure.filter(|_| status == Status::Failed) {
         database::query("update jobs set error = $1 where id = $2")
-            .bind(jobs::json(&failure))
+            .bind(columns::json(&failure))
             .bind(id.to_string())
             .execute(&mut **tx)
             .await?;
@@ -169,9 +146,9 @@ pub(in crate::store) async fn change_status(
     events::insert(tx, id, last_event - n_events + 1, reported).await?;
     if to.is_terminal() {
         checkpoints::forget(tx, id).await?;
-        shared_parts::forget(tx, id).await?;
+        work_shares::forget(tx, id).await?;
         metrics::counter!("greybox_jobs_ended_total", "status" => to.as_str()).increment(1);
-        webhooks::tell_of_end(tx, id).await?;
+        deliveries::tell_of_end(tx, id).await?;
     }
     tx.announce(Change::Job(id));
     Ok(())

@@ -4,11 +4,11 @@
 use sha2::{Digest, Sha256};
 use uuid::Uuid;
 
-use super::{Appended, BatchOutcome, StreamRow};
+use super::stream::{Appended, BatchOutcome, StreamRow};
 use crate::store::StoreError;
+use crate::store::columns::{from_json, json};
 use crate::store::database::{self, QueryBuilder};
 use crate::store::idempotency::{self, Idempotency};
-use crate::store::jobs::{from_json, json};
 use crate::store::writer::Tx;
 
 /// What the identifier of a batch begins with.

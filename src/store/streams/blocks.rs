@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::StreamRow;
+use super::stream::{StreamRow, put, stamp};
 use crate::store::database::{self, Connection, Row};
 use crate::store::sealed::STREAM_BLOCKS;
 use crate::store::writer::Tx;
@@ -351,4 +351,18 @@ fn class(stream: &str, code: u8) -> Result<Class, StoreError> {
     ];
     let known = classes.into_iter().find(|class| *class as u8 == code);
     known.ok_or_else(|| corrupt("stream", stream, "a sample has no class"))
+}
+
+/// Writes what a stream is that has these blocks.
+pub(super) async fn note(
+    tx: &mut Tx,
+    row: &mut StreamRow,
+    blocks: &[Block],
+) -> Result<(), StoreError> {
+    let stamp = |ns| stamp(&row.name, ns);
+    row.first = blocks.first().map(|block| stamp(block.first)).transpose()?;
+    row.last = blocks.last().map(|block| stamp(block.last)).transpose()?;
+    row.samples = blocks.iter().map(|block| block.rows).sum();
+    row.bytes = blocks.iter().map(|block| block.bytes).sum();
+    put(tx, row).await
 }

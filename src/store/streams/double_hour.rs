@@ -14,7 +14,7 @@ use std::ops::ControlFlow;
 use jiff::Timestamp;
 
 use super::blocks::{self, Order, Span};
-use super::{StreamRow, now_ns};
+use super::stream::{StreamRow, now_ns};
 use crate::store::StoreError;
 use crate::store::writer::Tx;
 use greybox::recording::{DoubleHour, Rows, Warning};

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::BatchOutcome;
+use super::stream::BatchOutcome;
 use greybox::recording::{MAX_SIGNALS, RowSignal};
 
 /// The signals of a stream with those of a batch, and the place of each of the batch's among them.

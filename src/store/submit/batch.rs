@@ -5,16 +5,16 @@ use std::collections::{HashMap, HashSet};
 use std::hash::Hash;
 
 use jiff::Timestamp;
-use riverqueue::Client;
 use serde::Serialize;
 
-use super::{NewJob, Submitted, answer_again};
+use super::submission::{NewJob, Submitted, answer_again};
 use crate::access::Project;
 use crate::job::{Event, Status};
+use crate::store::columns::json;
 use crate::store::database::{self, QueryBuilder, Separated};
 use crate::store::idempotency::{Earlier, Idempotency};
-use crate::store::jobs::{JobRow, json};
-use crate::store::quotas::{JobRoom, Quotas};
+use crate::store::jobs::JobRow;
+use crate::store::quota_checks::JobRoom;
 use crate::store::sealed::JOBS as SEALED_JOBS;
 use crate::store::writer::Tx;
 use crate::store::{Change, StoreError, events, queue};
@@ -32,17 +32,12 @@ struct Fresh {
 }
 
 /// Writes all that can be written and says, in order, what became of each.
-pub(super) async fn write(
-    queue: &Client,
-    quotas: Quotas,
-    tx: &mut Tx,
-    jobs: Vec<NewJob>,
-) -> Result<Vec<Submitted>, StoreError> {
+pub(super) async fn write(tx: &mut Tx, jobs: Vec<NewJob>) -> Result<Vec<Submitted>, StoreError> {
     let known = Known::look_up(tx, &jobs).await?;
     let mut verdicts = Vec::with_capacity(jobs.len());
     let mut accepted = Vec::with_capacity(jobs.len());
     let mut keys = HashMap::new();
-    let mut room = JobRoom::new(quotas);
+    let mut room = JobRoom::default();
     for job in jobs {
         let verdict = known.refusal(tx, &job).await?;
         let verdict = verdict.map_or_else(
@@ -66,7 +61,7 @@ pub(super) async fn write(
         };
         verdicts.push(verdict);
     }
-    let rows = store(queue, tx, accepted).await?;
+    let rows = store(tx, accepted).await?;
     let answers = verdicts.into_iter().map(|verdict| match verdict {
         Verdict::Final(submitted) => *submitted,
         Verdict::Fresh(place) => Submitted::Created(rows[place].clone()),
@@ -77,11 +72,10 @@ pub(super) async fn write(
 
 /// Stores jobs that nothing speaks against.
 pub(in crate::store) async fn store(
-    queue: &Client,
     tx: &mut Tx,
     jobs: Vec<NewJob>,
 ) -> Result<Vec<JobRow>, StoreError> {
-    let fresh = enter(queue, tx, jobs).await?;
+    let fresh = enter(tx, jobs).await?;
     insert(tx, &fresh).await?;
     let rows: Vec<JobRow> = fresh.into_iter().map(Fresh::into_row).collect();
     for row in &rows {
@@ -234,10 +228,10 @@ fn distinct<T: Hash + Eq + Serialize>(texts: impl Iterator<Item = T>) -> Option<
 }
 
 /// Gives each new job its identifier and its entry in the queue.
-async fn enter(queue: &Client, tx: &mut Tx, jobs: Vec<NewJob>) -> Result<Vec<Fresh>, StoreError> {
+async fn enter(tx: &mut Tx, jobs: Vec<NewJob>) -> Result<Vec<Fresh>, StoreError> {
     let named = jobs.iter().map(|job| (JobId::new(), job.project.clone()));
     let named: Vec<(JobId, Project)> = named.collect();
-    let entries = queue::enqueue_all(queue, tx, &named).await?;
+    let entries = queue::enqueue_all(tx, &named).await?;
     let ids = named.into_iter().map(|(id, _)| id);
     let created_at = Timestamp::now();
     let fresh = jobs.into_iter().zip(ids.zip(entries));

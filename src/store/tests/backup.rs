@@ -42,7 +42,7 @@ async fn a_backup_of_a_database_at_work_has_every_job_that_was_acknowledged_befo
     };
     let store = open(&settings, &fixture.changes).await;
     for row in before {
-        let found = store.job(row.id).await.expect("a read");
+        let found = store.jobs().find(row.id).await.expect("a read");
         assert_eq!(found.as_deref(), Some(&row));
     }
     store.close().await;
@@ -75,8 +75,8 @@ async fn a_backup_takes_the_place_of_a_database_only_when_that_is_meant_and_nobo
         .await
         .expect("a database");
     let store = open(&settings, &changes).await;
-    assert!(store.job(first).await.expect("a read").is_some());
-    assert!(store.job(later).await.expect("a read").is_none());
+    assert!(store.jobs().find(first).await.expect("a read").is_some());
+    assert!(store.jobs().find(later).await.expect("a read").is_none());
     store.close().await;
 }
 
@@ -141,7 +141,7 @@ async fn a_newer_database_is_refused() {
     let newer = "insert into _sqlx_migrations \
                  select version + 1000, description, installed_on, success, checksum, execution_time \
                  from _sqlx_migrations order by version desc limit 1";
-    let write = fixture.store.inner.writer.write(move |tx| {
+    let write = fixture.store.database().writer.write(move |tx| {
         Box::pin(async move {
             database::query(newer).execute(&mut **tx).await?;
             Ok(())

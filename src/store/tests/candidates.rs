@@ -57,7 +57,10 @@ pub(super) fn record(
 async fn candidates_come_back_as_they_were_in_parts_of_whole_generations(fixture: Fixture) {
     let id = fixture.submit().await.id;
     let part = async |after, generations, enough| {
-        let part = fixture.store.candidates(id, after, generations, enough);
+        let part = fixture
+            .store
+            .candidates()
+            .page(id, after, generations, enough);
         part.await.expect("a read")
     };
     assert_eq!(part(0, 10, 10).await, CandidatePage::default());
@@ -72,7 +75,7 @@ async fn candidates_come_back_as_they_were_in_parts_of_whole_generations(fixture
     let (first, second) = all.split_at(3);
     for (candidates, kept, cut) in [(first, 3, None), (second, 5, Some(6))] {
         let record = record(candidates.to_vec(), kept, cut);
-        let hold = fixture.store.record(slice.lease, record).await;
+        let hold = fixture.store.slices().record(slice.lease, record).await;
         assert_eq!(hold.expect("a write"), Hold::Kept);
     }
     let whole = part(0, 10, 100).await;
@@ -102,14 +105,14 @@ async fn a_slice_that_lost_its_job_keeps_no_candidates_and_a_deleted_job_has_non
     let old = fixture.begin(id).await;
     let new = fixture.begin(id).await;
     let late = record(vec![candidate(1, 0)], 1, None);
-    let hold = fixture.store.record(old.lease, late.clone()).await;
+    let hold = fixture.store.slices().record(old.lease, late.clone()).await;
     assert_eq!(hold.expect("a write"), Hold::Lost);
-    let kept = fixture.store.candidates(id, 0, 10, 10).await;
+    let kept = fixture.store.candidates().page(id, 0, 10, 10).await;
     assert_eq!(kept.expect("a read"), CandidatePage::default());
-    let hold = fixture.store.record(new.lease, late).await;
+    let hold = fixture.store.slices().record(new.lease, late).await;
     assert_eq!(hold.expect("a write"), Hold::Kept);
     assert_eq!(fixture.finish(&new, Status::Succeeded).await, Hold::Kept);
-    let removed = fixture.store.delete_job(id).await.expect("a write");
+    let removed = fixture.store.jobs().delete(id).await.expect("a write");
     assert!(matches!(removed, JobRemoval::Removed));
     let left: i64 = database::query_scalar(
         "select (select count(*) from candidates) + (select count(*) from candidate_records)",
@@ -175,19 +178,23 @@ async fn a_database_of_the_version_before_migrates() {
         .expect("the schema before");
     connection.close().await.expect("a close");
     let fixture = fixture.reopen().await;
-    let before = fixture.store.candidates(id, 0, 10, 10).await;
+    let before = fixture.store.candidates().page(id, 0, 10, 10).await;
     assert_eq!(before.expect("a read"), CandidatePage::default());
     let comparison = "cmp_0192d3a4b5c67d8e9f00112233445566".parse();
-    let comparison = fixture.store.comparison(comparison.expect("an identifier"));
+    let comparison = fixture
+        .store
+        .comparisons()
+        .find(comparison.expect("an identifier"));
     let comparison = comparison.await.expect("a read").expect("a comparison");
     assert_eq!(comparison.jobs.len(), 1);
     assert_eq!(comparison.jobs[0].id, id);
     let slice = fixture.begin(id).await;
     let hold = fixture
         .store
+        .slices()
         .record(slice.lease, record(vec![candidate(1, 0)], 1, None))
         .await;
     assert_eq!(hold.expect("a write"), Hold::Kept);
-    let after = fixture.store.candidates(id, 0, 10, 10).await;
+    let after = fixture.store.candidates().page(id, 0, 10, 10).await;
     assert_eq!(after.expect("a read").kept, 1);
 }

@@ -8,7 +8,6 @@ on_both! {
     whoever_brings_the_most_models_makes_room_for_others,
 }
 use crate::job::ComparisonId;
-use greybox::identification::DatasetId;
 
 fn comparison(key: Option<(&str, &str)>) -> NewComparison {
     NewComparison {
@@ -31,27 +30,31 @@ async fn a_comparison_is_stored_whole_or_not_at_all(fixture: Fixture) {
     let mut new = comparison(None);
     new.jobs[2].datasets = vec![DatasetId::new()];
     let id = new.id;
-    let refused = fixture.store.submit_comparison(new).await;
+    let refused = fixture.store.comparisons().submit(new).await;
     assert!(
         matches!(refused, Ok(Submitted::NoDataset(_))),
         "{refused:?}"
     );
     assert_eq!(n_jobs(&fixture).await, 0);
-    assert_eq!(fixture.store.comparison(id).await.expect("a read"), None);
+    assert_eq!(
+        fixture.store.comparisons().find(id).await.expect("a read"),
+        None
+    );
 
     let new = comparison(None);
     let id = new.id;
-    let stored = fixture.store.submit_comparison(new).await;
+    let stored = fixture.store.comparisons().submit(new).await;
     let Ok(Submitted::Created(stored)) = stored else {
         panic!("not created: {stored:?}");
     };
     assert_eq!(
-        fixture.store.comparison(id).await.expect("a read"),
+        fixture.store.comparisons().find(id).await.expect("a read"),
         Some(stored)
     );
     let page = fixture
         .store
-        .comparisons(&Default::default(), None, 10)
+        .comparisons()
+        .list(&Default::default(), None, 10)
         .await
         .expect("a page");
     let listed: Vec<_> = page
@@ -65,38 +68,47 @@ async fn a_comparison_is_stored_whole_or_not_at_all(fixture: Fixture) {
 async fn a_key_makes_one_comparison_or_one_job_and_nothing_with_another_body(fixture: Fixture) {
     let first = fixture
         .store
-        .submit_comparison(comparison(Some(("k", "sha256:1"))))
+        .comparisons()
+        .submit(comparison(Some(("k", "sha256:1"))))
         .await;
     let Ok(Submitted::Created(first)) = first else {
         panic!("not created: {first:?}");
     };
     fixture
         .store
-        .request_cancel(first.jobs[0].id)
+        .jobs()
+        .cancel(first.jobs[0].id)
         .await
         .expect("a wish");
     let again = fixture
         .store
-        .submit_comparison(comparison(Some(("k", "sha256:1"))))
+        .comparisons()
+        .submit(comparison(Some(("k", "sha256:1"))))
         .await;
     let Ok(Submitted::Replayed(again)) = again else {
         panic!("not replayed: {again:?}");
     };
     assert_eq!(again, first, "as it was when it was made");
     let with_other_body = comparison(Some(("k", "sha256:2")));
-    let other = fixture.store.submit_comparison(with_other_body).await;
+    let other = fixture.store.comparisons().submit(with_other_body).await;
     assert!(matches!(other, Ok(Submitted::KeyReused)), "{other:?}");
-    let as_job = fixture.store.submit(job(Some(("k", "sha256:1")))).await;
+    let as_job = fixture
+        .store
+        .submissions()
+        .submit(job(Some(("k", "sha256:1"))))
+        .await;
     assert!(matches!(as_job, Ok(Submitted::KeyReused)), "{as_job:?}");
     assert_eq!(n_jobs(&fixture).await, 3);
     fixture
         .store
+        .submissions()
         .submit(job(Some(("j", "sha256:1"))))
         .await
         .expect("a job");
     let as_comparison = fixture
         .store
-        .submit_comparison(comparison(Some(("j", "sha256:1"))))
+        .comparisons()
+        .submit(comparison(Some(("j", "sha256:1"))))
         .await;
     assert!(
         matches!(as_comparison, Ok(Submitted::KeyReused)),
@@ -114,24 +126,36 @@ async fn whoever_brings_the_most_models_makes_room_for_others(fixture: Fixture) 
         client: client.to_owned(),
     };
     let own = model("own".to_owned(), "neighbour");
-    fixture.store.insert_model(own.clone()).await.expect("room");
+    fixture
+        .store
+        .models()
+        .insert(own.clone())
+        .await
+        .expect("room");
     let used = model("used".to_owned(), "greedy");
     fixture
         .store
-        .insert_model(used.clone())
+        .models()
+        .insert(used.clone())
         .await
         .expect("room");
     let mut with_it = job(None);
     with_it.model.clone_from(&used.reference);
-    fixture.store.submit(with_it).await.expect("a job");
+    fixture
+        .store
+        .submissions()
+        .submit(with_it)
+        .await
+        .expect("a job");
     for number in 0..MAX_UNUSED_MODELS + 20 {
         let one = model(format!("m{number}"), "greedy");
-        let stored = fixture.store.insert_model(one).await.expect("room");
+        let stored = fixture.store.models().insert(one).await.expect("room");
         assert!(matches!(stored, ModelStored::Created(_)));
     }
     let models = fixture
         .store
-        .models(&Default::default())
+        .models()
+        .list(&Default::default())
         .await
         .expect("a list");
     assert_eq!(models.len() as i64, MAX_UNUSED_MODELS + 1);

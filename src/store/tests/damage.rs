@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::store::backup as file;
-use crate::store::database::{Kind, QueryBuilder};
+use crate::store::database::QueryBuilder;
 use crate::store::sealed::check::{Checked, look, seal_all};
 use crate::store::sealed::{Column, Sealed, TABLES};
 
@@ -53,7 +53,7 @@ async fn at_work(fixture: &Fixture) -> Slice {
         }],
         ..candidates::record(vec![candidates::candidate(1, 0)], 1, None)
     };
-    let hold = fixture.store.record(slice.lease, record).await;
+    let hold = fixture.store.slices().record(slice.lease, record).await;
     assert_eq!(hold.expect("a write"), Hold::Kept);
     slice
 }
@@ -69,7 +69,10 @@ async fn a_changed_recording_is_found_when_it_is_read(fixture: Fixture) {
         ),
     )
     .await;
-    is_damage(fixture.store.recording(row.id).await, "part of the samples");
+    is_damage(
+        fixture.store.datasets().recording(row.id).await,
+        "part of the samples",
+    );
     assert_eq!(looked(&fixture).await.findings.len(), 1);
     harm(
         &fixture,
@@ -77,21 +80,24 @@ async fn a_changed_recording_is_found_when_it_is_read(fixture: Fixture) {
     )
     .await;
     let fixture = fixture.reopen().await;
-    is_damage(fixture.store.dataset(row.id).await, "description");
-    is_damage(fixture.store.recording(row.id).await, "description");
+    is_damage(fixture.store.datasets().find(row.id).await, "description");
+    is_damage(
+        fixture.store.datasets().recording(row.id).await,
+        "description",
+    );
 }
 
 async fn a_changed_job_fails_and_can_be_removed(fixture: Fixture) {
     let id = fixture.submit().await.id;
     harm(&fixture, "update jobs set spec = replace(spec, '1', '2')").await;
-    let begun = fixture.store.begin_slice(id, None, 5).await;
+    let begun = fixture.store.slices().begin(id, None, 5).await;
     assert!(matches!(begun, Ok(Begin::Ended)), "{begun:?}");
-    assert_eq!(fixture.store.damage().rows, 1);
+    assert_eq!(fixture.store.damage().seen().rows, 1);
     let events = fixture.events(id).await;
     assert_eq!(names(&events), ["state", "state", "end"]);
     let fixture = fixture.reopen().await;
-    is_damage(fixture.store.job(id).await, "specification");
-    let removed = fixture.store.delete_job(id).await;
+    is_damage(fixture.store.jobs().find(id).await, "specification");
+    let removed = fixture.store.jobs().delete(id).await;
     assert_eq!(removed.expect("an answer"), JobRemoval::Removed);
 }
 
@@ -99,12 +105,12 @@ async fn a_changed_checkpoint_is_not_used_and_the_job_goes_back(fixture: Fixture
     let slice = at_work(&fixture).await;
     harm(&fixture, "update checkpoints set refinements = 3").await;
     is_damage(
-        fixture.store.checkpoint(slice.lease.job).await,
+        fixture.store.checkpoints().find(slice.lease.job).await,
         "checkpoint",
     );
     let next = fixture.begin(slice.lease.job).await;
     assert_eq!(next.checkpoint, None);
-    assert_eq!(fixture.store.damage().rows, 1);
+    assert_eq!(fixture.store.damage().seen().rows, 1);
 }
 
 async fn changed_results_events_generations_and_candidates_are_found_when_they_are_read(
@@ -131,12 +137,23 @@ async fn changed_results_events_generations_and_candidates_are_found_when_they_a
     .await;
     harm(&fixture, "update candidate_records set kept = kept + 1").await;
     let store = &fixture.store;
-    is_damage(store.result(id).await, "result");
-    is_damage(store.events_after(id, 0, 10).await, "event");
-    assert!(store.events_after(id, 1, 10).await.is_ok());
-    is_damage(store.generations(id, 0, 10).await, "generation");
-    assert_eq!(store.generations(id, 2, 10).await.expect("rows").len(), 1);
-    is_damage(store.candidates(id, 0, 10, 10).await, "list of candidates");
+    is_damage(store.results().find(id).await, "result");
+    is_damage(store.events().after(id, 0, 10).await, "event");
+    assert!(store.events().after(id, 1, 10).await.is_ok());
+    is_damage(store.generations().after(id, 0, 10).await, "generation");
+    assert_eq!(
+        store
+            .generations()
+            .after(id, 2, 10)
+            .await
+            .expect("rows")
+            .len(),
+        1
+    );
+    is_damage(
+        store.candidates().page(id, 0, 10, 10).await,
+        "list of candidates",
+    );
     assert_eq!(looked(&fixture).await.findings.len(), 4);
 }
 
@@ -147,7 +164,11 @@ async fn rows_in_each_others_place_are_found(fixture: Fixture) {
         "update generations set generation = 7 - generation where generation > 2",
     )
     .await;
-    let read = fixture.store.generations(slice.lease.job, 0, 10).await;
+    let read = fixture
+        .store
+        .generations()
+        .after(slice.lease.job, 0, 10)
+        .await;
     is_damage(read, "generation");
     assert_eq!(looked(&fixture).await.findings.len(), 1);
 }
@@ -185,7 +206,7 @@ async fn changes_of_any_column_are_found_by_check(fixture: Fixture) {
                 .fetch_one(fixture.store.readers())
                 .await
                 .expect("a count");
-            let pool = &fixture.store.inner.writer_pool;
+            let pool = &fixture.store.database().writer_pool;
             let mut tx = pool.begin_write().await.expect("a transaction");
             let changed = change(kind, table, *column).build().execute(&mut tx).await;
             // A column with a rule of its own, as one that has to be JSON, may refuse the change.
@@ -211,12 +232,12 @@ async fn seal_again(fixture: &Fixture) {
     for table in TABLES {
         let mut update = QueryBuilder::new("update ");
         update.push(table.table).push(" set seal = null");
-        let pool = &fixture.store.inner.writer_pool;
+        let pool = &fixture.store.database().writer_pool;
         let mut tx = pool.begin_write().await.expect("a transaction");
         update.build().execute(&mut tx).await.expect("a change");
         tx.commit().await.expect("a change");
     }
-    seal_all(&fixture.store.inner.writer_pool)
+    seal_all(&fixture.store.database().writer_pool)
         .await
         .expect("seals");
 }
@@ -225,9 +246,13 @@ async fn rows_without_a_seal_are_counted_until_they_are_sealed(fixture: Fixture)
     let slice = at_work(&fixture).await;
     harm(&fixture, "update generations set seal = null").await;
     assert_eq!(looked(&fixture).await.unsealed, 3);
-    let rows = fixture.store.generations(slice.lease.job, 0, 10).await;
+    let rows = fixture
+        .store
+        .generations()
+        .after(slice.lease.job, 0, 10)
+        .await;
     assert_eq!(rows.expect("rows").len(), 3);
-    let sealed = seal_all(&fixture.store.inner.writer_pool).await;
+    let sealed = seal_all(&fixture.store.database().writer_pool).await;
     assert_eq!(sealed.expect("seals"), 3);
     assert_eq!(looked(&fixture).await, Checked::default());
 }

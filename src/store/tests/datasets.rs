@@ -10,7 +10,6 @@ on_both! {
     a_job_on_a_recording_that_is_not_there_is_refused,
     a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_scratch,
 }
-use greybox::identification::DatasetId;
 use greybox::intake::csv;
 use greybox::recording::{Recording, Signal, TimeAxis, Warning};
 
@@ -55,7 +54,8 @@ pub(super) async fn insert(fixture: &Fixture, digest: &str) -> (DatasetRow, bool
     let recording = recording(uniform(3), vec![1.0, f64::NAN, 3.0]);
     fixture
         .store
-        .insert_dataset(new_dataset(digest, recording))
+        .datasets()
+        .insert(new_dataset(digest, recording))
         .await
         .expect("a dataset")
 }
@@ -68,17 +68,24 @@ async fn the_same_recording_is_stored_once(fixture: Fixture) {
     let (other, _) = insert(&fixture, "sha256:2").await;
     let page = fixture
         .store
-        .datasets(&Default::default(), None, 1)
+        .datasets()
+        .list(&Default::default(), None, 1)
         .await
         .expect("a page");
     assert_eq!(page.rows, std::slice::from_ref(&other));
     let page = fixture
         .store
-        .datasets(&Default::default(), page.next, 1)
+        .datasets()
+        .list(&Default::default(), page.next, 1)
         .await
         .expect("a page");
     assert_eq!((page.rows, page.next), (vec![first.clone()], None));
-    let shown = fixture.store.dataset(first.id).await.expect("a read");
+    let shown = fixture
+        .store
+        .datasets()
+        .find(first.id)
+        .await
+        .expect("a read");
     assert_eq!(shown.as_deref(), Some(&first));
 }
 
@@ -86,20 +93,26 @@ async fn a_recording_is_kept_while_a_job_needs_it(fixture: Fixture) {
     let (dataset, _) = insert(&fixture, "sha256:1").await;
     let mut reader = job(None);
     reader.datasets = vec![dataset.id, dataset.id];
-    let Ok(Submitted::Created(reader)) = fixture.store.submit(reader).await else {
+    let Ok(Submitted::Created(reader)) = fixture.store.submissions().submit(reader).await else {
         panic!("not created");
     };
-    let delete = || fixture.store.delete_dataset(dataset.id);
+    let delete = || fixture.store.datasets().delete(dataset.id);
     let refused = delete().await.expect("a removal");
     assert_eq!(refused, DatasetRemoval::InUse(vec![reader.id]));
     fixture
         .store
-        .request_cancel(reader.id)
+        .jobs()
+        .cancel(reader.id)
         .await
         .expect("a wish");
     assert_eq!(delete().await.expect("a removal"), DatasetRemoval::Removed);
     assert_eq!(delete().await.expect("a removal"), DatasetRemoval::NotFound);
-    let gone = fixture.store.recording(dataset.id).await.expect("a read");
+    let gone = fixture
+        .store
+        .datasets()
+        .recording(dataset.id)
+        .await
+        .expect("a read");
     assert!(gone.is_none());
 }
 
@@ -107,7 +120,7 @@ async fn a_job_on_a_recording_that_is_not_there_is_refused(fixture: Fixture) {
     let missing = DatasetId::new();
     let mut reader = job(None);
     reader.datasets = vec![missing];
-    let refused = fixture.store.submit(reader).await;
+    let refused = fixture.store.submissions().submit(reader).await;
     assert!(matches!(refused, Ok(Submitted::NoDataset(id)) if id == missing));
 }
 
@@ -119,7 +132,7 @@ async fn a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_sc
     let in_memory = recording(uniform(samples), values);
     let mut text = Vec::new();
     in_memory.write_csv(&mut text).expect("memory takes all");
-    let scratch = fixture.store.scratch();
+    let scratch = fixture.store.datasets().scratch();
     let mut put_aside = csv::receive(text.as_slice(), &csv::Options::default(), scratch)
         .expect("what is written can be read");
     let mut summary = in_memory.summary();
@@ -137,8 +150,18 @@ async fn a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_sc
         recording: put_aside,
     };
     for new in [new_dataset("sha256:1", in_memory.clone()), put_aside] {
-        let (row, _) = fixture.store.insert_dataset(new).await.expect("a dataset");
-        let back = fixture.store.recording(row.id).await.expect("a read");
+        let (row, _) = fixture
+            .store
+            .datasets()
+            .insert(new)
+            .await
+            .expect("a dataset");
+        let back = fixture
+            .store
+            .datasets()
+            .recording(row.id)
+            .await
+            .expect("a read");
         let back = back.expect("a recording");
         assert_eq!(back.time, in_memory.time);
         for (back, stored) in back.signals.iter().zip(&in_memory.signals) {
@@ -155,10 +178,16 @@ async fn round_trip(recording: Recording) -> Recording {
     let fixture = Fixture::new().await;
     let (row, _) = fixture
         .store
-        .insert_dataset(new_dataset("sha256:1", recording))
+        .datasets()
+        .insert(new_dataset("sha256:1", recording))
         .await
         .expect("a dataset");
-    let back = fixture.store.recording(row.id).await.expect("a read");
+    let back = fixture
+        .store
+        .datasets()
+        .recording(row.id)
+        .await
+        .expect("a read");
     Arc::unwrap_or_clone(back.expect("a recording"))
 }
 

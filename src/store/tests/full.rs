@@ -3,7 +3,7 @@
 use super::*;
 
 pub(super) async fn execute(fixture: &Fixture, statement: &'static str) -> Result<(), StoreError> {
-    let work = fixture.store.inner.writer.write(move |tx| {
+    let work = fixture.store.database().writer.write(move |tx| {
         Box::pin(async move {
             database::query(statement).execute(&mut **tx).await?;
             Ok(())
@@ -30,9 +30,9 @@ async fn a_disk_that_was_full_is_written_again_once_there_is_room() {
         execute(&fixture, "pragma max_page_count = 1")
             .await
             .expect("a limit");
-        let small = (0..20).map(|_| fixture.store.submit(job(None)));
+        let small = (0..20).map(|_| fixture.store.submissions().submit(job(None)));
         let small = futures_util::future::join_all(small);
-        let (refused, small) = tokio::join!(fixture.store.submit(large()), small);
+        let (refused, small) = tokio::join!(fixture.store.submissions().submit(large()), small);
         let error = refused.expect_err("there is no room");
         assert_eq!(error.meaning(), Meaning::NoRoom, "{error}");
         for error in small.into_iter().filter_map(Result::err) {
@@ -42,7 +42,7 @@ async fn a_disk_that_was_full_is_written_again_once_there_is_room() {
             .await
             .expect("room");
         fixture.store.probe().await.expect("a write");
-        let submitted = fixture.store.submit(large()).await;
+        let submitted = fixture.store.submissions().submit(large()).await;
         assert!(
             matches!(submitted, Ok(Submitted::Created(_))),
             "{submitted:?}"

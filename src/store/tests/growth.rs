@@ -51,7 +51,11 @@ async fn stored(fixture: &Fixture) -> StoredBytes {
 
 async fn the_key_of_a_job_goes_with_age_and_not_before_the_end_of_the_job(fixture: Fixture) {
     let submit = async || {
-        let submitted = fixture.store.submit(job(Some(("order-7", "a")))).await;
+        let submitted = fixture
+            .store
+            .submissions()
+            .submit(job(Some(("order-7", "a"))))
+            .await;
         submitted.expect("a submission")
     };
     let Submitted::Created(first) = submit().await else {
@@ -61,7 +65,8 @@ async fn the_key_of_a_job_goes_with_age_and_not_before_the_end_of_the_job(fixtur
     assert!(matches!(submit().await, Submitted::Replayed(row) if row.id == first.id));
     fixture
         .store
-        .request_cancel(first.id)
+        .jobs()
+        .cancel(first.id)
         .await
         .expect("a write");
     tidy(&fixture, keys_for(Duration::from_hours(24))).await;
@@ -106,7 +111,12 @@ fn batch(k: u32, key: &str) -> NewBatch {
 }
 
 async fn append(fixture: &Fixture, batch: NewBatch) -> BatchOutcome {
-    fixture.store.append(batch).await.expect("a batch")
+    fixture
+        .store
+        .streams()
+        .append(batch)
+        .await
+        .expect("a batch")
 }
 
 async fn an_answer_to_a_batch_is_kept_without_the_signals_and_given_again_whole(fixture: Fixture) {
@@ -165,14 +175,19 @@ async fn an_audit_log_that_is_too_long_says_what_it_lost(fixture: Fixture) {
     const MOST: u64 = 20;
     let log = async || {
         let project = "hall-2".parse().expect("a project");
-        let page = fixture.store.audit_log(&project, false, None, 100).await;
+        let page = fixture.store.audit().list(&project, false, None, 100).await;
         page.expect("a page").rows
     };
     let mut written = 0;
     let mut first: Option<AuditRow> = None;
     for round in 0..4 {
         for number in 0..30 {
-            fixture.store.audit(refusal(number)).await.expect("a write");
+            fixture
+                .store
+                .audit()
+                .add(refusal(number))
+                .await
+                .expect("a write");
             written += 1 + refusal(number).left_out;
         }
         if round == 0 {
@@ -196,7 +211,7 @@ async fn an_audit_log_that_is_too_long_says_what_it_lost(fixture: Fixture) {
         assert_eq!(from, first.as_ref().map(|row| row.at));
     }
     // What no entry states cannot go.
-    let pool = &fixture.store.inner.writer_pool;
+    let pool = &fixture.store.database().writer_pool;
     let removal = database::query("delete from audit").execute(pool).await;
     assert!(removal.is_err());
 }
@@ -223,7 +238,12 @@ async fn measured(fixture: &Fixture) -> StoredBytes {
 
 /// A job that wrote generations, candidates, events and a result, the first two generations twice.
 async fn worked(fixture: &Fixture, key: &str) -> JobId {
-    let Ok(Submitted::Created(row)) = fixture.store.submit(job(Some((key, "a")))).await else {
+    let Ok(Submitted::Created(row)) = fixture
+        .store
+        .submissions()
+        .submit(job(Some((key, "a"))))
+        .await
+    else {
         panic!("not created");
     };
     let slice = fixture.begin(row.id).await;
@@ -233,12 +253,12 @@ async fn worked(fixture: &Fixture, key: &str) -> JobId {
         record.generations = (1..=upto).map(generation).collect();
         record.generations[0].evaluations *= 1000;
         record.events = vec![Event::Generation(generation(upto))];
-        let hold = fixture.store.record(slice.lease, record).await;
+        let hold = fixture.store.slices().record(slice.lease, record).await;
         assert_eq!(hold.expect("a write"), Hold::Kept);
     }
-    fixture.store.request_pause(row.id).await.expect("a write");
+    fixture.store.jobs().pause(row.id).await.expect("a write");
     assert_eq!(fixture.finish(&slice, Status::Paused).await, Hold::Kept);
-    fixture.store.request_cancel(row.id).await.expect("a write");
+    fixture.store.jobs().cancel(row.id).await.expect("a write");
     row.id
 }
 
@@ -260,14 +280,15 @@ async fn what_a_project_keeps_is_counted_and_given_back(fixture: Fixture) {
     assert!(less.jobs < full.jobs, "{less}");
     assert_eq!(less, measured(&fixture).await);
 
-    fixture.store.delete_job(jobs[0]).await.expect("a write");
+    fixture.store.jobs().delete(jobs[0]).await.expect("a write");
     fixture
         .store
-        .delete_dataset(dataset)
+        .datasets()
+        .delete(dataset)
         .await
         .expect("a write");
     let project = Default::default();
-    let removal = fixture.store.delete_stream(&project, "rig-4").await;
+    let removal = fixture.store.streams().delete(&project, "rig-4").await;
     removal.expect("a write");
     assert_eq!(stored(&fixture).await, measured(&fixture).await);
     let everything = Retention {
@@ -309,9 +330,14 @@ async fn jobs_are_refused_once_a_project_keeps_too_much_and_those_at_work_go_on(
         generations: (1..=20).map(generation).collect(),
         ..Record::default()
     };
-    let hold = fixture.store.record(slice.lease, record).await;
+    let hold = fixture.store.slices().record(slice.lease, record).await;
     assert_eq!(hold.expect("a write"), Hold::Kept);
-    let refused = fixture.store.submit(job(None)).await.expect("an answer");
+    let refused = fixture
+        .store
+        .submissions()
+        .submit(job(None))
+        .await
+        .expect("an answer");
     let Submitted::Refused(exceeded) = refused else {
         panic!("not refused: {refused:?}");
     };
@@ -323,9 +349,9 @@ async fn jobs_are_refused_once_a_project_keeps_too_much_and_those_at_work_go_on(
     ] {
         assert!(told.contains(part), "{told}");
     }
-    let refused = fixture.store.append(batch(1, "a")).await;
+    let refused = fixture.store.streams().append(batch(1, "a")).await;
     assert!(matches!(refused, Err(StoreError::Quota(_))), "{refused:?}");
     assert_eq!(fixture.finish(&slice, Status::Succeeded).await, Hold::Kept);
-    fixture.store.delete_job(at_work).await.expect("a write");
+    fixture.store.jobs().delete(at_work).await.expect("a write");
     fixture.submit().await;
 }

@@ -24,7 +24,13 @@ async fn a_submitted_job_is_shown_listed_and_told_of(fixture: Fixture) {
     let row = fixture.submit().await;
     assert_eq!(row.status, Status::Queued);
     assert_eq!(
-        fixture.store.job(row.id).await.expect("a read").as_deref(),
+        fixture
+            .store
+            .jobs()
+            .find(row.id)
+            .await
+            .expect("a read")
+            .as_deref(),
         Some(&row)
     );
     let events = fixture.events(row.id).await;
@@ -46,31 +52,36 @@ async fn two_servers_on_one_file_are_refused() {
 
 async fn the_same_key_never_makes_two_jobs(fixture: Fixture) {
     let key = Some(("k", "sha256:1"));
-    let Ok(Submitted::Created(first)) = fixture.store.submit(job(key)).await else {
+    let Ok(Submitted::Created(first)) = fixture.store.submissions().submit(job(key)).await else {
         panic!("not created");
     };
     fixture.begin(first.id).await;
-    let Ok(Submitted::Replayed(again)) = fixture.store.submit(job(key)).await else {
+    let Ok(Submitted::Replayed(again)) = fixture.store.submissions().submit(job(key)).await else {
         panic!("not replayed");
     };
     assert_eq!(again, first);
-    let other_body = fixture.store.submit(job(Some(("k", "sha256:2")))).await;
-    assert!(matches!(other_body, Ok(Submitted::KeyReused)));
-    fixture
+    let other_body = fixture
         .store
-        .request_cancel(first.id)
-        .await
-        .expect("a wish");
+        .submissions()
+        .submit(job(Some(("k", "sha256:2"))))
+        .await;
+    assert!(matches!(other_body, Ok(Submitted::KeyReused)));
+    fixture.store.jobs().cancel(first.id).await.expect("a wish");
     let slice = fixture.begin(first.id).await;
     assert_eq!(fixture.finish(&slice, Status::Cancelled).await, Hold::Kept);
-    let removed = fixture.store.delete_job(first.id).await;
+    let removed = fixture.store.jobs().delete(first.id).await;
     assert_eq!(removed.expect("a removal"), JobRemoval::Removed);
-    let after = fixture.store.submit(job(key)).await;
+    let after = fixture.store.submissions().submit(job(key)).await;
     assert!(matches!(after, Ok(Submitted::Forgotten(id)) if id == first.id.to_string()));
 }
 
 async fn a_key_raced_by_many_clients_makes_one_job(fixture: Fixture) {
-    let submissions = (0..50).map(|_| fixture.store.submit(job(Some(("k", "sha256:1")))));
+    let submissions = (0..50).map(|_| {
+        fixture
+            .store
+            .submissions()
+            .submit(job(Some(("k", "sha256:1"))))
+    });
     let answers = futures_util::future::join_all(submissions).await;
     let created = answers
         .iter()
@@ -103,7 +114,7 @@ async fn submissions_written_together_are_answered_each_for_itself(fixture: Fixt
         with_model("nobody@0123"),
         with_model("positioning_drive"),
     ];
-    let submissions = submissions.map(|job| fixture.store.submit(job));
+    let submissions = submissions.map(|job| fixture.store.submissions().submit(job));
     let answers = futures_util::future::join_all(submissions).await;
     let mut answers = answers.into_iter().map(|answer| answer.expect("an answer"));
     assert!(matches!(answers.next(), Some(Submitted::NoDataset(id)) if id == nowhere));
@@ -121,7 +132,13 @@ async fn submissions_written_together_are_answered_each_for_itself(fixture: Fixt
     };
     for row in [first, last] {
         assert_eq!(
-            fixture.store.job(row.id).await.expect("a read").as_deref(),
+            fixture
+                .store
+                .jobs()
+                .find(row.id)
+                .await
+                .expect("a read")
+                .as_deref(),
             Some(&row)
         );
         assert_eq!(ids(&fixture.events(row.id).await), [1]);
@@ -137,7 +154,7 @@ async fn as_many_submissions_as_may_wait_are_written_together_with_all_their_lab
         .collect();
     let submissions = (0..1000).map(|_| {
         let labels = labels.clone();
-        fixture.store.submit(NewJob {
+        fixture.store.submissions().submit(NewJob {
             project: Default::default(),
             labels,
             ..job(None)
@@ -153,10 +170,11 @@ async fn a_change_is_seen_by_the_next_read(fixture: Fixture) {
     assert_eq!(fixture.status(row.id).await, Status::Queued);
     fixture.begin(row.id).await;
     assert_eq!(fixture.status(row.id).await, Status::Running);
-    let asked = fixture.store.request_cancel(row.id).await.expect("a wish");
+    let asked = fixture.store.jobs().cancel(row.id).await.expect("a wish");
     let shown = fixture
         .store
-        .job(row.id)
+        .jobs()
+        .find(row.id)
         .await
         .expect("a read")
         .expect("a job");
@@ -165,7 +183,7 @@ async fn a_change_is_seen_by_the_next_read(fixture: Fixture) {
 
 async fn a_write_that_fails_harms_none_of_its_group(fixture: Fixture) {
     let row = fixture.submit().await;
-    let broken = fixture.store.inner.writer.write(|tx| {
+    let broken = fixture.store.database().writer.write(|tx| {
         Box::pin(async move {
             database::query("insert into idempotency values ('half', '', '')")
                 .execute(&mut **tx)
@@ -176,7 +194,7 @@ async fn a_write_that_fails_harms_none_of_its_group(fixture: Fixture) {
             Ok(())
         })
     });
-    let (broken, good) = tokio::join!(broken, fixture.store.submit(job(None)));
+    let (broken, good) = tokio::join!(broken, fixture.store.submissions().submit(job(None)));
     assert!(matches!(broken, Err(StoreError::Database(_))));
     let Ok(Submitted::Created(good)) = good else {
         panic!("not created");
@@ -188,7 +206,8 @@ async fn a_write_that_fails_harms_none_of_its_group(fixture: Fixture) {
     assert_eq!(half, 0);
     let listed = fixture
         .store
-        .jobs(&JobFilter {
+        .jobs()
+        .list(&JobFilter {
             limit: 10,
             ..JobFilter::default()
         })
@@ -209,7 +228,7 @@ async fn pages_cover_the_list_once_newest_first(fixture: Fixture) {
         ..JobFilter::default()
     };
     loop {
-        let page = fixture.store.jobs(&filter).await.expect("a page");
+        let page = fixture.store.jobs().list(&filter).await.expect("a page");
         seen.extend(page.rows.iter().map(|row| row.id));
         match page.next {
             Some(last) => filter.before = Some(last),
@@ -233,7 +252,7 @@ async fn lists_are_narrowed_by_state_and_label(fixture: Fixture) {
         };
         let store = fixture.store.clone();
         async move {
-            let page = store.jobs(&filter).await.expect("a page");
+            let page = store.jobs().list(&filter).await.expect("a page");
             page.rows.iter().map(|row| row.id).collect::<Vec<_>>()
         }
     };
@@ -248,30 +267,34 @@ async fn lists_are_narrowed_by_state_and_label(fixture: Fixture) {
 
 async fn a_queued_job_is_cancelled_and_paused_at_once(fixture: Fixture) {
     let id = fixture.submit().await.id;
-    fixture.store.request_pause(id).await.expect("a wish");
+    fixture.store.jobs().pause(id).await.expect("a wish");
     assert_eq!(fixture.status(id).await, Status::Paused);
-    fixture.store.request_resume(id).await.expect("a wish");
+    fixture.store.jobs().resume(id).await.expect("a wish");
     assert_eq!(fixture.status(id).await, Status::Queued);
-    fixture.store.request_cancel(id).await.expect("a wish");
-    fixture.store.request_cancel(id).await.expect("a wish");
+    fixture.store.jobs().cancel(id).await.expect("a wish");
+    fixture.store.jobs().cancel(id).await.expect("a wish");
     let events = fixture.events(id).await;
     assert_eq!(ids(&events), [1, 2, 3, 4, 5]);
     assert!(events[4].is_last());
-    let resumed = fixture.store.request_resume(id).await.expect("a wish");
+    let resumed = fixture.store.jobs().resume(id).await.expect("a wish");
     assert_eq!(resumed, Control::Refused(Status::Cancelled));
 }
 
 async fn a_running_job_is_asked_and_a_pause_can_be_taken_back(fixture: Fixture) {
     let id = fixture.submit().await.id;
     fixture.begin(id).await;
-    fixture.store.request_pause(id).await.expect("a wish");
-    assert_eq!(fixture.store.stop_requests().await.expect("a read"), [id]);
+    fixture.store.jobs().pause(id).await.expect("a wish");
+    assert_eq!(
+        fixture.store.jobs().stop_requests().await.expect("a read"),
+        [id]
+    );
     let changes = fixture.changes.lock().expect("unpoisoned").clone();
     assert!(changes.contains(&Change::StopRequested(id)));
-    fixture.store.request_resume(id).await.expect("a wish");
+    fixture.store.jobs().resume(id).await.expect("a wish");
     assert!(
         fixture
             .store
+            .jobs()
             .stop_requests()
             .await
             .expect("a read")
@@ -283,12 +306,12 @@ async fn a_running_job_is_asked_and_a_pause_can_be_taken_back(fixture: Fixture) 
 async fn the_estimate_of_a_paused_job_outlives_its_cancellation(fixture: Fixture) {
     let id = fixture.submit().await.id;
     let slice = fixture.begin(id).await;
-    fixture.store.request_pause(id).await.expect("a wish");
+    fixture.store.jobs().pause(id).await.expect("a wish");
     assert_eq!(fixture.finish(&slice, Status::Paused).await, Hold::Kept);
-    fixture.store.request_cancel(id).await.expect("a wish");
+    fixture.store.jobs().cancel(id).await.expect("a wish");
     let mut expected = outcome();
     expected["stop_reason"] = json!("cancelled");
-    let result = fixture.store.result(id).await.expect("a read");
+    let result = fixture.store.results().find(id).await.expect("a read");
     assert_eq!(result, Some(expected));
     let exact = &result.expect("a result")["parameters"][0]["estimate"];
     assert_eq!(
@@ -299,11 +322,11 @@ async fn the_estimate_of_a_paused_job_outlives_its_cancellation(fixture: Fixture
 
 async fn an_unfinished_job_is_not_deleted(fixture: Fixture) {
     let id = fixture.submit().await.id;
-    let removal = fixture.store.delete_job(id).await;
+    let removal = fixture.store.jobs().delete(id).await;
     assert_eq!(
         removal.expect("a removal"),
         JobRemoval::Unfinished(Status::Queued)
     );
-    let unknown = fixture.store.delete_job(JobId::new()).await;
+    let unknown = fixture.store.jobs().delete(JobId::new()).await;
     assert_eq!(unknown.expect("a removal"), JobRemoval::NotFound);
 }

@@ -129,20 +129,24 @@ impl Life {
     }
 
     async fn shown(&self, store: &Store) -> Shown {
-        let row = store.job(self.id).await.expect("a read");
+        let row = store.jobs().find(self.id).await.expect("a read");
         Shown {
             status: row.map(|row| row.status),
-            events: store.events_after(self.id, 0, 1000).await.expect("events"),
-            result: store.result(self.id).await.expect("a read"),
+            events: store
+                .events()
+                .after(self.id, 0, 1000)
+                .await
+                .expect("events"),
+            result: store.results().find(self.id).await.expect("a read"),
         }
     }
 
     async fn ask(&mut self, store: &Store, call: Call) {
         let before = self.shown(store).await.status;
         let answer = match call {
-            Call::Cancel => store.request_cancel(self.id).await,
-            Call::Pause => store.request_pause(self.id).await,
-            Call::Resume => store.request_resume(self.id).await,
+            Call::Cancel => store.jobs().cancel(self.id).await,
+            Call::Pause => store.jobs().pause(self.id).await,
+            Call::Resume => store.jobs().resume(self.id).await,
             Call::Delete => return self.delete(store, before).await,
             Call::Show => return,
         };
@@ -171,7 +175,7 @@ impl Life {
     }
 
     async fn delete(&mut self, store: &Store, before: Option<Status>) {
-        let removal = store.delete_job(self.id).await.expect("an answer");
+        let removal = store.jobs().delete(self.id).await.expect("an answer");
         let expected = match before {
             None => JobRemoval::NotFound,
             Some(status) if status.is_terminal() => JobRemoval::Removed,
@@ -184,7 +188,7 @@ impl Life {
     }
 
     async fn begin(&mut self, store: &Store) {
-        let begun = store.begin_slice(self.id, None, DEATH_LIMIT).await;
+        let begun = store.slices().begin(self.id, None, DEATH_LIMIT).await;
         if let Begin::Slice(slice) = begun.expect("a start") {
             self.slices.push(*slice);
         }
@@ -196,7 +200,7 @@ impl Life {
                 events: vec![Event::Generation(generation(1))],
                 ..Record::default()
             };
-            let hold = store.record(slice.lease, record).await;
+            let hold = store.slices().record(slice.lease, record).await;
             let newest = self.slices.last().map(|newest| newest.lease);
             let kept = hold.expect("a write") == Hold::Kept;
             assert!(!kept || newest == Some(slice.lease));
@@ -226,13 +230,13 @@ impl Life {
                 SliceEnd::Fails => Ending::Failed(Failure::no_estimate()),
                 SliceEnd::Stops => Ending::Stopped(Some(concluded("paused"))),
                 SliceEnd::HandsOn { must } => {
-                    let handed_on = store.hand_on(lease, record, must).await;
+                    let handed_on = store.slices().hand_on(lease, record, must).await;
                     let is_lost = handed_on.expect("a write") == HandedOn::Lost;
                     self.has_ended_unless(is_lost, store, end).await;
                     continue;
                 }
             };
-            let hold = store.finish(lease, record, ending).await;
+            let hold = store.slices().finish(lease, record, ending).await;
             let is_lost = hold.expect("a write") == Hold::Lost;
             self.has_ended_unless(is_lost, store, end).await;
         }

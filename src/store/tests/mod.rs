@@ -5,12 +5,12 @@ mod candidates;
 mod cluster;
 mod comparisons;
 mod damage;
+mod database_copy;
 mod datasets;
 mod full;
 mod growth;
 mod jobs;
 mod life;
-mod moving;
 mod nodes;
 mod retention;
 mod slices;
@@ -24,9 +24,13 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
+use super::database::{Kind, sqlite};
+use super::writer::Tx;
 use super::*;
+use crate::access::Project;
 use crate::job::{Event, Failure, GenerationEvent, JobTask, Status};
 use greybox::estimation::{Phase, Progress};
+use greybox::identification::{DatasetId, JobId};
 
 /// Tests that hold on SQLite and on PostgreSQL.
 macro_rules! on_both {
@@ -115,9 +119,9 @@ impl Fixture {
 
     /// Opens the database again after a server that did not end in order.
     async fn cut_off(self) -> Self {
-        self.store.inner.writer.close().await;
+        self.store.database().writer.close().await;
         let next = self.reopen().await;
-        let taken_over = next.store.take_over_from_all_others().await;
+        let taken_over = next.store.nodes().take_over_from_all_others().await;
         taken_over.expect("the jobs of the dead server");
         next
     }
@@ -131,14 +135,26 @@ impl Fixture {
     }
 
     async fn submit(&self) -> JobRow {
-        match self.store.submit(job(None)).await.expect("a submission") {
+        match self
+            .store
+            .submissions()
+            .submit(job(None))
+            .await
+            .expect("a submission")
+        {
             Submitted::Created(row) => row,
             other => panic!("not created: {other:?}"),
         }
     }
 
     async fn begin(&self, id: JobId) -> Slice {
-        match self.store.begin_slice(id, None, 5).await.expect("a start") {
+        match self
+            .store
+            .slices()
+            .begin(id, None, 5)
+            .await
+            .expect("a start")
+        {
             Begin::Slice(slice) => *slice,
             other => panic!("no slice: {other:?}"),
         }
@@ -151,18 +167,24 @@ impl Fixture {
             _ => Ending::Stopped(Some(outcome())),
         };
         self.store
+            .slices()
             .finish(slice.lease, Record::default(), ending)
             .await
             .expect("an end")
     }
 
     async fn events(&self, id: JobId) -> Vec<StoredEvent> {
-        self.store.events_after(id, 0, 1000).await.expect("events")
+        self.store
+            .events()
+            .after(id, 0, 1000)
+            .await
+            .expect("events")
     }
 
     async fn status(&self, id: JobId) -> Status {
         self.store
-            .job(id)
+            .jobs()
+            .find(id)
             .await
             .expect("a read")
             .expect("a job")

@@ -25,7 +25,7 @@ impl Fixture {
             .await?;
             Ok(())
         };
-        let writer = &self.store.inner.writer;
+        let writer = &self.store.database().writer;
         let worked = writer.write(move |tx| Box::pin(async move { work(tx).await }));
         worked.await.expect("a write");
     }
@@ -52,11 +52,11 @@ async fn what_one_server_changes_the_others_are_told_and_read() {
     let (other, changes) = another(&fixture).await;
     until_heard(&changes, &Change::Missed).await;
     let row = fixture.submit().await;
-    let seen = other.job(row.id).await.expect("a read");
+    let seen = other.jobs().find(row.id).await.expect("a read");
     assert_eq!(seen.as_deref(), Some(&row));
     until_heard(&changes, &Change::Job(row.id)).await;
     until_heard(&changes, &Change::SliceWaits(Project::default())).await;
-    other.request_pause(row.id).await.expect("a wish");
+    other.jobs().pause(row.id).await.expect("a wish");
     assert_eq!(fixture.status(row.id).await, Status::Paused);
     other.close().await;
 }
@@ -70,20 +70,24 @@ async fn a_server_that_says_no_more_that_it_lives_writes_nothing_more_and_others
     let slice = fixture.begin(id).await;
     let (other, changes) = another(&fixture).await;
     assert!(matches!(
-        other.begin_slice(id, None, 5).await,
+        other.slices().begin(id, None, 5).await,
         Ok(Begin::Nothing)
     ));
-    assert!(!other.is_in_charge());
+    assert!(!other.nodes().is_in_charge());
     fixture.is_worked_by_node_1().await;
-    fixture.store.inner.node.close().await;
-    let is_in_charge = async || other.is_in_charge();
+    fixture.store.nodes().close().await;
+    let is_in_charge = async || other.nodes().is_in_charge();
     until("another is in charge", is_in_charge).await;
-    let record = fixture.store.record(slice.lease, Record::default()).await;
+    let record = fixture
+        .store
+        .slices()
+        .record(slice.lease, Record::default())
+        .await;
     let refused = record.expect_err("a node that is dead");
     assert_eq!(refused.meaning(), Meaning::Unavailable, "{refused}");
-    assert!(fixture.store.submit(job(None)).await.is_err());
+    assert!(fixture.store.submissions().submit(job(None)).await.is_err());
     until_heard(&changes, &Change::SliceWaits(Project::default())).await;
-    let next = other.begin_slice(id, None, 5).await;
+    let next = other.slices().begin(id, None, 5).await;
     let Ok(Begin::Slice(next)) = next else {
         panic!("not taken over: {next:?}");
     };
@@ -99,8 +103,12 @@ async fn a_server_that_is_declared_dead_learns_of_it() {
     let (other, _) = another(&fixture).await;
     let taken_over = async || {
         // Between two of its beats.
-        other.take_over_from_all_others().await.expect("a takeover");
-        let lost = fixture.store.superseded();
+        other
+            .nodes()
+            .take_over_from_all_others()
+            .await
+            .expect("a takeover");
+        let lost = fixture.store.nodes().superseded();
         tokio::time::timeout(Duration::from_millis(200), lost)
             .await
             .is_ok()
@@ -121,10 +129,10 @@ async fn servers_that_live_do_not_declare_each_other_dead() {
     for _ in 0..100 {
         tokio::time::sleep(fixture.settings.beat).await;
         for store in all {
-            assert!(store.submit(job(None)).await.is_ok());
+            assert!(store.submissions().submit(job(None)).await.is_ok());
         }
     }
-    let in_charge = all.map(Store::is_in_charge);
+    let in_charge = all.map(|store| store.nodes().is_in_charge());
     assert_eq!(in_charge, [true, false, false]);
     second.close().await;
     third.close().await;
@@ -151,11 +159,16 @@ async fn servers_that_begin_together_on_an_empty_database_all_do() {
     for opening in openings {
         stores.push(opening.await.expect("a task").expect("a database"));
     }
-    let Submitted::Created(row) = stores[0].submit(job(None)).await.expect("a submission") else {
+    let Submitted::Created(row) = stores[0]
+        .submissions()
+        .submit(job(None))
+        .await
+        .expect("a submission")
+    else {
         panic!("not created");
     };
     for store in stores {
-        assert!(store.job(row.id).await.expect("a read").is_some());
+        assert!(store.jobs().find(row.id).await.expect("a read").is_some());
         store.close().await;
     }
 }
@@ -170,7 +183,11 @@ async fn the_same_key_sent_to_many_servers_makes_one_job() {
     let stores = [&fixture.store, &second, &third];
     for round in 0..20 {
         let key = format!("key {round}");
-        let submissions = (0..9).map(|i| stores[i % 3].submit(job(Some((&key, "digest")))));
+        let submissions = (0..9).map(|i| {
+            stores[i % 3]
+                .submissions()
+                .submit(job(Some((&key, "digest"))))
+        });
         let answers = futures_util::future::join_all(submissions).await;
         let made = answers
             .iter()

@@ -13,12 +13,18 @@ use crate::store::{AuditEntry, Retention, Tidied};
 
 async fn ended(fixture: &Fixture) -> JobId {
     let id = fixture.submit().await.id;
-    fixture.store.request_cancel(id).await.expect("a write");
+    fixture.store.jobs().cancel(id).await.expect("a write");
     id
 }
 
 async fn is_there(fixture: &Fixture, id: JobId) -> bool {
-    fixture.store.job(id).await.expect("a read").is_some()
+    fixture
+        .store
+        .jobs()
+        .find(id)
+        .await
+        .expect("a read")
+        .is_some()
 }
 
 async fn jobs_go_with_age_or_number_and_never_before_their_end(fixture: Fixture) {
@@ -55,7 +61,8 @@ async fn jobs_go_with_age_or_number_and_never_before_their_end(fixture: Fixture)
     assert!(is_there(&fixture, unfinished).await);
     let row = fixture
         .store
-        .job(unfinished)
+        .jobs()
+        .find(unfinished)
         .await
         .expect("a read")
         .expect("the job");
@@ -73,16 +80,22 @@ async fn the_audit_log_never_changes_and_goes_with_age_alone(fixture: Fixture) {
         request_id: "r-1".to_owned(),
         left_out: 0,
     };
-    fixture.store.audit(entry.clone()).await.expect("a write");
+    fixture
+        .store
+        .audit()
+        .add(entry.clone())
+        .await
+        .expect("a write");
     let read = async || {
         let page = fixture
             .store
-            .audit_log(&Default::default(), true, None, 10)
+            .audit()
+            .list(&Default::default(), true, None, 10)
             .await;
         page.expect("a page").rows
     };
     assert_eq!(read().await[0].entry, entry);
-    let pool = &fixture.store.inner.writer_pool;
+    let pool = &fixture.store.database().writer_pool;
     for change in ["update audit set who = 'nobody'", "delete from audit"] {
         let refused = database::query(change).execute(pool).await;
         assert!(refused.is_err(), "{change}");

@@ -31,7 +31,7 @@ async fn a_write_with_an_old_epoch_changes_nothing(fixture: Fixture) {
     let id = fixture.submit().await.id;
     let old = fixture.begin(id).await;
     let new = fixture.begin(id).await;
-    let before = fixture.store.job(id).await.expect("a read");
+    let before = fixture.store.jobs().find(id).await.expect("a read");
     let record = Record {
         generations: vec![generation(1)],
         events: vec![Event::Generation(generation(1))],
@@ -42,20 +42,25 @@ async fn a_write_with_an_old_epoch_changes_nothing(fixture: Fixture) {
         worked_ms: 5,
         ..Record::default()
     };
-    let hold = fixture.store.record(old.lease, record.clone()).await;
+    let hold = fixture
+        .store
+        .slices()
+        .record(old.lease, record.clone())
+        .await;
     assert_eq!(hold.expect("a write"), Hold::Lost);
     assert_eq!(fixture.finish(&old, Status::Failed).await, Hold::Lost);
-    assert_eq!(fixture.store.job(id).await.expect("a read"), before);
+    assert_eq!(fixture.store.jobs().find(id).await.expect("a read"), before);
     assert_eq!(fixture.events(id).await.len(), 2);
     assert!(
         fixture
             .store
-            .generations(id, 0, 10)
+            .generations()
+            .after(id, 0, 10)
             .await
             .expect("rows")
             .is_empty()
     );
-    let hold = fixture.store.record(new.lease, record).await;
+    let hold = fixture.store.slices().record(new.lease, record).await;
     assert_eq!(hold.expect("a write"), Hold::Kept);
     assert_eq!(fixture.events(id).await.len(), 3);
 }
@@ -92,7 +97,7 @@ async fn a_slice_goes_on_where_the_last_one_stopped(fixture: Fixture) {
         worked_ms: 40,
         ..Record::default()
     };
-    let hold = fixture.store.record(first.lease, record).await;
+    let hold = fixture.store.slices().record(first.lease, record).await;
     assert_eq!(hold.expect("a write"), Hold::Kept);
     let second = fixture.begin(id).await;
     let checkpoint = second.checkpoint.expect("a checkpoint");
@@ -112,9 +117,15 @@ async fn a_job_that_five_lives_of_the_server_end_with_fails(mut fixture: Fixture
         assert_eq!(fixture.begin(id).await.job.attempt, attempt);
         fixture = fixture.cut_off().await;
     }
-    let sixth = fixture.store.begin_slice(id, None, 5).await;
+    let sixth = fixture.store.slices().begin(id, None, 5).await;
     assert!(matches!(sixth, Ok(Begin::Ended)));
-    let row = fixture.store.job(id).await.expect("a read").expect("a job");
+    let row = fixture
+        .store
+        .jobs()
+        .find(id)
+        .await
+        .expect("a read")
+        .expect("a job");
     assert_eq!((row.status, row.attempt), (Status::Failed, 5));
     assert_eq!(row.error, Some(Failure::crashed_too_often(5)));
     assert_eq!(
@@ -152,7 +163,7 @@ async fn a_job_that_many_lives_ended_with_waits_for_the_server_to_have_been_up(
     let id = fixture.submit().await.id;
     for _ in 0..9 {
         assert!(matches!(
-            fixture.store.begin_slice(id, None, 20).await,
+            fixture.store.slices().begin(id, None, 20).await,
             Ok(Begin::Slice(_))
         ));
         fixture = fixture.cut_off().await;
@@ -162,11 +173,11 @@ async fn a_job_that_many_lives_ended_with_waits_for_the_server_to_have_been_up(
         .await
         .expect("an entry");
     // A minute, after nine.
-    let soon = fixture.store.begin_slice(id, Some(entry), 20).await;
+    let soon = fixture.store.slices().begin(id, Some(entry), 20).await;
     assert!(matches!(soon, Ok(Begin::NotYet)), "{soon:?}");
     // Whoever wants to stop it does not wait.
-    fixture.store.request_cancel(id).await.expect("a wish");
-    let stop = fixture.store.begin_slice(id, None, 20).await;
+    fixture.store.jobs().cancel(id).await.expect("a wish");
+    let stop = fixture.store.slices().begin(id, None, 20).await;
     assert!(matches!(stop, Ok(Begin::Slice(_))), "{stop:?}");
 }
 
@@ -180,10 +191,10 @@ async fn the_end_of_a_job_is_told_with_its_result(fixture: Fixture) {
     assert_eq!(names(&events), ["state", "state", "result", "state", "end"]);
     assert!(events[4].is_last());
     assert_eq!(
-        fixture.store.result(id).await.expect("a read"),
+        fixture.store.results().find(id).await.expect("a read"),
         Some(outcome())
     );
-    let begun = fixture.store.begin_slice(id, None, 5).await;
+    let begun = fixture.store.slices().begin(id, None, 5).await;
     assert!(matches!(begun, Ok(Begin::Nothing)));
 }
 
@@ -196,13 +207,13 @@ async fn only_the_newest_queue_entry_begins_a_slice(fixture: Fixture) {
             .expect("an entry")
     };
     let first = entry().await;
-    fixture.store.request_pause(id).await.expect("a wish");
-    fixture.store.request_resume(id).await.expect("a wish");
+    fixture.store.jobs().pause(id).await.expect("a wish");
+    fixture.store.jobs().resume(id).await.expect("a wish");
     let second = entry().await;
     assert_ne!(first, second);
-    let stale = fixture.store.begin_slice(id, Some(first), 5).await;
+    let stale = fixture.store.slices().begin(id, Some(first), 5).await;
     assert!(matches!(stale, Ok(Begin::Nothing)));
-    let fresh = fixture.store.begin_slice(id, Some(second), 5).await;
+    let fresh = fixture.store.slices().begin(id, Some(second), 5).await;
     assert!(matches!(fresh, Ok(Begin::Slice(_))));
 }
 
@@ -220,7 +231,7 @@ async fn entries_that_a_dead_server_left_running_are_available_at_once(fixture: 
     ] {
         fixture
             .store
-            .inner
+            .database()
             .writer
             .write(move |tx| Box::pin(execute(tx, statement)))
             .await
@@ -251,14 +262,15 @@ async fn events_are_replayed_from_any_id(fixture: Fixture) {
             .collect(),
         ..Record::default()
     };
-    let hold = fixture.store.record(slice.lease, record).await;
+    let hold = fixture.store.slices().record(slice.lease, record).await;
     assert_eq!(hold.expect("a write"), Hold::Kept);
     let mut seen = Vec::new();
     loop {
         let after = seen.last().copied().unwrap_or(0);
         let page = fixture
             .store
-            .events_after(id, after, 700)
+            .events()
+            .after(id, after, 700)
             .await
             .expect("a page");
         if page.is_empty() {

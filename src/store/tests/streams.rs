@@ -52,16 +52,16 @@ fn in_double_hour(minutes: std::ops::Range<i64>, value: f64) -> NewBatch {
 }
 
 async fn append(store: &Store, new: NewBatch) -> Appended {
-    match store.append(new).await.expect("an append") {
+    match store.streams().append(new).await.expect("an append") {
         BatchOutcome::Stored(appended, _) => *appended,
         other => panic!("not stored: {other:?}"),
     }
 }
 
 async fn rows(store: &Store) -> Rows {
-    let stream = store.stream(&Project::default(), "rig-4").await;
+    let stream = store.streams().find(&Project::default(), "rig-4").await;
     let stream = stream.expect("a read").expect("a stream");
-    let rows = store.stream_rows(&stream, (i64::MIN, i64::MAX), 1 << 20);
+    let rows = store.streams().rows(&stream, (i64::MIN, i64::MAX), 1 << 20);
     rows.await.expect("a read").expect("not too many")
 }
 
@@ -90,12 +90,17 @@ async fn samples_of_a_clock_that_was_wrong_push_none_out_and_can_be_taken_out(fi
     let more = [(now - S / 2, 3.0)].into_iter();
     let told = append(&fixture.store, new_batch(more, Keep::default())).await;
     assert_eq!((told.removed, told.stream.samples), (0, 60_003));
-    let reached = fixture.store.stream_reached(&told.stream, now).await;
+    let reached = fixture
+        .store
+        .streams()
+        .last_instant(&told.stream, now)
+        .await;
     assert_eq!(reached.expect("a read"), Some(now - S / 2));
 
     let project = Project::default();
     let cleared = fixture
         .store
+        .streams()
         .remove_samples(&project, "rig-4", (now, i64::MAX));
     let cleared = cleared.await.expect("a removal").expect("a stream");
     assert_eq!((cleared.removed, cleared.stream.samples), (2, 60_001));
@@ -109,7 +114,11 @@ async fn a_part_is_taken_out_across_blocks(fixture: Fixture) {
     append(&fixture.store, new_batch(all, Keep::default())).await;
     let project = Project::default();
     let span = (20_000 * S, 80_000 * S);
-    let cleared = fixture.store.remove_samples(&project, "rig-4", span).await;
+    let cleared = fixture
+        .store
+        .streams()
+        .remove_samples(&project, "rig-4", span)
+        .await;
     let cleared = cleared.expect("a removal").expect("a stream");
     assert_eq!(cleared.removed, 60_000);
     let left = rows(&fixture.store).await;
@@ -118,7 +127,11 @@ async fn a_part_is_taken_out_across_blocks(fixture: Fixture) {
         .map(|k| k as f64)
         .collect();
     assert_eq!(left.columns[0].values, expected);
-    let none = fixture.store.remove_samples(&project, "rig-5", span).await;
+    let none = fixture
+        .store
+        .streams()
+        .remove_samples(&project, "rig-5", span)
+        .await;
     assert!(none.expect("a look").is_none());
 }
 
@@ -130,12 +143,17 @@ async fn a_stream_that_everything_was_taken_out_of_goes_on(fixture: Fixture) {
     .await;
     let project = Project::default();
     let all = (i64::MIN, i64::MAX);
-    let cleared = fixture.store.remove_samples(&project, "rig-4", all).await;
+    let cleared = fixture
+        .store
+        .streams()
+        .remove_samples(&project, "rig-4", all)
+        .await;
     let stream = cleared.expect("a removal").expect("a stream").stream;
     assert_eq!((stream.samples, stream.first, stream.last), (0, None, None));
     let read = fixture
         .store
-        .stream(&project, "rig-4")
+        .streams()
+        .find(&project, "rig-4")
         .await
         .expect("a read");
     assert_eq!(read, Some(stream));
@@ -178,7 +196,7 @@ async fn a_batch_of_an_hour_that_both_passes_have_is_refused(fixture: Fixture) {
     for value in [1.0, 2.0] {
         append(store, in_double_hour(0..60, value)).await;
     }
-    let refused = store.append(in_double_hour(0..60, 3.0)).await;
+    let refused = store.streams().append(in_double_hour(0..60, 3.0)).await;
     assert_eq!(refused.expect("an answer"), BatchOutcome::HourCameTwice);
     assert!(!rows(store).await.columns[0].values.contains(&3.0));
 }

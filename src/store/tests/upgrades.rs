@@ -57,7 +57,11 @@ async fn servers_go_on_and_begin_while_one_that_is_newer_adds_to_the_schema() {
     migrate(&options, next).await;
     let after = open(&settings, &changes).await;
     for store in [&before, &after] {
-        let submitted = store.submit(job(None)).await.expect("a submission");
+        let submitted = store
+            .submissions()
+            .submit(job(None))
+            .await
+            .expect("a submission");
         assert!(matches!(submitted, Submitted::Created(_)), "{submitted:?}");
     }
     after.close().await;

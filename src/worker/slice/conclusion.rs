@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::{After, Computed, Current, End, SliceWorker};
+use super::current::{After, Computed, Current, End, SliceWorker};
 use crate::admission::Permit;
 use crate::job::Failure;
 use crate::store::{Checkpoint, Ending, HandedOn, Hold, Record, StopRequest, StoreError};
@@ -34,7 +34,7 @@ impl Conclusion<'_> {
     /// Hands the job on, or ends it.
     pub(in crate::worker) async fn draw(self, computed: Computed) -> Result<After, StoreError> {
         let id = self.current.lease.job;
-        let request = match self.worker.store.job(id).await? {
+        let request = match self.worker.store.jobs().find(id).await? {
             Some(job) => job.stop_request,
             None => return Ok(After::Done),
         };
@@ -57,13 +57,18 @@ impl Conclusion<'_> {
     async fn hand_on(mut self, run: Box<dyn Run>) -> Result<After, StoreError> {
         let mut record = self.last_record();
         record.checkpoint = Some(self.checkpoint(&*run));
-        record.is_shared = run.is_shareable() && self.worker.store.share().is_some();
+        record.is_shared = run.is_shareable() && self.worker.store.nodes().share().is_some();
         let must = self.worker.active.all_are_stopped()
             || self.worker.admission.is_waited_for()
             || self.current.entry_is_old();
         drop(self.permit.take());
         let lease = self.current.lease;
-        let handed_on = self.worker.store.hand_on(lease, record, must).await?;
+        let handed_on = self
+            .worker
+            .store
+            .slices()
+            .hand_on(lease, record, must)
+            .await?;
         if handed_on == HandedOn::Lost {
             return Ok(After::Done);
         }
@@ -152,7 +157,12 @@ impl Conclusion<'_> {
             ..self.last_record()
         };
         let lease = self.current.lease;
-        let hold = self.worker.store.finish(lease, record, ending).await?;
+        let hold = self
+            .worker
+            .store
+            .slices()
+            .finish(lease, record, ending)
+            .await?;
         if hold == Hold::Lost {
             tracing::info!(job = %self.current.lease.job, "another slice has begun; this one is void");
         }

@@ -94,7 +94,13 @@ impl Server {
             datasets: Vec::new(),
             idempotency: None,
         };
-        match self.store.submit(job).await.expect("a submission") {
+        match self
+            .store
+            .submissions()
+            .submit(job)
+            .await
+            .expect("a submission")
+        {
             Submitted::Created(row) => row.id,
             other => panic!("not created: {other:?}"),
         }
@@ -129,13 +135,20 @@ impl Server {
     }
 
     async fn job(&self, id: JobId) -> JobRow {
-        let row = self.store.job(id).await.expect("a read").expect("a job");
+        let row = self
+            .store
+            .jobs()
+            .find(id)
+            .await
+            .expect("a read")
+            .expect("a job");
         JobRow::clone(&row)
     }
 
     async fn result(&self, id: JobId) -> Value {
         self.store
-            .result(id)
+            .results()
+            .find(id)
             .await
             .expect("a read")
             .expect("a result")
@@ -143,7 +156,7 @@ impl Server {
 
     /// Every candidate that is kept.
     async fn candidates(&self, id: JobId) -> CandidatePage {
-        let all = self.store.candidates(id, 0, u32::MAX, usize::MAX);
+        let all = self.store.candidates().page(id, 0, u32::MAX, usize::MAX);
         all.await.expect("a read")
     }
 
@@ -192,7 +205,12 @@ async fn a_job_is_worked_to_its_end_with_all_its_history() {
     let last_generation = events.iter().rfind(|event| event.name == "generation");
     let data: Value = serde_json::from_str(&last_generation.expect("one").data).expect("JSON");
     assert_eq!(data["generation"], 200);
-    let rows = server.store.generations(id, 0, 1000).await.expect("rows");
+    let rows = server
+        .store
+        .generations()
+        .after(id, 0, 1000)
+        .await
+        .expect("rows");
     let numbers: Vec<u32> = rows.iter().map(|row| row.generation).collect();
     assert_eq!(numbers, (1..=200).collect::<Vec<u32>>());
     let candidates = server.candidates(id).await;
@@ -231,7 +249,7 @@ async fn a_job_at_work_is_cancelled_and_keeps_its_best_estimate() {
     let held = json!({"generations": 50, "refinements": 0, "wait_at": 21});
     let id = server.submit(held, json!({})).await;
     server.gate.wait_for_arrival();
-    server.store.request_cancel(id).await.expect("a wish");
+    server.store.jobs().cancel(id).await.expect("a wish");
     let events = server.wait_for_end(id).await;
     assert_eq!(
         events.last().expect("an end").data,
@@ -248,11 +266,11 @@ async fn a_paused_job_shows_its_best_and_goes_on_to_the_same_bits() {
     let server = Server::start(folder.path(), 1, ONE_UNIT).await;
     let id = server.submit(orders(30, 2), json!({})).await;
     server.wait_for_status(id, Status::Running).await;
-    server.store.request_pause(id).await.expect("a wish");
+    server.store.jobs().pause(id).await.expect("a wish");
     server.wait_for_status(id, Status::Paused).await;
     assert_eq!(server.result(id).await["stop_reason"], "paused");
     assert_eq!(server.job(id).await.stop_request, None);
-    server.store.request_resume(id).await.expect("a wish");
+    server.store.jobs().resume(id).await.expect("a wish");
     server.wait_for_end(id).await;
     assert_eq!(server.estimate(id).await, unbroken(30, 2));
     assert_eq!(server.result(id).await["stop_reason"], "generation_limit");
@@ -271,7 +289,7 @@ async fn a_job_between_slices_is_stopped_though_every_place_is_taken() {
     let at_work = server.submit(held, json!({})).await;
     server.gate.wait_for_arrival();
     assert_eq!(server.job(waiting).await.status, Status::Running);
-    server.store.request_cancel(waiting).await.expect("a wish");
+    server.store.jobs().cancel(waiting).await.expect("a wish");
     server.wait_for_end(waiting).await;
     assert_eq!(server.result(waiting).await["stop_reason"], "cancelled");
     assert_eq!(server.job(at_work).await.status, Status::Running);
@@ -332,7 +350,7 @@ async fn an_ordered_shutdown_hands_the_slice_back() {
     let job = server.job(id).await;
     assert_eq!((job.status, job.attempt), (Status::Running, 0));
     let progress = job.progress.expect("progress");
-    server.store.request_cancel(id).await.expect("a wish");
+    server.store.jobs().cancel(id).await.expect("a wish");
     server.wait_for_end(id).await;
     let after = server.job(id).await.progress.expect("progress");
     assert!(after.generation >= progress.generation);
@@ -350,7 +368,8 @@ fn live_and_crash(folder: &Path, slice_length: Duration, id: Option<JobId>) -> J
         };
         let seen = server
             .store
-            .events_after(id, 0, 1000)
+            .events()
+            .after(id, 0, 1000)
             .await
             .expect("events");
         let news = server
@@ -406,7 +425,7 @@ async fn a_job_that_is_cancelled_ends_soon_however_long_its_analysis_takes() {
                       "analyse_for_ever": true});
     let id = server.submit(held, json!({})).await;
     server.gate.wait_for_arrival();
-    server.store.request_cancel(id).await.expect("a wish");
+    server.store.jobs().cancel(id).await.expect("a wish");
     server.wait_for_end(id).await;
     assert_eq!(server.result(id).await["stop_reason"], "cancelled");
     server.shutdown().await;
@@ -423,7 +442,7 @@ async fn a_job_whose_time_is_up_while_the_server_goes_down_is_analysed_by_the_ne
     server.shutdown().await;
     let server = Server::start(folder.path(), 1, LONG).await;
     assert_eq!(server.job(id).await.status, Status::Running);
-    server.store.request_cancel(id).await.expect("a wish");
+    server.store.jobs().cancel(id).await.expect("a wish");
     server.wait_for_end(id).await;
     server.shutdown().await;
 }
@@ -439,10 +458,11 @@ async fn no_job_waits_for_a_clock_that_was_set_back() {
     let later = server.submit(orders(3, 0), json!({})).await;
     server
         .store
+        .queue()
         .postpone_entries("+1 day")
         .await
         .expect("a write");
-    server.store.request_cancel(at_work).await.expect("a wish");
+    server.store.jobs().cancel(at_work).await.expect("a wish");
     for id in [waiting, later] {
         server.wait_for_end(id).await;
     }

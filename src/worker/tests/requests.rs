@@ -20,7 +20,7 @@ async fn a_job_that_is_cancelled_while_its_result_is_computed_is_cancelled_with_
     let folder = tempfile::tempdir().expect("a folder");
     let server = Server::start(folder.path(), 1, LONG).await;
     let id = with_its_result_at_hand(&server).await;
-    server.store.request_cancel(id).await.expect("a wish");
+    server.store.jobs().cancel(id).await.expect("a wish");
     server.gate.open();
     let events = server.wait_for_end(id).await;
     assert_eq!(
@@ -38,12 +38,12 @@ async fn a_job_that_is_paused_while_its_result_is_computed_comes_to_it_when_it_i
     let folder = tempfile::tempdir().expect("a folder");
     let server = Server::start(folder.path(), 1, LONG).await;
     let id = with_its_result_at_hand(&server).await;
-    server.store.request_pause(id).await.expect("a wish");
+    server.store.jobs().pause(id).await.expect("a wish");
     server.gate.open();
     server.wait_for_status(id, Status::Paused).await;
     assert_eq!(server.result(id).await["stop_reason"], "paused");
     assert_eq!(server.estimate(id).await, unbroken(20, 3));
-    server.store.request_resume(id).await.expect("a wish");
+    server.store.jobs().resume(id).await.expect("a wish");
     let events = server.wait_for_end(id).await;
     let results = names(&events)
         .iter()
@@ -64,9 +64,9 @@ async fn a_job_whose_pause_is_taken_back_while_it_stops_goes_on_to_the_same_bits
     let held = json!({"generations": 20, "refinements": 3, "wait_once_at": 7, "hold_best": true});
     let id = server.submit(held, json!({})).await;
     server.gate.wait_for_arrival();
-    server.store.request_pause(id).await.expect("a wish");
+    server.store.jobs().pause(id).await.expect("a wish");
     server.gate.wait_for_arrivals(2);
-    server.store.request_resume(id).await.expect("a wish");
+    server.store.jobs().resume(id).await.expect("a wish");
     server.gate.open();
     let events = server.wait_for_end(id).await;
     let paused = events.iter().filter(|event| event.data.contains("paused"));

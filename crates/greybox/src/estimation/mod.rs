@@ -17,8 +17,6 @@
 //! and however often the run is saved ([`Estimation::checkpoint`]) and resumed; no
 //! clock, no I/O; a candidate that fails is a value.
 
-pub mod ahead;
-mod earlier;
 pub mod evaluation_cache;
 pub mod feasible;
 pub mod floor;
@@ -38,7 +36,10 @@ pub mod segments;
 pub mod sensitivity;
 pub mod settings;
 pub mod shooting;
+pub mod speculative_search;
+mod stage;
 pub mod stop_reason;
+mod totals;
 pub mod trajectory;
 
 pub use observer::{Finding, GenerationRow, Observer, RefinementRow, Simulated};
@@ -48,9 +49,8 @@ pub use report::Report;
 pub use settings::Settings;
 pub use stop_reason::StopReason;
 
-use ahead::Ahead;
-pub use ahead::{SearchNews, Share};
-use earlier::Earlier;
+pub use speculative_search::{SearchUpdate, Share};
+
 use floor::Landmarks;
 use greybox_numerics::rng;
 use leaders::Judged;
@@ -59,30 +59,39 @@ use search::{Search, Task};
 use serde::{Deserialize, Serialize};
 use settings::MethodName;
 use shooting::Shooting;
+use speculative_search::SpeculativeSearches;
+use stage::{Refinement, Stage};
 use std::sync::atomic::AtomicBool;
+use totals::Totals;
 
 /// Where a run is saved to go on from. Serialises to about 1 kB for each 10 candidates and leader.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     search: search::State,
-    #[serde(default)]
-    earlier: Earlier,
+    #[serde(flatten)]
+    state: EstimationState,
+}
+
+/// All that the next unit of a run depends on, beside the state of the search.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct EstimationState {
+    /// Totals of the searches that have finished, and what the refinement did.
+    #[serde(default, rename = "earlier")]
+    totals: Totals,
+    /// The searches that have finished.
     #[serde(default)]
     searches: Vec<FinishedSearch>,
     descents: Vec<Descent>,
-    #[serde(default)]
-    shootings: Vec<Shooting>,
     /// Of how many searches the best have gone over segments.
     #[serde(default)]
     shot_searches: usize,
     /// Whether parameters that could change their places have.
     #[serde(default)]
     exchanged: bool,
-    /// Other minima as low as the estimate.
-    #[serde(default)]
-    twins: Vec<Vec<f64>>,
-    phase: Phase,
+    /// Why the last search before a refinement ended.
     stop_reason: Option<StopReason>,
+    #[serde(flatten)]
+    stage: Stage,
 }
 
 /// A search of a run that has ended.
@@ -113,48 +122,19 @@ pub struct Estimation {
     /// What the search judges, where that is not the free run ([`segments`]).
     segmented: Option<Problem>,
     landmarks: Landmarks,
-    /// Totals of the searches that have finished, and what the refinement did.
-    earlier: Earlier,
-    /// Searches that other nodes do.
-    ahead: Ahead,
-    /// The search that was begun since others were told.
+    /// Searches that other nodes run before it is their turn.
+    speculative: SpeculativeSearches,
+    /// The search that was begun since other nodes were told.
     newly_begun: Option<u32>,
-    searches: Vec<FinishedSearch>,
-    descents: Vec<Descent>,
-    shootings: Vec<Shooting>,
-    shot_searches: usize,
-    exchanged: bool,
-    twins: Vec<Vec<f64>>,
-    phase: Phase,
-    stop_reason: Option<StopReason>,
+    state: EstimationState,
 }
 
 impl Estimation {
     /// Begins a run.
     #[must_use]
     pub fn start(problem: &Problem, settings: &Settings, seed: u64) -> Estimation {
-        let segmented = segments::segmented(problem);
-        let landmarks = Landmarks::of(problem);
-        let task = task((problem, segmented.as_ref()), settings, seed, landmarks);
-        let search = Search::start(&task, 0);
-        let mut run = Estimation {
-            settings: settings.clone(),
-            seed,
-            search,
-            segmented,
-            landmarks,
-            earlier: Earlier::default(),
-            ahead: Ahead::default(),
-            newly_begun: None,
-            searches: Vec::new(),
-            descents: Vec::new(),
-            shootings: Vec::new(),
-            shot_searches: 0,
-            exchanged: false,
-            twins: Vec::new(),
-            phase: Phase::Search,
-            stop_reason: None,
-        };
+        let mut run = Estimation::at(problem, settings, seed, Checkpoint::default());
+        run.search.restart(0);
         let n = problem.coordinates.len();
         if settings.name == MethodName::MultistartLm {
             let mut rng = rng::stream(seed, 0, rng::Purpose::Population);
@@ -192,32 +172,29 @@ impl Estimation {
         if found != expected {
             return Err(CheckpointError { found, expected });
         }
+        Ok(Estimation::at(problem, settings, seed, checkpoint))
+    }
+
+    /// A run that stands where a checkpoint was saved.
+    fn at(problem: &Problem, settings: &Settings, seed: u64, checkpoint: Checkpoint) -> Estimation {
+        let Checkpoint { search, state } = checkpoint;
         let segmented = segments::segmented(problem);
         let landmarks = Landmarks::of(problem);
         let task = task((problem, segmented.as_ref()), settings, seed, landmarks);
-        let number = match checkpoint.phase {
-            Phase::Search => checkpoint.searches.len(),
-            Phase::Refine | Phase::Analyse => checkpoint.searches.len().saturating_sub(1),
+        let number = match state.stage {
+            Stage::Search => state.searches.len(),
+            Stage::Refine(_) | Stage::Analyse { .. } => state.searches.len().saturating_sub(1),
         };
-        let search = Search::resume(&task, number as u32, checkpoint.search);
-        Ok(Estimation {
+        Estimation {
             settings: settings.clone(),
             seed,
-            search,
+            search: Search::resume(&task, number as u32, search),
             segmented,
             landmarks,
-            earlier: checkpoint.earlier,
-            ahead: Ahead::default(),
+            speculative: SpeculativeSearches::default(),
             newly_begun: None,
-            searches: checkpoint.searches,
-            descents: checkpoint.descents,
-            shootings: checkpoint.shootings,
-            shot_searches: checkpoint.shot_searches,
-            exchanged: checkpoint.exchanged,
-            twins: checkpoint.twins,
-            phase: checkpoint.phase,
-            stop_reason: checkpoint.stop_reason,
-        })
+            state,
+        }
     }
 
     /// One unit of work: a generation of the search or an iteration of the refinement. When
@@ -229,10 +206,17 @@ impl Estimation {
         stop: &AtomicBool,
         observer: &mut dyn Observer,
     ) -> Advance {
-        match self.phase {
-            Phase::Search => self.advance_search(problem, stop, observer),
-            Phase::Refine => self.advance_refinement(problem, stop, observer),
-            Phase::Analyse => Advance::Finished,
+        match &self.state.stage {
+            Stage::Search => self.advance_search(problem, stop, observer),
+            Stage::Refine(_) if !self.settings.refine => self.finish(Vec::new()),
+            Stage::Refine(Refinement::OverSegments(shootings)) => {
+                match Shooting::iterate_all(shootings, problem, stop) {
+                    Some(next) => self.follow_segments(next),
+                    None => Advance::Interrupted,
+                }
+            }
+            Stage::Refine(Refinement::FreeRun) => self.advance_descents(problem, stop, observer),
+            Stage::Analyse { .. } => Advance::Finished,
         }
     }
 
@@ -262,7 +246,7 @@ impl Estimation {
     ) -> Advance {
         let searched = self.segmented.as_ref().unwrap_or(problem);
         let judged = self.search.state.generation;
-        let (rows, ended) = match self.ahead.take(self.search.number(), judged) {
+        let (rows, ended) = match self.speculative.take_beyond(self.search.number(), judged) {
             Some(stretch) => {
                 self.search.state = stretch.state.clone();
                 let ended = stretch.stop;
@@ -279,7 +263,7 @@ impl Estimation {
             let values = |best: &Judged| {
                 searched.named_values(&self.search.positions(searched, &best.chromosome))
             };
-            observer.generation(&self.earlier.counted_on(row, values));
+            observer.generation(&self.state.totals.counted_on(row, values));
         }
         if let Some(reason) = ended {
             self.end_search(problem, reason);
@@ -287,73 +271,76 @@ impl Estimation {
         Advance::Working
     }
 
-    /// Begins the search that follows.
+    /// Begins the next search.
     fn begin_next_search(&mut self) {
-        let number = self.searches.len() as u32;
-        self.earlier = self.earlier.and(&self.search.state);
+        let number = self.state.searches.len() as u32;
+        self.state.totals = self.state.totals.and(&self.search.state);
         self.search.restart(number);
-        self.ahead.forget_before(number);
+        self.speculative.forget_before(number);
         self.newly_begun = Some(number);
     }
 
     /// Whether searches follow the one at work that do not depend on it.
     #[must_use]
     pub fn has_searches_ahead(&self) -> bool {
-        self.phase == Phase::Search && self.searches.len() + 1 < self.settings.restarts as usize
+        let (finished, asked) = (self.state.searches.len(), self.settings.restarts as usize);
+        self.phase() == Phase::Search && finished + 1 < asked
     }
 
-    /// Takes note of what another node tells of searches.
-    pub fn hear(&mut self, news: SearchNews) {
-        if news.search() >= self.search.number() {
-            self.ahead.hear(news);
+    /// Takes note of what another node did of a search.
+    pub fn apply(&mut self, update: SearchUpdate) {
+        if update.search() >= self.search.number() {
+            self.speculative.apply(update);
         }
     }
 
-    /// What others should be told of the searches here since this was asked for.
-    pub fn news(&mut self) -> Option<SearchNews> {
-        self.newly_begun.take().map(SearchNews::Begun)
+    /// What other nodes should be told of the searches here since this was last called.
+    pub fn take_update(&mut self) -> Option<SearchUpdate> {
+        self.newly_begun.take().map(SearchUpdate::Begun)
     }
 
-    /// Does at most so many generations of a search ahead for the node that has the run; none where
-    /// nothing is left to do.
+    /// Judges at most so many generations of a search ahead for the node that has the run; none
+    /// where nothing is left to do.
     pub fn help(
         &mut self,
         problem: &Problem,
-        (share, at_most): (Share, u32),
+        share: Share,
+        at_most: u32,
         stop: &AtomicBool,
-    ) -> Option<SearchNews> {
+    ) -> Option<SearchUpdate> {
         if !self.has_searches_ahead() {
             return None;
         }
         let searched = (problem, self.segmented.as_ref());
         let task = task(searched, &self.settings, self.seed, self.landmarks);
-        let ahead = self.searches.len() as u32 + 1..self.settings.restarts;
-        let stretch = self.ahead.help(&task, (share, ahead), at_most, stop);
-        stretch.map(|judged| SearchNews::Judged(Box::new(judged)))
+        let ahead = self.state.searches.len() as u32 + 1..self.settings.restarts;
+        let number = self.speculative.next(share, ahead)?;
+        let stretch = self.speculative.judge(&task, number, at_most, stop)?;
+        Some(SearchUpdate::Judged(Box::new(stretch)))
     }
 
-    /// Another search, where more than one is asked for, or the refinement of what they found:
-    /// of each its best, of one alone its best distinct candidates.
+    /// Begins another search, where more than one is asked for, or the refinement of what they found:
+    /// of each search its best candidate, of a single search its best distinct candidates.
     fn end_search(&mut self, problem: &Problem, stop_reason: StopReason) {
-        let state = &self.search.state;
-        self.searches.push(FinishedSearch {
+        let search = &self.search.state;
+        self.state.searches.push(FinishedSearch {
             stop_reason,
-            generations: state.generation,
-            leaders: state.leaders.clone(),
+            generations: search.generation,
+            leaders: search.leaders.clone(),
         });
-        if self.searches.len() < self.settings.restarts as usize {
+        let (finished, asked) = (self.state.searches.len(), self.settings.restarts as usize);
+        if finished < asked {
             self.begin_next_search();
             return;
         }
-        let asked = self.settings.restarts as usize;
         // Of one search its best distinct candidates, of each of several its best.
-        let (from, each) = match self.searches.len() {
+        let (from, each) = match finished {
             1 => (0, usize::MAX),
             number if number == asked => (0, 1),
             further => (further - 1, usize::MAX),
         };
         let mut starts = Vec::new();
-        for (number, search) in self.searches.iter().enumerate().skip(from) {
+        for (number, search) in self.state.searches.iter().enumerate().skip(from) {
             for leader in search.leaders.iter().take(each) {
                 starts.push((number as u32, self.positions(problem, &leader.chromosome)));
             }
@@ -384,12 +371,12 @@ impl Estimation {
     /// What the run is doing.
     #[must_use]
     pub fn phase(&self) -> Phase {
-        self.phase
+        self.state.stage.phase()
     }
 
     /// The best candidate of all searches.
     fn champion(&self) -> Option<&Judged> {
-        self.earlier.champion(&self.search.state)
+        self.state.totals.champion(&self.search.state)
     }
 
     /// The lowest cost so far.
@@ -403,15 +390,7 @@ impl Estimation {
     pub fn checkpoint(&self) -> Checkpoint {
         Checkpoint {
             search: self.search.state.clone(),
-            earlier: self.earlier.clone(),
-            searches: self.searches.clone(),
-            descents: self.descents.clone(),
-            shootings: self.shootings.clone(),
-            shot_searches: self.shot_searches,
-            exchanged: self.exchanged,
-            twins: self.twins.clone(),
-            phase: self.phase,
-            stop_reason: self.stop_reason,
+            state: self.state.clone(),
         }
     }
 

@@ -56,21 +56,21 @@ impl Estimation {
     /// How far it has come.
     #[must_use]
     pub fn progress(&self) -> Progress {
-        let total = self.earlier.and(&self.search.state);
-        let searches = self.searches.len() + usize::from(self.phase == Phase::Search);
+        let total = self.state.totals.and(&self.search.state);
+        let searches = self.state.searches.len() + usize::from(self.phase() == Phase::Search);
         let asked = self.settings.restarts.max(1) as usize;
-        let own = f64::from(self.search.state.generation);
-        let searched =
-            self.searches.len() as f64 + own / f64::from(self.settings.generations.max(1));
+        let at_work = f64::from(self.search.state.generation);
+        let at_work = at_work / f64::from(self.settings.generations.max(1));
+        let searched = self.state.searches.len() as f64 + at_work;
         let ended = |descent: &&Descent| descent.end.is_some();
-        let refined = self.descents.iter().filter(ended).count() as f64;
-        let refined = refined / self.descents.len().max(1) as f64;
+        let refined = self.state.descents.iter().filter(ended).count() as f64;
+        let refined = refined / self.state.descents.len().max(1) as f64;
         // Further searches may follow the refinement, and each counts as much as the last one.
         let rounds = f64::from(1 + self.settings.further_searches);
-        let round = (self.searches.len() as f64 - asked as f64).max(0.0);
+        let round = (self.state.searches.len() as f64 - asked as f64).max(0.0);
         let after = |share: f64| SEARCH_SHARE + (1.0 - SEARCH_SHARE) * share / rounds;
         Progress {
-            phase: self.phase,
+            phase: self.phase(),
             generation: total.generations,
             generations: self
                 .settings
@@ -79,7 +79,7 @@ impl Estimation {
             evaluations: total.counters.evaluations,
             best_cost: self.best_cost(),
             best_credit: total.best_credit.map(|(credit, _)| credit),
-            fraction: match self.phase {
+            fraction: match self.phase() {
                 Phase::Search if searches > asked => after(round + 1.0),
                 Phase::Search => SEARCH_SHARE * (searched / asked as f64).min(1.0),
                 Phase::Refine => after(round + refined),

@@ -5,7 +5,8 @@ use super::objective::Objective;
 use super::refine::{self, Descent, Minimum};
 use super::sensitivity::SensitivityError;
 use super::shooting::Shooting;
-use super::{Advance, Estimation, Observer, Phase, Problem, RefinementRow, StopReason, floor};
+use super::stage::{Refinement, Stage};
+use super::{Advance, Estimation, Observer, Problem, RefinementRow, StopReason, floor};
 use greybox_simulation::Accuracy;
 use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
@@ -16,53 +17,81 @@ const RIVAL_ITERATIONS: u32 = 10;
 impl Estimation {
     /// Goes over to the refinement.
     pub(super) fn refine(&mut self, reason: StopReason) {
-        self.stop_reason = Some(reason);
-        self.phase = Phase::Refine;
+        self.state.stop_reason = Some(reason);
+        self.state.stage = Stage::Refine(Refinement::FreeRun);
+    }
+
+    /// Ends with an estimate, and with other minima as low.
+    pub(super) fn finish(&mut self, twins: Vec<Vec<f64>>) -> Advance {
+        self.state.stage = Stage::Analyse { twins };
+        Advance::Finished
     }
 
     /// Begins a descent, with the search that found where.
     pub(super) fn descend(&mut self, search: Option<u32>, start: Vec<f64>) {
         let mut descent = Descent::from(start);
         descent.search = search;
-        self.descents.push(descent);
+        self.state.descents.push(descent);
     }
 
-    pub(super) fn advance_refinement(
+    /// Counts candidates that the refinement has simulated.
+    fn count(&mut self, simulated: u64) {
+        let counters = &mut self.state.totals.counters;
+        counters.evaluations += simulated;
+        counters.distinct_evaluations += simulated;
+    }
+
+    /// Goes on from an iteration over segments; when all descents over segments have ended,
+    /// descents of the free run go on from where they came to.
+    pub(super) fn follow_segments(&mut self, next: Vec<Shooting>) -> Advance {
+        let total = |shootings: &[Shooting]| -> u64 {
+            shootings.iter().map(|shooting| shooting.evaluations).sum()
+        };
+        if let Stage::Refine(Refinement::OverSegments(before)) = &self.state.stage {
+            self.count(total(&next) - total(before));
+        }
+        let has_ended = next.iter().all(|shooting| shooting.has_ended);
+        self.state.stage = Stage::Refine(if has_ended {
+            for ended in next {
+                self.descend(ended.search, ended.positions);
+            }
+            Refinement::FreeRun
+        } else {
+            Refinement::OverSegments(next)
+        });
+        Advance::Working
+    }
+
+    /// One iteration of all descents of the free run that have not ended.
+    pub(super) fn advance_descents(
         &mut self,
         problem: &Problem,
         stop: &AtomicBool,
         observer: &mut dyn Observer,
     ) -> Advance {
-        if !self.settings.refine {
-            self.phase = Phase::Analyse;
-            return Advance::Finished;
-        }
-        if !self.shootings.is_empty() {
-            return self.advance_shootings(problem, stop);
-        }
-        if self.descents.iter().all(|descent| descent.end.is_some()) {
+        let descents = &self.state.descents;
+        if descents.iter().all(|descent| descent.end.is_some()) {
             match self.after_descents(problem, stop) {
                 None => return Advance::Interrupted,
-                Some(Phase::Search) => return Advance::Working,
-                Some(Phase::Analyse) => return Advance::Finished,
-                Some(Phase::Refine) => {}
+                Some(Stage::Refine(Refinement::FreeRun)) => {}
+                Some(Stage::Analyse { twins }) => return self.finish(twins),
+                Some(stage) => {
+                    self.state.stage = stage;
+                    return Advance::Working;
+                }
             }
         }
         // Side by side, because one alone does not fill the cores. All or none, so that a unit
         // that was interrupted leaves no trace.
-        let found = self.descents.iter().filter_map(Descent::minimum);
-        let found: Vec<Minimum> = found.collect();
+        let descents = &self.state.descents;
+        let minima: Vec<Minimum> = descents.iter().filter_map(Descent::minimum).collect();
         let iterate = |descent: &Descent| {
             let mut next = descent.clone();
-            let done = next.end.is_some() || next.iterate(problem, &found, stop);
+            let done = next.end.is_some() || next.iterate(problem, &minima, stop);
             done.then_some(next)
         };
-        let Some(next) = self
-            .descents
-            .par_iter()
-            .map(iterate)
-            .collect::<Option<Vec<_>>>()
-        else {
+        let next: Option<Vec<Descent>> = descents.par_iter().map(iterate).collect();
+        let Some(next) = next else {
             return Advance::Interrupted;
         };
         let totals = |descents: &[Descent]| {
@@ -70,10 +99,9 @@ impl Estimation {
             let evaluations: u64 = descents.iter().map(|descent| descent.evaluations).sum();
             (iterations, evaluations)
         };
-        let (before, after) = (totals(&self.descents), totals(&next));
-        self.descents = next;
-        self.earlier.counters.evaluations += after.1 - before.1;
-        self.earlier.counters.distinct_evaluations += after.1 - before.1;
+        let (before, after) = (totals(descents), totals(&next));
+        self.state.descents = next;
+        self.count(after.1 - before.1);
         if let (true, Some(cost)) = (after.0 > before.0, self.best_cost()) {
             let iteration = after.0;
             observer.refinement(&RefinementRow { iteration, cost });
@@ -81,91 +109,68 @@ impl Estimation {
         Advance::Working
     }
 
-    /// Lets the best of a search go over segments, side by side; when all have ended, descents of the
-    /// free run go on from where they came to.
-    fn advance_shootings(&mut self, problem: &Problem, stop: &AtomicBool) -> Advance {
-        let iterate = |shooting: &Shooting| {
-            let mut next = shooting.clone();
-            let done = next.has_ended || next.iterate(problem, stop);
-            done.then_some(next)
-        };
-        let next: Option<Vec<Shooting>> = self.shootings.par_iter().map(iterate).collect();
-        let Some(next) = next else {
-            return Advance::Interrupted;
-        };
-        let total =
-            |shootings: &[Shooting]| -> u64 { shootings.iter().map(|own| own.evaluations).sum() };
-        let done = total(&next) - total(&self.shootings);
-        self.earlier.counters.evaluations += done;
-        self.earlier.counters.distinct_evaluations += done;
-        self.shootings = next;
-        if self.shootings.iter().all(|own| own.has_ended) {
-            for ended in std::mem::take(&mut self.shootings) {
-                self.descend(ended.search, ended.positions);
-            }
+    /// Has the best of the last search descend over segments, once for each search; none where
+    /// nothing is to be hoped for. A search over segments whose starts were measured needs it not.
+    fn shoot(&mut self, problem: &Problem) -> Option<Vec<Shooting>> {
+        let number = self.state.searches.len();
+        if self.segmented.is_some() || self.state.shot_searches == number {
+            return None;
         }
-        Advance::Working
-    }
-
-    /// Lets the best of the last search go over segments, once for each search; whether there is
-    /// something to be hoped for. A search over segments whose starts were measured needs it not.
-    fn shoot(&mut self, problem: &Problem) -> bool {
-        let number = self.searches.len();
-        if self.segmented.is_some() || self.shot_searches == number {
-            return false;
-        }
-        self.shot_searches = number;
+        self.state.shot_searches = number;
         if !Shooting::is_possible(problem) {
-            return false;
+            return None;
         }
-        let leaders = self.searches.last().map(|search| &search.leaders);
+        let leaders = self.state.searches.last().map(|search| &search.leaders);
         let begin = |leader: &Judged| {
             let positions = self.positions(problem, &leader.chromosome);
             Shooting::from(Some(number as u32 - 1), positions)
         };
-        self.shootings = leaders.into_iter().flatten().map(begin).collect();
-        !self.shootings.is_empty()
+        let shootings: Vec<Shooting> = leaders.into_iter().flatten().map(begin).collect();
+        (!shootings.is_empty()).then_some(shootings)
     }
 
-    /// What follows when all descents have ended: segments and then another search where the floor is
-    /// in doubt, then
-    /// descents from where a twin would be, then the lowest descent again, simulated finely; then
-    /// it is compared with those that came as low. Nothing when `stop` was raised.
-    fn after_descents(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<Phase> {
-        if !self.descents.iter().any(Descent::is_polished) {
-            let is_doubtful = floor::is_doubtful(&self.landmarks, &self.descents);
-            let is_poor = floor::is_poor(&self.landmarks, &self.descents);
-            if is_doubtful && is_poor && self.shoot(problem) {
-                return Some(Phase::Refine);
+    /// The stage that follows when all descents have ended: segments and then another search where
+    /// the floor is in doubt, then descents from where a twin would be, then the lowest descent again,
+    /// simulated finely; then the estimate stands, compared with those that came as low. Nothing when
+    /// `stop` was raised.
+    fn after_descents(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<Stage> {
+        let free_run = Stage::Refine(Refinement::FreeRun);
+        if !self.state.descents.iter().any(Descent::is_polished) {
+            let is_doubtful = floor::is_doubtful(&self.landmarks, &self.state.descents);
+            let is_poor = floor::is_poor(&self.landmarks, &self.state.descents);
+            if is_doubtful
+                && is_poor
+                && let Some(shootings) = self.shoot(problem)
+            {
+                return Some(Stage::Refine(Refinement::OverSegments(shootings)));
             }
             if self.searches_further() && is_doubtful {
                 self.begin_next_search();
-                self.phase = Phase::Search;
-                return Some(Phase::Search);
+                return Some(Stage::Search);
             }
-            if !self.exchanged {
+            if !self.state.exchanged {
                 let starts = self.exchanges(problem, stop)?;
-                self.exchanged = true;
+                self.state.exchanged = true;
                 starts
                     .into_iter()
                     .for_each(|positions| self.descend(None, positions));
             }
-            if self.descents.iter().any(|descent| descent.end.is_none()) {
-                return Some(Phase::Refine);
+            let descents = &self.state.descents;
+            if descents.iter().any(|descent| descent.end.is_none()) {
+                return Some(free_run);
             }
         }
         if self.polish_best() {
-            return Some(Phase::Refine);
+            return Some(free_run);
         }
-        self.twins = self.find_twins(problem, stop)?;
-        self.phase = Phase::Analyse;
-        Some(Phase::Analyse)
+        let twins = self.find_twins(problem, stop)?;
+        Some(Stage::Analyse { twins })
     }
 
     /// Whether another search may begin by itself.
     fn searches_further(&self) -> bool {
         let most = self.settings.restarts + self.settings.further_searches;
-        !self.searches.is_empty() && self.searches.len() < most as usize
+        !self.state.searches.is_empty() && self.state.searches.len() < most as usize
     }
 
     /// Where to descend from to find what the exchange of two parameters leads to.
@@ -193,7 +198,7 @@ impl Estimation {
         let Some(best) = self.best_descent() else {
             return Some(Vec::new());
         };
-        let rivals = floor::rivals(&self.landmarks, best, &self.descents);
+        let rivals = floor::rivals(&self.landmarks, best, &self.state.descents);
         if rivals.is_empty() {
             return Some(Vec::new());
         }
@@ -227,26 +232,27 @@ impl Estimation {
     /// left that could be.
     fn polish_best(&mut self) -> bool {
         let is_done = |descent: &Descent| descent.is_polished() && descent.cost.is_some();
-        if self.descents.iter().any(is_done) {
+        if self.state.descents.iter().any(is_done) {
             return false;
         }
         let lowest = self.lowest(|descent| !descent.is_polished());
         if let Some(index) = lowest {
-            self.descents[index].polish();
+            self.state.descents[index].polish();
         }
         lowest.is_some()
     }
 
     /// The descent that stands for the estimate.
     pub(super) fn best_descent(&self) -> Option<&Descent> {
-        self.lowest(|_| true).map(|index| &self.descents[index])
+        self.lowest(|_| true)
+            .map(|index| &self.state.descents[index])
     }
 
     /// The descent with the lowest cost. One that began from exchanged parameters is taken only
     /// where it is lower by more than noise: rounding does not decide between twins.
     fn lowest(&self, is_asked_for: impl Fn(&Descent) -> bool) -> Option<usize> {
         let lowest_of = |searched: bool| {
-            let descents = self.descents.iter().enumerate();
+            let descents = self.state.descents.iter().enumerate();
             let asked_for = descents.filter(|(_, descent)| {
                 descent.cost.is_some()
                     && descent.search.is_some() == searched
@@ -256,12 +262,12 @@ impl Estimation {
         };
         let cost = |descent: &Descent| descent.cost.unwrap_or(f64::INFINITY);
         let chosen = match (lowest_of(true), lowest_of(false)) {
-            (Some(own), Some(other)) => {
-                let (before, after) = (cost(own.1), cost(other.1));
+            (Some(searched), Some(exchanged)) => {
+                let (before, after) = (cost(searched.1), cost(exchanged.1));
                 let is_lower = after < before && !self.landmarks.is_same(after, before);
-                Some(if is_lower { other } else { own })
+                Some(if is_lower { exchanged } else { searched })
             }
-            (own, other) => own.or(other),
+            (searched, exchanged) => searched.or(exchanged),
         };
         chosen.map(|(index, _)| index)
     }

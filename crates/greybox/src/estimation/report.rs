@@ -4,7 +4,10 @@ use super::floor::Floor;
 use super::observer::Counters;
 use super::problem::Problem;
 use super::refine::DescentEnd;
+use super::stage::Stage;
 use super::{Estimation, StopReason};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 /// What a run came to.
 #[derive(Clone, Debug)]
@@ -36,13 +39,13 @@ pub struct Report {
 }
 
 /// How one of the searches ended.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct SearchEnd {
-    /// Why.
+    /// Why the search ended: `generation_limit`, `cost_target`, `noise_floor` or `stagnation`.
     pub stop_reason: StopReason,
-    /// How many generations it took.
+    /// How many generations the search took.
     pub generations: u32,
-    /// The cost of its champion; none where every candidate failed.
+    /// The cost of the best candidate of the search; `null` where all candidates failed.
     pub cost: Option<f64>,
 }
 
@@ -70,9 +73,13 @@ impl Report {
         positions: Vec<f64>,
         stopped: Option<StopReason>,
     ) -> Report {
-        let total = run.earlier.and(&run.search.state);
+        let total = run.state.totals.and(&run.search.state);
+        let twins = match &run.state.stage {
+            Stage::Analyse { twins } => &twins[..],
+            Stage::Search | Stage::Refine(_) => &[],
+        };
         let reason = stopped
-            .or(run.stop_reason)
+            .or(run.state.stop_reason)
             .unwrap_or(StopReason::GenerationLimit);
         Report {
             stop_reason: reason,
@@ -84,15 +91,21 @@ impl Report {
             best_credit: total.best_credit.map(|(credit, _)| credit),
             best_generation: total.best_generation,
             searches: run
+                .state
                 .searches
                 .iter()
                 .map(|search| SearchEnd {
                     stop_reason: search.stop_reason,
                     generations: search.generations,
-                    cost: search.leaders.first().map(|champion| champion.cost),
+                    cost: search
+                        .leaders
+                        .first()
+                        .map(|champion| champion.cost)
+                        .filter(|cost| cost.is_finite()),
                 })
                 .collect(),
             refinements: run
+                .state
                 .descents
                 .iter()
                 .map(|descent| Refinement {
@@ -104,9 +117,8 @@ impl Report {
                     end: descent.end,
                 })
                 .collect(),
-            floor: Floor::of(&run.landmarks, &run.descents),
-            twins: run
-                .twins
+            floor: Floor::of(&run.landmarks, &run.state.descents),
+            twins: twins
                 .iter()
                 .map(|positions| problem.named_values(positions))
                 .collect(),

@@ -17,6 +17,7 @@ mod segment;
 use super::feasible;
 use super::problem::Problem;
 use linearised::Linearised;
+use rayon::prelude::*;
 use segment::{Simulated, Starts, Trial};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
@@ -74,6 +75,22 @@ impl Shooting {
         cuts.map(|cuts| cuts.len())
             .max()
             .is_some_and(|most| most > 2)
+    }
+
+    /// One iteration of all descents that have not ended, side by side. Answers nothing when `stop`
+    /// was raised.
+    #[must_use]
+    pub fn iterate_all(
+        shootings: &[Shooting],
+        problem: &Problem,
+        stop: &AtomicBool,
+    ) -> Option<Vec<Shooting>> {
+        let iterate = |shooting: &Shooting| {
+            let mut next = shooting.clone();
+            let done = next.has_ended || next.iterate(problem, stop);
+            done.then_some(next)
+        };
+        shootings.par_iter().map(iterate).collect()
     }
 
     /// Begins a descent at a candidate.

@@ -11,10 +11,18 @@ use utoipa::ToSchema;
 mod interval;
 mod monte_carlo;
 mod search;
+mod verdict;
 
+pub use super::next_steps::NextStep;
+pub use crate::estimation::report::SearchEnd;
+pub use crate::estimation::stop_reason::StopReason;
+pub use crate::uncertainty::fit::{Criteria, OutputFit};
+pub use crate::uncertainty::residuals::{InputCorrelation, ResidualReport};
+pub use crate::uncertainty::verdict::{Rule, Trust};
 pub use interval::{ConfidenceInterval, Correlation, ProfilePoint, TotalInterval};
 pub use monte_carlo::MonteCarlo;
-pub use search::{FloorReport, SearchEnd, SearchReport, StartReport};
+pub use search::{FloorReport, SearchReport, StartReport};
+pub use verdict::{Reason, Verdict};
 
 use super::budget::BudgetLine;
 
@@ -30,8 +38,7 @@ pub struct Outcome {
     pub model: String,
     /// Why the search ended: `generation_limit`, `cost_target`, `noise_floor`, `stagnation`,
     /// `time_limit`, `cancelled` or `paused`.
-    #[schema(example = "stagnation")]
-    pub stop_reason: String,
+    pub stop_reason: StopReason,
     /// Whether to trust the numbers, and why not.
     pub verdict: Verdict,
     /// The estimated parameters, in the order of the model.
@@ -80,46 +87,6 @@ impl Outcome {
     pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
         self.parameters.iter().find(|known| known.name == name)
     }
-}
-
-/// How far a result can be trusted.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[non_exhaustive]
-pub struct Verdict {
-    /// The grade.
-    pub trust: Trust,
-    /// What it comes to, in one sentence: who can be trusted how far.
-    #[serde(default)]
-    pub summary: String,
-    /// What speaks against the result, the gravest first; empty when nothing does.
-    pub reasons: Vec<Reason>,
-}
-
-/// The grade of a verdict.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Trust {
-    /// Do not use the numbers.
-    Low,
-    /// Use the numbers with the reasons in mind.
-    Moderate,
-    /// Nothing speaks against the numbers.
-    High,
-}
-
-/// One thing that speaks against a result.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[non_exhaustive]
-pub struct Reason {
-    /// What kind of doubt, for programs.
-    #[schema(example = "residuals_not_white")]
-    pub code: String,
-    /// What the doubt is and what to do next, for people, with the numbers in it.
-    pub detail: String,
-    /// The parameters and initial states that it concerns; absent where it concerns all.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
-    pub concerns: Option<Vec<String>>,
 }
 
 /// One estimated parameter.
@@ -270,87 +237,6 @@ pub struct Fit {
     pub estimation: BTreeMap<String, OutputFit>,
     /// Over the data that were held back, by output; empty when none were.
     pub validation: BTreeMap<String, OutputFit>,
-}
-
-/// How one simulated output follows the measured one.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[non_exhaustive]
-pub struct OutputFit {
-    /// `100·(1 − ‖y − ŷ‖ / ‖y − mean(y)‖)`; `null` where the measured output is constant.
-    #[schema(example = 97.3)]
-    pub fit_percent: Option<f64>,
-    /// Root-mean-square error, SI.
-    #[schema(example = 1.1e-5)]
-    pub rmse: Option<f64>,
-    /// Largest error, SI.
-    #[schema(example = 9e-5)]
-    pub max_abs_error: Option<f64>,
-    /// The number of samples compared; missing samples are not.
-    #[schema(example = 9000)]
-    pub samples: u64,
-    /// Why a number above is `null`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reason: Option<String>,
-}
-
-/// What the residuals of one output look like over the estimation data.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[non_exhaustive]
-pub struct ResidualReport {
-    /// The noise level that the cost was scaled with, SI.
-    pub noise_std: f64,
-    /// Where the noise level came from: `given` in the job, or `estimated` from the residuals.
-    #[schema(example = "given")]
-    pub noise_std_source: String,
-    /// Mean squared residual in units of the noise level; near 1 when the model explains the data.
-    pub chi_square_per_sample: Option<f64>,
-    /// The correlation of neighbouring residuals.
-    pub lag_1_autocorrelation: Option<f64>,
-    /// Whether the residuals pass for white noise at the 1 % level; `null` when too few.
-    pub white: Option<bool>,
-    /// How many independent residuals the residuals are worth.
-    pub effective_samples: Option<f64>,
-    /// Residuals beyond `method.huber_threshold`, which counted less than their square; absent
-    /// where all counted squared.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
-    pub outliers: Option<u64>,
-    /// For each input that varies, how the residuals follow it.
-    #[serde(default)]
-    pub inputs: BTreeMap<String, InputCorrelation>,
-}
-
-/// How residuals follow an input.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[non_exhaustive]
-pub struct InputCorrelation {
-    /// The residuals' largest correlation with what the input was at lags 0 to 25.
-    #[schema(example = 0.03)]
-    pub correlation: Option<f64>,
-    /// The lag of the largest correlation, in samples.
-    pub lag: u64,
-    /// Whether the correlation is more than chance, at the 1 % level: then the model misses a part
-    /// of the input's effect.
-    pub significant: bool,
-}
-
-/// The cost and the information criteria.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[non_exhaustive]
-pub struct Criteria {
-    /// The cost at the estimate.
-    pub cost: Option<f64>,
-    /// Akaike's information criterion.
-    pub aic: Option<f64>,
-    /// Akaike's criterion, corrected for few samples.
-    pub aicc: Option<f64>,
-    /// The Bayesian information criterion.
-    pub bic: Option<f64>,
-    /// Akaike's final prediction error.
-    pub fpe: Option<f64>,
-    /// Why a number above is `null`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reason: Option<String>,
 }
 
 /// Which of the effects that were left open the data support.

@@ -2,26 +2,27 @@
 //!
 //! A run goes on in units ([`Run::advance`]) and can be saved after any of them and resumed with
 //! the same bits. The look ahead belongs to the first unit. The analysis takes as many units as its
-//! refits ask for; those that are done are part of the checkpoint. Other nodes may do some of them, and searches
-//! ahead of the one at work ([`Run::help`]); whoever has the run takes them over ([`Run::take_parts`]), with
-//! the same bits.
+//! refits ask for; refits that have finished are part of the checkpoint. Other nodes may run some of
+//! the refits, and searches ahead of the one at work ([`Run::help`]); the node that has the run adds
+//! their parts ([`Run::take_parts`]), with the same bits.
 
 use super::IdentificationError;
 use crate::estimation::{
-    self, Advance, Estimation, Finding, Observer, Phase, Problem, Progress, SearchNews, Share,
+    self, Advance, Estimation, Finding, Observer, Phase, Problem, Progress, SearchUpdate, Share,
     StopReason,
 };
 use crate::identification::assemble::{self, Assembly, Origin};
 use crate::identification::{JobSpec, Outcome};
 use crate::uncertainty::identifiability::FlatDirection;
-use crate::uncertainty::refits::{Done, Refit};
-use crate::uncertainty::{self, Conclusion, Refits};
+use crate::uncertainty::refits::{Division, Refit, RefitName};
+use crate::uncertainty::{self, Analyser, Conclusion, Quota, Refits};
 use greybox_recording::Recording;
 use greybox_simulation::model::Model;
 use serde::{Deserialize, Serialize};
 use std::borrow::Borrow;
+use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 /// A run of an identification.
 ///
@@ -72,20 +73,30 @@ pub struct Run {
     /// What is asked about the estimate's uncertainty.
     request: uncertainty::Request,
     problem: Problem,
-    /// What is known before anything is simulated; taken by the look ahead with which a new run
-    /// begins.
-    findings: Option<Vec<Finding>>,
-    /// Why the run goes no further than its look ahead.
-    refusal: Option<Vec<Finding>>,
+    stage: Stage,
     estimation: Estimation,
-    /// Refits of the analysis that are done.
-    refits: Done,
-    /// The names of those that were done here since they were asked for.
-    new_refits: Vec<String>,
-    /// Which refits come first, where other nodes do some.
-    sharing: Option<Sharing>,
-    /// Of the estimate that stands; nothing while the run goes on.
-    conclusion: Option<Conclusion>,
+    /// Finished refits of the analysis.
+    refits: Refits,
+    /// The refits that a unit of the analysis runs.
+    quota: Quota,
+}
+
+/// Where a run stands.
+#[derive(Debug)]
+enum Stage {
+    /// A new run is about to look what the data do not see. It has the findings that are made
+    /// before anything is simulated.
+    LookAhead(Vec<Finding>),
+    /// The data do not fix the unknowns: the run goes no further.
+    Refused(Vec<Finding>),
+    /// The estimation searches and refines.
+    Estimate,
+    /// The estimate stands and is analysed.
+    Analyse(Box<Analyser>),
+    /// The run has ended with an estimate.
+    Concluded(Box<Conclusion>),
+    /// The run has ended, and no candidate could be simulated.
+    WithoutEstimate,
 }
 
 /// All that is needed to resume a run.
@@ -93,9 +104,9 @@ pub struct Run {
 pub struct Checkpoint {
     #[serde(flatten)]
     estimation: estimation::Checkpoint,
-    /// Refits of the analysis that are done.
-    #[serde(default, skip_serializing_if = "Done::is_empty")]
-    refits: Done,
+    /// Finished refits of the analysis.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    refits: BTreeMap<RefitName, Refit>,
 }
 
 /// What one node did of a run and another takes over.
@@ -104,56 +115,36 @@ pub struct Checkpoint {
 pub enum Part {
     /// A refit of the analysis.
     Refit(Refit),
-    /// Something of a search.
-    Search(SearchNews),
+    /// An update of a search.
+    Search(SearchUpdate),
 }
 
 impl Part {
-    fn of_search(news: SearchNews) -> (String, Part) {
-        (news.name(), Part::Search(news))
+    fn of_search(update: SearchUpdate) -> (String, Part) {
+        (update.name(), Part::Search(update))
     }
 
-    /// Whether it is a refit.
+    /// Whether the part is a refit.
     #[must_use]
     pub fn is_refit(&self) -> bool {
         matches!(self, Part::Refit(_))
     }
 
-    /// The generations that it has.
+    /// How many generations the part has.
     #[must_use]
     pub fn generations(&self) -> usize {
         match self {
             Part::Refit(_) => 0,
-            Part::Search(news) => news.generations(),
+            Part::Search(update) => update.generations(),
         }
     }
 }
 
-/// Refits of one unit of the analysis at the most.
-const REFITS_OF_UNIT: u32 = 64;
-
-/// Refits of an analysis as they come where other nodes do some: first the own share, then those that
-/// others come to last, then all that are left.
-#[derive(Clone, Copy, Debug)]
-struct Sharing {
-    own: Share,
-    /// Shares that are done.
-    done: u32,
-    /// Refits of a unit at the most: after each, others are told which are done.
-    at_most: u32,
-}
-
-impl Sharing {
-    /// The share that is next.
-    fn next(&self) -> Option<Share> {
-        let Share { index, of } = self.own;
-        let next = Share {
-            index: (index + of - self.done % of) % of,
-            of,
-        };
-        (self.done < of).then_some(next)
-    }
-}
+/// The refits of a unit of the analysis, where no other node runs any.
+const QUOTA_ALONE: Quota = Quota {
+    division: Division::Undivided,
+    at_most: 64,
+};
 
 impl Run {
     /// Begins a run of a specification, with one recording for each of its experiments.
@@ -170,7 +161,7 @@ impl Run {
         let estimation = Estimation::start(&assembly.problem, &spec.method, spec.seed);
         let run = Run::of(spec, assembly.problem, estimation);
         Ok(Run {
-            findings: Some(findings),
+            stage: Stage::LookAhead(findings),
             ..run
         })
     }
@@ -189,27 +180,27 @@ impl Run {
         let problem = assembled(spec, model, recordings)?.problem;
         let Checkpoint { estimation, refits } = checkpoint;
         let estimation = Estimation::resume(&problem, &spec.method, spec.seed, estimation)?;
-        let run = Run::of(spec, problem, estimation);
-        Ok(Run { refits, ..run })
+        let mut run = Run::of(spec, problem, estimation);
+        run.refits = Refits::from(refits);
+        if run.estimation.phase() == Phase::Analyse {
+            run.stage = run.analysis();
+        }
+        Ok(run)
     }
 
     fn of(spec: &JobSpec, problem: Problem, estimation: Estimation) -> Run {
         Run {
             origin: Origin {
                 job: spec.name.clone().unwrap_or_default(),
-                seed: spec.seed,
-                spec_digest: spec.digest(),
+                spec: spec.clone(),
                 dataset_digests: Vec::new(),
             },
             request: spec.request(),
             problem,
-            findings: None,
-            refusal: None,
+            stage: Stage::Estimate,
             estimation,
-            refits: Done::new(),
-            new_refits: Vec::new(),
-            sharing: None,
-            conclusion: None,
+            refits: Refits::default(),
+            quota: QUOTA_ALONE,
         }
     }
 
@@ -238,7 +229,7 @@ impl Run {
     pub fn checkpoint(&self) -> Checkpoint {
         Checkpoint {
             estimation: self.estimation.checkpoint(),
-            refits: self.refits.clone(),
+            refits: self.refits.finished().clone(),
         }
     }
 
@@ -246,157 +237,124 @@ impl Run {
     /// the analysis. When `stop` is raised it may return early, with nothing changed; the unit is then
     /// done again later, with the same bits.
     pub fn advance(&mut self, stop: &AtomicBool, observer: &mut dyn Observer) -> Advance {
-        if let Some(ended) = self.look_ahead(stop, observer) {
-            return ended;
-        }
-        if self.estimation.phase() == Phase::Analyse {
-            return self.analyse(stop);
-        }
-        match self.estimation.advance(&self.problem, stop, observer) {
-            Advance::Interrupted => Advance::Interrupted,
-            Advance::Working | Advance::Finished => Advance::Working,
+        match &mut self.stage {
+            Stage::LookAhead(findings) => {
+                let findings = findings.clone();
+                let Some(stage) = self.look_ahead(findings, stop, observer) else {
+                    return Advance::Interrupted;
+                };
+                self.stage = stage;
+                self.advance(stop, observer)
+            }
+            Stage::Estimate => match self.estimation.advance(&self.problem, stop, observer) {
+                Advance::Finished => {
+                    self.stage = self.analysis();
+                    Advance::Working
+                }
+                advance => advance,
+            },
+            Stage::Analyse(analyser) => {
+                let advance = analyser.advance(&mut self.refits, self.quota, stop);
+                if let (Advance::Finished, Some(conclusion)) = (advance, analyser.conclusion()) {
+                    self.stage = Stage::Concluded(Box::new(conclusion));
+                }
+                advance
+            }
+            Stage::Refused(_) | Stage::Concluded(_) | Stage::WithoutEstimate => Advance::Finished,
         }
     }
 
-    /// What the data do not see, before a new run searches for it. Answers what the unit comes to
-    /// where it ends with that.
-    fn look_ahead(&mut self, stop: &AtomicBool, observer: &mut dyn Observer) -> Option<Advance> {
-        let findings = self.findings.as_ref()?;
-        let Some(flat) = assemble::flat_directions(&self.problem, stop) else {
-            return Some(Advance::Interrupted);
-        };
+    /// Looks what the data do not see, before a new run searches for it, and answers how the run
+    /// goes on; nothing when `stop` was raised.
+    fn look_ahead(
+        &self,
+        findings: Vec<Finding>,
+        stop: &AtomicBool,
+        observer: &mut dyn Observer,
+    ) -> Option<Stage> {
+        let flat = assemble::flat_directions(&self.problem, stop)?;
         let reported = |flat: &FlatDirection| assemble::unseen(&self.problem, flat);
         let flat_directions = self.request.settings.flat_directions;
         let refuses = |flat: &&FlatDirection| flat_directions.refuses(flat);
         let grounds: Vec<Finding> = flat.iter().filter(refuses).map(reported).collect();
-        if grounds.is_empty() {
-            let unseen = flat.iter().map(reported);
-            for finding in findings.iter().cloned().chain(unseen) {
-                observer.finding(&finding);
-            }
-        } else {
-            self.refusal = Some(grounds);
+        if !grounds.is_empty() {
+            return Some(Stage::Refused(grounds));
         }
-        self.findings = None;
-        self.refusal.is_some().then_some(Advance::Finished)
+        for finding in findings.into_iter().chain(flat.iter().map(reported)) {
+            observer.finding(&finding);
+        }
+        Some(Stage::Estimate)
     }
 
-    fn analyse(&mut self, stop: &AtomicBool) -> Advance {
-        if let Some(mut sharing) = self.sharing
-            && let Some(share) = sharing.next()
-        {
-            let did_some = self.refit((share, true), sharing.at_most, stop);
-            if stop.load(Ordering::Relaxed) {
-                return Advance::Interrupted;
+    /// The stage that follows when the estimation has finished.
+    fn analysis(&self) -> Stage {
+        match self.estimation.report(&self.problem, None) {
+            Some(report) => {
+                let analyser = Analyser::new(&self.problem, &report, &self.request);
+                Stage::Analyse(Box::new(analyser))
             }
-            if !did_some {
-                sharing.done += 1;
-                self.sharing = Some(sharing);
-            }
-            return Advance::Working;
+            None => Stage::WithoutEstimate,
         }
-        let Some(report) = self.estimation.report(&self.problem, None) else {
-            return Advance::Finished;
-        };
-        let at_most = self
-            .sharing
-            .map_or(REFITS_OF_UNIT, |sharing| sharing.at_most);
-        let refits = Refits::from(std::mem::take(&mut self.refits), at_most);
-        self.conclusion =
-            uncertainty::conclude(&self.problem, &report, &self.request, &refits, stop);
-        let is_cut = refits.is_cut();
-        self.keep(refits);
-        if let Some(sharing) = &mut self.sharing {
-            // What follows from the refits may ask for others.
-            sharing.done = 0;
-        }
-        match self.conclusion {
-            Some(_) => Advance::Finished,
-            None if is_cut => Advance::Working,
-            None => Advance::Interrupted,
-        }
-    }
-
-    /// Does refits of a share; says whether there were any to do.
-    fn refit(&mut self, (share, alone): (Share, bool), at_most: u32, stop: &AtomicBool) -> bool {
-        let Some(report) = self.estimation.report(&self.problem, None) else {
-            return false;
-        };
-        let refits = Refits::from(std::mem::take(&mut self.refits), at_most).of(share, alone);
-        // What it comes to is of no use: most refits are missing.
-        let _ = uncertainty::conclude(&self.problem, &report, &self.request, &refits, stop);
-        self.keep(refits) > 0
-    }
-
-    /// Keeps the refits that are done; answers how many are new.
-    fn keep(&mut self, refits: Refits) -> usize {
-        let (done, new) = refits.into_done();
-        self.refits = done;
-        let n_new = new.len();
-        self.new_refits.extend(new);
-        n_new
     }
 
     /// Whether other nodes may do some of what is left: searches follow the one at work, or the analysis has
     /// many refits that do not depend on each other.
     #[must_use]
     pub fn is_shareable(&self) -> bool {
-        self.has_refits_to_share()
-            || self.findings.is_none() && self.estimation.has_searches_ahead()
+        match &self.stage {
+            Stage::Estimate => self.estimation.has_searches_ahead(),
+            Stage::Analyse(analyser) => analyser.has_independent_refits(),
+            _ => false,
+        }
     }
 
-    fn has_refits_to_share(&self) -> bool {
-        let asked = &self.request;
-        let has_many = asked.settings.has_independent_refits() || !asked.effects.is_empty();
-        let is_at_them = self.refusal.is_none() && self.conclusion.is_none();
-        has_many && is_at_them && self.estimation.phase() == Phase::Analyse
-    }
-
-    /// Has refits of a share come first, because other nodes begin with the other shares, and so many in a
-    /// unit at the most.
-    pub fn share(&mut self, own: Share, at_most: u32) {
-        let before = self.sharing.filter(|sharing| sharing.own == own);
-        self.sharing = Some(Sharing {
-            own,
-            done: before.map_or(0, |sharing| sharing.done),
+    /// Runs the refits of a share first, because other nodes begin with the other shares, and so many in a
+    /// unit at the most: after each unit the other nodes are told which refits have finished.
+    pub fn share(&mut self, share: Share, at_most: u32) {
+        self.quota = Quota {
+            division: Division::StartingWith(share),
             at_most,
-        });
+        };
     }
 
-    /// Takes over what another node did.
+    /// Takes over what another node did. A part whose name cannot be read is done here.
     pub fn take_parts(&mut self, parts: impl IntoIterator<Item = (String, Part)>) {
         for (name, part) in parts {
             match part {
                 Part::Refit(refit) => {
-                    self.refits.insert(name, refit);
+                    if let Ok(name) = name.parse() {
+                        self.refits.insert(name, refit);
+                    }
                 }
-                Part::Search(news) => self.estimation.hear(news),
+                Part::Search(update) => self.estimation.apply(update),
             }
         }
     }
 
     /// What others are to know of that was done here since this was asked for.
     pub fn new_parts(&mut self) -> Vec<(String, Part)> {
-        let names = std::mem::take(&mut self.new_refits);
-        let refit = |name: String| {
-            let refit = self.refits.get(&name).cloned()?;
-            Some((name, Part::Refit(refit)))
-        };
-        let refits: Vec<_> = names.into_iter().filter_map(refit).collect();
-        let news = self.estimation.news().map(Part::of_search);
-        refits.into_iter().chain(news).collect()
+        let refits = self.refits.take_new().into_iter();
+        let refits = refits.map(|(name, refit)| (name.to_string(), Part::Refit(refit)));
+        let update = self.estimation.take_update().map(Part::of_search);
+        refits.chain(update).collect()
     }
 
     /// Does so many refits or generations of a share at the most for the node that has the run. Nothing is
     /// left of it, or can be done yet, where it answers none.
     pub fn help(&mut self, share: Share, at_most: u32, stop: &AtomicBool) -> Vec<(String, Part)> {
-        if self.has_refits_to_share() {
-            self.refit((share, false), at_most, stop);
-            return self.new_parts();
+        match &mut self.stage {
+            Stage::Analyse(analyser) if analyser.has_independent_refits() => {
+                let division = Division::Only(share);
+                let quota = Quota { division, at_most };
+                analyser.advance(&mut self.refits, quota, stop);
+                self.new_parts()
+            }
+            _ => {
+                let problem = &self.problem;
+                let update = self.estimation.help(problem, share, at_most, stop);
+                update.map(Part::of_search).into_iter().collect()
+            }
         }
-        let problem = &self.problem;
-        let news = self.estimation.help(problem, (share, at_most), stop);
-        news.map(Part::of_search).into_iter().collect()
     }
 
     /// The outcome: final when the run has finished, else, with why it was `stopped`, the best so
@@ -406,30 +364,31 @@ impl Run {
     /// # Errors
     /// When the data do not fix the unknowns.
     pub fn outcome(
-        &mut self,
+        &self,
         stopped: Option<StopReason>,
         hurry: &AtomicBool,
     ) -> Result<Option<Outcome>, IdentificationError> {
-        if let Some(grounds) = self.refusal.take() {
-            return Err(IdentificationError::NotIdentifiable(grounds));
-        }
-        let finished = self.conclusion.take().filter(|_| stopped.is_none());
-        let conclusion = match finished {
-            Some(finished) => finished,
-            None => {
-                let Some(report) = self.estimation.report(&self.problem, stopped) else {
-                    return Ok(None);
-                };
-                // A run that was stopped is not kept waiting for the more thorough answers.
-                let request = match stopped {
-                    Some(_) => &uncertainty::Request::default(),
-                    None => &self.request,
-                };
-                let refits = Refits::from(self.refits.clone(), u32::MAX);
-                uncertainty::conclude(&self.problem, &report, request, &refits, hurry)
-                    .unwrap_or_else(|| uncertainty::unanalysed(&self.problem, &report))
+        match &self.stage {
+            Stage::Refused(grounds) => {
+                return Err(IdentificationError::NotIdentifiable(grounds.clone()));
             }
+            Stage::Concluded(conclusion) if stopped.is_none() => {
+                return Ok(Some(assemble::outcome(&self.origin, conclusion)));
+            }
+            _ => {}
+        }
+        let Some(report) = self.estimation.report(&self.problem, stopped) else {
+            return Ok(None);
         };
+        // A run that was stopped is not kept waiting for the more thorough answers.
+        let request = match stopped {
+            Some(_) => &uncertainty::Request::default(),
+            None => &self.request,
+        };
+        let refits = self.refits.clone();
+        let conclusion = uncertainty::conclude(&self.problem, &report, request, refits, hurry);
+        let unanalysed = || uncertainty::unanalysed(&self.problem, &report);
+        let conclusion = conclusion.unwrap_or_else(unanalysed);
         Ok(Some(assemble::outcome(&self.origin, &conclusion)))
     }
 

@@ -202,7 +202,7 @@ pub enum ExperimentRole {
 }
 
 /// A part of a recording, in seconds from its first sample.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WindowSpec {
     /// The first instant used; left out, the first sample.
@@ -306,6 +306,16 @@ impl JobSpec {
     #[must_use]
     pub fn shares(&self, parameter: &str) -> bool {
         own_parameters::shares(&self.experiments, parameter)
+    }
+
+    /// Whether a parameter or an initial state of the job's model is left to estimate.
+    pub(super) fn estimates_anything(&self, model: &ModelDescription) -> bool {
+        let parameters = JobParameters {
+            model,
+            shared: &self.parameters,
+            experiments: &self.experiments,
+        };
+        parameters.has_unknowns()
     }
 
     /// What is asked about the estimate, once it stands.

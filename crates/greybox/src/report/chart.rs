@@ -1,7 +1,8 @@
 //! Line charts as SVG.
 
-use super::html::{escape, significant};
+use super::html::escape;
 use super::push;
+use greybox_numerics::digits::short;
 
 const WIDTH: f64 = 900.0;
 const HEIGHT: f64 = 230.0;
@@ -158,19 +159,17 @@ impl Chart<'_> {
         );
         for tick in x.ticks() {
             let (at, below) = (x.place(tick), HEIGHT - BOTTOM + 14.0);
-            let words = significant(tick, 4);
             push(
                 page,
                 format_args!(
                     "<text class=\"tick\" text-anchor=\"middle\" x=\"{at:.1}\" y=\"{below:.1}\">\
                      {}</text>\n",
-                    shortened(&words)
+                    short(tick, 4)
                 ),
             );
         }
         for tick in y.ticks() {
             let at = y.place(tick);
-            let words = significant(tick, 4);
             push(
                 page,
                 format_args!(
@@ -178,7 +177,7 @@ impl Chart<'_> {
                      text-anchor=\"end\" x=\"{:.1}\" y=\"{:.1}\">{}</text>\n",
                     LEFT - 7.0,
                     at + 4.0,
-                    shortened(&words)
+                    short(tick, 4)
                 ),
             );
         }
@@ -254,17 +253,4 @@ fn bars(series: &Series<'_>, x: &Axis, y: &Axis) -> String {
         push(&mut path, format_args!("M{along:.1} {zero:.1}V{up:.1}"));
     }
     path
-}
-
-/// Without the zeros at the end of the digits.
-fn shortened(words: &str) -> String {
-    let (digits, exponent) = words.split_once('e').unwrap_or((words, ""));
-    let digits = match digits.contains('.') {
-        true => digits.trim_end_matches('0').trim_end_matches('.'),
-        false => digits,
-    };
-    match exponent {
-        "" => digits.to_owned(),
-        exponent => format!("{digits}e{exponent}"),
-    }
 }

@@ -1,8 +1,8 @@
 //! A result as Markdown: for wikis, merge requests and files that are compared line by line.
 
-use super::html::significant;
 use super::{Report, push, verdict_words};
-use crate::identification::outcome::{Estimate, Outcome};
+use crate::identification::outcome::{Estimate, Outcome, Trust};
+use greybox_numerics::digits::significant;
 
 /// The report without its plots.
 #[must_use]
@@ -19,8 +19,19 @@ pub fn render(report: &Report<'_>) -> String {
     for reason in &outcome.verdict.reasons {
         push(
             &mut text,
-            format_args!("- {} (`{}`)\n", reason.detail, reason.code),
+            format_args!(
+                "- **{}:** {} (`{}`)\n",
+                reason.code.entry().title,
+                reason.detail,
+                reason.code
+            ),
         );
+        for step in &reason.next {
+            push(
+                &mut text,
+                format_args!("  - {}. {}\n", step.label, step.why),
+            );
+        }
     }
     estimates(&mut text, outcome);
     fit(&mut text, outcome);
@@ -62,14 +73,14 @@ fn estimates(text: &mut String, outcome: &Outcome) {
         "\n## Estimates\n\n| parameter | estimate | ± | ± with all that is assumed | 95 % interval \
          with all that is assumed | trust | unit |\n|---|---:|---:|---:|---|---|---|\n",
     );
-    let mut row = |name: &str, unit: &str, known: &Estimate| {
+    let mut row = |name: &str, unit: &str, estimate: &Estimate| {
         let error = |value: Option<f64>| {
             value.map_or_else(|| "–".to_owned(), |error| significant(error, 2))
         };
         let end = |value: Option<f64>| {
             value.map_or_else(|| "open".to_owned(), |value| significant(value, 5))
         };
-        let interval = known.total_interval.map_or_else(
+        let interval = estimate.total_interval.map_or_else(
             || "–".to_owned(),
             |total| format!("{} … {}", end(total.lower), end(total.upper)),
         );
@@ -78,10 +89,10 @@ fn estimates(text: &mut String, outcome: &Outcome) {
             format_args!(
                 "| {} | {} | {} | {} | {interval} | {} | {} |\n",
                 cell(name),
-                significant(known.estimate, 5),
-                error(known.standard_error),
-                error(known.total_standard_error),
-                known.trust.map_or("–", super::tables::word_of),
+                significant(estimate.estimate, 5),
+                error(estimate.standard_error),
+                error(estimate.total_standard_error),
+                estimate.trust.map_or("–", Trust::name),
                 cell(unit)
             ),
         );
@@ -133,17 +144,16 @@ fn budget(text: &mut String, outcome: &Outcome) {
         return;
     }
     text.push_str("\n## What was taken as known\n\n| assumption | value | ± | unit | score |\n|---|---:|---:|---|---:|\n");
-    for known in &outcome.budget {
+    for line in &outcome.budget {
         push(
             text,
             format_args!(
                 "| {} | {} | {} | {} | {} |\n",
-                cell(&known.assumption),
-                significant(known.value, 5),
-                significant(known.tolerance, 3),
-                cell(&known.unit),
-                known
-                    .score
+                cell(&line.assumption),
+                significant(line.value, 5),
+                significant(line.tolerance, 3),
+                cell(&line.unit),
+                line.score
                     .map_or_else(|| "–".to_owned(), |score| significant(score, 3))
             ),
         );

@@ -15,7 +15,7 @@ mod tables;
 
 use crate::identification::JobSpec;
 use crate::identification::assemble::ExperimentTrajectory;
-use crate::identification::outcome::{Outcome, Trust};
+use crate::identification::outcome::{NextStep, Outcome, Trust};
 use greybox_simulation::model::ModelDescription;
 use html::escape;
 use residuals::Diagnostics;
@@ -174,7 +174,7 @@ fn subtitle(report: &Report<'_>) -> String {
 
 fn verdict(page: &mut String, outcome: &Outcome) {
     let trust = outcome.verdict.trust;
-    let (class, words) = (tables::word_of(trust), verdict_words(trust));
+    let (class, words) = (trust.name(), verdict_words(trust));
     push(
         page,
         format_args!("<section class=\"verdict {class}\">\n<h2>{words}</h2>\n"),
@@ -191,15 +191,31 @@ fn verdict(page: &mut String, outcome: &Outcome) {
             push(
                 page,
                 format_args!(
-                    "<li>{} <code>{}</code></li>\n",
+                    "<li><strong>{}:</strong> {} <code>{}</code>",
+                    reason.code.entry().title,
                     html::with_code(&reason.detail),
-                    escape(&reason.code)
+                    reason.code
                 ),
             );
+            next_steps(page, &reason.next);
+            page.push_str("</li>\n");
         }
         page.push_str("</ul>\n");
     }
     page.push_str("</section>\n");
+}
+
+/// What may be done about a reason.
+fn next_steps(page: &mut String, steps: &[NextStep]) {
+    if steps.is_empty() {
+        return;
+    }
+    page.push_str("\n<ul>\n");
+    for step in steps {
+        let (label, why) = (escape(&step.label), escape(&step.why));
+        push(page, format_args!("<li>{label}. {why}</li>\n"));
+    }
+    page.push_str("</ul>\n");
 }
 
 /// What a grade says of the numbers.

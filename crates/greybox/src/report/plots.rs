@@ -35,12 +35,11 @@ pub fn experiments(page: &mut String, report: &Report<'_>) {
             push(page, format_args!("<h3>{}</h3>\n", escape(&output.name)));
             followed(page, experiment, output);
             left_over(page, experiment, output, residuals);
-            let of =
-                |known: &&Diagnostics| known.experiment == number && known.output == output.name;
-            if let Some(known) = diagnostics.iter().find(of) {
-                memory(page, known);
-                spread(page, known);
-                frequencies(page, known);
+            let of = |all: &&Diagnostics| all.experiment == number && all.output == output.name;
+            if let Some(diagnostics) = diagnostics.iter().find(of) {
+                memory(page, diagnostics);
+                spread(page, diagnostics);
+                frequencies(page, diagnostics);
             }
         }
         page.push_str("</section>\n");
@@ -112,8 +111,8 @@ fn left_over(
 }
 
 /// The autocorrelation of the residuals in the part that was estimated from.
-fn memory(page: &mut String, known: &Diagnostics) {
-    let lags = known.autocorrelation.iter().zip(1..);
+fn memory(page: &mut String, diagnostics: &Diagnostics) {
+    let lags = diagnostics.autocorrelation.iter().zip(1..);
     let chart = Chart {
         x_label: "lag [samples]",
         y_label: "autocorrelation of the residuals",
@@ -122,7 +121,7 @@ fn memory(page: &mut String, known: &Diagnostics) {
             colour: PLAIN,
             points: lags.map(|(value, lag)| (f64::from(lag), *value)).collect(),
         }],
-        levels: vec![-known.white_within, known.white_within],
+        levels: vec![-diagnostics.white_within, diagnostics.white_within],
         marks: Vec::new(),
         bars: true,
     };
@@ -134,10 +133,10 @@ fn memory(page: &mut String, known: &Diagnostics) {
 }
 
 /// How often residuals are how large.
-fn spread(page: &mut String, known: &Diagnostics) {
-    let histogram = &known.histogram;
+fn spread(page: &mut String, diagnostics: &Diagnostics) {
+    let histogram = &diagnostics.histogram;
     let bars = histogram.counts.iter().zip(0_u32..);
-    let label = format!("measured − simulated [{}]", known.unit);
+    let label = format!("measured − simulated [{}]", diagnostics.unit);
     let chart = Chart {
         x_label: &label,
         y_label: "residuals",
@@ -159,9 +158,12 @@ fn spread(page: &mut String, known: &Diagnostics) {
 }
 
 /// At which frequencies the residuals are large.
-fn frequencies(page: &mut String, known: &Diagnostics) {
-    let lines = known.spectrum.iter().filter(|[_, power]| *power > 0.0);
-    let label = format!("log10 of the power density [{}²/Hz]", known.unit);
+fn frequencies(page: &mut String, diagnostics: &Diagnostics) {
+    let lines = diagnostics
+        .spectrum
+        .iter()
+        .filter(|[_, power]| *power > 0.0);
+    let label = format!("log10 of the power density [{}²/Hz]", diagnostics.unit);
     let chart = Chart {
         x_label: "frequency [Hz]",
         y_label: &label,
@@ -194,7 +196,7 @@ pub fn search(page: &mut String, report: &Report<'_>) {
             outcome.search.generations,
             outcome.search.evaluations,
             outcome.search.distinct_evaluations,
-            escape(&outcome.stop_reason),
+            outcome.stop_reason.name(),
             escape(&outcome.job)
         ),
     );

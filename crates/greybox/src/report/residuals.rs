@@ -54,7 +54,7 @@ pub struct Histogram {
 /// The diagnostics of every output of every experiment that was estimated from.
 #[must_use]
 pub fn diagnostics(experiments: &[ExperimentTrajectory]) -> Vec<Diagnostics> {
-    let mut found = Vec::new();
+    let mut diagnostics = Vec::new();
     for (number, experiment) in experiments.iter().enumerate() {
         let used = experiment.estimation_samples.min(experiment.time.len());
         let sample_time = match &experiment.time[..] {
@@ -66,24 +66,24 @@ pub fn diagnostics(experiments: &[ExperimentTrajectory]) -> Vec<Diagnostics> {
         }
         for output in &experiment.outputs {
             let residuals = &output.residual[..used];
-            let there: Vec<f64> = residuals
+            let present: Vec<f64> = residuals
                 .iter()
                 .copied()
                 .filter(|r| r.is_finite())
                 .collect();
-            found.push(Diagnostics {
+            diagnostics.push(Diagnostics {
                 experiment: number,
                 output: output.name.clone(),
                 unit: output.unit.clone(),
-                samples: there.len(),
-                histogram: histogram(&there),
+                samples: present.len(),
+                histogram: histogram(&present),
                 autocorrelation: autocorrelation(residuals),
-                white_within: NORMAL_99 / f64::sqrt(there.len().max(1) as f64),
+                white_within: NORMAL_99 / f64::sqrt(present.len().max(1) as f64),
                 spectrum: spectrum(residuals, sample_time),
             });
         }
     }
-    found
+    diagnostics
 }
 
 fn histogram(values: &[f64]) -> Histogram {
@@ -208,20 +208,23 @@ mod tests {
     fn the_spectrum_of_a_sine_is_at_its_frequency_and_holds_its_power() {
         let (rate, frequency, amplitude) = (100.0, 12.5, 3.0);
         let turns = |k: i32| 2.0 * std::f64::consts::PI * frequency * f64::from(k) / rate;
-        let found = of(
+        let diagnostics = of(
             (0..4096).map(|k| amplitude * turns(k).sin()).collect(),
             1.0 / rate,
         );
-        let peak = found.spectrum.iter().max_by(|a, b| a[1].total_cmp(&b[1]));
+        let peak = diagnostics
+            .spectrum
+            .iter()
+            .max_by(|a, b| a[1].total_cmp(&b[1]));
         assert!((peak.expect("lines")[0] - frequency).abs() < 1e-9);
-        let step = found.spectrum[1][0] - found.spectrum[0][0];
-        let power: f64 = found.spectrum.iter().map(|line| line[1] * step).sum();
+        let step = diagnostics.spectrum[1][0] - diagnostics.spectrum[0][0];
+        let power: f64 = diagnostics.spectrum.iter().map(|line| line[1] * step).sum();
         assert!(
             (power / (amplitude * amplitude / 2.0) - 1.0).abs() < 0.02,
             "{power}"
         );
         assert!(
-            (found.autocorrelation[7] - 1.0).abs() < 1e-2,
+            (diagnostics.autocorrelation[7] - 1.0).abs() < 1e-2,
             "a period is eight samples"
         );
     }
@@ -230,17 +233,17 @@ mod tests {
     fn every_residual_is_in_a_bar_and_missing_ones_in_none() {
         let mut residual: Vec<f64> = (0..1000).map(f64::from).collect();
         residual[500] = f64::NAN;
-        let found = of(residual, 0.1);
-        assert_eq!(found.samples, 999);
-        assert_eq!(found.histogram.counts.iter().sum::<u64>(), 999);
-        assert_eq!(found.histogram.from, 0.0);
+        let diagnostics = of(residual, 0.1);
+        assert_eq!(diagnostics.samples, 999);
+        assert_eq!(diagnostics.histogram.counts.iter().sum::<u64>(), 999);
+        assert_eq!(diagnostics.histogram.from, 0.0);
     }
 
     #[test]
     fn residuals_that_are_all_zero_are_no_fault() {
-        let found = of(vec![0.0; 100], 0.1);
-        assert!(found.autocorrelation.is_empty());
-        assert_eq!(found.histogram.counts, [100]);
-        assert!(found.spectrum.iter().all(|line| line[1] == 0.0));
+        let diagnostics = of(vec![0.0; 100], 0.1);
+        assert!(diagnostics.autocorrelation.is_empty());
+        assert_eq!(diagnostics.histogram.counts, [100]);
+        assert!(diagnostics.spectrum.iter().all(|line| line[1] == 0.0));
     }
 }

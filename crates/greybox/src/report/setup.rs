@@ -1,9 +1,10 @@
 //! What a report says of what was asked: the model, the recordings, what was taken as fixed, and who
 //! signs.
 
-use super::html::{escape, number, significant};
+use super::html::{escape, number};
 use super::{Report, push};
 use crate::identification::spec::{ExperimentRole, ParameterSpec};
+use greybox_numerics::digits::significant;
 use greybox_simulation::model::Tolerance;
 
 /// The model's equations and signals.
@@ -101,10 +102,10 @@ pub fn recordings(page: &mut String, report: &Report<'_>) {
 pub fn fixed(page: &mut String, report: &Report<'_>) {
     let mut rows = String::new();
     for about in &report.model.parameters {
-        let Some(ParameterSpec::Fixed(known)) = report.spec.parameters.get(&*about.name) else {
+        let Some(ParameterSpec::Fixed(fixed)) = report.spec.parameters.get(&*about.name) else {
             continue;
         };
-        let tolerance = match known.tolerance.or(about.tolerance) {
+        let tolerance = match fixed.tolerance.or(about.tolerance) {
             None => "exact".to_owned(),
             Some(Tolerance::Absolute(deviation)) => significant(deviation, 3),
             Some(Tolerance::Percent(share)) => format!("{} %", significant(share, 3)),
@@ -115,7 +116,7 @@ pub fn fixed(page: &mut String, report: &Report<'_>) {
                 "<tr><td>{} ({})</td><td>{}</td><td>{tolerance}</td><td>{}</td></tr>\n",
                 escape(&about.name),
                 escape(&about.symbol),
-                number(known.value),
+                number(fixed.value),
                 escape(&about.unit)
             ),
         );

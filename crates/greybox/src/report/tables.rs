@@ -1,10 +1,11 @@
 //! The tables of a report.
 
-use super::html::{escape, number, optional, significant, with_code};
+use super::html::{escape, number, optional, with_code};
 use super::push;
 use crate::identification::outcome::{
     Estimate, InitialStateEstimate, Outcome, OutputFit, ParameterEstimate, Trust,
 };
+use greybox_numerics::digits::significant;
 
 /// Shares of a variance below this are not shown.
 const SMALLEST_SHARE: f64 = 0.01;
@@ -36,51 +37,56 @@ pub fn estimates(page: &mut String, outcome: &Outcome) {
     page.push_str("</section>\n");
 }
 
-fn row(page: &mut String, name: &str, unit: &str, known: &Estimate) {
-    let interval = match &known.confidence_interval {
+fn row(page: &mut String, name: &str, unit: &str, estimate: &Estimate) {
+    let interval = match &estimate.confidence_interval {
         Some(interval) => format!(
             "{} … {}<br><span class=\"muted\">{}</span>",
             end(interval.lower),
             end(interval.upper),
             escape(&interval.method)
         ),
-        None => escape(known.confidence_interval_reason.as_deref().unwrap_or("–")),
+        None => escape(
+            estimate
+                .confidence_interval_reason
+                .as_deref()
+                .unwrap_or("–"),
+        ),
     };
-    let total = match &known.total_interval {
+    let total = match &estimate.total_interval {
         Some(interval) => format!("{} … {}", end(interval.lower), end(interval.upper)),
         None => "–".to_owned(),
     };
-    let trust = known.trust.map_or("–", word_of);
+    let trust = estimate.trust.map_or("–", Trust::name);
     let mut flags = String::new();
-    if known.at_bound {
+    if estimate.at_bound {
         flags.push_str("<br><span class=\"warn\">at its bound</span>");
     }
-    if !known.identifiable {
+    if !estimate.identifiable {
         flags.push_str("<br><span class=\"warn\">not fixed by the data</span>");
     }
-    let error = known.standard_error;
+    let error = estimate.standard_error;
     push(
         page,
         format_args!(
             "<tr><td>{}{flags}</td><td>{}</td><td>{}</td><td>{}</td><td>{interval}</td>\
              <td>{}</td><td>{total}</td><td>{trust}</td><td>{} … {}</td></tr>\n",
             escape(name),
-            number(known.estimate),
+            number(estimate.estimate),
             escape(unit),
             error.map_or_else(|| "–".to_owned(), |error| significant(error, 2)),
-            known
+            estimate
                 .total_standard_error
                 .map_or_else(|| "–".to_owned(), |error| significant(error, 2)),
-            significant(known.lower, 4),
-            significant(known.upper, 4)
+            significant(estimate.lower, 4),
+            significant(estimate.upper, 4)
         ),
     );
 }
 
 /// How much the outputs follow each parameter.
 fn changes(page: &mut String, outcome: &Outcome) {
-    let known = outcome.parameters.iter();
-    let told: Vec<String> = known
+    let parameters = outcome.parameters.iter();
+    let changes: Vec<String> = parameters
         .filter(|parameter| !parameter.estimate.output_change.is_empty())
         .map(|parameter| {
             let each = parameter.estimate.output_change.iter();
@@ -90,13 +96,13 @@ fn changes(page: &mut String, outcome: &Outcome) {
             format!("{}: {}", escape(&label(parameter)), each.join(", "))
         })
         .collect();
-    if !told.is_empty() {
+    if !changes.is_empty() {
         push(
             page,
             format_args!(
                 "<p class=\"muted\">Change of the outputs, root mean square in SI, when a \
                  parameter grows by 100 %: {}.</p>\n",
-                told.join("; ")
+                changes.join("; ")
             ),
         );
     }
@@ -115,15 +121,6 @@ pub fn label(parameter: &ParameterEstimate) -> String {
 pub fn state_label(state: &InitialStateEstimate) -> String {
     let number = state.experiment + 1;
     format!("{} at the start of experiment {number}", state.state)
-}
-
-/// The word for a grade.
-pub fn word_of(trust: Trust) -> &'static str {
-    match trust {
-        Trust::High => "high",
-        Trust::Moderate => "moderate",
-        Trust::Low => "low",
-    }
 }
 
 fn end(value: Option<f64>) -> String {
@@ -145,16 +142,19 @@ pub fn budget(page: &mut String, outcome: &Outcome) {
     for line in &outcome.budget {
         let suggested = line.suggested.map_or_else(
             || "–".to_owned(),
-            |own| {
-                let (value, error) = (own.value, own.standard_error);
+            |suggested| {
+                let (value, error) = (suggested.value, suggested.standard_error);
                 format!("{} ± {}", significant(value, 4), significant(error, 2))
             },
         );
         let shares: Vec<String> = line
             .contributions
             .iter()
-            .filter(|(_, own)| own.share.abs() >= SMALLEST_SHARE)
-            .map(|(name, own)| format!("{} {:.0} %", escape(name), 100.0 * own.share))
+            .filter(|(_, contribution)| contribution.share.abs() >= SMALLEST_SHARE)
+            .map(|(name, contribution)| {
+                let share = 100.0 * contribution.share;
+                format!("{} {share:.0} %", escape(name))
+            })
             .collect();
         push(
             page,
@@ -203,9 +203,10 @@ pub fn fit(page: &mut String, outcome: &Outcome) {
         let follow: Vec<String> = report
             .inputs
             .iter()
-            .map(|(input, found)| {
-                let correlation = optional(found.correlation.map(|rho| (1e3 * rho).round() / 1e3));
-                let word = if found.significant { "yes" } else { "no" };
+            .map(|(input, following)| {
+                let rho = following.correlation.map(|rho| (1e3 * rho).round() / 1e3);
+                let correlation = optional(rho);
+                let word = if following.significant { "yes" } else { "no" };
                 format!("{}: {word} ({correlation})", escape(input))
             })
             .collect();

@@ -6,15 +6,16 @@
 //! blocks, from a random place on and around the end (D. N. Politis, J. P. Romano, 1992), a few
 //! times as long as the memory.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::refits::Refits;
+use super::linearised::Estimate;
+use super::monte_carlo::Assumptions;
+use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use super::residuals::{self, ResidualReport};
 use crate::estimation::problem::Problem;
 use greybox_numerics::rng::{self, Purpose};
 use greybox_simulation::Accuracy;
-use greybox_simulation::single::Outputs;
-use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
 
 /// A block is so many times as long as the memory of the residuals.
@@ -22,82 +23,125 @@ const BLOCK_MEMORIES: f64 = 4.0;
 /// Blocks of a record at the least.
 const FEWEST_BLOCKS: usize = 10;
 
-/// What the refits are made from.
-#[derive(Clone, Copy, Debug)]
-pub struct Bootstrap<'a> {
-    /// The problem.
-    pub problem: &'a Problem,
-    /// The estimate.
-    pub positions: &'a [f64],
-    /// The simulation there.
-    pub trajectories: &'a [Outputs],
-    /// What its residuals look like.
-    pub residuals: &'a [ResidualReport],
-    /// How many refits.
-    pub samples: u32,
+/// What drawn recordings are made from.
+#[derive(Debug)]
+pub(super) struct Resampling {
+    pub estimate: Arc<Estimate>,
     /// Where the random numbers come from.
     pub seed: u64,
+    /// The assumptions that are drawn along with the noise, where any are.
+    pub assumptions: Option<Assumptions>,
 }
 
-impl Bootstrap<'_> {
-    /// The 2.5 % and 97.5 % points of each coordinate's position over the refits; none where
-    /// fewer than half of them could be fitted, nothing at all when `stop` was raised or the
-    /// refits were cut.
-    #[must_use]
-    pub fn intervals(&self, refits: &Refits, stop: &AtomicBool) -> Option<Option<Vec<(f64, f64)>>> {
-        let fitted: Vec<Option<Vec<f64>>> = (0..self.samples)
-            .into_par_iter()
-            .map(|sample| {
-                let resampled = || (self.resampled(sample), self.positions.to_vec());
-                let name = format!("bootstrap/{sample}");
-                let refit = refits.descend(name, resampled, Accuracy::Full, stop)?;
-                Some(refit.cost.map(|_| refit.positions))
+/// The refit to one drawn recording.
+#[derive(Debug)]
+pub(super) struct DrawnFit {
+    resampling: Arc<Resampling>,
+    sample: u32,
+    /// None before the refit has finished.
+    refit: Option<Refit>,
+}
+
+impl RefitSequence for DrawnFit {
+    fn next(&self) -> Option<RefitName> {
+        let sample = self.sample;
+        self.refit
+            .is_none()
+            .then(|| match self.resampling.assumptions {
+                None => RefitName::Bootstrap { sample },
+                Some(_) => RefitName::MonteCarlo { sample },
             })
-            .collect::<Option<_>>()?;
-        let fitted: Vec<Vec<f64>> = fitted.into_iter().flatten().collect();
-        if fitted.len() * 2 < self.samples as usize {
-            return Some(None);
+    }
+
+    fn task(&self) -> RefitTask<'_> {
+        let resampling = &self.resampling;
+        let mut drawn = resampling.resampled(self.sample);
+        if let Some(assumptions) = &resampling.assumptions {
+            assumptions.draw(&mut drawn, resampling.seed, self.sample);
         }
-        let of_coordinate = |index: usize| {
-            let mut values: Vec<f64> = fitted.iter().map(|positions| positions[index]).collect();
-            values.sort_by(f64::total_cmp);
-            (quantile(&values, 0.025), quantile(&values, 0.975))
+        RefitTask {
+            problem: Cow::Owned(drawn),
+            start: resampling.estimate.report.positions.clone(),
+            accuracy: Accuracy::Full,
+        }
+    }
+
+    fn follow(&mut self, refit: &Refit, _stop: &AtomicBool) -> Option<()> {
+        self.refit = Some(refit.clone());
+        Some(())
+    }
+}
+
+/// The positions of the refits that came to a cost; none where fewer than half of them did.
+pub(super) fn fitted(refits: &[DrawnFit]) -> Option<Vec<&[f64]>> {
+    let finished = refits.iter().filter_map(|drawn| drawn.refit.as_ref());
+    let fitted = finished.filter(|refit| refit.cost.is_some());
+    let fitted: Vec<&[f64]> = fitted.map(|refit| &refit.positions[..]).collect();
+    (fitted.len() * 2 >= refits.len()).then_some(fitted)
+}
+
+/// The 2.5 % and 97.5 % points of each coordinate's position over the refits; none where fewer than
+/// half of them could be fitted.
+pub(super) fn intervals(refits: &[DrawnFit], coordinates: usize) -> Option<Vec<(f64, f64)>> {
+    let fitted = fitted(refits)?;
+    let of_coordinate = |index: usize| {
+        let mut values: Vec<f64> = fitted.iter().map(|positions| positions[index]).collect();
+        values.sort_by(f64::total_cmp);
+        (quantile(&values, 0.025), quantile(&values, 0.975))
+    };
+    Some((0..coordinates).map(of_coordinate).collect())
+}
+
+impl Resampling {
+    /// Lists the refits to so many drawn recordings.
+    pub fn fits(self, samples: u32) -> Vec<DrawnFit> {
+        let resampling = Arc::new(self);
+        let fit = |sample| DrawnFit {
+            resampling: Arc::clone(&resampling),
+            sample,
+            refit: None,
         };
-        Some(Some((0..self.positions.len()).map(of_coordinate).collect()))
+        (0..samples).map(fit).collect()
     }
 
     /// A recording that might have been.
-    pub(super) fn resampled(&self, sample: u32) -> Problem {
-        let mut problem = self.problem.clone();
+    fn resampled(&self, sample: u32) -> Problem {
+        let Estimate {
+            problem,
+            report,
+            trajectories,
+            residuals,
+        } = &*self.estimate;
+        let positions = &report.positions;
+        let mut drawn = problem.clone();
         let mut rng = rng::stream(self.seed, u64::from(sample), Purpose::Bootstrap);
         // A prior is one more measurement, and might have come out otherwise.
-        let own = problem.coordinates.iter_mut().zip(self.positions);
-        for (coordinate, position) in own {
+        for (coordinate, position) in drawn.coordinates.iter_mut().zip(positions) {
             let value = coordinate.value(*position);
             if let Some(prior) = &mut coordinate.prior {
                 prior.middle += prior.deviation * (prior.residual(value) + rng::normal(&mut rng));
             }
         }
-        for joint in Arc::make_mut(&mut problem.joint_priors) {
-            let value = |parameter: &usize| self.problem.shared_value(*parameter, self.positions);
+        for joint in Arc::make_mut(&mut drawn.joint_priors) {
+            let value = |parameter: &usize| problem.shared_value(*parameter, positions);
             let values: Vec<f64> = joint.parameters.iter().map(value).collect();
             let noise = values.iter().map(|_| rng::normal(&mut rng)).collect();
             joint.draw_about(&values, noise);
         }
-        let experiments = Arc::make_mut(&mut problem.experiments);
-        let outputs = self.problem.outputs.iter().zip(self.residuals).enumerate();
+        let experiments = Arc::make_mut(&mut drawn.experiments);
+        let outputs = problem.outputs.iter().zip(residuals).enumerate();
         for (output, (measured, report)) in outputs {
-            for (experiment, trajectory) in self.trajectories.iter().enumerate() {
-                let series = residuals::series(self.problem, trajectory, experiment, output);
-                let drawn = Drawn::new(&series, report, self.positions.len());
-                let own = &self.problem.experiments[experiment];
+            for (experiment, trajectory) in trajectories.iter().enumerate() {
+                let series = residuals::series(problem, trajectory, experiment, output);
+                let remains = Drawn::new(&series, report, positions.len());
+                let recorded = &problem.experiments[experiment];
                 let data = &mut experiments[experiment].measured[output];
                 let simulated = &trajectory[measured.index];
-                let weight = |sample| own.weight(output, sample);
-                drawn.put(&mut rng, data, simulated, weight);
+                let weight = |sample| recorded.weight(output, sample);
+                remains.put(&mut rng, data, simulated, weight);
             }
         }
-        problem
+        drawn
     }
 }
 

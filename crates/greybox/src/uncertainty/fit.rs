@@ -8,6 +8,8 @@
 
 use crate::estimation::problem::Problem;
 use greybox_simulation::single::Outputs;
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 /// Which part of the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,36 +20,68 @@ pub enum Part {
     Validation,
 }
 
-/// How well one output is explained.
-#[derive(Clone, Debug, PartialEq)]
+/// How one simulated output follows the measured one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct OutputFit {
-    /// The fit [%]; none where the measured signal does not vary.
+    /// `100·(1 − ‖y − ŷ‖ / ‖y − mean(y)‖)`; `null` where the measured output is constant.
+    #[schema(example = 97.3)]
     pub fit_percent: Option<f64>,
-    /// The root mean square of the residuals `[SI]`.
+    /// Root-mean-square error, SI.
+    #[schema(example = 1.1e-5)]
     pub rmse: Option<f64>,
-    /// The largest residual `[SI]`.
+    /// Largest error, SI.
+    #[schema(example = 9e-5)]
     pub max_abs_error: Option<f64>,
-    /// The correlation of what was simulated with what was measured; none where one of them does
-    /// not vary.
+    /// The number of samples compared; missing samples are not.
+    #[schema(example = 9000)]
+    pub samples: u64,
+    /// Why a number above is `null`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+    /// The correlation of the simulated samples with the measured ones; none where one of the two
+    /// does not vary.
+    #[serde(skip)]
     pub correlation: Option<f64>,
-    /// Residuals.
-    pub samples: usize,
     /// The mean square of the residuals, each as large as if all samples had the same noise
-    /// `[SI²]`: what likelihoods are made of.
+    /// `[SI²]`: likelihoods are made of it.
+    #[serde(skip)]
     pub weighted_square: Option<f64>,
 }
 
-/// Criteria for the comparison of models that explain the same data.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The cost and the information criteria.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct Criteria {
-    /// Akaike's criterion.
-    pub aic: f64,
+    /// The cost at the estimate.
+    pub cost: Option<f64>,
+    /// Akaike's information criterion.
+    pub aic: Option<f64>,
     /// Akaike's criterion, corrected for few samples.
-    pub aicc: f64,
-    /// Schwarz's criterion.
-    pub bic: f64,
-    /// Akaike's final prediction error [SI²; a product over the outputs].
-    pub fpe: f64,
+    pub aicc: Option<f64>,
+    /// The Bayesian information criterion.
+    pub bic: Option<f64>,
+    /// Akaike's final prediction error.
+    pub fpe: Option<f64>,
+    /// Why a number above is `null`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+impl Criteria {
+    /// The criteria where no likelihood can be compared.
+    #[must_use]
+    pub fn missing() -> Criteria {
+        let reason = "too few samples, a simulation that fails or fits exactly, or Huber's loss";
+        Criteria {
+            cost: None,
+            aic: None,
+            aicc: None,
+            bic: None,
+            fpe: None,
+            reason: Some(reason.to_owned()),
+        }
+    }
 }
 
 /// The fit of each output in a part of the data.
@@ -85,8 +119,9 @@ fn describe(pairs: &[(f64, f64)]) -> OutputFit {
             fit_percent: None,
             rmse: None,
             max_abs_error: None,
+            samples: 0,
+            reason: Some("no samples are held in this part".to_owned()),
             correlation: None,
-            samples,
             weighted_square: None,
         };
     }
@@ -101,47 +136,55 @@ fn describe(pairs: &[(f64, f64)]) -> OutputFit {
         .iter()
         .map(|(y, simulated)| (y - simulated).abs())
         .fold(0.0, f64::max);
-    let centre = pairs.iter().map(|(_, own)| own).sum::<f64>() / samples as f64;
+    let centre = pairs.iter().map(|(_, simulated)| simulated).sum::<f64>() / samples as f64;
     let (mut products, mut power) = (0.0, 0.0);
     for (y, simulated) in pairs {
         products += (y - mean) * (simulated - centre);
         power += square(simulated - centre);
     }
+    let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     OutputFit {
-        correlation: Some(products / (spread * power).sqrt()).filter(|rho| rho.is_finite()),
-        fit_percent: (spread > 0.0).then(|| 100.0 * (1.0 - (error / spread).sqrt())),
-        rmse: Some((error / samples as f64).sqrt()),
-        max_abs_error: Some(largest),
-        samples,
+        fit_percent: finite(100.0 * (1.0 - (error / spread).sqrt())).filter(|_| spread > 0.0),
+        rmse: finite((error / samples as f64).sqrt()),
+        max_abs_error: finite(largest),
+        samples: samples as u64,
+        reason: (spread <= 0.0).then(|| "the measured signal does not vary".to_owned()),
+        correlation: finite(products / (spread * power).sqrt()),
         weighted_square: Some(error / samples as f64),
     }
 }
 
-/// The criteria from the fits of the data that were estimated from; none where the unknowns are
-/// as many as the samples, or a residual is exactly zero throughout.
+/// The criteria from the fits of the data that were estimated from, without the cost; missing where
+/// the unknowns are as many as the samples, or a residual is exactly zero throughout.
 #[must_use]
-pub fn criteria(fits: &[OutputFit], unknowns: usize) -> Option<Criteria> {
+pub fn criteria(fits: &[OutputFit], unknowns: usize) -> Criteria {
     let n: f64 = fits.iter().map(|fit| fit.samples as f64).sum();
     let d = unknowns as f64;
     if n <= d + 1.0 {
-        return None;
+        return Criteria::missing();
     }
     let mut log_likelihood_part = 0.0;
     let mut product = 1.0;
     for fit in fits.iter().filter(|fit| fit.samples > 0) {
-        let variance = fit.weighted_square?;
+        let Some(variance) = fit.weighted_square else {
+            return Criteria::missing();
+        };
         log_likelihood_part += fit.samples as f64 * libm::log(variance);
         product *= variance;
     }
     let constant = n * (1.0 + libm::log(2.0 * std::f64::consts::PI));
     let aic = log_likelihood_part + constant + 2.0 * d;
-    let criteria = Criteria {
-        aic,
-        aicc: aic + 2.0 * d * (d + 1.0) / (n - d - 1.0),
-        bic: log_likelihood_part + constant + d * libm::log(n),
-        fpe: product * (1.0 + d / n) / (1.0 - d / n),
-    };
-    criteria.aic.is_finite().then_some(criteria)
+    if !aic.is_finite() {
+        return Criteria::missing();
+    }
+    Criteria {
+        cost: None,
+        aic: Some(aic),
+        aicc: Some(aic + 2.0 * d * (d + 1.0) / (n - d - 1.0)),
+        bic: Some(log_likelihood_part + constant + d * libm::log(n)),
+        fpe: Some(product * (1.0 + d / n) / (1.0 - d / n)).filter(|fpe| fpe.is_finite()),
+        reason: None,
+    }
 }
 
 #[cfg(test)]
@@ -174,16 +217,17 @@ mod tests {
             fit_percent: None,
             rmse: Some(0.5),
             max_abs_error: None,
-            correlation: None,
             samples: 100,
+            reason: None,
+            correlation: None,
             weighted_square: Some(0.25),
         };
-        let criteria = criteria(&[fit], 2).unwrap();
+        let criteria = criteria(&[fit], 2);
         // 100·ln 0.25 = −138.629436, 100·(1 + ln 2π) = 283.787707.
-        assert!((criteria.aic - 149.158_271).abs() < 1e-5);
-        assert!((criteria.aicc - 149.281_982).abs() < 1e-5);
+        assert!((criteria.aic.unwrap() - 149.158_271).abs() < 1e-5);
+        assert!((criteria.aicc.unwrap() - 149.281_982).abs() < 1e-5);
         // 2·ln 100 = 9.210340.
-        assert!((criteria.bic - 154.368_611).abs() < 1e-5);
-        assert!((criteria.fpe - 0.25 * 1.02 / 0.98).abs() < 1e-12);
+        assert!((criteria.bic.unwrap() - 154.368_611).abs() < 1e-5);
+        assert!((criteria.fpe.unwrap() - 0.25 * 1.02 / 0.98).abs() < 1e-12);
     }
 }

@@ -1,9 +1,9 @@
 //! How far an estimate can be trusted, and why.
 //!
-//! [`conclude`] weighs outputs of unknown noise by what is left of each ([`reweighting`]) and leaves
-//! out what the data do not support, where that is asked for ([`selection`]); [`analyse`]
+//! An [`Analyser`] weighs outputs of unknown noise by what is left of each (`reweighting`) and leaves
+//! out what the data do not support, where that is asked for ([`selection`]); then it
 //! linearises the residuals at the estimate and derives standard errors and intervals
-//! ([`covariance`]; on request better ones, [`profile`] and [`bootstrap`]), says what the numbers
+//! ([`covariance`]; on request better ones, [`profile`] and `bootstrap`), says what the numbers
 //! that are taken as known add to them and whether the residuals contradict one ([`budget`]) or ask
 //! for an unknown that changes within the record ([`drift`]), looks at what the model leaves
 //! unexplained ([`residuals`], [`fit`]), and says in words what follows ([`verdict`]). A fit per
@@ -11,7 +11,8 @@
 //! What the data could fix at all is forecast by [`identifiability`], and which experiment would
 //! fix it better by [`design`].
 
-pub mod bootstrap;
+mod analyser;
+mod bootstrap;
 pub mod budget;
 pub mod constrained;
 pub mod covariance;
@@ -20,11 +21,12 @@ pub mod drift;
 pub mod fit;
 pub mod identifiability;
 pub mod joint;
+mod linearised;
 pub mod monte_carlo;
 pub mod profile;
 pub mod refits;
 pub mod residuals;
-pub mod reweighting;
+mod reweighting;
 mod rules;
 pub mod selection;
 mod sensors;
@@ -34,30 +36,24 @@ pub mod verdict;
 pub mod weighing;
 pub mod whitening;
 
-pub use refits::Refits;
-pub use selection::{Conclusion, conclude};
+pub use analyser::{Analyser, Conclusion, conclude};
+pub use refits::{Quota, Refits};
 pub use settings::{Intervals, Settings};
 
-use crate::estimation::loss::Loss;
 use crate::estimation::problem::{Coordinate, Problem};
 use crate::estimation::report::Report;
-use crate::estimation::sensitivity::SensitivityError;
-use crate::estimation::trajectory;
-use bootstrap::Bootstrap;
-use budget::{Around, Budget, Extended};
-use constrained::{Binding, Constrained};
-use covariance::{Covariance, Linear, NoiseLevels};
+use budget::Budget;
+use constrained::Binding;
+use covariance::Linear;
 use drift::Drift;
 use fit::{Criteria, OutputFit};
-use greybox_simulation::Accuracy;
-use greybox_simulation::single::Outputs;
 use identifiability::FlatDirection;
+use linearised::LinearisedEstimate;
 use monte_carlo::Spread;
 use profile::Ends;
 use residuals::ResidualReport;
 use std::sync::atomic::AtomicBool;
-use verdict::{Trust, Verdict};
-use weighing::Seen;
+use verdict::{Doubt, Judgement, Rule, Trust};
 
 /// What is known of one coordinate beside its value.
 #[derive(Clone, Debug)]
@@ -113,7 +109,7 @@ pub struct Analysis {
     /// For each output what is left unexplained.
     pub residuals: Vec<ResidualReport>,
     /// Criteria for the comparison of models.
-    pub criteria: Option<Criteria>,
+    pub criteria: Criteria,
     /// For each coordinate the standard deviation that noise alone leaves, as a share of its
     /// search range.
     pub deviations: Vec<Option<f64>>,
@@ -124,7 +120,7 @@ pub struct Analysis {
     /// Constraints that keep the estimate from where the data would have it.
     pub bindings: Vec<Binding>,
     /// Whether the numbers can be trusted.
-    pub verdict: Verdict,
+    pub judgement: Judgement,
 }
 
 /// Half the width of a 95 % interval in standard errors.
@@ -147,70 +143,25 @@ pub struct Request {
     pub thorough: bool,
 }
 
-/// Analyses an estimate. Answers nothing when `stop` was raised, or the refits were cut.
+/// Analyses an estimate as it stands, at once. Answers nothing when `stop` was raised.
 #[must_use]
 pub fn analyse(
     problem: &Problem,
     report: &Report,
     request: &Request,
-    refits: &Refits,
     stop: &AtomicBool,
 ) -> Option<Analysis> {
-    let positions = &report.positions;
-    let extended = Extended::new(problem, positions, request.thorough);
-    let (trajectories, around) = rayon::join(
-        || trajectory::simulate(problem, positions, stop),
-        || extended.around(Accuracy::Full, stop),
-    );
-    let (trajectories, around) = (trajectories?, around?);
-    let Ok(trajectories) = trajectories else {
-        return Some(without_simulation(problem, report));
-    };
-    let residuals = residuals::report(problem, &trajectories);
-    let estimate = Estimate {
-        problem,
-        report,
-        trajectories: &trajectories,
-        residuals: &residuals,
-    };
-    let linearised = match estimate.linearised((&extended, &around), request, (refits, stop)) {
-        Ok(linearised) => linearised,
-        Err(SensitivityError::Interrupted) => return None,
-        Err(failure) => Linearised::without(problem, report, failure.to_string()),
-    };
-    let estimation_fit = fit::of(problem, &trajectories, fit::Part::Estimation);
-    let validation_fit = fit::of(problem, &trajectories, fit::Part::Validation);
-    // They compare likelihoods of normal noise.
-    let criteria = match problem.loss {
-        Loss::Squared => fit::criteria(&estimation_fit, problem.coordinates.len()),
-        Loss::Huber(_) => None,
-    };
-    let mut analysis = Analysis {
-        coordinates: linearised.coordinates,
-        correlation: linearised.correlation,
-        condition: linearised.condition,
-        flat: linearised.flat,
-        missing: linearised.missing,
-        estimation_fit,
-        validation_fit,
-        residuals,
-        criteria,
-        deviations: linearised.deviations,
-        budget: linearised.budget,
-        drifts: linearised.drifts,
-        bindings: linearised.bindings,
-        verdict: Verdict::default(),
-    };
-    analysis.judge(rules::judge(problem, report, &analysis));
-    Some(analysis)
+    let mut estimate = LinearisedEstimate::of(problem, report, request, stop)?;
+    Refits::default().run(&mut estimate.sequences(), Quota::UNLIMITED, stop);
+    estimate.analysis()
 }
 
 impl Analysis {
-    fn judge(&mut self, verdict: Verdict) {
-        for (known, trust) in self.coordinates.iter_mut().zip(&verdict.coordinates) {
+    fn judge(&mut self, judgement: Judgement) {
+        for (known, trust) in self.coordinates.iter_mut().zip(&judgement.coordinates) {
             known.trust = *trust;
         }
-        self.verdict = verdict;
+        self.judgement = judgement;
     }
 }
 
@@ -221,207 +172,40 @@ pub fn unanalysed(problem: &Problem, report: &Report) -> Conclusion {
     Conclusion {
         problem: problem.clone(),
         report: report.clone(),
-        analysis: unknown(problem, report, "not_analysed", reason),
+        analysis: unknown(problem, report, Rule::NotAnalysed, reason),
         selection: None,
     }
 }
 
 fn without_simulation(problem: &Problem, report: &Report) -> Analysis {
     let reason = "the simulation at the estimate fails".to_owned();
-    unknown(problem, report, "simulation_fails", reason)
+    unknown(problem, report, Rule::SimulationFails, reason)
 }
 
-fn unknown(problem: &Problem, report: &Report, code: &'static str, reason: String) -> Analysis {
-    let mut analysis = Analysis {
+fn unknown(problem: &Problem, report: &Report, rule: Rule, reason: String) -> Analysis {
+    let mut analysis = undetermined(problem, report, reason.clone());
+    let doubt = Doubt::new(rule, Trust::Low, reason);
+    analysis.judge(Judgement::of(problem, vec![doubt]));
+    analysis
+}
+
+/// What can be said of an estimate without its simulation and its derivatives.
+fn undetermined(problem: &Problem, report: &Report, reason: String) -> Analysis {
+    Analysis {
         coordinates: coordinates(problem, report, None),
         correlation: None,
         condition: None,
         flat: Vec::new(),
-        missing: Some(reason.clone()),
+        missing: Some(reason),
         estimation_fit: Vec::new(),
         validation_fit: Vec::new(),
         residuals: Vec::new(),
-        criteria: None,
+        criteria: Criteria::missing(),
         deviations: vec![None; problem.coordinates.len()],
         budget: Budget::default(),
         drifts: Vec::new(),
         bindings: Vec::new(),
-        verdict: Verdict::default(),
-    };
-    analysis.judge(Verdict::low(problem, code, reason));
-    analysis
-}
-
-/// What follows from the derivatives at the estimate.
-struct Linearised {
-    coordinates: Vec<CoordinateUncertainty>,
-    correlation: Option<Vec<Vec<f64>>>,
-    condition: Option<f64>,
-    flat: Vec<FlatDirection>,
-    missing: Option<String>,
-    deviations: Vec<Option<f64>>,
-    budget: Budget,
-    drifts: Vec<Drift>,
-    bindings: Vec<Binding>,
-}
-
-impl Linearised {
-    fn without(problem: &Problem, report: &Report, reason: String) -> Linearised {
-        Linearised {
-            coordinates: coordinates(problem, report, None),
-            correlation: None,
-            condition: None,
-            flat: Vec::new(),
-            missing: Some(reason),
-            deviations: vec![None; problem.coordinates.len()],
-            budget: Budget::default(),
-            drifts: Vec::new(),
-            bindings: Vec::new(),
-        }
-    }
-}
-
-/// An estimate that can be simulated.
-struct Estimate<'a> {
-    problem: &'a Problem,
-    report: &'a Report,
-    trajectories: &'a [Outputs],
-    residuals: &'a [ResidualReport],
-}
-
-impl Estimate<'_> {
-    fn linearised(
-        &self,
-        (extended, around): (&Extended, &Around<'_>),
-        request: &Request,
-        (refits, stop): (&Refits, &AtomicBool),
-    ) -> Result<Linearised, SensitivityError> {
-        let (problem, positions) = (self.problem, &self.report.positions[..]);
-        let linear = covariance::linearise(problem, &around.neighbourhood, self.residuals)
-            .map_err(SensitivityError::Failed)?;
-        let seen = Seen {
-            trajectories: self.trajectories,
-            residuals: self.residuals,
-            linear: &linear,
-        };
-        let budget = Budget::of(extended, around, seen).map_err(SensitivityError::Failed)?;
-        let drifts = drift::of(problem, &around.neighbourhood, seen);
-        let drifts = drifts.map_err(SensitivityError::Failed)?;
-        let weights = NoiseLevels::of(problem, self.residuals).weights();
-        let flat = identifiability::flat_at(problem, positions, &linear.factor, &weights, stop)?;
-        let mut coordinates = coordinates(problem, self.report, Some(&linear));
-        self.better_intervals(&mut coordinates, &linear, request, (refits, stop))?;
-        let deviations: Vec<Option<f64>> = (0..positions.len())
-            .map(|index| linear.deviation(index))
-            .collect();
-        for (index, known) in coordinates.iter_mut().enumerate() {
-            let total = budget.totals[index].zip(deviations[index]);
-            known.widen(&problem.coordinates[index], positions[index], total);
-        }
-        let constrained = Constrained::of(&linear);
-        if let Some(constrained) = &constrained {
-            let totals = budget.totals.iter().zip(&deviations);
-            let factors: Option<Vec<f64>> = totals
-                .map(|(total, noise)| Some((*total)? / (*noise)?))
-                .collect();
-            let ends = factors.and_then(|factors| constrained.ends(positions, &factors));
-            for (index, ends) in ends.into_iter().flatten().enumerate() {
-                let value = |end: Option<f64>| value_near(&problem.coordinates[index], end?);
-                coordinates[index].total_interval = Some((value(ends.0), value(ends.1)));
-            }
-        }
-        self.draw_totals(&mut coordinates, request, (refits, stop))?;
-        let unfixed = || "the data do not fix all of the unknowns".to_owned();
-        Ok(Linearised {
-            coordinates,
-            correlation: linear.covariance.as_ref().map(Covariance::correlation),
-            condition: Some(linear.condition),
-            flat,
-            missing: linear.covariance.is_none().then(unfixed),
-            deviations,
-            budget,
-            drifts,
-            bindings: constrained.map_or_else(Vec::new, |own| own.bindings()),
-        })
-    }
-
-    /// Puts the intervals that were asked for in the place of those from the curvature.
-    fn better_intervals(
-        &self,
-        coordinates: &mut [CoordinateUncertainty],
-        linear: &Linear,
-        request: &Request,
-        (refits, stop): (&Refits, &AtomicBool),
-    ) -> Result<(), SensitivityError> {
-        let positions = &self.report.positions;
-        let n = positions.len();
-        let (method, ends) = match request.settings.intervals {
-            Intervals::Fisher => {
-                let constrained = Constrained::of(linear);
-                let found = constrained.and_then(|own| own.ends(positions, &vec![1.0; n]));
-                match found {
-                    Some(ends) => ("constrained", ends),
-                    None => return Ok(()),
-                }
-            }
-            Intervals::Profile => {
-                let found = profile::intervals(self.problem, positions, linear, (refits, stop))?;
-                for (index, (known, own)) in coordinates.iter_mut().zip(&found).enumerate() {
-                    known.profile = own.values(&self.problem.coordinates[index], positions[index]);
-                }
-                ("profile", found.into_iter().map(|own| own.ends).collect())
-            }
-            Intervals::Bootstrap => {
-                let bootstrap = self.bootstrap(request.settings.bootstrap_samples, request.seed);
-                let found = bootstrap.intervals(refits, stop);
-                let closed = |(low, high)| (Some(low), Some(high));
-                match found.ok_or(SensitivityError::Interrupted)? {
-                    Some(found) => ("bootstrap", found.into_iter().map(closed).collect()),
-                    None => return Ok(()),
-                }
-            }
-        };
-        let described = self.problem.coordinates.iter().zip(ends);
-        for (known, (coordinate, (lower, upper))) in coordinates.iter_mut().zip(described) {
-            let value = |position: f64| coordinate.value(position);
-            known.interval = Some((lower.map(value), upper.map(value)));
-            known.ends = Some((lower, upper));
-            known.method = method;
-        }
-        Ok(())
-    }
-}
-
-impl<'a> Estimate<'a> {
-    fn bootstrap(&self, samples: u32, seed: u64) -> Bootstrap<'a> {
-        Bootstrap {
-            problem: self.problem,
-            positions: &self.report.positions,
-            trajectories: self.trajectories,
-            residuals: self.residuals,
-            samples,
-            seed,
-        }
-    }
-
-    /// Puts what a Monte Carlo analysis says beside the totals, where one was asked for.
-    fn draw_totals(
-        &self,
-        coordinates: &mut [CoordinateUncertainty],
-        request: &Request,
-        (refits, stop): (&Refits, &AtomicBool),
-    ) -> Result<(), SensitivityError> {
-        let samples = request.settings.monte_carlo_samples;
-        if samples == 0 {
-            return Ok(());
-        }
-        let bootstrap = self.bootstrap(samples, request.seed);
-        let found = monte_carlo::spreads(&bootstrap, refits, stop);
-        let spreads = found.ok_or(SensitivityError::Interrupted)?;
-        for (known, spread) in coordinates.iter_mut().zip(spreads.into_iter().flatten()) {
-            known.monte_carlo = Some(spread);
-        }
-        Ok(())
+        judgement: Judgement::default(),
     }
 }
 

@@ -9,14 +9,11 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use rayon::prelude::*;
-
-use super::bootstrap::{Bootstrap, quantile};
-use super::refits::Refits;
+use super::bootstrap::{DrawnFit, fitted, quantile};
+use super::linearised::Estimate;
 use super::sensors::Sensors;
 use crate::estimation::problem::{Assumed, Assumption, Problem, Target};
 use greybox_numerics::rng::{self, Purpose, Rng};
-use greybox_simulation::Accuracy;
 
 /// A number outside its limits is drawn again, so many times at the most.
 const DRAWS: usize = 1000;
@@ -32,41 +29,42 @@ pub struct Spread {
     pub samples: u32,
 }
 
-/// The fits to `samples` draws of noise and assumptions, for each coordinate; none where fewer than
-/// half of them could be fitted, nothing at all when `stop` was raised or the refits were cut.
-#[must_use]
-pub fn spreads(
-    bootstrap: &Bootstrap<'_>,
-    refits: &Refits,
-    stop: &AtomicBool,
-) -> Option<Option<Vec<Spread>>> {
-    let problem = bootstrap.problem;
-    let sensors = Sensors::simulate(problem, bootstrap.positions, stop)?;
-    let fitted: Vec<Option<Vec<f64>>> = (0..bootstrap.samples)
-        .into_par_iter()
-        .map(|sample| {
-            let drawn = || {
-                let mut drawn = bootstrap.resampled(sample);
-                let mut rng = rng::stream(bootstrap.seed, u64::from(sample), Purpose::Assumptions);
-                for assumption in problem.assumptions.iter() {
-                    let value = draw(assumption, &mut rng);
-                    assume(&mut drawn, assumption, value, &sensors);
-                }
-                (drawn, bootstrap.positions.to_vec())
-            };
-            let name = format!("monte_carlo/{sample}");
-            let refit = refits.descend(name, drawn, Accuracy::Full, stop)?;
-            Some(refit.cost.map(|_| refit.positions))
+/// The numbers that are taken as known, to be drawn from what is known of them.
+#[derive(Debug)]
+pub(super) struct Assumptions {
+    assumptions: Arc<Vec<Assumption>>,
+    sensors: Sensors,
+}
+
+impl Assumptions {
+    /// Takes the assumptions of an estimate's problem. Answers nothing when `stop` was raised.
+    pub fn of(estimate: &Estimate, stop: &AtomicBool) -> Option<Assumptions> {
+        let (problem, positions) = (&estimate.problem, &estimate.report.positions);
+        Some(Assumptions {
+            assumptions: Arc::clone(&problem.assumptions),
+            sensors: Sensors::simulate(problem, positions, stop)?,
         })
-        .collect::<Option<_>>()?;
-    let fitted: Vec<Vec<f64>> = fitted.into_iter().flatten().collect();
-    if fitted.len() * 2 < bootstrap.samples as usize {
-        return Some(None);
     }
-    let of_coordinate = |index: usize| {
-        let coordinate = &problem.coordinates[index];
-        let estimate = coordinate.value(bootstrap.positions[index]);
-        let values = fitted.iter().map(|own| coordinate.value(own[index]));
+
+    /// Has a drawn problem take drawn numbers as known.
+    pub fn draw(&self, drawn: &mut Problem, seed: u64, sample: u32) {
+        let mut rng = rng::stream(seed, u64::from(sample), Purpose::Assumptions);
+        for assumption in self.assumptions.iter() {
+            let value = draw(assumption, &mut rng);
+            assume(drawn, assumption, value, &self.sensors);
+        }
+    }
+}
+
+/// How refits to drawn noise and drawn assumptions lie about an estimate, for each coordinate; none
+/// where fewer than half of them could be fitted.
+pub(super) fn spreads(estimate: &Estimate, refits: &[DrawnFit]) -> Option<Vec<Spread>> {
+    let fitted = fitted(refits)?;
+    let coordinates = estimate.problem.coordinates.iter();
+    let described = coordinates.zip(&estimate.report.positions).enumerate();
+    let spread = described.map(|(index, (coordinate, position))| {
+        let estimate = coordinate.value(*position);
+        let values = fitted.iter().map(|fit| coordinate.value(fit[index]));
         let mut values: Vec<f64> = values.collect();
         values.sort_by(f64::total_cmp);
         let squares: f64 = values.iter().map(|value| (value - estimate).powi(2)).sum();
@@ -75,10 +73,8 @@ pub fn spreads(
             interval: (quantile(&values, 0.025), quantile(&values, 0.975)),
             samples: values.len() as u32,
         }
-    };
-    Some(Some(
-        (0..problem.coordinates.len()).map(of_coordinate).collect(),
-    ))
+    });
+    Some(spread.collect())
 }
 
 /// A value that an assumption may have: normal about what is taken, within its limits.

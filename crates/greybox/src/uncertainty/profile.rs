@@ -8,11 +8,13 @@
 //! Fisher interval; the level is chosen so that it is that too where the noise is larger than
 //! declared, unknown, or coloured.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::NORMAL_95;
 use super::covariance::Linear;
-use super::refits::Refits;
+use super::linearised::Estimate;
+use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use crate::estimation::objective::Objective;
 use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::estimation::refine;
@@ -20,7 +22,6 @@ use crate::estimation::sensitivity::SensitivityError;
 use greybox_numerics::least_squares::Triangle;
 use greybox_simulation::Accuracy;
 use nalgebra::DMatrix;
-use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
 
 /// Fits on the way to an end at the most.
@@ -42,71 +43,65 @@ pub struct Point {
     pub excess: f64,
 }
 
-/// What was found out of one coordinate.
+/// The profile of one coordinate.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Found {
-    /// The ends of its interval.
+pub struct Profile {
+    /// The ends of the coordinate's interval.
     pub ends: Ends,
-    /// The fits on the way to them, in the order of their positions.
+    /// The fits on the way to the ends, in the order of their positions.
     pub points: Vec<Point>,
 }
 
-impl Found {
-    /// The points as values, the estimate at its own position among them.
+impl Profile {
+    /// The points as values, with the estimate, which stands at a position of its own, among them.
     #[must_use]
-    pub fn values(&self, coordinate: &Coordinate, own: f64) -> Vec<(f64, f64)> {
+    pub fn values(&self, coordinate: &Coordinate, estimate: f64) -> Vec<(f64, f64)> {
         let points = self.points.iter();
         let points = points.map(|point| (point.position, point.excess));
-        let mut points: Vec<(f64, f64)> = points.chain([(own, 0.0)]).collect();
+        let mut points: Vec<(f64, f64)> = points.chain([(estimate, 0.0)]).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         let value = |(position, excess)| (coordinate.value(position), excess);
         points.into_iter().map(value).collect()
     }
 }
 
-/// The interval of each coordinate.
+/// Begins the walks to both ends of each coordinate's interval.
 ///
 /// # Errors
-/// When the stop flag was raised, the refits were cut, or the estimate cannot be simulated.
-pub fn intervals(
-    problem: &Problem,
-    positions: &[f64],
+/// When the stop flag was raised, or the estimate cannot be simulated.
+pub(super) fn walks(
+    estimate: &Arc<Estimate>,
     linear: &Linear,
-    (refits, stop): (&Refits, &AtomicBool),
-) -> Result<Vec<Found>, SensitivityError> {
-    let bottom = refine::linearise(problem, positions, Accuracy::Full, stop)?;
-    let inverse = information_inverse(&bottom.triangle);
-    let sum = bottom.cost * bottom.triangle.rows() as f64;
-    let ends = |(coordinate, side): (usize, f64)| {
-        let profile = Profile {
-            problem,
-            positions,
-            coordinate,
-            sum,
-            inverse: inverse.as_ref(),
-            deviation: linear.deviation(coordinate),
-            noise: linear.mean_square_noise,
-            refits,
-            stop,
-        };
-        profile.end(side)
-    };
-    let sides: Vec<(usize, f64)> = (0..positions.len())
-        .flat_map(|coordinate| [(coordinate, -1.0), (coordinate, 1.0)])
-        .collect();
-    let found: Vec<(Option<f64>, Vec<Point>)> = sides
-        .into_par_iter()
-        .map(ends)
-        .collect::<Result<_, SensitivityError>>()?;
-    let both = found.chunks_exact(2).map(|sides| {
-        let mut points = [&sides[0].1[..], &sides[1].1].concat();
+    stop: &AtomicBool,
+) -> Result<Vec<Walk>, SensitivityError> {
+    let positions = &estimate.report.positions;
+    let bottom = refine::linearise(&estimate.problem, positions, Accuracy::Full, stop)?;
+    let coordinates = 0..positions.len();
+    let base = Arc::new(Base {
+        estimate: Arc::clone(estimate),
+        sum: bottom.cost * bottom.triangle.rows() as f64,
+        inverse: information_inverse(&bottom.triangle),
+        deviations: coordinates.clone().map(|k| linear.deviation(k)).collect(),
+        noise: linear.mean_square_noise,
+    });
+    let sides = coordinates.flat_map(|coordinate| [(coordinate, -1.0), (coordinate, 1.0)]);
+    sides
+        .map(|(coordinate, side)| Walk::begin(&base, coordinate, side, stop))
+        .collect::<Option<_>>()
+        .ok_or(SensitivityError::Interrupted)
+}
+
+/// Returns the profile of each coordinate, of which the walks have ended.
+pub(super) fn profiles(walks: &[Walk]) -> Vec<Profile> {
+    let both = walks.chunks_exact(2).map(|sides| {
+        let mut points = [&sides[0].points[..], &sides[1].points].concat();
         points.sort_by(|a, b| a.position.total_cmp(&b.position));
-        Found {
-            ends: (sides[0].0, sides[1].0),
+        Profile {
+            ends: (sides[0].end.position(), sides[1].end.position()),
             points,
         }
     });
-    Ok(both.collect())
+    both.collect()
 }
 
 /// `(JᵀJ)⁻¹`; none where J is singular.
@@ -121,144 +116,230 @@ fn information_inverse(triangle: &Triangle) -> Option<DMatrix<f64>> {
         .then_some(inverse)
 }
 
-/// One coordinate's profile.
-struct Profile<'a> {
-    problem: &'a Problem,
-    positions: &'a [f64],
-    coordinate: usize,
+/// What all walks from one estimate have in common.
+#[derive(Debug)]
+struct Base {
+    estimate: Arc<Estimate>,
     /// The sum of squares at the estimate.
     sum: f64,
-    inverse: Option<&'a DMatrix<f64>>,
-    deviation: Option<f64>,
+    inverse: Option<DMatrix<f64>>,
+    /// For each coordinate its standard deviation, as a share of its search range.
+    deviations: Vec<Option<f64>>,
     /// The mean square of the noise in the units of the residuals.
     noise: f64,
-    refits: &'a Refits,
-    stop: &'a AtomicBool,
 }
 
-impl Profile<'_> {
-    /// Where the excess reaches its level on one side, none where it does not within the range; and
-    /// the points on the way.
-    fn end(&self, side: f64) -> Result<(Option<f64>, Vec<Point>), SensitivityError> {
-        let mut points = Vec::new();
-        let start = self.positions[self.coordinate];
-        let level = self.level();
-        let mut reduced = without(self.problem, self.coordinate);
-        let mut others = self.others();
-        let mut inside = (start, 0.0);
-        let mut outside: Option<(f64, f64)> = None;
-        let first = self
-            .deviation
-            .map_or(FIRST_DISTANCE, |deviation| NORMAL_95 * deviation);
-        let mut next = start + side * first;
-        for _ in 0..MOST_FITS {
-            let position = next.clamp(0.0, 1.0);
-            hold(&mut reduced, self.problem, self.coordinate, position);
-            let own = self.prior_square(position);
-            let fit = self.fit(position, &reduced, self.guess(position, &others))?;
-            let (root, fitted) = match fit.map(|(sum, fitted)| (sum + own, fitted)) {
-                Some((sum, fitted)) => (((sum - self.sum).max(0.0) / level).sqrt(), Some(fitted)),
-                None => (f64::INFINITY, None),
-            };
-            if root.is_finite() {
-                points.push(Point {
-                    position,
-                    excess: root * root,
-                });
-            }
-            if (root - 1.0).abs() < NEAR {
-                return Ok((Some(position), points));
-            }
-            if root > 1.0 {
-                outside = Some((position, root));
-            } else if position <= 0.0 || position >= 1.0 {
-                return Ok((None, points));
-            } else {
-                inside = (position, root);
-                others = fitted.map_or(others, |positions| Others {
-                    at: position,
-                    positions,
-                });
-            }
-            next = between(start, inside, outside);
+/// Where a walk ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum End {
+    /// The walk goes on.
+    Sought,
+    /// The excess reaches its level here.
+    At(f64),
+    /// The excess does not reach its level within the range.
+    Open,
+}
+
+impl End {
+    fn position(self) -> Option<f64> {
+        match self {
+            End::At(position) => Some(position),
+            End::Sought | End::Open => None,
         }
-        Ok((Some(inside.0), points))
+    }
+}
+
+/// The walk from an estimate to one end of a coordinate's interval, a refit at a time.
+#[derive(Debug)]
+pub(super) struct Walk {
+    base: Arc<Base>,
+    coordinate: usize,
+    /// The problem with the coordinate held at the position that is tried next.
+    reduced: Problem,
+    position: f64,
+    others: Others,
+    /// The farthest position below the level, with the root of the excess there.
+    inside: (f64, f64),
+    /// The nearest position above the level, with the root of the excess there.
+    outside: Option<(f64, f64)>,
+    points: Vec<Point>,
+    fits: usize,
+    end: End,
+}
+
+/// Where the other coordinates were when the one was held.
+#[derive(Debug)]
+struct Others {
+    at: f64,
+    positions: Vec<f64>,
+}
+
+/// The lowest sum of squares with a coordinate held, and where the others then are.
+struct ReducedFit {
+    sum: f64,
+    positions: Vec<f64>,
+}
+
+impl RefitSequence for Walk {
+    fn next(&self) -> Option<RefitName> {
+        let is_sought = self.end == End::Sought;
+        is_sought.then(|| RefitName::profile(self.coordinate, self.position))
+    }
+
+    fn task(&self) -> RefitTask<'_> {
+        RefitTask {
+            problem: Cow::Borrowed(&self.reduced),
+            start: self.guess(),
+            accuracy: Accuracy::Full,
+        }
+    }
+
+    fn follow(&mut self, refit: &Refit, _stop: &AtomicBool) -> Option<()> {
+        let samples = self.samples();
+        let fit = refit.cost.map(|cost| ReducedFit {
+            sum: cost * samples,
+            positions: refit.positions.clone(),
+        });
+        self.go_on(fit);
+        Some(())
+    }
+}
+
+impl Walk {
+    /// Begins a walk to the lower end with side −1, to the upper end with side 1. A single coordinate leaves nothing to fit: then the walk is at its end.
+    /// Answers nothing when `stop` was raised.
+    fn begin(base: &Arc<Base>, coordinate: usize, side: f64, stop: &AtomicBool) -> Option<Walk> {
+        let estimate = &base.estimate;
+        let start = estimate.report.positions[coordinate];
+        let mut positions = estimate.report.positions.clone();
+        positions.remove(coordinate);
+        let first =
+            base.deviations[coordinate].map_or(FIRST_DISTANCE, |deviation| NORMAL_95 * deviation);
+        let mut walk = Walk {
+            base: Arc::clone(base),
+            coordinate,
+            reduced: without(&estimate.problem, coordinate),
+            position: start,
+            others: Others {
+                at: start,
+                positions,
+            },
+            inside: (start, 0.0),
+            outside: None,
+            points: Vec::new(),
+            fits: 0,
+            end: End::Sought,
+        };
+        walk.hold(start + side * first);
+        while walk.others.positions.is_empty() && walk.end == End::Sought {
+            let fit = walk.evaluate(stop)?;
+            walk.go_on(fit);
+        }
+        Some(walk)
+    }
+
+    /// Holds the coordinate at a position within its range.
+    fn hold(&mut self, position: f64) {
+        self.position = position.clamp(0.0, 1.0);
+        let problem = &self.base.estimate.problem;
+        hold(&mut self.reduced, problem, self.coordinate, self.position);
+    }
+
+    /// Goes on from the fit at the position; there is none where it cannot be simulated.
+    fn go_on(&mut self, fit: Option<ReducedFit>) {
+        let position = self.position;
+        let prior = self.prior_square(position);
+        let root = fit.as_ref().map_or(f64::INFINITY, |fit| {
+            (((fit.sum + prior) - self.base.sum).max(0.0) / self.level()).sqrt()
+        });
+        if root.is_finite() {
+            self.points.push(Point {
+                position,
+                excess: root * root,
+            });
+        }
+        self.fits += 1;
+        if (root - 1.0).abs() < NEAR {
+            self.end = End::At(position);
+            return;
+        }
+        if root > 1.0 {
+            self.outside = Some((position, root));
+        } else if position <= 0.0 || position >= 1.0 {
+            self.end = End::Open;
+            return;
+        } else {
+            self.inside = (position, root);
+            if let Some(fit) = fit {
+                self.others = Others {
+                    at: position,
+                    positions: fit.positions,
+                };
+            }
+        }
+        if self.fits == MOST_FITS {
+            self.end = End::At(self.inside.0);
+            return;
+        }
+        let start = self.base.estimate.report.positions[self.coordinate];
+        self.hold(between(start, self.inside, self.outside));
     }
 
     /// The excess at the end of the interval. Near the estimate the excess of a distance d is
     /// `d²/v`, with v the diagonal of `(JᵀJ)⁻¹`.
     fn level(&self) -> f64 {
-        let variance = self
-            .inverse
-            .map(|inverse| inverse[(self.coordinate, self.coordinate)]);
-        let ratio = match (self.deviation, variance) {
+        let inverse = self.base.inverse.as_ref();
+        let variance = inverse.map(|inverse| inverse[(self.coordinate, self.coordinate)]);
+        let ratio = match (self.base.deviations[self.coordinate], variance) {
             (Some(deviation), Some(variance)) => deviation * deviation / variance,
-            _ => self.noise,
+            _ => self.base.noise,
         };
         NORMAL_95 * NORMAL_95 * ratio
     }
 
     /// What the held coordinate's own prior adds to the sum of squares.
     fn prior_square(&self, position: f64) -> f64 {
-        let held = &self.problem.coordinates[self.coordinate];
+        let held = &self.base.estimate.problem.coordinates[self.coordinate];
         let prior = held.prior;
         prior.map_or(0.0, |prior| prior.residual(held.value(position)).powi(2))
     }
 
-    fn others(&self) -> Others {
-        let mut positions = self.positions.to_vec();
-        positions.remove(self.coordinate);
-        Others {
-            at: self.positions[self.coordinate],
-            positions,
-        }
-    }
-
-    /// The others, moved along with the coordinate as the linear model says.
-    fn guess(&self, position: f64, others: &Others) -> Vec<f64> {
-        let distance = position - others.at;
-        let slope = |place: usize| {
-            let index = place + usize::from(place >= self.coordinate);
-            self.inverse.map_or(0.0, |inverse| {
-                inverse[(index, self.coordinate)] / inverse[(self.coordinate, self.coordinate)]
+    /// The other coordinates, moved along with the held one as the linear model says.
+    fn guess(&self) -> Vec<f64> {
+        let distance = self.position - self.others.at;
+        let held = self.coordinate;
+        let slope = |index: usize| {
+            let inverse = self.base.inverse.as_ref();
+            inverse.map_or(0.0, |inverse| {
+                inverse[(index, held)] / inverse[(held, held)]
             })
         };
-        let places = others.positions.iter().enumerate();
-        places
-            .map(|(place, other)| (other + slope(place) * distance).clamp(0.0, 1.0))
+        let others = self.others.positions.iter().enumerate();
+        others
+            .map(|(place, position)| {
+                let index = place + usize::from(place >= held);
+                (position + slope(index) * distance).clamp(0.0, 1.0)
+            })
             .collect()
     }
 
-    /// The lowest sum of squares with the coordinate held, and where the others then are; none
-    /// where it cannot be simulated.
-    fn fit(
-        &self,
-        position: f64,
-        reduced: &Problem,
-        start: Vec<f64>,
-    ) -> Result<Option<(f64, Vec<f64>)>, SensitivityError> {
-        let samples = (reduced.n_residuals() + reduced.prior_sum(&start).1) as f64;
-        if start.is_empty() {
-            let objective = Objective::new(reduced, usize::MAX);
-            let only = objective
-                .evaluate(reduced, &[start], Accuracy::Full, self.stop)
-                .ok_or(SensitivityError::Interrupted)?;
-            let cost = only[0].cost;
-            return Ok(cost.is_finite().then(|| (cost * samples, Vec::new())));
-        }
-        let name = format!("profile/{}/{position:e}", self.coordinate);
-        let refit = self
-            .refits
-            .descend(name, || (reduced, start), Accuracy::Full, self.stop)
-            .ok_or(SensitivityError::Interrupted)?;
-        Ok(refit.cost.map(|cost| (cost * samples, refit.positions)))
+    /// The squares that a cost of the reduced problem is the mean of.
+    fn samples(&self) -> f64 {
+        (self.reduced.n_residuals() + self.reduced.prior_sum(&self.guess()).1) as f64
     }
-}
 
-/// Where the other coordinates were when the one was held.
-struct Others {
-    at: f64,
-    positions: Vec<f64>,
+    /// What the reduced problem costs where no coordinate is left to fit. Answers nothing when
+    /// `stop` was raised.
+    fn evaluate(&self, stop: &AtomicBool) -> Option<Option<ReducedFit>> {
+        let objective = Objective::new(&self.reduced, usize::MAX);
+        let nothing = [Vec::new()];
+        let judged = objective.evaluate(&self.reduced, &nothing, Accuracy::Full, stop)?;
+        let cost = judged[0].cost;
+        Some(cost.is_finite().then(|| ReducedFit {
+            sum: cost * self.samples(),
+            positions: Vec::new(),
+        }))
+    }
 }
 
 /// The next position to try: by the secant where both sides of the level are known, else further

@@ -1,21 +1,22 @@
-//! The refits that an analysis takes, hundreds of them, as pieces of work that are kept.
+//! The refits that an analysis asks for: hundreds of descents, which are saved one by one and which
+//! several nodes can divide among them.
 //!
-//! An analysis that was interrupted is done again from the beginning, but takes over the refits
-//! that were done; so it goes on where it was, with the same bits.
-//!
-//! Most of them are independent of each other. So that several nodes can do them at once, each goes through
-//! the same analysis and does the refits of one share; what the analysis then comes to is of no use, the
-//! refits are, for whoever does it in earnest.
+//! A step of the analysis ([`super::analyser`]) asks for sequences of refits. Within a sequence each
+//! refit starts from what the one before came to; the sequences of one step do not depend on each
+//! other, so they run in parallel, in any order, on any node.
+
+mod name;
+
+pub use name::RefitName;
 
 use crate::estimation::problem::Problem;
 use crate::estimation::{Share, refine};
 use greybox_simulation::Accuracy;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
-use std::borrow::Borrow;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What a refit came to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,175 +27,242 @@ pub struct Refit {
     pub cost: Option<f64>,
 }
 
-/// Refits by their names, which say what is fitted.
-pub type Done = BTreeMap<String, Refit>;
-
-/// Name prefixes of the refits that do not depend on each other. The next part of a name says which
-/// refits belong together.
-const INDEPENDENT: [&str; 4] = ["bootstrap", "effects", "monte_carlo", "profile"];
-/// Name prefix of the independent refits that have to be known, all that belong together, before
-/// the analysis goes on.
-const AWAITED: &str = "effects/";
-
-/// Whether a refit belongs to a share; nothing where it is not independent of others.
-fn is_of(share: Share, name: &str) -> Option<bool> {
-    let mut parts = name.split('/');
-    let (kind, which) = (parts.next()?, parts.next()?);
-    INDEPENDENT
-        .contains(&kind)
-        .then(|| share.has(number_of(&format!("{kind}/{which}"))))
+/// What a refit fits.
+pub(super) struct RefitTask<'a> {
+    pub problem: Cow<'a, Problem>,
+    pub start: Vec<f64>,
+    pub accuracy: Accuracy,
 }
 
-/// A number by which all nodes cut the refits into the same shares, whatever build each of them runs:
-/// the first eight bytes of the SHA-256 of a name.
-fn number_of(name: &str) -> u64 {
-    let digest = Sha256::digest(name);
-    digest[..8]
-        .iter()
-        .fold(0, |number, byte| number << 8 | u64::from(*byte))
+impl RefitTask<'_> {
+    /// Descends from the start. Answers nothing when `stop` was raised.
+    fn run(self, stop: &AtomicBool) -> Option<Refit> {
+        let descent = refine::descend(&self.problem, self.start, self.accuracy, stop)?;
+        Some(Refit {
+            positions: descent.positions,
+            cost: descent.cost,
+        })
+    }
 }
 
-/// The refits of one analysis.
-#[derive(Debug)]
+/// Refits of which each follows from the one before.
+pub(super) trait RefitSequence: Send {
+    /// Returns the name of the next refit; none where the sequence has ended.
+    fn next(&self) -> Option<RefitName>;
+
+    /// Returns what the next refit fits.
+    fn task(&self) -> RefitTask<'_>;
+
+    /// Goes on from what the next refit came to. Answers nothing, with nothing changed, when `stop`
+    /// was raised.
+    fn follow(&mut self, refit: &Refit, stop: &AtomicBool) -> Option<()>;
+}
+
+/// How the nodes divide the refits of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Division {
+    /// This node runs all refits, in the order in which the step lists them.
+    Undivided,
+    /// This node runs all refits, those of its share first and then those of the other shares, in
+    /// the reverse of the order in which the other nodes come to them.
+    StartingWith(Share),
+    /// This node runs only the refits of a share, and none that all other refits wait for.
+    Only(Share),
+}
+
+impl Division {
+    /// Returns when a refit's turn is, the lowest first; none where another node runs it.
+    fn turn(self, name: &RefitName) -> Option<u32> {
+        match self {
+            Division::Undivided => Some(0),
+            Division::Only(share) => share.has(name.number()?).then_some(0),
+            Division::StartingWith(Share { index, of }) => {
+                let Some(number) = name.number() else {
+                    return Some(0);
+                };
+                let share = (number % u64::from(of.max(1))) as u32;
+                Some((index + of - share) % of.max(1))
+            }
+        }
+    }
+}
+
+/// The refits that a node runs before it saves what has finished.
+#[derive(Clone, Copy, Debug)]
+pub struct Quota {
+    /// Which refits the node runs, and in which order.
+    pub division: Division,
+    /// How many refits it runs at the most.
+    pub at_most: u32,
+}
+
+impl Quota {
+    /// All refits.
+    pub const UNLIMITED: Quota = Quota {
+        division: Division::Undivided,
+        at_most: u32::MAX,
+    };
+}
+
+/// The finished refits of an analysis.
+#[derive(Clone, Debug, Default)]
 pub struct Refits {
-    done: Mutex<Done>,
-    /// The names of the refits that were done here.
-    new: Mutex<Vec<String>>,
-    /// The share of the independent refits that is done, where not all are, and whether refits that
-    /// others follow from are done.
-    share: Option<(Share, bool)>,
-    /// How many refits may still be done before the analysis is interrupted to save them.
-    left: AtomicU32,
-    is_cut: AtomicBool,
+    finished: BTreeMap<RefitName, Refit>,
+    /// The names of the refits that were run here since they were last asked for.
+    new: Vec<RefitName>,
+}
+
+impl From<BTreeMap<RefitName, Refit>> for Refits {
+    fn from(finished: BTreeMap<RefitName, Refit>) -> Refits {
+        Refits {
+            finished,
+            new: Vec::new(),
+        }
+    }
 }
 
 impl Refits {
-    /// Begins with no refit done, and with no limit to their number.
+    /// All finished refits.
     #[must_use]
-    pub fn unlimited() -> Refits {
-        Refits::from(Done::new(), u32::MAX)
+    pub fn finished(&self) -> &BTreeMap<RefitName, Refit> {
+        &self.finished
     }
 
-    /// Goes on from the refits that are `done`, and interrupts the analysis after `at_most` more.
-    #[must_use]
-    pub fn from(done: Done, at_most: u32) -> Refits {
-        Refits {
-            done: Mutex::new(done),
-            new: Mutex::default(),
-            share: None,
-            left: AtomicU32::new(at_most),
-            is_cut: AtomicBool::new(false),
-        }
+    /// Adds a refit that another node ran.
+    pub fn insert(&mut self, name: RefitName, refit: Refit) {
+        self.finished.insert(name, refit);
     }
 
-    /// Runs only the independent refits assigned to `share`; other independent refits are taken for
-    /// refits that could not be fitted, or end the analysis where it needs them to go on. Refits
-    /// that others follow from are done where `alone` says so, else they have to be known: without
-    /// them the analysis ends.
-    #[must_use]
-    pub fn of(self, share: Share, alone: bool) -> Refits {
-        Refits {
-            share: Some((share, alone)),
-            ..self
-        }
+    /// Returns the refits that were run here since this was last called.
+    pub fn take_new(&mut self) -> Vec<(RefitName, Refit)> {
+        let names = std::mem::take(&mut self.new).into_iter();
+        names
+            .filter_map(|name| {
+                let refit = self.finished.get(&name)?.clone();
+                Some((name, refit))
+            })
+            .collect()
     }
 
-    /// Whether the analysis was interrupted because enough refits were done.
-    #[must_use]
-    pub fn is_cut(&self) -> bool {
-        self.is_cut.load(Ordering::Relaxed)
-    }
-
-    /// Returns all refits that are done, and the names of the refits that were done here.
-    #[must_use]
-    pub fn into_done(self) -> (Done, Vec<String>) {
-        (opened(self.done), opened(self.new))
-    }
-
-    /// Descends from the start in a problem that `make` answers, or takes over the refit of that
-    /// name. Answers nothing when `stop` was raised, when enough refits were done, or when the
-    /// share leaves out a refit that the analysis needs.
-    pub fn descend<P: Borrow<Problem>>(
-        &self,
-        name: String,
-        make: impl FnOnce() -> (P, Vec<f64>),
-        accuracy: Accuracy,
+    /// Takes the sequences as far as finished refits lead, then runs further refits up to the quota;
+    /// answers how many it ran. It runs fewer where the sequences end, and when `stop` was raised.
+    pub(super) fn run(
+        &mut self,
+        sequences: &mut [&mut dyn RefitSequence],
+        quota: Quota,
         stop: &AtomicBool,
-    ) -> Option<Refit> {
-        if let Some(known) = locked(&self.done).get(&name) {
-            return Some(known.clone());
+    ) -> u32 {
+        self.run_all(sequences.iter_mut(), 0, stop);
+        let mut by_turn: BTreeMap<u32, Vec<&mut &mut dyn RefitSequence>> = BTreeMap::new();
+        for sequence in sequences.iter_mut() {
+            if let Some(turn) = sequence.next().and_then(|name| quota.division.turn(&name)) {
+                by_turn.entry(turn).or_default().push(sequence);
+            }
         }
-        if let Some((share, alone)) = self.share
-            && !is_of(share, &name).or(alone.then_some(true))?
-        {
-            let missing = Refit {
-                positions: Vec::new(),
-                cost: None,
-            };
-            return (!name.starts_with(AWAITED)).then_some(missing);
+        let mut left = quota.at_most;
+        for sequences in by_turn.into_values() {
+            let first = sequences.into_iter().take(left as usize);
+            left -= self.run_all(first, left, stop);
         }
-        let take_one = |left: u32| left.checked_sub(1);
-        let one = self
-            .left
-            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, take_one);
-        if one.is_err() {
-            self.is_cut.store(true, Ordering::Relaxed);
-            return None;
-        }
-        let (problem, start) = make();
-        let descent = refine::descend(problem.borrow(), start, accuracy, stop)?;
-        let refit = Refit {
-            positions: descent.positions,
-            cost: descent.cost,
-        };
-        locked(&self.new).push(name.clone());
-        locked(&self.done).insert(name, refit.clone());
-        Some(refit)
+        quota.at_most - left
     }
-}
 
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
+    /// Runs sequences side by side until they end or `at_most` refits were run; answers how many.
+    fn run_all<'s, 'd: 's>(
+        &mut self,
+        sequences: impl Iterator<Item = &'s mut &'d mut dyn RefitSequence>,
+        at_most: u32,
+        stop: &AtomicBool,
+    ) -> u32 {
+        let left = AtomicU32::new(at_most);
+        let sequences: Vec<_> = sequences.collect();
+        let runs: Vec<Vec<(RefitName, Refit)>> = sequences
+            .into_par_iter()
+            .map(|sequence| self.run_one(&mut **sequence, &left, stop))
+            .collect();
+        let runs = runs.into_iter().flatten();
+        let n_before = self.new.len();
+        for (name, refit) in runs {
+            self.new.push(name.clone());
+            self.finished.insert(name, refit);
+        }
+        (self.new.len() - n_before) as u32
+    }
 
-fn opened<T>(mutex: Mutex<T>) -> T {
-    mutex.into_inner().unwrap_or_else(PoisonError::into_inner)
+    /// Takes a sequence from refit to refit while there are finished ones, or `left` allows to run
+    /// another; answers those that were run.
+    fn run_one(
+        &self,
+        sequence: &mut dyn RefitSequence,
+        left: &AtomicU32,
+        stop: &AtomicBool,
+    ) -> Vec<(RefitName, Refit)> {
+        let take_one = |left: u32| left.checked_sub(1);
+        let is_allowed = || left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, take_one);
+        let mut new = Vec::new();
+        while let Some(name) = sequence.next() {
+            let refit = match self.finished.get(&name) {
+                Some(finished) => finished.clone(),
+                None => {
+                    let refit = is_allowed().ok().and_then(|_| sequence.task().run(stop));
+                    let Some(refit) = refit else {
+                        break;
+                    };
+                    new.push((name, refit.clone()));
+                    refit
+                }
+            };
+            if sequence.follow(&refit, stop).is_none() {
+                break;
+            }
+        }
+        new
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// `printf profile/mass | sha256sum` begins with 18d4c88a0ce4da7c.
-    #[test]
-    fn every_build_cuts_the_same_shares() {
-        assert_eq!(number_of("profile/mass"), 1_789_275_447_220_296_316);
+    const OF: u32 = 3;
+
+    fn share(index: u32) -> Share {
+        Share { index, of: OF }
+    }
+
+    fn bootstrap() -> impl Iterator<Item = RefitName> {
+        (0..1000).map(|sample| RefitName::Bootstrap { sample })
     }
 
     #[test]
     fn shares_divide_what_is_independent_and_nothing_else() {
-        let names: Vec<String> = (0..1000).map(|k| format!("bootstrap/{k}")).collect();
-        for name in &names {
-            let have = (0..3).filter(|index| {
-                let share = Share {
-                    index: *index,
-                    of: 3,
-                };
-                is_of(share, name) == Some(true)
-            });
-            assert_eq!(have.count(), 1, "{name}");
+        for name in bootstrap() {
+            let takers =
+                (0..OF).filter(|index| Division::Only(share(*index)).turn(&name).is_some());
+            assert_eq!(takers.count(), 1, "{name}");
         }
-        let first = Share { index: 0, of: 3 };
-        let own = names
-            .iter()
-            .filter(|name| is_of(first, name) == Some(true))
-            .count();
-        assert!((250..420).contains(&own), "{own}");
+        let first = Division::Only(share(0));
+        let taken = bootstrap().filter(|name| first.turn(name).is_some());
+        let taken = taken.count();
+        assert!((250..420).contains(&taken), "{taken}");
         // One step of a profile follows from the one before.
-        assert_eq!(
-            is_of(first, "profile/2/5e-1"),
-            is_of(first, "profile/2/6e-1")
-        );
-        assert_eq!(is_of(first, "reweighted/1"), None);
+        let profile = |position| first.turn(&RefitName::profile(2, position));
+        assert_eq!(profile(0.5), profile(0.6));
+        let awaited = RefitName::Reweighted { round: 1 };
+        assert_eq!(first.turn(&awaited), None);
+    }
+
+    #[test]
+    fn a_node_begins_with_its_share_and_comes_to_the_one_after_it_last() {
+        for name in bootstrap().take(20) {
+            let turn = |index| Division::StartingWith(share(index)).turn(&name);
+            let of = (0..OF).find(|index| Division::Only(share(*index)).turn(&name).is_some());
+            let of = of.expect("one node runs it");
+            assert_eq!(turn(of), Some(0));
+            assert_eq!(turn((of + 1) % OF), Some(1));
+            assert_eq!(turn((of + 2) % OF), Some(2));
+        }
+        let awaited = RefitName::Reweighted { round: 1 };
+        assert_eq!(Division::StartingWith(share(2)).turn(&awaited), Some(0));
     }
 }

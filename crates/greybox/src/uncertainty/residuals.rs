@@ -10,6 +10,9 @@
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::Problem;
 use greybox_simulation::single::Outputs;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use utoipa::ToSchema;
 
 /// Lags that are looked at.
 const LAGS: usize = 25;
@@ -18,39 +21,47 @@ const NORMAL_99: f64 = 2.576;
 /// Correlations below this change an interval by less than its own uncertainty.
 const NEGLIGIBLE_CORRELATION: f64 = 0.1;
 
-/// What is left unexplained of one output.
-#[derive(Clone, Debug)]
+/// What the residuals of one output look like over the estimation data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct ResidualReport {
-    /// The standard deviation that the intervals are made with: the declared noise, or the
-    /// residuals' own where that is larger or none is declared `[SI]`.
+    /// The noise level that the cost was scaled with, SI.
     pub noise_std: f64,
-    /// The mean square of the residuals divided by that of the declared noise.
+    /// Where the noise level came from: `given` in the job, or `estimated` from the residuals.
+    #[schema(example = "given")]
+    pub noise_std_source: String,
+    /// Mean squared residual in units of the noise level; near 1 when the model explains the data.
     pub chi_square_per_sample: Option<f64>,
-    /// The correlation of each residual with the next.
+    /// The correlation of neighbouring residuals.
     pub lag_1_autocorrelation: Option<f64>,
-    /// Whether the residuals have no memory; none where they are too few to tell.
+    /// Whether the residuals pass for white noise at the 1 % level; `null` when too few.
     pub white: Option<bool>,
-    /// For each input by its name the largest correlation of the residuals with what it was, and
-    /// whether it is more than chance; only inputs that vary.
-    pub inputs: Vec<InputCorrelation>,
-    /// The number of independent residuals that would tell as much about their mean.
+    /// How many independent residuals the residuals are worth.
     pub effective_samples: Option<f64>,
-    /// Residuals that counted less than their square; none where all counted squared.
-    pub outliers: Option<usize>,
-    /// The share of those that counted squared.
+    /// Residuals beyond `method.huber_threshold`, which counted less than their square; absent
+    /// where all counted squared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub outliers: Option<u64>,
+    /// For each input that varies, how the residuals follow it.
+    #[serde(default)]
+    pub inputs: BTreeMap<String, InputCorrelation>,
+    /// The share of the residuals that counted squared.
+    #[serde(skip)]
     pub inlier_share: f64,
 }
 
-/// How the residuals follow an input.
-#[derive(Clone, Debug)]
+/// How residuals follow an input.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
 pub struct InputCorrelation {
-    /// The input.
-    pub input: String,
-    /// The largest correlation.
-    pub correlation: f64,
-    /// The lag at which it is `[samples]`: what the input was so long before.
-    pub lag: usize,
-    /// Whether it is more than chance.
+    /// The residuals' largest correlation with what the input was at lags 0 to 25.
+    #[schema(example = 0.03)]
+    pub correlation: Option<f64>,
+    /// The lag of the largest correlation, in samples.
+    pub lag: u64,
+    /// Whether the correlation is more than chance, at the 1 % level: then the model misses a part
+    /// of the input's effect.
     pub significant: bool,
 }
 
@@ -125,8 +136,10 @@ fn describe(held: &Held, declared: Option<f64>, unknowns: usize) -> ResidualRepo
     let mean_square = sum / count.max(1) as f64;
     let freedom = count.saturating_sub(unknowns).max(1) as f64;
     let inlier_share = 1.0 - held.outliers as f64 / count.max(1) as f64;
-    let own = (sum / freedom).sqrt() / inlier_share.max(f64::MIN_POSITIVE);
-    let own = own.max(f64::MIN_POSITIVE);
+    let left = (sum / freedom).sqrt() / inlier_share.max(f64::MIN_POSITIVE);
+    let left = left.max(f64::MIN_POSITIVE);
+    let noise_std = declared.map_or(left, |declared| declared.max(left));
+    let is_given = declared.is_some_and(|declared| declared >= noise_std);
     let expected = held.loss.normal_mean_square_score();
     let correlation = |lag: usize| {
         let (sum, pairs) = products(series, lag);
@@ -136,17 +149,21 @@ fn describe(held: &Held, declared: Option<f64>, unknowns: usize) -> ResidualRepo
     let enough = count > 4 * LAGS && correlations.len() == LAGS;
     let limit = (NORMAL_99 / (count.max(1) as f64).sqrt()).max(NEGLIGIBLE_CORRELATION);
     let outside = correlations.iter().filter(|rho| rho.abs() > limit).count();
+    let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     ResidualReport {
-        noise_std: declared.map_or(own, |declared| declared.max(own)),
+        noise_std,
+        noise_std_source: if is_given { "given" } else { "estimated" }.to_owned(),
         chi_square_per_sample: declared
-            .map(|declared| mean_square / (expected * declared * declared)),
-        outliers: (held.loss != Loss::Squared).then_some(held.outliers),
-        inlier_share,
-        lag_1_autocorrelation: correlations.first().copied(),
+            .and_then(|declared| finite(mean_square / (expected * declared * declared))),
+        lag_1_autocorrelation: correlations.first().copied().and_then(finite),
         // One of 25 lags may lie outside by chance.
-        inputs: Vec::new(),
         white: enough.then_some(outside <= 1),
-        effective_samples: enough.then(|| effective(count, &correlations, limit)),
+        effective_samples: enough
+            .then(|| effective(count, &correlations, limit))
+            .and_then(finite),
+        outliers: (held.loss != Loss::Squared).then_some(held.outliers as u64),
+        inputs: BTreeMap::new(),
+        inlier_share,
     }
 }
 
@@ -176,9 +193,9 @@ fn effective(count: usize, correlations: &[f64], limit: f64) -> f64 {
 }
 
 /// How residuals follow the inputs, over the experiments that have the input.
-fn inputs(problem: &Problem, series: &[Vec<f64>]) -> Vec<InputCorrelation> {
+fn inputs(problem: &Problem, series: &[Vec<f64>]) -> BTreeMap<String, InputCorrelation> {
     let sets = &problem.model.description().input_sets;
-    let mut found: Vec<InputCorrelation> = Vec::new();
+    let mut correlations = BTreeMap::new();
     for (set, names) in sets.iter().enumerate() {
         let of_set = |place: usize| {
             let experiments = problem.experiments.iter().zip(series);
@@ -188,14 +205,15 @@ fn inputs(problem: &Problem, series: &[Vec<f64>]) -> Vec<InputCorrelation> {
                 .collect::<Vec<_>>()
         };
         for (place, name) in names.iter().enumerate() {
-            found.extend(follow(name, &of_set(place)));
+            let correlation = follow(&of_set(place));
+            correlations.extend(correlation.map(|correlation| (name.to_string(), correlation)));
         }
     }
-    found
+    correlations
 }
 
 /// How residuals follow an input: pairs of its samples and theirs, an experiment each.
-fn follow(name: &str, pairs: &[(&[f64], &[f64])]) -> Option<InputCorrelation> {
+fn follow(pairs: &[(&[f64], &[f64])]) -> Option<InputCorrelation> {
     let about_mean: Vec<Vec<f64>> = pairs.iter().map(|(input, _)| centred(input)).collect();
     let series: Vec<Vec<f64>> = pairs.iter().map(|(_, series)| series.to_vec()).collect();
     let (input_power, samples) = products(&about_mean, 0);
@@ -221,9 +239,8 @@ fn follow(name: &str, pairs: &[(&[f64], &[f64])]) -> Option<InputCorrelation> {
         .enumerate()
         .max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))?;
     Some(InputCorrelation {
-        input: name.to_owned(),
-        correlation,
-        lag,
+        correlation: Some(correlation).filter(|rho| rho.is_finite()),
+        lag: lag as u64,
         significant: outside > 1,
     })
 }
@@ -288,7 +305,7 @@ mod tests {
             4,
         );
         let beyond = values.iter().filter(|value| value.abs() > 1.5).count();
-        assert_eq!(wild.outliers, Some(beyond));
+        assert_eq!(wild.outliers, Some(beyond as u64));
         assert!((0.98..1.1).contains(&wild.noise_std), "{}", wild.noise_std);
         assert!(describe(&squared(values), Some(1.0), 4).noise_std > 7.0);
     }
@@ -314,18 +331,18 @@ mod tests {
     #[test]
     fn residuals_that_follow_an_input_late_are_told_with_the_lag() {
         let input = noise(5000, 0.5);
-        let own = noise(5100, 0.0);
+        let noise_alone = noise(5100, 0.0);
         let late = |share: f64| -> Vec<f64> {
             let lagged = std::iter::repeat_n(0.0, 7).chain(input.iter().copied());
-            let pairs = lagged.zip(&own[100..]);
-            pairs.map(|(input, own)| share * input + own).collect()
+            let pairs = lagged.zip(&noise_alone[100..]);
+            pairs.map(|(input, noise)| share * input + noise).collect()
         };
-        let follows = follow("force", &[(&input, &late(1.0))]).unwrap();
+        let follows = follow(&[(&input, &late(1.0))]).unwrap();
         assert!(follows.significant);
         assert_eq!(follows.lag, 7);
-        let free = follow("force", &[(&input, &late(0.0))]).unwrap();
-        assert!(!free.significant, "{}", free.correlation);
-        assert!(follow("force", &[(&[1.0; 5000], &late(0.0))]).is_none());
+        let free = follow(&[(&input, &late(0.0))]).unwrap();
+        assert!(!free.significant, "{:?}", free.correlation);
+        assert!(follow(&[(&[1.0; 5000], &late(0.0))]).is_none());
     }
 
     #[test]

@@ -5,66 +5,101 @@
 //! So the estimate is fitted again with these weights until they stand. One output alone needs
 //! none of it, unless priors stand against its noise.
 
+use std::borrow::Cow;
+use std::sync::atomic::AtomicBool;
+
+use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
+use super::residuals;
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
 use crate::estimation::trajectory;
 use greybox_simulation::Accuracy;
-use std::sync::atomic::AtomicBool;
-
-use super::refits::Refits;
-use super::residuals;
 
 /// Fits at the most.
-const MOST_FITS: usize = 20;
+const MOST_FITS: u32 = 20;
 /// Noise levels that change by less than this share stand.
 const STANDS: f64 = 1e-4;
 /// A residual is not taken for smaller than this share of what it was scaled with.
 const SMALLEST: f64 = 1e-9;
 
-/// The problem with the weights that its own residuals ask for, and the estimate with them; as
-/// they are where nothing is to be weighed. Answers nothing when `stop` was raised or the refits
-/// were cut.
-#[must_use]
-pub fn reweighted(
-    problem: &Problem,
-    report: &Report,
-    (refits, stop): (&Refits, &AtomicBool),
-) -> Option<(Problem, Report)> {
-    let mut problem = problem.clone();
-    let mut report = report.clone();
-    if !is_needed(&problem) {
-        return Some((problem, report));
-    }
-    for fit in 0..MOST_FITS {
-        let Ok(trajectories) = trajectory::simulate(&problem, &report.positions, stop)? else {
-            break;
+/// An estimate that is fitted again until the weights of its outputs stand.
+#[derive(Clone, Debug)]
+pub(super) struct Reweighting {
+    /// The problem with the weights that the residuals at the estimate ask for.
+    pub problem: Problem,
+    /// The estimate with the weights before.
+    pub report: Report,
+    fits: u32,
+    stands: bool,
+}
+
+impl Reweighting {
+    /// Weighs the outputs by what an estimate leaves of each; as they are where nothing is to be
+    /// weighed. Answers nothing when `stop` was raised.
+    pub fn begin(problem: &Problem, report: &Report, stop: &AtomicBool) -> Option<Reweighting> {
+        let reweighting = Reweighting {
+            problem: problem.clone(),
+            report: report.clone(),
+            fits: 0,
+            stands: !is_needed(problem),
         };
-        let levels = residuals::report(&problem, &trajectories);
+        reweighting.weighed(stop)
+    }
+
+    /// Weighs the outputs anew, unless their weights stand.
+    fn weighed(mut self, stop: &AtomicBool) -> Option<Reweighting> {
+        if self.stands || self.fits == MOST_FITS {
+            self.stands = true;
+            return Some(self);
+        }
+        let positions = &self.report.positions;
+        let Ok(trajectories) = trajectory::simulate(&self.problem, positions, stop)? else {
+            self.stands = true;
+            return Some(self);
+        };
+        let levels = residuals::report(&self.problem, &trajectories);
         let mut change: f64 = 0.0;
-        for (output, level) in problem.outputs.iter_mut().zip(&levels) {
+        for (output, level) in self.problem.outputs.iter_mut().zip(&levels) {
             if output.noise_std.is_none() {
                 let level = level.noise_std.max(SMALLEST * output.residual_scale);
                 change = change.max((level / output.residual_scale - 1.0).abs());
                 output.residual_scale = level;
             }
         }
-        if change < STANDS {
-            break;
-        }
-        let (name, start) = (format!("reweighted/{fit}"), report.positions.clone());
-        let refit = refits.descend(name, || (&problem, start), Accuracy::Full, stop)?;
-        report.cost = refit.cost;
-        report.values = problem.values(&refit.positions);
-        report.positions = refit.positions;
+        self.stands = change < STANDS;
+        Some(self)
     }
-    Some((problem, report))
+}
+
+impl RefitSequence for Reweighting {
+    fn next(&self) -> Option<RefitName> {
+        (!self.stands).then_some(RefitName::Reweighted { round: self.fits })
+    }
+
+    fn task(&self) -> RefitTask<'_> {
+        RefitTask {
+            problem: Cow::Borrowed(&self.problem),
+            start: self.report.positions.clone(),
+            accuracy: Accuracy::Full,
+        }
+    }
+
+    fn follow(&mut self, refit: &Refit, stop: &AtomicBool) -> Option<()> {
+        let mut fitted = self.clone();
+        fitted.report.cost = refit.cost;
+        fitted.report.values = fitted.problem.values(&refit.positions);
+        fitted.report.positions.clone_from(&refit.positions);
+        fitted.fits += 1;
+        *self = fitted.weighed(stop)?;
+        Some(())
+    }
 }
 
 fn is_needed(problem: &Problem) -> bool {
-    let has_unknown_noise = problem.outputs.iter().any(|own| own.noise_std.is_none());
-    let has_own = problem.coordinates.iter().any(|own| own.prior.is_some());
-    let has_priors = has_own || !problem.joint_priors.is_empty();
-    let has_rivals = problem.outputs.len() > 1;
-    has_unknown_noise && (has_priors || has_rivals) && problem.loss == Loss::Squared
+    let (outputs, coordinates) = (&problem.outputs, &problem.coordinates);
+    let has_unknown_noise = outputs.iter().any(|output| output.noise_std.is_none());
+    let has_single_priors = coordinates.iter().any(|unknown| unknown.prior.is_some());
+    let has_priors = has_single_priors || !problem.joint_priors.is_empty();
+    has_unknown_noise && (has_priors || outputs.len() > 1) && problem.loss == Loss::Squared
 }

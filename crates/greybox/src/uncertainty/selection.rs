@@ -8,12 +8,14 @@
 //! [`Problem::parameters`].
 
 use super::fit::{self, OutputFit, Part};
-use super::{Analysis, Refits, Request, analyse, reweighting, validation_start};
+use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
+use super::validation_start;
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
 use crate::estimation::trajectory;
 use greybox_simulation::Accuracy;
-use rayon::prelude::*;
+use std::borrow::Cow;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// A model that was tried.
@@ -42,133 +44,157 @@ pub struct Selection {
     pub compared_on: Part,
 }
 
-/// An estimate with all that is said of it.
-#[derive(Clone, Debug)]
-pub struct Conclusion {
-    /// The problem that it solves: without the effects that the data do not support.
-    pub problem: Problem,
-    /// What the run came to, at the estimate.
-    pub report: Report,
-    /// What is known of it.
-    pub analysis: Analysis,
-    /// How its effects were chosen, where the job left that open.
-    pub selection: Option<Selection>,
-}
-
-/// Weighs the outputs anew and chooses the effects where that is asked for, and analyses the
-/// estimate. Answers nothing when `stop` was raised, or the refits were cut.
-#[must_use]
-pub fn conclude(
-    problem: &Problem,
-    report: &Report,
-    request: &Request,
-    refits: &Refits,
-    stop: &AtomicBool,
-) -> Option<Conclusion> {
-    let (problem, report) = if request.thorough {
-        reweighting::reweighted(problem, report, (refits, stop))?
-    } else {
-        (problem.clone(), report.clone())
-    };
-    let (problem, report, selection) = if request.effects.is_empty() {
-        (problem, report, None)
-    } else {
-        let (best, selection) = select(&problem, &report, &request.effects, (refits, stop))?;
-        let report = Report {
-            values: best.problem.values(&best.positions),
-            positions: best.positions,
-            cost: best.tried.cost,
-            ..report
-        };
-        (best.problem, report, Some(selection))
-    };
-    let problem = validation_start::settled(&problem, &report.positions, stop)?;
-    let analysis = analyse(&problem, &report, request, refits, stop)?;
-    Some(Conclusion {
-        problem,
-        report,
-        analysis,
-        selection,
-    })
-}
-
 /// A model with its fit.
 #[derive(Clone, Debug)]
-struct Fitted {
+struct FittedModel {
     problem: Problem,
     positions: Vec<f64>,
     tried: Tried,
 }
 
-impl Fitted {
-    fn is_better_than(&self, other: &Fitted) -> bool {
+impl FittedModel {
+    fn is_better_than(&self, other: &FittedModel) -> bool {
         match (self.tried.criterion, other.tried.criterion) {
-            (Some(own), Some(others)) => own < others,
-            (own, others) => own.is_some() && others.is_none(),
+            (Some(criterion), Some(rival)) => criterion < rival,
+            (criterion, rival) => criterion.is_some() && rival.is_none(),
         }
     }
 }
 
-fn select(
-    problem: &Problem,
-    report: &Report,
-    effects: &[String],
-    (refits, stop): (&Refits, &AtomicBool),
-) -> Option<(Fitted, Selection)> {
-    let has_validation = problem
-        .experiments
-        .iter()
-        .any(|experiment| experiment.samples > experiment.estimation_samples);
-    let mut bench = Bench {
-        problem,
-        start: &report.positions,
-        effects,
-        compared_on: if has_validation {
-            Part::Validation
-        } else {
-            Part::Estimation
-        },
-        worst: f64::INFINITY,
-        refits,
-        stop,
-    };
-    let whole = bench.measure(problem.clone(), report.positions.clone(), report.cost)?;
-    bench.worst = whole.tried.criterion.unwrap_or(f64::INFINITY) + HOPELESS;
-    // A single effect is the whole model, which is fitted already.
-    let alone = effects.iter().filter(|_| effects.len() > 1);
-    let singles = alone.map(|effect| vec![effect.clone()]);
-    let mut all = bench.fit_all(singles.chain([Vec::new()]).collect())?;
-    let mut current = whole.clone();
-    all.push(whole);
-    loop {
+/// The model whose effects the data support, with its estimate.
+#[derive(Debug)]
+pub(super) struct Selected {
+    /// The problem without the effects that are left out.
+    pub problem: Problem,
+    /// The estimate.
+    pub report: Report,
+    /// How the effects were chosen.
+    pub selection: Selection,
+}
+
+/// What follows when all models of a round are fitted.
+#[derive(Debug)]
+pub(super) enum AfterRound {
+    /// Smaller models are tried.
+    Further(Elimination),
+    /// No smaller model is better.
+    Selected(Box<Selected>),
+}
+
+/// A backward elimination of effects, a round of models at a time.
+#[derive(Debug)]
+pub(super) struct Elimination {
+    bench: Arc<Bench>,
+    /// The models that earlier rounds have tried.
+    tried: Vec<FittedModel>,
+    /// The model that smaller ones are measured against.
+    current: FittedModel,
+    /// Whether this is the first round, which fits the models with a single effect and with none.
+    is_first: bool,
+    /// The models of this round.
+    fits: Vec<ModelFit>,
+}
+
+impl Elimination {
+    /// Begins with an estimate that has all effects. Answers nothing when `stop` was raised.
+    pub fn begin(
+        problem: &Problem,
+        report: &Report,
+        effects: &[String],
+        stop: &AtomicBool,
+    ) -> Option<Elimination> {
+        let has_validation = problem
+            .experiments
+            .iter()
+            .any(|experiment| experiment.samples > experiment.estimation_samples);
+        let mut bench = Bench {
+            problem: problem.clone(),
+            report: report.clone(),
+            effects: effects.to_vec(),
+            compared_on: if has_validation {
+                Part::Validation
+            } else {
+                Part::Estimation
+            },
+            worst: f64::INFINITY,
+        };
+        let positions = report.positions.clone();
+        let whole = bench.measure(problem.clone(), positions, report.cost, stop)?;
+        bench.worst = whole.tried.criterion.unwrap_or(f64::INFINITY) + HOPELESS;
+        // A single effect is the whole model, which is fitted already.
+        let alone = effects.iter().filter(|_| effects.len() > 1);
+        let singles = alone.map(|effect| vec![effect.clone()]);
+        let bench = Arc::new(bench);
+        let fits = ModelFit::all(&bench, singles.chain([Vec::new()]));
+        Some(Elimination {
+            bench,
+            tried: Vec::new(),
+            current: whole,
+            is_first: true,
+            fits,
+        })
+    }
+
+    /// The fits of the models of this round.
+    pub fn sequences(&mut self) -> Vec<&mut dyn RefitSequence> {
+        let fits = self.fits.iter_mut();
+        fits.map(|fit| fit as &mut dyn RefitSequence).collect()
+    }
+
+    /// Goes on when all models of the round are fitted.
+    pub fn after_round(&self) -> AfterRound {
+        let fitted: Vec<&FittedModel> = self.fits.iter().filter_map(ModelFit::fitted).collect();
+        let best = fitted.iter().fold(None, |best, fit| match best {
+            Some(best) if !fit.is_better_than(best) => Some(best),
+            _ => Some(*fit),
+        });
+        let better = best.filter(|best| best.is_better_than(&self.current));
+        let mut tried = self.tried.clone();
+        tried.extend(fitted.into_iter().cloned());
+        let current = match better {
+            // The first round only shows what each effect is worth alone.
+            _ if self.is_first => {
+                tried.push(self.current.clone());
+                &self.current
+            }
+            Some(better) => better,
+            None => return AfterRound::Selected(Box::new(self.selected(tried))),
+        };
         let kept = &current.tried.effects;
         let without = |left: &String| kept.iter().filter(|kept| *kept != left).cloned().collect();
-        let known = |effects: &Vec<String>| all.iter().any(|fit| fit.tried.effects == *effects);
-        let fresh: Vec<Vec<String>> = kept.iter().map(without).filter(|e| !known(e)).collect();
-        let smaller = bench.fit_all(fresh)?;
-        let best = smaller
-            .iter()
-            .fold(None::<&Fitted>, |best, fit| match best {
-                Some(best) if !fit.is_better_than(best) => Some(best),
-                _ => Some(fit),
-            })
-            .cloned();
-        all.extend(smaller);
-        match best {
-            Some(best) if best.is_better_than(&current) => current = best,
-            _ => break,
+        let is_new = |effects: &Vec<String>| tried.iter().all(|fit| fit.tried.effects != *effects);
+        let smaller = kept.iter().map(without).filter(is_new);
+        let fits = ModelFit::all(&self.bench, smaller);
+        AfterRound::Further(Elimination {
+            bench: Arc::clone(&self.bench),
+            current: current.clone(),
+            is_first: false,
+            fits,
+            tried,
+        })
+    }
+
+    /// Selects the best of all models that were tried.
+    fn selected(&self, mut tried: Vec<FittedModel>) -> Selected {
+        tried.sort_by(|a, b| {
+            let worth = |fit: &FittedModel| fit.tried.criterion.unwrap_or(f64::INFINITY);
+            worth(a).total_cmp(&worth(b))
+        });
+        let best = tried.first().unwrap_or(&self.current).clone();
+        Selected {
+            report: Report {
+                values: best.problem.values(&best.positions),
+                positions: best.positions,
+                cost: best.tried.cost,
+                ..self.bench.report.clone()
+            },
+            problem: best.problem,
+            selection: Selection {
+                tried: tried.into_iter().map(|fit| fit.tried).collect(),
+                compared_on: self.bench.compared_on,
+            },
         }
     }
-    all.sort_by(|a, b| {
-        let worth = |fit: &Fitted| fit.tried.criterion.unwrap_or(f64::INFINITY);
-        worth(a).total_cmp(&worth(b))
-    });
-    let best = all.first().cloned()?;
-    let selection = Selection {
-        tried: all.into_iter().map(|fit| fit.tried).collect(),
-        compared_on: bench.compared_on,
-    };
-    Some((best, selection))
 }
 
 /// Between a coarse fit and a fine one the criterion changes by less than this: a model that is so
@@ -176,51 +202,125 @@ fn select(
 const HOPELESS: f64 = 100.0;
 
 /// What all fits have in common.
-struct Bench<'a> {
-    problem: &'a Problem,
+#[derive(Debug)]
+struct Bench {
+    problem: Problem,
     /// The estimate with all effects.
-    start: &'a [f64],
-    effects: &'a [String],
+    report: Report,
+    effects: Vec<String>,
     compared_on: Part,
     /// A model with a larger criterion is not fitted any more closely.
     worst: f64,
-    refits: &'a Refits,
-    stop: &'a AtomicBool,
 }
 
-impl Bench<'_> {
-    /// Fits the models with each of these sets of effects. Where one is missing the others are fitted all
-    /// the same.
-    fn fit_all(&self, models: Vec<Vec<String>>) -> Option<Vec<Fitted>> {
-        let fits: Vec<Option<Fitted>> =
-            models.par_iter().map(|effects| self.fit(effects)).collect();
-        fits.into_iter().collect()
+/// The fit of one model: coarse, then fine where the coarse one gives hope.
+#[derive(Debug)]
+struct ModelFit {
+    bench: Arc<Bench>,
+    effects: Vec<String>,
+    stage: FitStage,
+}
+
+#[derive(Debug)]
+enum FitStage {
+    /// The coarse fit comes next.
+    Coarse { problem: Problem, start: Vec<f64> },
+    /// The fine fit comes next, from where the coarse one ended.
+    Fine(FittedModel),
+    /// The model is fitted.
+    Fitted(FittedModel),
+}
+
+impl ModelFit {
+    /// Begins the fits of the models with each of these sets of effects.
+    fn all(bench: &Arc<Bench>, models: impl Iterator<Item = Vec<String>>) -> Vec<ModelFit> {
+        models
+            .map(|effects| {
+                let (problem, start) = bench.reduced(&effects);
+                ModelFit {
+                    bench: Arc::clone(bench),
+                    effects,
+                    stage: FitStage::Coarse { problem, start },
+                }
+            })
+            .collect()
     }
 
-    fn fit(&self, effects: &[String]) -> Option<Fitted> {
+    fn fitted(&self) -> Option<&FittedModel> {
+        match &self.stage {
+            FitStage::Fitted(fitted) => Some(fitted),
+            FitStage::Coarse { .. } | FitStage::Fine(_) => None,
+        }
+    }
+}
+
+impl RefitSequence for ModelFit {
+    fn next(&self) -> Option<RefitName> {
+        let is_fine = match &self.stage {
+            FitStage::Coarse { .. } => false,
+            FitStage::Fine(_) => true,
+            FitStage::Fitted(_) => return None,
+        };
+        Some(RefitName::Effects {
+            effects: self.effects.clone(),
+            is_fine,
+        })
+    }
+
+    fn task(&self) -> RefitTask<'_> {
+        let (problem, start, accuracy) = match &self.stage {
+            FitStage::Coarse { problem, start } => (problem, start, Accuracy::Screening),
+            FitStage::Fine(coarse) | FitStage::Fitted(coarse) => {
+                (&coarse.problem, &coarse.positions, Accuracy::Full)
+            }
+        };
+        RefitTask {
+            problem: Cow::Borrowed(problem),
+            start: start.clone(),
+            accuracy,
+        }
+    }
+
+    fn follow(&mut self, refit: &Refit, stop: &AtomicBool) -> Option<()> {
+        let (problem, is_coarse) = match &self.stage {
+            FitStage::Coarse { problem, .. } => (problem, true),
+            FitStage::Fine(coarse) | FitStage::Fitted(coarse) => (&coarse.problem, false),
+        };
+        let (problem, positions) = (problem.clone(), refit.positions.clone());
+        let fitted = self.bench.measure(problem, positions, refit.cost, stop)?;
+        let is_hopeless = |criterion: f64| criterion > self.bench.worst;
+        self.stage = if is_coarse && !fitted.tried.criterion.is_none_or(is_hopeless) {
+            FitStage::Fine(fitted)
+        } else {
+            FitStage::Fitted(fitted)
+        };
+        Some(())
+    }
+}
+
+impl Bench {
+    /// The problem without the effects that a model leaves out, and where to fit it from.
+    fn reduced(&self, effects: &[String]) -> (Problem, Vec<f64>) {
         let is_left_out = |name: &String| self.effects.contains(name) && !effects.contains(name);
         let mut problem = self.problem.clone();
-        problem.coordinates.retain(|own| !is_left_out(&own.name));
-        let all = self.problem.coordinates.iter().zip(self.start);
-        let kept = all.filter(|(own, _)| !is_left_out(&own.name));
-        let start = kept.map(|(_, position)| *position).collect();
-        let refit = |kind: &str, of: (&Problem, Vec<f64>), accuracy| {
-            let name = format!("effects/{}/{kind}", effects.join(", "));
-            self.refits.descend(name, || of, accuracy, self.stop)
-        };
-        let coarse = refit("coarse", (&problem, start), Accuracy::Screening)?;
-        let fitted = self.measure(problem, coarse.positions, coarse.cost)?;
-        if fitted.tried.criterion.is_none_or(|own| own > self.worst) {
-            return Some(fitted);
-        }
-        let (problem, start) = (fitted.problem, fitted.positions);
-        let fine = refit("fine", (&problem, start), Accuracy::Full)?;
-        self.measure(problem, fine.positions, fine.cost)
+        problem
+            .coordinates
+            .retain(|unknown| !is_left_out(&unknown.name));
+        let all = self.problem.coordinates.iter().zip(&self.report.positions);
+        let kept = all.filter(|(unknown, _)| !is_left_out(&unknown.name));
+        (problem, kept.map(|(_, position)| *position).collect())
     }
 
-    fn measure(&self, problem: Problem, positions: Vec<f64>, cost: Option<f64>) -> Option<Fitted> {
-        let problem = validation_start::settled(&problem, &positions, self.stop)?;
-        let trajectories = trajectory::simulate(&problem, &positions, self.stop)?;
+    /// Measures a model at its fit. Answers nothing when `stop` was raised.
+    fn measure(
+        &self,
+        problem: Problem,
+        positions: Vec<f64>,
+        cost: Option<f64>,
+        stop: &AtomicBool,
+    ) -> Option<FittedModel> {
+        let problem = validation_start::settled(&problem, &positions, stop)?;
+        let trajectories = trajectory::simulate(&problem, &positions, stop)?;
         let fits = |part| match &trajectories {
             Ok(trajectories) => fit::of(&problem, trajectories, part),
             Err(_) => Vec::new(),
@@ -231,16 +331,14 @@ impl Bench<'_> {
             Part::Validation => &validation_fit,
         };
         let criteria = fit::criteria(compared, problem.coordinates.len());
-        let names = problem.coordinates.iter().map(|own| &own.name);
+        let names = problem.coordinates.iter().map(|unknown| &unknown.name);
         let effects = names.filter(|name| self.effects.contains(name)).cloned();
-        Some(Fitted {
+        Some(FittedModel {
             tried: Tried {
                 effects: effects.collect(),
                 unknowns: problem.coordinates.len(),
                 cost,
-                criterion: criteria
-                    .filter(|_| trajectories.is_ok())
-                    .map(|criteria| criteria.bic),
+                criterion: criteria.bic.filter(|_| trajectories.is_ok()),
                 estimation_fit,
                 validation_fit,
             },

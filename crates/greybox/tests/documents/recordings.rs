@@ -5,7 +5,7 @@
 use crate::document;
 use crate::run::run;
 use greybox::identification::Outcome;
-use greybox::identification::outcome::{Reason, Trust};
+use greybox::identification::outcome::{Reason, Rule, Trust};
 use greybox::intake::csv;
 use greybox::recording::Recording;
 use serde_json::{Value, json};
@@ -62,7 +62,7 @@ fn rmse(outcome: &Outcome, output: &str) -> f64 {
 
 /// Whether the verdict says that these two move together.
 fn moves_together(outcome: &Outcome, pair: [&str; 2]) -> bool {
-    let correlated = |reason: &&Reason| reason.code == "correlated";
+    let correlated = |reason: &&Reason| reason.code == Rule::Correlated;
     let mut reasons = outcome.verdict.reasons.iter().filter(correlated);
     let quoted = pair.map(|name| format!("`{name}`"));
     reasons.any(|reason| quoted.iter().all(|name| reason.detail.contains(name)))

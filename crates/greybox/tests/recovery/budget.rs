@@ -4,7 +4,7 @@
 use crate::run::run;
 use greybox::demo::{self, Demo};
 use greybox::identification::Outcome;
-use greybox::identification::outcome::{Estimate, Trust};
+use greybox::identification::outcome::{Estimate, Rule, Trust};
 use greybox::recording::{Recording, Signal, TimeAxis};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -126,7 +126,7 @@ fn a_prior_that_the_data_contradict_is_told() {
     let reasons = &outcome.verdict.reasons;
     let told = reasons
         .iter()
-        .find(|reason| reason.code == "prior_contradicted");
+        .find(|reason| reason.code == Rule::PriorContradicted);
     assert!(
         told.is_some_and(|told| told.detail.contains("gain")),
         "{reasons:?}"
@@ -342,10 +342,12 @@ fn a_rig_that_is_as_it_is_taken_to_be_is_trusted_and_its_totals_hold() {
         let off = off(&parameter.estimate, truth);
         assert!(off < 3.0, "{name} is {off} total standard errors off");
     }
-    let contradicted = |code: &str| code == "assumption_contradicted" || code == "misfit";
+    let contradicted = [Rule::AssumptionContradicted, Rule::Misfit];
     let reasons = &outcome.verdict.reasons;
     assert!(
-        !reasons.iter().any(|reason| contradicted(&reason.code)),
+        !reasons
+            .iter()
+            .any(|reason| contradicted.contains(&reason.code)),
         "{reasons:?}"
     );
     assert_eq!(outcome.parameters[0].estimate.trust, Some(Trust::High));
@@ -473,7 +475,9 @@ fn twin_minima_are_never_trusted_and_the_twin_is_named() {
         println!("{:?} {:?} {:?}", start.cost, start.parameters, start.end);
     }
     let reasons = &outcome.verdict.reasons;
-    let twin = reasons.iter().find(|reason| reason.code == "twin_minima");
+    let twin = reasons
+        .iter()
+        .find(|reason| reason.code == Rule::TwinMinima);
     let concerned = twin.and_then(|twin| twin.concerns.clone());
     let concerned = concerned.unwrap_or_else(|| panic!("{reasons:?}"));
     for name in ["ka", "ke", "V"] {

@@ -4,7 +4,7 @@
 use crate::budget::normal;
 use crate::run::run;
 use greybox::identification::Outcome;
-use greybox::identification::outcome::Trust;
+use greybox::identification::outcome::{Rule, Trust};
 use greybox::recording::{Recording, Signal, TimeAxis};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -102,7 +102,7 @@ fn estimates(outcome: &Outcome) -> [f64; 2] {
     [0, 1].map(|index| outcome.parameters[index].estimate.estimate)
 }
 
-fn reason(outcome: &Outcome, code: &str) -> Option<String> {
+fn reason(outcome: &Outcome, code: Rule) -> Option<String> {
     let mut reasons = outcome.verdict.reasons.iter();
     let found = reasons.find(|reason| reason.code == code);
     found.map(|reason| reason.detail.clone())
@@ -135,7 +135,7 @@ fn a_constraint_that_binds_gives_the_constrained_least_squares_and_ends_the_inte
     for value in estimates(&outcome) {
         near(value, common, 1e-7);
     }
-    assert!(reason(&outcome, "constraint_binds").is_some());
+    assert!(reason(&outcome, Rule::ConstraintBinds).is_some());
     // The interval of each gain among the pairs with a ≤ b, by looking at them all.
     let mut inside = Vec::new();
     let steps = 2000;
@@ -186,7 +186,7 @@ fn a_constraint_that_the_data_contradict_is_told_and_one_that_holds_changes_noth
         near(one / other, 1.0, 1e-6);
     }
     let against = regression.run(&json!({"constraints": ["a <= b"]}));
-    let told = reason(&against, "constraint_contradicted");
+    let told = reason(&against, Rule::ConstraintContradicted);
     assert!(told.is_some_and(|told| told.contains("`a <= b`")));
     assert_eq!(against.verdict.trust, Trust::Low);
 }
@@ -255,7 +255,7 @@ fn a_constraint_tells_twins_apart() {
             }),
             recording,
         );
-        assert_eq!(reason(&outcome, "twin_minima"), None, "seed {seed}");
+        assert_eq!(reason(&outcome, Rule::TwinMinima), None, "seed {seed}");
         for (name, truth) in [("ka", absorption), ("ke", elimination), ("V", volume)] {
             let mut found = outcome.parameters.iter();
             let found = found.find(|own| own.name == name).expect("an estimate");

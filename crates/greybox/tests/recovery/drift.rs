@@ -2,7 +2,7 @@
 
 use crate::budget::{NOISE, SAMPLE_TIME, SAMPLES, gain, job, normal, recording, response};
 use crate::run::run;
-use greybox::identification::outcome::Trust;
+use greybox::identification::outcome::{Rule, Trust};
 use greybox::recording::{Recording, Signal};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -43,7 +43,7 @@ fn an_unknown_that_changes_within_the_record_is_told_with_its_size() {
         let trust = outcome.parameters[0].estimate.trust;
         let mut reasons = outcome.verdict.reasons.into_iter();
         let detail = reasons
-            .find(|own| own.code == "drift")
+            .find(|own| own.code == Rule::Drift)
             .map(|own| own.detail);
         (
             detail,

@@ -19,7 +19,7 @@ mod sampling;
 
 use greybox::demo::{self, Demo};
 use greybox::identification::Outcome;
-use greybox::identification::outcome::Trust;
+use greybox::identification::outcome::{Rule, Trust};
 use greybox::intake::csv;
 use greybox::recording::{Recording, Signal, TimeAxis};
 use run::run;
@@ -125,14 +125,10 @@ fn a_plant_with_effects_that_the_job_leaves_out_is_not_trusted() {
     let fit = outcome.fit.estimation["position"].fit_percent;
     assert!(fit > Some(97.5), "{fit:?}");
     assert_eq!(outcome.verdict.trust, Trust::Low);
-    let codes: Vec<&str> = outcome
-        .verdict
-        .reasons
-        .iter()
-        .map(|r| &r.code[..])
-        .collect();
-    assert!(codes.contains(&"misfit"), "{codes:?}");
-    assert!(codes.contains(&"residuals_not_white"), "{codes:?}");
+    let reasons = outcome.verdict.reasons.iter();
+    let codes: Vec<Rule> = reasons.map(|reason| reason.code).collect();
+    assert!(codes.contains(&Rule::Misfit), "{codes:?}");
+    assert!(codes.contains(&Rule::ResidualsNotWhite), "{codes:?}");
 }
 
 #[test]

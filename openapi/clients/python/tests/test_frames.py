@@ -1,10 +1,12 @@
 """What becomes of a DataFrame on its way to the server, and of an answer on its way back."""
 
+import json
+
 import httpx
 import pandas as pd
 import pytest
 
-from greybox import Client, Problem
+from greybox import Client, Job, Problem, Result
 from greybox._frames import estimates, history, to_csv
 
 
@@ -73,3 +75,22 @@ def test_estimates_and_histories_are_tables():
     frame = history([window, quiet])
     assert list(frame[("window", "number")]) == [0, 1]
     assert frame[("mass", "estimate")].notna().tolist() == [False, True]
+
+
+def test_a_next_step_is_submitted_as_the_changed_job():
+    spec = {"model": "m", "parameters": {"mass": {"estimate": {"lower": 1, "upper": 2}}}}
+    patch = {"parameters": {"mass": {"estimate": None, "value": 57.0}}}
+    step = {"label": "Fix mass", "why": "Put the value of the data sheet there.", "patch": patch}
+    reasons = [{"code": "correlated", "detail": "d", "next": [step]}, {"code": "misfit", "detail": "d"}]
+    sent = []
+
+    def answer(request):
+        if request.method == "POST":
+            sent.append(json.loads(request.content))
+        return httpx.Response(200, json={"id": "job_2", "status": "queued", "spec": spec})
+
+    client = Client(transport=httpx.MockTransport(answer))
+    result = Result(Job(client, {"id": "job_1"}), {"verdict": {"trust": "low", "reasons": reasons}})
+    assert result.next_steps[["code", "label"]].values.tolist() == [["correlated", "Fix mass"]]
+    assert result.again(result.next_steps.patch[0]).id == "job_2"
+    assert sent == [{"model": "m", "parameters": {"mass": {"value": 57.0}}}]

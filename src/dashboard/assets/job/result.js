@@ -2,6 +2,7 @@
 // The panel shows the estimate: the verdict with its reasons, the parameters and the fit. While the
 // search runs, the panel shows the parameters of the best candidate so far.
 
+import { patched } from "../new/draft.js";
 import { download } from "../plot/save.js";
 import { get } from "../shell/api.js";
 import { facts, h, notice, quoted } from "../shell/dom.js";
@@ -25,7 +26,7 @@ const WITH_RESULT = ["succeeded", "cancelled", "paused", "failed"];
 export function resultPanel(view) {
   const outcome = notice();
   const content = h("div", {});
-  const state = { view, job: null, model: null, result: null, last: null, turn: 0 };
+  const state = { view, job: null, model: null, rules: null, result: null, last: null, turn: 0 };
   const element = h("section", { "aria-label": "Estimate" }, h("h2", {}, "Estimate"), outcome.place, content);
 
   const drawBest = () => {
@@ -43,6 +44,10 @@ export function resultPanel(view) {
       const turn = state.turn;
       state.model ??= await get(`/v1/models/${job.model}`, view.signal).then(
         ({ data }) => data,
+        () => null,
+      );
+      state.rules ??= await get("/v1/verdict-rules", view.signal).then(
+        ({ data }) => data.items,
         () => null,
       );
       const result = WITH_RESULT.includes(job.status) ? await read(job, view, outcome) : null;
@@ -90,11 +95,11 @@ function bestSoFar({ last, job, model }) {
 }
 
 /** @param {any} result */
-function report(result, { job, model, view }) {
+function report(result, { job, model, rules, view }) {
   const part = job.status === "succeeded" ? "" : " (best so far)";
   const { initial_states: states = [], starts = [], correlation, budget = [] } = result;
   return [
-    verdictBox(result, job, model),
+    verdictBox(result, job, rules ?? []),
     h("h3", {}, `Parameters${part}`),
     parameterTable(result.parameters ?? [], job, model),
     states.length > 0 && h("div", {}, h("h3", {}, "Initial states"), initialStateTable(states)),
@@ -135,28 +140,25 @@ const GRADES = {
 };
 const POINTS_SHOWN = 4;
 
-function verdictBox(result, job, model) {
+function verdictBox(result, job, rules) {
   const { trust, summary, reasons = [] } = result.verdict ?? {};
   if (!trust) {
     return h("p", { class: "quiet" }, "No verdict: the job did not get as far as the analysis.");
   }
-  const points = conclusions(result, job.spec, model);
-  const item = ({ text, actions }) =>
+  const points = conclusions(result, rules);
+  const item = ({ text, next }) =>
     h(
       "li",
       {},
       quoted(text),
-      actions.length > 0 &&
+      next.length > 0 &&
         h(
           "div",
           { class: "actions next" },
-          actions.map(({ label, why, spec }) =>
-            h(
-              "button",
-              { type: "button", class: "small", title: why, onclick: () => prepare(again(spec, label)) },
-              label,
-            ),
-          ),
+          next.map(({ label, why, patch }) => {
+            const onclick = () => prepare(again(patched(job.spec, patch), label));
+            return h("button", { type: "button", class: "small", title: why, onclick }, label);
+          }),
         ),
     );
   const rest = points.slice(POINTS_SHOWN);
@@ -181,9 +183,11 @@ function verdictBox(result, job, model) {
         h(
           "ul",
           {},
-          reasons.map(({ code, detail }) =>
-            h("li", {}, quoted(detail), " ", h("a", { href: `/docs/verdicts#${code}` }, h("code", {}, code))),
-          ),
+          reasons.map(({ code, detail }) => {
+            const title = rules.find((rule) => rule.code === code)?.title ?? code;
+            const chapter = h("a", { href: `/docs/verdicts#${code}`, title: code }, title);
+            return h("li", {}, quoted(detail), " ", chapter);
+          }),
         ),
       ),
   );

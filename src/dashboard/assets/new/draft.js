@@ -48,6 +48,28 @@ export function changed(value, path, to) {
   return base;
 }
 
+// Gives the specification with a change of the server (JSON merge patch, RFC 7396).
+/**
+ * @param {any} value
+ * @param {any} patch
+ * @returns {any}
+ */
+export function patched(value, patch) {
+  if (patch === null || typeof patch !== "object" || Array.isArray(patch)) {
+    return patch;
+  }
+  const isObject = value !== null && typeof value === "object" && !Array.isArray(value);
+  const result = isObject ? { ...value } : {};
+  for (const [name, part] of Object.entries(patch)) {
+    if (part === null) {
+      delete result[name];
+    } else {
+      result[name] = patched(result[name], part);
+    }
+  }
+  return result;
+}
+
 function isEmpty(value) {
   return (
     value !== null && typeof value === "object" && !Array.isArray(value) && Object.keys(value).length === 0

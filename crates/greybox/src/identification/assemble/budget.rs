@@ -10,12 +10,12 @@ pub(super) fn lines(problem: &Problem, positions: &[f64], budget: &Budget) -> Ve
         let assumption = &line.assumption;
         let pairs = problem.coordinates.iter().zip(positions);
         let contributions = pairs.zip(&line.contributions);
-        let contributions = contributions.filter_map(|((coordinate, position), own)| {
-            let (own, slope) = ((*own)?, coordinate.slope(*position).abs());
+        let contributions = contributions.filter_map(|((coordinate, position), positional)| {
+            let (positional, slope) = ((*positional)?, coordinate.slope(*position).abs());
             let contribution = BudgetContribution {
-                standard_error: own.deviation * slope,
-                share: own.share,
-                total_if_better: own.total_if_better * slope,
+                standard_error: positional.deviation * slope,
+                share: positional.share,
+                total_if_better: positional.total_if_better * slope,
             };
             let numbers = [
                 contribution.standard_error,

@@ -1,15 +1,17 @@
 //! The result document of a run.
 
 use crate::estimation::problem::{Coordinate, Experiment, Problem, Target};
-use crate::estimation::report::{self, Refinement, Report};
+use crate::estimation::report::{Refinement, Report};
+use crate::identification::JobSpec;
+use crate::identification::next_steps::Finished;
 use crate::identification::outcome::{
     ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, FloorReport,
-    InitialStateEstimate, InputCorrelation, ModelSearchReport, MonteCarlo, Outcome, OutputFit,
-    ParameterEstimate, ProfilePoint, Reason, ResidualReport, SearchEnd, SearchReport, StartReport,
-    TotalInterval, TriedModel, Trust, ValidationStart, Verdict,
+    InitialStateEstimate, ModelSearchReport, MonteCarlo, Outcome, ParameterEstimate, ProfilePoint,
+    Reason, SearchReport, StartReport, TotalInterval, TriedModel, ValidationStart, Verdict,
 };
 use crate::uncertainty::selection::{Selection, Tried};
-use crate::uncertainty::{Analysis, Conclusion, CoordinateUncertainty, fit, residuals, verdict};
+use crate::uncertainty::verdict::{Doubt, Grade};
+use crate::uncertainty::{Analysis, Conclusion, CoordinateUncertainty, fit};
 use std::collections::BTreeMap;
 
 /// What made a result, beside the method.
@@ -17,10 +19,8 @@ use std::collections::BTreeMap;
 pub struct Origin {
     /// The job, as clients name it.
     pub job: String,
-    /// The seed.
-    pub seed: u64,
-    /// The digest of the completed specification.
-    pub spec_digest: String,
+    /// What was asked.
+    pub spec: JobSpec,
     /// The digest of each recording.
     pub dataset_digests: Vec<String>,
 }
@@ -38,8 +38,11 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
     Outcome {
         job: origin.job.clone(),
         model: problem.model.description().name.to_string(),
-        stop_reason: report.stop_reason.name().to_owned(),
-        verdict: verdict_of(problem, &analysis.verdict),
+        stop_reason: report.stop_reason,
+        verdict: verdict(&Finished {
+            spec: &origin.spec,
+            conclusion,
+        }),
         parameters,
         initial_states,
         validation_starts: validation_starts(problem),
@@ -47,7 +50,7 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
             names: problem
                 .coordinates
                 .iter()
-                .map(|known| known.name.clone())
+                .map(|coordinate| coordinate.name.clone())
                 .collect(),
             matrix: matrix
                 .iter()
@@ -62,13 +65,16 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
             .collect(),
         budget: super::budget::lines(problem, &report.positions, &analysis.budget),
         fit: Fit {
-            estimation: fits(problem, &analysis.estimation_fit),
-            validation: fits(problem, &analysis.validation_fit),
+            estimation: by_output(problem, &analysis.estimation_fit),
+            validation: by_output(problem, &analysis.validation_fit),
         },
-        residuals: residuals(problem, analysis),
-        criteria: criteria(report, analysis),
+        residuals: by_output(problem, &analysis.residuals),
+        criteria: Criteria {
+            cost: report.cost.and_then(finite),
+            ..analysis.criteria.clone()
+        },
         search: search(report),
-        searches: report.searches.iter().map(search_end).collect(),
+        searches: report.searches.clone(),
         starts: report.refinements.iter().map(start_of).collect(),
         floor: report.floor.as_ref().map(|floor| FloorReport {
             starts: floor.starts as u64,
@@ -85,9 +91,9 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
             .as_ref()
             .map(|selection| model_search(problem, selection)),
         engine: Engine {
-            seed: origin.seed,
+            seed: origin.spec.seed,
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            spec_digest: origin.spec_digest.clone(),
+            spec_digest: origin.spec.digest(),
             dataset_digests: origin.dataset_digests.clone(),
         },
     }
@@ -97,28 +103,25 @@ fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-fn trust_of(trust: verdict::Trust) -> Trust {
-    match trust {
-        verdict::Trust::Low => Trust::Low,
-        verdict::Trust::Moderate => Trust::Moderate,
-        verdict::Trust::High => Trust::High,
-    }
-}
-
-fn verdict_of(problem: &Problem, verdict: &verdict::Verdict) -> Verdict {
-    let name = |index: &usize| problem.coordinates[*index].name.clone();
-    let reason = |reason: &verdict::Reason| Reason {
-        code: reason.code.to_owned(),
-        detail: reason.detail.clone(),
-        concerns: reason
+fn verdict(finished: &Finished<'_>) -> Verdict {
+    let Conclusion {
+        problem, analysis, ..
+    } = finished.conclusion;
+    let judgement = &analysis.judgement;
+    let name = |grade: &Grade| problem.coordinates[grade.coordinate].name.clone();
+    let reason = |doubt: &Doubt| Reason {
+        code: doubt.rule,
+        detail: doubt.detail.clone(),
+        concerns: doubt
             .concerns
             .as_ref()
-            .map(|concerned| concerned.iter().map(|(index, _)| name(index)).collect()),
+            .map(|grades| grades.iter().map(name).collect()),
+        next: finished.next_steps(doubt),
     };
     Verdict {
-        trust: trust_of(verdict.trust),
-        summary: verdict.summary.clone(),
-        reasons: verdict.reasons.iter().map(reason).collect(),
+        trust: judgement.trust,
+        summary: judgement.summary.clone(),
+        reasons: judgement.doubts.iter().map(reason).collect(),
     }
 }
 
@@ -149,11 +152,13 @@ fn estimates(
     let mut parameters = Vec::new();
     let mut initial_states = Vec::new();
     for (index, coordinate) in problem.coordinates.iter().enumerate() {
-        let known = &analysis.coordinates[index];
+        let uncertainty = &analysis.coordinates[index];
         let missing = analysis.missing.as_deref();
-        let mut estimate = estimate(coordinate, report.values[index], known, missing);
+        let mut estimate = estimate(coordinate, report.values[index], uncertainty, missing);
         let names = problem.outputs.iter().map(|output| output.name.clone());
-        estimate.output_change = names.zip(known.output_changes.iter().copied()).collect();
+        estimate.output_change = names
+            .zip(uncertainty.output_changes.iter().copied())
+            .collect();
         let unit = coordinate.unit.clone();
         match coordinate.target {
             Target::Parameter(_) | Target::ExperimentParameter { .. } => {
@@ -181,16 +186,18 @@ fn estimates(
 fn estimate(
     coordinate: &Coordinate,
     value: f64,
-    known: &CoordinateUncertainty,
+    uncertainty: &CoordinateUncertainty,
     missing: Option<&str>,
 ) -> Estimate {
-    let standard_error = known.standard_error.and_then(finite);
-    let interval = known.interval.map(|(lower, upper)| ConfidenceInterval {
-        level: 0.95,
-        lower: lower.and_then(finite),
-        upper: upper.and_then(finite),
-        method: known.method.to_owned(),
-    });
+    let standard_error = uncertainty.standard_error.and_then(finite);
+    let interval = uncertainty
+        .interval
+        .map(|(lower, upper)| ConfidenceInterval {
+            level: 0.95,
+            lower: lower.and_then(finite),
+            upper: upper.and_then(finite),
+            method: uncertainty.method.to_owned(),
+        });
     let reason =
         |absent: bool| absent.then(|| missing.unwrap_or("the data do not fix it").to_owned());
     Estimate {
@@ -199,20 +206,26 @@ fn estimate(
         standard_error,
         confidence_interval_reason: reason(interval.is_none()),
         confidence_interval: interval,
-        profile: known.profile.iter().filter_map(profile_point).collect(),
-        total_standard_error: known.total_error.and_then(finite),
-        total_interval: known.total_interval.map(|(lower, upper)| TotalInterval {
-            level: 0.95,
-            lower: lower.and_then(finite),
-            upper: upper.and_then(finite),
-        }),
-        monte_carlo: known.monte_carlo.map(MonteCarlo::of),
-        trust: Some(trust_of(known.trust)),
-        prior_shift: known.prior_shift.and_then(finite),
+        profile: uncertainty
+            .profile
+            .iter()
+            .filter_map(profile_point)
+            .collect(),
+        total_standard_error: uncertainty.total_error.and_then(finite),
+        total_interval: uncertainty
+            .total_interval
+            .map(|(lower, upper)| TotalInterval {
+                level: 0.95,
+                lower: lower.and_then(finite),
+                upper: upper.and_then(finite),
+            }),
+        monte_carlo: uncertainty.monte_carlo.map(MonteCarlo::of),
+        trust: Some(uncertainty.trust),
+        prior_shift: uncertainty.prior_shift.and_then(finite),
         lower: coordinate.lower,
         upper: coordinate.upper,
-        at_bound: known.at_bound,
-        identifiable: known.identifiable,
+        at_bound: uncertainty.at_bound,
+        identifiable: uncertainty.identifiable,
         output_change: BTreeMap::new(),
     }
 }
@@ -224,68 +237,10 @@ fn profile_point((value, excess): &(f64, f64)) -> Option<ProfilePoint> {
     })
 }
 
-fn fits(problem: &Problem, fits: &[fit::OutputFit]) -> BTreeMap<String, OutputFit> {
-    let entry = |fit: &fit::OutputFit| OutputFit {
-        fit_percent: fit.fit_percent.and_then(finite),
-        rmse: fit.rmse.and_then(finite),
-        max_abs_error: fit.max_abs_error.and_then(finite),
-        samples: fit.samples as u64,
-        reason: match (fit.samples, fit.fit_percent) {
-            (0, _) => Some("no samples are held in this part".to_owned()),
-            (_, None) => Some("the measured signal does not vary".to_owned()),
-            _ => None,
-        },
-    };
-    let pairs = problem.outputs.iter().zip(fits);
-    pairs
-        .map(|(output, fit)| (output.name.clone(), entry(fit)))
-        .collect()
-}
-
-fn residuals(problem: &Problem, analysis: &Analysis) -> BTreeMap<String, ResidualReport> {
-    let pairs = problem.outputs.iter().zip(&analysis.residuals);
-    pairs
-        .map(|(output, report)| {
-            let given = output
-                .noise_std
-                .is_some_and(|declared| declared >= report.noise_std);
-            let entry = ResidualReport {
-                noise_std: report.noise_std,
-                noise_std_source: if given { "given" } else { "estimated" }.to_owned(),
-                chi_square_per_sample: report.chi_square_per_sample.and_then(finite),
-                lag_1_autocorrelation: report.lag_1_autocorrelation.and_then(finite),
-                white: report.white,
-                effective_samples: report.effective_samples.and_then(finite),
-                outliers: report.outliers.map(|outliers| outliers as u64),
-                inputs: report.inputs.iter().map(input_correlation).collect(),
-            };
-            (output.name.clone(), entry)
-        })
-        .collect()
-}
-
-fn input_correlation(found: &residuals::InputCorrelation) -> (String, InputCorrelation) {
-    let shown = InputCorrelation {
-        correlation: finite(found.correlation),
-        lag: found.lag as u64,
-        significant: found.significant,
-    };
-    (found.input.clone(), shown)
-}
-
-fn criteria(report: &Report, analysis: &Analysis) -> Criteria {
-    let known = analysis.criteria;
-    let cost = report.cost.and_then(finite);
-    Criteria {
-        cost,
-        aic: known.map(|criteria| criteria.aic),
-        aicc: known.map(|criteria| criteria.aicc),
-        bic: known.map(|criteria| criteria.bic),
-        fpe: known.and_then(|criteria| finite(criteria.fpe)),
-        reason: known.is_none().then(|| {
-            "too few samples, a simulation that fails or fits exactly, or Huber's loss".to_owned()
-        }),
-    }
+/// What is said of each output, by the name of the output.
+fn by_output<T: Clone>(problem: &Problem, items: &[T]) -> BTreeMap<String, T> {
+    let names = problem.outputs.iter().map(|output| output.name.clone());
+    names.zip(items.iter().cloned()).collect()
 }
 
 fn search(report: &Report) -> SearchReport {
@@ -302,22 +257,14 @@ fn search(report: &Report) -> SearchReport {
     }
 }
 
-fn search_end(end: &report::SearchEnd) -> SearchEnd {
-    SearchEnd {
-        stop_reason: end.stop_reason.name().to_owned(),
-        generations: end.generations,
-        cost: end.cost.and_then(finite),
-    }
-}
-
 fn model_search(problem: &Problem, selection: &Selection) -> ModelSearchReport {
     let tried = |tried: &Tried| TriedModel {
         effects: tried.effects.clone(),
         unknowns: tried.unknowns as u64,
         cost: tried.cost.and_then(finite),
         bic: tried.criterion.and_then(finite),
-        estimation: fits(problem, &tried.estimation_fit),
-        validation: fits(problem, &tried.validation_fit),
+        estimation: by_output(problem, &tried.estimation_fit),
+        validation: by_output(problem, &tried.validation_fit),
     };
     let tried: Vec<TriedModel> = selection.tried.iter().map(tried).collect();
     ModelSearchReport {

@@ -23,18 +23,6 @@ pub struct SearchReport {
     pub best_generation: Option<u32>,
 }
 
-/// How one of the searches ended.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct SearchEnd {
-    /// Why the search ended: `generation_limit`, `cost_target`, `noise_floor` or `stagnation`.
-    #[schema(example = "stagnation")]
-    pub stop_reason: String,
-    /// How many generations the search took.
-    pub generations: u32,
-    /// The cost of the best candidate of the search; `null` where all candidates failed.
-    pub cost: Option<f64>,
-}
-
 /// One start of the refinement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct StartReport {

@@ -213,6 +213,19 @@ def _refuse(response: httpx.Response) -> None:
     raise Problem(response.status_code, document)
 
 
+def _patched(value: Any, patch: Any) -> Any:
+    """The value with a JSON merge patch (RFC 7396)."""
+    if not isinstance(patch, Mapping):
+        return patch
+    result = dict(value) if isinstance(value, Mapping) else {}
+    for name, part in patch.items():
+        if part is None:
+            result.pop(name, None)
+        else:
+            result[name] = _patched(result.get(name), part)
+    return result
+
+
 def _events(lines: Iterator[str]) -> Iterator[Event]:
     fields: dict[str, str] = {}
     for line in lines:
@@ -330,6 +343,18 @@ class Result:
     def verdict(self) -> dict[str, Any]:
         """How far to trust them, and why not."""
         return self.document["verdict"]
+
+    @property
+    def next_steps(self) -> pd.DataFrame:
+        """What may be done about the reasons of the verdict, the gravest first, a row for each step."""
+        return _frames.next_steps(self.verdict["reasons"])
+
+    def again(self, patch: Mapping[str, Any], key: str | None = None) -> Job:
+        """Submits the job again with a change, such as the `patch` of a next step."""
+        client = self._job._client
+        document = _patched(client.get(self._job.path)["spec"], patch)
+        headers = {"Idempotency-Key": key or str(uuid.uuid4())}
+        return Job(client, client.post("/v1/jobs", json=document, headers=headers))
 
     def trajectory(self, experiment: int = 0, max_points: int = 2000) -> pd.DataFrame:
         """Measured and simulated outputs and residuals of an experiment."""

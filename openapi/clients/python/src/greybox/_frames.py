@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-__all__ = ["estimates", "history", "to_csv", "trajectory"]
+__all__ = ["estimates", "history", "next_steps", "to_csv", "trajectory"]
 
 
 def to_csv(frame: pd.DataFrame, units: Mapping[str, str] | None = None) -> str:
@@ -37,6 +37,12 @@ def to_csv(frame: pd.DataFrame, units: Mapping[str, str] | None = None) -> str:
     named = {name: f"{name} [{units[name]}]" if name in units else str(name) for name in frame.columns}
     text = frame.rename(columns=named).set_axis(pd.Index(times, name=title), axis=0)
     return text.to_csv(lineterminator="\n")
+
+
+def next_steps(reasons: list[dict[str, Any]]) -> pd.DataFrame:
+    """The next steps of a verdict's reasons, a row for each; results of earlier servers have none."""
+    steps = [{"code": reason["code"], **step} for reason in reasons for step in reason.get("next", [])]
+    return pd.DataFrame(steps, columns=["code", "label", "why", "patch"])
 
 
 def estimates(parameters: list[dict[str, Any]]) -> pd.DataFrame:

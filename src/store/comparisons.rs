@@ -1,19 +1,23 @@
 //! Comparisons: many jobs that come to be together, in one transaction, or not at all.
 
-use jiff::Timestamp;
-use riverqueue::Client;
+use std::sync::Arc;
 
-use super::batch::{self, Known};
-use super::{NewJob, Submitted};
+use jiff::Timestamp;
+
+use super::columns::{self, time};
+use super::database::{self, Connection, QueryBuilder};
+use super::idempotency::{self, Idempotency};
+use super::jobs::{self, JobRow};
+use super::models::{self, ModelStored, NewModel};
+use super::page::Page;
+use super::quota_checks::JobRoom;
+use super::shared_database::Database;
+use super::submit::batch::{self, Known};
+use super::submit::{self, Made, NewJob, Submitted};
+use super::writer::{Tx, in_transaction};
+use super::{StoreError, corrupt};
 use crate::access::Project;
 use crate::job::ComparisonId;
-use crate::store::database::{self, Connection, QueryBuilder};
-use crate::store::idempotency::{self, Idempotency};
-use crate::store::jobs::{self, JobRow, Page, time};
-use crate::store::models::{self, ModelStored, NewModel};
-use crate::store::quotas::{JobRoom, Quotas};
-use crate::store::writer::Tx;
-use crate::store::{Store, StoreError, corrupt};
 use greybox::identification::JobId;
 
 /// A comparison to be stored.
@@ -55,51 +59,47 @@ pub struct ComparisonSummary {
     pub ended: u64,
 }
 
-impl Store {
+/// Comparisons of jobs.
+#[derive(Clone)]
+pub struct Comparisons {
+    pub(super) database: Arc<Database>,
+}
+
+impl Comparisons {
     /// Stores a comparison with its jobs: all of them or none. The answer means that they are on
     /// disk.
-    pub async fn submit_comparison(
-        &self,
-        new: NewComparison,
-    ) -> Result<Submitted<ComparisonRow>, StoreError> {
-        let (queue, quotas) = (self.inner.queue.clone(), self.inner.quotas);
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(write((queue, quotas), tx, new)))
-            .await
+    pub async fn submit(&self, new: NewComparison) -> Result<Submitted<ComparisonRow>, StoreError> {
+        in_transaction!(self.database, |tx| write(tx, new)).await
     }
 
     /// What became of the comparison that came with this key before, if one did.
-    pub async fn earlier_comparison(
+    pub async fn earlier(
         &self,
         idempotency: &Idempotency,
     ) -> Result<Option<Submitted<ComparisonRow>>, StoreError> {
-        let mut connection = self.readers().acquire().await?;
-        earlier(&mut connection, idempotency).await
+        let mut connection = self.database.readers.acquire().await?;
+        submit::earlier(&mut connection, idempotency).await
     }
 
     /// Whose a comparison is, if there is one.
-    pub async fn project_of_comparison(
-        &self,
-        id: ComparisonId,
-    ) -> Result<Option<Project>, StoreError> {
+    pub async fn project_of(&self, id: ComparisonId) -> Result<Option<Project>, StoreError> {
         let key = id.to_string();
         let name: Option<String> =
             database::query_scalar("select project from comparisons where id = $1")
                 .bind(&key)
-                .fetch_optional(self.readers())
+                .fetch_optional(&self.database.readers)
                 .await?;
-        name.map(|name| jobs::project(&key, &name)).transpose()
+        name.map(|name| columns::project(&key, &name)).transpose()
     }
 
     /// A comparison that has runs, if there is one.
-    pub async fn comparison(&self, id: ComparisonId) -> Result<Option<ComparisonRow>, StoreError> {
-        let mut connection = self.readers().acquire().await?;
-        fetch(&mut connection, id).await
+    pub async fn find(&self, id: ComparisonId) -> Result<Option<ComparisonRow>, StoreError> {
+        let mut connection = self.database.readers.acquire().await?;
+        ComparisonRow::fetch(&mut connection, id).await
     }
 
     /// Comparisons of a project, newest first, older than `before`.
-    pub async fn comparisons(
+    pub async fn list(
         &self,
         project: &Project,
         before: Option<ComparisonId>,
@@ -120,8 +120,10 @@ impl Store {
         query
             .push(" group by comparisons.id order by comparisons.id desc limit ")
             .push_bind(i64::from(limit) + 1);
-        let rows: Vec<(String, String, i64, i64)> =
-            query.build_query_as().fetch_all(self.readers()).await?;
+        let rows: Vec<(String, String, i64, i64)> = query
+            .build_query_as()
+            .fetch_all(&self.database.readers)
+            .await?;
         let summary = |(id, created_at, runs, ended): (String, String, i64, i64)| {
             Ok(ComparisonSummary {
                 created_at: time(&id, &created_at)?,
@@ -138,13 +140,9 @@ impl Store {
     }
 }
 
-async fn write(
-    (queue, quotas): (Client, Quotas),
-    tx: &mut Tx,
-    new: NewComparison,
-) -> Result<Submitted<ComparisonRow>, StoreError> {
+async fn write(tx: &mut Tx, new: NewComparison) -> Result<Submitted<ComparisonRow>, StoreError> {
     if let Some(idempotency) = &new.idempotency
-        && let Some(earlier) = earlier(tx, idempotency).await?
+        && let Some(earlier) = submit::earlier(tx, idempotency).await?
     {
         return Ok(earlier);
     }
@@ -155,11 +153,11 @@ async fn write(
     if let Some(missing) = new.jobs.iter().find_map(|job| known.missing(job)) {
         return Ok(missing);
     }
-    let mut room = JobRoom::new(quotas);
+    let mut room = JobRoom::default();
     if let Err(exceeded) = room.take(tx, &new.project, new.jobs.len() as u64).await? {
         return Err(exceeded.into());
     }
-    let jobs = batch::store(&queue, tx, new.jobs).await?;
+    let jobs = batch::store(tx, new.jobs).await?;
     let created_at = Timestamp::now();
     let id = new.id.to_string();
     database::query("insert into comparisons (id, project, created_at) values ($1, $2, $3)")
@@ -188,60 +186,48 @@ async fn write(
     }))
 }
 
-/// The answer to a comparison whose key came before.
-async fn earlier(
-    connection: &mut Connection,
-    idempotency: &Idempotency,
-) -> Result<Option<Submitted<ComparisonRow>>, StoreError> {
-    let Some(earlier) = idempotency::earlier(connection, idempotency).await? else {
-        return Ok(None);
-    };
-    let made = earlier.made;
-    // Another body, or one that made something else than a comparison.
-    if !earlier.is_same_body || !made.starts_with(ComparisonId::PREFIX) {
-        return Ok(Some(Submitted::KeyReused));
-    }
-    let id: ComparisonId = made
-        .parse()
-        .map_err(|why| corrupt("identifier", &made, why))?;
-    Ok(Some(match fetch(connection, id).await? {
-        Some(row) => Submitted::Replayed(ComparisonRow {
-            jobs: row.jobs.into_iter().map(JobRow::into_submitted).collect(),
-            ..row
-        }),
-        None => Submitted::Forgotten(made),
-    }))
-}
+impl Made for ComparisonRow {
+    type Id = ComparisonId;
+    const PREFIX: &'static str = ComparisonId::PREFIX;
 
-async fn fetch(
-    connection: &mut Connection,
-    id: ComparisonId,
-) -> Result<Option<ComparisonRow>, StoreError> {
-    let key = id.to_string();
-    let created_at: Option<String> =
-        database::query_scalar("select created_at from comparisons where id = $1")
-            .bind(&key)
-            .fetch_optional(&mut *connection)
-            .await?;
-    let Some(created_at) = created_at else {
-        return Ok(None);
-    };
-    let ids: Vec<String> = database::query_scalar(
-        "select job from comparison_jobs where comparison = $1 order by position",
-    )
-    .bind(&key)
-    .fetch_all(&mut *connection)
-    .await?;
-    let ids = ids.iter().map(|id| jobs::parse_id(id));
-    let ids = ids.collect::<Result<Vec<JobId>, StoreError>>()?;
-    let mut rows = Vec::with_capacity(ids.len());
-    for id in ids {
-        rows.extend(jobs::fetch(connection, id).await?);
+    async fn fetch(
+        connection: &mut Connection,
+        id: ComparisonId,
+    ) -> Result<Option<Self>, StoreError> {
+        let key = id.to_string();
+        let created_at: Option<String> =
+            database::query_scalar("select created_at from comparisons where id = $1")
+                .bind(&key)
+                .fetch_optional(&mut *connection)
+                .await?;
+        let Some(created_at) = created_at else {
+            return Ok(None);
+        };
+        let ids: Vec<String> = database::query_scalar(
+            "select job from comparison_jobs where comparison = $1 order by position",
+        )
+        .bind(&key)
+        .fetch_all(&mut *connection)
+        .await?;
+        let ids = ids.iter().map(|id| columns::parse_id(id));
+        let ids = ids.collect::<Result<Vec<JobId>, StoreError>>()?;
+        let mut rows = Vec::with_capacity(ids.len());
+        for id in ids {
+            rows.extend(jobs::fetch(connection, id).await?);
+        }
+        let row = ComparisonRow {
+            id,
+            created_at: time(&key, &created_at)?,
+            jobs: rows,
+        };
+        Ok((!row.jobs.is_empty()).then_some(row))
     }
-    let row = ComparisonRow {
-        id,
-        created_at: time(&key, &created_at)?,
-        jobs: rows,
-    };
-    Ok((!row.jobs.is_empty()).then_some(row))
+
+    fn as_made(self) -> Self {
+        let jobs = self.jobs.into_iter().map(JobRow::into_submitted);
+        Self {
+            jobs: jobs.collect(),
+            ..self
+        }
+    }
 }

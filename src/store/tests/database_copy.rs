@@ -1,6 +1,6 @@
 //! From a file to a PostgreSQL and back.
 
-use super::super::moving::{self, CopiedTable, TABLES};
+use super::super::database_copy::{self, CopiedTable, TABLES};
 use super::*;
 use crate::store::tokens::{self, NewToken};
 
@@ -26,11 +26,15 @@ async fn filled() -> (Fixture, JobId) {
     let ended = fixture.submit().await.id;
     let slice = fixture.begin(ended).await;
     let candidates = candidates::record(vec![candidates::candidate(1, 0)], 1, None);
-    let hold = fixture.store.record(slice.lease, candidates).await;
+    let hold = fixture.store.slices().record(slice.lease, candidates).await;
     assert_eq!(hold.expect("a write"), Hold::Kept);
     assert_eq!(fixture.finish(&slice, Status::Succeeded).await, Hold::Kept);
     datasets::insert(&fixture, "sha256:1").await;
-    let at_work = fixture.store.submit(job(Some(("key", "digest")))).await;
+    let at_work = fixture
+        .store
+        .submissions()
+        .submit(job(Some(("key", "digest"))))
+        .await;
     let Ok(Submitted::Created(at_work)) = at_work else {
         panic!("not created: {at_work:?}");
     };
@@ -44,7 +48,7 @@ async fn filled() -> (Fixture, JobId) {
         }),
         ..Record::default()
     };
-    let hold = fixture.store.record(slice.lease, record).await;
+    let hold = fixture.store.slices().record(slice.lease, record).await;
     assert_eq!(hold.expect("a write"), Hold::Kept);
     let token = NewToken {
         name: "historian".to_owned(),
@@ -80,10 +84,12 @@ async fn a_file_moves_to_postgresql_and_back_and_its_jobs_go_on() {
     };
     let (fixture, at_work) = filled().await;
     let events = fixture.events(at_work).await;
-    let row = fixture.store.job(at_work).await.expect("a read");
+    let row = fixture.store.jobs().find(at_work).await.expect("a read");
     let stored = fixture.store.figures().await.expect("figures").stored;
     let (settings, _folder) = ended(fixture).await;
-    let copied = moving::copy(&settings.place, &there).await.expect("a copy");
+    let copied = database_copy::copy(&settings.place, &there)
+        .await
+        .expect("a copy");
     let rows = |name: &str| {
         copied
             .iter()
@@ -95,7 +101,7 @@ async fn a_file_moves_to_postgresql_and_back_and_its_jobs_go_on() {
         (Some(2), Some(300), Some(1))
     );
 
-    let again = moving::copy(&settings.place, &there).await;
+    let again = database_copy::copy(&settings.place, &there).await;
     assert!(matches!(again, Err(StoreError::NotEmpty(_))), "{again:?}");
 
     let at = |place: DatabasePlace| DatabaseSettings {
@@ -105,9 +111,13 @@ async fn a_file_moves_to_postgresql_and_back_and_its_jobs_go_on() {
     let store = open(&at(there.clone()), &Arc::default()).await;
     let counted = store.figures().await.expect("figures").stored;
     assert_eq!(counted, stored);
-    assert_eq!(store.job(at_work).await.expect("a read"), row);
+    assert_eq!(store.jobs().find(at_work).await.expect("a read"), row);
     assert_eq!(
-        store.events_after(at_work, 0, 1000).await.expect("events"),
+        store
+            .events()
+            .after(at_work, 0, 1000)
+            .await
+            .expect("events"),
         events
     );
     let waits: i64 = database::query_scalar(
@@ -118,7 +128,7 @@ async fn a_file_moves_to_postgresql_and_back_and_its_jobs_go_on() {
     .await
     .expect("an entry");
     assert_eq!(waits, 1);
-    let in_use = moving::copy(&there, &settings.place).await;
+    let in_use = database_copy::copy(&there, &settings.place).await;
     assert!(
         matches!(in_use, Err(StoreError::Locked { .. })),
         "{in_use:?}"
@@ -126,12 +136,18 @@ async fn a_file_moves_to_postgresql_and_back_and_its_jobs_go_on() {
     store.close().await;
 
     let folder = tempfile::tempdir().expect("a folder");
-    let back = moving::copy(&there, &file(&folder)).await.expect("a copy");
+    let back = database_copy::copy(&there, &file(&folder))
+        .await
+        .expect("a copy");
     assert_eq!(back, copied);
     let store = open(&at(file(&folder)), &Arc::default()).await;
     let counted = store.figures().await.expect("figures").stored;
     assert_eq!(counted, stored);
-    let begun = store.begin_slice(at_work, None, 5).await.expect("a slice");
+    let begun = store
+        .slices()
+        .begin(at_work, None, 5)
+        .await
+        .expect("a slice");
     let Begin::Slice(slice) = begun else {
         panic!("not begun: {begun:?}");
     };
@@ -148,7 +164,8 @@ async fn a_file_is_not_copied_to_a_file() {
     let (fixture, _) = filled().await;
     let (settings, _folder) = ended(fixture).await;
     let folder = tempfile::tempdir().expect("a folder");
-    let copied: Result<Vec<CopiedTable>, _> = moving::copy(&settings.place, &file(&folder)).await;
+    let copied: Result<Vec<CopiedTable>, _> =
+        database_copy::copy(&settings.place, &file(&folder)).await;
     assert!(matches!(copied, Err(StoreError::SameKind)), "{copied:?}");
 }
 

@@ -1,9 +1,13 @@
 //! What several nodes do of one job together: the parts that each has done, for all of them.
 
+use std::sync::Arc;
+
+use super::columns;
 use super::database::{self, QueryBuilder};
 use super::sealed::SHARED_PARTS;
-use super::writer::Tx;
-use super::{Change, Store, StoreError, jobs};
+use super::shared_database::Database;
+use super::writer::{Tx, in_transaction};
+use super::{Change, StoreError};
 use greybox::identification::JobId;
 
 /// Parts that are written with one statement.
@@ -18,24 +22,24 @@ pub struct SharedPart {
     pub part: String,
 }
 
-impl Store {
-    /// Which share of what nodes do together this one begins with, and of how many; nothing where it is
-    /// alone.
-    pub fn share(&self) -> Option<(u32, u32)> {
-        self.inner.node.place()
-    }
+/// Parts of jobs that several nodes work together.
+#[derive(Clone)]
+pub struct WorkShares {
+    pub(super) database: Arc<Database>,
+}
 
+impl WorkShares {
     /// A job that another node works and this one can help with, but for those that it should not.
     pub async fn job_to_help(&self, but: &[JobId]) -> Result<Option<JobId>, StoreError> {
         let ids: Vec<String> = database::query_scalar(
             "select id from jobs where is_shared = 1 and status = 'running' and request is null \
              and at_work_in <> $1 order by id limit 100",
         )
-        .bind(self.inner.node.life)
-        .fetch_all(self.readers())
+        .bind(self.database.life)
+        .fetch_all(&self.database.readers)
         .await?;
         for id in ids {
-            let id = jobs::parse_id(&id)?;
+            let id = columns::parse_id(&id)?;
             if !but.contains(&id) {
                 return Ok(Some(id));
             }
@@ -45,7 +49,7 @@ impl Store {
 
     /// The parts of a job that were written after the one with a number, and the last number. Those that are
     /// damaged are left out: whoever needs one does it again.
-    pub async fn shared_parts(
+    pub async fn after(
         &self,
         job: JobId,
         after: i64,
@@ -56,13 +60,13 @@ impl Store {
         )
         .bind(job.to_string())
         .bind(after)
-        .fetch_all(self.readers())
+        .fetch_all(&self.database.readers)
         .await?;
         let last = rows.last().map_or(Ok(after), |row| row.try_get("number"))?;
         let mut parts = Vec::with_capacity(rows.len());
         for row in &rows {
             if let Err(error) = SHARED_PARTS.verify(row) {
-                self.note_damage(&error);
+                self.database.damage.note(&error);
                 tracing::warn!(%error, "what another node has done is not used");
                 continue;
             }
@@ -74,10 +78,7 @@ impl Store {
 
     /// Writes what was done for the node that works a job; says whether help is still wanted.
     pub async fn help_with(&self, job: JobId, parts: Vec<SharedPart>) -> Result<bool, StoreError> {
-        self.inner
-            .writer
-            .write(move |tx| Box::pin(help_with(tx, job, parts)))
-            .await
+        in_transaction!(self.database, |tx| help_with(tx, job, parts)).await
     }
 }
 

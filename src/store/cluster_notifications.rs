@@ -31,15 +31,17 @@ const MOST: usize = 5000;
 
 /// What this node has changed and not yet told. Cheap to clone.
 #[derive(Clone, Default)]
-pub(super) struct News(Arc<Untold>);
+pub(super) struct ClusterNotifications(Arc<Untold>);
 
 #[derive(Default)]
 struct Untold {
+    /// The changes that the other nodes are to be told of.
     changes: Mutex<BTreeSet<Change>>,
+    /// Wakes the task that tells them.
     more: Notify,
 }
 
-impl News {
+impl ClusterNotifications {
     /// Takes a change that is to be told. It does not block.
     pub(super) fn add(&self, change: Change) {
         let mut changes = self.changes();
@@ -64,7 +66,8 @@ impl News {
     pub(super) async fn exchange(
         &self,
         options: &PgConnectOptions,
-        (life, on_change): (i64, OnChange),
+        life: i64,
+        on_change: OnChange,
         closing: CancellationToken,
     ) -> Result<JoinSet<()>, StoreError> {
         let pool = PgPoolOptions::new()
@@ -166,12 +169,12 @@ mod tests {
 
     #[test]
     fn of_very_many_changes_it_is_told_that_there_are_many() {
-        let news = News::default();
+        let notifications = ClusterNotifications::default();
         for _ in 0..=MOST {
-            news.add(Change::Job(JobId::new()));
+            notifications.add(Change::Job(JobId::new()));
         }
-        news.add(Change::Stream);
-        let told: Vec<Change> = news.changes().iter().cloned().collect();
+        notifications.add(Change::Stream);
+        let told: Vec<Change> = notifications.changes().iter().cloned().collect();
         assert_eq!(told, [Change::Missed]);
     }
 }

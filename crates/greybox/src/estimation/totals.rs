@@ -1,4 +1,4 @@
-//! What the searches came to that ended before the one at work: each counts for itself, a run counts on.
+//! Totals of the searches that have finished: each search counts for itself, a run counts on.
 
 use super::leaders::Judged;
 use super::observer::{Counters, GenerationRow};
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// Totals of the searches that have finished, and what the refinement did.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
-pub(super) struct Earlier {
+pub(super) struct Totals {
     /// Generations of all finished searches.
     pub generations: u32,
     /// What the finished searches and the refinement have done.
@@ -21,12 +21,12 @@ pub(super) struct Earlier {
     pub best_generation: Option<u32>,
 }
 
-impl Earlier {
+impl Totals {
     /// Returns the totals with those of the search at work, after it has ended.
-    pub fn and(&self, last: &State) -> Earlier {
+    pub fn and(&self, last: &State) -> Totals {
         let mut counters = self.counters.clone();
         counters.add(&last.counters);
-        Earlier {
+        Totals {
             generations: self.generations + last.generation,
             counters,
             champion: self.champion(last).cloned(),
@@ -42,22 +42,26 @@ impl Earlier {
     }
 
     fn best_credit(&self, at_work: &State) -> Option<(f64, u32)> {
-        let own = at_work.best_credit;
-        let own = own.map(|(credit, generation)| (credit, self.generations + generation));
-        match (self.best_credit, own) {
-            (Some(before), Some(own)) if own.0 > before.0 => Some(own),
-            (before, own) => before.or(own),
+        let last = at_work.best_credit;
+        let last = last.map(|(credit, generation)| (credit, self.generations + generation));
+        match (self.best_credit, last) {
+            (Some(before), Some(last)) if last.0 > before.0 => Some(last),
+            (before, last) => before.or(last),
         }
     }
 
     fn best_generation(&self, at_work: &State) -> Option<u32> {
         let is_before = self.champion.as_ref().is_some_and(|before| {
-            let own = at_work.leaders.first();
-            own.is_none_or(|own| before.cost <= own.cost)
+            let champion = at_work.leaders.first();
+            champion.is_none_or(|champion| before.cost <= champion.cost)
         });
-        let own = at_work.best_generation;
-        let own = own.map(|generation| self.generations + generation);
-        if is_before { self.best_generation } else { own }
+        let last = at_work.best_generation;
+        let last = last.map(|generation| self.generations + generation);
+        if is_before {
+            self.best_generation
+        } else {
+            last
+        }
     }
 
     /// A generation of the search at work as the run counts; `values` are those of a candidate.

@@ -1,0 +1,195 @@
+//! The steps from an estimate to its conclusion.
+//!
+//! Outputs of unknown noise are weighed anew ([`super::reweighting`]), the effects that the data
+//! support are selected ([`super::selection`]), and the estimate is linearised
+//! ([`super::linearised`]). Each step lists the refits that it waits for; when they have finished
+//! the step comes to the next one, the last step to the conclusion. Refits that are finished when
+//! the analysis begins are not run again, so an analysis that was saved goes on with the same bits.
+
+use super::linearised::LinearisedEstimate;
+use super::refits::{Quota, RefitSequence, Refits};
+use super::reweighting::Reweighting;
+use super::selection::{AfterRound, Elimination, Selected, Selection};
+use super::{Analysis, Request, validation_start};
+use crate::estimation::Advance;
+use crate::estimation::problem::Problem;
+use crate::estimation::report::Report;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// An estimate with all that is said of it.
+#[derive(Clone, Debug)]
+pub struct Conclusion {
+    /// The problem that the estimate solves: without the effects that the data do not support.
+    pub problem: Problem,
+    /// What the run came to, at the estimate.
+    pub report: Report,
+    /// What is known of the estimate.
+    pub analysis: Analysis,
+    /// How the effects were chosen, where the job left that open.
+    pub selection: Option<Selection>,
+}
+
+/// Comes from an estimate to its conclusion at once, with the refits that have finished already.
+/// Answers nothing when `stop` was raised.
+#[must_use]
+pub fn conclude(
+    problem: &Problem,
+    report: &Report,
+    request: &Request,
+    mut refits: Refits,
+    stop: &AtomicBool,
+) -> Option<Conclusion> {
+    let mut analyser = Analyser::new(problem, report, request);
+    analyser.advance(&mut refits, Quota::UNLIMITED, stop);
+    analyser.conclusion()
+}
+
+/// An analysis at work.
+#[derive(Debug)]
+pub struct Analyser {
+    request: Request,
+    step: Step,
+}
+
+#[derive(Debug)]
+enum Step {
+    /// The estimate stands as the run came to it.
+    Begin(Box<Solved>),
+    /// Outputs of unknown noise are weighed anew.
+    Reweight(Box<Reweighting>),
+    /// Models without some of the effects are tried.
+    Select(Box<Elimination>),
+    /// The estimate is linearised; refits improve what follows from that.
+    Examine(Box<Examined>),
+}
+
+/// A problem, and what the run came to.
+#[derive(Debug)]
+struct Solved {
+    problem: Problem,
+    report: Report,
+}
+
+/// The estimate that stands, as far as it is looked at.
+#[derive(Debug)]
+struct Examined {
+    estimate: LinearisedEstimate,
+    selection: Option<Selection>,
+}
+
+impl Step {
+    /// The refits that the step waits for.
+    fn sequences(&mut self) -> Vec<&mut dyn RefitSequence> {
+        match self {
+            Step::Begin(_) => Vec::new(),
+            Step::Reweight(reweighting) => vec![&mut **reweighting],
+            Step::Select(elimination) => elimination.sequences(),
+            Step::Examine(examined) => examined.estimate.sequences(),
+        }
+    }
+}
+
+impl Analyser {
+    /// Begins the analysis of an estimate.
+    #[must_use]
+    pub fn new(problem: &Problem, report: &Report, request: &Request) -> Analyser {
+        let solved = Solved {
+            problem: problem.clone(),
+            report: report.clone(),
+        };
+        Analyser {
+            request: request.clone(),
+            step: Step::Begin(Box::new(solved)),
+        }
+    }
+
+    /// Whether there are many refits that do not depend on each other.
+    #[must_use]
+    pub fn has_independent_refits(&self) -> bool {
+        self.request.settings.has_independent_refits() || !self.request.effects.is_empty()
+    }
+
+    /// Runs refits up to a quota, step after step: finished when no step waits for any, interrupted
+    /// when `stop` was raised. What has finished by then is among `refits`.
+    pub fn advance(&mut self, refits: &mut Refits, quota: Quota, stop: &AtomicBool) -> Advance {
+        let mut quota = quota;
+        loop {
+            let mut sequences = self.step.sequences();
+            quota.at_most -= refits.run(&mut sequences, quota, stop);
+            if sequences.iter().any(|sequence| sequence.next().is_some()) {
+                return match stop.load(Ordering::Relaxed) {
+                    true => Advance::Interrupted,
+                    false => Advance::Working,
+                };
+            }
+            let next = match &self.step {
+                Step::Begin(solved) => self.reweight(&solved.problem, &solved.report, stop),
+                Step::Reweight(weighed) => self.select(&weighed.problem, &weighed.report, stop),
+                Step::Select(elimination) => match elimination.after_round() {
+                    AfterRound::Further(elimination) => Some(Step::Select(Box::new(elimination))),
+                    AfterRound::Selected(selected) => {
+                        let Selected {
+                            problem,
+                            report,
+                            selection,
+                        } = *selected;
+                        self.examine(&problem, &report, Some(selection), stop)
+                    }
+                },
+                Step::Examine(_) => return Advance::Finished,
+            };
+            match next {
+                Some(step) => self.step = step,
+                None => return Advance::Interrupted,
+            }
+        }
+    }
+
+    fn reweight(&self, problem: &Problem, report: &Report, stop: &AtomicBool) -> Option<Step> {
+        if !self.request.thorough {
+            return self.select(problem, report, stop);
+        }
+        let reweighting = Reweighting::begin(problem, report, stop)?;
+        Some(Step::Reweight(Box::new(reweighting)))
+    }
+
+    fn select(&self, problem: &Problem, report: &Report, stop: &AtomicBool) -> Option<Step> {
+        let effects = &self.request.effects;
+        if effects.is_empty() {
+            return self.examine(problem, report, None, stop);
+        }
+        let elimination = Elimination::begin(problem, report, effects, stop)?;
+        Some(Step::Select(Box::new(elimination)))
+    }
+
+    fn examine(
+        &self,
+        problem: &Problem,
+        report: &Report,
+        selection: Option<Selection>,
+        stop: &AtomicBool,
+    ) -> Option<Step> {
+        let problem = validation_start::settled(problem, &report.positions, stop)?;
+        let estimate = LinearisedEstimate::of(&problem, report, &self.request, stop)?;
+        Some(Step::Examine(Box::new(Examined {
+            estimate,
+            selection,
+        })))
+    }
+
+    /// The conclusion; none before all refits have finished.
+    #[must_use]
+    pub fn conclusion(&self) -> Option<Conclusion> {
+        let Step::Examine(examined) = &self.step else {
+            return None;
+        };
+        let analysis = examined.estimate.analysis()?;
+        let solved = examined.estimate.estimate();
+        Some(Conclusion {
+            problem: solved.problem.clone(),
+            report: solved.report.clone(),
+            analysis,
+            selection: examined.selection.clone(),
+        })
+    }
+}

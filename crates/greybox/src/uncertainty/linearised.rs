@@ -1,0 +1,361 @@
+//! An estimate that was simulated and linearised: what follows from its derivatives, which refits
+//! improve on that, and the analysis when these have finished.
+
+use super::bootstrap::{self, DrawnFit, Resampling};
+use super::budget::{Around, Budget, Extended};
+use super::constrained::Constrained;
+use super::covariance::{self, Covariance, Linear, NoiseLevels};
+use super::drift::{self, Drift};
+use super::fit;
+use super::fit::Criteria;
+use super::identifiability::{self, FlatDirection};
+use super::monte_carlo::{self, Assumptions};
+use super::profile::{self, Ends, Walk};
+use super::refits::RefitSequence;
+use super::residuals::{self, ResidualReport};
+use super::verdict::Judgement;
+use super::weighing::Seen;
+use super::{Analysis, CoordinateUncertainty, Intervals, Request};
+use crate::estimation::loss::Loss;
+use crate::estimation::problem::Problem;
+use crate::estimation::report::Report;
+use crate::estimation::sensitivity::SensitivityError;
+use crate::estimation::trajectory;
+use greybox_simulation::Accuracy;
+use greybox_simulation::single::Outputs;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// An estimate with its simulation.
+#[derive(Debug)]
+pub(super) struct Estimate {
+    pub problem: Problem,
+    pub report: Report,
+    /// The simulation at the estimate; empty where it fails.
+    pub trajectories: Vec<Outputs>,
+    /// For each output what is left unexplained; empty where the simulation fails.
+    pub residuals: Vec<ResidualReport>,
+}
+
+/// An estimate that is looked at as far as goes without refits.
+#[derive(Debug)]
+pub(super) struct LinearisedEstimate {
+    estimate: Arc<Estimate>,
+    /// What follows from the derivatives at the estimate.
+    first_order: Result<Box<FirstOrder>, NoDerivatives>,
+}
+
+/// Why there are no derivatives at an estimate.
+#[derive(Debug)]
+enum NoDerivatives {
+    /// The estimate cannot be simulated.
+    NotSimulated,
+    /// Something near the estimate cannot be simulated.
+    Failed(SensitivityError),
+}
+
+/// What follows from the derivatives at an estimate, and the refits that improve on it.
+#[derive(Debug)]
+pub(super) struct FirstOrder {
+    linear: Linear,
+    budget: Budget,
+    drifts: Vec<Drift>,
+    flat: Vec<FlatDirection>,
+    intervals: IntervalRefits,
+    /// The refits of a Monte Carlo analysis, where one was asked for.
+    monte_carlo: Vec<DrawnFit>,
+}
+
+/// The refits from which intervals are made.
+#[derive(Debug)]
+enum IntervalRefits {
+    /// The curvature needs none.
+    Fisher,
+    Profile(Vec<Walk>),
+    Bootstrap(Vec<DrawnFit>),
+}
+
+/// The intervals of all coordinates, made in one way.
+struct IntervalEnds {
+    method: &'static str,
+    ends: Vec<Ends>,
+}
+
+impl LinearisedEstimate {
+    /// Simulates and linearises an estimate. Answers nothing when `stop` was raised.
+    pub fn of(
+        problem: &Problem,
+        report: &Report,
+        request: &Request,
+        stop: &AtomicBool,
+    ) -> Option<LinearisedEstimate> {
+        let positions = &report.positions;
+        let extended = Extended::new(problem, positions, request.thorough);
+        let (trajectories, around) = rayon::join(
+            || trajectory::simulate(problem, positions, stop),
+            || extended.around(Accuracy::Full, stop),
+        );
+        let (trajectories, around) = (trajectories?, around?);
+        let estimate = |trajectories: Vec<Outputs>, residuals| {
+            Arc::new(Estimate {
+                problem: problem.clone(),
+                report: report.clone(),
+                trajectories,
+                residuals,
+            })
+        };
+        let Ok(trajectories) = trajectories else {
+            return Some(LinearisedEstimate {
+                estimate: estimate(Vec::new(), Vec::new()),
+                first_order: Err(NoDerivatives::NotSimulated),
+            });
+        };
+        let residuals = residuals::report(problem, &trajectories);
+        let estimate = estimate(trajectories, residuals);
+        let first_order = match FirstOrder::of(&estimate, (&extended, &around), request, stop) {
+            Ok(first_order) => Ok(Box::new(first_order)),
+            Err(SensitivityError::Interrupted) => return None,
+            Err(failure) => Err(NoDerivatives::Failed(failure)),
+        };
+        Some(LinearisedEstimate {
+            estimate,
+            first_order,
+        })
+    }
+
+    /// The refits that are asked for.
+    pub fn sequences(&mut self) -> Vec<&mut dyn RefitSequence> {
+        match &mut self.first_order {
+            Ok(first_order) => first_order.sequences(),
+            Err(_) => Vec::new(),
+        }
+    }
+
+    /// The estimate.
+    pub fn estimate(&self) -> &Estimate {
+        &self.estimate
+    }
+
+    /// What is said of the estimate; nothing before all refits have finished.
+    pub fn analysis(&self) -> Option<Analysis> {
+        let Estimate {
+            problem,
+            report,
+            trajectories,
+            residuals,
+        } = &*self.estimate;
+        let analysis = match &self.first_order {
+            Ok(first_order) => first_order.analysis(&self.estimate)?,
+            Err(NoDerivatives::NotSimulated) => {
+                return Some(super::without_simulation(problem, report));
+            }
+            Err(NoDerivatives::Failed(failure)) => {
+                super::undetermined(problem, report, failure.to_string())
+            }
+        };
+        let estimation_fit = fit::of(problem, trajectories, fit::Part::Estimation);
+        let validation_fit = fit::of(problem, trajectories, fit::Part::Validation);
+        // Criteria compare likelihoods of normal noise.
+        let criteria = match problem.loss {
+            Loss::Squared => fit::criteria(&estimation_fit, problem.coordinates.len()),
+            Loss::Huber(_) => Criteria::missing(),
+        };
+        let mut analysis = Analysis {
+            estimation_fit,
+            validation_fit,
+            residuals: residuals.clone(),
+            criteria,
+            ..analysis
+        };
+        analysis.judge(super::rules::judge(problem, report, &analysis));
+        Some(analysis)
+    }
+}
+
+impl FirstOrder {
+    fn of(
+        estimate: &Arc<Estimate>,
+        (extended, around): (&Extended, &Around<'_>),
+        request: &Request,
+        stop: &AtomicBool,
+    ) -> Result<FirstOrder, SensitivityError> {
+        let Estimate {
+            problem,
+            report,
+            trajectories,
+            residuals,
+        } = &**estimate;
+        let linear = covariance::linearise(problem, &around.neighbourhood, residuals)
+            .map_err(SensitivityError::Failed)?;
+        let seen = Seen {
+            trajectories,
+            residuals,
+            linear: &linear,
+        };
+        let budget = Budget::of(extended, around, seen).map_err(SensitivityError::Failed)?;
+        let drifts = drift::of(problem, &around.neighbourhood, seen);
+        let drifts = drifts.map_err(SensitivityError::Failed)?;
+        let (positions, weights) = (
+            &report.positions,
+            NoiseLevels::of(problem, residuals).weights(),
+        );
+        let flat = identifiability::flat_at(problem, positions, &linear.factor, &weights, stop)?;
+        let resampling = |assumptions| Resampling {
+            estimate: Arc::clone(estimate),
+            seed: request.seed,
+            assumptions,
+        };
+        let settings = &request.settings;
+        let intervals = match settings.intervals {
+            Intervals::Fisher => IntervalRefits::Fisher,
+            Intervals::Profile => IntervalRefits::Profile(profile::walks(estimate, &linear, stop)?),
+            Intervals::Bootstrap => {
+                IntervalRefits::Bootstrap(resampling(None).fits(settings.bootstrap_samples))
+            }
+        };
+        let monte_carlo = match settings.monte_carlo_samples {
+            0 => Vec::new(),
+            samples => {
+                let assumptions = Assumptions::of(estimate, stop);
+                let assumptions = assumptions.ok_or(SensitivityError::Interrupted)?;
+                resampling(Some(assumptions)).fits(samples)
+            }
+        };
+        Ok(FirstOrder {
+            linear,
+            budget,
+            drifts,
+            flat,
+            intervals,
+            monte_carlo,
+        })
+    }
+
+    fn sequences(&mut self) -> Vec<&mut dyn RefitSequence> {
+        let mut sequences: Vec<&mut dyn RefitSequence> = Vec::new();
+        let drawn = match &mut self.intervals {
+            IntervalRefits::Fisher => &mut [][..],
+            IntervalRefits::Profile(walks) => {
+                sequences.extend(walks.iter_mut().map(|walk| walk as &mut dyn RefitSequence));
+                &mut []
+            }
+            IntervalRefits::Bootstrap(drawn) => &mut drawn[..],
+        };
+        let drawn = drawn.iter_mut().chain(&mut self.monte_carlo);
+        sequences.extend(drawn.map(|fit| fit as &mut dyn RefitSequence));
+        sequences
+    }
+
+    /// Whether all refits have finished.
+    fn has_ended(&self) -> bool {
+        let intervals = match &self.intervals {
+            IntervalRefits::Fisher => true,
+            IntervalRefits::Profile(walks) => walks.iter().all(|walk| walk.next().is_none()),
+            IntervalRefits::Bootstrap(drawn) => drawn.iter().all(|fit| fit.next().is_none()),
+        };
+        intervals && self.monte_carlo.iter().all(|fit| fit.next().is_none())
+    }
+
+    /// What is said of the estimate beside what the simulation alone tells; nothing before all
+    /// refits have finished.
+    fn analysis(&self, estimate: &Estimate) -> Option<Analysis> {
+        if !self.has_ended() {
+            return None;
+        }
+        let Estimate {
+            problem, report, ..
+        } = estimate;
+        let linear = &self.linear;
+        let mut coordinates = super::coordinates(problem, report, Some(linear));
+        self.improve_intervals(&mut coordinates, estimate);
+        let deviations: Vec<Option<f64>> = (0..report.positions.len())
+            .map(|index| linear.deviation(index))
+            .collect();
+        for (index, known) in coordinates.iter_mut().enumerate() {
+            let total = self.budget.totals[index].zip(deviations[index]);
+            known.widen(&problem.coordinates[index], report.positions[index], total);
+        }
+        let constrained = Constrained::of(linear);
+        if let Some(constrained) = &constrained {
+            let totals = self.budget.totals.iter().zip(&deviations);
+            let factors: Option<Vec<f64>> = totals
+                .map(|(total, noise)| Some((*total)? / (*noise)?))
+                .collect();
+            let ends = factors.and_then(|factors| constrained.ends(&report.positions, &factors));
+            for (index, ends) in ends.into_iter().flatten().enumerate() {
+                let coordinate = &problem.coordinates[index];
+                let value = |end: Option<f64>| super::value_near(coordinate, end?);
+                coordinates[index].total_interval = Some((value(ends.0), value(ends.1)));
+            }
+        }
+        if !self.monte_carlo.is_empty() {
+            let spreads = monte_carlo::spreads(estimate, &self.monte_carlo);
+            for (known, spread) in coordinates.iter_mut().zip(spreads.into_iter().flatten()) {
+                known.monte_carlo = Some(spread);
+            }
+        }
+        let unfixed = || "the data do not fix all of the unknowns".to_owned();
+        Some(Analysis {
+            coordinates,
+            correlation: linear.covariance.as_ref().map(Covariance::correlation),
+            condition: Some(linear.condition),
+            flat: self.flat.clone(),
+            missing: linear.covariance.is_none().then(unfixed),
+            estimation_fit: Vec::new(),
+            validation_fit: Vec::new(),
+            residuals: Vec::new(),
+            criteria: Criteria::missing(),
+            deviations,
+            budget: self.budget.clone(),
+            drifts: self.drifts.clone(),
+            bindings: constrained.map_or_else(Vec::new, |constrained| constrained.bindings()),
+            judgement: Judgement::default(),
+        })
+    }
+
+    /// Puts the intervals that were asked for in the place of those from the curvature.
+    fn improve_intervals(&self, coordinates: &mut [CoordinateUncertainty], estimate: &Estimate) {
+        let (problem, positions) = (&estimate.problem, &estimate.report.positions);
+        let closed = |(low, high)| (Some(low), Some(high));
+        let improved = match &self.intervals {
+            IntervalRefits::Fisher => {
+                let constrained = Constrained::of(&self.linear);
+                let factors = vec![1.0; positions.len()];
+                constrained.and_then(|constrained| {
+                    Some(IntervalEnds {
+                        method: "constrained",
+                        ends: constrained.ends(positions, &factors)?,
+                    })
+                })
+            }
+            IntervalRefits::Profile(walks) => {
+                let profiles = profile::profiles(walks);
+                for (index, profile) in profiles.iter().enumerate() {
+                    let coordinate = &problem.coordinates[index];
+                    coordinates[index].profile = profile.values(coordinate, positions[index]);
+                }
+                Some(IntervalEnds {
+                    method: "profile",
+                    ends: profiles.into_iter().map(|profile| profile.ends).collect(),
+                })
+            }
+            IntervalRefits::Bootstrap(drawn) => {
+                let intervals = bootstrap::intervals(drawn, positions.len());
+                intervals.map(|intervals| IntervalEnds {
+                    method: "bootstrap",
+                    ends: intervals.into_iter().map(closed).collect(),
+                })
+            }
+        };
+        let Some(IntervalEnds { method, ends }) = improved else {
+            return;
+        };
+        let described = problem.coordinates.iter().zip(ends);
+        for (known, (coordinate, (lower, upper))) in coordinates.iter_mut().zip(described) {
+            let value = |position: f64| coordinate.value(position);
+            known.interval = Some((lower.map(value), upper.map(value)));
+            known.ends = Some((lower, upper));
+            known.method = method;
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! The route table, and what is described of it.
+
+use std::sync::LazyLock;
+
+use axum::Router;
+use axum::http::HeaderMap;
+use axum::middleware::from_fn_with_state;
+use axum::response::Response;
+use serde_json::Value;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::http_headers::tagged_json;
+use super::state::ApiState;
+use super::{
+    audit, authorise, candidates, changes, comparisons, datasets, designs, events, health,
+    job_list, jobs, models, monitors, report, results, session, simulations, streams, submit,
+    trajectory, verdict_rules, webhooks,
+};
+
+/// Every resource of the service, with its description.
+fn described() -> OpenApiRouter<ApiState> {
+    OpenApiRouter::with_openapi(super::openapi::preamble())
+        .routes(routes!(health::livez))
+        .routes(routes!(health::readyz))
+        .routes(routes!(health::version))
+        .routes(routes!(health::metrics))
+        .routes(routes!(document))
+        .routes(routes!(datasets::create, datasets::list))
+        .routes(routes!(datasets::show, datasets::remove))
+        .routes(routes!(datasets::samples))
+        .routes(routes!(models::create, models::list))
+        .routes(routes!(models::show, models::remove))
+        .routes(routes!(streams::list))
+        .routes(routes!(streams::append, streams::show, streams::remove))
+        .routes(routes!(streams::cut::cut))
+        .routes(routes!(streams::removal::remove_samples))
+        .routes(routes!(monitors::create, monitors::list))
+        .routes(routes!(monitors::show, monitors::remove))
+        .routes(routes!(monitors::moving::move_to))
+        .routes(routes!(monitors::windows))
+        .routes(routes!(monitors::alarms))
+        .routes(routes!(monitors::events::events))
+        .routes(routes!(simulations::simulate))
+        .routes(routes!(designs::design))
+        .routes(routes!(comparisons::submit_comparison, comparisons::list))
+        .routes(routes!(comparisons::show))
+        .routes(routes!(submit::submit, job_list::list))
+        .routes(routes!(jobs::show, jobs::remove))
+        .routes(routes!(jobs::cancel))
+        .routes(routes!(jobs::pause))
+        .routes(routes!(jobs::resume))
+        .routes(routes!(events::events))
+        .routes(routes!(changes::changes))
+        .routes(routes!(results::generations))
+        .routes(routes!(candidates::candidates))
+        .routes(routes!(results::result))
+        .routes(routes!(trajectory::trajectory))
+        .routes(routes!(report::report))
+        .routes(routes!(verdict_rules::list))
+        .routes(routes!(session::sign_in, session::show, session::sign_out))
+        .routes(routes!(audit::list))
+        .routes(routes!(webhooks::create, webhooks::list))
+        .routes(routes!(webhooks::show, webhooks::remove))
+        .routes(routes!(webhooks::deliveries))
+        .routes(routes!(webhooks::show_delivery))
+        .routes(routes!(webhooks::resend))
+}
+
+/// The resources, without what [`with_middleware()`] puts around them.
+pub fn resources(state: ApiState) -> Router {
+    let (router, _openapi) = described().split_for_parts();
+    router
+        .layer(from_fn_with_state(
+            state.callers.clone(),
+            authorise::authorise,
+        ))
+        .layer(from_fn_with_state(
+            state.store.damage().clone(),
+            health::note_damage,
+        ))
+        .with_state(state)
+}
+
+/// The description of the whole API.
+pub fn openapi() -> Value {
+    let (_router, openapi) = described().split_for_parts();
+    super::openapi::completed(openapi)
+}
+
+/// The description of this API.
+#[utoipa::path(
+    get, path = "/openapi.json", operation_id = "openapi", tag = "health",
+    responses((status = 200, description = "OpenAPI 3.1", body = Object))
+)]
+async fn document(headers: HeaderMap) -> Response {
+    static OPENAPI: LazyLock<Value> = LazyLock::new(openapi);
+    tagged_json(&headers, &*OPENAPI)
+}

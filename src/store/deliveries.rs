@@ -1,0 +1,403 @@
+//! Events on their way to webhooks: stored in the transaction of what an event tells of, and sent after.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use jiff::Timestamp;
+use serde_json::{Value, json};
+use sqlx::FromRow;
+
+use super::columns::{self, project, time};
+use super::database::{self, QueryBuilder};
+use super::jobs;
+use super::page::Page;
+use super::shared_database::Database;
+use super::writer::{Tx, in_transaction};
+use super::{Change, StoreError, corrupt, unsigned};
+use crate::access::Project;
+use crate::job::{DeliveryId, WebhookId};
+use greybox::identification::JobId;
+
+/// A delivery is tried for so long.
+const TRIED_FOR: Duration = Duration::from_hours(72);
+/// The wait after the first attempt; it doubles with each.
+const FIRST_WAIT: Duration = Duration::from_secs(5);
+/// The longest wait.
+const LONGEST_WAIT: Duration = Duration::from_hours(6);
+
+/// How far a delivery has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeliveryState {
+    /// It is to be sent.
+    Waiting,
+    /// The receiver has taken it.
+    Delivered,
+    /// It was tried for three days.
+    GivenUp,
+}
+
+impl DeliveryState {
+    /// The word for it.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Waiting => "waiting",
+            Self::Delivered => "delivered",
+            Self::GivenUp => "given_up",
+        }
+    }
+}
+
+/// An event on its way to one place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeliveryRow {
+    /// The identifier of the delivery, the same at each attempt.
+    pub id: DeliveryId,
+    /// The webhook that the event is delivered to.
+    pub webhook: WebhookId,
+    /// The type of the event.
+    pub event: String,
+    /// The document that is sent.
+    pub payload: String,
+    /// The state of the delivery.
+    pub state: DeliveryState,
+    /// Attempts so far.
+    pub attempts: u32,
+    /// When the next attempt is due.
+    pub due_at: Timestamp,
+    /// The status that the receiver answered last.
+    pub last_status: Option<u16>,
+    /// Why the last attempt failed.
+    pub last_error: Option<String>,
+    /// When the event happened.
+    pub created_at: Timestamp,
+    /// When the receiver took the delivery.
+    pub delivered_at: Option<Timestamp>,
+}
+
+/// The outcome of an attempt to deliver.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Attempt {
+    /// The status that the receiver answered.
+    pub status: Option<u16>,
+    /// Why the attempt failed; nothing where the receiver has taken the delivery.
+    pub error: Option<String>,
+}
+
+#[derive(FromRow)]
+struct DeliveryColumns {
+    id: String,
+    webhook: String,
+    event: String,
+    payload: String,
+    state: String,
+    #[sqlx(try_from = "i64")]
+    attempts: u32,
+    due_at_ms: i64,
+    last_status: Option<i64>,
+    last_error: Option<String>,
+    created_at: String,
+    delivered_at: Option<String>,
+}
+
+impl DeliveryColumns {
+    fn read(self) -> Result<DeliveryRow, StoreError> {
+        let of = &self.id;
+        let all = [
+            DeliveryState::Waiting,
+            DeliveryState::Delivered,
+            DeliveryState::GivenUp,
+        ];
+        let state = all.into_iter().find(|state| state.as_str() == self.state);
+        let webhook = self.webhook.parse();
+        let due_at = Timestamp::from_millisecond(self.due_at_ms);
+        Ok(DeliveryRow {
+            webhook: webhook.map_err(|why| corrupt("identifier", of, why))?,
+            state: state.ok_or_else(|| corrupt("state", of, "it is none"))?,
+            due_at: due_at.map_err(|why| corrupt("time", of, why))?,
+            created_at: time(of, &self.created_at)?,
+            delivered_at: self.delivered_at.map(|at| time(of, &at)).transpose()?,
+            id: of.parse().map_err(|why| corrupt("identifier", of, why))?,
+            event: self.event,
+            payload: self.payload,
+            attempts: self.attempts,
+            last_status: (self.last_status)
+                .map(|status| unsigned("status", of, status))
+                .transpose()?,
+            last_error: self.last_error,
+        })
+    }
+}
+
+const DELIVERY: &str = "select id, webhook, event, payload, state, attempts, due_at_ms, \
+                        last_status, last_error, created_at, delivered_at from deliveries";
+
+/// Events on their way to webhooks.
+#[derive(Clone)]
+pub struct Deliveries {
+    pub(super) database: Arc<Database>,
+}
+
+impl Deliveries {
+    /// Deliveries to a place, newest first, older than `before`.
+    pub async fn list(
+        &self,
+        webhook: WebhookId,
+        before: Option<DeliveryId>,
+        limit: u32,
+    ) -> Result<Page<DeliveryRow, DeliveryId>, StoreError> {
+        let mut query = QueryBuilder::new(DELIVERY);
+        query
+            .push(" where webhook = ")
+            .push_bind(webhook.to_string());
+        if let Some(before) = before {
+            query.push(" and id < ").push_bind(before.to_string());
+        }
+        query.push(" order by id desc limit ");
+        query.push_bind(i64::from(limit) + 1);
+        let rows: Vec<DeliveryColumns> = query
+            .build_query_as()
+            .fetch_all(&self.database.readers)
+            .await?;
+        let rows = rows.into_iter().map(DeliveryColumns::read);
+        Ok(Page::cut(rows.collect::<Result<_, _>>()?, limit, |row| {
+            row.id
+        }))
+    }
+
+    /// A delivery, if there is one.
+    pub async fn find(&self, id: DeliveryId) -> Result<Option<DeliveryRow>, StoreError> {
+        let mut query = QueryBuilder::new(DELIVERY);
+        query.push(" where id = ").push_bind(id.to_string());
+        let row: Option<DeliveryColumns> = query
+            .build_query_as()
+            .fetch_optional(&self.database.readers)
+            .await?;
+        row.map(DeliveryColumns::read).transpose()
+    }
+
+    /// Whose a delivery is, if there is one.
+    pub async fn project_of(&self, id: DeliveryId) -> Result<Option<Project>, StoreError> {
+        let key = id.to_string();
+        let name: Option<String> = database::query_scalar(
+            "select project from deliveries join webhooks on webhooks.id = webhook \
+             where deliveries.id = $1",
+        )
+        .bind(&key)
+        .fetch_optional(&self.database.readers)
+        .await?;
+        name.map(|name| project(&key, &name)).transpose()
+    }
+
+    /// Has a delivery sent once more, now. Says whether there is one.
+    pub async fn resend(&self, id: DeliveryId) -> Result<bool, StoreError> {
+        in_transaction!(self.database, |tx| resend(tx, id)).await
+    }
+
+    /// The delivery to each place that is due first, where that is by now, and when the next is.
+    /// A wait that is longer than any can be is one for a clock that was set back.
+    pub async fn due(
+        &self,
+        now: Timestamp,
+    ) -> Result<(Vec<DeliveryRow>, Option<Timestamp>), StoreError> {
+        let now_ms = now.as_millisecond();
+        let longest = i64::try_from(LONGEST_WAIT.as_millis()).unwrap_or(i64::MAX);
+        let rows: Vec<DeliveryColumns> = database::query_as(
+            "select id, webhook, event, payload, state, attempts, \
+             case when due_at_ms > $1 then 0 else due_at_ms end as due_at_ms, \
+             last_status, last_error, created_at, delivered_at from deliveries \
+             where id in (select id from (select id, row_number() over (partition by webhook \
+              order by case when due_at_ms > $1 then 0 else due_at_ms end, id) as place \
+              from deliveries where state = 'waiting') as waiting where place = 1)",
+        )
+        .bind(now_ms.saturating_add(longest))
+        .fetch_all(&self.database.readers)
+        .await?;
+        let rows = rows.into_iter().map(DeliveryColumns::read);
+        let rows: Vec<DeliveryRow> = rows.collect::<Result<_, _>>()?;
+        let (due, later): (Vec<_>, Vec<_>) = rows.into_iter().partition(|row| row.due_at <= now);
+        Ok((due, later.iter().map(|row| row.due_at).min()))
+    }
+
+    /// Notes what came of an attempt.
+    pub async fn note_attempt(&self, id: DeliveryId, attempt: Attempt) -> Result<(), StoreError> {
+        in_transaction!(self.database, |tx| note(tx, id, attempt)).await
+    }
+}
+
+/// Stores an event for each place of a project that wants events of its type, as part of the
+/// caller's transaction: it is delivered when that is on disk, at least once.
+pub(super) async fn tell(
+    tx: &mut Tx,
+    project: &Project,
+    event: &str,
+    data: &Value,
+) -> Result<(), StoreError> {
+    let all: Vec<(String, String)> =
+        database::query_as("select id, events from webhooks where project = $1")
+            .bind(project.as_str())
+            .fetch_all(&mut **tx)
+            .await?;
+    let mut places = Vec::with_capacity(all.len());
+    for (id, events) in all {
+        let events: Vec<String> = columns::from_json("webhook", &id, &events)?;
+        if events.iter().any(|wanted| wanted == event) {
+            places.push(id);
+        }
+    }
+    if places.is_empty() {
+        return Ok(());
+    }
+    let now = Timestamp::now();
+    let payload = json!({"type": event, "timestamp": now.to_string(), "data": data}).to_string();
+    for place in places {
+        database::query(
+            "insert into deliveries (id, webhook, event, payload, state, due_at_ms, \
+             tried_from_ms, created_at) values ($1, $2, $3, $4, 'waiting', $5, $6, $7)",
+        )
+        .bind(DeliveryId::new().to_string())
+        .bind(place)
+        .bind(event)
+        .bind(&payload)
+        .bind(now.as_millisecond())
+        .bind(now.as_millisecond())
+        .bind(now.to_string())
+        .execute(&mut **tx)
+        .await?;
+    }
+    tx.announce(Change::DeliveryWaits);
+    Ok(())
+}
+
+/// Tells that a job came to its end.
+pub(super) async fn tell_of_end(tx: &mut Tx, id: JobId) -> Result<(), StoreError> {
+    let key = id.to_string();
+    let wanted: bool = database::query_scalar(
+        "select exists (select 1 from webhooks join jobs on jobs.project = webhooks.project \
+         where jobs.id = $1)",
+    )
+    .bind(&key)
+    .fetch_one(&mut **tx)
+    .await?;
+    if !wanted {
+        return Ok(());
+    }
+    let row = match jobs::fetch(&mut *tx, id).await {
+        Ok(Some(row)) => row,
+        Ok(None) => return Ok(()),
+        Err(error) if error.corrupt_row().is_some() => return tell_of_damaged(tx, &key).await,
+        Err(error) => return Err(error),
+    };
+    let data = json!({
+        "job": key,
+        "name": row.name,
+        "labels": row.labels,
+        "model": row.model,
+        "status": row.status,
+        "error": row.error,
+        "created_at": row.created_at.to_string(),
+        "finished_at": row.finished_at.map(|at| at.to_string()),
+        "links": {"self": format!("/v1/jobs/{key}"), "result": format!("/v1/jobs/{key}/result")},
+    });
+    tell(tx, &row.project, "job.ended", &data).await
+}
+
+/// Tells of the end of a job whose specification is damaged what does not stand in that.
+async fn tell_of_damaged(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
+    let row = database::query("select project, status, error from jobs where id = $1")
+        .bind(id)
+        .fetch_one(&mut **tx)
+        .await?;
+    let data = json!({
+        "job": id,
+        "status": row.try_get::<&str>("status")?,
+        "error": columns::optional::<Value>(&row, "error", id)?,
+        "links": {"self": format!("/v1/jobs/{id}"), "result": format!("/v1/jobs/{id}/result")},
+    });
+    tell(
+        tx,
+        &project(id, row.try_get("project")?)?,
+        "job.ended",
+        &data,
+    )
+    .await
+}
+
+async fn resend(tx: &mut Tx, id: DeliveryId) -> Result<bool, StoreError> {
+    let now = Timestamp::now().as_millisecond();
+    let found = database::query(
+        "update deliveries set state = 'waiting', due_at_ms = $1, tried_from_ms = $1, \
+         attempts = 0, delivered_at = null where id = $2",
+    )
+    .bind(now)
+    .bind(id.to_string())
+    .execute(&mut **tx)
+    .await?;
+    tx.announce(Change::DeliveryWaits);
+    Ok(found == 1)
+}
+
+async fn note(tx: &mut Tx, id: DeliveryId, attempt: Attempt) -> Result<(), StoreError> {
+    let key = id.to_string();
+    let before: Option<(i64, i64)> =
+        database::query_as("select attempts, tried_from_ms from deliveries where id = $1")
+            .bind(&key)
+            .fetch_optional(&mut **tx)
+            .await?;
+    // The place may have been forgotten meanwhile.
+    let Some((attempts, tried_from_ms)) = before else {
+        return Ok(());
+    };
+    let attempts: u32 = unsigned("attempts", &key, attempts)?;
+    let now = Timestamp::now();
+    let tried_ms = now.as_millisecond().saturating_sub(tried_from_ms);
+    let state = match &attempt.error {
+        None => DeliveryState::Delivered,
+        Some(_) if u128::from(tried_ms.unsigned_abs()) >= TRIED_FOR.as_millis() => {
+            DeliveryState::GivenUp
+        }
+        Some(_) => DeliveryState::Waiting,
+    };
+    let wait = i64::try_from(wait_after(attempts).as_millis()).unwrap_or(i64::MAX);
+    database::query(
+        "update deliveries set state = $1, attempts = attempts + 1, due_at_ms = $2, \
+         last_status = $3, last_error = $4, delivered_at = $5 where id = $6",
+    )
+    .bind(state.as_str())
+    .bind(now.as_millisecond().saturating_add(wait))
+    .bind(attempt.status)
+    .bind(&attempt.error)
+    .bind((state == DeliveryState::Delivered).then(|| now.to_string()))
+    .bind(&key)
+    .execute(&mut **tx)
+    .await?;
+    tx.announce(Change::DeliveryWaits);
+    Ok(())
+}
+
+/// How long a delivery waits after so many attempts and one more.
+fn wait_after(attempts: u32) -> Duration {
+    FIRST_WAIT
+        .saturating_mul(1 << attempts.min(20))
+        .min(LONGEST_WAIT)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_delivery_is_tried_often_at_first_and_for_three_days() {
+        let waits = (0..).map(wait_after);
+        let mut tried = Duration::ZERO;
+        let attempts = waits.take_while(|wait| {
+            let goes_on = tried < TRIED_FOR;
+            tried += *wait;
+            goes_on
+        });
+        let attempts: Vec<u64> = attempts.map(|wait| wait.as_secs()).collect();
+        assert_eq!(attempts[..4], [5, 10, 20, 40]);
+        assert_eq!(*attempts.last().expect("some"), 6 * 3600);
+        assert_eq!(attempts.len(), 24);
+    }
+}

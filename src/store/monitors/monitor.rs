@@ -1,0 +1,167 @@
+//! A monitor and its windows, as they are stored and read.
+
+use std::time::Duration;
+
+use jiff::Timestamp;
+use serde_json::Value;
+
+use crate::access::Project;
+use crate::job::MonitorId;
+use crate::store::columns::{self, from_json, time};
+use crate::store::database::{Connection, QueryBuilder, Row};
+use crate::store::datasets::NewDataset;
+use crate::store::idempotency::Idempotency;
+use crate::store::sealed::{MONITOR_WINDOWS, MONITORS};
+use crate::store::submit::NewJob;
+use crate::store::{StoreError, corrupt};
+use greybox::identification::{DatasetId, JobId};
+
+/// A monitor to be stored.
+#[derive(Clone, Debug)]
+pub struct NewMonitor {
+    /// Whose it is, and its stream.
+    pub project: Project,
+    /// A name for people.
+    pub name: Option<String>,
+    /// The stream that it watches.
+    pub stream: String,
+    /// What was asked for.
+    pub spec: Value,
+    /// What it knows at first.
+    pub state: Value,
+    /// When its first window ends, nanoseconds since 1970.
+    pub due_ns: i64,
+    /// How long it waits for data before it says that they stopped.
+    pub patience: Duration,
+    /// Makes the request safe to repeat.
+    pub idempotency: Option<Idempotency>,
+}
+
+/// A monitor as it stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MonitorRow {
+    /// The identifier of the monitor.
+    pub id: MonitorId,
+    /// The project that the monitor and the stream belong to.
+    pub project: Project,
+    /// A name for people.
+    pub name: Option<String>,
+    /// The stream that the monitor watches.
+    pub stream: String,
+    /// The specification of the monitor.
+    pub spec: Value,
+    /// What the monitor knows by now.
+    pub state: Value,
+    /// When the next window ends, nanoseconds since 1970.
+    pub due_ns: i64,
+    /// The job that works a window, where one does.
+    pub job: Option<JobId>,
+    /// Whether the monitor has said that data have stopped.
+    pub silent: bool,
+    /// Grows with every step.
+    pub revision: i64,
+    /// The id of the last event of the monitor.
+    pub last_event: i64,
+    /// The id of the last alarm of the monitor.
+    pub last_alarm: i64,
+    /// When the monitor was accepted.
+    pub created_at: Timestamp,
+}
+
+/// A step of a monitor.
+pub struct Advance {
+    /// The monitor as the step knew it; where it has changed since, the step changes nothing.
+    pub from: MonitorRow,
+    /// What it then knows.
+    pub state: Value,
+    /// When its next window then ends.
+    pub due_ns: i64,
+    /// Whether it then has said that data have stopped.
+    pub silent: bool,
+    /// What there is to say of a window.
+    pub window: Option<AdvanceWindow>,
+    /// Alarms, in order; each gets the next number as its `id`.
+    pub alarms: Vec<Value>,
+    /// Windows before this number keep neither their recording nor their job.
+    pub forget_before: i64,
+}
+
+/// What a step says of a window.
+pub struct AdvanceWindow {
+    /// The window.
+    pub number: i64,
+    /// What is shown of it.
+    pub row: Value,
+    /// The job that is to work it from now on.
+    pub job: Option<NewWindowJob>,
+}
+
+/// A job that works a window.
+pub struct NewWindowJob {
+    /// The job.
+    pub job: NewJob,
+    /// The recording, by an identifier that the job names; nothing where it is stored already.
+    pub dataset: Option<(DatasetId, NewDataset)>,
+}
+
+/// A window as it is kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredWindow {
+    /// The number of the window.
+    pub number: i64,
+    /// The job that worked the window, where such a job is still kept.
+    pub job: Option<JobId>,
+    /// The recording of the window, where the recording is still kept.
+    pub dataset: Option<DatasetId>,
+    /// What is shown of the window.
+    pub row: Value,
+}
+
+pub(super) const SELECT: &str = "select id, project, name, stream, spec, state, due_ns, job, silent, \
+                      revision, last_event, last_alarm, created_at, seal from monitors";
+
+pub(super) async fn fetch(
+    connection: &mut Connection,
+    id: MonitorId,
+) -> Result<Option<MonitorRow>, StoreError> {
+    let mut query = QueryBuilder::new(SELECT);
+    query.push(" where id = ").push_bind(id.to_string());
+    let row = query.build().fetch_optional(connection).await?;
+    row.as_ref().map(read).transpose()
+}
+
+pub(super) fn read(row: &Row) -> Result<MonitorRow, StoreError> {
+    MONITORS.verify(row)?;
+    let id: String = row.try_get("id")?;
+    let job: Option<String> = row.try_get("job")?;
+    let stream: &str = row.try_get("stream")?;
+    Ok(MonitorRow {
+        project: columns::project(&id, row.try_get("project")?)?,
+        name: row.try_get("name")?,
+        // A stream's name has no slash; what stands before one is its project.
+        stream: stream.rsplit('/').next().unwrap_or_default().to_owned(),
+        spec: from_json("specification", &id, row.try_get("spec")?)?,
+        state: from_json("state", &id, row.try_get("state")?)?,
+        due_ns: row.try_get("due_ns")?,
+        job: job.as_deref().map(columns::parse_id).transpose()?,
+        silent: row.try_get::<i64>("silent")? != 0,
+        revision: row.try_get("revision")?,
+        last_event: row.try_get("last_event")?,
+        last_alarm: row.try_get("last_alarm")?,
+        created_at: time(&id, row.try_get("created_at")?)?,
+        id: id.parse().map_err(|why| corrupt("identifier", &id, why))?,
+    })
+}
+
+pub(super) fn window(row: &Row) -> Result<StoredWindow, StoreError> {
+    MONITOR_WINDOWS.verify(row)?;
+    let job: Option<String> = row.try_get("job")?;
+    let dataset: Option<String> = row.try_get("dataset")?;
+    let dataset = dataset.map(|id| id.parse().map_err(|why| corrupt("identifier", &id, why)));
+    Ok(StoredWindow {
+        number: row.try_get("number")?,
+        job: job.as_deref().map(columns::parse_id).transpose()?,
+        dataset: dataset.transpose()?,
+        row: from_json("window", row.try_get("monitor")?, row.try_get("row")?)?,
+    })
+}
