@@ -403,12 +403,13 @@ mod tests {
     }
 
     async fn submit_a_job_that_waits(store: &Store) -> JobId {
+        let orders = json!({"generations": 9, "refinements": 0, "wait_at": 5});
         let job = NewJob {
             project: Default::default(),
             name: None,
-            labels: Default::default(),
+            labels: [("orders".to_owned(), orders.to_string())].into(),
             model: "descent".to_owned(),
-            spec: json!({"method": {"generations": 9, "refinements": 0, "wait_at": 5}}),
+            task: crate::job::JobTask::nominal(),
             datasets: Vec::new(),
             idempotency: None,
         };

@@ -4,7 +4,7 @@
 //! A job travels through these modules in the order in which they are declared:
 //!
 //! ```text
-//! client ─HTTP→ api ─JobSpec→ store ──queue→ worker → identification ─Problem→ estimation
+//! client ─HTTP→ api ─JobTask→ store ──queue→ worker → identification ─Problem→ estimation
 //!                                              │        one generation after another
 //!                             simulation(model) → credit → genetic ─┘   then refine → uncertainty
 //! client ←SSE── api ←── event hub ←── store(events) ←── worker ←── observer

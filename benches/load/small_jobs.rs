@@ -8,12 +8,11 @@ use futures_util::future::try_join_all;
 use greybox::identification::JobId;
 use greybox::intake::csv;
 use greybox::model::Catalogue;
-use greybox_service::job::Status;
+use greybox_service::job::{JobTask, Status};
 use greybox_service::store::JobRow;
 use greybox_service::worker::method::Methods;
 use greybox_service::worker::run::{Advance, Assignment, Method};
 use jiff::Timestamp;
-use serde_json::Value;
 
 use crate::Outcome;
 use crate::client::Connection;
@@ -47,9 +46,9 @@ pub async fn measure(folder: &Path) -> Outcome<Vec<Figure>> {
     let queued = started.elapsed();
     wait_for(&mut connection, JOBS).await?;
     let through = started.elapsed();
-    let spec = completed_spec(&mut connection).await?;
+    let task = task_of_a_job(&mut connection).await?;
     drop(server);
-    let work = tokio::task::spawn_blocking(move || work_alone(&spec)).await?;
+    let work = tokio::task::spawn_blocking(move || work_alone(&task)).await?;
     let per_job = |time: Duration| 1e3 * time.as_secs_f64() / JOBS as f64;
     Ok(vec![
         Figure::new(
@@ -88,36 +87,36 @@ pub async fn wait_for(connection: &mut Connection, jobs: usize) -> Outcome {
     Ok(())
 }
 
-/// The specification of one of the jobs with every default completed.
-async fn completed_spec(connection: &mut Connection) -> Outcome<Value> {
-    let mut page = connection.get("/v1/jobs?limit=1").await?;
-    Ok(page["items"][0]["spec"].take())
+/// The task of one of the jobs.
+async fn task_of_a_job(connection: &mut Connection) -> Outcome<JobTask> {
+    let page = connection.get("/v1/jobs?limit=1").await?;
+    Ok(JobTask::read(&page["items"][0]["spec"].to_string())?)
 }
 
 /// Works the same jobs, as many at once as the server does, without a service.
-fn work_alone(spec: &Value) -> Duration {
+fn work_alone(task: &JobTask) -> Duration {
     let method = Methods::new(Catalogue::built_in());
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let started = Instant::now();
     std::thread::scope(|scope| {
         for _ in 0..threads {
-            scope.spawn(|| work_until_none_is_left(&method, spec, &next));
+            scope.spawn(|| work_until_none_is_left(&method, task, &next));
         }
     });
     started.elapsed()
 }
 
-fn work_until_none_is_left(method: &Methods, spec: &Value, next: &AtomicUsize) {
+fn work_until_none_is_left(method: &Methods, task: &JobTask, next: &AtomicUsize) {
     while next.fetch_add(1, Ordering::Relaxed) < JOBS {
-        work_one(method, spec.clone());
+        work_one(method, task.clone());
     }
 }
 
-fn work_one(method: &Methods, spec: Value) {
+fn work_one(method: &Methods, task: JobTask) {
     let recording = csv::read(drive_csv(FEW).as_bytes(), &csv::Options::default());
     let assignment = Assignment {
-        job: row(spec),
+        job: row(task),
         model: None,
         datasets: vec![(String::new(), recording.expect("a recording").into())],
         checkpoint: None,
@@ -130,14 +129,14 @@ fn work_one(method: &Methods, spec: Value) {
 }
 
 /// A job as the store hands it to a worker.
-fn row(spec: Value) -> JobRow {
+fn row(task: JobTask) -> JobRow {
     JobRow {
         project: Default::default(),
         id: JobId::new(),
         name: None,
         labels: Default::default(),
         model: "positioning_drive".to_owned(),
-        spec,
+        task,
         status: Status::Running,
         stop_request: None,
         progress: None,

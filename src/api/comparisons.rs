@@ -30,8 +30,7 @@ use crate::store::{
 };
 use greybox::identification::spec::MethodName;
 use greybox::identification::{JobId, JobSpec, Outcome};
-use greybox::parsing::Fault;
-use greybox::parsing::reader::{Faults, Field};
+use greybox::parsing::reader::{Field, read_document};
 
 /// The label that the jobs of a comparison carry.
 const LABEL: &str = "comparison";
@@ -99,17 +98,7 @@ struct Asked {
     first_seed: u64,
 }
 
-fn read(document: &Value) -> Result<Asked, Vec<Fault>> {
-    let faults = Faults::default();
-    let asked = read_fields(&Field::root(document, &faults));
-    let found = faults.into_vec();
-    match asked {
-        Some(asked) if found.is_empty() => Ok(asked),
-        _ => Err(found),
-    }
-}
-
-fn read_fields(root: &Field<'_>) -> Option<Asked> {
+fn read(root: &Field<'_>) -> Option<Asked> {
     let mut object = root.object()?;
     let job = object.required("job");
     if let Some(job) = &job {
@@ -206,7 +195,7 @@ pub async fn submit_comparison(
     {
         return accepted(&state, earlier).await;
     }
-    let asked = read(&document.value).map_err(Problem::of_document)?;
+    let asked = read_document(&document.value, read).map_err(Problem::of_document)?;
     let mut new = NewComparison {
         id: ComparisonId::new(),
         project: client.project.clone(),
@@ -377,12 +366,12 @@ async fn shown(results: &Results, row: &ComparisonRow) -> Answer<ComparisonState
 }
 
 fn method_of(row: &JobRow) -> String {
-    let name = row.spec["method"]["name"].as_str();
-    name.unwrap_or_default().to_owned()
+    let spec = row.task.identification();
+    spec.map_or_else(String::new, |spec| name_of(spec.method.name))
 }
 
 fn seed_of(row: &JobRow) -> u64 {
-    row.spec["seed"].as_u64().unwrap_or_default()
+    row.task.identification().map_or(0, |spec| spec.seed)
 }
 
 fn trial(row: &JobRow, outcome: Value) -> Option<Trial> {

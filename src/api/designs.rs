@@ -17,10 +17,10 @@ use super::jobs::Job;
 use super::query::{NoQuery, Params};
 use super::work::stopped;
 use super::{ApiState, submit};
-use crate::job::DesignTask;
+use crate::job::{DesignTask, JobTask};
 use crate::store::{Idempotency, NewJob, NewModel};
 use greybox::identification::design::Design;
-use greybox::identification::spec::design::{DesignSpec, PastJob};
+use greybox::identification::spec::design::{DesignRequest, DesignSpec, PastJob};
 use greybox::identification::spec::{InitialStateSpec, LimitsSpec, ModelOfJob, ParameterSpec};
 use greybox::identification::{JobId, assemble};
 use greybox::model::Model;
@@ -195,19 +195,20 @@ struct Ready {
     /// The model of the design, where the request brings a new model.
     new: Option<NewModel>,
     /// The document, with the model's name in the place of the model.
-    document: Value,
+    request: DesignRequest,
 }
 
 /// Reads a design, or says everything that is wrong with it.
 async fn ready(state: &ApiState, client: &Client, document: &Value) -> Answer<Ready> {
     let past = past(state, client, document).await?;
-    let asked = state.library.asked(document, client).await?;
+    let mut asked = state.library.asked(document, client).await?;
+    let request = DesignRequest::new(std::mem::take(&mut asked.document));
     let mut models = state.library.descriptions(&asked);
     if let Some(past) = &past {
         models.push(past.model().description());
     }
     let before = past.as_ref().map(before);
-    let spec = DesignSpec::read(&asked.document, &models, before.as_ref());
+    let spec = request.read(&models, before.as_ref());
     let spec = spec.map_err(Problem::of_document)?;
     let model = match (&past, asked.model) {
         (Some(past), _) => past.shared_model(),
@@ -223,7 +224,7 @@ async fn ready(state: &ApiState, client: &Client, document: &Value) -> Answer<Re
         spec,
         model,
         new: asked.new,
-        document: asked.document,
+        request,
         past,
     })
 }
@@ -254,14 +255,15 @@ async fn submit(
     let before = ready.past.as_ref().map(before);
     let longest = LimitsSpec::default().max_duration_s;
     let longest = longest.min(state.limits.max_duration_s);
-    let task = DesignTask::new(ready.document, before.as_ref(), longest);
+    let task = DesignTask::new(ready.request, before.as_ref(), longest);
+    let task = JobTask::Design(task);
     let job = NewJob {
         project: client.project,
         name: Some(format!("design for {}", ready.spec.wanted.join(", "))),
         labels: BTreeMap::new(),
         model: ready.spec.job.model.clone(),
-        datasets: task.datasets(),
-        spec: serde_json::to_value(task).expect("a task has only text keys"),
+        datasets: task.recordings(),
+        task,
         idempotency,
     };
     let (past, spec, model) = (ready.past, ready.spec, ready.model);
@@ -290,7 +292,7 @@ fn before(past: &FinishedJob) -> PastJob<'_> {
 
 /// The finished job that a document names, if it is there for this client.
 async fn past(state: &ApiState, client: &Client, document: &Value) -> Answer<Option<FinishedJob>> {
-    let Some(id) = DesignSpec::past_job(document) else {
+    let Some(id) = DesignRequest::past_job(document) else {
         return Ok(None);
     };
     let row = state.store.jobs().find(id).await?;

@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use axum::http::{StatusCode, header};
-use serde::Deserialize;
 use serde_json::Value;
 
 use super::ApiState;
@@ -12,7 +11,7 @@ use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::jobs::{no_job, retry_after};
 use super::work::stopped;
 use crate::admission::Permit;
-use crate::job::{JobKind, Status};
+use crate::job::Status;
 use crate::store::{JobRow, Results};
 use greybox::identification::assemble::{self, ExperimentTrajectory, PastResult};
 use greybox::identification::{JobId, JobSpec, Outcome};
@@ -48,13 +47,12 @@ impl FinishedJob {
             .find(id)
             .await?
             .ok_or_else(|| no_job(id))?;
-        if JobKind::of(&row.spec) == JobKind::Design {
+        let Some(spec) = row.task.identification().cloned() else {
             let detail = "the job designs an experiment: it estimates nothing";
             return Err(Problem::new(Kind::WrongState, detail));
-        }
+        };
         let outcome = result_of(state.store.results(), &row).await?;
         let permit = state.work.recording_permit().await?;
-        let spec = JobSpec::deserialize(&row.spec).map_err(unreadable)?;
         let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
         let recordings = state.recordings(&spec).await?.map_err(removed)?;
         let model = state.library.model(&row.project, &spec.model).await?;

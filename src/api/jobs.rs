@@ -9,7 +9,6 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
 use serde::Serialize;
-use serde_json::Value;
 use tokio::time::Instant;
 use utoipa::{IntoParams, ToSchema};
 
@@ -18,10 +17,10 @@ use super::extract::Named;
 use super::http_headers::{MAX_WAIT_S, json, tagged};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::event::EventHub;
-use crate::job::{DesignTask, Failure, IllegalTransition, JobKind, Status};
+use crate::job::{Failure, IllegalTransition, JobKind, JobTask, Status};
 use crate::store::{Control, JobRemoval, JobRow, Jobs, StoreError};
 use greybox::estimation::{Phase, Progress};
-use greybox::identification::{JobId, JobSpec};
+use greybox::identification::JobId;
 
 /// When a client may ask again if nothing better is known `[s]`.
 const RETRY_S: f64 = 2.0;
@@ -48,15 +47,13 @@ pub struct Job {
     #[schema(example = "single_rod_servo")]
     model: String,
     /// The specification of the job; of an identification, with every default completed.
-    #[schema(value_type = SpecOfJob)]
-    spec: Value,
+    spec: JobTask,
     /// How far the job came.
     progress: Progress,
     /// Slices begun since the last checkpoint: 1 in a life without crashes, 0 before the first.
     attempt: u32,
     /// Why the job failed; `null` unless the job failed.
-    #[schema(value_type = Option<Failure>)]
-    error: Option<Value>,
+    error: Option<Failure>,
     /// When the job was accepted.
     #[schema(value_type = String, format = DateTime)]
     created_at: Timestamp,
@@ -68,17 +65,6 @@ pub struct Job {
     finished_at: Option<Timestamp>,
     /// Where the other resources of the job are.
     links: Links,
-}
-
-/// What a job was asked to do.
-#[derive(Serialize, ToSchema)]
-#[serde(untagged)]
-#[expect(dead_code, reason = "a shape for the description of the API alone")]
-enum SpecOfJob {
-    /// Of an identification.
-    Identification(Box<JobSpec>),
-    /// Of a design.
-    Design(DesignTask),
 }
 
 /// Where the resources of a job are.
@@ -117,15 +103,15 @@ impl From<&JobRow> for Job {
             id: row.id,
             name: row.name.clone(),
             labels: row.labels.clone(),
-            kind: JobKind::of(&row.spec),
+            kind: row.task.kind(),
             status: row.status,
             actions: row.status.actions().collect(),
             model: row.model.clone(),
             progress: row
                 .progress
                 .clone()
-                .unwrap_or_else(|| no_progress(&row.spec)),
-            spec: row.spec.clone(),
+                .unwrap_or_else(|| no_progress(&row.task)),
+            spec: row.task.clone(),
             attempt: row.attempt,
             error: row.error.clone(),
             created_at: row.created_at,
@@ -137,12 +123,12 @@ impl From<&JobRow> for Job {
 }
 
 /// The progress of a job before its first slice.
-fn no_progress(spec: &Value) -> Progress {
-    let generations = spec.pointer("/method/generations").and_then(Value::as_u64);
+fn no_progress(task: &JobTask) -> Progress {
+    let generations = task.identification().map(|spec| spec.method.generations);
     Progress {
         phase: Phase::Search,
         generation: 0,
-        generations: generations.and_then(|n| n.try_into().ok()).unwrap_or(0),
+        generations: generations.unwrap_or(0),
         evaluations: 0,
         best_cost: None,
         best_credit: None,

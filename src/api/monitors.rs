@@ -26,12 +26,14 @@ use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use super::submit;
 use crate::job::MonitorId;
 use crate::monitor::state::instant;
-use crate::monitor::{Alarm, MonitorSpec, MonitorWindow, ShownWindow, State as MonitorState, warm};
+use crate::monitor::{
+    Alarm, JobTemplate, MonitorSpec, MonitorWindow, ShownWindow, State as MonitorState, warm,
+};
 use crate::store::{
     Idempotency, MonitorRow, Monitors, NewMonitor, StoredWindow, StreamRow, Streams,
 };
+use greybox::identification::DatasetId;
 use greybox::identification::spec::Context;
-use greybox::identification::{DatasetId, JobSpec};
 use greybox::parsing::Fault;
 use greybox::recording::{RecordingSource, Summary};
 use stored::{clock_ns, monitor, no_monitor, understood};
@@ -213,10 +215,10 @@ async fn check(
     let below = |problem: Problem| problem.below("/job");
     let asked = state
         .library
-        .asked(&spec.job, client)
+        .asked(spec.job.document(), client)
         .await
         .map_err(below)?;
-    spec.job = asked.document.clone();
+    spec.job = JobTemplate::new(asked.document.clone());
     let dataset = DatasetId::new();
     let summary = newest(state, stream, spec.window.length_s).await?;
     let datasets = HashMap::from([(dataset, summary)]);
@@ -225,7 +227,7 @@ async fn check(
         datasets: &datasets,
         max_duration_s: state.limits.max_duration_s,
     };
-    let job = JobSpec::read(&spec.job_for(dataset), &context);
+    let job = spec.job.job(dataset, &context);
     let job = job.map_err(Problem::of_document).map_err(below)?;
     let searched = warm::searched(&job);
     let mut faults = Vec::new();

@@ -121,7 +121,7 @@ pub async fn result(
     let row = jobs.find(id).await?.ok_or_else(|| no_job(id))?;
     let outcome = result_of(&results, &row).await?;
     if prefers(&headers, "text/csv") {
-        if JobKind::of(&row.spec) == JobKind::Design {
+        if row.task.kind() == JobKind::Design {
             let design = Design::deserialize(outcome).map_err(unreadable)?;
             return Ok(csv(design.csv()));
         }

@@ -23,7 +23,7 @@ use super::http_headers::json;
 use super::query::{NoQuery, Params};
 use super::session_cookie::{cookie, set_cookie};
 use crate::access::Secret;
-use greybox::parsing::reader::{Faults, Field};
+use greybox::parsing::reader::{Field, read_document};
 
 /// How long a session lasts.
 const LIFE: SignedDuration = SignedDuration::from_hours(12);
@@ -94,11 +94,7 @@ pub async fn sign_in(
     let _counted = callers.sign_ins.count(&attempts)?;
     let headers = request.headers().clone();
     let document = JsonDocument::from_request(request, &bodies).await?;
-    let faults = Faults::default();
-    let token = read(&Field::root(&document.value, &faults));
-    let faults = faults.into_vec();
-    let token = token.filter(|_| faults.is_empty());
-    let token = token.ok_or_else(|| Problem::of_document(faults))?;
+    let token = read_document(&document.value, read).map_err(Problem::of_document)?;
     let token = token.trim().parse::<Secret>();
     let token = token.map_err(|()| refused(NO_TOKEN))?;
     let row = callers.token(&token).await?;

@@ -21,7 +21,7 @@ use super::model_library::Asked;
 use super::query::{FromQuery, Params, QueryReader};
 use super::spec_cache::SpecKey;
 use crate::access::Project;
-use crate::job::Status;
+use crate::job::{JobTask, Status};
 use crate::store::{Idempotency, JobRow, NewJob, NewModel, Submitted};
 use greybox::identification::JobSpec;
 use greybox::identification::assemble::{self, Assembly, Finding, Identifiability, Preflight};
@@ -236,16 +236,14 @@ impl Ready {
     /// The job as it is stored.
     pub(super) fn new_job(&self, idempotency: Option<Idempotency>) -> NewJob {
         let spec = &self.spec;
-        let mut datasets: Vec<_> = spec.experiments.iter().map(|e| e.dataset).collect();
-        datasets.sort();
-        datasets.dedup();
+        let task = JobTask::Identification(Box::new(spec.clone()));
         NewJob {
             project: self.project.clone(),
             name: spec.name.clone(),
             labels: spec.labels.clone(),
             model: spec.model.clone(),
-            spec: serde_json::to_value(spec).expect("a specification has only text keys"),
-            datasets,
+            datasets: task.recordings(),
+            task,
             idempotency,
         }
     }

@@ -21,7 +21,7 @@ use crate::delivery::{Destinations, RefusedDestination, SigningSecret};
 use crate::job::{DeliveryId, WebhookId};
 use crate::store::{Deliveries, DeliveryRow, WebhookRow, Webhooks};
 use greybox::parsing::Fault;
-use greybox::parsing::reader::{Faults, Field};
+use greybox::parsing::reader::{Field, read_document};
 
 /// The types of events that are delivered.
 pub const EVENTS: [&str; 2] = ["job.ended", "monitor.alarm"];
@@ -153,13 +153,7 @@ pub async fn create(
     _query: Params<NoQuery>,
     document: JsonDocument,
 ) -> Answer {
-    let faults = Faults::default();
-    let asked = read(&Field::root(&document.value, &faults));
-    let faults = faults.into_vec();
-    let (url, events) = match asked {
-        Some(asked) if faults.is_empty() => asked,
-        _ => return Err(Problem::of_document(faults)),
-    };
+    let (url, events) = read_document(&document.value, read).map_err(Problem::of_document)?;
     destinations.check(&url).map_err(refused)?;
     if webhooks.list(&client.project).await?.len() >= MOST {
         let detail = format!("a project has {MOST} webhooks at the most");

@@ -280,7 +280,7 @@ mod tests {
             name: None,
             labels: Default::default(),
             model: "positioning_drive".to_owned(),
-            spec: serde_json::json!({}),
+            task: crate::job::JobTask::nominal(),
             datasets: Vec::new(),
             idempotency: None,
         };

@@ -1,13 +1,12 @@
 //! A design as a job: what is stored as its specification.
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::JobKind;
+use greybox::identification::DatasetId;
 use greybox::identification::spec::LimitsSpec;
-use greybox::identification::spec::design::{DesignSpec, PastJob};
-use greybox::identification::{DatasetId, JobId};
+use greybox::identification::spec::design::{DesignRequest, PastJob};
 
 /// The specification of a job that designs an experiment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -16,11 +15,11 @@ pub struct DesignTask {
     kind: JobKind,
     /// What was asked for, as it came; a model that it brought along stands by its reference.
     #[schema(value_type = Object)]
-    pub design: Value,
+    pub design: DesignRequest,
     /// The recordings of the job that the design goes on from.
     experiments: Vec<RecordingOfDesign>,
     /// When the design stops at the latest.
-    limits: LimitsSpec,
+    pub limits: LimitsSpec,
 }
 
 /// A recording that a design reads.
@@ -33,7 +32,11 @@ pub struct RecordingOfDesign {
 impl DesignTask {
     /// The task of a document that goes on from a finished job, or from none.
     #[must_use]
-    pub fn new(design: Value, past: Option<&PastJob<'_>>, max_duration_s: f64) -> DesignTask {
+    pub fn new(
+        design: DesignRequest,
+        past: Option<&PastJob<'_>>,
+        max_duration_s: f64,
+    ) -> DesignTask {
         let experiments = past.map_or(&[][..], |past| &past.spec.experiments);
         let experiments = experiments.iter().map(|experiment| RecordingOfDesign {
             dataset: experiment.dataset,
@@ -46,18 +49,11 @@ impl DesignTask {
         }
     }
 
-    /// The recordings that it reads, each once.
+    /// The recordings that the design reads, one for each experiment of the job that the design goes
+    /// on from.
     #[must_use]
     pub fn datasets(&self) -> Vec<DatasetId> {
-        let mut datasets: Vec<_> = self.experiments.iter().map(|own| own.dataset).collect();
-        datasets.sort();
-        datasets.dedup();
-        datasets
-    }
-
-    /// The job that a stored specification goes on from, where it is one of a design that does.
-    #[must_use]
-    pub fn past_job(spec: &Value) -> Option<JobId> {
-        DesignSpec::past_job(spec.get("design")?)
+        let experiments = self.experiments.iter();
+        experiments.map(|recording| recording.dataset).collect()
     }
 }

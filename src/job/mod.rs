@@ -9,6 +9,7 @@ pub mod failure;
 pub mod id;
 pub mod kind;
 pub mod state;
+pub mod task;
 
 pub use candidate::{Candidate, CandidateColumn};
 pub use design_task::DesignTask;
@@ -17,3 +18,4 @@ pub use failure::Failure;
 pub use id::{ComparisonId, DeliveryId, MonitorId, WebhookId};
 pub use kind::JobKind;
 pub use state::{IllegalTransition, Status};
+pub use task::JobTask;

@@ -47,7 +47,7 @@ pub enum DetectorName {
 
 /// An estimate of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Point {
+pub struct DetectorPoint {
     /// The window's number.
     pub window: i64,
     /// The estimate.
@@ -116,7 +116,7 @@ pub struct Mean {
 }
 
 impl Mean {
-    fn with(self, point: &Point) -> Self {
+    fn with(self, point: &DetectorPoint) -> Self {
         let weight = self.weight + 1.0 / point.variance;
         Self {
             value: self.value + (point.value - self.value) / (weight * point.variance),
@@ -124,7 +124,7 @@ impl Mean {
         }
     }
 
-    fn of(points: &[Point]) -> Self {
+    fn of(points: &[DetectorPoint]) -> Self {
         points.iter().fold(Self::default(), Self::with)
     }
 
@@ -160,7 +160,7 @@ pub struct Detector {
     /// All estimates since the last change.
     mean: Mean,
     /// The last estimates, the oldest first.
-    points: Vec<Point>,
+    points: Vec<DetectorPoint>,
     /// The scores of the `points`.
     scores: Vec<f64>,
     /// The mean square of the scores, and of how many.
@@ -173,7 +173,7 @@ pub struct Detector {
 
 impl Detector {
     /// Takes the estimate of the next window; says what has changed.
-    pub fn take(&mut self, point: Point, thresholds: &Thresholds) -> Option<Change> {
+    pub fn take(&mut self, point: DetectorPoint, thresholds: &Thresholds) -> Option<Change> {
         if self.mean.weight == 0.0 {
             self.mean = self.mean.with(&point);
             self.base = self.mean;
@@ -186,7 +186,7 @@ impl Detector {
             self.base = self.base.with(&self.points.remove(0));
             self.scores.remove(0);
         }
-        let change = self.found(thresholds);
+        let change = self.change(thresholds);
         match &change {
             Some(change) => self.begin_at(change.since),
             None => self.mean = self.mean.with(&point),
@@ -209,7 +209,7 @@ impl Detector {
         self.scores.push(score);
     }
 
-    fn found(&self, thresholds: &Thresholds) -> Option<Change> {
+    fn change(&self, thresholds: &Thresholds) -> Option<Change> {
         let (glr, length) = self.likeliest()?;
         let cusum = self.rise.max(self.fall);
         let (detector, statistic, threshold) = if glr > thresholds.glr {
@@ -238,7 +238,7 @@ impl Detector {
             let length = k + 1;
             (f64::abs(sum) / (length as f64).sqrt(), length)
         });
-        statistics.max_by(|one, other| one.0.total_cmp(&other.0))
+        statistics.max_by(|a, b| a.0.total_cmp(&b.0))
     }
 
     /// Begins again with the estimates since a change.
@@ -258,16 +258,16 @@ mod tests {
     use greybox::numerics::rng;
 
     /// Estimates with these true values and standard errors of one.
-    fn estimates(seed: u64, truth: impl Fn(i64) -> f64) -> impl Iterator<Item = Point> {
+    fn estimates(seed: u64, truth: impl Fn(i64) -> f64) -> impl Iterator<Item = DetectorPoint> {
         let mut random = rng::stream(seed, 0, rng::Purpose::Noise);
-        (0..).map(move |window| Point {
+        (0..).map(move |window| DetectorPoint {
             window,
             value: truth(window) + rng::normal(&mut random),
             variance: 1.0,
         })
     }
 
-    fn changes(points: impl Iterator<Item = Point>, rate: f64) -> Vec<(i64, Change)> {
+    fn changes(points: impl Iterator<Item = DetectorPoint>, rate: f64) -> Vec<(i64, Change)> {
         let thresholds = Thresholds::of_rate(rate);
         let mut detector = Detector::default();
         let found = points.map(|point| (point.window, detector.take(point, &thresholds)));
@@ -297,7 +297,7 @@ mod tests {
     fn estimates_that_scatter_twice_as_much_as_they_say_raise_few_more_once_that_is_known() {
         const LEARNT: i64 = 50;
         let twice = |seed| {
-            estimates(seed, |_| 0.0).map(|point| Point {
+            estimates(seed, |_| 0.0).map(|point| DetectorPoint {
                 value: 2.0 * point.value,
                 ..point
             })

@@ -16,6 +16,7 @@ pub mod record;
 pub mod spec;
 pub mod state;
 mod step;
+pub mod template;
 pub mod warm;
 
 use std::sync::Arc;
@@ -32,6 +33,7 @@ pub use spec::MonitorSpec;
 pub use state::State;
 pub use step::MAX_WINDOW_SAMPLES;
 use step::Steps;
+pub use template::JobTemplate;
 
 /// How often it is looked whether data have stopped.
 const LOOK_INTERVAL: Duration = Duration::from_secs(2);

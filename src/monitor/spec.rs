@@ -5,26 +5,26 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::Value;
 use utoipa::ToSchema;
 
-use greybox::identification::DatasetId;
+use super::template::JobTemplate;
 use greybox::identification::spec::MAX_NAME_CHARS;
 use greybox::parsing::Fault;
-use greybox::parsing::reader::{Faults, Field};
+use greybox::parsing::reader::{Field, read_document};
+use greybox::parsing::settings::Section as _;
+use greybox::settings;
 
 /// A window is so long at the least `[s]`.
 const LEAST_LENGTH_S: f64 = 1e-3;
 /// A time is so long at the most `[s]`: a century.
 const LONGEST_S: f64 = 3.2e9;
-/// Data have stopped after so many periods, when nobody says …
+/// Data have stopped after so many periods, where the monitor does not say when.
 const PATIENCE_PERIODS: f64 = 3.0;
-/// … and after no less than this `[s]`.
+/// Data have not stopped before so long without data, where the monitor does not say when `[s]`.
 const LEAST_PATIENCE_S: f64 = 60.0;
 /// An input moves when it moves by this share of what it ever moved.
 const USUAL_MOVEMENT: f64 = 0.05;
-/// One false alarm in a thousand windows.
-const USUAL_RATE: f64 = 1e-3;
 /// Windows whose job and recording are kept.
 const USUAL_KEPT: u32 = 100;
 
@@ -73,7 +73,7 @@ pub struct MonitorSpec {
     /// The job, as `POST /v1/jobs` takes it. Its one experiment names neither `dataset` nor
     /// `window`: those are the windows of the stream.
     #[schema(value_type = Object)]
-    pub job: Value,
+    pub job: JobTemplate,
 }
 
 /// Which windows of a stream.
@@ -81,13 +81,13 @@ pub struct MonitorSpec {
 #[serde(deny_unknown_fields)]
 pub struct WindowPlan {
     /// How long a window is `[s]`.
-    #[schema(exclusive_minimum = 0, example = 60.0)]
+    #[schema(minimum = 0.001, maximum = 3.2e9, example = 60.0)]
     pub length_s: f64,
     /// The time from the beginning of one to that of the next `[s]`; left out, its length.
-    #[schema(required = false, exclusive_minimum = 0)]
+    #[schema(required = false, minimum = 0.001, maximum = 3.2e9)]
     pub every_s: f64,
     /// How long after its end a window waits for late samples, in the time of the stream `[s]`.
-    #[schema(required = false, minimum = 0)]
+    #[schema(required = false, minimum = 0, maximum = 3.2e9)]
     pub delay_s: f64,
     /// When the first begins; left out, with the oldest sample of the stream.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -118,26 +118,17 @@ pub struct Drift {
     pub per_s: f64,
 }
 
-/// When to raise an alarm.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct AlarmSpec {
-    /// How many windows in which nothing changes may raise an alarm that something has: one in a
-    /// thousand when left out. It is that of the whole monitor, however many parameters it has.
-    #[schema(required = false, minimum = 1e-6, maximum = 0.1, example = 0.001)]
-    pub false_alarm_rate: f64,
-    /// Data have stopped when none came for so long, by the clock of the server `[s]`; left out,
-    /// three periods, and a minute at the least.
-    #[schema(required = false, exclusive_minimum = 0)]
-    pub data_stopped_after_s: Option<f64>,
-}
-
-impl Default for AlarmSpec {
-    fn default() -> Self {
-        Self {
-            false_alarm_rate: USUAL_RATE,
-            data_stopped_after_s: None,
-        }
+settings! {
+    /// When to raise an alarm.
+    #[derive(Copy)]
+    pub struct AlarmSpec {
+        /// How many windows in which nothing changes may raise an alarm that something has: one in a
+        /// thousand when left out. It is that of the whole monitor, however many parameters it has.
+        #[schema(example = 0.001)]
+        false_alarm_rate: f64 = 1e-3, from 1e-6, to 0.1;
+        /// Data have stopped when none came for so long, by the clock of the server `[s]`; left out,
+        /// three periods, and a minute at the least.
+        data_stopped_after_s: Option<f64> = None, from 0.001, to 3.2e9;
     }
 }
 
@@ -148,13 +139,7 @@ impl MonitorSpec {
     /// # Errors
     /// The faults.
     pub fn read(document: &Value) -> Result<Self, Vec<Fault>> {
-        let faults = Faults::default();
-        let spec = read(&Field::root(document, &faults));
-        let found = faults.into_vec();
-        match spec {
-            Some(spec) if found.is_empty() => Ok(spec),
-            _ => Err(found),
-        }
+        read_document(document, read)
     }
 
     /// The specification as it was stored.
@@ -168,8 +153,8 @@ impl MonitorSpec {
     /// The share of its range that a signal must move by.
     #[must_use]
     pub fn movement(&self) -> f64 {
-        let said = self.only_when.as_ref().map(|only| only.moves_more_than);
-        said.unwrap_or(USUAL_MOVEMENT)
+        let movement = self.only_when.as_ref();
+        movement.map_or(USUAL_MOVEMENT, |movement| movement.moves_more_than)
     }
 
     /// How long it waits for data before it says that they stopped.
@@ -177,17 +162,6 @@ impl MonitorSpec {
     pub fn patience(&self) -> Duration {
         let usual = (PATIENCE_PERIODS * self.window.every_s).max(LEAST_PATIENCE_S);
         Duration::from_secs_f64(self.alarms.data_stopped_after_s.unwrap_or(usual))
-    }
-
-    /// The job's document for a recording.
-    #[must_use]
-    pub fn job_for(&self, dataset: DatasetId) -> Value {
-        let mut document = self.job.clone();
-        let experiment = document.pointer("/experiments/0").cloned();
-        let mut experiment = experiment.unwrap_or_else(|| json!({}));
-        experiment["dataset"] = json!(dataset);
-        document["experiments"] = json!([experiment]);
-        document
     }
 }
 
@@ -214,10 +188,13 @@ fn read(document: &Field<'_>) -> Option<MonitorSpec> {
         })
     });
     let drift = root.optional("drift").and_then(|field| drifts(&field));
-    let alarms = root.optional("alarms").and_then(|field| alarms(&field));
+    let alarms = root.optional("alarms");
+    let alarms = alarms.map(|field| AlarmSpec::read(&field));
     let keep_jobs = root.optional("keep_jobs");
     let keep_jobs = keep_jobs.and_then(|field| field.integer(1, 10_000));
-    let job = root.required("job").and_then(|field| template(&field));
+    let job = root
+        .required("job")
+        .and_then(|field| JobTemplate::read(&field));
     root.finish();
     Some(MonitorSpec {
         name,
@@ -265,46 +242,10 @@ fn drifts(field: &Field<'_>) -> Option<BTreeMap<String, Drift>> {
     Some(drifts)
 }
 
-fn alarms(field: &Field<'_>) -> Option<AlarmSpec> {
-    let mut object = field.object()?;
-    let rate = object.optional("false_alarm_rate");
-    let rate = rate.map(|field| field.number_within(1e-6, 0.1));
-    let stopped = object.optional("data_stopped_after_s");
-    let stopped = stopped.map(|field| field.number_within(LEAST_LENGTH_S, LONGEST_S));
-    object.finish();
-    Some(AlarmSpec {
-        false_alarm_rate: rate.unwrap_or(Some(USUAL_RATE))?,
-        data_stopped_after_s: match stopped {
-            None => None,
-            Some(stopped) => Some(stopped?),
-        },
-    })
-}
-
-/// The job's document, as far as it is not that of any job: one experiment, whose recordings are
-/// the windows.
-fn template(field: &Field<'_>) -> Option<Value> {
-    let mut object = field.object()?;
-    if let Some(experiments) = object.optional("experiments") {
-        for (place, experiment) in experiments.array()?.enumerate() {
-            if place > 0 {
-                let detail = "a monitor has one experiment: the windows of its stream";
-                experiment.fault("too_many_experiments", detail);
-            }
-            let mut experiment = experiment.object()?;
-            let given = ["dataset", "window"].map(|name| experiment.optional(name));
-            for given in given.into_iter().flatten() {
-                let detail = "the windows of the stream are the recordings; leave it out";
-                given.fault("unknown_field", detail);
-            }
-        }
-    }
-    Some(field.value.clone())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     #[test]
     fn what_is_left_out_is_completed_and_reads_back() {
@@ -319,11 +260,6 @@ mod tests {
         assert_eq!(
             serde_json::from_value::<MonitorSpec>(stored).ok(),
             Some(spec.clone())
-        );
-        let dataset = DatasetId::new();
-        assert_eq!(
-            spec.job_for(dataset),
-            json!({"model": "lag", "seed": 1, "experiments": [{"dataset": dataset}]})
         );
     }
 

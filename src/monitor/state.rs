@@ -5,14 +5,15 @@ use std::collections::BTreeMap;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
-use super::detector::{Change, Detector, Point, Thresholds};
+use super::detector::{Change, Detector, DetectorPoint, Thresholds};
 use super::record::{
     Alarm, AlarmKind, MonitorWindow, ParameterChange, Start, WatchedEstimate, WindowStatus,
 };
 use super::spec::{MonitorSpec, WindowPlan};
-use super::warm::{self, Alone, Errors, Known};
+use super::warm::{self, ErrorScope, JointEstimate, WindowEstimate};
 use greybox::identification::outcome::{Outcome, Trust};
 use greybox::identification::spec::SearchRange;
+use greybox::model::Scale;
 use greybox::recording::{RowSignal, Rows, shown};
 
 /// Nanoseconds in a second.
@@ -21,7 +22,7 @@ const NS: f64 = 1e9;
 /// What a monitor knows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
-    /// When its first window begins, nanoseconds since 1970.
+    /// When the first window begins, nanoseconds since 1970.
     pub origin_ns: i64,
     /// The number of the next window, or of the one that is worked.
     pub next: i64,
@@ -29,7 +30,7 @@ pub struct State {
     pub ranges: BTreeMap<String, [f64; 2]>,
     /// When the last window that was estimated began, and what is known since.
     #[serde(default)]
-    pub known: Option<(i64, Known)>,
+    pub known: Option<(i64, JointEstimate)>,
     /// How far estimates can be trusted.
     pub trust: Option<Trust>,
     /// Whether the last estimate could be trusted less than that.
@@ -45,13 +46,23 @@ pub struct State {
 /// A window that a job works.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Worked {
-    /// Where its search began.
+    /// Where the search of the window began.
     pub start: Start,
     /// With which prior.
     #[serde(default)]
-    pub prior: Option<Known>,
+    pub prior: Option<JointEstimate>,
     /// The ranges of the parameters, as the monitor's job has them.
     pub ranges: BTreeMap<String, SearchRange>,
+}
+
+/// A parameter whose value a detector saw change.
+struct ChangedParameter<'w> {
+    /// The estimate of the parameter in the window.
+    parameter: &'w WatchedEstimate,
+    /// The scale along which the parameter is looked for.
+    scale: Scale,
+    /// The change that the detector saw.
+    change: Change,
 }
 
 impl State {
@@ -132,16 +143,17 @@ impl State {
     /// range over all windows.
     pub fn moves(
         &mut self,
-        (signals, rows): (&[RowSignal], &Rows),
+        signals: &[RowSignal],
+        rows: &Rows,
         names: &[String],
         share: f64,
     ) -> bool {
         let mut moves = false;
         for name in names {
-            let Some(place) = signals.iter().position(|signal| signal.name == *name) else {
+            let Some(column) = signals.iter().position(|signal| signal.name == *name) else {
                 continue;
             };
-            let values = rows.columns[place].values.iter();
+            let values = rows.columns[column].values.iter();
             let values = values.copied().filter(|value| !value.is_nan());
             let [low, high] = values
                 .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
@@ -174,13 +186,14 @@ impl State {
         if let Some(worked) = self.worked.take() {
             window.start = Some(worked.start);
             let correlation = outcome.correlation.as_ref();
-            let known =
-                |errors| warm::known(&window.parameters, correlation, &worked.ranges, errors);
-            let alone = Alone::new(known(Errors::Statistical), worked.prior.as_ref());
-            for (own, change) in self.changes(spec, &window, (&worked, &alone)) {
-                alarms.push(self.changed(spec, (own, &worked), &change, now));
+            let estimated =
+                |errors| warm::estimated(&window.parameters, correlation, &worked.ranges, errors);
+            let alone =
+                WindowEstimate::new(estimated(ErrorScope::Statistical), worked.prior.as_ref());
+            for changed in self.changes(spec, &window, &worked, &alone) {
+                alarms.push(self.alarm_of_change(spec, &changed, now));
             }
-            self.known = Some((self.span(&spec.window).0, known(Errors::Total)));
+            self.known = Some((self.span(&spec.window).0, estimated(ErrorScope::Total)));
         }
         alarms.extend(self.trusted(&window, outcome.verdict.trust, now));
         self.failing = false;
@@ -217,39 +230,40 @@ impl State {
         &mut self,
         spec: &MonitorSpec,
         window: &'w MonitorWindow,
-        (worked, alone): (&Worked, &Alone<'_>),
-    ) -> Vec<(&'w WatchedEstimate, Change)> {
+        worked: &Worked,
+        alone: &WindowEstimate<'_>,
+    ) -> Vec<ChangedParameter<'w>> {
         let watched = worked.ranges.len().max(1);
         let rate = spec.alarms.false_alarm_rate / watched as f64;
         let thresholds = Thresholds::of_rate(rate);
         let mut changes = Vec::new();
-        for own in &window.parameters {
-            let Some((value, variance)) = alone.of(&own.name) else {
+        for parameter in &window.parameters {
+            let Some((value, variance)) = alone.of(&parameter.name) else {
                 continue;
             };
-            let point = Point {
+            let point = DetectorPoint {
                 window: window.number,
                 value,
                 variance,
             };
-            let detector = self.detectors.entry(own.name.clone()).or_default();
-            changes.extend(
-                detector
-                    .take(point, &thresholds)
-                    .map(|change| (own, change)),
-            );
+            let detector = self.detectors.entry(parameter.name.clone()).or_default();
+            let change = detector.take(point, &thresholds);
+            changes.extend(change.map(|change| ChangedParameter {
+                parameter,
+                scale: worked.ranges[&parameter.name].scale,
+                change,
+            }));
         }
         changes
     }
 
-    fn changed(
+    fn alarm_of_change(
         &self,
         spec: &MonitorSpec,
-        (own, worked): (&WatchedEstimate, &Worked),
-        change: &Change,
+        changed: &ChangedParameter<'_>,
         now: Timestamp,
     ) -> Alarm {
-        let scale = worked.ranges[&own.name].scale;
+        let (parameter, scale, change) = (changed.parameter, changed.scale, &changed.change);
         let side = |mean: &super::detector::Mean| {
             let value = warm::value_at(scale, mean.value);
             (
@@ -268,16 +282,16 @@ impl State {
             window: Some(self.next),
             detail: format!(
                 "{} has changed since {since}: {} ± {} {unit} after {} ± {} {unit} ({percent:+.1} %)",
-                own.name,
+                parameter.name,
                 shown(after),
                 shown(after_standard_error),
                 shown(before),
                 shown(before_standard_error),
-                unit = own.unit
+                unit = parameter.unit
             ),
             change: Some(ParameterChange {
-                parameter: own.name.clone(),
-                unit: own.unit.clone(),
+                parameter: parameter.name.clone(),
+                unit: parameter.unit.clone(),
                 detector: change.detector,
                 statistic: change.statistic,
                 threshold: change.threshold,
@@ -424,7 +438,7 @@ mod tests {
                     classes: vec![Class::Good; values.len()],
                 }],
             };
-            state.moves((&signals, &rows), &names, 0.2)
+            state.moves(&signals, &rows, &names, 0.2)
         };
         assert!(!moves(&[1.0, 1.0, 1.0]), "it never moved");
         assert!(moves(&[0.0, f64::NAN, 10.0]));

@@ -4,13 +4,13 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use jiff::Timestamp;
-use serde_json::{Value, json};
 
 use super::record::{Alarm, MonitorWindow, Start, WindowStatus};
 use super::spec::MonitorSpec;
 use super::state::{State, Worked, instant, silence};
-use super::warm::{self, Known};
-use crate::job::Status;
+use super::template::WindowLabel;
+use super::warm::{self, JointEstimate};
+use crate::job::{JobTask, Status};
 use crate::store::{
     Advance, AdvanceWindow, JobRow, MonitorRow, NewDataset, NewJob, NewWindowJob, Store,
     StoreError, StreamRow,
@@ -66,7 +66,7 @@ impl Steps {
                 why: "what it knows does not read back".to_owned(),
             });
         };
-        let step = Step {
+        let step = MonitorStep {
             now: Timestamp::now(),
             row,
             spec,
@@ -92,7 +92,7 @@ impl Steps {
     }
 
     /// Whether the next window can be worked. Samples ahead of the server's clock do not count.
-    async fn is_due(&self, step: &Step) -> Result<bool, StoreError> {
+    async fn is_due(&self, step: &MonitorStep) -> Result<bool, StoreError> {
         let reached = self
             .store
             .streams()
@@ -101,7 +101,7 @@ impl Steps {
     }
 
     /// Begins the next window.
-    async fn begin(&self, mut step: Step) -> Result<Advance, StoreError> {
+    async fn begin(&self, mut step: MonitorStep) -> Result<Advance, StoreError> {
         let plan = step.spec.window;
         let span = step.state.span(&plan);
         let rows = self
@@ -130,7 +130,7 @@ impl Steps {
     }
 
     /// Takes what the job of a window came to; nothing while it has not ended.
-    async fn conclude(&self, step: Step, id: JobId) -> Result<Option<Advance>, StoreError> {
+    async fn conclude(&self, step: MonitorStep, id: JobId) -> Result<Option<Advance>, StoreError> {
         let job = self.store.jobs().find(id).await?;
         if job.as_ref().is_some_and(|job| !job.status.is_terminal()) {
             return Ok(None);
@@ -154,7 +154,7 @@ impl Steps {
     }
 
     /// Has a window worked again, with nothing of what was known before.
-    async fn begin_again(&self, step: Step) -> Result<Advance, StoreError> {
+    async fn begin_again(&self, step: MonitorStep) -> Result<Advance, StoreError> {
         let number = step.state.next;
         let window = self.store.monitors().window(step.row.id, number).await?;
         let dataset = window.and_then(|window| window.dataset);
@@ -167,16 +167,15 @@ impl Steps {
         };
         let model = self.model(&step.spec).await?;
         let (catalogue, dataset) = (self.catalogue.clone(), stored.id);
-        let window = Window {
+        let window = RecordedWindow {
             dataset,
             summary: &stored.summary,
             models: descriptions(&catalogue, model.as_ref()),
         };
-        let document = step.document(dataset);
-        Ok(match window.read(&document) {
+        Ok(match step.job(&window) {
             Ok(job) => {
                 let ranges = warm::searched(&job);
-                let new = step.new_job(&job, None);
+                let new = step.new_job(job, None);
                 step.works(Start::Cold, ranges, new)
             }
             Err(faults) => step.fails(sentence(&faults)),
@@ -185,7 +184,7 @@ impl Steps {
 
     /// The model of the job, where the catalogue does not have it.
     async fn model(&self, spec: &MonitorSpec) -> Result<Option<Arc<Model>>, StoreError> {
-        let Some(name) = spec.job.get("model").and_then(Value::as_str) else {
+        let Some(name) = spec.job.model() else {
             return Ok(None);
         };
         if self.catalogue.get(name).is_some() {
@@ -205,9 +204,8 @@ fn reason(job: Option<&JobRow>) -> String {
     let Some(job) = job else {
         return "its job was deleted".to_owned();
     };
-    let error = job.error.as_ref().and_then(|error| error.get("detail"));
-    match error.and_then(Value::as_str) {
-        Some(detail) => detail.to_owned(),
+    match &job.error {
+        Some(failure) => failure.detail.clone(),
         None => format!("its job was {}", job.status),
     }
 }
@@ -221,7 +219,7 @@ fn sentence(faults: &[Fault]) -> String {
 }
 
 /// A step that is being taken.
-struct Step {
+struct MonitorStep {
     now: Timestamp,
     row: MonitorRow,
     spec: MonitorSpec,
@@ -230,21 +228,24 @@ struct Step {
 }
 
 /// A window that is there, for a job to be read against.
-struct Window<'a> {
+struct RecordedWindow<'a> {
     dataset: DatasetId,
     summary: &'a greybox::recording::Summary,
     models: Vec<&'a greybox::model::ModelDescription>,
 }
 
-impl Window<'_> {
-    fn read(&self, document: &Value) -> Result<JobSpec, Vec<Fault>> {
+impl RecordedWindow<'_> {
+    /// Reads a job against the window.
+    fn read(
+        &self,
+        read: impl FnOnce(&Context<'_>) -> Result<JobSpec, Vec<Fault>>,
+    ) -> Result<JobSpec, Vec<Fault>> {
         let datasets = HashMap::from([(self.dataset, self.summary.clone())]);
-        let context = Context {
+        read(&Context {
             models: self.models.clone(),
             datasets: &datasets,
             max_duration_s: NO_LIMIT,
-        };
-        JobSpec::read(document, &context)
+        })
     }
 }
 
@@ -256,7 +257,7 @@ fn descriptions<'a>(
     all.map(|model| model.description()).collect()
 }
 
-impl Step {
+impl MonitorStep {
     /// The server's clock, nanoseconds since 1970.
     fn now_ns(&self) -> i64 {
         i64::try_from(self.now.as_nanosecond()).unwrap_or(i64::MAX)
@@ -335,28 +336,30 @@ impl Step {
     }
 
     /// The job of the window, by what the monitor was asked.
-    fn document(&self, dataset: DatasetId) -> Value {
-        let mut document = self.spec.job_for(dataset);
+    fn job(&self, window: &RecordedWindow<'_>) -> Result<JobSpec, Vec<Fault>> {
         let number = self.state.next;
         let name = self.spec.name.as_deref().unwrap_or(&self.spec.stream);
         let name: String = name.chars().take(150).collect();
-        document["name"] = json!(format!("{name}, window {number}"));
-        document["labels"]["monitor"] = json!(self.row.id);
-        if document.get("seed").is_none() {
-            document["seed"] = json!(1);
-        }
-        document
+        let label = WindowLabel {
+            name: format!("{name}, window {number}"),
+            monitor: self.row.id.to_string(),
+        };
+        let template = &self.spec.job;
+        window.read(|context| template.job_of_window(window.dataset, label, context))
     }
 
-    fn new_job(&self, spec: &JobSpec, dataset: Option<(DatasetId, NewDataset)>) -> NewWindowJob {
+    fn new_job(&self, spec: JobSpec, dataset: Option<(DatasetId, NewDataset)>) -> NewWindowJob {
+        let (name, labels) = (spec.name.clone(), spec.labels.clone());
+        let model = spec.model.clone();
+        let task = JobTask::Identification(Box::new(spec));
         NewWindowJob {
             job: NewJob {
                 project: self.row.project.clone(),
-                name: spec.name.clone(),
-                labels: spec.labels.clone(),
-                model: spec.model.clone(),
-                spec: serde_json::to_value(spec).expect("a specification has only text keys"),
-                datasets: spec.experiments.iter().map(|own| own.dataset).collect(),
+                name,
+                labels,
+                model,
+                datasets: task.recordings(),
+                task,
                 idempotency: None,
             },
             dataset,
@@ -370,13 +373,12 @@ impl Step {
         let id = DatasetId::new();
         let (recording, digest) = self.recording(&signals, &rows);
         let summary = recording.summary();
-        let window = Window {
+        let window = RecordedWindow {
             dataset: id,
             summary: &summary,
             models: descriptions(catalogue, model.as_ref()),
         };
-        let document = self.document(id);
-        let job = match window.read(&document) {
+        let job = match self.job(&window) {
             Ok(job) => job,
             Err(faults) => return self.fails(sentence(&faults)),
         };
@@ -385,14 +387,14 @@ impl Step {
             None => inputs(&job, &window.models),
         };
         let movement = self.spec.movement();
-        if !self.state.moves((&signals, &rows), &movers, movement) {
+        if !self.state.moves(&signals, &rows, &movers, movement) {
             let mut shown = self.state.window(&plan, WindowStatus::Quiet);
             shown.reason = Some(format!("{} did not move", movers.join(", ")));
             self.state.go_on(&plan, None);
             return self.advance(Some((shown, None)), Vec::new());
         }
         let ranges = warm::searched(&job);
-        let (start, job) = self.warm(&window, document, job);
+        let (start, job) = self.warm(&window, job);
         let dataset = NewDataset {
             project: self.row.project.clone(),
             name: recording.name.clone(),
@@ -400,7 +402,7 @@ impl Step {
             summary: summary.clone(),
             recording: recording.into(),
         };
-        let new = self.new_job(&job, Some((id, dataset)));
+        let new = self.new_job(job, Some((id, dataset)));
         self.works(start, ranges, new)
     }
 
@@ -430,23 +432,22 @@ impl Step {
 
     /// What is known of the window's parameters before it is looked at; nothing before the first estimate,
     /// or where nothing is looked for.
-    fn prior(&self, ranges: &BTreeMap<String, SearchRange>) -> Option<Known> {
-        let (begun, known) = self.state.known.as_ref()?;
+    fn prior(&self, ranges: &BTreeMap<String, SearchRange>) -> Option<JointEstimate> {
+        let (begun, estimate) = self.state.known.as_ref()?;
         let after = (self.state.span(&self.spec.window).0 - begun) as f64 * 1e-9;
-        (!ranges.is_empty()).then(|| warm::prior(&self.spec, known, ranges, after))
+        (!ranges.is_empty()).then(|| warm::prior(&self.spec, estimate, ranges, after))
     }
 
     /// The job that begins where the one before ended, where there was one and where it can.
-    fn warm(&self, window: &Window<'_>, document: Value, cold: JobSpec) -> (Start, JobSpec) {
+    fn warm(&self, window: &RecordedWindow<'_>, cold: JobSpec) -> (Start, JobSpec) {
         let ranges = warm::searched(&cold);
         let prior = self.prior(&ranges);
         // Every parameter that is looked for must be known; what is not has nowhere to begin.
         let Some(prior) = prior.filter(|prior| ranges.keys().all(|name| prior.holds(name))) else {
             return (Start::Cold, cold);
         };
-        let mut document = document;
-        warm::begin_warm(&mut document, &ranges, &prior);
-        match window.read(&document) {
+        let warm = warm::begin_warm(&cold, &ranges, &prior);
+        match window.read(|context| warm.checked(context)) {
             Ok(job) => (Start::Warm, job),
             Err(_) => (Start::Cold, cold),
         }

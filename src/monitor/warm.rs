@@ -5,13 +5,15 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 
 use super::record::WatchedEstimate;
 use super::spec::MonitorSpec;
+use greybox::estimation::Settings;
 use greybox::identification::JobSpec;
 use greybox::identification::outcome::{Correlation, Outcome, Trust};
-use greybox::identification::spec::{ParameterSpec, SearchRange};
+use greybox::identification::spec::{
+    FreeParameter, JointPriorSpec, ParameterSpec, PriorSpec, SearchRange,
+};
 use greybox::model::Scale;
 use greybox::numerics::normal::Normal;
 use greybox::numerics::symmetric;
@@ -19,9 +21,9 @@ use greybox::numerics::symmetric;
 /// Without a drift, the prior of the next window is so many standard errors wider: the window then
 /// has nine tenths of the weight.
 const OWN_WEIGHT: f64 = 3.0;
-/// A warm search looks so many standard deviations of the prior to both sides …
+/// A warm search reaches so many standard deviations of the prior to both sides.
 const REACH: f64 = 8.0;
-/// … and at this share of the whole range at the least.
+/// A warm search reaches so far to both sides at the least, as a share of the whole range.
 const LEAST_REACH: f64 = 0.01;
 /// A prior that the data contradict by so many standard deviations is not used.
 const CONTRADICTED: f64 = 3.0;
@@ -32,7 +34,7 @@ const LEAST_NEWS: f64 = 1e-3;
 
 /// What is known of parameters together: a normal distribution of their coordinates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Known {
+pub struct JointEstimate {
     /// The parameters.
     names: Vec<String>,
     /// The distribution of the coordinates of the parameters.
@@ -40,31 +42,31 @@ pub struct Known {
     normal: Normal,
 }
 
-impl Known {
-    /// Whether it says something of this parameter.
+impl JointEstimate {
+    /// Whether the estimate covers a parameter.
     #[must_use]
     pub fn holds(&self, name: &str) -> bool {
-        self.place(name).is_some()
+        self.index_of(name).is_some()
     }
 
-    fn place(&self, name: &str) -> Option<usize> {
-        self.names.iter().position(|own| own == name)
+    fn index_of(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|other| other == name)
     }
 
     /// The mean of a parameter's coordinate and its variance.
     #[must_use]
     pub fn of(&self, name: &str) -> Option<(f64, f64)> {
-        let place = self.place(name)?;
+        let index = self.index_of(name)?;
         Some((
-            self.normal.mean[place],
-            self.normal.covariance[place][place],
+            self.normal.mean[index],
+            self.normal.covariance[index][index],
         ))
     }
 }
 
 /// The errors of which a distribution is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Errors {
+pub enum ErrorScope {
     /// The errors of the data, and of what was known before.
     Statistical,
     /// The errors of the data, of what was known before, and of all that was taken as known.
@@ -120,24 +122,26 @@ pub fn searched(spec: &JobSpec) -> BTreeMap<String, SearchRange> {
 /// What an estimate says of the parameters that were looked for, with the correlations of their errors;
 /// without them where these are not known.
 #[must_use]
-pub fn known(
+pub fn estimated(
     estimates: &[WatchedEstimate],
     correlation: Option<&Correlation>,
     ranges: &BTreeMap<String, SearchRange>,
-    errors: Errors,
-) -> Known {
-    let each = estimates.iter().filter_map(|own| {
-        let range = ranges.get(&own.name)?;
-        let total = own.total_standard_error.filter(|_| errors == Errors::Total);
-        let deviation = total.or(own.standard_error)?;
-        let deviation = deviation_at(range.scale, own.estimate, deviation);
-        let mean = coordinate(range.scale, own.estimate);
-        (mean.is_finite() && deviation > 0.0).then(|| (own.name.clone(), mean, deviation))
+    errors: ErrorScope,
+) -> JointEstimate {
+    let each = estimates.iter().filter_map(|parameter| {
+        let range = ranges.get(&parameter.name)?;
+        let total = parameter
+            .total_standard_error
+            .filter(|_| errors == ErrorScope::Total);
+        let deviation = total.or(parameter.standard_error)?;
+        let deviation = deviation_at(range.scale, parameter.estimate, deviation);
+        let mean = coordinate(range.scale, parameter.estimate);
+        (mean.is_finite() && deviation > 0.0).then(|| (parameter.name.clone(), mean, deviation))
     });
     let each: Vec<(String, f64, f64)> = each.collect();
     let places = each.iter().map(|(name, ..)| {
         let mut names = correlation?.names.iter();
-        names.position(|own| own == name)
+        names.position(|other| other == name)
     });
     let places: Vec<Option<usize>> = places.collect();
     let between = |a: usize, b: usize| {
@@ -154,8 +158,8 @@ pub fn known(
         (0..each.len()).map(row).collect()
     };
     // Rounding may have made of a nearly flat direction none at all.
-    let joint = Some(covariance(true)).filter(|own| symmetric::whitening(own).is_some());
-    Known {
+    let joint = Some(covariance(true)).filter(|matrix| symmetric::whitening(matrix).is_some());
+    JointEstimate {
         normal: Normal {
             mean: each.iter().map(|(_, mean, _)| *mean).collect(),
             covariance: joint.unwrap_or_else(|| covariance(false)),
@@ -168,22 +172,22 @@ pub fn known(
 #[must_use]
 pub fn prior(
     spec: &MonitorSpec,
-    known: &Known,
+    estimate: &JointEstimate,
     ranges: &BTreeMap<String, SearchRange>,
     after_s: f64,
-) -> Known {
-    let growth = |place: usize| {
-        let name = &known.names[place];
+) -> JointEstimate {
+    let growth = |index: usize| {
+        let name = &estimate.names[index];
         let (drift, range) = (spec.drift.get(name)?, ranges.get(name)?);
-        let value = value_at(range.scale, known.normal.mean[place]);
+        let value = value_at(range.scale, estimate.normal.mean[index]);
         Some(deviation_at(range.scale, value, drift.std).powi(2) * (after_s / drift.per_s))
     };
-    let growth: Vec<Option<f64>> = (0..known.names.len()).map(growth).collect();
-    let mut prior = known.clone();
+    let growth: Vec<Option<f64>> = (0..estimate.names.len()).map(growth).collect();
+    let mut prior = estimate.clone();
     for (a, row) in prior.normal.covariance.iter_mut().enumerate() {
         for (b, entry) in row.iter_mut().enumerate() {
             match (growth[a], growth[b]) {
-                (Some(own), Some(_)) if a == b => *entry += own,
+                (Some(growth), Some(_)) if a == b => *entry += growth,
                 (None, None) => *entry *= 1.0 + OWN_WEIGHT * OWN_WEIGHT,
                 _ => {}
             }
@@ -192,57 +196,73 @@ pub fn prior(
     prior
 }
 
-/// Has a job begin at its prior: a search of no generations refines the middle of ranges that lie
-/// around it.
-pub fn begin_warm(document: &mut Value, ranges: &BTreeMap<String, SearchRange>, prior: &Known) {
+/// The job that begins at its prior: a search of no generations refines the middle of ranges that
+/// lie around it.
+#[must_use]
+pub fn begin_warm(
+    cold: &JobSpec,
+    ranges: &BTreeMap<String, SearchRange>,
+    prior: &JointEstimate,
+) -> JobSpec {
+    let mut warm = cold.clone();
     for name in &prior.names {
-        let (Some(range), Some((middle, variance))) = (ranges.get(name), prior.of(name)) else {
-            continue;
-        };
-        let scale = range.scale;
-        let (low, high) = (
-            coordinate(scale, range.lower),
-            coordinate(scale, range.upper),
-        );
-        let reach = (REACH * variance.sqrt()).max(LEAST_REACH * (high - low));
-        // The middle is the prior's where the whole range has room for it.
-        let reach = reach.min(f64::max(high - middle, middle - low));
-        let lower = f64::max(middle - reach, low);
-        let upper = f64::min(middle + reach, high);
-        document["parameters"][name] = json!({
-            "estimate": {
-                "lower": value_at(scale, lower).max(range.lower),
-                "upper": value_at(scale, upper).min(range.upper),
-                "scale": scale,
-            },
-        });
+        if let (Some(range), Some((middle, variance))) = (ranges.get(name), prior.of(name)) {
+            let free = ParameterSpec::Free(FreeParameter {
+                estimate: narrowed(range, middle, variance),
+                prior: None,
+            });
+            warm.parameters.insert(name.clone(), free);
+        }
     }
     let scale_of = |name: &String| ranges.get(name).map(|range| range.scale);
     match &prior.names[..] {
         [name] => {
-            if let (Some(scale), Some((middle, variance))) = (scale_of(name), prior.of(name)) {
+            if let (Some(scale), Some((middle, variance))) = (scale_of(name), prior.of(name))
+                && let Some(ParameterSpec::Free(free)) = warm.parameters.get_mut(name)
+            {
                 let half = NORMAL_95 * variance.sqrt();
-                let ends = [middle - half, middle + half].map(|u| value_at(scale, u));
-                let own = json!({"range_95": ends, "scale": scale});
-                document["parameters"][name]["prior"] = own;
+                let range_95 = [middle - half, middle + half].map(|u| value_at(scale, u));
+                free.prior = Some(PriorSpec::Range { range_95, scale });
             }
         }
         names => {
             let scales: Vec<Scale> = names.iter().filter_map(scale_of).collect();
-            document["priors"] = json!([of_values(prior, &scales)]);
+            warm.priors = vec![of_values(prior, &scales)];
         }
     }
-    let huber = document.pointer("/method/huber_threshold").cloned();
-    document["method"] = json!({"generations": 0, "further_searches": 0, "refine_candidates": 1});
-    if let Some(huber) = huber {
-        document["method"]["huber_threshold"] = huber;
+    warm.method = Settings {
+        generations: 0,
+        further_searches: 0,
+        refine_candidates: 1,
+        huber_threshold: cold.method.huber_threshold,
+        ..Settings::default()
+    };
+    warm
+}
+
+/// The part of a range that lies around the middle of a prior with a variance.
+fn narrowed(range: &SearchRange, middle: f64, variance: f64) -> SearchRange {
+    let scale = range.scale;
+    let (low, high) = (
+        coordinate(scale, range.lower),
+        coordinate(scale, range.upper),
+    );
+    let reach = (REACH * variance.sqrt()).max(LEAST_REACH * (high - low));
+    // The middle is the prior's where the whole range has room for it.
+    let reach = reach.min(f64::max(high - middle, middle - low));
+    let lower = f64::max(middle - reach, low);
+    let upper = f64::min(middle + reach, high);
+    SearchRange {
+        lower: value_at(scale, lower).max(range.lower),
+        upper: value_at(scale, upper).min(range.upper),
+        scale,
     }
 }
 
 /// A prior as jobs take it: means and covariance of the values. Where each has a log scale, it is
 /// one of logarithms; where only some have, their values are taken to be normal, as near as their
 /// spread is small.
-fn of_values(prior: &Known, scales: &[Scale]) -> Value {
+fn of_values(prior: &JointEstimate, scales: &[Scale]) -> JointPriorSpec {
     let (mean, covariance) = (&prior.normal.mean, &prior.normal.covariance);
     let all_log = scales.iter().all(|scale| *scale == Scale::Log);
     let value = |a: usize| match scales[a] {
@@ -250,21 +270,24 @@ fn of_values(prior: &Known, scales: &[Scale]) -> Value {
         scale => value_at(scale, mean[a]),
     };
     let entry = |a: usize, b: usize| {
-        let slope = |place: usize| deviation_of_value(scales[place], value(place), 1.0);
-        let own = covariance[a][b];
-        slope(a) * slope(b) * if all_log { libm::expm1(own) } else { own }
+        let slope = |index: usize| deviation_of_value(scales[index], value(index), 1.0);
+        let of_coordinates = covariance[a][b];
+        slope(a)
+            * slope(b)
+            * if all_log {
+                libm::expm1(of_coordinates)
+            } else {
+                of_coordinates
+            }
     };
     let places = 0..scales.len();
-    let rows = places.clone().map(|a| {
-        let row = places.clone().map(|b| entry(a, b));
-        row.collect::<Vec<f64>>()
-    });
-    json!({
-        "parameters": prior.names,
-        "mean": places.clone().map(value).collect::<Vec<f64>>(),
-        "covariance": rows.collect::<Vec<_>>(),
-        "scale": if all_log { Scale::Log } else { Scale::Linear },
-    })
+    let row = |a| places.clone().map(|b| entry(a, b)).collect();
+    JointPriorSpec {
+        parameters: prior.names.clone(),
+        mean: places.clone().map(value).collect(),
+        covariance: places.clone().map(row).collect(),
+        scale: if all_log { Scale::Log } else { Scale::Linear },
+    }
 }
 
 /// Whether what a warm search came to is better looked for again without what was known before.
@@ -280,30 +303,30 @@ pub fn is_in_doubt(outcome: &Outcome) -> bool {
 /// What a window itself says of its parameters, without its prior. Nothing where it says
 /// next to nothing.
 #[derive(Clone, Debug)]
-pub struct Alone<'p> {
-    own: Option<Known>,
-    prior: Option<&'p Known>,
+pub struct WindowEstimate<'p> {
+    estimate: Option<JointEstimate>,
+    prior: Option<&'p JointEstimate>,
 }
 
-impl<'p> Alone<'p> {
+impl<'p> WindowEstimate<'p> {
     /// From what the window and its prior say together.
     #[must_use]
-    pub fn new(together: Known, prior: Option<&'p Known>) -> Self {
-        let own = match prior {
+    pub fn new(together: JointEstimate, prior: Option<&'p JointEstimate>) -> Self {
+        let estimate = match prior {
             None => Some(together),
             Some(prior) if prior.names == together.names => {
                 let normal = together.normal.without(&prior.normal);
-                normal.map(|normal| Known { normal, ..together })
+                normal.map(|normal| JointEstimate { normal, ..together })
             }
             Some(_) => None,
         };
-        Self { own, prior }
+        Self { estimate, prior }
     }
 
     /// The estimate of a parameter and its variance, in its coordinate.
     #[must_use]
     pub fn of(&self, name: &str) -> Option<(f64, f64)> {
-        let (value, variance) = self.own.as_ref()?.of(name)?;
+        let (value, variance) = self.estimate.as_ref()?.of(name)?;
         let before = self.prior.and_then(|prior| prior.of(name));
         let says_something = before.is_none_or(|(_, known)| LEAST_NEWS * variance < known);
         (value.is_finite() && variance > 0.0 && says_something).then_some((value, variance))
@@ -313,6 +336,16 @@ impl<'p> Alone<'p> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::{Value, json};
+
+    /// A job with a parameter that is known.
+    fn cold() -> JobSpec {
+        serde_json::from_value(json!({
+            "model": "m", "experiments": [], "seed": 1, "parameters": {"c": {"value": 1}},
+            "method": {"huber_threshold": 2.0}
+        }))
+        .expect("a job")
+    }
 
     fn range(scale: Scale) -> SearchRange {
         SearchRange {
@@ -354,14 +387,14 @@ mod tests {
         .expect("a specification")
     }
 
-    fn two(scale: Scale, between: f64) -> Known {
+    fn two(scale: Scale, between: f64) -> JointEstimate {
         let estimates = [estimate("a", 10.0, 0.4), estimate("b", 20.0, 0.6)];
         let correlation = correlated(&["b", "a"], between);
-        known(
+        estimated(
             &estimates,
             Some(&correlation),
             &ranges(scale),
-            Errors::Total,
+            ErrorScope::Total,
         )
     }
 
@@ -372,20 +405,23 @@ mod tests {
         let x = p * (z / r + middle / m);
         let of = |mean, deviation| {
             let estimates = [estimate("a", mean, deviation)];
-            known(
+            estimated(
                 &estimates,
                 None,
                 &ranges(Scale::Linear),
-                Errors::Statistical,
+                ErrorScope::Statistical,
             )
         };
         let prior = of(middle, f64::sqrt(m));
-        let alone = Alone::new(of(x, p.sqrt()), Some(&prior));
+        let alone = WindowEstimate::new(of(x, p.sqrt()), Some(&prior));
         let (value, variance) = alone.of("a").expect("news");
         assert!((value - z).abs() < 1e-9 && (variance - r).abs() < 1e-9);
-        let nothing_new = Alone::new(prior.clone(), Some(&prior));
+        let nothing_new = WindowEstimate::new(prior.clone(), Some(&prior));
         assert_eq!(nothing_new.of("a"), None);
-        assert_eq!(Alone::new(of(x, 1.0), None).of("a"), Some((x, 1.0)));
+        assert_eq!(
+            WindowEstimate::new(of(x, 1.0), None).of("a"),
+            Some((x, 1.0))
+        );
     }
 
     #[test]
@@ -403,11 +439,15 @@ mod tests {
                     .all(|(own, e)| (own - e).abs() < 1e-12)
             );
         }
-        let mut document = json!({"priors": "those of the job", "parameters": {}});
-        begin_warm(&mut document, &ranges(Scale::Linear), &prior);
-        assert_eq!(document["priors"][0]["parameters"], json!(["a", "b"]));
-        assert_eq!(document["priors"][0]["mean"], json!([10.0, 20.0]));
-        assert_eq!(document["priors"][0]["covariance"], json!(covariance));
+        let warm = begin_warm(&cold(), &ranges(Scale::Linear), &prior);
+        let [joint] = &warm.priors[..] else {
+            panic!("{:?}", warm.priors);
+        };
+        assert_eq!(joint.parameters, ["a", "b"]);
+        assert_eq!(joint.mean, [10.0, 20.0]);
+        assert_eq!(joint.covariance, *covariance);
+        assert_eq!(warm.method.generations, 0);
+        assert_eq!(warm.method.huber_threshold, Some(2.0));
         // A matrix that rounding has made singular leaves each by itself.
         let singular = two(Scale::Linear, 1.0);
         assert_eq!(singular.normal.covariance[0][1], 0.0);
@@ -416,24 +456,18 @@ mod tests {
     #[test]
     fn a_prior_of_logarithms_is_that_of_the_values_which_jobs_take() {
         let known = two(Scale::Log, 0.9);
-        let mut document = json!({"parameters": {}});
-        begin_warm(&mut document, &ranges(Scale::Log), &known);
-        let own = &document["priors"][0];
-        assert_eq!(own["scale"], "log");
-        let number = |place: &str| {
-            own.pointer(place)
-                .and_then(Value::as_f64)
-                .expect("a number")
-        };
-        let [a, b] = [number("/mean/0"), number("/mean/1")];
+        let warm = begin_warm(&cold(), &ranges(Scale::Log), &known);
+        let joint = &warm.priors[0];
+        assert_eq!(joint.scale, Scale::Log);
+        let (a, b) = (joint.mean[0], joint.mean[1]);
         // The logarithms again: log(1 + C/(m·m)).
         let of_logarithms = [
             (
-                number("/covariance/0/0") / (a * a),
+                joint.covariance[0][0] / (a * a),
                 known.normal.covariance[0][0],
             ),
             (
-                number("/covariance/0/1") / (a * b),
+                joint.covariance[0][1] / (a * b),
                 known.normal.covariance[0][1],
             ),
         ];
@@ -448,12 +482,19 @@ mod tests {
     fn a_warm_search_has_the_estimate_before_in_its_middle_and_stays_in_the_range() {
         for scale in [Scale::Linear, Scale::Log] {
             let ranges = BTreeMap::from([("a".to_owned(), range(scale))]);
-            let known = known(&[estimate("a", 10.0, 0.1)], None, &ranges, Errors::Total);
+            let known = estimated(
+                &[estimate("a", 10.0, 0.1)],
+                None,
+                &ranges,
+                ErrorScope::Total,
+            );
             let prior = prior(&monitor(&json!({})), &known, &ranges, 1.0);
-            let mut document = json!({"parameters": {"b": {"value": 1}}});
-            begin_warm(&mut document, &ranges, &prior);
-            let own = &document["parameters"]["a"]["estimate"];
-            let ends = ["lower", "upper"].map(|end| own[end].as_f64().expect("a number"));
+            let warm = begin_warm(&cold(), &ranges, &prior);
+            let Some(ParameterSpec::Free(free)) = warm.parameters.get("a") else {
+                panic!("{:?}", warm.parameters);
+            };
+            assert!(free.prior.is_some() && warm.parameters.contains_key("c"));
+            let ends = [free.estimate.lower, free.estimate.upper];
             assert!(ends[0] >= 1.0 && ends[1] <= 100.0, "{ends:?}");
             let [low, high] = ends.map(|end| coordinate(scale, end));
             let middle = value_at(scale, 0.5 * (low + high));

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::Timestamp;
-use serde_json::Value;
 
 use super::columns::{from_json, optional, optional_time, parse_id, parse_status, project, time};
 use super::database::{self, Connection, Kind, QueryBuilder, Row};
@@ -15,9 +14,9 @@ use super::sealed::JOBS;
 use super::shared_database::Database;
 use super::stop_request::StopRequest;
 use super::writer::{Tx, in_transaction};
-use super::{StoreError, unsigned};
+use super::{StoreError, corrupt, unsigned};
 use crate::access::Project;
-use crate::job::Status;
+use crate::job::{Failure, JobTask, Status};
 use greybox::estimation::Progress;
 use greybox::identification::{DatasetId, JobId};
 
@@ -34,8 +33,8 @@ pub struct JobRow {
     pub labels: BTreeMap<String, String>,
     /// The model's name.
     pub model: String,
-    /// The completed specification.
-    pub spec: Value,
+    /// What the job is asked to do.
+    pub task: JobTask,
     /// The state of the job.
     pub status: Status,
     /// A request to stop the job that has not taken effect yet.
@@ -45,7 +44,7 @@ pub struct JobRow {
     /// Slices begun since the last checkpoint: 1 in a life without crashes, 0 before the first.
     pub attempt: u32,
     /// Why the job failed.
-    pub error: Option<Value>,
+    pub error: Option<Failure>,
     /// When the job was accepted.
     pub created_at: Timestamp,
     /// When the first slice of the job began.
@@ -58,22 +57,10 @@ pub struct JobRow {
     pub revision: i64,
 }
 
-/// A specification of so many values at the most is kept in memory: some 40 KB.
-const SMALL_VALUES: usize = 400;
+/// A row whose task is a text of so many bytes at the most is kept in memory: some 40 KB.
+const SMALL_TASK_BYTES: usize = 8 * 1024;
 
 impl JobRow {
-    /// Whether the row is small enough for the cache.
-    fn is_small(&self) -> bool {
-        fn values(value: &Value) -> usize {
-            1 + match value {
-                Value::Array(items) => items.iter().map(values).sum(),
-                Value::Object(members) => members.values().map(values).sum(),
-                _ => 0,
-            }
-        }
-        values(&self.spec) <= SMALL_VALUES
-    }
-
     /// The row as it was when the job was submitted.
     pub(super) fn into_submitted(self) -> Self {
         Self {
@@ -147,11 +134,14 @@ impl Jobs {
             Err(reading) => reading,
         };
         let mut connection = self.database.readers.acquire().await?;
-        let row = fetch(&mut connection, id).await?.map(Arc::new);
-        if let Some(row) = row.as_ref().filter(|row| row.is_small()) {
-            reading.keep(row);
+        let Some(stored) = fetch_stored(&mut connection, id).await? else {
+            return Ok(None);
+        };
+        let row = Arc::new(read(&stored)?);
+        if stored.try_get::<&str>("spec")?.len() <= SMALL_TASK_BYTES {
+            reading.keep(&row);
         }
-        Ok(row)
+        Ok(Some(row))
     }
 
     /// Whose a job is, if there is one.
@@ -321,13 +311,17 @@ pub(super) async fn fetch(
     connection: &mut Connection,
     id: JobId,
 ) -> Result<Option<JobRow>, StoreError> {
+    let stored = fetch_stored(connection, id).await?;
+    stored.as_ref().map(read).transpose()
+}
+
+async fn fetch_stored(connection: &mut Connection, id: JobId) -> Result<Option<Row>, StoreError> {
     let mut query = QueryBuilder::new("select ");
     query
         .push(COLUMNS)
         .push(" from jobs where id = ")
         .push_bind(id.to_string());
-    let row = query.build().fetch_optional(connection).await?;
-    row.as_ref().map(read).transpose()
+    Ok(query.build().fetch_optional(connection).await?)
 }
 
 pub(super) fn read(row: &Row) -> Result<JobRow, StoreError> {
@@ -339,7 +333,8 @@ pub(super) fn read(row: &Row) -> Result<JobRow, StoreError> {
         name: row.try_get("name")?,
         labels: from_json("labels", &id, row.try_get("labels")?)?,
         model: row.try_get("model")?,
-        spec: from_json("specification", &id, row.try_get("spec")?)?,
+        task: JobTask::read(row.try_get("spec")?)
+            .map_err(|why| corrupt("specification", &id, why))?,
         status: parse_status(&id, &status)?,
         stop_request: request
             .map(|word| StopRequest::read(&word, &id))

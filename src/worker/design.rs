@@ -8,13 +8,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::run::{Advance, Assignment, Past, Row, Run, StopReason, unread};
+use crate::job::Failure;
 use crate::job::event::DesignEvent;
-use crate::job::{DesignTask, Failure};
 use greybox::estimation::{Phase, Progress};
-use greybox::identification::assemble::{COST_OF_JOB, Designing, Looked, PastResult};
+use greybox::identification::assemble::{Assessments, COST_OF_JOB, Designing, PastResult};
 use greybox::identification::design::Design;
-use greybox::identification::spec::design::{DesignSpec, PastJob};
-use greybox::identification::{JobSpec, Outcome};
+use greybox::identification::spec::design::{DesignRequest, DesignSpec, PastJob};
 use greybox::model::Model;
 use greybox::parsing::Fault;
 use greybox::recording::Recording;
@@ -23,16 +22,16 @@ use greybox::recording::Recording;
 const EXPERIMENTS_A_UNIT: usize = 4;
 
 /// Begins a design, or goes on where it was saved.
-pub(super) fn begin(model: Arc<Model>, assignment: Assignment) -> Result<Box<dyn Run>, Failure> {
-    let task = DesignTask::deserialize(&assignment.job.spec).map_err(unread_job)?;
-    let past = match assignment.past {
-        Some(past) => Some(read_past(past)?),
-        None => None,
-    };
+pub(super) fn begin(
+    design: &DesignRequest,
+    model: Arc<Model>,
+    assignment: Assignment,
+) -> Result<Box<dyn Run>, Failure> {
+    let past = assignment.past;
     let before = past
         .as_ref()
-        .map(|(spec, outcome)| PastJob::new(spec, outcome));
-    let spec = DesignSpec::read(&task.design, &[model.description()], before.as_ref());
+        .map(|past| PastJob::new(&past.spec, &past.outcome));
+    let spec = design.read(&[model.description()], before.as_ref());
     let spec = spec.map_err(cannot)?;
     let saved = match assignment.checkpoint {
         Some(bytes) => serde_json::from_slice(&bytes).map_err(|error| unread(&error))?,
@@ -56,17 +55,6 @@ pub(super) fn begin(model: Arc<Model>, assignment: Assignment) -> Result<Box<dyn
     }))
 }
 
-fn read_past(past: Past) -> Result<(JobSpec, Outcome), Failure> {
-    let spec = serde_json::from_value(past.spec).map_err(unread_job)?;
-    let outcome = serde_json::from_value(past.outcome).map_err(unread_job)?;
-    Ok((spec, outcome))
-}
-
-fn unread_job(error: serde_json::Error) -> Failure {
-    let detail = format!("a stored job does not read back: {error}");
-    Failure::cannot_run(detail, Vec::new())
-}
-
 fn cannot(faults: Vec<Fault>) -> Failure {
     Failure::cannot_run("the design cannot be made".to_owned(), faults)
 }
@@ -75,16 +63,18 @@ fn cannot(faults: Vec<Fault>) -> Failure {
 struct Beginning {
     spec: DesignSpec,
     model: Arc<Model>,
-    past: Option<(JobSpec, Outcome)>,
+    past: Option<Past>,
     recordings: Vec<Arc<Recording>>,
 }
 
 /// What is kept between slices.
 #[derive(Default, Serialize, Deserialize)]
 struct Saved {
-    looked: Looked,
-    /// What the best that an event told of would bring: its `log10_determinant`.
-    told: Option<f64>,
+    #[serde(rename = "looked")]
+    assessments: Assessments,
+    /// The `log10_determinant` of the best experiment that an event reported.
+    #[serde(rename = "told")]
+    reported: Option<f64>,
 }
 
 struct DesignRun {
@@ -101,9 +91,9 @@ impl DesignRun {
     /// Looks at a few experiments more. Answers nothing when `stop` was raised before there was any.
     fn go_on(&mut self, stop: &AtomicBool) -> Result<Option<Design>, Failure> {
         if let Some(beginning) = &self.beginning {
-            let past = beginning.past.as_ref().map(|(spec, outcome)| PastResult {
-                spec,
-                outcome,
+            let past = beginning.past.as_ref().map(|past| PastResult {
+                spec: &past.spec,
+                outcome: &past.outcome,
                 recordings: &beginning.recordings,
             });
             let (spec, model) = (beginning.spec.clone(), &beginning.model);
@@ -116,8 +106,8 @@ impl DesignRun {
         let Some(designing) = &self.designing else {
             return Ok(None);
         };
-        let looked = &mut self.saved.looked;
-        let design = designing.go_on(looked, EXPERIMENTS_A_UNIT, stop);
+        let assessments = &mut self.saved.assessments;
+        let design = designing.go_on(assessments, EXPERIMENTS_A_UNIT, stop);
         design.map_err(cannot)
     }
 
@@ -125,10 +115,14 @@ impl DesignRun {
     fn news(&mut self) -> Option<Row> {
         let event = DesignEvent::of(self.best.as_ref()?)?;
         let reached = event.best.log10_determinant;
-        if self.saved.told.is_some_and(|told| reached <= told) {
+        if self
+            .saved
+            .reported
+            .is_some_and(|reported| reached <= reported)
+        {
             return None;
         }
-        self.saved.told = Some(reached);
+        self.saved.reported = Some(reached);
         Some(Row::Design(event))
     }
 }
@@ -155,7 +149,7 @@ impl Run for DesignRun {
     }
 
     fn progress(&self) -> Progress {
-        let looked = self.saved.looked.len();
+        let assessed = self.saved.assessments.len();
         let most = self
             .designing
             .as_ref()
@@ -164,10 +158,10 @@ impl Run for DesignRun {
             phase: Phase::Search,
             generation: 0,
             generations: 0,
-            evaluations: looked as u64,
+            evaluations: assessed as u64,
             best_cost: None,
             best_credit: None,
-            fraction: (looked as f64 / most.max(1) as f64).min(1.0),
+            fraction: (assessed as f64 / most.max(1) as f64).min(1.0),
             eta_s: None,
         }
     }

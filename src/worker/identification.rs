@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::run::{Advance, Assignment, Helped, Row, Run, Share, StopReason, unread};
 use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent};
-use crate::store::{JobRow, SharedPart};
+use crate::store::SharedPart;
 use greybox::estimation::{Finding, GenerationRow, Observer, Progress, RefinementRow};
 use greybox::identification::{self, IdentificationError, JobSpec, Part};
 use greybox::model::Model;
@@ -17,20 +17,23 @@ use greybox::recording::Recording;
 
 /// Begins the identification of a model's parameters from recordings, or resumes it where it was
 /// saved.
-pub(super) fn begin(model: &Arc<Model>, assignment: Assignment) -> Result<Box<dyn Run>, Failure> {
+pub(super) fn begin(
+    spec: &JobSpec,
+    model: &Arc<Model>,
+    assignment: Assignment,
+) -> Result<Box<dyn Run>, Failure> {
     let Assignment {
         job,
         datasets,
         checkpoint,
         ..
     } = assignment;
-    let spec = read_spec(&job)?;
     let (digests, recordings): (Vec<String>, Vec<Arc<Recording>>) = datasets.into_iter().unzip();
     let run = match checkpoint {
-        None => identification::Run::begin(&spec, model, &recordings),
+        None => identification::Run::begin(spec, model, &recordings),
         Some(bytes) => {
             let checkpoint = serde_json::from_slice(&bytes).map_err(|error| unread(&error))?;
-            identification::Run::resume(&spec, model, &recordings, checkpoint)
+            identification::Run::resume(spec, model, &recordings, checkpoint)
         }
     };
     let run = run.map_err(failure)?.named(job.id.to_string(), digests);
@@ -38,13 +41,6 @@ pub(super) fn begin(model: &Arc<Model>, assignment: Assignment) -> Result<Box<dy
         columns: CandidateColumn::of(run.problem()).into(),
         run,
     }))
-}
-
-fn read_spec(job: &JobRow) -> Result<JobSpec, Failure> {
-    serde_json::from_value(job.spec.clone()).map_err(|error| {
-        let detail = format!("the stored specification does not read back: {error}");
-        Failure::cannot_run(detail, Vec::new())
-    })
 }
 
 fn failure(error: IdentificationError) -> Failure {

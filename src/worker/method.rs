@@ -2,11 +2,10 @@
 
 use std::sync::Arc;
 
-use serde_json::Value;
-
 use super::run::{Assignment, Method, Run};
 use super::{design, identification};
-use crate::job::{Failure, JobKind};
+use crate::job::{Failure, JobTask};
+use crate::store::ModelRow;
 use greybox::model::{Catalogue, Model, document};
 
 /// Begins the runs of jobs of every kind.
@@ -21,10 +20,10 @@ impl Methods {
         Self { catalogue }
     }
 
-    /// The model of a job; `document` is what its user wrote, where he did.
-    fn model(&self, name: &str, document: Option<&Value>) -> Result<Arc<Model>, Failure> {
-        match document {
-            Some(document) => read_model(document),
+    /// The model of a job: the stored one, where a user wrote the model.
+    fn model(&self, name: &str, stored: Option<&ModelRow>) -> Result<Arc<Model>, Failure> {
+        match stored {
+            Some(stored) => read_model(stored),
             None => self.catalogue.get(name).cloned().ok_or_else(|| {
                 Failure::cannot_run(format!("there is no model `{name}`"), Vec::new())
             }),
@@ -35,15 +34,21 @@ impl Methods {
 impl Method for Methods {
     fn begin(&self, assignment: Assignment) -> Result<Box<dyn Run>, Failure> {
         let model = self.model(&assignment.job.model, assignment.model.as_ref())?;
-        match JobKind::of(&assignment.job.spec) {
-            JobKind::Identification => identification::begin(&model, assignment),
-            JobKind::Design => design::begin(model, assignment),
+        match &assignment.job.task {
+            JobTask::Identification(spec) => {
+                let spec = spec.clone();
+                identification::begin(&spec, &model, assignment)
+            }
+            JobTask::Design(task) => {
+                let design = task.design.clone();
+                design::begin(&design, model, assignment)
+            }
         }
     }
 }
 
-fn read_model(document: &Value) -> Result<Arc<Model>, Failure> {
-    let read = document::referenced(document).map_err(|faults| {
+fn read_model(stored: &ModelRow) -> Result<Arc<Model>, Failure> {
+    let read = document::referenced(&stored.document).map_err(|faults| {
         let detail = "the stored model does not read back".to_owned();
         Failure::cannot_run(detail, faults)
     })?;

@@ -13,8 +13,9 @@ pub use greybox::estimation::{Advance, Share, StopReason};
 
 use crate::job::event::DesignEvent;
 use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent};
-use crate::store::{JobRow, SharedPart};
+use crate::store::{JobRow, ModelRow, SharedPart};
 use greybox::estimation::Progress;
+use greybox::identification::{JobSpec, Outcome};
 use greybox::recording::Recording;
 
 /// Begins the runs of jobs.
@@ -28,8 +29,8 @@ pub trait Method: Send + Sync + 'static {
 pub struct Assignment {
     /// The job.
     pub job: JobRow,
-    /// The document of the job's model, where a user wrote it.
-    pub model: Option<Value>,
+    /// The stored model of the job, where a user wrote the model.
+    pub model: Option<ModelRow>,
     /// The recordings that the job reads, each with its digest, one for each experiment.
     pub datasets: Vec<(String, Arc<Recording>)>,
     /// The finished job that it goes on from, where it does.
@@ -38,16 +39,16 @@ pub struct Assignment {
     pub checkpoint: Option<Vec<u8>>,
 }
 
-/// A finished job, as it is stored.
+/// A finished job that another goes on from.
 #[derive(Clone, Debug)]
 pub struct Past {
     /// The specification of the job.
-    pub spec: Value,
+    pub spec: JobSpec,
     /// The result of the job.
-    pub outcome: Value,
+    pub outcome: Outcome,
 }
 
-/// Something stored that the method wrote does not read back.
+/// The failure of a run whose stored checkpoint does not read back.
 pub(super) fn unread(error: &dyn std::error::Error) -> Failure {
     let detail = format!("the stored checkpoint does not read back: {error}");
     Failure::cannot_run(detail, Vec::new())

@@ -13,7 +13,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
-use serde_json::Value;
 use tracing::Instrument as _;
 
 use super::active::ActiveJob;
@@ -24,9 +23,9 @@ use super::run::{Advance, Assignment, Past, Run, Share};
 use super::units::{self, Unit, UnitReceiver, UnitSender};
 use crate::access::Project;
 use crate::admission::Permit;
-use crate::job::{DesignTask, Failure};
+use crate::job::Failure;
 use crate::span;
-use crate::store::{Begin, Hold, JobRow, Lease, Meaning, Slice, StoreError};
+use crate::store::{Begin, Hold, JobRow, Lease, Meaning, ModelRow, Slice, StoreError};
 use conclusion::{Conclusion, broke};
 pub(super) use current::{After, SliceWorker};
 use current::{Computed, Current, End};
@@ -42,10 +41,10 @@ const CANDIDATES_AT_ONCE: usize = 50_000;
 /// Lives of the server in a row that may end with a job, none of them without it, before it fails.
 const DEATH_LIMIT: u32 = 10;
 
-/// What a job is worked from: the document of its model, where a user wrote it, its recordings with
-/// their digests, and the finished job that it goes on from.
+/// What a job is worked from: the stored model, where a user wrote the model, the recordings with
+/// their digests, and the finished job that the job goes on from.
 pub(super) struct Materials {
-    pub(super) model: Option<Value>,
+    pub(super) model: Option<ModelRow>,
     pub(super) datasets: Vec<(String, Arc<Recording>)>,
     pub(super) past: Option<Past>,
 }
@@ -184,40 +183,47 @@ impl SliceWorker {
         job: &JobRow,
     ) -> Result<Result<Materials, Failure>, StoreError> {
         let model = self.store.models().by_reference(&job.model).await?;
-        let datasets = match self.recordings(&job.spec).await? {
+        let datasets = match self.recordings(&job.task.datasets()).await? {
             Ok(datasets) => datasets,
             Err(failure) => return Ok(Err(failure)),
         };
-        let past = self.past(&job.spec).await?;
+        let past = match job.task.past_job() {
+            Some(id) => self.past(id).await?.map(Some),
+            None => Ok(None),
+        };
         Ok(past.map(|past| Materials {
-            model: model.map(|row| row.document),
+            model,
             datasets,
             past,
         }))
     }
 
-    /// The finished job that a job goes on from, where it does.
-    async fn past(&self, spec: &Value) -> Result<Result<Option<Past>, Failure>, StoreError> {
-        let Some(id) = DesignTask::past_job(spec) else {
-            return Ok(Ok(None));
-        };
+    /// The finished job that a job goes on from.
+    async fn past(&self, id: JobId) -> Result<Result<Past, Failure>, StoreError> {
         let job = self.store.jobs().find(id).await?;
         let outcome = self.store.results().find(id).await?;
-        let (Some(job), Some(outcome)) = (job, outcome) else {
+        let spec = job.as_ref().and_then(|job| job.task.identification());
+        let (Some(spec), Some(outcome)) = (spec, outcome) else {
             let detail = format!("the job {id} or its result is no longer stored");
             return Ok(Err(Failure::cannot_run(detail, Vec::new())));
         };
-        let spec = job.spec.clone();
-        Ok(Ok(Some(Past { spec, outcome })))
+        let past = serde_json::from_value(outcome).map(|outcome| Past {
+            spec: spec.clone(),
+            outcome,
+        });
+        Ok(past.map_err(|error| {
+            let detail = format!("a stored job does not read back: {error}");
+            Failure::cannot_run(detail, Vec::new())
+        }))
     }
 
-    /// The recordings that a job reads, with their digests.
+    /// Recordings with their digests.
     async fn recordings(
         &self,
-        spec: &Value,
+        datasets: &[DatasetId],
     ) -> Result<Result<Vec<(String, Arc<Recording>)>, Failure>, StoreError> {
         let mut recordings = Vec::new();
-        for id in datasets_of(spec) {
+        for id in datasets.iter().copied() {
             let row = self.store.datasets().find(id).await?;
             let recording = self.store.datasets().recording(id).await?;
             let (Some(row), Some(recording)) = (row, recording) else {
@@ -392,17 +398,7 @@ fn advance(
 
 /// The time that a job may still work, where it has a limit.
 fn time_left(slice: &Slice) -> Option<Duration> {
-    let limit = slice.job.spec.pointer("/limits/max_duration_s")?.as_f64()?;
+    let limit = slice.job.task.limits().max_duration_s;
     let limit = Duration::try_from_secs_f64(limit).ok()?;
     Some(limit.saturating_sub(Duration::from_millis(slice.running_ms)))
-}
-
-/// The recordings that a specification names, one for each experiment.
-fn datasets_of(spec: &Value) -> Vec<DatasetId> {
-    let experiments = spec.get("experiments").and_then(Value::as_array);
-    experiments
-        .into_iter()
-        .flatten()
-        .filter_map(|experiment| experiment.get("dataset")?.as_str()?.parse().ok())
-        .collect()
 }

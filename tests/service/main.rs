@@ -22,6 +22,7 @@ mod faults;
 mod idempotency;
 
 mod life;
+mod limits;
 
 mod listing;
 

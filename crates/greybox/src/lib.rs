@@ -53,7 +53,8 @@
 //!
 //! 1. [`parsing`] makes a value of JSON or YAML.
 //! 2. [`identification::spec`] reads the value with all its faults at once: a
-//!    [`JobSpec`](identification::JobSpec), whose every number lies in its range.
+//!    [`JobSpec`](identification::JobSpec), whose every number lies in its range. A section of settings
+//!    states each field once ([`settings!`]), with the range that the reader keeps.
 //! 3. [`identification::assemble`] joins the specification, the [`model`] and the recordings into
 //!    an [`estimation::Problem`].
 //! 4. [`Run`] searches, one generation after another: [`simulation`] judges a population,
@@ -82,6 +83,7 @@ pub mod genetic;
 
 pub use greybox_numerics as numerics;
 pub use greybox_numerics::parsing;
+pub use greybox_numerics::settings;
 pub use greybox_recording as recording;
 pub use greybox_recording::intake;
 pub use greybox_simulation as simulation;

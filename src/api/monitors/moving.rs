@@ -17,7 +17,7 @@ use crate::monitor::WindowStatus;
 use crate::monitor::state::instant;
 use crate::store::{Advance, Monitors};
 use greybox::parsing::Fault;
-use greybox::parsing::reader::{Faults, Field};
+use greybox::parsing::reader::read_document;
 
 /// Windows that are looked through for the newest that was worked.
 const LOOKED_THROUGH: u32 = 1000;
@@ -34,19 +34,12 @@ pub struct MonitorMove {
 
 impl MonitorMove {
     fn read(document: &serde_json::Value) -> Result<Self, Vec<Fault>> {
-        let faults = Faults::default();
-        let from = Field::root(document, &faults)
-            .object()
-            .and_then(|mut root| {
-                let from = root.required("from").and_then(|field| field.instant());
-                root.finish();
-                from
-            });
-        let faults = faults.into_vec();
-        match from {
-            Some(from) if faults.is_empty() => Ok(Self { from }),
-            _ => Err(faults),
-        }
+        read_document(document, |field| {
+            let mut root = field.object()?;
+            let from = root.required("from").and_then(|field| field.instant());
+            root.finish();
+            Some(Self { from: from? })
+        })
     }
 }
 

@@ -16,7 +16,7 @@ use crate::api::extract::Named;
 use crate::api::query::{NoQuery, Params};
 use crate::store::NewDataset;
 use greybox::parsing::Fault;
-use greybox::parsing::reader::{Faults, Field};
+use greybox::parsing::reader::{Field, read_document};
 use greybox::recording::Rows;
 
 /// A part of a stream to be cut out.
@@ -37,13 +37,7 @@ pub struct StreamPart {
 
 impl StreamPart {
     fn read(document: &serde_json::Value) -> Result<Self, Vec<Fault>> {
-        let faults = Faults::default();
-        let part = read_part(&Field::root(document, &faults));
-        let found = faults.into_vec();
-        match part {
-            Some(part) if found.is_empty() => Ok(part),
-            _ => Err(found),
-        }
+        read_document(document, read_part)
     }
 }
 

@@ -317,7 +317,7 @@ fn push_job(row: &mut Separated<'_>, fresh: &Fresh) {
         ..
     } = &fresh.job;
     let id = fresh.id.to_string();
-    let (labels, spec) = (json(&fresh.job.labels), fresh.job.spec.to_string());
+    let (labels, spec) = (json(&fresh.job.labels), json(&fresh.job.task));
     let seal = SEALED_JOBS.seal(&[
         (&id).into(),
         project.as_str().into(),
@@ -363,7 +363,7 @@ impl Fresh {
             name: self.job.name,
             labels: self.job.labels,
             model: self.job.model,
-            spec: self.job.spec,
+            task: self.job.task,
             status: Status::Queued,
             stop_request: None,
             progress: None,

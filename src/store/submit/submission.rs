@@ -3,9 +3,8 @@
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-use serde_json::Value;
-
 use crate::access::Project;
+use crate::job::JobTask;
 use crate::store::database::Connection;
 use crate::store::error::{QuotaExceeded, StoreError, corrupt};
 use crate::store::idempotency::{self, Earlier, Idempotency};
@@ -23,8 +22,8 @@ pub struct NewJob {
     pub labels: BTreeMap<String, String>,
     /// The model's name.
     pub model: String,
-    /// The completed specification.
-    pub spec: Value,
+    /// What the job is asked to do.
+    pub task: JobTask,
     /// The recordings that the job reads.
     pub datasets: Vec<DatasetId>,
     /// Makes the submission safe to repeat.

@@ -16,7 +16,7 @@ pub(super) async fn execute(fixture: &Fixture, statement: &'static str) -> Resul
 fn large() -> NewJob {
     NewJob {
         project: Default::default(),
-        spec: json!({"filler": "x".repeat(100_000)}),
+        name: Some("x".repeat(100_000)),
         ..job(None)
     }
 }

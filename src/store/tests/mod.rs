@@ -28,7 +28,7 @@ use super::database::Kind;
 use super::writer::Tx;
 use super::*;
 use crate::access::Project;
-use crate::job::{Event, Failure, GenerationEvent, Status};
+use crate::job::{Event, Failure, GenerationEvent, JobTask, Status};
 use greybox::estimation::{Phase, Progress};
 use greybox::identification::{DatasetId, JobId};
 
@@ -204,7 +204,7 @@ fn job(key: Option<(&str, &str)>) -> NewJob {
         name: Some("rig 4".to_owned()),
         labels: BTreeMap::from([("site".to_owned(), "hall 2".to_owned())]),
         model: "positioning_drive".to_owned(),
-        spec: json!({"model": "positioning_drive", "parameters": {"mass": {"value": 1e-5}}}),
+        task: JobTask::nominal(),
         datasets: Vec::new(),
         idempotency: key.map(|(key, body_digest)| Idempotency {
             project: Default::default(),

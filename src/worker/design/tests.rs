@@ -3,6 +3,7 @@
 use serde_json::json;
 
 use super::*;
+use crate::job::{DesignTask, JobTask};
 use crate::store::JobRow;
 use crate::worker::method::Methods;
 use crate::worker::run::Method;
@@ -16,7 +17,12 @@ static ALWAYS: AtomicBool = AtomicBool::new(true);
 
 /// A push on a drive of which mass and viscous friction are to be known better.
 fn job() -> JobRow {
-    let design = json!({
+    job_with(|_| ())
+}
+
+/// The job with the document of its design changed.
+fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
+    let mut design = json!({
         "model": "positioning_drive",
         "parameters": {
             "mass": {"estimate": {}, "prior": {"mean": 95, "std": 10}},
@@ -32,11 +38,9 @@ fn job() -> JobRow {
         "proposals": [{"kind": "steps", "hold_s": 1, "levels": [1, 0]}],
         "sample_time_s": 0.05, "duration_s": 1, "points": 2
     });
-    let task = DesignTask::new(design, None, 3600.0);
-    at_work(
-        "positioning_drive",
-        serde_json::to_value(task).expect("JSON"),
-    )
+    change(&mut design);
+    let task = DesignTask::new(DesignRequest::new(design), None, 3600.0);
+    at_work("positioning_drive", JobTask::Design(task))
 }
 
 fn begun(checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {
@@ -113,9 +117,7 @@ fn a_design_that_is_stopped_has_the_best_so_far() {
 
 #[test]
 fn a_task_that_does_not_read_back_says_why() {
-    let mut job = job();
-    job.spec["design"]["model"] = json!("positioning_drive");
-    job.spec["design"]["wanted"] = json!(["offset"]);
+    let job = job_with(|design| design["wanted"] = json!(["offset"]));
     let assignment = Assignment {
         job,
         model: None,

@@ -5,12 +5,16 @@ use std::sync::atomic::Ordering;
 use serde_json::json;
 
 use super::*;
+use crate::job::JobTask;
+use crate::store::JobRow;
 use crate::worker::method::Methods;
 use crate::worker::run::Method;
 use crate::worker::tests::at_work;
 use greybox::estimation::Phase;
+use greybox::identification::spec::MethodName;
 use greybox::model::Catalogue;
 use greybox::recording::{Signal, TimeAxis};
+use greybox::uncertainty::settings::FlatDirections;
 
 /// Nobody raises it.
 static NEVER: AtomicBool = AtomicBool::new(false);
@@ -50,6 +54,13 @@ fn job() -> JobRow {
     job_with(|_| ())
 }
 
+fn spec_of(job: &mut JobRow) -> &mut JobSpec {
+    match &mut job.task {
+        JobTask::Identification(spec) => spec,
+        JobTask::Design(_) => panic!("the job estimates"),
+    }
+}
+
 /// The job with its document changed.
 fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
     let mut document = json!({
@@ -70,7 +81,7 @@ fn job_with(change: impl FnOnce(&mut Value)) -> JobRow {
     let (spec, _) = identification
         .specification()
         .expect("a sound specification");
-    at_work(&spec.model, serde_json::to_value(&spec).expect("JSON"))
+    at_work(&spec.model.clone(), JobTask::Identification(Box::new(spec)))
 }
 
 fn begin(job: &JobRow, checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {
@@ -134,23 +145,28 @@ fn a_run_taken_up_after_every_unit_comes_to_the_same_result() {
 #[test]
 fn several_searches_and_other_methods_are_taken_up_with_the_same_bits_too() {
     for method in [
-        "icra_genetic",
-        "differential_evolution",
-        "cma_es",
-        "multistart_lm",
+        MethodName::IcraGenetic,
+        MethodName::DifferentialEvolution,
+        MethodName::CmaEs,
+        MethodName::MultistartLm,
     ] {
         let mut job = job();
-        job.spec["method"]["name"] = json!(method);
-        job.spec["method"]["restarts"] = json!(2);
+        let settings = &mut spec_of(&mut job).method;
+        settings.name = method;
+        settings.restarts = 2;
         let mut unbroken = begin(&job, None);
         let rows = work(&mut *unbroken);
         let generations = rows.iter().filter(|row| matches!(row, Row::Generation(_)));
-        let n_searches = if method == "multistart_lm" { 0 } else { 2 };
+        let n_searches = if method == MethodName::MultistartLm {
+            0
+        } else {
+            2
+        };
         assert_eq!(generations.count(), 6 * n_searches);
         let expected = outcome(&mut *unbroken, None);
         let mass = expected["parameters"][0]["estimate"].as_f64();
         let mass = mass.expect("a mass");
-        assert!((mass / 2.0 - 1.0).abs() < 0.03, "{method}: {mass}");
+        assert!((mass / 2.0 - 1.0).abs() < 0.03, "{method:?}: {mass}");
         let searches = expected["searches"].as_array().expect("a list");
         assert_eq!(searches.len(), n_searches);
         let mut run = begin(&job, None);
@@ -199,7 +215,7 @@ fn what_the_data_do_not_see_is_told_before_the_search_begins() {
 #[test]
 fn a_job_that_asks_for_it_ends_where_the_data_do_not_fix_a_single_unknown() {
     let mut job = job();
-    job.spec["uncertainty"]["flat_directions"] = json!("refuse");
+    spec_of(&mut job).uncertainty.flat_directions = FlatDirections::Refuse;
     let mut run = begin_on(standing_still(), &job, None);
     assert_eq!(work(&mut *run), []);
     let failure = run.outcome(None, &NEVER).expect_err("a refusal");

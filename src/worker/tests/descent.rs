@@ -94,7 +94,7 @@ struct DescentRun {
 
 impl Method for Descent {
     fn begin(&self, assignment: Assignment) -> Result<Box<dyn Run>, Failure> {
-        let orders = serde_json::from_value(assignment.job.spec["method"].clone())
+        let orders = serde_json::from_str(&assignment.job.labels["orders"])
             .map_err(|error| Failure::cannot_run(error.to_string(), Vec::new()))?;
         let start = State {
             unit: 0,

@@ -1,5 +1,6 @@
 //! The settings of the method: the paper's numbers as defaults, and what the paper leaves open.
 
+use greybox_numerics::{settings, words};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -57,98 +58,69 @@ pub enum MethodName {
     MultistartLm,
 }
 
-/// Everything that a job says under `method`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Settings {
-    /// The method.
-    pub name: MethodName,
-    /// Candidates in a generation (the paper's K, the λ of `cma_es`), 2 to 10 000; at least 4
-    /// in `cma_es`.
-    pub population: u32,
-    /// Generations at the most, 0 to 1 000 000. 0 refines the middle of the box.
-    pub generations: u32,
-    /// How likely two parents are crossed, 0 to 1.
-    pub crossover_probability: f64,
-    /// Fragments that a crossover cuts the strings into, 2 to 64.
-    pub crossover_parts: u32,
-    /// How likely each bit is reversed, 0 to 1.
-    pub mutation_probability: f64,
-    /// The credit gain ν, 0.01 to 300.
-    pub credit_gain: f64,
-    /// How credits grow.
-    pub credit_form: CreditForm,
-    /// How the error spread σ is adjusted.
-    pub error_spread: ErrorSpread,
-    /// The entropy, as a share of its maximum, at which the concentration rule aims, 0.05 to 0.95.
-    pub entropy_target: f64,
-    /// Samples in a block (the paper's N), 1 to 1 000 000.
-    pub block_samples: u32,
-    /// The order in which the blocks are judged.
-    pub block_order: BlockOrder,
-    /// Credit updates at the most in one generation (the paper's T); absent: one for each block.
-    pub credit_updates: Option<u32>,
-    /// Bits of the Gray code for each parameter, 4 to 32. `cma_es`, whose steps become finer than
-    /// 16 bits are, always takes 32.
-    pub bits_per_parameter: u32,
-    /// Whether the candidate with the lowest cost always survives.
-    pub elitism: bool,
-    /// Every so many generations the elite takes one least-squares step; 0: never.
-    pub hill_climbing_interval: u32,
-    /// Stop when the lowest cost has gained less than 0.1 % in so many generations; 0: never.
-    pub stagnation_generations: u32,
-    /// Whether the search stops where the residuals of the best candidate are as small as the
-    /// declared noise and least squares promises nothing better. Looked at when the elite climbs
-    /// (`hill_climbing_interval`), and so in `icra_genetic` only.
-    pub noise_floor: bool,
-    /// Stop at this cost.
-    pub cost_target: Option<f64>,
-    /// A residual larger than so many times the declared noise counts linearly and not squared
-    /// (Huber's loss), 0.5 to 100; absent: all count squared. For recordings with outliers; every
-    /// measured output needs its `noise_std`. 1.345 costs 5 % of efficiency where there are none.
-    pub huber_threshold: Option<f64>,
-    /// Independent searches, 1 to 32. With more than one the best candidate of each is refined,
-    /// and the result shows how far they agree. `multistart_lm` begins so many times as often.
-    pub restarts: u32,
-    /// Further searches at the most, 0 to 31, that begin by themselves where it is in doubt whether
-    /// the lowest minimum is the floor: where only one start came to it, where what is left is
-    /// larger than the noise, or where a constant explains as much. They end when two searches
-    /// have come to the same lowest cost.
-    pub further_searches: u32,
-    /// Whether Levenberg–Marquardt refines the best candidates at the end.
-    pub refine: bool,
-    /// How many distinct candidates are refined, 1 to 32.
-    pub refine_candidates: u32,
-}
+words!(CreditForm, ErrorSpread, BlockOrder, MethodName);
 
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            name: MethodName::default(),
-            population: 30,
-            generations: 1000,
-            crossover_probability: 0.8,
-            crossover_parts: 3,
-            mutation_probability: 0.01,
-            credit_gain: 15.0,
-            credit_form: CreditForm::default(),
-            error_spread: ErrorSpread::default(),
-            entropy_target: 0.5,
-            block_samples: 15,
-            block_order: BlockOrder::default(),
-            credit_updates: None,
-            bits_per_parameter: 16,
-            elitism: true,
-            hill_climbing_interval: 2,
-            stagnation_generations: 10,
-            noise_floor: true,
-            cost_target: None,
-            huber_threshold: None,
-            restarts: 1,
-            further_searches: 4,
-            refine: true,
-            refine_candidates: 3,
-        }
+settings! {
+    /// Everything that a job says under `method`.
+    pub struct Settings {
+        /// The method.
+        name: MethodName = MethodName::default();
+        /// Candidates in a generation (the paper's K, the λ of `cma_es`), 2 to 10 000; at least 4
+        /// in `cma_es`.
+        population: u32 = 30, from 2, to 10_000;
+        /// Generations at the most, 0 to 1 000 000. 0 refines the middle of the box.
+        generations: u32 = 1000, from 0, to 1_000_000;
+        /// How likely two parents are crossed, 0 to 1.
+        crossover_probability: f64 = 0.8, from 0, to 1;
+        /// Fragments that a crossover cuts the strings into, 2 to 64.
+        crossover_parts: u32 = 3, from 2, to 64;
+        /// How likely each bit is reversed, 0 to 1.
+        mutation_probability: f64 = 0.01, from 0, to 1;
+        /// The credit gain ν, 0.01 to 300.
+        credit_gain: f64 = 15.0, from 0.01, to 300;
+        /// How credits grow.
+        credit_form: CreditForm = CreditForm::default();
+        /// How the error spread σ is adjusted.
+        error_spread: ErrorSpread = ErrorSpread::default();
+        /// The entropy, as a share of its maximum, at which the concentration rule aims, 0.05 to 0.95.
+        entropy_target: f64 = 0.5, from 0.05, to 0.95;
+        /// Samples in a block (the paper's N), 1 to 1 000 000.
+        block_samples: u32 = 15, from 1, to 1_000_000;
+        /// The order in which the blocks are judged.
+        block_order: BlockOrder = BlockOrder::default();
+        /// Credit updates at the most in one generation (the paper's T); absent: one for each block.
+        credit_updates: Option<u32> = None, from 1, to 1_000_000;
+        /// Bits of the Gray code for each parameter, 4 to 32. `cma_es`, whose steps become finer than
+        /// 16 bits are, always takes 32.
+        bits_per_parameter: u32 = 16, from 4, to 32;
+        /// Whether the candidate with the lowest cost always survives.
+        elitism: bool = true;
+        /// Every so many generations the elite takes one least-squares step; 0: never.
+        hill_climbing_interval: u32 = 2, from 0, to 1_000_000;
+        /// Stop when the lowest cost has gained less than 0.1 % in so many generations; 0: never.
+        stagnation_generations: u32 = 10, from 0, to 1_000_000;
+        /// Whether the search stops where the residuals of the best candidate are as small as the
+        /// declared noise and least squares promises nothing better. Looked at when the elite climbs
+        /// (`hill_climbing_interval`), and so in `icra_genetic` only.
+        noise_floor: bool = true;
+        /// Stop at this cost.
+        cost_target: Option<f64> = None, from 0;
+        /// A residual larger than so many times the declared noise counts linearly and not squared
+        /// (Huber's loss), 0.5 to 100; absent: all count squared. For recordings with outliers; every
+        /// measured output needs its `noise_std`. 1.345 costs 5 % of efficiency where there are none.
+        huber_threshold: Option<f64> = None, from 0.5, to 100;
+        /// Independent searches, 1 to 32. With more than one the best candidate of each is refined,
+        /// and the result shows how far they agree. `multistart_lm` begins so many times as often.
+        restarts: u32 = 1, from 1, to 32;
+        /// Further searches at the most, 0 to 31, that begin by themselves where it is in doubt whether
+        /// the lowest minimum is the floor: where only one start came to it, where what is left is
+        /// larger than the noise, or where a constant explains as much. They end when two searches
+        /// have come to the same lowest cost.
+        further_searches: u32 = 4, from 0, to 31;
+        /// Whether Levenberg–Marquardt refines the best candidates at the end.
+        refine: bool = true;
+        /// How many distinct candidates are refined, 1 to 32.
+        refine_candidates: u32 = 3, from 1, to 32;
     }
 }
 

@@ -14,7 +14,7 @@ mod priors;
 mod trajectory;
 
 pub use crate::estimation::Finding;
-pub use design::{COST_OF_JOB, Designing, Looked, PastResult, check_design, design};
+pub use design::{Assessments, COST_OF_JOB, Designing, PastResult, check_design, design};
 pub use forecast::{Identifiability, Prediction, flat_directions, forecast, unseen};
 pub use outcome::{Origin, outcome};
 pub use preflight::{Preflight, findings, preflight};

@@ -1,17 +1,20 @@
 //! What is asked of an identification.
 
-use super::experiment::{Experiment, estimated};
+use super::experiment::{Experiment, ExperimentSection, GivenParameter};
 use super::{IdentificationError, Run};
 use crate::estimation::{Observer, Problem, Settings};
 use crate::identification::assemble::{self, Assembly};
-use crate::identification::spec::{Context, ParameterSpec};
+use crate::identification::spec::{
+    Context, ModelSearch, OutputSpec, ParameterSpec, ValidationSpec,
+};
 use crate::identification::{DatasetId, JobSpec, Outcome};
 use crate::uncertainty;
 use greybox_numerics::parsing::Fault;
 use greybox_recording::Recording;
 use greybox_simulation::model::{Catalogue, Model, document};
+use serde::Serialize;
 use serde_json::{Value, json};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -58,12 +61,33 @@ use std::sync::atomic::AtomicBool;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Identification {
-    /// The job as a client would submit it.
-    job: Value,
-    /// What stands in the place of the job's own model.
+    /// The document that the identification begins from, where a client submitted one.
+    submitted: Option<Value>,
+    /// What stands in the place of the model of the document.
     model: Option<Arc<Model>>,
-    /// One for each experiment of the job.
+    /// What the program says beside the document.
+    sections: Sections,
+    /// One recording for each experiment of the document and of the program.
     recordings: Vec<Recording>,
+}
+
+/// The sections of a job as a program states them.
+#[derive(Clone, Debug, Default, Serialize)]
+struct Sections {
+    experiments: Vec<ExperimentSection>,
+    parameters: BTreeMap<String, GivenParameter>,
+    outputs: BTreeMap<String, OutputSpec>,
+    constraints: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    model_search: Option<ModelSearch>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    validation: Option<ValidationSpec>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    method: Option<Settings>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    uncertainty: Option<uncertainty::Settings>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    seed: Option<u64>,
 }
 
 impl Identification {
@@ -71,8 +95,9 @@ impl Identification {
     #[must_use]
     pub fn new(model: &Arc<Model>, experiment: impl Into<Experiment>) -> Identification {
         let identification = Identification {
-            job: json!({"experiments": []}),
+            submitted: None,
             model: None,
+            sections: Sections::default(),
             recordings: Vec::new(),
         };
         identification.model(model).experiment(experiment)
@@ -88,8 +113,9 @@ impl Identification {
         let experiments = job.get("experiments").and_then(Value::as_array);
         let count = experiments.map_or(0, Vec::len);
         Identification {
-            job,
+            submitted: Some(job),
             model: None,
+            sections: Sections::default(),
             recordings: vec![recording; count],
         }
     }
@@ -105,102 +131,89 @@ impl Identification {
     /// themselves.
     #[must_use]
     pub fn experiment(mut self, experiment: impl Into<Experiment>) -> Identification {
-        let Experiment {
-            recording,
-            document,
-        } = experiment.into();
-        if let Some(experiments) = self.job["experiments"].as_array_mut() {
-            experiments.push(Value::Object(document));
-            self.recordings.push(recording);
-        }
+        let Experiment { recording, section } = experiment.into();
+        self.recordings.push(recording);
+        self.sections.experiments.push(section);
         self
     }
 
     /// An unknown parameter and where it is looked for, SI, along the scale that the model says.
     #[must_use]
     pub fn free(self, parameter: &str, range: RangeInclusive<f64>) -> Identification {
-        self.with_entry("parameters", parameter, estimated(&range))
+        self.with_parameter(parameter, GivenParameter::free(&range))
     }
 
     /// A known parameter, SI.
     #[must_use]
     pub fn fix(self, parameter: &str, value: f64) -> Identification {
-        self.with_entry("parameters", parameter, json!({ "value": value }))
+        self.with_parameter(parameter, GivenParameter::fixed(value))
     }
 
     /// All that can be said of a parameter.
     #[must_use]
-    pub fn parameter(self, parameter: &str, said: ParameterSpec) -> Identification {
-        self.with_entry("parameters", parameter, json!(said))
+    pub fn parameter(self, parameter: &str, spec: ParameterSpec) -> Identification {
+        self.with_parameter(parameter, GivenParameter::Whole(spec))
+    }
+
+    fn with_parameter(mut self, name: &str, given: GivenParameter) -> Identification {
+        self.sections.parameters.insert(name.to_owned(), given);
+        self
     }
 
     /// The standard deviation of an output's measurement noise, SI. With it the verdict can tell
     /// noise from what the model misses.
     #[must_use]
-    pub fn noise(self, output: &str, standard_deviation: f64) -> Identification {
-        self.with_entry(
-            "outputs",
-            output,
-            json!({ "noise_std": standard_deviation }),
-        )
+    pub fn noise(mut self, output: &str, standard_deviation: f64) -> Identification {
+        let spec = OutputSpec {
+            noise_std: Some(standard_deviation),
+            ..OutputSpec::default()
+        };
+        self.sections.outputs.insert(output.to_owned(), spec);
+        self
     }
 
     /// A condition that the parameters keep, such as `tau1 < tau2`, in SI units.
     #[must_use]
     pub fn constraint(mut self, condition: &str) -> Identification {
-        let sections = self.job.as_object_mut();
-        let section = sections.map(|job| job.entry("constraints").or_insert_with(|| json!([])));
-        if let Some(section) = section.and_then(Value::as_array_mut) {
-            section.push(json!(condition));
-        }
+        self.sections.constraints.push(condition.to_owned());
         self
     }
 
     /// Parameters that stand for effects about which the data shall decide.
     #[must_use]
-    pub fn effects(self, parameters: &[&str]) -> Identification {
-        self.with("model_search", json!({ "effects": parameters }))
+    pub fn effects(mut self, parameters: &[&str]) -> Identification {
+        let effects = parameters.iter().map(|name| (*name).to_owned()).collect();
+        self.sections.model_search = Some(ModelSearch { effects });
+        self
     }
 
     /// The share of each experiment, at its end, that is held back to check the estimate; a
     /// quarter where nothing is said.
     #[must_use]
-    pub fn hold_back(self, fraction: f64) -> Identification {
-        self.with("validation", json!({ "fraction": fraction }))
+    pub fn hold_back(mut self, fraction: f64) -> Identification {
+        self.sections.validation = Some(ValidationSpec { fraction });
+        self
     }
 
     /// How the parameters are looked for.
     #[must_use]
-    pub fn method(self, settings: &Settings) -> Identification {
-        self.with("method", json!(settings))
+    pub fn method(mut self, settings: &Settings) -> Identification {
+        self.sections.method = Some(settings.clone());
+        self
     }
 
     /// How closely the estimate's uncertainty is looked at.
     #[must_use]
-    pub fn uncertainty(self, settings: &uncertainty::Settings) -> Identification {
-        self.with("uncertainty", json!(settings))
+    pub fn uncertainty(mut self, settings: &uncertainty::Settings) -> Identification {
+        self.sections.uncertainty = Some(settings.clone());
+        self
     }
 
     /// Where every random number comes from: the same seed, the same bits. Drawn where none is
     /// given; the outcome says which it was.
     #[must_use]
-    pub fn seed(self, seed: u64) -> Identification {
-        self.with("seed", json!(seed))
-    }
-
-    fn with(mut self, section: &str, value: Value) -> Identification {
-        if let Some(job) = self.job.as_object_mut() {
-            job.insert(section.to_owned(), value);
-        }
-        self
-    }
-
-    fn with_entry(mut self, section: &str, name: &str, value: Value) -> Identification {
-        let sections = self.job.as_object_mut();
-        let section = sections.map(|job| job.entry(section).or_insert_with(|| json!({})));
-        if let Some(section) = section.and_then(Value::as_object_mut) {
-            section.insert(name.to_owned(), value);
-        }
+    pub fn seed(mut self, seed: u64) -> Identification {
+        self.sections.seed = Some(seed);
         self
     }
 
@@ -213,7 +226,7 @@ impl Identification {
     }
 
     fn read(&self) -> Result<(JobSpec, Arc<Model>), Vec<Fault>> {
-        let mut job = self.job.clone();
+        let mut job = self.document();
         let models = self.models(&mut job)?;
         let datasets = self.recordings.iter().enumerate();
         let datasets: HashMap<DatasetId, _> = datasets
@@ -235,6 +248,33 @@ impl Identification {
         let model = models.iter().find(named);
         let model = model.expect("a specification names a model that there is");
         Ok((spec, Arc::clone(model)))
+    }
+
+    /// What the program says, as a client would submit it: lists and named entries beside those of the
+    /// document, everything else in their place.
+    fn document(&self) -> Value {
+        let mut document = self.submitted.clone().unwrap_or_else(|| json!({}));
+        let stated = serde_json::to_value(&self.sections).expect("sections have only text keys");
+        let (Value::Object(job), Value::Object(stated)) = (&mut document, stated) else {
+            return document;
+        };
+        for (name, section) in stated {
+            let missing = match &section {
+                Value::Array(_) => json!([]),
+                Value::Object(_) if name == "parameters" || name == "outputs" => json!({}),
+                _ => {
+                    job.insert(name, section);
+                    continue;
+                }
+            };
+            match (job.entry(name).or_insert(missing), section) {
+                (Value::Array(entries), Value::Array(more)) => entries.extend(more),
+                (Value::Object(entries), Value::Object(more)) => entries.extend(more),
+                // What is no section of this kind is told by the reader.
+                _ => {}
+            }
+        }
+        document
     }
 
     /// The models that the job may name; one that it brings along is replaced by its name.

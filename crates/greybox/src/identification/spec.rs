@@ -51,7 +51,9 @@ pub use parameter::{FixedValue, FreeParameter, ParameterSpec, SearchRange};
 pub use prior::PriorSpec;
 pub use validation::ValidationSpec;
 
-use greybox_numerics::parsing::reader::{Faults, Field, Object};
+use greybox_numerics::parsing::reader::{Field, Object, read_document};
+use greybox_numerics::parsing::settings::Section as _;
+use own_parameters::JobParameters;
 
 /// The experiments of one job at the most.
 pub const MAX_EXPERIMENTS: usize = 32;
@@ -61,10 +63,6 @@ pub const MAX_LABELS: usize = 16;
 pub const MAX_NAME_CHARS: usize = 200;
 /// The largest seed: every JSON client keeps it exactly.
 pub const MAX_SEED: u64 = (1 << 53) - 1;
-/// The share of the data held back at the most.
-pub const MAX_VALIDATION_FRACTION: f64 = 0.9;
-/// How long a job may compute when it does not say `[s]`.
-pub const DEFAULT_MAX_DURATION_S: f64 = 3600.0;
 
 /// An estimation job: what is measured, what is unknown, how it is looked for.
 ///
@@ -282,13 +280,16 @@ pub struct Context<'a> {
 impl JobSpec {
     /// Reads a submitted document, or says everything that is wrong with it.
     pub fn read(document: &Value, context: &Context<'_>) -> Result<JobSpec, Vec<Fault>> {
-        let faults = Faults::default();
-        let spec = read_spec(&Field::root(document, &faults), context);
-        let found = faults.into_vec();
-        match spec {
-            Some(spec) if found.is_empty() => Ok(spec),
-            _ => Err(found),
-        }
+        read_document(document, |field| read_spec(field, context))
+    }
+
+    /// The specification once more, after every check that a submitted document passes.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the specification.
+    pub fn checked(&self, context: &Context<'_>) -> Result<JobSpec, Vec<Fault>> {
+        let document = serde_json::to_value(self).expect("a specification has only text keys");
+        JobSpec::read(&document, context)
     }
 
     /// `sha256:…` of the completed specification.
@@ -309,7 +310,12 @@ impl JobSpec {
 
     /// Whether a parameter or an initial state of the job's model is left to estimate.
     pub(super) fn estimates_anything(&self, model: &ModelDescription) -> bool {
-        anything_free(model, &self.parameters, &self.experiments)
+        let parameters = JobParameters {
+            model,
+            shared: &self.parameters,
+            experiments: &self.experiments,
+        };
+        parameters.has_unknowns()
     }
 
     /// What is asked about the estimate, once it stands.
@@ -372,21 +378,25 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let outputs =
         outputs.map(|field| outputs::read(&field, model, experiments.as_deref(), context.datasets));
     let clock_tolerance = outputs::tolerance(root.optional("clock_tolerance"));
-    let said = parameters.as_ref().zip(experiments.as_deref());
-    let known = model.zip(said);
-    let (constraints, priors) = read_together(&mut root, known);
+    let job_parameters = model.zip(parameters.as_ref().zip(experiments.as_deref()));
+    let job_parameters = job_parameters.map(|(model, (shared, experiments))| JobParameters {
+        model,
+        shared,
+        experiments,
+    });
+    let (constraints, priors) = read_together(&mut root, job_parameters);
     let method = root.optional("method").map(|field| method::read(&field));
     let uncertainty = root.optional("uncertainty");
-    let uncertainty = uncertainty.map(|field| method::read_uncertainty(&field));
+    let uncertainty = uncertainty.map(|field| uncertainty::Settings::read(&field));
     let validation = root.optional("validation");
-    let validation = validation.map(|field| validation::read(&field));
+    let validation = validation.map(|field| ValidationSpec::read(&field));
     let limits = root.optional("limits");
     let limits = limits.map(|field| limits::read(&field, context.max_duration_s));
     let seed = root.optional("seed");
     let seed = seed.map_or_else(|| Some(drawn_seed()), |field| field.integer(0, MAX_SEED));
-    if let Some((model, (parameters, experiments))) = known {
-        own_parameters::check(&root, experiments, parameters, model_search.as_ref());
-        if !anything_free(model, parameters, experiments) {
+    if let Some(parameters) = job_parameters {
+        parameters.check(&root, model_search.as_ref());
+        if !parameters.has_unknowns() {
             root.fault("nothing_to_estimate", NOTHING_TO_ESTIMATE);
         }
     }
@@ -405,9 +415,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
             model_search,
             uncertainty: uncertainty.unwrap_or_default(),
             validation: validation.unwrap_or_default(),
-            limits: limits.unwrap_or(LimitsSpec {
-                max_duration_s: DEFAULT_MAX_DURATION_S.min(context.max_duration_s),
-            }),
+            limits: limits.unwrap_or_else(|| LimitsSpec::within(context.max_duration_s)),
             seed: seed?,
         })
     };
@@ -423,40 +431,15 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
 /// parameters that are understood, nothing can be said of them.
 fn read_together(
     root: &mut Object<'_>,
-    known: Option<(&ModelDescription, Said<'_>)>,
+    parameters: Option<JobParameters<'_>>,
 ) -> (Vec<String>, Vec<JointPriorSpec>) {
     let (constraints, priors) = (root.optional("constraints"), root.optional("priors"));
-    let Some((model, said)) = known else {
+    let Some(parameters) = parameters else {
         return (Vec::new(), Vec::new());
     };
-    let constraints = constraints.map(|field| constraints::read(&field, model, said));
-    let priors = priors.map(|field| joint_prior::read(&field, model, said));
+    let constraints = constraints.map(|field| constraints::read(&field, parameters));
+    let priors = priors.map(|field| joint_prior::read(&field, parameters));
     (constraints.unwrap_or_default(), priors.unwrap_or_default())
-}
-
-/// What a job says of its parameters, and its experiments of theirs.
-type Said<'a> = (&'a BTreeMap<String, ParameterSpec>, &'a [ExperimentSpec]);
-
-fn anything_free(
-    model: &ModelDescription,
-    parameters: &BTreeMap<String, ParameterSpec>,
-    experiments: &[ExperimentSpec],
-) -> bool {
-    let free_state = |experiment: &ExperimentSpec| {
-        model
-            .states
-            .iter()
-            .any(|state| match experiment.initial_state.get(&*state.name) {
-                Some(said) => matches!(said, InitialStateSpec::Free(_)),
-                None => state.initial.is_estimated(),
-            })
-    };
-    let is_free = |said: &ParameterSpec| matches!(said, ParameterSpec::Free(_));
-    let mut said = parameters.iter();
-    let mut own = experiments.iter().flat_map(|e| e.parameters.values());
-    said.any(|(name, said)| is_free(said) && own_parameters::shares(experiments, name))
-        || own.any(is_free)
-        || experiments.iter().any(free_state)
 }
 
 /// A seed for a job that brings none, from the random bits of a fresh identifier.

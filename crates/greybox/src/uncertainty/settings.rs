@@ -1,6 +1,7 @@
 //! How much is asked about an estimate's uncertainty.
 
 use super::identifiability::FlatDirection;
+use greybox_numerics::{settings, words};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -46,20 +47,29 @@ impl FlatDirections {
     }
 }
 
-/// What a job says under `uncertainty`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-#[schema(as = UncertaintySettings)]
-pub struct Settings {
-    /// How the 95 % intervals are made.
-    pub intervals: Intervals,
-    /// Refits of a bootstrap, 40 to 10 000.
-    pub bootstrap_samples: u32,
-    /// Fits in which the noise and all that is taken as known are drawn anew, 100 to 100 000, to check
-    /// the total uncertainty by (JCGM 101); 0: none.
-    pub monte_carlo_samples: u32,
-    /// What to do where the data do not see a change of an unknown, or of a combination of unknowns.
-    pub flat_directions: FlatDirections,
+words!(Intervals, FlatDirections);
+
+settings! {
+    /// What a job says under `uncertainty`.
+    #[schema(as = UncertaintySettings)]
+    pub struct Settings {
+        /// How the 95 % intervals are made.
+        intervals: Intervals = Intervals::default();
+        /// Refits of a bootstrap, 40 to 10 000.
+        bootstrap_samples: u32 = 200, from 40, to 10_000;
+        /// Fits in which the noise and all that is taken as known are drawn anew, 100 to 100 000, to check
+        /// the total uncertainty by (JCGM 101); 0: none.
+        monte_carlo_samples: u32 = 0, from 0, to 100_000, unless too_few_fits;
+        /// What to do where the data do not see a change of an unknown, or of a combination of unknowns.
+        flat_directions: FlatDirections = FlatDirections::default();
+    }
+}
+
+/// Why so many fits give no interval, where they give none.
+fn too_few_fits(fits: &u32) -> Option<String> {
+    (1..100)
+        .contains(fits)
+        .then(|| format!("{fits} fits say nothing of an interval: 0 for none, or 100 at the least"))
 }
 
 impl Settings {
@@ -67,16 +77,5 @@ impl Settings {
     #[must_use]
     pub fn has_independent_refits(&self) -> bool {
         self.intervals != Intervals::Fisher || self.monte_carlo_samples > 0
-    }
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            intervals: Intervals::default(),
-            bootstrap_samples: 200,
-            monte_carlo_samples: 0,
-            flat_directions: FlatDirections::default(),
-        }
     }
 }

@@ -5,6 +5,7 @@
 pub mod fault;
 pub mod json;
 pub mod reader;
+pub mod settings;
 pub mod yaml;
 
 pub use fault::Fault;

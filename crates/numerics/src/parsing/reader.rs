@@ -53,12 +53,29 @@ impl Faults {
     }
 }
 
+/// What `read` makes of a whole document.
+///
+/// # Errors
+/// Everything that is wrong with the document.
+pub fn read_document<T>(
+    document: &Value,
+    read: impl FnOnce(&Field<'_>) -> Option<T>,
+) -> Result<T, Vec<Fault>> {
+    let faults = Faults::default();
+    let read = read(&Field::root(document, &faults));
+    let faults = faults.into_vec();
+    match read {
+        Some(read) if faults.is_empty() => Ok(read),
+        _ => Err(faults),
+    }
+}
+
 /// A value at its place in the document.
 #[derive(Clone)]
 pub struct Field<'v> {
-    /// Where it stands.
+    /// Where the value stands.
     pub pointer: String,
-    /// What stands there.
+    /// The value.
     pub value: &'v Value,
     faults: &'v Faults,
 }
@@ -220,7 +237,7 @@ pub const LARGEST_EXACT: f64 = 9_007_199_254_740_991.0;
 
 /// An object of which every field must be asked for.
 pub struct Object<'v> {
-    /// Where it stands.
+    /// The JSON pointer of the object.
     pub pointer: String,
     map: &'v Map<String, Value>,
     known: Vec<&'static str>,

@@ -1,25 +1,24 @@
-//! A design: what is known at present and the experiment that is open, as a problem; what was
-//! found, as the answer.
+//! A design: from what is known at present and the experiment that is open to the best experiment.
 
+mod assessments;
 mod excite;
-mod looked;
+mod problem;
 mod report;
 mod sample;
-mod subject;
 
-pub use looked::Looked;
-pub use subject::PastResult;
+pub use assessments::Assessments;
+pub use problem::PastResult;
 
 use crate::identification::design::Design;
 use crate::identification::spec::design::{DesignSpec, Plan};
 use crate::uncertainty::design::Present;
 use crate::uncertainty::design::search::Family;
+use assessments::Pass;
 use greybox_numerics::parsing::fault::Fault;
 use greybox_simulation::model::Model;
-use looked::Pass;
+use problem::{DesignProblem, Question};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use subject::Subject;
 
 /// Derivatives that one experiment may take while a client waits.
 pub const COST_WHILE_WAITING: f64 = super::forecast::BUDGET;
@@ -27,7 +26,7 @@ pub const COST_WHILE_WAITING: f64 = super::forecast::BUDGET;
 pub const COST_OF_JOB: f64 = 2e10;
 
 /// Looks for the next experiment; where `stop` is raised meanwhile, the best so far is the answer.
-/// Answers nothing when it was raised before there was any.
+/// Answers nothing when `stop` was raised before there was any.
 ///
 /// # Errors
 /// What keeps the experiment or those of the past from being looked at, with JSON pointers.
@@ -40,11 +39,11 @@ pub fn design(
     let Some(designing) = Designing::begin(spec, model, past, COST_WHILE_WAITING, stop)? else {
         return Ok(None);
     };
-    designing.go_on(&mut Looked::default(), usize::MAX, stop)
+    designing.go_on(&mut Assessments::default(), usize::MAX, stop)
 }
 
 /// Says what speaks against a design before it begins, one experiment of which may take so many
-/// derivatives; whether it was not stopped meanwhile.
+/// derivatives; whether `stop` was not raised meanwhile.
 ///
 /// # Errors
 /// What keeps the experiment or those of the past from being looked at, with JSON pointers.
@@ -55,13 +54,13 @@ pub fn check_design(
     most_derivatives: f64,
     stop: &AtomicBool,
 ) -> Result<bool, Vec<Fault>> {
-    Subject::new(spec, model, past)?.check_cost(spec, most_derivatives, stop)
+    DesignProblem::new(spec, model, past)?.check_cost(spec, most_derivatives, stop)
 }
 
 /// A design at work: what is known at present, before which experiments are held.
 pub struct Designing {
     spec: DesignSpec,
-    subject: Subject,
+    problem: DesignProblem,
     present: Present,
 }
 
@@ -77,64 +76,63 @@ impl Designing {
         most_derivatives: f64,
         stop: &AtomicBool,
     ) -> Result<Option<Designing>, Vec<Fault>> {
-        let subject = Subject::new(&spec, model, past)?;
-        if !subject.check_cost(&spec, most_derivatives, stop)? {
+        let problem = DesignProblem::new(&spec, model, past)?;
+        if !problem.check_cost(&spec, most_derivatives, stop)? {
             return Ok(None);
         }
         let present = Present::new(
-            &subject.next,
-            &subject.positions,
-            subject.wanted.clone(),
-            subject.past.as_ref(),
+            &problem.next,
+            &problem.positions,
+            problem.wanted.clone(),
+            problem.past.as_ref(),
             stop,
         );
-        let Some(present) = subject::simulated(present, "/job")? else {
+        let Some(present) = problem::simulated(present, "/job")? else {
             return Ok(None);
         };
         let present = match &spec.plan {
-            Plan::Excite(_) => present.spread(&subject.next, spec.points, spec.seed),
+            Plan::Excite(_) => present.spread(&problem.next, spec.points, spec.seed),
             Plan::Sample(_) => present,
         };
         Ok(Some(Designing {
             spec,
-            subject,
+            problem,
             present,
         }))
     }
 
-    /// The best experiment, after so many more than before were looked at; `finished` where no more
+    /// The best experiment, after so many more than before were assessed; `finished` where no more
     /// are to be. Answers nothing when `stop` was raised before there was any.
     ///
     /// # Errors
     /// What keeps the experiment from being looked at, with JSON pointers.
     pub fn go_on(
         &self,
-        looked: &mut Looked,
+        assessments: &mut Assessments,
         more: usize,
         stop: &AtomicBool,
     ) -> Result<Option<Design>, Vec<Fault>> {
-        let (spec, subject) = (&self.spec, &self.subject);
-        match &spec.plan {
+        let question = Question {
+            spec: &self.spec,
+            problem: &self.problem,
+            present: &self.present,
+        };
+        match &self.spec.plan {
             Plan::Excite(plan) => {
-                let pass = Pass::new(looked, more);
-                Ok(excite::best(
-                    spec,
-                    plan,
-                    (subject, &self.present),
-                    (pass, stop),
-                ))
+                let pass = Pass::new(assessments, more);
+                Ok(excite::best(question, plan, pass, stop))
             }
-            Plan::Sample(plan) => sample::best(spec, plan, (subject, self.present.clone()), stop),
+            Plan::Sample(plan) => sample::best(question, plan, stop),
         }
     }
 
-    /// How many experiments are looked at at the most; instants are chosen in one piece.
+    /// How many experiments are assessed at the most; instants are chosen in one piece.
     #[must_use]
     pub fn most_assessments(&self) -> usize {
         match &self.spec.plan {
             Plan::Excite(plan) => {
-                let families = plan.families.iter();
-                let searched: usize = families.map(|own: &Family| own.most_assessments()).sum();
+                let families = plan.families.iter().copied();
+                let searched: usize = families.map(Family::most_assessments).sum();
                 plan.proposals.len() + searched + self.spec.sensors.len()
             }
             Plan::Sample(_) => 1,

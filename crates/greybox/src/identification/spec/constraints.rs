@@ -1,26 +1,15 @@
 //! The `constraints` section: conditions that the parameters keep.
 
-use super::{ParameterSpec, Said};
+use super::own_parameters::JobParameters;
 use greybox_numerics::parsing::reader::Field;
-use greybox_simulation::model::ModelDescription;
 use greybox_simulation::model::document::Condition;
 
 /// The constraints of one job at the most.
 pub const MAX_CONSTRAINTS: usize = 16;
 
 /// The section; what is wrong is told.
-pub(super) fn read(
-    field: &Field<'_>,
-    model: &ModelDescription,
-    (parameters, experiments): Said<'_>,
-) -> Vec<String> {
-    let is_free = |name: &str| {
-        let own = experiments
-            .iter()
-            .filter_map(|own| own.parameters.get(name));
-        let mut said = parameters.get(name).into_iter().chain(own);
-        said.any(|said| matches!(said, ParameterSpec::Free(_)))
-    };
+pub(super) fn read(field: &Field<'_>, parameters: JobParameters<'_>) -> Vec<String> {
+    let model = parameters.model;
     let Some(entries) = field.array() else {
         return Vec::new();
     };
@@ -34,9 +23,9 @@ pub(super) fn read(
     let mut texts = Vec::new();
     for entry in entries.take(MAX_CONSTRAINTS) {
         let conditions = Condition::read(&entry, model);
-        let places = conditions.iter().flat_map(|own| own.parameters());
-        let mut names = places.map(|place| &*model.parameters[*place].name);
-        if !conditions.is_empty() && !names.any(&is_free) {
+        let indices = conditions.iter().flat_map(Condition::parameters);
+        let mut names = indices.map(|index| &*model.parameters[*index].name);
+        if !conditions.is_empty() && !names.any(|name| parameters.is_unknown_anywhere(name)) {
             let detail = "every parameter in it is known: there is nothing to keep";
             entry.fault("nothing_to_constrain", detail);
         }
@@ -59,12 +48,16 @@ mod tests {
             .get("single_rod_servo")
             .expect("a model")
             .description();
-        let found = Faults::default();
-        let parameters = parameter::read_all(None, model);
-        read(&Field::root(document, &found), model, (&parameters, &[]));
-        let found = found.into_vec().into_iter();
-        found
-            .map(|own| (own.pointer, own.code.into_owned()))
+        let faults = Faults::default();
+        let parameters = JobParameters {
+            model,
+            shared: &parameter::read_all(None, model),
+            experiments: &[],
+        };
+        read(&Field::root(document, &faults), parameters);
+        let faults = faults.into_vec().into_iter();
+        faults
+            .map(|fault| (fault.pointer, fault.code.into_owned()))
             .collect()
     }
 

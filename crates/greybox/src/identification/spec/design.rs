@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 mod excitation;
@@ -22,7 +23,7 @@ use crate::estimation::Settings;
 use crate::identification::{DatasetId, JobId, Outcome};
 use crate::uncertainty;
 use greybox_numerics::parsing::fault::Fault;
-use greybox_numerics::parsing::reader::{Faults, Field, Object, did_you_mean, listed};
+use greybox_numerics::parsing::reader::{Field, Object, did_you_mean, listed, read_document};
 use greybox_simulation::model::ModelDescription;
 
 /// Points of what is known at present that experiments are looked at, at the most.
@@ -60,9 +61,9 @@ pub enum Plan {
 /// A finished job that a design begins from.
 #[derive(Clone, Debug)]
 pub struct PastJob<'a> {
-    /// What it was asked.
+    /// The specification of the job.
     pub spec: &'a JobSpec,
-    /// The noise of each output that it measured, SI.
+    /// The noise of each output that the job measured, SI.
     pub noise: BTreeMap<String, f64>,
 }
 
@@ -80,26 +81,40 @@ impl<'a> PastJob<'a> {
     }
 }
 
-impl DesignSpec {
-    /// The job that a document begins from, whether or not the rest of it makes sense.
+/// The document by which a client asks for a design, as the document came.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct DesignRequest(Value);
+
+impl DesignRequest {
+    /// A submitted document.
+    #[must_use]
+    pub fn new(document: Value) -> DesignRequest {
+        DesignRequest(document)
+    }
+
+    /// The job that a document begins from, whether or not the rest of the document makes sense.
+    #[must_use]
     pub fn past_job(document: &Value) -> Option<JobId> {
         document.get("job")?.as_str()?.parse().ok()
     }
 
-    /// Reads a document against the finished job that it names, or says everything that is wrong
-    /// with it.
+    /// The job that the design begins from.
+    #[must_use]
+    pub fn job(&self) -> Option<JobId> {
+        DesignRequest::past_job(&self.0)
+    }
+
+    /// Reads the document against the finished job that the document names.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the document.
     pub fn read(
-        document: &Value,
+        &self,
         models: &[&ModelDescription],
         past: Option<&PastJob<'_>>,
     ) -> Result<DesignSpec, Vec<Fault>> {
-        let faults = Faults::default();
-        let spec = read(&Field::root(document, &faults), models, past);
-        let found = faults.into_vec();
-        match spec {
-            Some(spec) if found.is_empty() => Ok(spec),
-            _ => Err(found),
-        }
+        read_document(&self.0, |field| read(field, models, past))
     }
 }
 
@@ -160,7 +175,7 @@ fn read(
     root.finish();
     let (subject, seed) = (subject?, seed?);
     Some(DesignSpec {
-        job: job_to_come(&subject, noise, initial_state, (past, seed)),
+        job: job_to_come(&subject, noise, initial_state, past, seed),
         sensors,
         plan: plan?,
         wanted: wanted?,
@@ -303,7 +318,8 @@ fn job_to_come(
     subject: &Subject<'_>,
     noise: BTreeMap<String, f64>,
     initial_state: BTreeMap<String, InitialStateSpec>,
-    (past, seed): (Option<&PastJob<'_>>, u64),
+    past: Option<&PastJob<'_>>,
+    seed: u64,
 ) -> JobSpec {
     let next = ExperimentSpec {
         // Nothing is recorded yet.
@@ -319,11 +335,11 @@ fn job_to_come(
     };
     let earlier = past.map_or(&[][..], |past| &past.spec.experiments);
     let outputs = noise.into_iter().map(|(name, noise)| {
-        let said = OutputSpec {
+        let spec = OutputSpec {
             noise_std: Some(noise),
             ..OutputSpec::default()
         };
-        (name, said)
+        (name, spec)
     });
     JobSpec {
         name: None,

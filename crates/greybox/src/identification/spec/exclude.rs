@@ -64,7 +64,10 @@ fn read_span(field: &Field<'_>, recording: Option<&Summary>) -> Option<ExcludedS
     }
     let signals = match signals {
         Some(names) => {
-            let read: Vec<_> = names.array()?.map(|name| known(&name, recording)).collect();
+            let read: Vec<_> = names
+                .array()?
+                .map(|name| read_name(&name, recording))
+                .collect();
             Some(read.into_iter().collect::<Option<_>>()?)
         }
         None => None,
@@ -77,7 +80,7 @@ fn read_span(field: &Field<'_>, recording: Option<&Summary>) -> Option<ExcludedS
 }
 
 /// The name of a signal of the recording.
-fn known(field: &Field<'_>, recording: Option<&Summary>) -> Option<String> {
+fn read_name(field: &Field<'_>, recording: Option<&Summary>) -> Option<String> {
     let name = field.text()?;
     let mut names = recording
         .into_iter()

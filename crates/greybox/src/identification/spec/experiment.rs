@@ -64,7 +64,7 @@ fn read(
     let signals = object.optional("signals");
     let signals = match (model, recording) {
         (Some(model), Some(recording)) => {
-            Link { model, recording }.read(&object, signals.as_ref(), true)
+            SignalMatch { model, recording }.read(&object, signals.as_ref(), true)
         }
         _ => None,
     };
@@ -92,7 +92,7 @@ fn read(
         (Some(field), Some(model)) => parameter::read_named(field, model),
         _ => BTreeMap::new(),
     };
-    let is_unknown = |said: &ParameterSpec| matches!(said, ParameterSpec::Free(_));
+    let is_unknown = |spec: &ParameterSpec| matches!(spec, ParameterSpec::Free(_));
     if role == ExperimentRole::Validation && parameters.values().any(is_unknown) {
         let detail = "an experiment that only validates has nothing to estimate its own \
                       parameters from: give their values";
@@ -133,11 +133,11 @@ fn read_dataset<'d>(
             return None;
         }
     };
-    let found = datasets.get(&id).map(|summary| (id, summary));
-    if found.is_none() {
+    let stored = datasets.get(&id).map(|summary| (id, summary));
+    if stored.is_none() {
         field.fault("unknown_dataset", format!("there is no dataset {id}"));
     }
-    found
+    stored
 }
 
 /// Whether two texts are one unit, e.g. `m³/s` and `m^3/s`; a model's signal without a unit takes
@@ -147,18 +147,18 @@ fn same_unit(recorded: &str, model: &str) -> bool {
     model.is_empty()
         || recorded == model
         || match (parsed(recorded), parsed(model)) {
-            (Some(one), Some(other)) => one == other,
+            (Some(recorded), Some(model)) => recorded == model,
             _ => false,
         }
 }
 
 /// A model and the recording that drives it.
-pub(super) struct Link<'a> {
+pub(super) struct SignalMatch<'a> {
     pub(super) model: &'a ModelDescription,
     pub(super) recording: &'a Summary,
 }
 
-impl Link<'_> {
+impl SignalMatch<'_> {
     /// The map from model signals to recorded ones: one whole set of inputs, and the outputs that
     /// are measured, at least one of them where `explains` holds.
     pub(super) fn read(
@@ -171,16 +171,16 @@ impl Link<'_> {
             Some(field) => self.named(field)?,
             None => self.of_equal_names(),
         };
-        let place = |code: &'static str, detail: String| match signals {
+        let fault = |code: &'static str, detail: String| match signals {
             Some(field) => field.fault(code, detail),
             None => owner.fault(code, detail),
         };
         let inputs = self.inputs(&named);
         if inputs.is_none() {
-            place("inputs_missing", self.inputs_missing());
+            fault("inputs_missing", self.inputs_missing());
         }
         if explains && !named.keys().any(|name| self.is_output(name)) {
-            place("no_measured_output", self.no_measured_output());
+            fault("no_measured_output", self.no_measured_output());
             return None;
         }
         let inputs = inputs?;
@@ -263,7 +263,7 @@ impl Link<'_> {
     /// has it in a unit that the output has not.
     pub(super) fn check_noise(&self, field: &Field<'_>, output: &str, recorded: &str) {
         let mut outputs = self.model.outputs.iter();
-        if let Some(output) = outputs.find(|own| own.name == output) {
+        if let Some(output) = outputs.find(|described| described.name == output) {
             self.fits(field, output, recorded);
         }
     }

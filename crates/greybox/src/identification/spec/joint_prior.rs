@@ -1,10 +1,9 @@
 //! The `priors` section: what is known of several parameters together.
 
-use super::own_parameters::shares;
-use super::{ParameterSpec, Said};
+use super::own_parameters::JobParameters;
 use crate::estimation::prior::JointPrior;
 use greybox_numerics::parsing::reader::{Field, did_you_mean};
-use greybox_simulation::model::{ModelDescription, Scale};
+use greybox_simulation::model::Scale;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -37,17 +36,7 @@ pub struct JointPriorSpec {
 }
 
 /// The section; what is wrong is told.
-pub(super) fn read(
-    field: &Field<'_>,
-    model: &ModelDescription,
-    (parameters, experiments): Said<'_>,
-) -> Vec<JointPriorSpec> {
-    let free = |name: &str| match parameters.get(name) {
-        Some(ParameterSpec::Free(free)) => Some(free),
-        _ => None,
-    };
-    let is_shared = |name: &str| free(name).is_some() && shares(experiments, name);
-    let has_prior = |name: &str| free(name).is_some_and(|free| free.prior.is_some());
+pub(super) fn read(field: &Field<'_>, parameters: JobParameters<'_>) -> Vec<JointPriorSpec> {
     let Some(entries) = field.array() else {
         return Vec::new();
     };
@@ -57,37 +46,40 @@ pub(super) fn read(
     }
     let mut priors: Vec<JointPriorSpec> = Vec::new();
     for entry in entries.take(MAX_PRIORS) {
-        let known = |name: &str| has_prior(name) || is_named(&priors, name);
-        priors.extend(read_one(&entry, model, (is_shared, known)));
+        priors.extend(read_prior(&entry, parameters, &priors));
     }
     priors
 }
 
-fn is_named(priors: &[JointPriorSpec], name: &str) -> bool {
-    let mut names = priors.iter().flat_map(|own| &own.parameters);
-    names.any(|own| own == name)
-}
-
-fn read_one(
+/// A joint prior, after those of the same job before it.
+fn read_prior(
     field: &Field<'_>,
-    model: &ModelDescription,
-    (is_shared, has_prior): (impl Fn(&str) -> bool, impl Fn(&str) -> bool),
+    job: JobParameters<'_>,
+    before: &[JointPriorSpec],
 ) -> Option<JointPriorSpec> {
+    let model = job.model;
+    let before = before.iter().flat_map(|prior| &prior.parameters);
     let mut object = field.object()?;
     let mut parameters: Vec<String> = Vec::new();
     let named = object.required("parameters");
     for entry in named.iter().filter_map(Field::array).flatten() {
         let name = entry.text()?;
         if model.parameter_index(name).is_none() {
-            let hint = did_you_mean(name, model.parameters.iter().map(|own| &*own.name));
+            let hint = did_you_mean(name, model.parameters.iter().map(|p| &*p.name));
             let detail = format!("`{}` has no parameter of this name{hint}", model.name);
             entry.fault("unknown_parameter", detail);
-        } else if !is_shared(name) {
+        } else if let Some(unknown) = job.shared_unknown(name) {
+            let is_same = |other: &String| other == name;
+            if unknown.prior.is_some()
+                || parameters.iter().any(is_same)
+                || before.clone().any(is_same)
+            {
+                let detail = format!("of `{name}` something else is known already: one prior each");
+                entry.fault("duplicate", detail);
+            }
+        } else {
             let detail = format!("`{name}` is not estimated for all experiments together");
             entry.fault("not_estimated", detail);
-        } else if has_prior(name) || parameters.iter().any(|own| own == name) {
-            let detail = format!("of `{name}` something else is known already: one prior each");
-            entry.fault("duplicate", detail);
         }
         parameters.push(name.to_owned());
     }
@@ -134,12 +126,12 @@ fn is_sound(field: &Field<'_>, prior: &JointPriorSpec) -> bool {
     }
     let rows = prior.covariance.iter().enumerate();
     let mut pairs = rows.flat_map(|(a, row)| row.iter().enumerate().map(move |(b, x)| (a, b, x)));
-    let is_symmetric = pairs.all(|(a, b, own)| {
+    let is_symmetric = pairs.all(|(a, b, entry)| {
         let (other, size) = (
             prior.covariance[b][a],
             (prior.covariance[a][a] * prior.covariance[b][b]).sqrt(),
         );
-        (own - other).abs() <= 1e-9 * size
+        (entry - other).abs() <= 1e-9 * size
     });
     let places = (0..prior.parameters.len()).collect();
     let joint = JointPrior::new(places, prior.scale, &prior.mean, &prior.covariance);
@@ -151,7 +143,7 @@ fn is_sound(field: &Field<'_>, prior: &JointPriorSpec) -> bool {
     is_sound
 }
 
-/// As many numbers.
+/// A list of so many numbers.
 fn numbers(field: &Field<'_>, n: usize) -> Option<Vec<f64>> {
     let entries = field.array()?;
     if entries.len() != n {
@@ -175,9 +167,11 @@ fn matrix(field: &Field<'_>, n: usize) -> Option<Vec<Vec<f64>>> {
 /// The covariance of deviations and correlations.
 fn scaled(correlation: &[Vec<f64>], std: &[f64]) -> Vec<Vec<f64>> {
     let rows = correlation.iter().zip(std);
-    let row = |(row, own): (&Vec<f64>, &f64)| {
+    let row = |(row, of_row): (&Vec<f64>, &f64)| {
         let pairs = row.iter().zip(std);
-        pairs.map(|(entry, other)| entry * own * other).collect()
+        pairs
+            .map(|(entry, of_column)| entry * of_row * of_column)
+            .collect()
     };
     rows.map(row).collect()
 }
@@ -196,18 +190,18 @@ mod tests {
             .get("single_rod_servo")
             .expect("a model")
             .description();
-        let found = Faults::default();
-        let parameters = parameter::read_all(None, model);
+        let faults = Faults::default();
         let experiment = json!({"dataset": "ds_0192d3a4b5c67d8e9f00112233445566", "window": null});
         let experiment = serde_json::from_value(experiment).expect("an experiment");
-        read(
-            &Field::root(document, &found),
+        let parameters = JobParameters {
             model,
-            (&parameters, &[experiment]),
-        );
-        let found = found.into_vec().into_iter();
-        found
-            .map(|own| (own.pointer, own.code.into_owned()))
+            shared: &parameter::read_all(None, model),
+            experiments: &[experiment],
+        };
+        read(&Field::root(document, &faults), parameters);
+        let faults = faults.into_vec().into_iter();
+        faults
+            .map(|fault| (fault.pointer, fault.code.into_owned()))
             .collect()
     }
 

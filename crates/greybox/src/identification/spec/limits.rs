@@ -1,30 +1,30 @@
 //! The `limits` section: when a job stops at the latest.
 
-use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
-
-use super::DEFAULT_MAX_DURATION_S;
 use greybox_numerics::parsing::reader::Field;
+use greybox_numerics::settings;
 
-/// When to stop at the latest.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct LimitsSpec {
-    /// Computing time `[s]`; the best estimate so far is then the result.
-    #[schema(exclusive_minimum = 0)]
-    pub max_duration_s: f64,
+settings! {
+    /// When to stop at the latest.
+    #[derive(Copy)]
+    pub struct LimitsSpec {
+        /// Computing time `[s]`; the best estimate so far is then the result.
+        max_duration_s: f64 = 3600.0, above 0;
+    }
 }
 
-impl Default for LimitsSpec {
-    fn default() -> Self {
-        Self {
-            max_duration_s: DEFAULT_MAX_DURATION_S,
+impl LimitsSpec {
+    /// The limits of a job that names none, on a server that allows so long `[s]`.
+    #[must_use]
+    pub fn within(longest: f64) -> LimitsSpec {
+        let usual = LimitsSpec::default();
+        LimitsSpec {
+            max_duration_s: usual.max_duration_s.min(longest),
         }
     }
 }
 
 pub(super) fn read(field: &Field<'_>, longest: f64) -> LimitsSpec {
-    let mut max_duration_s = DEFAULT_MAX_DURATION_S.min(longest);
+    let mut limits = LimitsSpec::within(longest);
     if let Some(mut object) = field.object() {
         if let Some(field) = object.optional("max_duration_s")
             && let Some(asked) = field.positive()
@@ -33,9 +33,9 @@ pub(super) fn read(field: &Field<'_>, longest: f64) -> LimitsSpec {
                 let detail = format!("{asked} s is more than this server allows, {longest} s");
                 field.fault("out_of_range", detail);
             }
-            max_duration_s = asked;
+            limits.max_duration_s = asked;
         }
         object.finish();
     }
-    LimitsSpec { max_duration_s }
+    limits
 }

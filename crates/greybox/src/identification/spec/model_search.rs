@@ -7,7 +7,7 @@ use utoipa::ToSchema;
 
 use super::{FreeParameter, ParameterSpec, SearchRange};
 use greybox_numerics::parsing::reader::{Field, did_you_mean};
-use greybox_simulation::model::ModelDescription;
+use greybox_simulation::model::{ModelDescription, ParameterDescription};
 
 /// The effects that the data decide about at the most.
 const MOST_EFFECTS: usize = 10;
@@ -41,9 +41,11 @@ pub(super) fn read(
         }
         for entry in entries.take(MOST_EFFECTS) {
             let name = entry.text();
-            let name = name.filter(|name| is_new(name, &entry, (model, &effects)));
-            if let Some(name) = name {
-                check_value(name, &entry, (model, parameters));
+            if let Some(name) = name
+                && let Some(described) = described(name, &entry, model)
+                && is_new(name, &entry, &effects)
+            {
+                check_value(&entry, described, parameters);
                 effects.push(name.to_owned());
             }
         }
@@ -52,14 +54,23 @@ pub(super) fn read(
     Some(ModelSearch { effects })
 }
 
-/// Whether the model has a parameter of this name, not named before; else that is a fault.
-fn is_new(name: &str, entry: &Field<'_>, (model, before): (&ModelDescription, &[String])) -> bool {
-    if model.parameter_index(name).is_none() {
+/// The parameter of the model that has a name; a fault where the model has none.
+fn described<'m>(
+    name: &str,
+    entry: &Field<'_>,
+    model: &'m ModelDescription,
+) -> Option<&'m ParameterDescription> {
+    let described = model.parameters.iter().find(|p| p.name == name);
+    if described.is_none() {
         let hint = did_you_mean(name, model.parameters.iter().map(|p| &*p.name));
         let detail = format!("`{}` has no parameter of this name{hint}", model.name);
         entry.fault("unknown_parameter", detail);
-        return false;
     }
+    described
+}
+
+/// Whether an effect is not among those named before; else that is a fault.
+fn is_new(name: &str, entry: &Field<'_>, before: &[String]) -> bool {
     let is_new = !before.iter().any(|effect| effect == name);
     if !is_new {
         entry.fault("duplicate", format!("`{name}` is named twice"));
@@ -69,18 +80,18 @@ fn is_new(name: &str, entry: &Field<'_>, (model, before): (&ModelDescription, &[
 
 /// An effect that is left out has the model's default, so another value makes no sense.
 fn check_value(
-    name: &str,
     entry: &Field<'_>,
-    (model, parameters): (&ModelDescription, Option<&BTreeMap<String, ParameterSpec>>),
+    described: &ParameterDescription,
+    parameters: Option<&BTreeMap<String, ParameterSpec>>,
 ) {
-    let own = model.parameters.iter().find(|own| own.name == *name);
-    let said = parameters.and_then(|parameters| parameters.get(name));
-    if let (Some(own), Some(ParameterSpec::Fixed(fixed))) = (own, said)
-        && fixed.value != own.default
+    let name = &*described.name;
+    let spec = parameters.and_then(|parameters| parameters.get(name));
+    if let Some(ParameterSpec::Fixed(fixed)) = spec
+        && fixed.value != described.default
     {
         let detail = format!(
             "`{name}` is fixed at {}, but an effect that is left out has the model's default, {}",
-            fixed.value, own.default
+            fixed.value, described.default
         );
         entry.fault("contradiction", detail);
     }
@@ -94,12 +105,14 @@ pub(super) fn freed(
     search: &ModelSearch,
 ) -> BTreeMap<String, ParameterSpec> {
     for effect in &search.effects {
-        let known = model.parameters.iter().find(|own| own.name == **effect);
-        if let (Some(own), Some(ParameterSpec::Fixed(_))) = (known, parameters.get(effect)) {
+        let described = model.parameters.iter().find(|p| p.name == **effect);
+        if let (Some(described), Some(ParameterSpec::Fixed(_))) =
+            (described, parameters.get(effect))
+        {
             let estimate = SearchRange {
-                lower: own.lower,
-                upper: own.upper,
-                scale: own.scale,
+                lower: described.lower,
+                upper: described.upper,
+                scale: described.scale,
             };
             let free = ParameterSpec::Free(FreeParameter {
                 estimate,

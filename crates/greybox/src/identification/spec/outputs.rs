@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::ExperimentSpec;
-use super::experiment::Link;
+use super::experiment::SignalMatch;
 use crate::identification::DatasetId;
 use greybox_numerics::parsing::reader::{Field, did_you_mean, listed};
 use greybox_recording::Summary;
@@ -71,9 +71,9 @@ pub(super) fn read(
             let signal = field.text()?;
             let measured = experiments.into_iter().flatten();
             let measured = measured.filter(|experiment| experiment.signals.contains_key(name));
-            let recordings = measured.filter_map(|own| datasets.get(&own.dataset));
+            let recordings = measured.filter_map(|experiment| datasets.get(&experiment.dataset));
             let links = recordings.filter_map(|recording| {
-                Some(Link {
+                Some(SignalMatch {
                     model: model?,
                     recording,
                 })
@@ -87,7 +87,7 @@ pub(super) fn read(
         let lag_tolerance_s = object.optional("lag_tolerance_s");
         let lag_tolerance_s = lag_tolerance_s.and_then(|field| field.positive());
         object.finish();
-        let said = OutputSpec {
+        let spec = OutputSpec {
             noise_std,
             noise_share,
             noise_signal,
@@ -95,7 +95,7 @@ pub(super) fn read(
             offset_tolerance,
             lag_tolerance_s,
         };
-        outputs.insert(name.to_owned(), said);
+        outputs.insert(name.to_owned(), spec);
     }
     outputs
 }
@@ -115,10 +115,9 @@ pub(super) fn check_output(
     let Some(model) = model else {
         return;
     };
-    let known = || model.outputs.iter().map(|output| &*output.name);
-    if !known().any(|output| output == name) {
-        let names: Vec<&str> = known().collect();
-        let hint = did_you_mean(name, known());
+    let names: Vec<&str> = model.outputs.iter().map(|output| &*output.name).collect();
+    if !names.contains(&name) {
+        let hint = did_you_mean(name, names.iter().copied());
         let detail = format!(
             "the outputs of `{}` are {}{hint}",
             model.name,

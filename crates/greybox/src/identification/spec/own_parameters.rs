@@ -1,9 +1,24 @@
-//! Parameters that single experiments have for themselves.
+//! The parameters of a job: those that all experiments share, and those that single experiments have
+//! for themselves.
 
 use std::collections::BTreeMap;
 
-use super::{ExperimentRole, ExperimentSpec, ModelSearch, ParameterSpec};
+use super::{
+    ExperimentRole, ExperimentSpec, FreeParameter, InitialStateSpec, ModelSearch, ParameterSpec,
+};
 use greybox_numerics::parsing::reader::Object;
+use greybox_simulation::model::ModelDescription;
+
+/// What a job and its experiments say of the parameters of a model.
+#[derive(Clone, Copy)]
+pub(super) struct JobParameters<'a> {
+    /// The model of the job.
+    pub(super) model: &'a ModelDescription,
+    /// The parameters of the job.
+    pub(super) shared: &'a BTreeMap<String, ParameterSpec>,
+    /// The experiments with their parameters.
+    pub(super) experiments: &'a [ExperimentSpec],
+}
 
 /// Whether an experiment that is estimated from takes the job's value of a parameter, and not one
 /// of its own.
@@ -14,35 +29,69 @@ pub(super) fn shares(experiments: &[ExperimentSpec], parameter: &str) -> bool {
     })
 }
 
-/// What experiments say of their own parameters must leave every number something that it can be
-/// estimated from, and one meaning.
-pub(super) fn check(
-    job: &Object<'_>,
-    experiments: &[ExperimentSpec],
-    parameters: &BTreeMap<String, ParameterSpec>,
-    search: Option<&ModelSearch>,
-) {
-    for (name, said) in parameters {
-        let free = matches!(said, ParameterSpec::Free(_));
-        let alone = experiments
-            .iter()
-            .position(|experiment| !experiment.parameters.contains_key(name));
-        if let (true, false, Some(alone)) = (free, shares(experiments, name), alone) {
-            let detail = format!(
-                "every experiment that is estimated from has its own `{name}`, but experiment \
-                 {alone}, which validates, has none: give it a value there"
-            );
-            job.fault("contradiction", detail);
+fn is_free(spec: &ParameterSpec) -> bool {
+    matches!(spec, ParameterSpec::Free(_))
+}
+
+impl<'a> JobParameters<'a> {
+    /// An unknown that experiments share.
+    pub(super) fn shared_unknown(&self, name: &str) -> Option<&'a FreeParameter> {
+        match self.shared.get(name) {
+            Some(ParameterSpec::Free(free)) if shares(self.experiments, name) => Some(free),
+            _ => None,
         }
     }
-    for effect in search.map_or(&[][..], |search| &search.effects) {
-        let own = |experiment: &ExperimentSpec| experiment.parameters.contains_key(effect);
-        if let Some(experiment) = experiments.iter().position(own) {
-            let detail = format!(
-                "`{effect}` is an effect that `model_search` decides about for all experiments; \
-                 experiment {experiment} cannot have its own"
-            );
-            job.fault("contradiction", detail);
+
+    /// Whether a parameter is unknown in any experiment.
+    pub(super) fn is_unknown_anywhere(&self, name: &str) -> bool {
+        let experiments = self.experiments.iter();
+        let mut specs = experiments
+            .filter_map(|experiment| experiment.parameters.get(name))
+            .chain(self.shared.get(name));
+        specs.any(is_free)
+    }
+
+    /// Whether there is anything to estimate.
+    pub(super) fn has_unknowns(&self) -> bool {
+        let has_unknown_start = |experiment: &ExperimentSpec| {
+            let mut states = self.model.states.iter();
+            states.any(|state| match experiment.initial_state.get(&*state.name) {
+                Some(start) => matches!(start, InitialStateSpec::Free(_)),
+                None => state.initial.is_estimated(),
+            })
+        };
+        let mut shared = self.shared.keys();
+        shared.any(|name| self.shared_unknown(name).is_some())
+            || self.experiments.iter().any(|experiment| {
+                experiment.parameters.values().any(is_free) || has_unknown_start(experiment)
+            })
+    }
+
+    /// What experiments say of their own parameters must leave every number something that the
+    /// number can be estimated from, and one meaning.
+    pub(super) fn check(&self, job: &Object<'_>, search: Option<&ModelSearch>) {
+        for (name, spec) in self.shared {
+            let mut experiments = self.experiments.iter();
+            let without = experiments.position(|e| !e.parameters.contains_key(name));
+            if let (true, false, Some(without)) =
+                (is_free(spec), shares(self.experiments, name), without)
+            {
+                let detail = format!(
+                    "every experiment that is estimated from has its own `{name}`, but experiment \
+                     {without}, which validates, has none: give it a value there"
+                );
+                job.fault("contradiction", detail);
+            }
+        }
+        for effect in search.map_or(&[][..], |search| &search.effects) {
+            let mut experiments = self.experiments.iter();
+            if let Some(experiment) = experiments.position(|e| e.parameters.contains_key(effect)) {
+                let detail = format!(
+                    "`{effect}` is an effect that `model_search` decides about for all experiments; \
+                     experiment {experiment} cannot have its own"
+                );
+                job.fault("contradiction", detail);
+            }
         }
     }
 }

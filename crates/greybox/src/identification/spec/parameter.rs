@@ -85,7 +85,7 @@ pub(super) fn read_named(
 ) -> BTreeMap<String, ParameterSpec> {
     let mut named = BTreeMap::new();
     for (name, field) in section.object().map(|o| o.entries()).into_iter().flatten() {
-        let Some(index) = known(name, &field, model) else {
+        let Some(index) = index_of(name, &field, model) else {
             continue;
         };
         if let Some(read) = read(&field, &model.parameters[index]) {
@@ -100,7 +100,7 @@ pub(super) fn read_values(section: Option<&Field<'_>>, model: &ModelDescription)
     let mut values = model.defaults();
     let entries = section.and_then(|field| field.object());
     for (name, field) in entries.map(|o| o.entries()).into_iter().flatten() {
-        let Some(index) = known(name, &field, model) else {
+        let Some(index) = index_of(name, &field, model) else {
             continue;
         };
         let parameter = &model.parameters[index];
@@ -126,8 +126,8 @@ fn read_value(field: &Field<'_>, parameter: &ParameterDescription) -> Option<f64
     value
 }
 
-/// The place of a parameter; a fault when the model has none of that name.
-fn known(name: &str, field: &Field<'_>, model: &ModelDescription) -> Option<usize> {
+/// The index of a parameter in the model; a fault when the model has none of that name.
+fn index_of(name: &str, field: &Field<'_>, model: &ModelDescription) -> Option<usize> {
     let index = model.parameter_index(name);
     if index.is_none() {
         let hint = did_you_mean(name, model.parameters.iter().map(|p| &*p.name));

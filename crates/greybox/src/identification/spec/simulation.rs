@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use super::experiment::{Link, read_initial_state};
+use super::experiment::{SignalMatch, read_initial_state};
 use super::{InitialStateSpec, WindowSpec, parameter, read_model, window};
 use crate::identification::DatasetId;
 use greybox_numerics::parsing::fault::Fault;
-use greybox_numerics::parsing::reader::{Faults, Field};
+use greybox_numerics::parsing::reader::{Field, read_document};
 use greybox_recording::Summary;
 use greybox_simulation::model::ModelDescription;
 
@@ -56,13 +56,7 @@ impl SimulationSpec {
         models: &[&ModelDescription],
         recording: Option<&Summary>,
     ) -> Result<SimulationSpec, Vec<Fault>> {
-        let faults = Faults::default();
-        let spec = read(&Field::root(document, &faults), models, recording);
-        let found = faults.into_vec();
-        match spec {
-            Some(spec) if found.is_empty() => Ok(spec),
-            _ => Err(found),
-        }
+        read_document(document, |field| read(field, models, recording))
     }
 }
 
@@ -94,7 +88,7 @@ fn read(
     let signals = root.optional("signals");
     let signals = match (model, recording) {
         (Some(model), Some(recording)) => {
-            Link { model, recording }.read(&root, signals.as_ref(), false)
+            SignalMatch { model, recording }.read(&root, signals.as_ref(), false)
         }
         _ => None,
     };
@@ -121,12 +115,12 @@ fn read(
     })
 }
 
-fn check_dataset(field: &Field<'_>, found: bool) {
+fn check_dataset(field: &Field<'_>, is_stored: bool) {
     let Some(text) = field.text() else {
         return;
     };
     match text.parse::<DatasetId>() {
-        Ok(id) if !found => field.fault("unknown_dataset", format!("there is no dataset {id}")),
+        Ok(id) if !is_stored => field.fault("unknown_dataset", format!("there is no dataset {id}")),
         Ok(_) => {}
         Err(error) => field.fault("unknown_dataset", error.to_string()),
     }

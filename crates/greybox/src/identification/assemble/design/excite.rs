@@ -1,69 +1,65 @@
 //! How the inputs are driven best, and which sensor more would help.
 
-use super::looked::Pass;
-use super::report::{self, Candidate, predicted, relative};
-use super::subject::{Subject, measured_output};
+use super::assessments::Pass;
+use super::problem::{Course, Question, measured_output};
+use super::report::{self, AssessedExperiment, Ranking, predicted, relative};
 use crate::estimation::problem::Problem;
 use crate::identification::design::{Design, PlayedInputs, RankedSensor};
-use crate::identification::spec::design::{DesignSpec, Excitable};
+use crate::identification::spec::design::Excitable;
 use crate::uncertainty::design::search::Search;
-use crate::uncertainty::design::{Assessment, Excitation, Present};
+use crate::uncertainty::design::{Assessment, Excitation};
 use greybox_recording::SampledSignal;
 use std::sync::atomic::AtomicBool;
 
-/// The experiments that are looked at.
-struct Bench<'a, 'l> {
-    spec: &'a DesignSpec,
+/// The experiments that are assessed.
+struct ExperimentSearch<'a, 'l> {
+    question: Question<'a>,
     plan: &'a Excitable,
-    subject: &'a Subject,
-    present: &'a Present,
     pass: Pass<'l>,
     stop: &'a AtomicBool,
 }
 
-/// The best experiment, as far as the pass and `stop` let it be looked for; nothing where that ended
-/// before the first was looked at.
+/// The best experiment, as far as the pass and `stop` let the experiment be looked for; nothing where
+/// the pass ended before the first experiment was assessed.
 pub(super) fn best(
-    spec: &DesignSpec,
+    question: Question<'_>,
     plan: &Excitable,
-    (subject, present): (&Subject, &Present),
-    (pass, stop): (Pass<'_>, &AtomicBool),
+    pass: Pass<'_>,
+    stop: &AtomicBool,
 ) -> Option<Design> {
-    let bench = Bench {
-        spec,
+    let search = ExperimentSearch {
+        question,
         plan,
-        subject,
-        present,
         pass,
         stop,
     };
-    let (mut ranked, assessed, mut finished) = bench.candidates();
-    // Equal ones keep their order: what was proposed first.
-    ranked.sort_by(|a, b| b.assessment.score.total_cmp(&a.assessment.score));
-    let sensors = ranked.first().map(|best| bench.sensors(best));
+    let mut ranking = search.ranking();
+    let sensors = ranking.candidates.first().map(|best| search.sensors(best));
     let (sensors, is_whole) = sensors.unwrap_or_default();
-    finished &= is_whole || spec.sensors.is_empty();
-    let mut design = report::design(spec, (subject, present), &ranked, (assessed, finished))?;
+    ranking.finished &= is_whole || question.spec.sensors.is_empty();
+    let mut design = report::design(question, &ranking)?;
     design.sensors = sensors;
-    design.inputs = ranked.first().and_then(|best| bench.played(best));
+    let best = ranking.candidates.first();
+    design.inputs = best.and_then(|best| search.played(best));
     Some(design)
 }
 
-impl Bench<'_, '_> {
-    /// What was proposed and the best of each family, how many were looked at, and whether all
-    /// that were to be.
-    fn candidates(&self) -> (Vec<Candidate>, usize, bool) {
-        let mut candidates = Vec::new();
+impl ExperimentSearch<'_, '_> {
+    /// What was proposed and the best of each family.
+    fn ranking(&self) -> Ranking {
+        let mut ranking = Ranking::default();
         for proposal in &self.plan.proposals {
             let inputs = match &proposal.samples {
                 Some(samples) => samples.clone(),
                 None => proposal.excitation.play(&self.plan.grid),
             };
-            let Some(assessment) = self.assess(&self.subject.next, || inputs.clone()) else {
-                let assessed = candidates.len();
-                return (candidates, assessed, false);
+            let next = &self.question.problem.next;
+            let Some(assessment) = self.assess(next, || inputs.clone()) else {
+                ranking.sort();
+                return ranking;
             };
-            candidates.push(Candidate {
+            ranking.assessed += 1;
+            ranking.candidates.push(AssessedExperiment {
                 name: proposal.name.clone(),
                 excitation: proposal.excitation.clone(),
                 inputs,
@@ -71,19 +67,20 @@ impl Bench<'_, '_> {
             });
         }
         let (searches, finished) = self.searches();
-        let assessed = searches.iter().map(Search::assessed).sum::<usize>();
-        let assessed = candidates.len() + assessed;
-        let found = searches.iter().filter_map(|search| {
+        ranking.finished = finished;
+        ranking.assessed += searches.iter().map(Search::assessed).sum::<usize>();
+        let best_of_families = searches.iter().filter_map(|search| {
             let best = search.best()?;
-            Some(Candidate {
+            Some(AssessedExperiment {
                 name: search.family().name().to_owned(),
                 inputs: best.excitation.play(&self.plan.grid),
                 excitation: best.excitation.clone(),
                 assessment: best.assessment.clone(),
             })
         });
-        candidates.extend(found);
-        (candidates, assessed, finished)
+        ranking.candidates.extend(best_of_families);
+        ranking.sort();
+        ranking
     }
 
     /// All families: the first grid of each, then the most promising improved before the others.
@@ -95,8 +92,8 @@ impl Bench<'_, '_> {
             .iter()
             .map(|family| Search::new(*family))
             .collect();
-        let assess =
-            |excitation: &Excitation| self.assess(&self.subject.next, || excitation.play(grid));
+        let next = &self.question.problem.next;
+        let assess = |excitation: &Excitation| self.assess(next, || excitation.play(grid));
         let mut finished = searches
             .iter_mut()
             .all(|search| search.begin(grid, assess).is_some());
@@ -119,23 +116,31 @@ impl Bench<'_, '_> {
 
     fn simulate(&self, next: &Problem, inputs: Vec<Vec<f64>>) -> Option<Assessment> {
         let grid = &self.plan.grid;
-        let mut experiment = self.subject.experiment(
-            self.spec,
-            (grid.samples, grid.sample_time),
-            None,
-            (self.plan.input_set, inputs),
-        );
+        let Question {
+            spec,
+            problem,
+            present,
+        } = self.question;
+        let course = Course {
+            samples: grid.samples,
+            sample_time: grid.sample_time,
+            instants: None,
+            input_set: self.plan.input_set,
+            inputs,
+        };
+        let mut experiment = problem.experiment(spec, course);
         experiment.measured = vec![vec![0.0; grid.samples]; next.outputs.len()];
         experiment.weights = vec![None; next.outputs.len()];
-        self.present.assess(next, experiment, self.stop)
+        present.assess(next, experiment, self.stop)
     }
 
-    /// What each sensor more would bring in the best experiment, and whether all were looked at.
-    fn sensors(&self, best: &Candidate) -> (Vec<RankedSensor>, bool) {
-        let description = self.subject.next.model.description();
+    /// What each sensor more would bring in the best experiment, and whether all were assessed.
+    fn sensors(&self, best: &AssessedExperiment) -> (Vec<RankedSensor>, bool) {
+        let Question { spec, problem, .. } = self.question;
+        let description = problem.next.model.description();
         let mut sensors = Vec::new();
-        for (name, noise) in &self.spec.sensors {
-            let mut next = self.subject.next.clone();
+        for (name, noise) in &spec.sensors {
+            let mut next = problem.next.clone();
             next.outputs
                 .extend(measured_output(description, name, *noise));
             let Some(assessment) = self.assess(&next, || best.inputs.clone()) else {
@@ -143,8 +148,8 @@ impl Bench<'_, '_> {
             };
             sensors.push(RankedSensor {
                 output: name.clone(),
-                relative_error: relative(&best.assessment, &assessment, self.subject.wanted.len()),
-                after: predicted(self.subject, assessment.known),
+                relative_error: relative(&best.assessment, &assessment, problem.wanted.len()),
+                after: predicted(problem, assessment.known),
             });
         }
         sensors.sort_by(|a, b| a.relative_error.total_cmp(&b.relative_error));
@@ -152,8 +157,8 @@ impl Bench<'_, '_> {
     }
 
     /// The samples of the best, by input.
-    fn played(&self, best: &Candidate) -> Option<PlayedInputs> {
-        let description = self.subject.next.model.description();
+    fn played(&self, best: &AssessedExperiment) -> Option<PlayedInputs> {
+        let description = self.question.problem.next.model.description();
         let names = &description.input_sets[self.plan.input_set];
         let signals = names.iter().zip(&best.inputs).map(|(name, values)| {
             let mut inputs = description.inputs.iter();

@@ -1,32 +1,51 @@
-//! What was found as the answer says it.
+//! A design as the answer to a request.
 
-use super::subject::Subject;
+use super::problem::{DesignProblem, Question};
 use crate::estimation::Finding;
 use crate::identification::design::{Design, PredictedParameter, RankedProposal};
-use crate::identification::spec::design::DesignSpec;
 use crate::uncertainty::design::{Assessment, Excitation, Known, Present};
 
-/// One experiment that was looked at.
-pub(super) struct Candidate {
+/// One experiment that was assessed.
+pub(super) struct AssessedExperiment {
     pub name: String,
     pub excitation: Excitation,
-    /// The samples of its inputs.
+    /// The samples of the inputs.
     pub inputs: Vec<Vec<f64>>,
     pub assessment: Assessment,
 }
 
-/// An answer without inputs and sensors: the candidates, the best first.
-pub(super) fn design(
-    spec: &DesignSpec,
-    (subject, present): (&Subject, &Present),
-    ranked: &[Candidate],
-    (assessed, finished): (usize, bool),
-) -> Option<Design> {
-    let best = ranked.first()?;
-    let wanted = subject.wanted.len();
-    let mut findings = subject.findings.clone();
-    findings.extend(doubts(subject, present, &best.assessment));
-    if !finished {
+/// The experiments that were assessed.
+#[derive(Default)]
+pub(super) struct Ranking {
+    /// The best of each family and all that were proposed, the best first.
+    pub candidates: Vec<AssessedExperiment>,
+    /// How many experiments were assessed.
+    pub assessed: usize,
+    /// Whether all experiments were assessed that were to be.
+    pub finished: bool,
+}
+
+impl Ranking {
+    /// Puts the best first. Equal experiments keep their order: what was proposed comes first.
+    pub(super) fn sort(&mut self) {
+        let score = |candidate: &AssessedExperiment| candidate.assessment.score;
+        self.candidates
+            .sort_by(|a, b| score(b).total_cmp(&score(a)));
+    }
+}
+
+/// An answer without inputs and sensors.
+pub(super) fn design(question: Question<'_>, ranking: &Ranking) -> Option<Design> {
+    let Question {
+        spec,
+        problem,
+        present,
+    } = question;
+    let best = ranking.candidates.first()?;
+    let wanted = problem.wanted.len();
+    let mut findings = problem.findings.clone();
+    findings.extend(doubts(problem, present, &best.assessment));
+    if !ranking.finished {
         let detail = "not all was looked at before the time was up or it was stopped: this is the best \
                       so far; ask for fewer families, points or samples, or, where a client waited, \
                       for a job (`Prefer: respond-async`)";
@@ -34,21 +53,22 @@ pub(super) fn design(
     }
     Some(Design {
         model: spec.job.model.clone(),
-        finished,
-        wanted: names(subject),
+        finished: ranking.finished,
+        wanted: names(problem),
         points: present.n_points() as u64,
-        assessed: assessed as u64,
+        assessed: ranking.assessed as u64,
         seed: spec.seed,
-        before: predicted(subject, present.known()),
-        proposals: ranked
+        before: predicted(problem, present.known()),
+        proposals: ranking
+            .candidates
             .iter()
-            .map(|own| RankedProposal {
-                name: own.name.clone(),
-                excitation: own.excitation.clone(),
-                relative_error: relative(&best.assessment, &own.assessment, wanted),
-                log10_determinant: log10_determinant(subject, present, &own.assessment),
-                failed_points: own.assessment.failed_points as u64,
-                after: predicted(subject, own.assessment.known.clone()),
+            .map(|candidate| RankedProposal {
+                name: candidate.name.clone(),
+                excitation: candidate.excitation.clone(),
+                relative_error: relative(&best.assessment, &candidate.assessment, wanted),
+                log10_determinant: log10_determinant(problem, present, &candidate.assessment),
+                failed_points: candidate.assessment.failed_points as u64,
+                after: predicted(problem, candidate.assessment.known.clone()),
             })
             .collect(),
         inputs: None,
@@ -57,28 +77,31 @@ pub(super) fn design(
     })
 }
 
-/// How many times larger standard errors are than by another assessment.
-pub(super) fn relative(than: &Assessment, own: &Assessment, wanted: usize) -> f64 {
-    libm::exp((than.score - own.score) / wanted as f64)
+/// How many times larger standard errors are than by the best assessment.
+pub(super) fn relative(best: &Assessment, assessment: &Assessment, wanted: usize) -> f64 {
+    libm::exp((best.score - assessment.score) / wanted as f64)
 }
 
 /// The score as the determinant of the parameters' information and not of their positions'.
-fn log10_determinant(subject: &Subject, present: &Present, own: &Assessment) -> f64 {
+fn log10_determinant(problem: &DesignProblem, present: &Present, assessment: &Assessment) -> f64 {
     let slopes = present.points().iter().map(|positions| {
-        let wanted = subject.wanted.iter();
+        let wanted = problem.wanted.iter();
         let slopes = wanted.map(|&index| {
-            let coordinate = &subject.next.coordinates[index];
+            let coordinate = &problem.next.coordinates[index];
             libm::log(coordinate.slope(positions[index]).abs())
         });
         slopes.sum::<f64>()
     });
     let slopes = slopes.sum::<f64>() / present.n_points() as f64;
-    2.0 * (own.score - slopes) / std::f64::consts::LN_10
+    2.0 * (assessment.score - slopes) / std::f64::consts::LN_10
 }
 
 /// What would be known of each unknown; nothing where that is not known.
-pub(super) fn predicted(subject: &Subject, known: Option<Vec<Known>>) -> Vec<PredictedParameter> {
-    let coordinates = subject.next.coordinates.iter().zip(&subject.positions);
+pub(super) fn predicted(
+    problem: &DesignProblem,
+    known: Option<Vec<Known>>,
+) -> Vec<PredictedParameter> {
+    let coordinates = problem.next.coordinates.iter().zip(&problem.positions);
     let known = known.into_iter().flatten();
     coordinates
         .zip(known)
@@ -92,15 +115,15 @@ pub(super) fn predicted(subject: &Subject, known: Option<Vec<Known>>) -> Vec<Pre
         .collect()
 }
 
-fn names(subject: &Subject) -> Vec<String> {
-    let wanted = subject.wanted.iter();
+fn names(problem: &DesignProblem) -> Vec<String> {
+    let wanted = problem.wanted.iter();
     wanted
-        .map(|index| subject.next.coordinates[*index].name.clone())
+        .map(|index| problem.next.coordinates[*index].name.clone())
         .collect()
 }
 
 /// What even the best experiment leaves open.
-fn doubts(subject: &Subject, present: &Present, best: &Assessment) -> Vec<Finding> {
+fn doubts(problem: &DesignProblem, present: &Present, best: &Assessment) -> Vec<Finding> {
     let mut findings = Vec::new();
     if best.failed_points > 0 {
         let detail = format!(
@@ -113,9 +136,9 @@ fn doubts(subject: &Subject, present: &Present, best: &Assessment) -> Vec<Findin
     }
     let known = best.known.iter().flatten().enumerate();
     let open =
-        known.filter(|(index, known)| subject.wanted.contains(index) && known.total.is_none());
+        known.filter(|(index, known)| problem.wanted.contains(index) && known.total.is_none());
     let open: Vec<String> = open
-        .map(|(index, _)| format!("`{}`", subject.next.coordinates[index].name))
+        .map(|(index, _)| format!("`{}`", problem.next.coordinates[index].name))
         .collect();
     if !open.is_empty() {
         let detail = format!(

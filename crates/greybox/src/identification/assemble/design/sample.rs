@@ -1,50 +1,64 @@
 //! When a plant that nothing drives is measured best.
 
-use super::report::{self, Candidate};
-use super::subject::{Subject, simulated};
+use super::problem::{Course, Question, simulated};
+use super::report::{self, AssessedExperiment, Ranking};
 use crate::estimation::problem::Experiment;
 use crate::identification::design::Design;
-use crate::identification::spec::design::{DesignSpec, InstantsPlan};
+use crate::identification::spec::design::InstantsPlan;
+use crate::uncertainty::design::Excitation;
 use crate::uncertainty::design::instants::{Candidates, Choice};
-use crate::uncertainty::design::{Excitation, Present};
 use greybox_numerics::parsing::fault::Fault;
 use std::sync::atomic::AtomicBool;
 
 /// The best instants; nothing where `stop` was raised before there were any.
 pub(super) fn best(
-    spec: &DesignSpec,
+    question: Question<'_>,
     plan: &InstantsPlan,
-    (subject, present): (&Subject, Present),
     stop: &AtomicBool,
 ) -> Result<Option<Design>, Vec<Fault>> {
+    let (spec, problem) = (question.spec, question.problem);
     let instants = instants(plan);
-    let experiment = experiment(spec, subject, &instants);
-    let place = |instant: &f64| instants.partition_point(|own| own < instant);
-    let measured: Vec<usize> = plan.measured.iter().map(place).collect();
-    let present = present.measured(&subject.next, experiment.clone(), &measured, stop);
+    let experiment = experiment(question, &instants);
+    let index_of = |instant: &f64| instants.partition_point(|earlier| earlier < instant);
+    let measured: Vec<usize> = plan.measured.iter().map(index_of).collect();
+    let present = question.present.clone();
+    let present = present.measured(&problem.next, experiment.clone(), &measured, stop);
     let Some(present) = simulated(present, "/instants")? else {
         return Ok(None);
     };
-    let present = present.spread(&subject.next, spec.points, spec.seed);
-    let seen = Candidates::new(&present, &subject.next, experiment, stop);
+    let present = present.spread(&problem.next, spec.points, spec.seed);
+    let candidates = Candidates::new(&present, &problem.next, experiment, stop);
     let choice = Choice {
-        among: plan.candidates.iter().map(place).collect(),
+        among: plan.candidates.iter().map(index_of).collect(),
         count: plan.count,
         may_repeat: plan.may_repeat,
     };
-    let Some(chosen) = seen.and_then(|seen| seen.choose(&present, &choice, stop)) else {
+    let chosen = candidates.and_then(|candidates| candidates.choose(&present, &choice, stop));
+    let Some(chosen) = chosen else {
         return Ok(None);
     };
-    let best = Candidate {
+    let best = AssessedExperiment {
         name: "instants".to_owned(),
         excitation: Excitation::Instants {
-            instants_s: chosen.samples.iter().map(|at| instants[*at]).collect(),
+            instants_s: chosen
+                .samples
+                .iter()
+                .map(|index| instants[*index])
+                .collect(),
         },
         inputs: Vec::new(),
         assessment: chosen.assessment,
     };
-    let told = (choice.among.len(), chosen.is_finished);
-    Ok(report::design(spec, (subject, &present), &[best], told))
+    let ranking = Ranking {
+        candidates: vec![best],
+        assessed: choice.among.len(),
+        finished: chosen.is_finished,
+    };
+    let question = Question {
+        present: &present,
+        ..question
+    };
+    Ok(report::design(question, &ranking))
 }
 
 /// All instants that are simulated: the start, and each that may be measured.
@@ -56,9 +70,15 @@ fn instants(plan: &InstantsPlan) -> Vec<f64> {
     instants
 }
 
-/// The experiment that measures at all of them.
-fn experiment(spec: &DesignSpec, subject: &Subject, instants: &[f64]) -> Experiment {
+/// The experiment that measures at all instants.
+fn experiment(question: Question<'_>, instants: &[f64]) -> Experiment {
     let last = instants.last().copied().unwrap_or_default();
-    let shape = (instants.len(), last / instants.len() as f64);
-    subject.experiment(spec, shape, Some(instants.to_vec()), (0, Vec::new()))
+    let course = Course {
+        samples: instants.len(),
+        sample_time: last / instants.len() as f64,
+        instants: Some(instants.to_vec()),
+        input_set: 0,
+        inputs: Vec::new(),
+    };
+    question.problem.experiment(question.spec, course)
 }

@@ -2,6 +2,7 @@
 //! estimates do.
 
 use super::*;
+use crate::identification::spec::design::DesignRequest;
 use crate::{Identification, Recording};
 use greybox_numerics::rng::{self, Purpose};
 use serde_json::{Value, json};
@@ -20,7 +21,9 @@ fn designed(model: &str, document: &Value) -> Design {
     let model = Model::from_text(model).unwrap();
     let mut document = document.clone();
     document["model"] = json!(model.description().name);
-    let spec = DesignSpec::read(&document, &[model.description()], None).unwrap();
+    let spec = DesignRequest::new(document)
+        .read(&[model.description()], None)
+        .unwrap();
     let stop = AtomicBool::new(false);
     design(spec, &model, None, &stop).unwrap().unwrap()
 }
@@ -183,7 +186,9 @@ fn a_search_that_is_stopped_at_once_has_no_answer() {
     let model = Model::from_text(LAG).unwrap();
     let mut document = sine(&json!({"T": {"estimate": {}}}));
     document["model"] = json!(model.description().name);
-    let spec = DesignSpec::read(&document, &[model.description()], None).unwrap();
+    let spec = DesignRequest::new(document)
+        .read(&[model.description()], None)
+        .unwrap();
     let stop = AtomicBool::new(true);
     assert!(design(spec, &model, None, &stop).unwrap().is_none());
 }

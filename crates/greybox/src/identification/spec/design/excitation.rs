@@ -21,12 +21,13 @@ pub struct Proposal {
 /// Reads a proposal for inputs of these names on a grid.
 pub(super) fn read(
     field: &Field<'_>,
-    place: usize,
-    (grid, inputs): (&Grid, &[&str]),
+    index: usize,
+    grid: &Grid,
+    inputs: &[&str],
 ) -> Option<Proposal> {
     let mut object = field.object()?;
     let name = object.optional("name");
-    let name = name.map_or(Some(format!("proposal {place}")), |field| {
+    let name = name.map_or(Some(format!("proposal {index}")), |field| {
         super::super::labels::short_text(&field).map(str::to_owned)
     });
     let kind = object.required("kind");
@@ -145,12 +146,12 @@ fn amplitude(object: &mut Object<'_>) -> Option<f64> {
 fn read_samples(field: &Field<'_>, grid: &Grid, inputs: &[&str]) -> Option<Vec<Vec<f64>>> {
     let mut series: Vec<Option<Vec<f64>>> = vec![None; inputs.len()];
     for (name, field) in field.object()?.entries() {
-        let Some(place) = inputs.iter().position(|input| *input == name) else {
+        let Some(index) = inputs.iter().position(|input| *input == name) else {
             let detail = format!("the inputs are {}", listed(inputs));
             field.fault("unknown_input", detail);
             return None;
         };
-        series[place] = Some(read_series(&field, grid, &grid.inputs[place])?);
+        series[index] = Some(read_series(&field, grid, &grid.inputs[index])?);
     }
     let read: Option<Vec<Vec<f64>>> = series.into_iter().collect();
     if read.is_none() {

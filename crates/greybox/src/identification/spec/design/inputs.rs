@@ -104,12 +104,14 @@ fn read_inputs(
         }
         named.push((name, read_limits(&field)?));
     }
-    let limits_of = |name: &str| named.iter().find(|(own, _)| *own == name);
-    for (place, set) in model.input_sets.iter().enumerate() {
-        let limits = set.iter().map(|name| limits_of(name).map(|found| found.1));
+    let limits_of = |name: &str| named.iter().find(|(input, _)| *input == name);
+    for (index, set) in model.input_sets.iter().enumerate() {
+        let limits = set
+            .iter()
+            .map(|name| limits_of(name).map(|(_, limits)| *limits));
         let limits: Option<Vec<Limits>> = limits.collect();
         if let Some(limits) = limits.filter(|limits| limits.len() == named.len()) {
-            return Some((place, limits));
+            return Some((index, limits));
         }
     }
     let sets: Vec<String> = model.input_sets.iter().map(|set| set.join(" + ")).collect();
@@ -169,7 +171,7 @@ fn read_proposals(field: &Field<'_>, grid: &Grid, inputs: &[&str]) -> Option<Vec
     }
     let read = entries.enumerate();
     let read: Vec<_> = read
-        .map(|(place, entry)| excitation::read(&entry, place, (grid, inputs)))
+        .map(|(index, entry)| excitation::read(&entry, index, grid, inputs))
         .collect();
     read.into_iter().collect()
 }

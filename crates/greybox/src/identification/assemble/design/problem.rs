@@ -1,4 +1,4 @@
-//! What an experiment is designed for: the problem of the job to come, without data.
+//! The problem of the job to come, without data: an experiment is designed for that.
 
 use super::super::trajectory::at_estimate;
 use super::super::{assumption, constraints, experiment, parameters, priors};
@@ -9,7 +9,7 @@ use crate::estimation::{Finding, trajectory};
 use crate::identification::outcome::{Estimate, Outcome};
 use crate::identification::spec::design::{DesignSpec, Plan};
 use crate::identification::spec::{InitialStateSpec, JobSpec};
-use crate::uncertainty::design::Past;
+use crate::uncertainty::design::{Past, Present};
 use greybox_numerics::parsing::fault::Fault;
 use greybox_recording::Recording;
 use greybox_simulation::model::{Model, ModelDescription, Scale};
@@ -22,7 +22,7 @@ const MOST_VALUES: usize = 5_000_000;
 /// A finished job that a design begins from.
 #[derive(Clone, Copy, Debug)]
 pub struct PastResult<'a> {
-    /// What the job was asked.
+    /// The specification of the job.
     pub spec: &'a JobSpec,
     /// The outcome of the job.
     pub outcome: &'a Outcome,
@@ -31,12 +31,12 @@ pub struct PastResult<'a> {
 }
 
 /// The problem of the job to come, where its unknowns are at present, and what came before.
-pub(super) struct Subject {
-    /// The problem; its experiments stand in for the one that is designed.
+pub(super) struct DesignProblem {
+    /// The problem, whose experiments stand in for the one that is designed.
     pub next: Problem,
     /// Where the unknowns are.
     pub positions: Vec<f64>,
-    /// Places of the unknowns that matter.
+    /// The indices of the unknowns that matter.
     pub wanted: Vec<usize>,
     /// The earlier estimate.
     pub past: Option<Past>,
@@ -46,7 +46,33 @@ pub(super) struct Subject {
     start: Vec<Option<f64>>,
 }
 
-/// What was simulated; nothing where that was stopped, a fault at `pointer` where it failed.
+/// The experiment that is designed, with all that was known before the experiment.
+#[derive(Clone, Copy)]
+pub(super) struct Question<'a> {
+    /// What is open.
+    pub spec: &'a DesignSpec,
+    /// The problem of the job to come.
+    pub problem: &'a DesignProblem,
+    /// What is known at present.
+    pub present: &'a Present,
+}
+
+/// How an experiment is played and sampled.
+pub(super) struct Course {
+    /// How many samples there are.
+    pub samples: usize,
+    /// The time from one sample to the next.
+    pub sample_time: f64,
+    /// When the samples are, where that is not uniform.
+    pub instants: Option<Vec<f64>>,
+    /// Which of the model's input sets is driven.
+    pub input_set: usize,
+    /// The samples of each input of the set.
+    pub inputs: Vec<Vec<f64>>,
+}
+
+/// The result of a simulation; nothing where the simulation was stopped, a fault at `pointer` where
+/// the simulation failed.
 pub(super) fn simulated<T>(
     result: Result<T, SensitivityError>,
     pointer: &str,
@@ -61,14 +87,14 @@ pub(super) fn simulated<T>(
     }
 }
 
-impl Subject {
+impl DesignProblem {
     pub(super) fn new(
         spec: &DesignSpec,
         model: &Arc<Model>,
         past: Option<PastResult<'_>>,
-    ) -> Result<Subject, Vec<Fault>> {
+    ) -> Result<DesignProblem, Vec<Fault>> {
         let description = model.description();
-        let place = spec.job.experiments.len() - 1;
+        let next_experiment = spec.job.experiments.len() - 1;
         let (values, mut coordinates) = parameters(&spec.job, description);
         let mut findings = Vec::new();
         let (start, starts) = start(spec, description, &mut findings);
@@ -82,27 +108,24 @@ impl Subject {
             None => None,
         };
         if let Some((problem, _)) = &earlier {
-            let is_start = |own: &Coordinate| matches!(own.target, Target::InitialState { .. });
-            let there = |own: &Coordinate| problem.coordinates.iter().any(|c| c.name == own.name);
+            let is_start = |c: &Coordinate| matches!(c.target, Target::InitialState { .. });
             // An effect that the job left out is no unknown.
-            coordinates.retain(there);
+            coordinates.retain(|c| problem.coordinates.iter().any(|other| other.name == c.name));
             coordinates.extend(problem.coordinates.iter().filter(|c| is_start(c)).cloned());
         }
         let starts = starts
             .iter()
-            .map(|free| free.coordinate(description, place));
+            .map(|free| free.coordinate(description, next_experiment));
         coordinates.extend(starts);
-        let known = |own: &Coordinate| {
+        let estimated = |coordinate: &Coordinate| {
             let (problem, positions) = earlier.as_ref()?;
-            let place = problem
-                .coordinates
-                .iter()
-                .position(|c| c.name == own.name)?;
-            Some(positions[place])
+            let mut others = problem.coordinates.iter();
+            let index = others.position(|other| other.name == coordinate.name)?;
+            Some(positions[index])
         };
         let positions = coordinates
             .iter()
-            .map(|own| known(own).unwrap_or(middle(own)));
+            .map(|coordinate| estimated(coordinate).unwrap_or(middle(coordinate)));
         let next = Problem {
             model: Arc::clone(model),
             parameters: values,
@@ -115,9 +138,9 @@ impl Subject {
             constraints: Arc::new(constraints::compiled(&spec.job, description)),
             coordinates: coordinates.clone(),
         };
-        let wants = |own: &Coordinate| {
-            !matches!(own.target, Target::InitialState { .. })
-                && spec.wanted.contains(&own.quantity)
+        let wants = |coordinate: &Coordinate| {
+            !matches!(coordinate.target, Target::InitialState { .. })
+                && spec.wanted.contains(&coordinate.quantity)
         };
         let wanted: Vec<usize> = (0..coordinates.len())
             .filter(|index| wants(&coordinates[*index]))
@@ -126,7 +149,7 @@ impl Subject {
             let detail = "the job left all of it out of its model: nothing of it is estimated";
             return Err(vec![Fault::new("/wanted", "not_estimated", detail)]);
         }
-        Ok(Subject {
+        Ok(DesignProblem {
             positions: positions.collect(),
             past: past
                 .zip(earlier)
@@ -138,24 +161,18 @@ impl Subject {
         })
     }
 
-    /// An experiment that measures all outputs at uniform samples, or at some instants.
-    pub(super) fn experiment(
-        &self,
-        spec: &DesignSpec,
-        (samples, sample_time): (usize, f64),
-        instants: Option<Vec<f64>>,
-        (input_set, inputs): (usize, Vec<Vec<f64>>),
-    ) -> Experiment {
-        let outputs = self.next.outputs.len();
+    /// An experiment that measures all outputs.
+    pub(super) fn experiment(&self, spec: &DesignSpec, course: Course) -> Experiment {
+        let (outputs, samples) = (self.next.outputs.len(), course.samples);
         Experiment {
             place: spec.job.experiments.len() - 1,
-            sample_time,
-            instants,
+            sample_time: course.sample_time,
+            instants: course.instants,
             samples,
             estimation_samples: samples,
             scored_from: samples,
-            input_set,
-            inputs,
+            input_set: course.input_set,
+            inputs: course.inputs,
             // Only the derivatives count: what will be measured does not.
             measured: vec![vec![0.0; samples]; outputs],
             weights: vec![None; outputs],
@@ -166,8 +183,8 @@ impl Subject {
         }
     }
 
-    /// Refuses experiments of more derivatives or values than there may be; whether it was not
-    /// stopped meanwhile.
+    /// Refuses experiments of more derivatives or values than there may be; whether `stop` was not
+    /// raised meanwhile.
     pub(super) fn check_cost(
         &self,
         spec: &DesignSpec,
@@ -176,43 +193,14 @@ impl Subject {
     ) -> Result<bool, Vec<Fault>> {
         let columns = self.positions.len() + self.next.assumptions.len();
         let candidates = Sides::Both.candidates(columns);
-        let (pointer, shape, points) = match &spec.plan {
-            Plan::Excite(plan) => {
-                let grid = &plan.grid;
-                let shape = (grid.samples, grid.sample_time, plan.input_set);
-                ("/duration_s", shape, spec.points)
-            }
-            Plan::Sample(plan) => {
-                let samples = plan.candidates.len() + plan.measured.len() + 1;
-                let last = plan.candidates.iter().copied().fold(0.0, f64::max);
-                (
-                    "/instants",
-                    (samples, last / samples as f64, 0),
-                    spec.points,
-                )
-            }
+        let pointer = match &spec.plan {
+            Plan::Excite(_) => "/duration_s",
+            Plan::Sample(_) => "/instants",
         };
-        let (samples, sample_time, input_set) = shape;
-        let inputs = &self.next.model.description().input_sets[input_set];
-        let limits = match &spec.plan {
-            Plan::Excite(plan) => &plan.grid.inputs[..],
-            Plan::Sample(_) => &[],
-        };
-        let middle = |place: usize| {
-            let middle = limits
-                .get(place)
-                .map_or(0.0, |l| f64::midpoint(l.lower, l.upper));
-            vec![middle; samples]
-        };
-        let inputs = (0..inputs.len()).map(middle).collect();
+        let (course, points) = (self.middle_course(&spec.plan), spec.points);
+        let samples = course.samples;
         let mut problem = self.next.clone();
-        let shape = (samples, sample_time.max(f64::MIN_POSITIVE));
-        problem.experiments = Arc::new(vec![self.experiment(
-            spec,
-            shape,
-            None,
-            (input_set, inputs),
-        )]);
+        problem.experiments = Arc::new(vec![self.experiment(spec, course)]);
         let values = samples * (problem.outputs.len() + 1) * candidates as usize;
         let Some(each) = trajectory::derivatives(&problem, &self.positions, stop) else {
             return Ok(false);
@@ -243,6 +231,35 @@ impl Subject {
             return Err(vec![Fault::new("/job", "too_costly", detail)]);
         }
         Ok(true)
+    }
+
+    /// The longest experiment of a plan, each input in the middle between its limits.
+    fn middle_course(&self, plan: &Plan) -> Course {
+        let (samples, sample_time, input_set, limits) = match plan {
+            Plan::Excite(plan) => {
+                let grid = &plan.grid;
+                let limits = &grid.inputs[..];
+                (grid.samples, grid.sample_time, plan.input_set, limits)
+            }
+            Plan::Sample(plan) => {
+                let samples = plan.candidates.len() + plan.measured.len() + 1;
+                let last = plan.candidates.iter().copied().fold(0.0, f64::max);
+                (samples, last / samples as f64, 0, &[][..])
+            }
+        };
+        let names = &self.next.model.description().input_sets[input_set];
+        let middle = |index: usize| {
+            let limits = limits.get(index);
+            let middle = limits.map_or(0.0, |limits| f64::midpoint(limits.lower, limits.upper));
+            vec![middle; samples]
+        };
+        Course {
+            samples,
+            sample_time: sample_time.max(f64::MIN_POSITIVE),
+            instants: None,
+            input_set,
+            inputs: (0..names.len()).map(middle).collect(),
+        }
     }
 }
 
@@ -291,11 +308,11 @@ fn start(
     description: &ModelDescription,
     findings: &mut Vec<Finding>,
 ) -> (Vec<Option<f64>>, Vec<experiment::FreeState>) {
-    let said = spec.job.experiments.last();
-    let said = |name: &str| said.and_then(|next| next.initial_state.get(name));
+    let next = spec.job.experiments.last();
+    let start_of = |name: &str| next.and_then(|next| next.initial_state.get(name));
     let (mut start, mut free) = (Vec::new(), Vec::new());
-    for (state, own) in description.states.iter().enumerate() {
-        start.push(match said(&own.name) {
+    for (state, described) in description.states.iter().enumerate() {
+        start.push(match start_of(&described.name) {
             Some(InitialStateSpec::Fixed(fixed)) => Some(fixed.value),
             Some(InitialStateSpec::Number(value)) => Some(*value),
             Some(InitialStateSpec::Free(range)) => {
@@ -309,11 +326,11 @@ fn start(
             }
             Some(InitialStateSpec::Measured(_)) => None,
             None => {
-                if own.initial.is_estimated() {
+                if described.initial.is_estimated() {
                     let detail = format!(
                         "a job estimates where `{}` starts; here it is taken as known: give its \
                          range, `{{\"estimate\": {{\"lower\": …, \"upper\": …}}}}`",
-                        own.name
+                        described.name
                     );
                     findings.push(Finding::new(
                         "start_taken_as_known",
@@ -331,21 +348,23 @@ fn start(
 /// The earlier estimate as one of the unknowns of the job to come.
 fn before(next: &Problem, past: PastResult<'_>, mut problem: Problem) -> Past {
     let outcome = past.outcome;
-    let estimates = outcome.parameters.iter().map(|known| &known.estimate);
-    let estimates = estimates.chain(outcome.initial_states.iter().map(|known| &known.estimate));
-    let told: Vec<(String, Option<f64>)> = problem
-        .coordinates
+    let parameters = outcome
+        .parameters
         .iter()
-        .zip(estimates)
-        .map(|(own, known): (&Coordinate, &Estimate)| (own.name.clone(), known.standard_error))
+        .map(|parameter| &parameter.estimate);
+    let starts = outcome.initial_states.iter().map(|start| &start.estimate);
+    let names = problem.coordinates.iter().map(|c| c.name.clone());
+    let errors: Vec<(String, Option<f64>)> = names
+        .zip(parameters.chain(starts))
+        .map(|(name, estimate): (String, &Estimate)| (name, estimate.standard_error))
         .collect();
-    let error_of = |own: &Coordinate| {
-        let found = told.iter().find(|(name, _)| *name == own.name);
-        found.and_then(|(_, error)| *error)
+    let error_of = |coordinate: &Coordinate| {
+        let mut errors = errors.iter();
+        errors.find(|(name, _)| *name == coordinate.name)?.1
     };
     let weight = |output: &MeasuredOutput| {
         let residuals = outcome.residuals.get(&output.name);
-        residuals.map_or(1.0, |own| output.residual_scale / own.noise_std)
+        residuals.map_or(1.0, |residuals| output.residual_scale / residuals.noise_std)
     };
     let weights = problem.outputs.iter().map(weight).collect();
     problem.coordinates.clone_from(&next.coordinates);
