@@ -34,16 +34,7 @@ impl JobTemplate {
         let mut object = field.object()?;
         if let Some(experiments) = object.optional("experiments") {
             for (index, experiment) in experiments.array()?.enumerate() {
-                if index > 0 {
-                    let detail = "a monitor has one experiment: the windows of its stream";
-                    experiment.fault("too_many_experiments", detail);
-                }
-                let mut experiment = experiment.object()?;
-                let given = ["dataset", "window"].map(|name| experiment.optional(name));
-                for given in given.into_iter().flatten() {
-                    let detail = "the windows of the stream are the recordings; leave it out";
-                    given.fault("unknown_field", detail);
-                }
+                check_experiment(index, &experiment)?;
             }
         }
         Some(Self(field.value.clone()))
@@ -96,6 +87,21 @@ impl JobTemplate {
         document["experiments"] = json!([experiment]);
         document
     }
+}
+
+/// Faults what an experiment of a monitor may not have; nothing where the experiment is no object.
+fn check_experiment(index: usize, experiment: &Field<'_>) -> Option<()> {
+    if index > 0 {
+        let detail = "a monitor has one experiment: the windows of its stream";
+        experiment.fault("too_many_experiments", detail);
+    }
+    let mut experiment = experiment.object()?;
+    let given = ["dataset", "window"].map(|name| experiment.optional(name));
+    for field in given.into_iter().flatten() {
+        let detail = "the windows of the stream are the recordings; leave it out";
+        field.fault("unknown_field", detail);
+    }
+    Some(())
 }
 
 #[cfg(test)]

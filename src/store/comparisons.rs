@@ -223,7 +223,7 @@ impl Idempotent for ComparisonRow {
         Ok((!row.jobs.is_empty()).then_some(row))
     }
 
-    fn as_made(self) -> Self {
+    fn into_made(self) -> Self {
         let jobs = self.jobs.into_iter().map(JobRow::into_submitted);
         Self {
             jobs: jobs.collect(),

@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     fn read(cache: &RowCache<usize, usize>, id: usize) {
-        let reading = cache.get(id).err().expect("it is not kept");
+        let reading = cache.get(id).expect_err("it is not kept");
         reading.keep(&Arc::new(id));
     }
 
@@ -88,9 +88,9 @@ mod tests {
     #[test]
     fn what_changes_while_it_is_read_is_not_kept() {
         let cache = RowCache::<usize, usize>::new(true);
-        let before = cache.get(1).err().expect("it is not kept");
+        let before = cache.get(1).expect_err("it is not kept");
         cache.forget(1);
-        let after = cache.get(1).err().expect("it is not kept");
+        let after = cache.get(1).expect_err("it is not kept");
         before.keep(&Arc::new(10));
         assert!(cache.get(1).is_err());
         after.keep(&Arc::new(11));
@@ -100,8 +100,8 @@ mod tests {
     #[test]
     fn a_second_reader_does_not_wait_for_the_first() {
         let cache = RowCache::<usize, usize>::new(true);
-        let first = cache.get(1).err().expect("it is not kept");
-        let second = cache.get(1).err().expect("it is not kept");
+        let first = cache.get(1).expect_err("it is not kept");
+        let second = cache.get(1).expect_err("it is not kept");
         second.keep(&Arc::new(2));
         first.keep(&Arc::new(1));
         assert_eq!(cache.get(1).ok().as_deref(), Some(&1));

@@ -120,20 +120,16 @@ mod tests {
     #[tokio::test]
     async fn every_unit_arrives_in_order_though_few_wake_the_receiver() {
         let (sender, mut receiver) = channel();
-        let computing = tokio::task::spawn_blocking(move || {
-            for generation in 1..=1000 {
-                assert!(sender.send(unit(generation)));
-            }
-        });
+        let send_all = move || (1..=1000).all(|generation| sender.send(unit(generation)));
+        let computing = tokio::task::spawn_blocking(send_all);
         let (mut wakes, mut generations) = (0, Vec::new());
-        loop {
+        let mut is_open = true;
+        while is_open {
             receiver.woken().await;
             wakes += 1;
-            if !receiver.take_waiting(|unit| generations.push(unit.progress.generation)) {
-                break;
-            }
+            is_open = receiver.take_waiting(|unit| generations.push(unit.progress.generation));
         }
-        computing.await.expect("the units were sent");
+        assert!(computing.await.expect("a computation that ends"));
         assert_eq!(generations, (1..=1000).collect::<Vec<u32>>());
         assert!(wakes < 500, "{wakes}");
     }

@@ -63,7 +63,7 @@ pub(in crate::store) trait Idempotent: Sized {
     ) -> impl Future<Output = Result<Option<Self>, StoreError>> + Send;
 
     /// The row as the first request made it.
-    fn as_made(self) -> Self {
+    fn into_made(self) -> Self {
         self
     }
 }
@@ -76,7 +76,7 @@ impl Idempotent for JobRow {
         jobs::fetch(connection, id).await
     }
 
-    fn as_made(self) -> Self {
+    fn into_made(self) -> Self {
         self.into_submitted()
     }
 }
@@ -107,7 +107,7 @@ pub(super) async fn answer_again<T: Idempotent>(
         .parse()
         .map_err(|why| corrupt("identifier", &made, why))?;
     Ok(match T::fetch(connection, id).await? {
-        Some(row) => Submitted::Replayed(row.as_made()),
+        Some(row) => Submitted::Replayed(row.into_made()),
         None => Submitted::Forgotten(made),
     })
 }

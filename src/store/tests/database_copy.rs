@@ -77,6 +77,17 @@ fn postgres() -> Option<DatabasePlace> {
     Some(DatabasePlace::Postgres(Box::new(options)))
 }
 
+/// How many entries of the queue a job has.
+async fn entries_of(store: &Store, job: JobId) -> i64 {
+    database::query_scalar(
+        "select count(*) from jobs join river_job on river_job.id = queue_entry where jobs.id = $1",
+    )
+    .bind(job.to_string())
+    .fetch_one(store.readers())
+    .await
+    .expect("a count")
+}
+
 #[tokio::test]
 async fn a_file_moves_to_postgresql_and_back_and_its_jobs_go_on() {
     let Some(there) = postgres() else {
@@ -112,22 +123,9 @@ async fn a_file_moves_to_postgresql_and_back_and_its_jobs_go_on() {
     let counted = store.figures().await.expect("figures").stored;
     assert_eq!(counted, stored);
     assert_eq!(store.jobs().find(at_work).await.expect("a read"), row);
-    assert_eq!(
-        store
-            .events()
-            .after(at_work, 0, 1000)
-            .await
-            .expect("events"),
-        events
-    );
-    let waits: i64 = database::query_scalar(
-        "select count(*) from jobs join river_job on river_job.id = queue_entry where jobs.id = $1",
-    )
-    .bind(at_work.to_string())
-    .fetch_one(store.readers())
-    .await
-    .expect("an entry");
-    assert_eq!(waits, 1);
+    let copied_events = store.events().after(at_work, 0, 1000).await;
+    assert_eq!(copied_events.expect("events"), events);
+    assert_eq!(entries_of(&store, at_work).await, 1);
     let in_use = database_copy::copy(&there, &settings.place).await;
     assert!(
         matches!(in_use, Err(StoreError::Locked { .. })),

@@ -354,8 +354,7 @@ const NOTHING_TO_ESTIMATE: &str = "every parameter and every initial state is fi
 /// understood without another (signals without the model) is left out.
 fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let mut root = document.object()?;
-    let name = root.optional("name");
-    let name = name.and_then(|field| labels::short_text(&field).map(str::to_owned));
+    let name = labels::name(root.optional("name"));
     let labels = root.optional("labels").map(|field| labels::read(&field));
     let model = root
         .required("model")
@@ -392,8 +391,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let validation = validation.map(|field| ValidationSpec::read(&field));
     let limits = root.optional("limits");
     let limits = limits.map(|field| limits::read(&field, context.max_duration_s));
-    let seed = root.optional("seed");
-    let seed = seed.map_or_else(|| Some(drawn_seed()), |field| field.integer(0, MAX_SEED));
+    let seed = seed(root.optional("seed"));
     if let Some(parameters) = job_parameters {
         parameters.check(&root, model_search.as_ref());
         if !parameters.has_unknowns() {
@@ -425,6 +423,11 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     }
     root.finish();
     spec
+}
+
+/// The seed of every random number; drawn where a document gives none.
+fn seed(field: Option<Field<'_>>) -> Option<u64> {
+    field.map_or_else(|| Some(drawn_seed()), |field| field.integer(0, MAX_SEED))
 }
 
 /// What is said of several parameters together: constraints and priors. Without a model, or

@@ -33,6 +33,11 @@ pub(super) fn read(field: &Field<'_>) -> BTreeMap<String, String> {
     labels
 }
 
+/// A name for people: a text of at most [`MAX_NAME_CHARS`] characters, where one is given.
+pub(super) fn name(field: Option<Field<'_>>) -> Option<String> {
+    field.and_then(|field| short_text(&field).map(str::to_owned))
+}
+
 /// A text of at most [`MAX_NAME_CHARS`] characters.
 pub(super) fn short_text<'v>(field: &Field<'v>) -> Option<&'v str> {
     let text = field.text()?;
