@@ -126,7 +126,7 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
     "new": "draft.js" "job.css" "job.js" "model.js" "parameters.js" "preflight.js" "recordings.js"
         "trial.js";
     "plot": "axes.js" "group.js" "math.js" "plot.css" "plot.js" "save.js" "theme.js" "units.js";
-    "shell": "api.js" "dom.js" "format.js" "icon.svg" "main.js" "prepared.js" "session.js"
+    "shell": "api.js" "description.js" "dom.js" "format.js" "icon.svg" "main.js" "prepared.js" "session.js"
         "style.css";
     "text": "document.js" "editor.js";
     "vendor": "codemirror-6.43.15.LICENSE" "codemirror-6.43.15.min.js" "rapidoc-9.3.8-min.js"

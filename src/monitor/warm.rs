@@ -456,25 +456,17 @@ mod tests {
     #[test]
     fn a_prior_of_logarithms_is_that_of_the_values_which_jobs_take() {
         let known = two(Scale::Log, 0.9);
+        let of_logarithms = &known.normal.covariance;
         let warm = begin_warm(&cold(), &ranges(Scale::Log), &known);
         let joint = &warm.priors[0];
         assert_eq!(joint.scale, Scale::Log);
-        let (a, b) = (joint.mean[0], joint.mean[1]);
-        // The logarithms again: log(1 + C/(m·m)).
-        let of_logarithms = [
-            (
-                joint.covariance[0][0] / (a * a),
-                known.normal.covariance[0][0],
-            ),
-            (
-                joint.covariance[0][1] / (a * b),
-                known.normal.covariance[0][1],
-            ),
-        ];
-        for (relative, expected) in of_logarithms {
-            assert!((libm::log1p(relative) / expected - 1.0).abs() < 1e-12);
+        let a = joint.mean[0];
+        // The covariance of the logarithms is log(1 + C/(m·m)).
+        for other in 0..2 {
+            let relative = joint.covariance[0][other] / (a * joint.mean[other]);
+            assert!((libm::log1p(relative) / of_logarithms[0][other] - 1.0).abs() < 1e-12);
         }
-        let middle = libm::log(a) - 0.5 * known.normal.covariance[0][0];
+        let middle = libm::log(a) - 0.5 * of_logarithms[0][0];
         assert!((middle - libm::log(10.0)).abs() < 1e-12);
     }
 
@@ -482,12 +474,8 @@ mod tests {
     fn a_warm_search_has_the_estimate_before_in_its_middle_and_stays_in_the_range() {
         for scale in [Scale::Linear, Scale::Log] {
             let ranges = BTreeMap::from([("a".to_owned(), range(scale))]);
-            let known = estimated(
-                &[estimate("a", 10.0, 0.1)],
-                None,
-                &ranges,
-                ErrorScope::Total,
-            );
+            let narrow = [estimate("a", 10.0, 0.1)];
+            let known = estimated(&narrow, None, &ranges, ErrorScope::Total);
             let prior = prior(&monitor(&json!({})), &known, &ranges, 1.0);
             let warm = begin_warm(&cold(), &ranges, &prior);
             let Some(ParameterSpec::Free(free)) = warm.parameters.get("a") else {
