@@ -462,9 +462,10 @@ mod tests {
         assert_eq!(joint.scale, Scale::Log);
         let a = joint.mean[0];
         // The covariance of the logarithms is log(1 + C/(m·m)).
-        for other in 0..2 {
-            let relative = joint.covariance[0][other] / (a * joint.mean[other]);
-            assert!((libm::log1p(relative) / of_logarithms[0][other] - 1.0).abs() < 1e-12);
+        let of_values = joint.covariance[0].iter().zip(&joint.mean);
+        for ((covariance, mean), expected) in of_values.zip(&of_logarithms[0]) {
+            let relative = covariance / (a * mean);
+            assert!((libm::log1p(relative) / expected - 1.0).abs() < 1e-12);
         }
         let middle = libm::log(a) - 0.5 * of_logarithms[0][0];
         assert!((middle - libm::log(10.0)).abs() < 1e-12);
