@@ -394,7 +394,7 @@ pub fn scratch_failed(error: &io::Error) -> Problem {
 }
 
 impl From<ReadError> for Problem {
-    /// A recording that is not one. A body that broke off is told by [`receive`].
+    /// A recording that is not one. [`Bodies::receive`] tells of a body that broke off.
     fn from(error: ReadError) -> Self {
         let kind = match &error {
             ReadError::Scratch(error) => return scratch_failed(error),

@@ -67,7 +67,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(webhooks::resend))
 }
 
-/// The resources, without what [`with_middleware()`] puts around them.
+/// The resources, without what [`with_middleware`](super::with_middleware) puts around them.
 pub fn resources(state: ApiState) -> Router {
     let (router, _openapi) = described().split_for_parts();
     router

@@ -7,7 +7,7 @@ use std::time::Duration;
 pub struct Quotas {
     /// Recordings.
     pub datasets: u64,
-    /// The bytes of all that [`StoredBytes`] counts.
+    /// The bytes of all that [`StoredBytes`](super::StoredBytes) counts.
     pub stored_bytes: u64,
     /// Jobs that are queued, running or paused.
     pub unfinished_jobs: u64,

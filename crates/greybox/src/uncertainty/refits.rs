@@ -1,7 +1,7 @@
 //! The refits that an analysis asks for: hundreds of descents, which are saved one by one and which
 //! several nodes can divide among them.
 //!
-//! A step of the analysis ([`super::analyser`]) asks for sequences of refits. Within a sequence each
+//! A step of the analysis asks for sequences of refits. Within a sequence each
 //! refit starts from what the one before came to; the sequences of one step do not depend on each
 //! other, so they run in parallel, in any order, on any node.
 
