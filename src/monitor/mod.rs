@@ -6,10 +6,10 @@
 //!                               └── prior, start ◀─────────┘
 //! ```
 //!
-//! A step of a monitor is one transaction (see [`Monitors::advance`](crate::store::Monitors::advance)): what is known by then
-//! stands in the database, and a server that dies goes on where it was. Time is that of the stream:
-//! the same samples make the same windows, whenever they come. Only that data have stopped is told
-//! by the clock.
+//! A step of a monitor is one transaction ([`crate::store::Monitors::advance`]): what is known by
+//! then stands in the database, and a server that dies goes on where it was. Time is that of the
+//! stream: equal samples make equal windows, whenever they come. Only that data have stopped is
+//! told by the clock.
 
 pub mod detector;
 pub mod record;
