@@ -88,7 +88,7 @@ pub struct Coordinate {
     pub upper: f64,
     /// How the range is laid out.
     pub scale: Scale,
-    /// What is known of the unknown beside the data.
+    /// The prior knowledge of the unknown, where the job gives any.
     pub prior: Option<Prior>,
 }
 

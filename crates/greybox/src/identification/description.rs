@@ -270,7 +270,7 @@ impl Identification {
             match (job.entry(name).or_insert(missing), section) {
                 (Value::Array(entries), Value::Array(more)) => entries.extend(more),
                 (Value::Object(entries), Value::Object(more)) => entries.extend(more),
-                // What is no section of this kind is told by the reader.
+                // The reader reports a section of another type as a fault.
                 _ => {}
             }
         }

@@ -10,8 +10,8 @@ use std::ops::RangeInclusive;
 
 /// One recording that the model shall explain, and what is known of it alone.
 ///
-/// What is not said is taken by name: signals of the recording that are called as the model calls
-/// them. A [`Recording`] by itself is an experiment of which nothing more is known.
+/// A signal of the model that is not assigned is the recording's signal of that name. A
+/// [`Recording`] by itself is an experiment with every default.
 ///
 /// ```
 /// use greybox::{Experiment, Recording};

@@ -237,7 +237,7 @@ fn profile_point((value, excess): &(f64, f64)) -> Option<ProfilePoint> {
     })
 }
 
-/// What is said of each output, by the name of the output.
+/// Pairs the items of all outputs, in the order of the problem, with the names of the outputs.
 fn by_output<T: Clone>(problem: &Problem, items: &[T]) -> BTreeMap<String, T> {
     let names = problem.outputs.iter().map(|output| output.name.clone());
     names.zip(items.iter().cloned()).collect()

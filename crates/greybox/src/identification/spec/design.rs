@@ -39,7 +39,7 @@ pub struct DesignSpec {
     pub job: JobSpec,
     /// Outputs of which one may be measured beside those of the job, with their noise, SI.
     pub sensors: BTreeMap<String, f64>,
-    /// What is open.
+    /// The inputs or the instants that the design chooses.
     pub plan: Plan,
     /// The unknowns that matter.
     pub wanted: Vec<String>,
@@ -49,7 +49,7 @@ pub struct DesignSpec {
     pub seed: u64,
 }
 
-/// What is open in an experiment.
+/// The part of an experiment that a design chooses.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Plan {
     /// How the inputs are driven.

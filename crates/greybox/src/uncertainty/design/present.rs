@@ -29,7 +29,7 @@ pub struct Past {
     pub standard_errors: Vec<Option<f64>>,
 }
 
-/// What is known at present.
+/// The knowledge of the unknowns before a new experiment.
 #[derive(Clone, Debug)]
 pub struct Present {
     /// The points of the search box that experiments are looked at, the middle first.

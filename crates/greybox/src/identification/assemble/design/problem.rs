@@ -49,11 +49,11 @@ pub(super) struct DesignProblem {
 /// The experiment that is designed, with all that was known before the experiment.
 #[derive(Clone, Copy)]
 pub(super) struct Question<'a> {
-    /// What is open.
+    /// The specification of the design.
     pub spec: &'a DesignSpec,
     /// The problem of the job to come.
     pub problem: &'a DesignProblem,
-    /// What is known at present.
+    /// The knowledge of the unknowns before the new experiment.
     pub present: &'a Present,
 }
 
