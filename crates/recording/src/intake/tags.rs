@@ -12,8 +12,8 @@ use super::options::{GridOption, Options, ReadingPurpose};
 use super::quality::Scheme;
 use crate::columns::SampleColumns;
 use crate::{
-    Class, ClassSpan, Interpolation, MAX_SIGNALS, NamedSignal, ReceivedRecording, TimeAxis,
-    Warning, name_fault, shown,
+    Class, ClassSpan, Interpolation, MAX_SIGNALS, NamedSignal, ReceivedRecording, Recording,
+    TimeAxis, Warning, name_fault, shown,
 };
 use std::collections::HashMap;
 use tag::{Common, Tag};
@@ -293,15 +293,17 @@ impl<'o> Tags<'o> {
         }
         self.notes.extend(self.clock.notes());
         Ok(ReceivedRecording {
-            name: options.name.clone(),
-            start: self.clock.start(first),
-            zone: self.clock.zone(),
-            source: options.source(format),
-            double_hour: self.clock.double_hour(first),
-            own_instants,
-            time: options.purpose.axis(common.instants, self.clock.scale()),
-            signals,
-            notes: self.notes,
+            header: Recording {
+                name: options.name.clone(),
+                start: self.clock.start(first),
+                zone: self.clock.zone(),
+                source: options.source(format),
+                double_hour: self.clock.double_hour(first),
+                own_instants,
+                time: options.purpose.axis(common.instants, self.clock.scale()),
+                signals,
+                notes: self.notes,
+            },
             columns: SampleColumns::of(columns),
         })
     }
