@@ -2,10 +2,8 @@
 
 use super::floor::Floor;
 use super::observer::Counters;
-use super::problem::Problem;
 use super::refine::DescentEnd;
-use super::stage::EstimationStage;
-use super::{Estimation, StopReason};
+use super::stop_reason::StopReason;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -64,64 +62,4 @@ pub struct Refinement {
     pub iterations: u32,
     /// Why it ended, if it did.
     pub end: Option<DescentEnd>,
-}
-
-impl Report {
-    pub(super) fn new(
-        problem: &Problem,
-        run: &Estimation,
-        positions: Vec<f64>,
-        stopped: Option<StopReason>,
-    ) -> Report {
-        let total = run.state.totals.and(&run.search.state);
-        let twins = match &run.state.stage {
-            EstimationStage::Analyse { twins } => &twins[..],
-            EstimationStage::Search | EstimationStage::Refine(_) => &[],
-        };
-        let reason = stopped
-            .or(run.state.stop_reason)
-            .unwrap_or(StopReason::GenerationLimit);
-        Report {
-            stop_reason: reason,
-            values: problem.values(&positions),
-            positions,
-            cost: run.best_cost(),
-            generations: total.generations,
-            counters: total.counters,
-            best_credit: total.best_credit.map(|(credit, _)| credit),
-            best_generation: total.best_generation,
-            searches: run
-                .state
-                .searches
-                .iter()
-                .map(|search| SearchEnd {
-                    stop_reason: search.stop_reason,
-                    generations: search.generations,
-                    cost: search
-                        .leaders
-                        .first()
-                        .map(|champion| champion.cost)
-                        .filter(|cost| cost.is_finite()),
-                })
-                .collect(),
-            refinements: run
-                .state
-                .descents
-                .iter()
-                .map(|descent| Refinement {
-                    start_cost: descent.start_cost,
-                    coarse_cost: descent.coarse_cost.or(descent.cost),
-                    cost: descent.cost,
-                    values: problem.named_values(&descent.positions),
-                    iterations: descent.iterations,
-                    end: descent.end,
-                })
-                .collect(),
-            floor: Floor::of(&run.landmarks, &run.state.descents),
-            twins: twins
-                .iter()
-                .map(|positions| problem.named_values(positions))
-                .collect(),
-        }
-    }
 }

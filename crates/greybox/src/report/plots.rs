@@ -1,9 +1,9 @@
 //! The plots of a report.
 
 use super::chart::{Chart, Series};
-use super::html::escape;
+use super::facts::{GenerationCosts, Report};
+use super::html::{escape, push};
 use super::residuals::{self, Diagnostics};
-use super::{GenerationCosts, Report, push};
 use crate::identification::assemble::{ExperimentTrajectory, OutputTrajectory};
 use crate::identification::outcome::ResidualReport;
 use greybox_recording::kept_indices;
