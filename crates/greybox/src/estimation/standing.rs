@@ -1,11 +1,11 @@
 //! Where a run stands: how far it has come, and what its estimate is so far.
 
 use super::Estimation;
-use super::floor::Floor;
+use super::floor::FloorReport;
 use super::problem::Problem;
 use super::progress::{Phase, Progress};
 use super::refine::Descent;
-use super::report::{Refinement, Report, SearchEnd};
+use super::report::{Report, SearchEnd, StartReport};
 use super::stage::EstimationStage;
 use super::stop_reason::StopReason;
 
@@ -63,6 +63,9 @@ impl Estimation {
             EstimationStage::Analyse { twins } => &twins[..],
             EstimationStage::Search | EstimationStage::Refine(_) => &[],
         };
+        let named = |positions: &Vec<f64>| problem.named_values(positions);
+        let twins: Vec<Vec<(String, f64)>> = twins.iter().map(named).collect();
+        let floor = FloorReport::of(&self.landmarks, &self.state.descents);
         let reason = stopped
             .or(self.state.stop_reason)
             .unwrap_or(StopReason::GenerationLimit);
@@ -89,24 +92,25 @@ impl Estimation {
                         .filter(|cost| cost.is_finite()),
                 })
                 .collect(),
-            refinements: self
+            starts: self
                 .state
                 .descents
                 .iter()
-                .map(|descent| Refinement {
-                    start_cost: descent.start_cost,
-                    coarse_cost: descent.coarse_cost.or(descent.cost),
-                    cost: descent.cost,
-                    values: problem.named_values(&descent.positions),
-                    iterations: descent.iterations,
+                .map(|descent| StartReport {
+                    initial_cost: descent.start_cost,
+                    cost: descent.coarse_cost.or(descent.cost),
+                    parameters: named(&descent.positions).into_iter().collect(),
                     end: descent.end,
                 })
                 .collect(),
-            floor: Floor::of(&self.landmarks, &self.state.descents),
-            twins: twins
-                .iter()
-                .map(|positions| problem.named_values(positions))
-                .collect(),
+            floor: floor.map(|floor| FloorReport {
+                twins: twins
+                    .iter()
+                    .map(|twin| twin.iter().cloned().collect())
+                    .collect(),
+                ..floor
+            }),
+            twins,
         })
     }
 }

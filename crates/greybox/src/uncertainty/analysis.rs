@@ -6,7 +6,7 @@ use super::covariance::{Linear, NORMAL_95};
 use super::drift::Drift;
 use super::fit::{Criteria, OutputFit};
 use super::identifiability::FlatDirection;
-use super::monte_carlo::Spread;
+use super::monte_carlo::MonteCarlo;
 use super::profile::Ends;
 use super::residuals::ResidualReport;
 use super::verdict::{Doubt, Judgement, Rule, Trust};
@@ -36,7 +36,7 @@ pub struct CoordinateUncertainty {
     /// The 95 % interval with all that is taken as known, SI.
     pub total_interval: Option<(Option<f64>, Option<f64>)>,
     /// How the fits of a Monte Carlo analysis lie about the estimate, where one was asked for.
-    pub monte_carlo: Option<Spread>,
+    pub monte_carlo: Option<MonteCarlo>,
     /// How many standard deviations of its prior the estimate is off its middle.
     pub prior_shift: Option<f64>,
     /// How far the total interval can be relied on.

@@ -281,9 +281,9 @@ impl FirstOrder {
             }
         }
         if !self.monte_carlo.is_empty() {
-            let spreads = monte_carlo::spreads(estimate, &self.monte_carlo);
-            for (described, spread) in coordinates.iter_mut().zip(spreads.into_iter().flatten()) {
-                described.monte_carlo = Some(spread);
+            let drawn = monte_carlo::of_coordinates(estimate, &self.monte_carlo);
+            for (described, drawn) in coordinates.iter_mut().zip(drawn.into_iter().flatten()) {
+                described.monte_carlo = Some(drawn);
             }
         }
         let unfixed = || "the data do not fix all of the unknowns".to_owned();
