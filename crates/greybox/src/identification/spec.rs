@@ -22,6 +22,7 @@ use greybox_simulation::model::{ModelDescription, Tolerance, ToleranceText};
 
 mod constraints;
 pub mod design;
+mod entries;
 mod exclude;
 mod experiment;
 mod initial_state;

@@ -25,7 +25,7 @@ pub struct Series<'a> {
 }
 
 /// A chart.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Chart<'a> {
     /// What is along the bottom.
     pub x_label: &'a str,

@@ -1,5 +1,6 @@
 //! Where the states of an experiment start.
 
+use super::parameter::check_range;
 use super::{FixedValue, PriorSpec, prior};
 use greybox_numerics::parsing::reader::{Field, did_you_mean, listed};
 use greybox_simulation::model::{ModelDescription, Tolerance};
@@ -128,10 +129,6 @@ fn read_range(field: &Field<'_>) -> Option<StateRange> {
     let upper = object.required("upper").and_then(|field| field.number());
     object.finish();
     let (lower, upper) = (lower?, upper?);
-    if lower >= upper {
-        let detail = format!("lower {lower} is not below upper {upper}");
-        field.fault("bounds_reversed", detail);
-        return None;
-    }
+    check_range(field, lower, upper)?;
     Some(StateRange { lower, upper })
 }
