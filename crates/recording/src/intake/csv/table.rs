@@ -10,7 +10,7 @@ use super::super::tags::check_options;
 use super::header::Header;
 use super::rows::{is_empty, line_of, not_utf8};
 use crate::columns::{SampleColumns, SampleSeries};
-use crate::{NamedSignal, NewScratch, ReceivedRecording, Recording, TimeAxis, Warning};
+use crate::{NewScratch, ReceivedRecording, Recording, TimeAxis, Warning};
 use ::csv::ByteRecord;
 use std::io;
 
@@ -184,14 +184,7 @@ impl<'o> CsvTable<'o> {
         for (k, column) in columns.filter(|(k, _)| *k != self.time) {
             notes.extend(column.notes());
             if column.is_signal() {
-                signals.push(NamedSignal {
-                    name: column.name,
-                    unit: column.unit.si.into_owned(),
-                    recorded_unit: column.recorded_unit,
-                    interpolation: column.interpolation,
-                    classes: Vec::new(),
-                    column: k,
-                });
+                signals.push(column.into_named(Vec::new(), k));
             }
         }
         let last = self.last.unwrap_or(0.0);
