@@ -135,11 +135,11 @@ impl Steps {
         if job.as_ref().is_some_and(|job| !job.status.is_terminal()) {
             return Ok(None);
         }
-        let outcome = match &job {
+        let result = match &job {
             Some(job) if job.status == Status::Succeeded => self.store.results().find(id).await?,
             _ => None,
         };
-        let outcome = outcome.map(serde_json::from_value::<Outcome>);
+        let outcome = result.map(|result| result.outcome());
         let is_warm = step.is_warm();
         match outcome {
             Some(Ok(outcome)) if !(is_warm && warm::is_in_doubt(&outcome)) => {

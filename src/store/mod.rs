@@ -85,7 +85,7 @@ pub use opening::{DatabasePlace, DatabaseSettings};
 pub use page::Page;
 pub use queue::{QUEUE, SliceOfJob, SliceQueue, project_of, queue_of};
 pub use quotas::Quotas;
-pub use results::Results;
+pub use results::{Results, StoredResult};
 pub use retention::{Retention, Tidied};
 pub use sealed::check::Checked;
 pub use sessions::Sessions;
