@@ -21,6 +21,14 @@ pub struct Results {
     pub(super) database: Arc<Database>,
 }
 
+impl Results {
+    /// The result of a job: final for one that succeeded, the best so far for one that was paused
+    /// or cancelled, nothing before.
+    pub async fn find(&self, job: JobId) -> Result<Option<StoredResult>, StoreError> {
+        fetch(&self.database.readers, job).await
+    }
+}
+
 /// The result of a job as the program that wrote it left it, maybe an older one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredResult(String);
@@ -46,14 +54,6 @@ impl StoredResult {
     /// The result is that of an identification, or lacks what every design has today.
     pub fn design(&self) -> Result<Design, serde_json::Error> {
         serde_json::from_str(&self.0)
-    }
-}
-
-impl Results {
-    /// The result of a job: final for one that succeeded, the best so far for one that was paused
-    /// or cancelled, nothing before.
-    pub async fn find(&self, job: JobId) -> Result<Option<StoredResult>, StoreError> {
-        fetch(&self.database.readers, job).await
     }
 }
 
