@@ -18,15 +18,15 @@ use super::body::JsonDocument;
 use super::client::Client;
 use super::error::{Answer, Problem};
 use super::extract::Named;
-use super::http_headers::{idempotency_key, json};
+use super::http_headers::json;
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use super::{ApiState, submit};
 use crate::job::comparison::{self, Comparison, Trial};
 use crate::job::{ComparisonId, Status};
 use crate::store::{
-    ComparisonRow, ComparisonSummary, Comparisons, Idempotency, JobRow, NewComparison, Results,
-    StoredResult, Submitted,
+    ComparisonRow, ComparisonSummary, Comparisons, JobRow, NewComparison, Results, StoredResult,
+    Submitted,
 };
 use greybox::identification::spec::MethodName;
 use greybox::identification::{JobId, JobSpec};
@@ -185,11 +185,7 @@ pub async fn submit_comparison(
     client: Client,
     document: JsonDocument,
 ) -> Answer {
-    let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
-        project: client.project.clone(),
-        key,
-        body_digest: document.digest.clone(),
-    });
+    let idempotency = submit::idempotency(&headers, &client, &document)?;
     if let Some(idempotency) = &idempotency
         && let Some(earlier) = state.store.comparisons().earlier(idempotency).await?
     {

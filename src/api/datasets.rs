@@ -383,14 +383,7 @@ pub struct SamplesQuery {
 impl FromQuery for SamplesQuery {
     fn read(query: &mut QueryReader) -> Self {
         let signals = query.text("signals");
-        let from = query.number("from");
-        let to = query.number("to");
-        if let (Some(from), Some(to)) = (from, to)
-            && from > to
-        {
-            let detail = format!("from {from} is after to {to}");
-            query.fault("from", "bounds_reversed", detail);
-        }
+        let (from, to) = query.interval();
         Self {
             signals: signals.map(|names| names.split(',').map(str::to_owned).collect()),
             from,

@@ -20,14 +20,14 @@ use super::body::JsonDocument;
 use super::client::Client;
 use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
-use super::http_headers::{idempotency_key, json, prefers, tagged_json};
+use super::http_headers::{json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use super::submit;
 use crate::job::MonitorId;
 use crate::monitor::state::instant;
 use crate::monitor::{Alarm, JobTemplate, MonitorSpec, ShownWindow, State as MonitorState, warm};
-use crate::store::{Idempotency, MonitorRow, Monitors, NewMonitor, StreamRow, Streams};
+use crate::store::{MonitorRow, Monitors, NewMonitor, StreamRow, Streams};
 use greybox::identification::DatasetId;
 use greybox::identification::spec::Context;
 use greybox::parsing::Fault;
@@ -138,11 +138,7 @@ pub async fn create(
     client: Client,
     document: JsonDocument,
 ) -> Answer {
-    let idempotency = idempotency_key(&headers)?.map(|key| Idempotency {
-        project: client.project.clone(),
-        key,
-        body_digest: document.digest.clone(),
-    });
+    let idempotency = submit::idempotency(&headers, &client, &document)?;
     if let Some(idempotency) = &idempotency
         && let Some(earlier) = state.store.monitors().earlier(idempotency).await?
     {

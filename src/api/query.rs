@@ -96,6 +96,18 @@ impl QueryReader {
         })
     }
 
+    /// The numbers `from` and `to`, of which the first is not above the second.
+    pub fn interval(&mut self) -> (Option<f64>, Option<f64>) {
+        let (from, to) = (self.number("from"), self.number("to"));
+        if let (Some(from), Some(to)) = (from, to)
+            && from > to
+        {
+            let detail = format!("from {from} is after to {to}");
+            self.fault("from", "bounds_reversed", detail);
+        }
+        (from, to)
+    }
+
     /// `true` or `false`; the bare name counts as `true`.
     pub fn flag(&mut self, name: &'static str) -> bool {
         let flag = self.parsed(name, |text| match text {

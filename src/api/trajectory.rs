@@ -45,14 +45,7 @@ pub struct TrajectoryQuery {
 
 impl FromQuery for TrajectoryQuery {
     fn read(query: &mut QueryReader) -> Self {
-        let from = query.number("from");
-        let to = query.number("to");
-        if let (Some(from), Some(to)) = (from, to)
-            && from > to
-        {
-            let detail = format!("from {from} is after to {to}");
-            query.fault("from", "bounds_reversed", detail);
-        }
+        let (from, to) = query.interval();
         Self {
             experiment: query.integer("experiment", 0, MAX_EXPERIMENTS as u64 - 1),
             from,
