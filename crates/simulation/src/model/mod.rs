@@ -20,7 +20,9 @@ pub use parameter::{
 pub use tolerance::{Tolerance, ToleranceText};
 
 use crate::Plant;
+use crate::filter::{FilterLayout, FilteredPlant, LayoutFault};
 use crate::native::{Dynamics, Native};
+use crate::program::Program;
 use serde::Serialize;
 use specialised::Specialised;
 use std::borrow::Cow;
@@ -93,6 +95,8 @@ impl ModelDescription {
 pub struct Model {
     description: ModelDescription,
     plant: Arc<dyn Plant>,
+    /// The equations where they were written as text.
+    program: Option<Arc<Program>>,
     specialised: Specialised,
     document: Option<serde_json::Value>,
 }
@@ -108,17 +112,29 @@ impl Model {
                 dynamics,
                 n_outputs,
             }),
+            program: None,
             specialised: Specialised::default(),
             document: None,
         }
     }
 
+    /// Joins a description and the equations of a document.
+    #[must_use]
+    pub fn of_program(description: ModelDescription, program: Program) -> Model {
+        let program = Arc::new(program);
+        Model {
+            program: Some(Arc::clone(&program)),
+            ..Model::of_plant(description, program)
+        }
+    }
+
     /// Joins a description and a plant of any kind.
     #[must_use]
-    pub fn of_plant(description: ModelDescription, plant: impl Plant + 'static) -> Model {
+    pub fn of_plant(description: ModelDescription, plant: Arc<dyn Plant>) -> Model {
         Model {
             description,
-            plant: Arc::new(plant),
+            plant,
+            program: None,
             specialised: Specialised::default(),
             document: None,
         }
@@ -154,6 +170,17 @@ impl Model {
     #[must_use]
     pub fn plant(&self) -> &dyn Plant {
         self.plant.as_ref()
+    }
+
+    /// The plant as the filter sees it, where disturbances move it.
+    ///
+    /// # Errors
+    /// Where the equations do not allow it.
+    pub fn filtered(&self, layout: &FilterLayout) -> Result<Arc<dyn Plant>, LayoutFault> {
+        let program = self.program.as_ref().ok_or(LayoutFault::NotADocument)?;
+        let n_parameters = self.description.parameters.len();
+        let filtered = FilteredPlant::new(program, layout, n_parameters)?;
+        Ok(Arc::new(filtered))
     }
 
     /// The equations for candidates that have these parameters in common, SI.

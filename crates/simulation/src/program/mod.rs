@@ -1,9 +1,10 @@
 //! Plants whose equations are a document's: checked equations as instructions over registers.
 //!
 //! `rewrite` makes the graph of the equations shorter, `lists` lays it out as straight lists of
-//! instructions, `joined` makes few of many, `tangents` takes their derivatives, and `row` is what
-//! the integrator drives. No code is made at run time; every size is bounded.
+//! instructions, `joined` makes few of many, `tangents` takes their derivatives, `row` is what the
+//! integrator drives, and `disturbed` adds the states of quantities that wander. No code is made at run time; every size is bounded.
 
+mod disturbed;
 mod instruction;
 mod joined;
 mod lists;
@@ -11,6 +12,7 @@ mod rewrite;
 mod row;
 mod tangents;
 
+pub use disturbed::{ActsOn, Disturbance, DisturbanceKind};
 pub use rewrite::{EquationGraph, Roots};
 
 use super::block::SimulationBlock;
@@ -40,6 +42,7 @@ pub struct Program {
     lists: Lists,
     wiring: Wiring,
     tangents: Tangents,
+    output_tangents: Tangents,
     /// What an error of each state is measured against at least.
     sizes: Vec<f64>,
     /// Whether inputs move in straight lines from sample to sample.
@@ -102,8 +105,7 @@ impl Program {
         moving_inputs: bool,
     ) -> Program {
         let equations = equations.with_reciprocals(moving_inputs);
-        let lists = Lists::new(&equations.with_fixed(&[]), tables, moving_inputs);
-        let mut program = Program::of_lists(equations, lists, defaults.len(), moving_inputs);
+        let mut program = Program::of_equations(equations, tables, defaults.len(), moving_inputs);
         let starts = program.row(defaults, 1.0).initial_states();
         let start_size = |start: &f64| {
             let size = start.abs();
@@ -117,6 +119,31 @@ impl Program {
         program
     }
 
+    /// The equations with nothing fixed, before the sizes of their states are told.
+    fn of_equations(
+        equations: EquationGraph,
+        tables: Vec<LookupTable>,
+        n_parameters: usize,
+        moving_inputs: bool,
+    ) -> Program {
+        let lists = Lists::new(&equations.with_fixed(&[]), tables, moving_inputs);
+        Program::of_lists(equations, lists, n_parameters, moving_inputs)
+    }
+
+    /// The program for candidates that have these parameters in common.
+    #[must_use]
+    pub fn with_fixed(&self, fixed: &[Option<f64>]) -> Program {
+        let left = self.equations.with_fixed(fixed);
+        let lists = Lists::new(&left, self.lists.tables().to_vec(), self.moving_inputs);
+        let equations = self.equations.clone();
+        let n_parameters = self.wiring.parameters.len();
+        let program = Program::of_lists(equations, lists, n_parameters, self.moving_inputs);
+        Program {
+            sizes: self.sizes.clone(),
+            ..program
+        }
+    }
+
     fn of_lists(
         equations: EquationGraph,
         lists: Lists,
@@ -124,12 +151,15 @@ impl Program {
         moving_inputs: bool,
     ) -> Program {
         let wiring = Wiring::new(&lists, n_parameters);
-        let tangents = Tangents::new(&lists, &wiring.states, &wiring.inputs);
+        let (states, inputs) = (&wiring.states, &wiring.inputs);
+        let tangents = Tangents::new(lists.differentiated_rates(), states, inputs);
+        let output_tangents = Tangents::new(lists.differentiated_outputs(), states, inputs);
         Program {
             equations,
             lists,
             wiring,
             tangents,
+            output_tangents,
             sizes: Vec::new(),
             moving_inputs,
         }
@@ -177,15 +207,7 @@ impl Plant for Program {
     }
 
     fn specialised(&self, fixed: &[Option<f64>]) -> Option<Arc<dyn Plant>> {
-        let left = self.equations.with_fixed(fixed);
-        let lists = Lists::new(&left, self.lists.tables().to_vec(), self.moving_inputs);
-        let equations = self.equations.clone();
-        let n_parameters = self.wiring.parameters.len();
-        let program = Program::of_lists(equations, lists, n_parameters, self.moving_inputs);
-        Some(Arc::new(Program {
-            sizes: self.sizes.clone(),
-            ..program
-        }))
+        Some(Arc::new(self.with_fixed(fixed)))
     }
 
     fn simulator<'a>(

@@ -35,13 +35,14 @@ use load::Load;
 use orifice::signed_root;
 use plant::Servo;
 use servovalve::{SpoolState, Valve};
+use std::sync::Arc;
 
 /// The model with its description.
 #[must_use]
 pub fn model() -> Model {
     let description = description::describe();
     let n_outputs = description.outputs.len();
-    Model::of_plant(description, Servo::new(n_outputs))
+    Model::of_plant(description, Arc::new(Servo::new(n_outputs)))
 }
 
 /// Which input set stands for the position loop of the paper's Fig. 2.
