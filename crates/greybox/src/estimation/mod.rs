@@ -27,6 +27,7 @@ pub mod objective;
 pub mod observer;
 pub mod prior;
 pub mod problem;
+pub mod process_noise;
 mod progress;
 pub mod refine;
 mod refinement;

@@ -176,6 +176,18 @@ pub struct Problem {
     pub joint_priors: Arc<Vec<JointPrior>>,
     /// Conditions that the parameters keep.
     pub constraints: Arc<Vec<Condition>>,
+    /// What is compared where disturbances move the plant, which `model` then expects from sample
+    /// to sample; none: the free run.
+    pub innovations: Option<Arc<Innovations>>,
+}
+
+/// The errors of what was expected of each output from all samples before, and their variances.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Innovations {
+    /// How many outputs the model has; the variance of each stands so many places behind it.
+    pub n_outputs: usize,
+    /// For each compared output the least variance that its sensor can have.
+    pub least_variances: Vec<f64>,
 }
 
 /// A candidate spelled out for one experiment.

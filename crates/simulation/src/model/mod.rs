@@ -172,15 +172,25 @@ impl Model {
         self.plant.as_ref()
     }
 
-    /// The plant as the filter sees it, where disturbances move it.
+    /// The model as the filter sees it, where disturbances move its plant ([`FilteredPlant`]): the
+    /// variance of each output's error stands behind the outputs of the model.
     ///
     /// # Errors
     /// Where the equations do not allow it.
-    pub fn filtered(&self, layout: &FilterLayout) -> Result<Arc<dyn Plant>, LayoutFault> {
+    pub fn filtered(&self, layout: &FilterLayout) -> Result<Model, LayoutFault> {
         let program = self.program.as_ref().ok_or(LayoutFault::NotADocument)?;
         let n_parameters = self.description.parameters.len();
         let filtered = FilteredPlant::new(program, layout, n_parameters)?;
-        Ok(Arc::new(filtered))
+        let mut description = self.description.clone();
+        let variances = self.description.outputs.iter().map(|output| {
+            let name = Cow::Owned(format!("variance of {}", output.name));
+            SignalDescription {
+                name,
+                ..output.clone()
+            }
+        });
+        description.outputs.extend(variances);
+        Ok(Model::of_plant(description, Arc::new(filtered)))
     }
 
     /// The equations for candidates that have these parameters in common, SI.

@@ -143,7 +143,7 @@ impl Record {
             parameters: &parameters,
             initial_state: &vec![None; model.states.len()],
         };
-        let plant = filtered.as_deref().unwrap_or(compiled.plant());
+        let plant = filtered.as_ref().unwrap_or(&compiled).plant();
         let stop = AtomicBool::new(false);
         let outputs = single::outputs(plant, &[(excitation, candidate)], &stop);
         outputs.unwrap().unwrap().remove(0)
