@@ -8,7 +8,7 @@ mod circles;
 #[path = "architecture/source.rs"]
 mod source;
 
-use circles::{Files, Folders};
+use circles::Files;
 use source::{Source, after_path_starts, first_names};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -21,12 +21,11 @@ struct Crate {
     name: &'static str,
     folder: &'static str,
     rooms: &'static [(&'static str, &'static [&'static str])],
-    folders: Folders,
 }
 
 #[rustfmt::skip]
 const CRATES: [Crate; 5] = [
-    Crate { name: "service", folder: "src", folders: Folders::Strict, rooms: &[
+    Crate { name: "service", folder: "src", rooms: &[
         // The command line starts servers, runs the method without one, and looks after the
         // database of one that does not run.
         ("cli", &["app", "config", "api", "access", "delivery", "store", "span", "job"]),
@@ -50,7 +49,7 @@ const CRATES: [Crate; 5] = [
         ("monitor", &["access", "event", "store", "job"]),
         ("worker", &["access", "admission", "event", "span", "store", "job"]),
     ] },
-    Crate { name: "greybox", folder: "crates/greybox/src", folders: Folders::Lenient, rooms: &[
+    Crate { name: "greybox", folder: "crates/greybox/src", rooms: &[
         ("report", &["identification"]),
         ("identification", &["uncertainty", "estimation"]),
         // Recordings that the program makes are simulated ones.
@@ -60,18 +59,18 @@ const CRATES: [Crate; 5] = [
         ("credit", &[]),
         ("genetic", &[]),
     ] },
-    Crate { name: "recording", folder: "crates/recording/src", folders: Folders::Lenient, rooms: &[
+    Crate { name: "recording", folder: "crates/recording/src", rooms: &[
         ("intake", &["recording"]),
         ("recording", &[]),
     ] },
-    Crate { name: "simulation", folder: "crates/simulation/src", folders: Folders::Lenient, rooms: &[
+    Crate { name: "simulation", folder: "crates/simulation/src", rooms: &[
         // A model may be a document that a user wrote.
         ("model", &["simulation", "language"]),
         // The program of a document is made from the graph of its equations.
         ("simulation", &["language"]),
         ("language", &[]),
     ] },
-    Crate { name: "numerics", folder: "crates/numerics/src", folders: Folders::Strict, rooms: &[
+    Crate { name: "numerics", folder: "crates/numerics/src", rooms: &[
         ("parsing", &[]),
         ("numerics", &[]),
     ] },
@@ -244,7 +243,7 @@ fn no_files_need_each_other() {
     for part in &CRATES {
         let sources = part.sources();
         let files = Files::new(&sources);
-        let circles = files.circles(part.folders);
+        let circles = files.circles();
         let circles: Vec<String> = circles.iter().map(|circle| circle.join(" ")).collect();
         assert_none(&circles);
     }

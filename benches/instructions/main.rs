@@ -18,7 +18,6 @@
 
 use greybox::credit::{self, Credits, Form, icra::Network};
 use greybox::demo::{self, Demo};
-use greybox::intake::csv;
 use greybox::model::{Catalogue, Model, document};
 use greybox::numerics::lanes::{LANES, Lanes};
 use greybox::numerics::least_squares::{RowGatherer, Triangle};
@@ -168,7 +167,7 @@ fn text() -> Vec<u8> {
 #[library_benchmark]
 #[bench::of_two_thousand_samples(setup = text)]
 fn ingest(text: Vec<u8>) -> Recording {
-    csv::read(&*text, &csv::Options::default()).expect("the recording is sound")
+    Recording::from_csv(&*text).expect("the recording is sound")
 }
 
 library_benchmark_group!(

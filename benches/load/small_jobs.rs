@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use futures_util::future::try_join_all;
+use greybox::Recording;
 use greybox::identification::JobId;
-use greybox::intake::csv;
 use greybox::model::Catalogue;
 use greybox_service::job::{JobTask, Status};
 use greybox_service::store::JobRow;
@@ -114,7 +114,7 @@ fn work_until_none_is_left(method: &Methods, task: &JobTask, next: &AtomicUsize)
 }
 
 fn work_one(method: &Methods, task: JobTask) {
-    let recording = csv::read(drive_csv(FEW).as_bytes(), &csv::Options::default());
+    let recording = Recording::from_csv(drive_csv(FEW).as_bytes());
     let assignment = Assignment {
         job: row(task),
         model: None,

@@ -10,8 +10,7 @@ mod population;
 use greybox::demo::{self, Demo};
 use greybox::estimation::{Estimation, Problem, Report};
 use greybox::identification::JobSpec;
-use greybox::intake::csv;
-use greybox::{Identification, uncertainty};
+use greybox::{Identification, Recording, uncertainty};
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -115,9 +114,8 @@ fn ingest() -> Value {
             3e6 + 1e5 * phase.sin()
         );
     }
-    let options = csv::Options::default();
     let (seconds, recording) = shortest(RUNS, || {
-        csv::read(text.as_bytes(), &options).expect("the recording is sound")
+        Recording::from_csv(text.as_bytes()).expect("the recording is sound")
     });
     json!({
         "mebibytes": text.len() as f64 / f64::from(1 << 20),

@@ -237,7 +237,7 @@ pub async fn create(
     let (recording, summary) = parsed.value;
     let new = NewDataset {
         project: client.project,
-        name: recording.name.clone(),
+        name: recording.header.name.clone(),
         digest: digest(parsed.digest, &given),
         summary,
         recording,

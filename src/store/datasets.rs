@@ -284,9 +284,9 @@ pub(super) async fn insert_as(
 
 /// The bytes of its samples.
 fn bytes_of(recording: &ReceivedRecording) -> u64 {
-    let axes = matches!(recording.time, TimeAxis::Instants(_));
-    let series = recording.signals.len() + usize::from(axes);
-    (recording.time.samples() * series * size_of::<f64>()) as u64
+    let axes = matches!(recording.header.time, TimeAxis::Instants(_));
+    let series = recording.header.signals.len() + usize::from(axes);
+    (recording.header.time.samples() * series * size_of::<f64>()) as u64
 }
 
 async fn insert_samples(
@@ -341,12 +341,12 @@ fn cut(
     mut recording: ReceivedRecording,
     mut hand_over: impl FnMut(Chunk) -> io::Result<()>,
 ) -> io::Result<()> {
-    if let TimeAxis::Instants(instants) = &recording.time {
+    if let TimeAxis::Instants(instants) = &recording.header.time {
         let mut cutter = Cutter::new(0);
         cutter.take(instants, &mut hand_over)?;
         cutter.end(&mut hand_over)?;
     }
-    for signal in 0..recording.signals.len() {
+    for signal in 0..recording.header.signals.len() {
         let mut cutter = Cutter::new(signal as i64 + 1);
         recording.visit(signal, &mut |samples| cutter.take(samples, &mut hand_over))?;
         cutter.end(&mut hand_over)?;
@@ -431,16 +431,16 @@ pub(super) async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval,
 
 fn describe(recording: &ReceivedRecording) -> Description {
     Description {
-        start: recording.start,
-        zone: recording.zone.clone(),
-        source: recording.source.clone(),
-        sample_time: match recording.time {
+        start: recording.header.start,
+        zone: recording.header.zone.clone(),
+        source: recording.header.source.clone(),
+        sample_time: match recording.header.time {
             TimeAxis::Uniform { sample_time, .. } => Some(sample_time),
             TimeAxis::Instants(_) => None,
         },
-        samples: recording.time.samples(),
-        signals: recording.signals.clone(),
-        notes: recording.notes.clone(),
+        samples: recording.header.time.samples(),
+        signals: recording.header.signals.clone(),
+        notes: recording.header.notes.clone(),
     }
 }
 

@@ -15,15 +15,6 @@ struct Module {
     paths: Vec<Place>,
 }
 
-/// Whether a circle of a folder's own file and a file of the folder counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Folders {
-    /// The folder's own file only declares and hands on, or the files of the folder do without it.
-    Strict,
-    /// Together they are one subject.
-    Lenient,
-}
-
 /// The files, by their places.
 pub struct Files(BTreeMap<Place, Module>);
 
@@ -43,16 +34,11 @@ impl Files {
         Files(sources.iter().map(module).collect())
     }
 
-    /// The other files that a file needs. Where folders are lenient, a file in a folder may need the
-    /// folder's own file, which needs the files of the folder.
-    fn needs(&self, place: &Place, folders: Folders) -> BTreeSet<&Place> {
+    /// The other files that a file needs.
+    fn needs(&self, place: &Place) -> BTreeSet<&Place> {
         let paths = self.0[place].paths.iter();
         let definers = paths.filter_map(|path| self.definer(path, 0));
-        let others = definers.filter(|other| *other != place);
-        let is_parent = |other: &Place| place.starts_with(other);
-        others
-            .filter(|other| folders == Folders::Strict || !is_parent(other))
-            .collect()
+        definers.filter(|other| *other != place).collect()
     }
 
     /// Where a path leads.
@@ -77,8 +63,8 @@ impl Files {
     }
 
     /// The circles: files each of which needs every other, by way of others.
-    pub fn circles(&self, folders: Folders) -> Vec<Vec<&str>> {
-        let needs = self.0.keys().map(|from| (from, self.needs(from, folders)));
+    pub fn circles(&self) -> Vec<Vec<&str>> {
+        let needs = self.0.keys().map(|from| (from, self.needs(from)));
         let needs: BTreeMap<&Place, BTreeSet<&Place>> = needs.collect();
         let reach = needs.keys().map(|from| (*from, reached(&needs, from)));
         let reach: BTreeMap<&Place, BTreeSet<&Place>> = reach.collect();
@@ -217,11 +203,7 @@ fn a_circle_by_way_of_a_name_that_is_handed_on_is_seen() {
         source("a/c.rs", "use super::B; pub struct C(B);"),
         source("d.rs", "use crate::a::{self, b::B}; struct D(B, a::A);"),
     ]);
-    assert_eq!(files.circles(Folders::Lenient), [["a/b.rs", "a/c.rs"]]);
-    assert_eq!(
-        files.circles(Folders::Strict),
-        [["a/b.rs", "a/c.rs", "a/mod.rs"]]
-    );
+    assert_eq!(files.circles(), [["a/b.rs", "a/c.rs", "a/mod.rs"]]);
 }
 
 #[test]
@@ -232,5 +214,5 @@ fn a_folder_whose_own_file_only_hands_on_is_no_circle() {
         source("a/b.rs", "use super::{\n    C,\n}; pub struct B(C);"),
         source("a/c.rs", "pub(in crate::a) struct C;"),
     ]);
-    assert!(files.circles(Folders::Strict).is_empty());
+    assert!(files.circles().is_empty());
 }

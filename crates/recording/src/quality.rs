@@ -4,10 +4,9 @@
 //! (which hold their levels on purpose) stay quiet; each stands with its constant.
 
 use super::profile::{ConstantRun, Extreme, LONG_RUN, SignalProfile};
-use super::received::NamedSignal;
 use super::resample::LONGEST_BRIDGE;
 use super::warning::{MOST_SPANS, TimeSpan, Warning};
-use super::{Class, ClassCounts, MIN_SAMPLES, TimeAxis};
+use super::{Class, ClassCounts, MIN_SAMPLES, NamedSignal, TimeAxis};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 

@@ -21,6 +21,52 @@ pub struct Signal {
     pub values: Vec<f64>,
 }
 
+/// What a signal is called and measured in: all but its samples.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NamedSignal {
+    /// The name, unique in its recording.
+    pub name: String,
+    /// The SI unit of the samples; empty where the source gave no unit.
+    pub unit: String,
+    /// The unit as the source wrote it; empty where it gave none.
+    pub recorded_unit: String,
+    /// How the signal goes on between samples, where the source or its options said so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interpolation: Option<Interpolation>,
+    /// Samples that are not good, in their order; the others are.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub classes: Vec<ClassSpan>,
+    /// The column that holds the samples.
+    #[serde(skip)]
+    pub(crate) column: usize,
+}
+
+impl NamedSignal {
+    pub(crate) fn new(signal: &Signal, column: usize) -> Self {
+        Self {
+            name: signal.name.clone(),
+            unit: signal.unit.clone(),
+            recorded_unit: signal.recorded_unit.clone(),
+            interpolation: signal.interpolation,
+            classes: signal.classes.clone(),
+            column,
+        }
+    }
+
+    /// The signal that has these samples.
+    #[must_use]
+    pub fn with_values(self, values: Vec<f64>) -> Signal {
+        Signal {
+            name: self.name,
+            unit: self.unit,
+            recorded_unit: self.recorded_unit,
+            interpolation: self.interpolation,
+            classes: self.classes,
+            values,
+        }
+    }
+}
+
 /// What a signal goes on like from one sample to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]

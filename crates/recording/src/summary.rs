@@ -2,11 +2,10 @@
 
 use super::profile::SignalProfile;
 use super::quality::{self, QualityReport};
-use super::received::{NamedSignal, ReceivedRecording};
 use super::rows::RowSample;
 use super::{
-    Class, ClassCounts, ClassSpan, Interpolation, Recording, RecordingSource, Signal, TimeAxis,
-    Warning,
+    Class, ClassCounts, ClassSpan, Interpolation, NamedSignal, ReceivedRecording, Recording,
+    RecordingSource, Signal, TimeAxis,
 };
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -85,14 +84,7 @@ impl Recording {
         };
         let profiles = self.signals.iter().map(profile);
         let profiled: Vec<_> = signals.iter().zip(profiles).collect();
-        let about = About {
-            start: self.start,
-            zone: &self.zone,
-            source: &self.source,
-            time: &self.time,
-            notes: &self.notes,
-        };
-        let summary = about.summary(&profiled);
+        let summary = self.summary_of(&profiled);
         match self.own_instants {
             true => Summary {
                 report: report_by_signal(self),
@@ -155,35 +147,19 @@ impl ReceivedRecording {
     /// When the samples cannot be read back.
     pub fn summary(&mut self) -> io::Result<Summary> {
         let columns = &mut self.columns;
-        let profiled = self.signals.iter().map(|signal| {
+        let profiled = self.header.signals.iter().map(|signal| {
             let profile = SignalProfile::of(&mut columns.column(signal.column))?;
             Ok((signal, profile))
         });
         let profiled: Vec<_> = profiled.collect::<io::Result<_>>()?;
-        let about = About {
-            start: self.start,
-            zone: &self.zone,
-            source: &self.source,
-            time: &self.time,
-            notes: &self.notes,
-        };
-        Ok(about.summary(&profiled))
+        Ok(self.header.summary_of(&profiled))
     }
 }
 
-/// What is known of a recording but for its signals.
-struct About<'a> {
-    start: Option<Timestamp>,
-    zone: &'a Option<String>,
-    source: &'a RecordingSource,
-    time: &'a TimeAxis,
-    notes: &'a [Warning],
-}
-
-impl About<'_> {
+impl<S> Recording<S> {
     /// The summary of signals that have been gone through.
-    fn summary(&self, profiled: &[(&NamedSignal, SignalProfile)]) -> Summary {
-        let time = self.time;
+    fn summary_of(&self, profiled: &[(&NamedSignal, SignalProfile)]) -> Summary {
+        let time = &self.time;
         Summary {
             start: self.start,
             zone: self.zone.clone(),
@@ -196,7 +172,7 @@ impl About<'_> {
                 .iter()
                 .map(|(signal, profile)| of_signal(signal, profile, time.samples()))
                 .collect(),
-            report: quality::report(time, self.notes, profiled),
+            report: quality::report(time, &self.notes, profiled),
         }
     }
 }

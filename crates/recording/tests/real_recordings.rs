@@ -4,7 +4,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
 
-use greybox_recording::intake::{self, csv};
+use greybox_recording::intake;
 use greybox_recording::{Mapped, Recording, RecordingSelection, Signal};
 use serde_json::json;
 use std::fmt::Write as _;
@@ -19,7 +19,7 @@ fn recording(file: &str) -> Option<Recording> {
         eprintln!("skipped: {} is not there", path.display());
         return None;
     };
-    Some(csv::read(text, &csv::Options::default()).expect("the recording is known to be good"))
+    Some(Recording::from_csv(text).expect("the recording is known to be good"))
 }
 
 #[test]

@@ -8,6 +8,7 @@
 //! (E. Hairer, G. Wanner, *Solving Ordinary Differential Equations II*, 1996, section IV.2).
 
 pub mod eighth;
+pub mod smooth;
 
 use super::equations::Equations;
 use greybox_numerics::lanes::Real;

@@ -16,12 +16,12 @@ mod exact;
 mod smooth;
 
 use super::equations::{Equations, HeldQuantities, Shares, System};
+use super::explicit::smooth::{Smooth, SmoothRow};
 use super::explicit::{self, FourthOrderStages, Sum, eighth};
+use super::stiff::exact::Exact;
 use super::{Accuracy, SimulationFailure};
-use exact::Exact;
 use greybox_numerics::lanes::{Lanes, Real, SINGLE_LANES};
 use greybox_numerics::width::Width;
-use smooth::{Smooth, SmoothRow};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Candidates in a row at the most.

@@ -5,6 +5,8 @@
 //! G. Wanner, *Solving Ordinary Differential Equations II*, 1996, section IV.7 and the
 //! coefficients of their code RODAS). It works in double precision on eight candidates at once.
 
+pub mod exact;
+
 use super::equations::Equations;
 use super::factors::Factors;
 use greybox_numerics::lanes::{Lanes, Real};

@@ -10,7 +10,7 @@ on_both! {
     a_job_on_a_recording_that_is_not_there_is_refused,
     a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_scratch,
 }
-use greybox::intake::csv;
+use greybox::intake::{self, MediaKind};
 use greybox::recording::{Recording, Signal, TimeAxis, Warning};
 
 fn recording(time: TimeAxis, values: Vec<f64>) -> Recording {
@@ -133,8 +133,13 @@ async fn a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_sc
     let mut text = Vec::new();
     in_memory.write_csv(&mut text).expect("memory takes all");
     let scratch = fixture.store.datasets().scratch();
-    let mut put_aside = csv::receive(text.as_slice(), &csv::Options::default(), scratch)
-        .expect("what is written can be read");
+    let mut put_aside = intake::receive(
+        text.as_slice(),
+        MediaKind::Csv,
+        &intake::Options::default(),
+        Some(scratch),
+    )
+    .expect("what is written can be read");
     let mut summary = in_memory.summary();
     summary.signals[1].recorded_unit = "Pa".to_owned();
     summary.report.warnings.clear();

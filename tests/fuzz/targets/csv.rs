@@ -2,11 +2,11 @@
 
 #![no_main]
 
-use greybox::intake::csv::{self, Options};
+use greybox::recording::Recording;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
-    if let Ok(recording) = csv::read(bytes, &Options::default()) {
+    if let Ok(recording) = Recording::from_csv(bytes) {
         let _ = recording.summary();
     }
 });

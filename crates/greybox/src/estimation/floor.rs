@@ -13,8 +13,10 @@ use super::problem::{Experiment, Problem, Target};
 use super::refine::{self, Descent, DescentEnd, Linearisation};
 use greybox_numerics::statistics;
 use greybox_simulation::Accuracy;
-use std::collections::BTreeSet;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::AtomicBool;
+use utoipa::ToSchema;
 
 /// Two costs are the same where χ² differs by less than the 95 % quantile for one unknown.
 const SAME_CHI_SQUARE: f64 = 3.84;
@@ -125,24 +127,26 @@ impl Landmarks {
     }
 }
 
-/// Where descents came to, coarsely simulated.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Floor {
-    /// Descents that came to a cost.
-    pub starts: usize,
-    /// Descents that came to the lowest cost.
-    pub at_floor: usize,
-    /// Searches whose descents came to the lowest cost.
-    pub searches: usize,
+/// How often the lowest cost was found. The starts that look for a twin do not count.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct FloorReport {
+    /// Starts of the refinement that came to a cost.
+    pub starts: u64,
+    /// Starts of the refinement that came to the lowest cost.
+    pub starts_at_floor: u64,
+    /// Searches whose starts came to the lowest cost.
+    pub searches_at_floor: u64,
     /// Whether a constant explains the data as well.
-    pub is_plateau: bool,
+    pub plateau: bool,
+    /// Minima of other parameters that cost as little: each unknown with its value, SI.
+    pub twins: Vec<BTreeMap<String, f64>>,
 }
 
-impl Floor {
+impl FloorReport {
     /// Counts descents; descents that follow an exchange are not independent and do not count.
-    /// Nothing where no descent came to a cost.
+    /// Nothing where no descent came to a cost. Twins are not looked for here.
     #[must_use]
-    pub fn of(landmarks: &Landmarks, descents: &[Descent]) -> Option<Floor> {
+    pub fn of(landmarks: &Landmarks, descents: &[Descent]) -> Option<FloorReport> {
         let lowest = lowest(descents)?;
         let counts = descents.iter().filter(|descent| descent.search.is_some());
         let costs = counts.filter_map(|descent| Some((cost(descent)?, descent.search)));
@@ -151,11 +155,12 @@ impl Floor {
             .iter()
             .filter(|(cost, _)| landmarks.is_same(lowest, *cost));
         let searches: BTreeSet<Option<u32>> = at_floor.clone().map(|(_, search)| *search).collect();
-        Some(Floor {
-            starts: costs.len(),
-            at_floor: at_floor.count(),
-            searches: searches.len(),
-            is_plateau: landmarks.is_plateau(lowest),
+        Some(FloorReport {
+            starts: costs.len() as u64,
+            starts_at_floor: at_floor.count() as u64,
+            searches_at_floor: searches.len() as u64,
+            plateau: landmarks.is_plateau(lowest),
+            twins: Vec::new(),
         })
     }
 }
@@ -164,17 +169,19 @@ impl Floor {
 /// search is worth while.
 #[must_use]
 pub fn is_doubtful(landmarks: &Landmarks, descents: &[Descent]) -> bool {
-    let (Some(lowest), Some(floor)) = (lowest(descents), Floor::of(landmarks, descents)) else {
+    let (Some(lowest), Some(floor)) = (lowest(descents), FloorReport::of(landmarks, descents))
+    else {
         return true;
     };
-    let found_once = floor.at_floor <= 1 && floor.starts > 1;
+    let found_once = floor.starts_at_floor <= 1 && floor.starts > 1;
     let is_explained = landmarks.is_explained(lowest);
     match landmarks.declares_noise {
         // What few residuals leave says little, and costs little to find again.
         true if is_explained => {
             let n = landmarks.residuals;
-            let is_unsure = (found_once && n <= FEW) || (floor.searches < 2 && n <= VERY_FEW);
-            floor.at_floor == 0 || is_unsure
+            let is_unsure =
+                (found_once && n <= FEW) || (floor.searches_at_floor < 2 && n <= VERY_FEW);
+            floor.starts_at_floor == 0 || is_unsure
         }
         _ => {
             // With few residuals and unknown noise a wrong minimum is as likely to be found twice.
@@ -183,7 +190,7 @@ pub fn is_doubtful(landmarks: &Landmarks, descents: &[Descent]) -> bool {
             } else {
                 2
             };
-            floor.is_plateau || (floor.searches < enough && (found_once || !is_explained))
+            floor.plateau || (floor.searches_at_floor < enough && (found_once || !is_explained))
         }
     }
 }

@@ -39,6 +39,7 @@ pub mod settings;
 pub mod shooting;
 pub mod speculative_search;
 mod stage;
+mod standing;
 pub mod stop_reason;
 mod totals;
 pub mod trajectory;
@@ -398,17 +399,6 @@ impl Estimation {
             search: self.search.state.clone(),
             state: self.state.clone(),
         }
-    }
-
-    /// The estimate: the best so far, with `stopped` as its reason where the run was ended before
-    /// it had finished. None before any candidate could be simulated.
-    #[must_use]
-    pub fn report(&self, problem: &Problem, stopped: Option<StopReason>) -> Option<Report> {
-        let positions = match self.best_descent() {
-            Some(descent) => descent.positions.clone(),
-            None => self.search.positions(problem, &self.champion()?.chromosome),
-        };
-        Some(Report::new(problem, self, positions, stopped))
     }
 }
 

@@ -15,6 +15,7 @@ use greybox_simulation::batch::BatchRun;
 use greybox_simulation::model::document::Condition;
 use greybox_simulation::model::{Model, Scale};
 use greybox_simulation::{Accuracy, DrivingInputs, Plant, SimulatedCandidate};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// An output that is measured in at least one experiment.
@@ -282,6 +283,12 @@ impl Problem {
         pairs
             .map(|(coordinate, position)| coordinate.value(*position))
             .collect()
+    }
+
+    /// Pairs the items of all outputs, in the order of the problem, with the names of the outputs.
+    pub(crate) fn by_output<T: Clone>(&self, items: &[T]) -> BTreeMap<String, T> {
+        let names = self.outputs.iter().map(|output| output.name.clone());
+        names.zip(items.iter().cloned()).collect()
     }
 
     /// The names of the coordinates with their values at a candidate's positions, SI.

@@ -1,7 +1,5 @@
 //! How far a run came.
 
-use super::Estimation;
-use super::refine::Descent;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -47,46 +45,4 @@ pub struct Progress {
     pub fraction: f64,
     /// Working time until the end if all generations are needed `[s]`.
     pub eta_s: Option<f64>,
-}
-
-/// The share of the work that the search is taken for, where a refinement follows.
-const SEARCH_SHARE: f64 = 0.9;
-
-impl Estimation {
-    /// How far it has come.
-    #[must_use]
-    pub fn progress(&self) -> Progress {
-        let total = self.state.totals.and(&self.search.state);
-        let searches = self.state.searches.len() + usize::from(self.phase() == Phase::Search);
-        let asked = self.settings.restarts.max(1) as usize;
-        let at_work = f64::from(self.search.state.generation);
-        let at_work = at_work / f64::from(self.settings.generations.max(1));
-        let searched = self.state.searches.len() as f64 + at_work;
-        let ended = |descent: &&Descent| descent.end.is_some();
-        let refined = self.state.descents.iter().filter(ended).count() as f64;
-        let refined = refined / self.state.descents.len().max(1) as f64;
-        // Further searches may follow the refinement, and each counts as much as the last one.
-        let rounds = f64::from(1 + self.settings.further_searches);
-        let round = (self.state.searches.len() as f64 - asked as f64).max(0.0);
-        let after = |share: f64| SEARCH_SHARE + (1.0 - SEARCH_SHARE) * share / rounds;
-        Progress {
-            phase: self.phase(),
-            generation: total.generations,
-            generations: self
-                .settings
-                .generations
-                .saturating_mul(searches.max(asked) as u32),
-            evaluations: total.counters.evaluations,
-            best_cost: self.best_cost(),
-            best_credit: total.best_credit.map(|(credit, _)| credit),
-            fraction: match self.phase() {
-                Phase::Search if searches > asked => after(round + 1.0),
-                Phase::Search => SEARCH_SHARE * (searched / asked as f64).min(1.0),
-                Phase::Refine => after(round + refined),
-                Phase::Analyse => 1.0,
-            },
-            // The method has no clock; whoever works the run fills it in.
-            eta_s: None,
-        }
-    }
 }

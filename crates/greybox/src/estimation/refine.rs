@@ -19,6 +19,7 @@ use super::problem::Problem;
 use super::sensitivity::{Neighbourhood, SensitivityError, Sides};
 use greybox_numerics::lanes::LANES;
 use greybox_simulation::Accuracy;
+use linearisation::{SHORT, SMALLEST_DAMPING, sides};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 
@@ -32,16 +33,6 @@ fn most_iterations(accuracy: Accuracy, rows: usize) -> u32 {
 }
 /// No descent has more, whatever keeps it from its end.
 const HARD_LIMIT: u32 = 2000;
-/// Residuals of a record that costs next to nothing to go on with.
-const SHORT: usize = 1000;
-/// Where a descent differentiates. Differences to one side brought 200 descents to the floor of
-/// recording A within 2e-6 of its chi-square (`benches/README.md`); a short record affords both.
-fn sides(problem: &Problem, accuracy: Accuracy) -> Sides {
-    match accuracy {
-        Accuracy::Full if problem.n_residuals() <= SHORT => Sides::Both,
-        _ => Sides::One,
-    }
-}
 /// A descent ends when an iteration gains less than this share of the cost, or moves no coordinate
 /// by more than this share of its range; a coarse one where its simulation is no closer to the truth.
 fn smallest_progress(accuracy: Accuracy) -> (f64, f64) {
@@ -74,7 +65,6 @@ const ENOUGH: f64 = 0.999;
 /// At least so many others.
 const FEWEST_OTHERS: usize = 3;
 const FIRST_DAMPING: f64 = 1e-3;
-const SMALLEST_DAMPING: f64 = 1e-14;
 /// Where none of them gains anything, so many times larger ones are tried.
 const DAMPING_RISE: f64 = 1e5;
 /// The largest damping that is raised.

@@ -1,12 +1,11 @@
 //! What a run came to.
 
-use super::floor::Floor;
+use super::floor::FloorReport;
 use super::observer::Counters;
-use super::problem::Problem;
 use super::refine::DescentEnd;
-use super::stage::EstimationStage;
-use super::{Estimation, StopReason};
+use super::stop_reason::StopReason;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use utoipa::ToSchema;
 
 /// What a run came to.
@@ -31,9 +30,9 @@ pub struct Report {
     /// Each search.
     pub searches: Vec<SearchEnd>,
     /// Each start of the refinement.
-    pub refinements: Vec<Refinement>,
+    pub starts: Vec<StartReport>,
     /// How many of them came to the lowest cost; none before any has ended.
-    pub floor: Option<Floor>,
+    pub floor: Option<FloorReport>,
     /// Other minima as low as the estimate: each coordinate with its value, SI.
     pub twins: Vec<Vec<(String, f64)>>,
 }
@@ -49,79 +48,18 @@ pub struct SearchEnd {
     pub cost: Option<f64>,
 }
 
-/// One descent of the refinement.
-#[derive(Clone, Debug)]
-pub struct Refinement {
-    /// The cost where it started.
-    pub start_cost: Option<f64>,
-    /// The cost where it ended, coarsely simulated: what the starts are compared by.
-    pub coarse_cost: Option<f64>,
-    /// The cost where it ended; finely simulated for the one that was polished.
+/// One start of the refinement.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct StartReport {
+    /// The cost at which the start began.
+    pub initial_cost: Option<f64>,
+    /// The cost at which the coarse descent of the start ended: starts are compared by it.
     pub cost: Option<f64>,
-    /// Where the descent ended: each coordinate with its value, SI.
-    pub values: Vec<(String, f64)>,
-    /// Iterations.
-    pub iterations: u32,
-    /// Why it ended, if it did.
+    /// The values at which the start ended, SI.
+    pub parameters: BTreeMap<String, f64>,
+    /// Why the start ended: `converged`, `merged` (its step led within a standard error of a minimum that another
+    /// start had found), `iteration_limit` or `failed`; `null` where the run was stopped before.
+    #[serde(default)]
+    #[schema(value_type = Option<String>)]
     pub end: Option<DescentEnd>,
-}
-
-impl Report {
-    pub(super) fn new(
-        problem: &Problem,
-        run: &Estimation,
-        positions: Vec<f64>,
-        stopped: Option<StopReason>,
-    ) -> Report {
-        let total = run.state.totals.and(&run.search.state);
-        let twins = match &run.state.stage {
-            EstimationStage::Analyse { twins } => &twins[..],
-            EstimationStage::Search | EstimationStage::Refine(_) => &[],
-        };
-        let reason = stopped
-            .or(run.state.stop_reason)
-            .unwrap_or(StopReason::GenerationLimit);
-        Report {
-            stop_reason: reason,
-            values: problem.values(&positions),
-            positions,
-            cost: run.best_cost(),
-            generations: total.generations,
-            counters: total.counters,
-            best_credit: total.best_credit.map(|(credit, _)| credit),
-            best_generation: total.best_generation,
-            searches: run
-                .state
-                .searches
-                .iter()
-                .map(|search| SearchEnd {
-                    stop_reason: search.stop_reason,
-                    generations: search.generations,
-                    cost: search
-                        .leaders
-                        .first()
-                        .map(|champion| champion.cost)
-                        .filter(|cost| cost.is_finite()),
-                })
-                .collect(),
-            refinements: run
-                .state
-                .descents
-                .iter()
-                .map(|descent| Refinement {
-                    start_cost: descent.start_cost,
-                    coarse_cost: descent.coarse_cost.or(descent.cost),
-                    cost: descent.cost,
-                    values: problem.named_values(&descent.positions),
-                    iterations: descent.iterations,
-                    end: descent.end,
-                })
-                .collect(),
-            floor: Floor::of(&run.landmarks, &run.state.descents),
-            twins: twins
-                .iter()
-                .map(|positions| problem.named_values(positions))
-                .collect(),
-        }
-    }
 }

@@ -9,6 +9,9 @@ pub mod cma_es;
 pub mod differential_evolution;
 pub(super) mod icra_genetic;
 pub(super) mod proposer;
+mod state;
+
+pub use state::{Parent, State};
 
 use super::evaluation_cache::EvaluationCache;
 use super::feasible;
@@ -16,60 +19,21 @@ use super::floor::Landmarks;
 use super::hill_climb::HillClimb;
 use super::leaders::{self, Judged};
 use super::objective::{Evaluation, Objective};
-use super::observer::{Counters, GenerationRow, Simulated};
+use super::observer::{GenerationRow, Simulated};
 use super::problem::Problem;
 use super::settings::{MethodName, Settings};
-use super::stop_reason::{Stagnation, StopReason};
+use super::stop_reason::StopReason;
 use crate::credit::Credits;
 use crate::genetic::{Chromosome, Encoding};
-use cma_es::{CmaEs, Strategy};
+use cma_es::CmaEs;
 use differential_evolution::DifferentialEvolution;
-use greybox_numerics::rng::{self, Purpose, stream_of_search};
 use greybox_numerics::statistics;
 use greybox_simulation::Accuracy;
 use icra_genetic::IcraGenetic;
-use proposer::{Judgement, Proposer};
-use serde::{Deserialize, Serialize};
+use proposer::{Judgement, Proposer, ProposerContext};
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-
-/// A candidate that challengers are measured against.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Parent {
-    /// The string of the candidate.
-    pub chromosome: Chromosome,
-    /// The cost of the candidate; none where it failed.
-    pub cost: Option<f64>,
-}
-
-/// Everything that the next generation depends on.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct State {
-    /// Generations of this search that were judged.
-    pub generation: u32,
-    /// The candidates of the next generation.
-    pub population: Vec<Chromosome>,
-    /// The parents that the candidates challenge, in differential evolution.
-    #[serde(default)]
-    pub parents: Vec<Parent>,
-    /// What the candidates are drawn from, in covariance matrix adaptation.
-    #[serde(default)]
-    pub strategy: Option<Strategy>,
-    /// The best distinct candidates so far, the champion first.
-    pub leaders: Vec<Judged>,
-    /// The largest credit so far, and the generation that first had it.
-    pub best_credit: Option<(f64, u32)>,
-    /// The generation in which the champion was found.
-    pub best_generation: Option<u32>,
-    /// What has been done.
-    pub counters: Counters,
-    /// The champion that climbed last.
-    #[serde(default)]
-    pub climbed: Option<Chromosome>,
-    /// How long nothing has been gained.
-    pub stagnation: Stagnation,
-}
 
 /// On a plateau nothing may be gained for so many times as many generations.
 const PLATEAU_PATIENCE: u32 = 5;
@@ -99,13 +63,13 @@ impl Task<'_> {
 /// A search of a run.
 #[derive(Debug)]
 pub struct Search {
-    pub(super) settings: Settings,
+    settings: Settings,
     seed: u64,
     /// Which of the run's searches it is, from 0.
     number: u32,
     proposer: &'static dyn Proposer,
-    pub(super) encoding: Encoding,
-    pub(super) objective: Objective,
+    encoding: Encoding,
+    objective: Objective,
     cache: EvaluationCache,
     landmarks: Option<Landmarks>,
     /// Where all constraints hold, if there are any.
@@ -136,7 +100,20 @@ impl Search {
 
     /// Draws the first generation of a search.
     fn begin(&mut self) {
-        self.state.population = self.proposer.begin(self);
+        let proposer = self.proposer;
+        self.state.population = proposer.begin(&mut self.context());
+    }
+
+    /// What the proposer sees.
+    fn context(&mut self) -> ProposerContext<'_> {
+        ProposerContext {
+            settings: &self.settings,
+            encoding: self.encoding,
+            objective: &self.objective,
+            seed: self.seed,
+            number: self.number,
+            state: &mut self.state,
+        }
     }
 
     /// Resumes a search where it was saved.
@@ -198,7 +175,7 @@ impl Search {
     pub fn generation(&mut self, problem: &Problem, stop: &AtomicBool) -> Option<Generation> {
         let population = self.state.population.clone();
         let proposer = self.proposer;
-        let climber = proposer.climber(self);
+        let climber = proposer.climber(&self.context());
         let climber_at = climber.as_ref().map(|from| self.positions(problem, from));
         let (evaluations, climb) = rayon::join(
             || self.evaluate(problem, &population, stop),
@@ -209,7 +186,7 @@ impl Search {
         );
         let (evaluations, climb) = (evaluations?, climb?);
 
-        let credits = proposer.credits(self, &evaluations);
+        let credits = proposer.credits(&self.context(), &evaluations);
         let state = &mut self.state;
         state.generation += 1;
         state.counters.evaluations += population.len() as u64 + climb.evaluations;
@@ -229,7 +206,7 @@ impl Search {
             credits: credits.as_ref(),
             climbed: &climb.to,
         };
-        self.state.population = proposer.next(self, &judged);
+        self.state.population = proposer.next(&mut self.context(), &judged);
         Some(Generation { row, stop })
     }
 
@@ -373,12 +350,6 @@ impl Search {
         } else {
             stagnated.then_some(StopReason::Stagnation)
         }
-    }
-
-    /// The random numbers of this generation for a purpose.
-    pub(super) fn stream(&self, purpose: Purpose) -> impl rng::Rng + use<> {
-        let generation = u64::from(self.state.generation);
-        stream_of_search(self.seed, self.number, generation, purpose)
     }
 }
 

@@ -17,7 +17,7 @@ mod segment;
 use super::feasible;
 use super::problem::Problem;
 use linearised::Linearised;
-use segment::{Simulated, Starts, Trial};
+use segment::{Joins, Simulated, Starts, Trial};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 
@@ -212,15 +212,6 @@ impl Shooting {
         }
         trials
     }
-}
-
-/// How the segments are joined.
-#[derive(Clone, Copy)]
-struct Joins<'a> {
-    /// Where the segments start.
-    starts: &'a Starts,
-    /// How much the square of a jump counts beside the square of a residual.
-    weight: f64,
 }
 
 /// What an iteration came to.

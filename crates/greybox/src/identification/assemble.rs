@@ -1,9 +1,11 @@
 //! Where the service and the method meet: a specification and its recordings become a problem,
 //! and what was found becomes the result document.
 
+mod assembly;
 mod assumption;
 mod budget;
 mod constraints;
+mod coordinates;
 mod design;
 mod experiment;
 mod forecast;
@@ -14,180 +16,9 @@ mod priors;
 mod trajectory;
 
 pub use crate::estimation::Finding;
+pub use assembly::{Assembly, problem};
 pub use design::{Assessments, COST_OF_JOB, Designing, PastResult, check_design, design};
 pub use forecast::{Identifiability, Prediction, flat_directions, forecast, unseen};
 pub use outcome::{Origin, outcome};
 pub use preflight::{Preflight, findings, preflight};
 pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};
-
-use super::spec::{FreeParameter, JobSpec, ParameterSpec};
-use crate::estimation::Problem;
-use crate::estimation::loss::Loss;
-use crate::estimation::problem::{Coordinate, MeasuredOutput, Target};
-use greybox_numerics::parsing::fault::{Fault, pointer_to};
-use greybox_recording::Recording;
-use greybox_simulation::model::{Model, ModelDescription, ParameterDescription};
-use std::borrow::Borrow;
-use std::sync::Arc;
-
-/// A problem ready to be estimated, and what was changed or noticed on the way.
-#[derive(Debug)]
-pub struct Assembly {
-    /// The problem.
-    pub problem: Problem,
-    /// What its user should know.
-    pub findings: Vec<Finding>,
-}
-
-/// Assembles the problem of a specification from its recordings, one for each experiment.
-///
-/// # Errors
-/// All that keeps the experiments from being cut out of the recordings, with JSON pointers.
-pub fn problem(
-    spec: &JobSpec,
-    model: &Arc<Model>,
-    recordings: &[impl Borrow<Recording>],
-) -> Result<Assembly, Vec<Fault>> {
-    let description = model.description();
-    let mut outputs = measured_outputs(spec, description);
-    let mut cuts = Vec::new();
-    let mut faults = Vec::new();
-    for (index, (experiment, recording)) in spec.experiments.iter().zip(recordings).enumerate() {
-        let pointer = format!("/experiments/{index}");
-        let cutter = experiment::Cutter {
-            description,
-            outputs: &outputs,
-            said: &spec.outputs,
-            validation_fraction: spec.validation.fraction,
-            pointer: &pointer,
-            place: index,
-        };
-        match cutter.cut(experiment, recording.borrow()) {
-            Ok(cut) => cuts.push(cut),
-            Err(found) => faults.extend(found),
-        }
-    }
-    if !faults.is_empty() {
-        return Err(faults);
-    }
-    let (parameters, mut coordinates) = parameters(spec, description);
-    for (index, cut) in cuts.iter().enumerate() {
-        coordinates.extend(
-            cut.free_states
-                .iter()
-                .map(|free| free.coordinate(description, index)),
-        );
-    }
-    noise::settle(&mut outputs, spec, &mut cuts)?;
-    let findings = cuts
-        .iter_mut()
-        .flat_map(|cut| std::mem::take(&mut cut.findings))
-        .collect();
-    let experiments = Arc::new(cuts.into_iter().map(|cut| cut.experiment).collect());
-    let assumptions = assumption::assumptions(spec, description, &outputs);
-    let problem = Problem {
-        model: Arc::clone(model),
-        parameters,
-        coordinates,
-        outputs,
-        experiments,
-        loss: spec
-            .method
-            .huber_threshold
-            .map_or(Loss::Squared, Loss::Huber),
-        assumptions: Arc::new(assumptions),
-        joint_priors: Arc::new(priors::joint(spec, description)),
-        constraints: Arc::new(constraints::compiled(spec, description)),
-        innovations: None,
-    };
-    constraints::check(&problem)?;
-    if problem.n_residuals() <= problem.coordinates.len() {
-        let detail = format!(
-            "{} measured samples cannot fix {} unknowns",
-            problem.n_residuals(),
-            problem.coordinates.len()
-        );
-        return Err(vec![Fault::new("/experiments", "too_few_samples", detail)]);
-    }
-    Ok(Assembly { problem, findings })
-}
-
-/// The outputs that at least one experiment measures, in the model's order.
-fn measured_outputs(spec: &JobSpec, description: &ModelDescription) -> Vec<MeasuredOutput> {
-    let is_measured = |name: &str| {
-        spec.experiments
-            .iter()
-            .any(|experiment| experiment.signals.contains_key(name))
-    };
-    let outputs = description.outputs.iter().enumerate();
-    outputs
-        .filter(|(_, output)| is_measured(&output.name))
-        .map(|(index, output)| MeasuredOutput {
-            index,
-            name: output.name.to_string(),
-            unit: output.unit.to_string(),
-            noise_std: None,
-            residual_scale: 1.0,
-        })
-        .collect()
-}
-
-/// A value for each parameter, and the free ones as coordinates: those that experiments share
-/// first, then those of single experiments.
-fn parameters(spec: &JobSpec, description: &ModelDescription) -> (Vec<f64>, Vec<Coordinate>) {
-    let mut values = description.defaults();
-    let mut coordinates = Vec::new();
-    for (index, parameter) in description.parameters.iter().enumerate() {
-        match spec.parameters.get(&*parameter.name) {
-            Some(ParameterSpec::Fixed(fixed)) => values[index] = fixed.value,
-            Some(ParameterSpec::Free(free)) if spec.shares(&parameter.name) => {
-                let target = Target::Parameter(index);
-                coordinates.push(coordinate(parameter, free, target));
-            }
-            _ => {}
-        }
-    }
-    for (experiment, own) in spec.experiments.iter().enumerate() {
-        for (index, parameter) in description.parameters.iter().enumerate() {
-            if let Some(ParameterSpec::Free(free)) = own.parameters.get(&*parameter.name) {
-                let target = Target::ExperimentParameter {
-                    experiment,
-                    parameter: index,
-                };
-                coordinates.push(coordinate(parameter, free, target));
-            }
-        }
-    }
-    (values, coordinates)
-}
-
-fn coordinate(
-    parameter: &ParameterDescription,
-    free: &FreeParameter,
-    target: Target,
-) -> Coordinate {
-    Coordinate {
-        name: name_of(parameter, target),
-        quantity: parameter.name.to_string(),
-        symbol: parameter.symbol.to_string(),
-        unit: parameter.unit.to_string(),
-        target,
-        lower: free.estimate.lower,
-        upper: free.estimate.upper,
-        scale: free.estimate.scale,
-        prior: free.prior.map(|prior| prior.distribution()),
-    }
-}
-
-/// What a parameter is called, where it is an experiment's own too.
-fn name_of(parameter: &ParameterDescription, target: Target) -> String {
-    match target.experiment() {
-        None => parameter.name.to_string(),
-        Some(experiment) => format!("{}[{experiment}]", parameter.name),
-    }
-}
-
-/// The place of an experiment's signal in the specification.
-fn signal_pointer(pointer: &str, signal: &str) -> String {
-    pointer_to(&format!("{pointer}/signals"), signal)
-}

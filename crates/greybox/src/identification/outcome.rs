@@ -9,19 +9,20 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 mod interval;
-mod monte_carlo;
 mod search;
 mod verdict;
 
 pub use super::next_steps::NextStep;
-pub use crate::estimation::report::SearchEnd;
+pub use crate::estimation::floor::FloorReport;
+pub use crate::estimation::report::{SearchEnd, StartReport};
 pub use crate::estimation::stop_reason::StopReason;
 pub use crate::uncertainty::fit::{Criteria, OutputFit};
+pub use crate::uncertainty::monte_carlo::MonteCarlo;
 pub use crate::uncertainty::residuals::{InputCorrelation, ResidualReport};
+pub use crate::uncertainty::selection::TriedModel;
 pub use crate::uncertainty::verdict::{Rule, Trust};
 pub use interval::{ConfidenceInterval, Correlation, ProfilePoint, TotalInterval};
-pub use monte_carlo::MonteCarlo;
-pub use search::{FloorReport, SearchReport, StartReport};
+pub use search::SearchReport;
 pub use verdict::{Reason, Verdict};
 
 use super::budget::BudgetLine;
@@ -253,25 +254,6 @@ pub struct ModelSearchReport {
     pub compared_on: String,
     /// Every model that was fitted, the best first.
     pub tried: Vec<TriedModel>,
-}
-
-/// A model with some of the effects.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[non_exhaustive]
-pub struct TriedModel {
-    /// The effects that the model has; other effects stand at the model's defaults.
-    pub effects: Vec<String>,
-    /// The number of unknowns of the model, effects included.
-    pub unknowns: u64,
-    /// The cost; `null` where the model could not be fitted.
-    pub cost: Option<f64>,
-    /// Schwarz's criterion of the data that the models are compared by; `null` where the model
-    /// could not be fitted.
-    pub bic: Option<f64>,
-    /// How well the model explains what it was fitted to, by output.
-    pub estimation: BTreeMap<String, OutputFit>,
-    /// How well the model explains what was held back, by output.
-    pub validation: BTreeMap<String, OutputFit>,
 }
 
 /// What made a result.

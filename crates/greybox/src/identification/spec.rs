@@ -15,15 +15,17 @@ use uuid::Uuid;
 use super::id::DatasetId;
 use crate::estimation::Settings;
 pub use crate::estimation::settings::MethodName;
-use crate::uncertainty;
+use crate::uncertainty::{self, Intervals};
 use greybox_numerics::parsing::Fault;
-use greybox_recording::{Exclude, Instants, Summary};
+use greybox_recording::Summary;
 use greybox_simulation::model::{ModelDescription, Tolerance, ToleranceText};
 
 mod constraints;
 pub mod design;
+mod entries;
 mod exclude;
 mod experiment;
+mod initial_state;
 mod joint_prior;
 mod labels;
 mod limits;
@@ -41,7 +43,10 @@ pub mod simulation;
 #[cfg(test)]
 mod tests;
 
+pub use experiment::{ExperimentRole, ExperimentSpec, MAX_EXPERIMENTS};
+pub use initial_state::{FirstSample, FreeState, InitialStateSpec, StateRange};
 pub use joint_prior::JointPriorSpec;
+pub use labels::{MAX_LABELS, MAX_NAME_CHARS};
 pub use limits::LimitsSpec;
 pub use model::ModelOfJob;
 use model::read_model;
@@ -50,17 +55,12 @@ pub use outputs::OutputSpec;
 pub use parameter::{FixedValue, FreeParameter, ParameterSpec, SearchRange};
 pub use prior::PriorSpec;
 pub use validation::ValidationSpec;
+pub use window::WindowSpec;
 
 use greybox_numerics::parsing::reader::{Field, Object, read_document};
 use greybox_numerics::parsing::settings::Section as _;
 use own_parameters::JobParameters;
 
-/// The experiments of one job at the most.
-pub const MAX_EXPERIMENTS: usize = 32;
-/// The labels of one job at the most.
-pub const MAX_LABELS: usize = 16;
-/// The characters of a name or a label at the most.
-pub const MAX_NAME_CHARS: usize = 200;
 /// The largest seed: every JSON client keeps it exactly.
 pub const MAX_SEED: u64 = (1 << 53) - 1;
 
@@ -149,124 +149,6 @@ pub struct JobSpec {
     pub seed: u64,
 }
 
-/// One recording and how the model sees it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ExperimentSpec {
-    /// The stored recording.
-    pub dataset: DatasetId,
-    /// From the model's signals to the recording's; left out, equal names are taken.
-    #[serde(default)]
-    #[schema(example = json!({"reference": "reference", "position": "position"}))]
-    pub signals: BTreeMap<String, String>,
-    /// The part of the recording to use; left out, all of it.
-    pub window: Option<WindowSpec>,
-    /// What of it to leave out: kinds of samples, and spans of time.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub exclude: Option<Exclude>,
-    /// Which instants irregular samples are compared at: their `own`, or those of a uniform `grid`
-    /// on which they are interpolated; left out, a grid where the samples are those of one but for
-    /// jitter and single gaps, else their own.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
-    pub instants: Option<Instants>,
-    /// By the model's name, where each state starts; left out, as the model says.
-    #[serde(default)]
-    pub initial_state: BTreeMap<String, InitialStateSpec>,
-    /// By the model's name, parameters that are this experiment's own: another load, an offset or
-    /// a dead time of its own. A value, or a range to look in; all others are those of the job.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    #[schema(example = json!({"load_force": {"value": 200.0}}))]
-    pub parameters: BTreeMap<String, ParameterSpec>,
-    /// What it is for.
-    #[serde(default)]
-    #[schema(required = false)]
-    pub role: ExperimentRole,
-    /// How long a stretch, from its first sample, the start of an experiment that only validates is
-    /// fitted to `[s]`; left out, until no output shows the start any more, a quarter of the
-    /// experiment at the most. The stretch counts in no score.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(exclusive_minimum = 0, nullable = false)]
-    pub start_fit_s: Option<f64>,
-}
-
-/// What an experiment is for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ExperimentRole {
-    /// To estimate from, but for its part that is held back.
-    #[default]
-    Estimation,
-    /// To check the estimate with: all of it is held back.
-    Validation,
-}
-
-/// A part of a recording, in seconds from its first sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct WindowSpec {
-    /// The first instant used; left out, the first sample.
-    #[schema(minimum = 0)]
-    pub from_s: Option<f64>,
-    /// The last instant used; left out, the last sample.
-    #[schema(minimum = 0)]
-    pub to_s: Option<f64>,
-    /// The first instant used, as a time of day with its offset, where the recording has one; the
-    /// completed specification says `from_s`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<String>, format = DateTime, example = "2026-03-02T08:15:00+01:00")]
-    pub from: Option<jiff::Timestamp>,
-    /// The last instant used, in the same way.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<String>, format = DateTime)]
-    pub to: Option<jiff::Timestamp>,
-}
-
-/// Where a state starts.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(untagged)]
-pub enum InitialStateSpec {
-    /// At a known value, SI.
-    Fixed(FixedValue),
-    /// At a bare number, SI. The completed specification says `{"value": …}`.
-    Number(f64),
-    /// At the first measured sample; for states that are measured outputs.
-    Measured(FirstSample),
-    /// Unknown: estimated between two bounds.
-    Free(FreeState),
-}
-
-/// The word `first_sample`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum FirstSample {
-    /// The first measured sample.
-    FirstSample,
-}
-
-/// An unknown initial state.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct FreeState {
-    /// The bounds of the search.
-    pub estimate: StateRange,
-    /// What is known of it before.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
-    pub prior: Option<PriorSpec>,
-}
-
-/// The search range of an initial state, SI.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-#[schema(example = json!({"lower": -0.1, "upper": 0.1}))]
-pub struct StateRange {
-    /// The lower bound.
-    pub lower: f64,
-    /// The upper bound.
-    pub upper: f64,
-}
-
 /// What a document is read against.
 pub struct Context<'a> {
     /// The models that there are.
@@ -306,6 +188,40 @@ impl JobSpec {
     #[must_use]
     pub fn shares(&self, parameter: &str) -> bool {
         own_parameters::shares(&self.experiments, parameter)
+    }
+
+    /// What Huber's loss asks of the rest of the job: a noise level to measure residuals by, and
+    /// nothing that compares likelihoods.
+    fn check_loss(&self, job: &Object<'_>, model: &ModelDescription) {
+        if self.method.huber_threshold.is_none() {
+            return;
+        }
+        let is_measured = |name: &str| {
+            let mut experiments = self.experiments.iter();
+            experiments.any(|experiment| experiment.signals.contains_key(name))
+        };
+        let has_noise = |name: &str| {
+            let output = self.outputs.get(name);
+            output.is_some_and(OutputSpec::declares_noise)
+        };
+        let outputs = model.outputs.iter().map(|output| &*output.name);
+        for output in outputs.filter(|name| is_measured(name) && !has_noise(name)) {
+            let detail = format!(
+                "`method.huber_threshold` counts in units of the noise: \
+                 `outputs.{output}.noise_std` is needed"
+            );
+            job.fault("missing_field", detail);
+        }
+        if self.model_search.is_some() {
+            let detail = "`model_search` compares models by the likelihood of normal noise, which \
+                          `method.huber_threshold` gives up: leave one of them out";
+            job.fault("contradiction", detail);
+        }
+        if self.uncertainty.intervals == Intervals::Profile {
+            let detail = "profile intervals follow the likelihood of normal noise, which \
+                          `method.huber_threshold` gives up: ask for `bootstrap`";
+            job.fault("contradiction", detail);
+        }
     }
 
     /// Whether a parameter or an initial state of the job's model is left to estimate.
@@ -419,7 +335,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     };
     let spec = complete();
     if let (Some(spec), Some(model)) = (&spec, model) {
-        method::check_loss(&root, spec, model);
+        spec.check_loss(&root, model);
     }
     root.finish();
     spec

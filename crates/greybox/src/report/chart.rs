@@ -1,7 +1,6 @@
 //! Line charts as SVG, in a page or as a file.
 
-use super::html::escape;
-use super::push;
+use super::html::{escape, push};
 use greybox_numerics::digits::short;
 
 const WIDTH: f64 = 900.0;
@@ -26,7 +25,7 @@ pub struct Series<'a> {
 }
 
 /// A chart.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Chart<'a> {
     /// What is along the bottom.
     pub x_label: &'a str,

@@ -1,6 +1,7 @@
-//! Text and numbers as HTML.
+//! Text and numbers as HTML, and how they are written to a page.
 
 use greybox_numerics::digits::significant;
+use std::fmt::Write as _;
 
 /// Text with the characters that HTML reads as its own replaced.
 pub fn escape(text: &str) -> String {
@@ -32,6 +33,12 @@ pub fn with_code(words: &str) -> String {
         }
     }
     html
+}
+
+/// Writes to a page.
+pub fn push(page: &mut String, words: std::fmt::Arguments<'_>) {
+    page.write_fmt(words)
+        .expect("writing to a string does not fail");
 }
 
 /// A number to five digits.

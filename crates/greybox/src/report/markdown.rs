@@ -1,6 +1,7 @@
 //! A result as Markdown: for wikis, merge requests and files that are compared line by line.
 
-use super::{Report, push, verdict_words};
+use super::html::push;
+use super::{Report, verdict_words};
 use crate::identification::outcome::{Estimate, Outcome, Trust};
 use greybox_numerics::digits::significant;
 

@@ -1,9 +1,9 @@
 //! The plots of a report.
 
 use super::chart::{Chart, Series};
-use super::html::escape;
+use super::facts::{GenerationCosts, Report};
+use super::html::{escape, push};
 use super::residuals::{self, Diagnostics};
-use super::{GenerationCosts, Report, push};
 use crate::identification::assemble::{ExperimentTrajectory, OutputTrajectory};
 use crate::identification::outcome::ResidualReport;
 use greybox_recording::kept_indices;
@@ -71,9 +71,8 @@ fn followed(page: &mut String, experiment: &ExperimentTrajectory, output: &Outpu
                 points: points(&output.simulated),
             },
         ],
-        levels: Vec::new(),
         marks: held_back(experiment),
-        bars: false,
+        ..Chart::default()
     };
     figure(
         page,
@@ -105,7 +104,7 @@ fn left_over(
         }],
         levels: noise.map_or_else(Vec::new, |noise| vec![-2.0 * noise, 2.0 * noise]),
         marks: held_back(experiment),
-        bars: false,
+        ..Chart::default()
     };
     figure(page, &chart, "What is left over; dashed: twice the noise.");
 }
@@ -122,8 +121,8 @@ fn memory(page: &mut String, diagnostics: &Diagnostics) {
             points: lags.map(|(value, lag)| (f64::from(lag), *value)).collect(),
         }],
         levels: vec![-diagnostics.white_within, diagnostics.white_within],
-        marks: Vec::new(),
         bars: true,
+        ..Chart::default()
     };
     figure(
         page,
@@ -150,9 +149,8 @@ fn spread(page: &mut String, diagnostics: &Diagnostics) {
                 })
                 .collect(),
         }],
-        levels: Vec::new(),
-        marks: Vec::new(),
         bars: true,
+        ..Chart::default()
     };
     figure(page, &chart, "How the residuals are spread.");
 }
@@ -172,9 +170,7 @@ fn frequencies(page: &mut String, diagnostics: &Diagnostics) {
             colour: PLAIN,
             points: lines.map(|[hz, power]| (*hz, power.log10())).collect(),
         }],
-        levels: Vec::new(),
-        marks: Vec::new(),
-        bars: false,
+        ..Chart::default()
     };
     figure(
         page,
@@ -223,9 +219,7 @@ pub fn search(page: &mut String, report: &Report<'_>) {
                 points: points(|row| row.best),
             },
         ],
-        levels: Vec::new(),
-        marks: Vec::new(),
-        bars: false,
+        ..Chart::default()
     };
     figure(
         page,

@@ -1,8 +1,8 @@
 //! What a report says of what was asked: the model, the recordings, what was taken as fixed, and who
 //! signs.
 
-use super::html::{escape, number};
-use super::{Report, push};
+use super::facts::Report;
+use super::html::{escape, number, push};
 use crate::identification::spec::{ExperimentRole, ParameterSpec};
 use greybox_numerics::digits::significant;
 use greybox_simulation::model::Tolerance;

@@ -1,7 +1,6 @@
 //! The tables of a report.
 
-use super::html::{escape, number, optional, with_code};
-use super::push;
+use super::html::{escape, number, optional, push, with_code};
 use crate::identification::outcome::{
     Estimate, InitialStateEstimate, Outcome, OutputFit, ParameterEstimate, Trust,
 };

@@ -7,8 +7,7 @@
 //! model. Where a constraint binds, the interval ends at it; on its other side it is what it would
 //! be without, or narrower.
 
-use super::NORMAL_95;
-use super::covariance::Linear;
+use super::covariance::{Linear, NORMAL_95};
 use super::profile::Ends;
 use crate::estimation::feasible::Limit;
 use greybox_numerics::inequalities::{Inequality, least_squares};

@@ -24,6 +24,9 @@ use greybox_numerics::singular_values::singular_values;
 use greybox_simulation::SimulationFailure;
 use nalgebra::{DMatrix, DVector};
 
+/// Half the width of a 95 % interval in standard errors.
+pub(super) const NORMAL_95: f64 = 1.959_964;
+
 /// Numbers of blocks that the middle of the sandwich is made of. Few long blocks catch long
 /// memories, many short ones are less noisy themselves.
 const BLOCK_COUNTS: [usize; 3] = [24, 48, 96];

@@ -12,6 +12,8 @@
 
 mod direction;
 
+pub use direction::FlatDirection;
+
 use super::budget::{Budget, Extended};
 use crate::estimation::feasible;
 use crate::estimation::problem::Problem;
@@ -47,24 +49,6 @@ pub struct CoordinateForecast {
     /// The smallest and the largest predicted standard error over the points, as a share of the
     /// search range.
     pub share_of_range: Option<(f64, f64)>,
-}
-
-/// A direction that the data do not see.
-#[derive(Clone, Debug)]
-pub struct FlatDirection {
-    /// The coordinates that take part, by their places, with their exponents or (on a linear scale,
-    /// where the direction is straight) their shares of the range; the largest is 1.
-    pub parts: Vec<(usize, f64)>,
-    /// In words, e.g. what a ratio keeps fixed.
-    pub words: String,
-}
-
-impl FlatDirection {
-    /// Whether several unknowns take part.
-    #[must_use]
-    pub fn is_combination(&self) -> bool {
-        self.parts.len() > 1
-    }
 }
 
 /// What is forecast of a problem.

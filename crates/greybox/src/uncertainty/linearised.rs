@@ -17,7 +17,7 @@ use super::residuals;
 use super::simulated_estimate::SimulatedEstimate;
 use super::verdict::Judgement;
 use super::weighing::Seen;
-use super::{Analysis, CoordinateUncertainty, Intervals, Request};
+use super::{Analysis, CoordinateUncertainty, Intervals, Request, analysis};
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
@@ -138,10 +138,10 @@ impl LinearisedEstimate {
         let analysis = match &self.first_order {
             Ok(first_order) => first_order.analysis(&self.estimate)?,
             Err(NoDerivatives::NotSimulated) => {
-                return Some(super::without_simulation(problem, report));
+                return Some(analysis::without_simulation(problem, report));
             }
             Err(NoDerivatives::Failed(failure)) => {
-                super::undetermined(problem, report, failure.to_string())
+                analysis::undetermined(problem, report, failure.to_string())
             }
         };
         let estimation_fit = fit::of(problem, trajectories, fit::Part::Estimation);
@@ -258,7 +258,7 @@ impl FirstOrder {
             problem, report, ..
         } = estimate;
         let linear = &self.linear;
-        let mut coordinates = super::coordinates(problem, report, Some(linear));
+        let mut coordinates = analysis::coordinates(problem, report, Some(linear));
         self.improve_intervals(&mut coordinates, estimate);
         let deviations: Vec<Option<f64>> = (0..report.positions.len())
             .map(|index| linear.deviation(index))
@@ -276,14 +276,14 @@ impl FirstOrder {
             let ends = factors.and_then(|factors| constrained.ends(&report.positions, &factors));
             for (index, ends) in ends.into_iter().flatten().enumerate() {
                 let coordinate = &problem.coordinates[index];
-                let value = |end: Option<f64>| super::value_near(coordinate, end?);
+                let value = |end: Option<f64>| analysis::value_near(coordinate, end?);
                 coordinates[index].total_interval = Some((value(ends.0), value(ends.1)));
             }
         }
         if !self.monte_carlo.is_empty() {
-            let spreads = monte_carlo::spreads(estimate, &self.monte_carlo);
-            for (described, spread) in coordinates.iter_mut().zip(spreads.into_iter().flatten()) {
-                described.monte_carlo = Some(spread);
+            let drawn = monte_carlo::of_coordinates(estimate, &self.monte_carlo);
+            for (described, drawn) in coordinates.iter_mut().zip(drawn.into_iter().flatten()) {
+                described.monte_carlo = Some(drawn);
             }
         }
         let unfixed = || "the data do not fix all of the unknowns".to_owned();

@@ -12,6 +12,7 @@
 //! fix it better by [`design`].
 
 mod analyser;
+mod analysis;
 mod bootstrap;
 pub mod budget;
 pub mod constrained;
@@ -39,111 +40,15 @@ pub mod weighing;
 pub mod whitening;
 
 pub use analyser::{Analyser, Conclusion, conclude};
+pub use analysis::{Analysis, CoordinateUncertainty};
 pub use refits::{Quota, Refits};
-pub use settings::{Intervals, Settings};
+pub use settings::{Intervals, Request, Settings};
 
-use crate::estimation::problem::{Coordinate, Problem};
+use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
-use budget::Budget;
-use constrained::Binding;
-use covariance::Linear;
-use drift::Drift;
-use fit::{Criteria, OutputFit};
-use identifiability::FlatDirection;
 use linearised::LinearisedEstimate;
-use monte_carlo::Spread;
-use profile::Ends;
-use residuals::ResidualReport;
 use std::sync::atomic::AtomicBool;
-use verdict::{Doubt, Judgement, Rule, Trust};
-
-/// What is known of one coordinate beside its value.
-#[derive(Clone, Debug)]
-pub struct CoordinateUncertainty {
-    /// The standard error, SI; none where the data do not fix the coordinate.
-    pub standard_error: Option<f64>,
-    /// The 95 % interval, SI; asymmetric for a coordinate on a log scale. An end that the data
-    /// leave open is none.
-    pub interval: Option<(Option<f64>, Option<f64>)>,
-    /// How the interval was made.
-    pub method: &'static str,
-    /// The ends of the 95 % interval as positions, before they are made values.
-    ends: Option<Ends>,
-    /// The likelihood profile where one was made: values, SI, and how far the sum of squares rises
-    /// there, as a multiple of the rise at which the interval ends.
-    pub profile: Vec<(f64, f64)>,
-    /// The standard error with all that is taken as known, SI.
-    pub total_error: Option<f64>,
-    /// The 95 % interval with all that is taken as known, SI.
-    pub total_interval: Option<(Option<f64>, Option<f64>)>,
-    /// How the fits of a Monte Carlo analysis lie about the estimate, where one was asked for.
-    pub monte_carlo: Option<Spread>,
-    /// How many standard deviations of its prior the estimate is off its middle.
-    pub prior_shift: Option<f64>,
-    /// How far the total interval can be relied on.
-    pub trust: Trust,
-    /// Whether the estimate stands at an end of its search range.
-    pub at_bound: bool,
-    /// Whether the data fix the coordinate more closely than the search range does.
-    pub identifiable: bool,
-    /// For each output the root mean square of its change when the coordinate's value grows by
-    /// 100 %, linearised, SI; empty where the simulation near the estimate fails.
-    pub output_changes: Vec<f64>,
-}
-
-/// All that is said of an estimate.
-#[derive(Clone, Debug)]
-pub struct Analysis {
-    /// One for each coordinate.
-    pub coordinates: Vec<CoordinateUncertainty>,
-    /// Correlations of the coordinates; none where there is no covariance.
-    pub correlation: Option<Vec<Vec<f64>>>,
-    /// The condition number of the derivatives, each column scaled to the same length.
-    pub condition: Option<f64>,
-    /// What the data do not see near the estimate.
-    pub flat: Vec<FlatDirection>,
-    /// Why there are no standard errors, where there are none.
-    pub missing: Option<String>,
-    /// For each output how well the data that were estimated from are explained.
-    pub estimation_fit: Vec<OutputFit>,
-    /// For each output how well the data that were held back are explained.
-    pub validation_fit: Vec<OutputFit>,
-    /// For each output what is left unexplained.
-    pub residuals: Vec<ResidualReport>,
-    /// Criteria for the comparison of models.
-    pub criteria: Criteria,
-    /// For each coordinate the standard deviation that noise alone leaves, as a share of its
-    /// search range.
-    pub deviations: Vec<Option<f64>>,
-    /// What is taken as known, and what it does.
-    pub budget: Budget,
-    /// Unknowns that the residuals say to change within the record.
-    pub drifts: Vec<Drift>,
-    /// Constraints that keep the estimate from where the data would have it.
-    pub bindings: Vec<Binding>,
-    /// Whether the numbers can be trusted.
-    pub judgement: Judgement,
-}
-
-/// Half the width of a 95 % interval in standard errors.
-const NORMAL_95: f64 = 1.959_964;
-
-/// How near to an end of its range an estimate counts as standing there.
-const BOUND_DISTANCE: f64 = 1e-6;
-
-/// What is asked about an estimate.
-#[derive(Clone, Debug, Default)]
-pub struct Request {
-    /// How much.
-    pub settings: Settings,
-    /// Where random numbers come from.
-    pub seed: u64,
-    /// Parameters that may be left out of the model ([`selection`]).
-    pub effects: Vec<String>,
-    /// Whether outputs of unknown noise are weighed anew and the budget of what is taken as known
-    /// is drawn up, which takes many simulations.
-    pub thorough: bool,
-}
+use verdict::Rule;
 
 /// Analyses an estimate as it stands, at once. Answers nothing when `stop` was raised.
 #[must_use]
@@ -158,15 +63,6 @@ pub fn analyse(
     estimate.analysis()
 }
 
-impl Analysis {
-    fn judge(&mut self, judgement: Judgement) {
-        for (coordinate, trust) in self.coordinates.iter_mut().zip(&judgement.coordinates) {
-            coordinate.trust = *trust;
-        }
-        self.judgement = judgement;
-    }
-}
-
 /// An estimate of which nothing is known yet, for whoever cannot wait for its analysis.
 #[must_use]
 pub fn unanalysed(problem: &Problem, report: &Report) -> Conclusion {
@@ -174,112 +70,7 @@ pub fn unanalysed(problem: &Problem, report: &Report) -> Conclusion {
     Conclusion {
         problem: problem.clone(),
         report: report.clone(),
-        analysis: unknown(problem, report, Rule::NotAnalysed, reason),
+        analysis: analysis::unknown(problem, report, Rule::NotAnalysed, reason),
         selection: None,
     }
-}
-
-fn without_simulation(problem: &Problem, report: &Report) -> Analysis {
-    let reason = "the simulation at the estimate fails".to_owned();
-    unknown(problem, report, Rule::SimulationFails, reason)
-}
-
-fn unknown(problem: &Problem, report: &Report, rule: Rule, reason: String) -> Analysis {
-    let mut analysis = undetermined(problem, report, reason.clone());
-    let doubt = Doubt::new(rule, Trust::Low, reason);
-    analysis.judge(Judgement::of(problem, vec![doubt]));
-    analysis
-}
-
-/// What can be said of an estimate without its simulation and its derivatives.
-fn undetermined(problem: &Problem, report: &Report, reason: String) -> Analysis {
-    Analysis {
-        coordinates: coordinates(problem, report, None),
-        correlation: None,
-        condition: None,
-        flat: Vec::new(),
-        missing: Some(reason),
-        estimation_fit: Vec::new(),
-        validation_fit: Vec::new(),
-        residuals: Vec::new(),
-        criteria: Criteria::missing(),
-        deviations: vec![None; problem.coordinates.len()],
-        budget: Budget::default(),
-        drifts: Vec::new(),
-        bindings: Vec::new(),
-        judgement: Judgement::default(),
-    }
-}
-
-impl CoordinateUncertainty {
-    /// Adds what is assumed: the total and the noise alone, as standard deviations of the
-    /// position. Each end of the interval goes out by what the total's square has more.
-    fn widen(&mut self, coordinate: &Coordinate, position: f64, deviations: Option<(f64, f64)>) {
-        let (Some((total, noise)), Some((lower, upper))) = (deviations, self.ends) else {
-            return;
-        };
-        self.total_error = Some(total * coordinate.slope(position).abs());
-        let more = NORMAL_95 * NORMAL_95 * (total * total - noise * noise).max(0.0);
-        let end = |end: f64| {
-            let half = end - position;
-            let end = position + (half * half + more).sqrt().copysign(half);
-            value_near(coordinate, end)
-        };
-        self.total_interval = Some((lower.and_then(end), upper.and_then(end)));
-    }
-}
-
-/// The value at an end of an interval; none where it lies a whole search range beyond it: there
-/// the data leave it open.
-fn value_near(coordinate: &Coordinate, position: f64) -> Option<f64> {
-    let (lower, upper) = (coordinate.lower, coordinate.upper);
-    (-1.0..=2.0)
-        .contains(&position)
-        .then(|| coordinate.scale.value_beyond(position, lower, upper))
-}
-
-fn coordinates(
-    problem: &Problem,
-    report: &Report,
-    linear: Option<&Linear>,
-) -> Vec<CoordinateUncertainty> {
-    let pairs = problem
-        .coordinates
-        .iter()
-        .zip(&report.positions)
-        .enumerate();
-    pairs
-        .map(|(index, (coordinate, &position))| {
-            let deviation = linear.and_then(|linear| linear.deviation(index));
-            let covariance = linear.and_then(|linear| linear.covariance.as_ref());
-            let slope = coordinate.slope(position).abs();
-            let value = |position: f64| value_near(coordinate, position);
-            let ends = deviation.map(|deviation| {
-                let half = NORMAL_95 * deviation;
-                (Some(position - half), Some(position + half))
-            });
-            let prior = problem.prior_of(index);
-            let relative = coordinate.value(position).abs() / slope;
-            let slopes = linear.map(|linear| linear.slopes[index].iter());
-            CoordinateUncertainty {
-                standard_error: deviation.map(|deviation| deviation * slope),
-                interval: ends.map(|(low, high)| (low.and_then(value), high.and_then(value))),
-                ends,
-                profile: Vec::new(),
-                total_error: None,
-                total_interval: None,
-                monte_carlo: None,
-                prior_shift: prior.map(|prior| prior.residual(coordinate.value(position))),
-                trust: Trust::default(),
-                method: covariance.map_or("fisher", |covariance| covariance.method()),
-                at_bound: !(BOUND_DISTANCE..=1.0 - BOUND_DISTANCE).contains(&position),
-                identifiable: deviation.is_some_and(|deviation| 2.0 * NORMAL_95 * deviation < 1.0),
-                output_changes: slopes
-                    .into_iter()
-                    .flatten()
-                    .map(|slope| slope * relative)
-                    .collect(),
-            }
-        })
-        .collect()
 }

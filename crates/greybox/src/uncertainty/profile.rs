@@ -11,8 +11,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::NORMAL_95;
-use super::covariance::Linear;
+use super::covariance::{Linear, NORMAL_95};
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use super::simulated_estimate::SimulatedEstimate;
 use crate::estimation::objective::Objective;

@@ -273,16 +273,16 @@ impl Case<'_> {
 
     fn starts(&self) -> Option<Doubt> {
         let floor = self.report.floor.as_ref()?;
-        if floor.is_plateau {
+        if floor.plateau {
             let detail = "a constant explains the data as well as the estimate does: nothing was \
                           found that follows them; look at the search ranges and the initial \
                           states, or search longer with a larger `population`";
             return Some(Doubt::new(Rule::Plateau, Trust::Low, detail));
         }
-        if floor.starts <= 1 || floor.at_floor > 1 {
+        if floor.starts <= 1 || floor.starts_at_floor > 1 {
             return None;
         }
-        let reached = match floor.at_floor {
+        let reached = match floor.starts_at_floor {
             0 => "none",
             _ => "only one",
         };

@@ -14,32 +14,37 @@ use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
 use crate::estimation::trajectory;
 use greybox_simulation::Accuracy;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use utoipa::ToSchema;
 
-/// A model that was tried.
-#[derive(Clone, Debug)]
-pub struct Tried {
-    /// The effects that the model has.
+/// A model with some of the effects.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[non_exhaustive]
+pub struct TriedModel {
+    /// The effects that the model has; other effects stand at the model's defaults.
     pub effects: Vec<String>,
-    /// The number of unknowns of the model.
-    pub unknowns: usize,
-    /// The mean square of its scaled residuals; none where the fit failed.
+    /// The number of unknowns of the model, effects included.
+    pub unknowns: u64,
+    /// The cost; `null` where the model could not be fitted.
     pub cost: Option<f64>,
-    /// For each output how well the model explains what it was fitted to.
-    pub estimation_fit: Vec<OutputFit>,
-    /// For each output how well the model explains what was held back.
-    pub validation_fit: Vec<OutputFit>,
-    /// What the model is compared by; the lowest is best.
-    pub criterion: Option<f64>,
+    /// Schwarz's criterion of the data that the models are compared by; `null` where the model
+    /// could not be fitted.
+    pub bic: Option<f64>,
+    /// How well the model explains what it was fitted to, by output.
+    pub estimation: BTreeMap<String, OutputFit>,
+    /// How well the model explains what was held back, by output.
+    pub validation: BTreeMap<String, OutputFit>,
 }
 
 /// The outcome of a selection of effects.
 #[derive(Clone, Debug)]
 pub struct Selection {
     /// Every model that was tried, the best first.
-    pub tried: Vec<Tried>,
+    pub tried: Vec<TriedModel>,
     /// The part of the data by which the models were compared.
     pub compared_on: Part,
 }
@@ -49,12 +54,12 @@ pub struct Selection {
 struct FittedModel {
     problem: Problem,
     positions: Vec<f64>,
-    tried: Tried,
+    tried: TriedModel,
 }
 
 impl FittedModel {
     fn is_better_than(&self, other: &FittedModel) -> bool {
-        match (self.tried.criterion, other.tried.criterion) {
+        match (self.tried.bic, other.tried.bic) {
             (Some(criterion), Some(rival)) => criterion < rival,
             (criterion, rival) => criterion.is_some() && rival.is_none(),
         }
@@ -120,7 +125,7 @@ impl Elimination {
         };
         let positions = report.positions.clone();
         let whole = basis.measure(problem.clone(), positions, report.cost, stop)?;
-        basis.worst = whole.tried.criterion.unwrap_or(f64::INFINITY) + HOPELESS;
+        basis.worst = whole.tried.bic.unwrap_or(f64::INFINITY) + HOPELESS;
         // A single effect is the whole model, which is fitted already.
         let alone = effects.iter().filter(|_| effects.len() > 1);
         let singles = alone.map(|effect| vec![effect.clone()]);
@@ -177,7 +182,7 @@ impl Elimination {
     /// Selects the best of all models that were tried.
     fn selected(&self, mut tried: Vec<FittedModel>) -> Selected {
         tried.sort_by(|a, b| {
-            let worth = |fit: &FittedModel| fit.tried.criterion.unwrap_or(f64::INFINITY);
+            let worth = |fit: &FittedModel| fit.tried.bic.unwrap_or(f64::INFINITY);
             worth(a).total_cmp(&worth(b))
         });
         let best = tried.first().unwrap_or(&self.current).clone();
@@ -292,7 +297,7 @@ impl RefitSequence for ModelFit {
         let (problem, positions) = (problem.clone(), refit.positions.clone());
         let fitted = self.basis.measure(problem, positions, refit.cost, stop)?;
         let is_hopeless = |criterion: f64| criterion > self.basis.worst;
-        self.stage = if is_coarse && !fitted.tried.criterion.is_none_or(is_hopeless) {
+        self.stage = if is_coarse && !fitted.tried.bic.is_none_or(is_hopeless) {
             FitStage::Fine(fitted)
         } else {
             FitStage::Fitted(fitted)
@@ -337,13 +342,13 @@ impl EliminationBasis {
         let names = problem.coordinates.iter().map(|unknown| &unknown.name);
         let effects = names.filter(|name| self.effects.contains(name)).cloned();
         Some(FittedModel {
-            tried: Tried {
+            tried: TriedModel {
                 effects: effects.collect(),
-                unknowns: problem.coordinates.len(),
+                unknowns: problem.coordinates.len() as u64,
                 cost,
-                criterion: criteria.bic.filter(|_| trajectories.is_ok()),
-                estimation_fit,
-                validation_fit,
+                bic: criteria.bic.filter(|_| trajectories.is_ok()),
+                estimation: problem.by_output(&estimation_fit),
+                validation: problem.by_output(&validation_fit),
             },
             positions,
             problem,

@@ -79,3 +79,17 @@ impl Settings {
         self.intervals != Intervals::Fisher || self.monte_carlo_samples > 0
     }
 }
+
+/// What is asked about an estimate.
+#[derive(Clone, Debug, Default)]
+pub struct Request {
+    /// How much.
+    pub settings: Settings,
+    /// Where random numbers come from.
+    pub seed: u64,
+    /// Parameters that may be left out of the model ([`super::selection`]).
+    pub effects: Vec<String>,
+    /// Whether outputs of unknown noise are weighed anew and the budget of what is taken as known
+    /// is drawn up, which takes many simulations.
+    pub thorough: bool,
+}

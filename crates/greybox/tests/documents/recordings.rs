@@ -6,7 +6,6 @@ use crate::document;
 use crate::run::run;
 use greybox::identification::Outcome;
 use greybox::identification::outcome::{Reason, Rule, Trust};
-use greybox::intake::csv;
 use greybox::recording::Recording;
 use serde_json::{Value, json};
 use std::fs::File;
@@ -20,7 +19,7 @@ fn recording(file: &str) -> Option<Recording> {
         eprintln!("skipped: {} is not there", path.display());
         return None;
     };
-    Some(csv::read(text, &csv::Options::default()).expect("the recording is known to be good"))
+    Some(Recording::from_csv(text).expect("the recording is known to be good"))
 }
 
 /// Runs a job of a document on a whole recording, and prints what it found.

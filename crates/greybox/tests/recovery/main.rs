@@ -20,7 +20,6 @@ mod sampling;
 use greybox::demo::{self, Demo};
 use greybox::identification::Outcome;
 use greybox::identification::outcome::{Rule, Trust};
-use greybox::intake::csv;
 use greybox::recording::{Recording, Signal, TimeAxis};
 use run::run;
 use serde_json::json;
@@ -159,7 +158,7 @@ fn a_real_positioning_drive_is_followed_within_two_and_a_half_millimetres() {
         eprintln!("skipped: {} is not there", path.display());
         return;
     };
-    let recording = csv::read(text, &csv::Options::default()).expect("a sound recording");
+    let recording = Recording::from_csv(text).expect("a sound recording");
     let job = json!({
         "model": "positioning_drive",
         "experiments": [{}],

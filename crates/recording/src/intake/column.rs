@@ -5,7 +5,7 @@ use super::error::{ReadingFault, ReadingFaults, excerpt};
 use super::options::{Options, ReadingPurpose};
 use super::units::{self, RecordedUnit};
 use super::value::CellValue;
-use crate::{Interpolation, Warning, shown};
+use crate::{ClassSpan, Interpolation, NamedSignal, Warning, shown};
 
 /// What loggers write where they have no value. A value is told as a likely one when it is far
 /// from all others.
@@ -214,6 +214,18 @@ impl SignalColumn {
     /// Whether there is anything but text in it.
     pub(super) fn is_signal(&self) -> bool {
         !self.ignored && (self.texts == 0 || self.numbers > 0)
+    }
+
+    /// The signal of these samples, which the `column` of a received recording holds.
+    pub(super) fn into_named(self, classes: Vec<ClassSpan>, column: usize) -> NamedSignal {
+        NamedSignal {
+            name: self.name,
+            unit: self.unit.si.into_owned(),
+            recorded_unit: self.recorded_unit,
+            interpolation: self.interpolation,
+            classes,
+            column,
+        }
     }
 
     /// The faults of a column of numbers.

@@ -1,5 +1,8 @@
 //! The formats that are read, by name and by what they look like.
 
+/// How much of a text is looked at to tell what it is `[bytes]`.
+pub(super) const HEAD_BYTES: u64 = 64 * 1024;
+
 /// How a source is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {

@@ -15,7 +15,7 @@ mod binary;
 mod cell;
 mod clock;
 mod column;
-pub mod csv;
+mod csv;
 mod encoding;
 mod error;
 mod format;
@@ -40,11 +40,9 @@ pub use tags::MAX_HELD_SAMPLES;
 use crate::{NewScratch, ReceivedRecording, Recording};
 use encoding::DecodedText;
 use error::malformed;
+use format::HEAD_BYTES;
 use memory::Memory;
 use std::io::{BufRead, BufReader, Cursor, Read};
-
-/// How much of a text is looked at to tell what it is `[bytes]`.
-const HEAD_BYTES: u64 = 64 * 1024;
 
 /// Reads a recording into memory.
 ///
@@ -120,6 +118,24 @@ pub fn receive(
     }
 }
 
+impl Recording {
+    /// A recording from CSV: a header row that names the columns with their units in brackets,
+    /// the time in the first column.
+    ///
+    /// # Errors
+    /// When the text cannot be read, with everything that is wrong with it.
+    ///
+    /// ```
+    /// let text = "time [s],force [N],position [mm]\n0,0,0\n0.01,1,0\n0.02,1,0.02\n";
+    /// let recording = greybox_recording::Recording::from_csv(text.as_bytes())?;
+    /// assert_eq!(recording.signals[1].values[2], 2e-5);
+    /// # Ok::<(), greybox_recording::intake::ReadError>(())
+    /// ```
+    pub fn from_csv(reader: impl Read) -> Result<Recording, ReadError> {
+        read(reader, MediaKind::Csv, &Options::default())
+    }
+}
+
 fn recognised(kind: MediaKind, head: &[u8]) -> Format {
     let first = head.trim_ascii_start().first().copied();
     match kind {
@@ -134,7 +150,6 @@ fn recognised(kind: MediaKind, head: &[u8]) -> Format {
 mod round_trip {
     //! What one part writes the other reads back.
 
-    use super::csv;
     use crate::{Recording, Signal, TimeAxis};
     use proptest::prelude::*;
 
@@ -167,7 +182,7 @@ mod round_trip {
             let written = Recording::new(time, signals);
             let mut text = Vec::new();
             written.write_csv(&mut text).unwrap();
-            let read = csv::read(text.as_slice(), &csv::Options::default()).unwrap();
+            let read = Recording::from_csv(text.as_slice()).unwrap();
             prop_assert_eq!(&read.time, &written.time);
             for (read, written) in read.signals.iter().zip(&written.signals) {
                 prop_assert_eq!(&read.name, &written.name);

@@ -12,8 +12,8 @@ use super::options::{GridOption, Options, ReadingPurpose};
 use super::quality::Scheme;
 use crate::columns::SampleColumns;
 use crate::{
-    Class, ClassSpan, Interpolation, MAX_SIGNALS, NamedSignal, ReceivedRecording, TimeAxis,
-    Warning, name_fault, shown,
+    Class, ClassSpan, Interpolation, MAX_SIGNALS, ReceivedRecording, Recording, TimeAxis, Warning,
+    name_fault, shown,
 };
 use std::collections::HashMap;
 use tag::{Common, Tag};
@@ -281,27 +281,23 @@ impl<'o> Tags<'o> {
             bytes += SPAN_BYTES * ClassSpan::count(&classes) as u64;
             let what = "samples whose quality changes so often";
             self.memory.hold(bytes, what, INSTEAD)?;
-            signals.push(NamedSignal {
-                name: tag.column.name,
-                unit: tag.column.unit.si.into_owned(),
-                recorded_unit: tag.column.recorded_unit,
-                interpolation: tag.column.interpolation,
-                classes: ClassSpan::of(classes.into_iter()),
-                column: k,
-            });
+            let spans = ClassSpan::of(classes.into_iter());
+            signals.push(tag.column.into_named(spans, k));
             columns.push(values);
         }
         self.notes.extend(self.clock.notes());
         Ok(ReceivedRecording {
-            name: options.name.clone(),
-            start: self.clock.start(first),
-            zone: self.clock.zone(),
-            source: options.source(format),
-            double_hour: self.clock.double_hour(first),
-            own_instants,
-            time: options.purpose.axis(common.instants, self.clock.scale()),
-            signals,
-            notes: self.notes,
+            header: Recording {
+                name: options.name.clone(),
+                start: self.clock.start(first),
+                zone: self.clock.zone(),
+                source: options.source(format),
+                double_hour: self.clock.double_hour(first),
+                own_instants,
+                time: options.purpose.axis(common.instants, self.clock.scale()),
+                signals,
+                notes: self.notes,
+            },
             columns: SampleColumns::of(columns),
         })
     }

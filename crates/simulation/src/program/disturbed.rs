@@ -1,7 +1,6 @@
 //! Equations with quantities that wander: each disturbance with memory is a state more, which acts
 //! on a parameter, on the rate of a state or on an output.
 
-use super::Program;
 use super::rewrite::{EquationGraph, Roots};
 use crate::language::graph::{Full, GraphNode, Leaf, NodeId};
 use crate::language::operation::Operation;
@@ -37,41 +36,27 @@ pub struct Disturbance {
     pub kind: DisturbanceKind,
 }
 
-impl Program {
-    /// The program with a state more for each disturbance, in their order behind the model's
-    /// states. A disturbance with memory τ decays by −d/τ, where τ is the parameter
-    /// `time_constants[disturbance]`; white noise has a state that stays 0, through which the
-    /// Jacobian says what the noise drives. `sizes` are typical sizes of the disturbances, in
-    /// their units. Answers nothing where the equations would have too many nodes.
-    #[must_use]
-    pub fn disturbed(
+impl EquationGraph {
+    /// Whether what is computed once a sample reads a state.
+    pub(super) fn samples_its_states(&self) -> bool {
+        let EquationGraph { graph, roots } = self;
+        let needed = graph.needed(roots.sampled.iter().map(|(node, _)| *node));
+        let is_state = |node: &GraphNode| matches!(node, GraphNode::Leaf(Leaf::State(_)));
+        let mut nodes = graph.nodes().iter().zip(needed);
+        nodes.any(|(node, needed)| needed && is_state(node))
+    }
+
+    /// The equations with a state more for each disturbance, behind the states that there are.
+    /// `time_constants` are the parameters by which disturbances with memory decay.
+    ///
+    /// # Errors
+    /// Where there would be too many nodes.
+    pub(super) fn disturbed(
         &self,
         disturbances: &[Disturbance],
         time_constants: &[Option<usize>],
-        sizes: &[f64],
-    ) -> Option<Program> {
-        let equations = disturbed(&self.equations, disturbances, time_constants).ok()?;
-        let n_parameters = self.wiring.parameters.len();
-        let last = time_constants.iter().flatten().max();
-        let n_parameters = last.map_or(n_parameters, |last| n_parameters.max(last + 1));
-        let tables = self.lists.tables().to_vec();
-        let mut program =
-            Program::of_equations(equations, tables, n_parameters, self.moving_inputs);
-        program.sizes = self.sizes.iter().chain(sizes).copied().collect();
-        Some(program)
-    }
-
-    /// Whether what is computed once a sample reads a state: a controller within the model.
-    #[must_use]
-    pub fn samples_its_states(&self) -> bool {
-        let EquationGraph { graph, roots } = &self.equations;
-        let needed = graph.needed(roots.sampled.iter().map(|(node, _)| *node));
-        let is_state = |node: &GraphNode| matches!(node, GraphNode::Leaf(Leaf::State(_)));
-        graph
-            .nodes()
-            .iter()
-            .zip(needed)
-            .any(|(node, needed)| needed && is_state(node))
+    ) -> Result<EquationGraph, Full> {
+        disturbed(self, disturbances, time_constants)
     }
 }
 

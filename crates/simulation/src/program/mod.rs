@@ -4,6 +4,7 @@
 //! instructions, `joined` makes few of many, `tangents` takes their derivatives, `row` is what the
 //! integrator drives, and `disturbed` adds the states of quantities that wander. No code is made at run time; every size is bounded.
 
+mod compiled;
 mod disturbed;
 mod instruction;
 mod joined;
@@ -18,16 +19,14 @@ pub use rewrite::{EquationGraph, Roots};
 use super::block::SimulationBlock;
 use super::equations::{Equations, HeldQuantities, System};
 use super::{BlockSimulator, CandidateBlock, DrivingInputs, Plant};
-use crate::language::graph::Leaf;
 use crate::language::operation::LookupTable;
+use compiled::CompiledProgram;
 use greybox_numerics::eigenvalues::spectral_radius;
 use greybox_numerics::lanes::{LANES, Real};
 use greybox_numerics::width::Width;
-use instruction::Register;
 use lists::Lists;
 use row::ProgramRow;
 use std::sync::Arc;
-use tangents::Tangents;
 
 /// The size that errors of a state are measured against at least, as a share of where the state
 /// starts at the default parameters (of 1 where it starts at 0), where the document does not give
@@ -39,58 +38,7 @@ const LEAST_SHARE: f64 = 1e-9;
 pub struct Program {
     /// With nothing fixed.
     equations: EquationGraph,
-    lists: Lists,
-    wiring: Wiring,
-    tangents: Tangents,
-    output_tangents: Tangents,
-    /// What an error of each state is measured against at least.
-    sizes: Vec<f64>,
-    /// Whether inputs move in straight lines from sample to sample.
-    moving_inputs: bool,
-}
-
-/// The registers of what comes from outside, where the equations use it.
-#[derive(Debug, Default)]
-struct Wiring {
-    parameters: Vec<Option<Register>>,
-    sample_time: Option<Register>,
-    recorded: Vec<Option<Register>>,
-    previous: Vec<Option<Register>>,
-    inputs: Vec<Option<Register>>,
-    sampled: Vec<Option<Register>>,
-    states: Vec<Option<Register>>,
-}
-
-impl Wiring {
-    fn new(lists: &Lists, n_parameters: usize) -> Wiring {
-        let mut wiring = Wiring {
-            parameters: vec![None; n_parameters],
-            previous: vec![None; lists.roots.sampled.len()],
-            sampled: vec![None; lists.roots.sampled.len()],
-            states: vec![None; lists.roots.rates.len()],
-            ..Wiring::default()
-        };
-        for (leaf, register) in lists.leaves() {
-            match leaf {
-                Leaf::SampleTime => wiring.sample_time = Some(*register),
-                Leaf::Parameter(index) => put(&mut wiring.parameters, *index, *register),
-                Leaf::Recorded(index) => put(&mut wiring.recorded, *index, *register),
-                Leaf::Previous(index) => put(&mut wiring.previous, *index, *register),
-                Leaf::Input(index) => put(&mut wiring.inputs, *index, *register),
-                Leaf::Sampled(index) => put(&mut wiring.sampled, *index, *register),
-                Leaf::State(index) => put(&mut wiring.states, *index, *register),
-            }
-        }
-        wiring
-    }
-}
-
-fn put(places: &mut Vec<Option<Register>>, index: u16, register: Register) {
-    let index = usize::from(index);
-    if places.len() <= index {
-        places.resize(index + 1, None);
-    }
-    places[index] = Some(register);
+    compiled: CompiledProgram,
 }
 
 impl Program {
@@ -105,7 +53,11 @@ impl Program {
         moving_inputs: bool,
     ) -> Program {
         let equations = equations.with_reciprocals(moving_inputs);
-        let mut program = Program::of_equations(equations, tables, defaults.len(), moving_inputs);
+        let lists = Lists::new(&equations.with_fixed(&[]), tables, moving_inputs);
+        let mut program = Program {
+            compiled: CompiledProgram::new(lists, defaults.len(), moving_inputs),
+            equations,
+        };
         let starts = program.row(defaults, 1.0).initial_states();
         let start_size = |start: &f64| {
             let size = start.abs();
@@ -113,55 +65,62 @@ impl Program {
             LEAST_SHARE * if is_size { size } else { 1.0 }
         };
         let sizes = sizes.iter().zip(&starts);
-        program.sizes = sizes
+        program.compiled.sizes = sizes
             .map(|(given, start)| given.unwrap_or_else(|| start_size(start)))
             .collect();
         program
     }
 
-    /// The equations with nothing fixed, before the sizes of their states are told.
-    fn of_equations(
-        equations: EquationGraph,
-        tables: Vec<LookupTable>,
-        n_parameters: usize,
-        moving_inputs: bool,
-    ) -> Program {
-        let lists = Lists::new(&equations.with_fixed(&[]), tables, moving_inputs);
-        Program::of_lists(equations, lists, n_parameters, moving_inputs)
+    /// The program with a state more for each disturbance, in their order behind the model's
+    /// states. A disturbance with memory τ decays by −d/τ, where τ is the parameter
+    /// `time_constants[disturbance]`; white noise has a state that stays 0, through which the
+    /// Jacobian says what the noise drives. `sizes` are typical sizes of the disturbances, in
+    /// their units. Answers nothing where the equations would have too many nodes.
+    #[must_use]
+    pub fn disturbed(
+        &self,
+        disturbances: &[Disturbance],
+        time_constants: &[Option<usize>],
+        sizes: &[f64],
+    ) -> Option<Program> {
+        let equations = self
+            .equations
+            .disturbed(disturbances, time_constants)
+            .ok()?;
+        let whole = &self.compiled;
+        let last = time_constants.iter().flatten().max();
+        let n_parameters = whole.wiring.parameters.len();
+        let n_parameters = last.map_or(n_parameters, |last| n_parameters.max(last + 1));
+        let tables = whole.lists.tables().to_vec();
+        let lists = Lists::new(&equations.with_fixed(&[]), tables, whole.moving_inputs);
+        Some(Program {
+            equations,
+            compiled: CompiledProgram {
+                sizes: whole.sizes.iter().chain(sizes).copied().collect(),
+                ..CompiledProgram::new(lists, n_parameters, whole.moving_inputs)
+            },
+        })
+    }
+
+    /// Whether what is computed once a sample reads a state: a controller within the model.
+    #[must_use]
+    pub fn samples_its_states(&self) -> bool {
+        self.equations.samples_its_states()
     }
 
     /// The program for candidates that have these parameters in common.
     #[must_use]
     pub fn with_fixed(&self, fixed: &[Option<f64>]) -> Program {
         let left = self.equations.with_fixed(fixed);
-        let lists = Lists::new(&left, self.lists.tables().to_vec(), self.moving_inputs);
-        let equations = self.equations.clone();
-        let n_parameters = self.wiring.parameters.len();
-        let program = Program::of_lists(equations, lists, n_parameters, self.moving_inputs);
+        let whole = &self.compiled;
+        let lists = Lists::new(&left, whole.lists.tables().to_vec(), whole.moving_inputs);
+        let n_parameters = whole.wiring.parameters.len();
         Program {
-            sizes: self.sizes.clone(),
-            ..program
-        }
-    }
-
-    fn of_lists(
-        equations: EquationGraph,
-        lists: Lists,
-        n_parameters: usize,
-        moving_inputs: bool,
-    ) -> Program {
-        let wiring = Wiring::new(&lists, n_parameters);
-        let (states, inputs) = (&wiring.states, &wiring.inputs);
-        let tangents = Tangents::new(lists.differentiated_rates(), states, inputs);
-        let output_tangents = Tangents::new(lists.differentiated_outputs(), states, inputs);
-        Program {
-            equations,
-            lists,
-            wiring,
-            tangents,
-            output_tangents,
-            sizes: Vec::new(),
-            moving_inputs,
+            equations: self.equations.clone(),
+            compiled: CompiledProgram {
+                sizes: whole.sizes.clone(),
+                ..CompiledProgram::new(lists, n_parameters, whole.moving_inputs)
+            },
         }
     }
 }
@@ -171,18 +130,18 @@ impl System for Program {
     type Row<'a, R: Real> = ProgramRow<'a, R>;
 
     fn row<R: Real>(&self, parameters: &[R], sample_time: f64) -> ProgramRow<'_, R> {
-        ProgramRow::new(self, parameters, sample_time)
+        ProgramRow::new(&self.compiled, parameters, sample_time)
     }
 }
 
 impl Plant for Program {
     fn n_outputs(&self) -> usize {
-        self.lists.roots.outputs.len()
+        self.compiled.lists.roots.outputs.len()
     }
 
     /// What the document hints at.
     fn work_rate(&self, parameters: &[f64]) -> f64 {
-        if self.lists.roots.fastest_rate.is_none() {
+        if self.compiled.lists.roots.fastest_rate.is_none() {
             return 0.0;
         }
         let rate = self.row(parameters, 1.0).rate_hint();

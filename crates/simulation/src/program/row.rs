@@ -1,6 +1,6 @@
 //! A document's equations over a row of candidates.
 
-use super::Program;
+use super::compiled::CompiledProgram;
 use super::instruction::{Register, Registers};
 use super::lists::List;
 use super::tangents::{Room, StateDerivatives};
@@ -10,7 +10,7 @@ use greybox_numerics::width::Width;
 
 /// The equations with their registers.
 pub struct ProgramRow<'a, R> {
-    program: &'a Program,
+    program: &'a CompiledProgram,
     width: Width,
     registers: Registers<R>,
     /// The inputs when the held quantities began to act, and how fast they move.
@@ -26,7 +26,7 @@ pub struct ProgramRow<'a, R> {
 
 impl<'a, R: Real> ProgramRow<'a, R> {
     /// Registers for the given parameters, with all that follows from them.
-    pub fn new(program: &'a Program, parameters: &[R], sample_time: f64) -> Self {
+    pub fn new(program: &'a CompiledProgram, parameters: &[R], sample_time: f64) -> Self {
         let mut row = ProgramRow {
             program,
             width: Width::widest(),
@@ -133,7 +133,7 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
 
     /// The inputs, and behind them what is computed once a sample.
     fn hold(&mut self, sample: &Sample<'_>, states: &Vec<R>, held: &mut HeldQuantities<R>) {
-        let Program { lists, wiring, .. } = self.program;
+        let CompiledProgram { lists, wiring, .. } = self.program;
         self.load(states, R::splat(0.0));
         for (input, register) in wiring.recorded.iter().enumerate() {
             if register.is_some() {
@@ -162,7 +162,7 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
     }
 
     fn act(&mut self, held: &HeldQuantities<R>) {
-        let Program { lists, wiring, .. } = self.program;
+        let CompiledProgram { lists, wiring, .. } = self.program;
         let (inputs, sampled) = held.values.split_at(wiring.inputs.len());
         for (register, value) in wiring.inputs.iter().zip(inputs) {
             self.set(*register, *value);
@@ -187,7 +187,7 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
 
     fn jacobian(&mut self, states: &Vec<R>, elapsed: R, _rates: &Vec<R>, matrix: &mut [R]) {
         self.load(states, elapsed);
-        let Program {
+        let CompiledProgram {
             lists, tangents, ..
         } = self.program;
         let room = self.tangents.get_or_insert_with(|| tangents.room());
@@ -205,7 +205,7 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
         let Some(room) = self.tangents.as_mut().filter(|_| !self.slopes.is_empty()) else {
             return false;
         };
-        let Program {
+        let CompiledProgram {
             lists, tangents, ..
         } = self.program;
         tangents.by_inputs(lists.differentiated_rates(), room, &self.slopes, by_time);
@@ -223,7 +223,7 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
 
     fn output_jacobian(&mut self, states: &Vec<R>, _outputs: &[R], matrix: &mut [R]) {
         self.load(states, R::splat(0.0));
-        let Program {
+        let CompiledProgram {
             lists,
             output_tangents,
             ..

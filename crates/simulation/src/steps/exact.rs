@@ -1,26 +1,13 @@
-//! The candidates of a row that use the stiff method: eight at once, in double precision whatever
-//! the row's is.
+//! When candidates of a row use the stiff method, and when they leave it.
 
 use super::{
     CALM_STEPS, EXPLICIT_DERIVATIVES, IntegratedStretch, Integrator, MOST_STIFF_LOOKS, NOT_STIFF,
     RowCandidates, StepTrial,
 };
 use crate::equations::{Equations, System, lanes_from};
-use crate::explicit;
-use crate::stiff::{self, Rosenbrock, WideStep};
+use crate::explicit::{self, Sum};
+use crate::stiff::{self, exact::Exact};
 use greybox_numerics::lanes::{LANES, Lanes, Real};
-use greybox_numerics::width::Width;
-
-/// Eight candidates of a row in double precision, for the stiff method.
-pub(super) struct Exact<E: Equations<Lanes>> {
-    equations: E,
-    rosenbrock: Rosenbrock,
-    states: E::States,
-    weights: E::States,
-    /// Where a step leads, and the slope there.
-    next: E::States,
-    end: E::States,
-}
 
 impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     /// Whether a candidate that moves uses the explicit method.
@@ -50,7 +37,11 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             if members.is_empty() {
                 continue;
             }
-            exact.load(self, first);
+            let from = Sum {
+                states: &self.states,
+                excess: &self.excess,
+            };
+            exact.load(from, &self.weights, first);
             let taken = lanes_from(&trial.taken, first);
             let taken = exact.step(self.source.width, lanes_from(&trial.elapsed, first), taken);
             for lane in members {
@@ -103,16 +94,8 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
                     .iter()
                     .map(|row| lanes_from(row, first))
                     .collect();
-                let equations = plant.row(&of_group, *sample_time);
-                let states = equations.initial_states();
-                self.exact.push(Exact {
-                    rosenbrock: Rosenbrock::new(states.as_ref().len()),
-                    weights: states.clone(),
-                    next: states.clone(),
-                    end: states.clone(),
-                    states,
-                    equations,
-                });
+                self.exact
+                    .push(Exact::new(plant.row(&of_group, *sample_time)));
             }
             stretch.is_exact = false;
         }
@@ -122,43 +105,5 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             }
             stretch.is_exact = true;
         }
-    }
-}
-
-impl<E: Equations<Lanes>> Exact<E> {
-    /// Takes over where the candidates from `first` on are.
-    fn load<'a, P: System + 'a, R: Real>(
-        &mut self,
-        integrator: &Integrator<'a, P, R>,
-        first: usize,
-    ) {
-        let sums = integrator.states.as_ref().iter();
-        let sums = sums.zip(integrator.excess.as_ref());
-        for (to, (state, excess)) in self.states.as_mut().iter_mut().zip(sums) {
-            *to = lanes_from::<R, Lanes>(state, first) - lanes_from(excess, first);
-        }
-        let weights = integrator.weights.as_ref().iter();
-        for (to, weight) in self.weights.as_mut().iter_mut().zip(weights) {
-            *to = lanes_from(weight, first);
-        }
-    }
-
-    /// A step. Compiled once for rows of every kind.
-    #[inline(never)]
-    fn step(&mut self, width: Width, elapsed: Lanes, length: Lanes) -> stiff::StiffOutcome {
-        // Candidates that stay get a step all the same, whose outcome nobody reads.
-        let length = length.map(|length| if length > 0.0 { length } else { 1.0 });
-        width.does(WideStep {
-            rosenbrock: &mut self.rosenbrock,
-            equations: &mut self.equations,
-            step: stiff::StiffStep {
-                states: &self.states,
-                weights: &self.weights,
-                elapsed,
-                length,
-            },
-            next: &mut self.next,
-            end: &mut self.end,
-        })
     }
 }

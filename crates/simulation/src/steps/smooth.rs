@@ -1,9 +1,10 @@
-//! The candidates of a row that use the method of eighth order: those that take many steps from one
+//! When candidates of a row use the method of eighth order: those that take many steps from one
 //! sample to the next.
 
 use super::{IntegratedStretch, Integrator, LARGEST_FACTOR, StepTrial};
 use crate::equations::{Equations, System};
-use crate::explicit::eighth::{self, EighthOrderStages, STABLE_FOR, StepStart};
+use crate::explicit::eighth::{self, STABLE_FOR, StepStart};
+use crate::explicit::smooth::SmoothRow;
 use greybox_numerics::lanes::Real;
 
 /// A candidate that is not at the end of a stretch after so many trials, or after as many more, goes
@@ -16,31 +17,6 @@ const ACCURACY_LIMITS: f64 = 1.0;
 
 /// How much longer its first step is tried than the last of the method of fourth order.
 const FIRST_FACTOR: f64 = 5.0;
-
-/// The candidates that use the method of eighth order, and its stages.
-pub(super) struct Smooth<S, R> {
-    stages: EighthOrderStages<S>,
-    /// 1 for each candidate that uses it, 0 for the others.
-    pub candidates: R,
-    /// Whether there is one.
-    is_used: bool,
-}
-
-/// Room for a row's states.
-pub(super) type SmoothRow<E, R> = Smooth<<E as Equations<R>>::States, R>;
-
-impl<S: Clone, R: Real> Smooth<S, R> {
-    /// Room for the candidates of a row, where their equations may be worth it.
-    pub fn of<E: Equations<R, States = S>>(states: &S) -> Option<Box<Self>> {
-        const { E::MAY_BE_SMOOTH }.then(|| {
-            Box::new(Smooth {
-                stages: EighthOrderStages::like(states),
-                candidates: R::splat(0.0),
-                is_used: false,
-            })
-        })
-    }
-}
 
 impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     /// The method of eighth order, where a candidate uses it.

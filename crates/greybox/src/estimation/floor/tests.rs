@@ -37,8 +37,11 @@ fn a_poor_fit_is_believed_when_a_second_search_comes_to_it() {
     assert!(is_doubtful(&landmarks, &ended(&lower)), "found once, lower");
     let same = [first[0], first[1], first[2], (1, 40.0)];
     assert!(!is_doubtful(&landmarks, &ended(&same)));
-    let floor = Floor::of(&landmarks, &ended(&same)).expect("costs");
-    assert_eq!((floor.starts, floor.at_floor, floor.searches), (4, 3, 2));
+    let floor = FloorReport::of(&landmarks, &ended(&same)).expect("costs");
+    assert_eq!(
+        (floor.starts, floor.starts_at_floor, floor.searches_at_floor),
+        (4, 3, 2)
+    );
 }
 
 #[test]
@@ -70,16 +73,16 @@ fn what_only_an_exchange_came_to_is_looked_for_again() {
         residuals: 13,
         ..landmarks(true)
     };
-    let floor = Floor::of(&landmarks, &found).expect("costs");
-    assert_eq!((floor.starts, floor.at_floor), (2, 0));
+    let floor = FloorReport::of(&landmarks, &found).expect("costs");
+    assert_eq!((floor.starts, floor.starts_at_floor), (2, 0));
     assert!(is_doubtful(&landmarks, &found));
 }
 
 #[test]
 fn costs_of_data_without_noise_are_the_same_when_both_are_next_to_nothing() {
     let found = ended(&[(0, 1e-14), (0, 3e-12), (0, 2e-3)]);
-    let floor = Floor::of(&landmarks(false), &found).expect("costs");
-    assert_eq!((floor.starts, floor.at_floor), (3, 2));
+    let floor = FloorReport::of(&landmarks(false), &found).expect("costs");
+    assert_eq!((floor.starts, floor.starts_at_floor), (3, 2));
     assert!(!is_doubtful(&landmarks(false), &found));
 }
 

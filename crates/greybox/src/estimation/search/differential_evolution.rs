@@ -1,8 +1,8 @@
 //! A generation of differential evolution on the objective of the hybrid search, so that the two
 //! can be compared.
 
-use super::proposer::{Judgement, Proposer};
-use super::{Parent, Search};
+use super::proposer::{Judgement, Proposer, ProposerContext};
+use super::state::Parent;
 use crate::estimation::objective::Evaluation;
 use crate::genetic::{Chromosome, Encoding, differential, operators};
 use greybox_numerics::rng::{Purpose, Rng};
@@ -13,13 +13,13 @@ use std::sync::Arc;
 pub(super) struct DifferentialEvolution;
 
 impl Proposer for DifferentialEvolution {
-    fn begin(&self, search: &mut Search) -> Vec<Chromosome> {
+    fn begin(&self, search: &mut ProposerContext<'_>) -> Vec<Chromosome> {
         let candidates = search.settings.population as usize;
         let mut rng = search.stream(Purpose::Population);
         operators::random_population(search.encoding, candidates, &mut rng)
     }
 
-    fn next(&self, search: &mut Search, judged: &Judgement<'_>) -> Vec<Chromosome> {
+    fn next(&self, search: &mut ProposerContext<'_>, judged: &Judgement<'_>) -> Vec<Chromosome> {
         let mut rng = search.stream(Purpose::Mutation);
         let parents = &mut search.state.parents;
         *parents = survivors(parents, judged.population, judged.evaluations);

@@ -1,8 +1,7 @@
 //! The paper's method (section 3): the ICRA network assigns credits, from which a genetic
 //! algorithm breeds; now and then the best candidate takes least-squares steps.
 
-use super::Search;
-use super::proposer::{Judgement, Proposer};
+use super::proposer::{Judgement, Proposer, ProposerContext};
 use crate::credit::{self, Credits, icra::Network, spread};
 use crate::estimation::objective::Evaluation;
 use crate::estimation::settings::{BlockOrder, CreditForm, ErrorSpread, Settings};
@@ -15,7 +14,7 @@ use std::sync::Arc;
 pub(super) struct IcraGenetic;
 
 impl Proposer for IcraGenetic {
-    fn begin(&self, search: &mut Search) -> Vec<Chromosome> {
+    fn begin(&self, search: &mut ProposerContext<'_>) -> Vec<Chromosome> {
         let candidates = search.settings.population as usize;
         let mut rng = search.stream(Purpose::Population);
         operators::random_population(search.encoding, candidates, &mut rng)
@@ -23,7 +22,7 @@ impl Proposer for IcraGenetic {
 
     /// Hill-climbing: now and then the champion takes least-squares steps, if it has not before.
     /// Where they lead, candidates of the next generation stand.
-    fn climber(&self, search: &Search) -> Option<Chromosome> {
+    fn climber(&self, search: &ProposerContext<'_>) -> Option<Chromosome> {
         let interval = search.settings.hill_climbing_interval;
         let due = interval > 0 && (search.state.generation + 1).is_multiple_of(interval);
         let champion = &search.state.leaders.first()?.chromosome;
@@ -33,7 +32,11 @@ impl Proposer for IcraGenetic {
 
     /// Section 3.1: the ICRA network distributes credit over the generation, block after block,
     /// until the entropy criterion stops it.
-    fn credits(&self, search: &Search, evaluations: &[Arc<Evaluation>]) -> Option<Credits> {
+    fn credits(
+        &self,
+        search: &ProposerContext<'_>,
+        evaluations: &[Arc<Evaluation>],
+    ) -> Option<Credits> {
         let settings = &search.settings;
         let mut order: Vec<usize> = (0..search.objective.n_blocks()).collect();
         if settings.block_order == BlockOrder::Shuffled {
@@ -67,7 +70,7 @@ impl Proposer for IcraGenetic {
     }
 
     /// Section 3.2: roulette by credit, crossover, mutation; then elitism.
-    fn next(&self, search: &mut Search, judged: &Judgement<'_>) -> Vec<Chromosome> {
+    fn next(&self, search: &mut ProposerContext<'_>, judged: &Judgement<'_>) -> Vec<Chromosome> {
         let (settings, encoding) = (&search.settings, search.encoding);
         let population = judged.population;
         let credits = judged.credits.expect("this method assigns credits");
@@ -112,7 +115,7 @@ fn spread_rule(settings: &Settings) -> spread::Rule {
 }
 
 /// The candidate with the lowest cost over all the data, of this generation or before.
-fn elite(search: &Search, judged: &Judgement<'_>) -> Chromosome {
+fn elite(search: &ProposerContext<'_>, judged: &Judgement<'_>) -> Chromosome {
     match search.state.leaders.first() {
         Some(champion) => champion.chromosome.clone(),
         None => judged.population[index_of_best(judged.evaluations)].clone(),

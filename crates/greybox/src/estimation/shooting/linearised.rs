@@ -1,7 +1,6 @@
 //! The residuals and jumps of all segments linearised, with the starts eliminated.
 
-use super::Joins;
-use super::segment::{STATE_SHIFT, Simulated, Starts, jumps, visit};
+use super::segment::{Joins, STATE_SHIFT, Simulated, Starts, jumps, visit};
 use crate::estimation::problem::Problem;
 use greybox_numerics::chain::{Chains, Member};
 

@@ -28,6 +28,15 @@ pub(super) struct Starts {
     pub scales: Vec<f64>,
 }
 
+/// How the segments are joined.
+#[derive(Clone, Copy)]
+pub(super) struct Joins<'a> {
+    /// Where the segments start.
+    pub starts: &'a Starts,
+    /// How much the square of a jump counts beside the square of a residual.
+    pub weight: f64,
+}
+
 /// A candidate with starts of its own.
 #[derive(Clone, Debug)]
 pub(super) struct Trial {

@@ -1,5 +1,6 @@
 //! What a job takes as known, with how well it is known.
 
+use super::coordinates::name_of;
 use super::experiment;
 use crate::estimation::problem::{Assumed, Assumption, MeasuredOutput, SensorNumber, Target};
 use crate::identification::spec::{
@@ -121,7 +122,7 @@ fn of_parameter(
     target: Target,
 ) -> Option<Assumption> {
     Some(Assumption {
-        name: super::name_of(parameter, target),
+        name: name_of(parameter, target),
         unit: parameter.unit.to_string(),
         target: Assumed::Model(target),
         value: fixed.value,

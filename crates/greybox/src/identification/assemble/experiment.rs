@@ -1,12 +1,12 @@
 //! One experiment: cut out of its recording, its inputs without holes, its start settled.
 
-use super::{Finding, signal_pointer};
+use super::Finding;
 use crate::estimation::prior::Prior;
 use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Target, UnknownStart};
 use crate::identification::spec::{
     ExperimentRole, ExperimentSpec, InitialStateSpec, OutputSpec, ParameterSpec,
 };
-use greybox_numerics::parsing::fault::Fault;
+use greybox_numerics::parsing::fault::{Fault, pointer_to};
 use greybox_numerics::statistics;
 use greybox_recording::{Mapped, Recording, RecordingSelection, Split, TimeWindow};
 use greybox_simulation::model::{InitialState, ModelDescription, Scale};
@@ -406,4 +406,9 @@ fn range_of_slope(values: &[f64], experiment: &Experiment) -> Option<(f64, f64)>
 
 fn around(centre: f64, half: f64) -> Option<(f64, f64)> {
     (half > 0.0).then_some((centre - half, centre + half))
+}
+
+/// The place of an experiment's signal in the specification.
+pub(super) fn signal_pointer(pointer: &str, signal: &str) -> String {
+    pointer_to(&format!("{pointer}/signals"), signal)
 }

@@ -1,7 +1,7 @@
 //! How much noise the measured samples have: all of an output the same, or each its own.
 
-use super::experiment::Cut;
-use super::{Finding, signal_pointer};
+use super::Finding;
+use super::experiment::{Cut, signal_pointer};
 use crate::estimation::problem::MeasuredOutput;
 use crate::identification::spec::{JobSpec, OutputSpec};
 use greybox_numerics::parsing::fault::{Fault, pointer_to};

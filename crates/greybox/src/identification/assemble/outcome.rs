@@ -1,15 +1,15 @@
 //! The result document of a run.
 
 use crate::estimation::problem::{Coordinate, Experiment, Problem, Target};
-use crate::estimation::report::{Refinement, Report};
+use crate::estimation::report::Report;
 use crate::identification::JobSpec;
 use crate::identification::next_steps::Finished;
 use crate::identification::outcome::{
-    ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, FloorReport,
-    InitialStateEstimate, ModelSearchReport, MonteCarlo, Outcome, ParameterEstimate, ProfilePoint,
-    Reason, SearchReport, StartReport, TotalInterval, TriedModel, ValidationStart, Verdict,
+    ConfidenceInterval, Correlation, Criteria, Engine, Estimate, Fit, InitialStateEstimate,
+    ModelSearchReport, Outcome, ParameterEstimate, ProfilePoint, Reason, SearchReport,
+    TotalInterval, ValidationStart, Verdict,
 };
-use crate::uncertainty::selection::{Selection, Tried};
+use crate::uncertainty::selection::Selection;
 use crate::uncertainty::verdict::{Doubt, Grade};
 use crate::uncertainty::{Analysis, Conclusion, CoordinateUncertainty, fit};
 use std::collections::BTreeMap;
@@ -65,31 +65,19 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
             .collect(),
         budget: super::budget::lines(problem, &report.positions, &analysis.budget),
         fit: Fit {
-            estimation: by_output(problem, &analysis.estimation_fit),
-            validation: by_output(problem, &analysis.validation_fit),
+            estimation: problem.by_output(&analysis.estimation_fit),
+            validation: problem.by_output(&analysis.validation_fit),
         },
-        residuals: by_output(problem, &analysis.residuals),
+        residuals: problem.by_output(&analysis.residuals),
         criteria: Criteria {
             cost: report.cost.and_then(finite),
             ..analysis.criteria.clone()
         },
         search: search(report),
         searches: report.searches.clone(),
-        starts: report.refinements.iter().map(start_of).collect(),
-        floor: report.floor.as_ref().map(|floor| FloorReport {
-            starts: floor.starts as u64,
-            starts_at_floor: floor.at_floor as u64,
-            searches_at_floor: floor.searches as u64,
-            plateau: floor.is_plateau,
-            twins: report
-                .twins
-                .iter()
-                .map(|twin| twin.iter().cloned().collect())
-                .collect(),
-        }),
-        model_search: selection
-            .as_ref()
-            .map(|selection| model_search(problem, selection)),
+        starts: report.starts.clone(),
+        floor: report.floor.clone(),
+        model_search: selection.as_ref().map(model_search),
         engine: Engine {
             seed: origin.spec.seed,
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -219,7 +207,7 @@ fn estimate(
                 lower: lower.and_then(finite),
                 upper: upper.and_then(finite),
             }),
-        monte_carlo: uncertainty.monte_carlo.map(MonteCarlo::of),
+        monte_carlo: uncertainty.monte_carlo,
         trust: Some(uncertainty.trust),
         prior_shift: uncertainty.prior_shift.and_then(finite),
         lower: coordinate.lower,
@@ -237,12 +225,6 @@ fn profile_point((value, excess): &(f64, f64)) -> Option<ProfilePoint> {
     })
 }
 
-/// Pairs the items of all outputs, in the order of the problem, with the names of the outputs.
-fn by_output<T: Clone>(problem: &Problem, items: &[T]) -> BTreeMap<String, T> {
-    let names = problem.outputs.iter().map(|output| output.name.clone());
-    names.zip(items.iter().cloned()).collect()
-}
-
 fn search(report: &Report) -> SearchReport {
     let failed = report.counters.failed_evaluations.iter();
     SearchReport {
@@ -257,34 +239,15 @@ fn search(report: &Report) -> SearchReport {
     }
 }
 
-fn model_search(problem: &Problem, selection: &Selection) -> ModelSearchReport {
-    let tried = |tried: &Tried| TriedModel {
-        effects: tried.effects.clone(),
-        unknowns: tried.unknowns as u64,
-        cost: tried.cost.and_then(finite),
-        bic: tried.criterion.and_then(finite),
-        estimation: by_output(problem, &tried.estimation_fit),
-        validation: by_output(problem, &tried.validation_fit),
-    };
-    let tried: Vec<TriedModel> = selection.tried.iter().map(tried).collect();
+fn model_search(selection: &Selection) -> ModelSearchReport {
+    let best = selection.tried.first();
     ModelSearchReport {
-        supported: tried
-            .first()
-            .map_or_else(Vec::new, |best| best.effects.clone()),
+        supported: best.map_or_else(Vec::new, |best| best.effects.clone()),
         compared_on: match selection.compared_on {
             fit::Part::Estimation => "estimation",
             fit::Part::Validation => "validation",
         }
         .to_owned(),
-        tried,
-    }
-}
-
-fn start_of(start: &Refinement) -> StartReport {
-    StartReport {
-        initial_cost: start.start_cost.and_then(finite),
-        cost: start.coarse_cost.and_then(finite),
-        parameters: start.values.iter().cloned().collect(),
-        end: start.end.map(|end| end.name().to_owned()),
+        tried: selection.tried.clone(),
     }
 }

@@ -1,5 +1,6 @@
 //! What can be said of a job before it runs.
 
+use super::experiment::signal_pointer;
 use super::{Assembly, Finding};
 use crate::estimation::{Settings, trajectory};
 use greybox_numerics::statistics;
@@ -68,7 +69,7 @@ pub fn findings(assembly: &Assembly) -> Vec<Finding> {
             let name = &problem.model.description().input_sets[experiment.input_set][input];
             if statistics::range(values).is_some_and(|(low, high)| low == high) {
                 let detail = format!("the input `{name}` never changes: it excites nothing");
-                let pointer = super::signal_pointer(&pointer, name);
+                let pointer = signal_pointer(&pointer, name);
                 findings.push(Finding::new("input_constant", &pointer, &detail));
             }
         }

@@ -111,7 +111,7 @@ fn report(problem: &Problem, position: f64, stop_reason: StopReason) -> Report {
         best_credit: None,
         best_generation: None,
         searches: Vec::new(),
-        refinements: Vec::new(),
+        starts: Vec::new(),
         floor: None,
         twins: vec![problem.named_values(&other)],
     }

@@ -1,5 +1,4 @@
-//! What a result says of the search: its generations, its starts, and how often the lowest cost was
-//! found.
+//! What a result says of the search: its generations and its candidates.
 
 use std::collections::BTreeMap;
 
@@ -21,34 +20,4 @@ pub struct SearchReport {
     pub best_credit: Option<f64>,
     /// The generation in which the champion was found.
     pub best_generation: Option<u32>,
-}
-
-/// One start of the refinement.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct StartReport {
-    /// The cost at which the start began.
-    pub initial_cost: Option<f64>,
-    /// The cost at which the coarse descent of the start ended: starts are compared by it.
-    pub cost: Option<f64>,
-    /// The values at which the start ended, SI.
-    pub parameters: BTreeMap<String, f64>,
-    /// Why the start ended: `converged`, `merged` (its step led within a standard error of a minimum that another
-    /// start had found), `iteration_limit` or `failed`; `null` where the run was stopped before.
-    #[serde(default)]
-    pub end: Option<String>,
-}
-
-/// How often the lowest cost was found. The starts that look for a twin do not count.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct FloorReport {
-    /// Starts of the refinement that came to a cost.
-    pub starts: u64,
-    /// Starts of the refinement that came to the lowest cost.
-    pub starts_at_floor: u64,
-    /// Searches whose starts came to the lowest cost.
-    pub searches_at_floor: u64,
-    /// Whether a constant explains the data as well.
-    pub plateau: bool,
-    /// Minima of other parameters that cost as little: each unknown with its value, SI.
-    pub twins: Vec<BTreeMap<String, f64>>,
 }

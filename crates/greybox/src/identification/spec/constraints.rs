@@ -1,5 +1,6 @@
 //! The `constraints` section: conditions that the parameters keep.
 
+use super::entries;
 use super::own_parameters::JobParameters;
 use greybox_numerics::parsing::reader::Field;
 use greybox_simulation::model::document::Condition;
@@ -10,18 +11,8 @@ pub const MAX_CONSTRAINTS: usize = 16;
 /// The section; what is wrong is told.
 pub(super) fn read(field: &Field<'_>, parameters: JobParameters<'_>) -> Vec<String> {
     let model = parameters.model;
-    let Some(entries) = field.array() else {
-        return Vec::new();
-    };
-    if entries.len() > MAX_CONSTRAINTS {
-        let detail = format!(
-            "{} constraints are more than {MAX_CONSTRAINTS}",
-            entries.len()
-        );
-        field.fault("too_many", detail);
-    }
     let mut texts = Vec::new();
-    for entry in entries.take(MAX_CONSTRAINTS) {
+    for entry in entries::first(field, MAX_CONSTRAINTS, "constraints") {
         let conditions = Condition::read(&entry, model);
         let indices = conditions.iter().flat_map(Condition::parameters);
         let mut names = indices.map(|index| &*model.parameters[*index].name);
@@ -36,29 +27,12 @@ pub(super) fn read(field: &Field<'_>, parameters: JobParameters<'_>) -> Vec<Stri
 
 #[cfg(test)]
 mod tests {
-    use super::super::parameter;
+    use super::super::own_parameters;
     use super::*;
-    use greybox_numerics::parsing::reader::Faults;
-    use greybox_simulation::model::Catalogue;
     use serde_json::{Value, json};
 
     fn faults(document: &Value) -> Vec<(String, String)> {
-        let model = Catalogue::built_in();
-        let model = model
-            .get("single_rod_servo")
-            .expect("a model")
-            .description();
-        let faults = Faults::default();
-        let parameters = JobParameters {
-            model,
-            shared: &parameter::read_all(None, model),
-            experiments: &[],
-        };
-        read(&Field::root(document, &faults), parameters);
-        let faults = faults.into_vec().into_iter();
-        faults
-            .map(|fault| (fault.pointer, fault.code.into_owned()))
-            .collect()
+        own_parameters::faults_of(document, read)
     }
 
     #[test]

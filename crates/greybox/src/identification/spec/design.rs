@@ -13,7 +13,7 @@ pub use excitation::Proposal;
 pub use inputs::Excitable;
 pub use instants::InstantsPlan;
 
-use super::experiment::read_initial_state;
+use super::initial_state::read_initial_state;
 use super::outputs::check_output;
 use super::{
     ExperimentRole, ExperimentSpec, InitialStateSpec, JobSpec, LimitsSpec, MAX_SEED, OutputSpec,

@@ -1,5 +1,6 @@
 //! The `exclude` of an experiment: what of its recording is left out.
 
+use super::entries;
 use super::window::inside;
 use greybox_numerics::parsing::reader::{Field, did_you_mean};
 use greybox_recording::{Exclude, ExcludedClass, ExcludedSpan, Summary};
@@ -22,12 +23,7 @@ pub(super) fn read(field: &Field<'_>, recording: Option<&Summary>) -> Option<Exc
     };
     let spans = match spans {
         Some(spans) => {
-            let items = spans.array()?;
-            if items.len() > MAX_SPANS {
-                let detail = format!("{} spans are more than {MAX_SPANS}", items.len());
-                spans.fault("out_of_range", detail);
-                return None;
-            }
+            let items = entries::at_most(&spans, MAX_SPANS, "spans")?;
             let read: Vec<_> = items.map(|span| read_span(&span, recording)).collect();
             read.into_iter().collect::<Option<_>>()?
         }

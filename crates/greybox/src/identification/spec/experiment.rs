@@ -2,18 +2,74 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::{
-    ExperimentRole, ExperimentSpec, FirstSample, FixedValue, FreeState, InitialStateSpec,
-    MAX_EXPERIMENTS, ParameterSpec, StateRange, exclude, parameter, prior, window,
-};
+use super::initial_state::{InitialStateSpec, read_initial_state};
+use super::window::WindowSpec;
+use super::{ParameterSpec, exclude, parameter, window};
 use crate::identification::DatasetId;
 use greybox_numerics::dimension::Dimension;
 use greybox_numerics::parsing::reader::{Field, Object, did_you_mean, listed};
-use greybox_recording::{Instants, Summary};
-use greybox_simulation::model::{ModelDescription, SignalDescription, Tolerance};
+use greybox_recording::{Exclude, Instants, Summary};
+use greybox_simulation::model::{ModelDescription, SignalDescription};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// The experiments of one job at the most.
+pub const MAX_EXPERIMENTS: usize = 32;
 
 /// Values that the experiments of one job read at the most: recorded samples times signals.
 const MAX_VALUES: usize = 20_000_000;
+
+/// One recording and how the model sees it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ExperimentSpec {
+    /// The stored recording.
+    pub dataset: DatasetId,
+    /// From the model's signals to the recording's; left out, equal names are taken.
+    #[serde(default)]
+    #[schema(example = json!({"reference": "reference", "position": "position"}))]
+    pub signals: BTreeMap<String, String>,
+    /// The part of the recording to use; left out, all of it.
+    pub window: Option<WindowSpec>,
+    /// What of it to leave out: kinds of samples, and spans of time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exclude: Option<Exclude>,
+    /// Which instants irregular samples are compared at: their `own`, or those of a uniform `grid`
+    /// on which they are interpolated; left out, a grid where the samples are those of one but for
+    /// jitter and single gaps, else their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub instants: Option<Instants>,
+    /// By the model's name, where each state starts; left out, as the model says.
+    #[serde(default)]
+    pub initial_state: BTreeMap<String, InitialStateSpec>,
+    /// By the model's name, parameters that are this experiment's own: another load, an offset or
+    /// a dead time of its own. A value, or a range to look in; all others are those of the job.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schema(example = json!({"load_force": {"value": 200.0}}))]
+    pub parameters: BTreeMap<String, ParameterSpec>,
+    /// What it is for.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub role: ExperimentRole,
+    /// How long a stretch, from its first sample, the start of an experiment that only validates is
+    /// fitted to `[s]`; left out, until no output shows the start any more, a quarter of the
+    /// experiment at the most. The stretch counts in no score.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0, nullable = false)]
+    pub start_fit_s: Option<f64>,
+}
+
+/// What an experiment is for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ExperimentRole {
+    /// To estimate from, but for its part that is held back.
+    #[default]
+    Estimation,
+    /// To check the estimate with: all of it is held back.
+    Validation,
+}
 
 /// The experiments, or `None` when any of them is wrong.
 pub(super) fn read_all(
@@ -316,87 +372,4 @@ impl SignalMatch<'_> {
             listed(&names)
         )
     }
-}
-
-pub(super) fn read_initial_state(
-    field: &Field<'_>,
-    model: &ModelDescription,
-    signals: Option<&BTreeMap<String, String>>,
-) -> BTreeMap<String, InitialStateSpec> {
-    let mut states = BTreeMap::new();
-    for (name, field) in field.object().map(|o| o.entries()).into_iter().flatten() {
-        if !model.states.iter().any(|state| state.name == name) {
-            let names: Vec<&str> = model.states.iter().map(|state| &*state.name).collect();
-            let hint = did_you_mean(name, names.iter().copied());
-            let detail = format!(
-                "the states of `{}` are {}{hint}",
-                model.name,
-                listed(&names)
-            );
-            field.fault("unknown_state", detail);
-        }
-        let measured = signals.is_none_or(|signals| signals.contains_key(name))
-            && model.outputs.iter().any(|output| output.name == name);
-        if let Some(state) = read_state(&field, name, measured) {
-            states.insert(name.to_owned(), state);
-        }
-    }
-    states
-}
-
-fn read_state(field: &Field<'_>, name: &str, measured: bool) -> Option<InitialStateSpec> {
-    if field.value.is_number() {
-        let value = field.number()?;
-        return Some(InitialStateSpec::Fixed(FixedValue {
-            value,
-            tolerance: None,
-        }));
-    }
-    if field.value.is_string() {
-        let first = field.choice(&[("first_sample", FirstSample::FirstSample)])?;
-        if !measured {
-            let detail = format!("`{name}` is not a measured output, so it has no first sample");
-            field.fault("state_not_measured", detail);
-        }
-        return Some(InitialStateSpec::Measured(first));
-    }
-    let mut object = field.object()?;
-    let value = object.optional("value");
-    let estimate = object.optional("estimate");
-    let read = match (value, estimate) {
-        (Some(value), None) => {
-            let tolerance = object.optional("tolerance");
-            let tolerance = tolerance.and_then(|field| Tolerance::read(&field));
-            let value = value.number();
-            value.map(|value| InitialStateSpec::Fixed(FixedValue { value, tolerance }))
-        }
-        (None, Some(estimate)) => {
-            let prior = object.optional("prior");
-            let prior = prior.and_then(|field| prior::read(&field));
-            let range = read_range(&estimate);
-            range.map(|estimate| InitialStateSpec::Free(FreeState { estimate, prior }))
-        }
-        _ => {
-            let detail = "a number, \"first_sample\", {\"value\": …} or {\"estimate\": \
-                          {\"lower\": …, \"upper\": …}} is needed";
-            object.fault("missing_field", detail);
-            None
-        }
-    };
-    object.finish();
-    read
-}
-
-fn read_range(field: &Field<'_>) -> Option<StateRange> {
-    let mut object = field.object()?;
-    let lower = object.required("lower").and_then(|field| field.number());
-    let upper = object.required("upper").and_then(|field| field.number());
-    object.finish();
-    let (lower, upper) = (lower?, upper?);
-    if lower >= upper {
-        let detail = format!("lower {lower} is not below upper {upper}");
-        field.fault("bounds_reversed", detail);
-        return None;
-    }
-    Some(StateRange { lower, upper })
 }

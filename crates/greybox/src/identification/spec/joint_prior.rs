@@ -1,5 +1,6 @@
 //! The `priors` section: what is known of several parameters together.
 
+use super::entries;
 use super::own_parameters::JobParameters;
 use crate::estimation::prior::JointPrior;
 use greybox_numerics::parsing::reader::{Field, did_you_mean};
@@ -37,15 +38,8 @@ pub struct JointPriorSpec {
 
 /// The section; what is wrong is told.
 pub(super) fn read(field: &Field<'_>, parameters: JobParameters<'_>) -> Vec<JointPriorSpec> {
-    let Some(entries) = field.array() else {
-        return Vec::new();
-    };
-    if entries.len() > MAX_PRIORS {
-        let detail = format!("{} priors are more than {MAX_PRIORS}", entries.len());
-        field.fault("too_many", detail);
-    }
     let mut priors: Vec<JointPriorSpec> = Vec::new();
-    for entry in entries.take(MAX_PRIORS) {
+    for entry in entries::first(field, MAX_PRIORS, "priors") {
         priors.extend(read_prior(&entry, parameters, &priors));
     }
     priors
@@ -178,31 +172,12 @@ fn scaled(correlation: &[Vec<f64>], std: &[f64]) -> Vec<Vec<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::parameter;
+    use super::super::own_parameters;
     use super::*;
-    use greybox_numerics::parsing::reader::Faults;
-    use greybox_simulation::model::Catalogue;
     use serde_json::{Value, json};
 
     fn faults(document: &Value) -> Vec<(String, String)> {
-        let model = Catalogue::built_in();
-        let model = model
-            .get("single_rod_servo")
-            .expect("a model")
-            .description();
-        let faults = Faults::default();
-        let experiment = json!({"dataset": "ds_0192d3a4b5c67d8e9f00112233445566", "window": null});
-        let experiment = serde_json::from_value(experiment).expect("an experiment");
-        let parameters = JobParameters {
-            model,
-            shared: &parameter::read_all(None, model),
-            experiments: &[experiment],
-        };
-        read(&Field::root(document, &faults), parameters);
-        let faults = faults.into_vec().into_iter();
-        faults
-            .map(|fault| (fault.pointer, fault.code.into_owned()))
-            .collect()
+        own_parameters::faults_of(document, read)
     }
 
     #[test]

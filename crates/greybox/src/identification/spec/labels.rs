@@ -2,8 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use super::{MAX_LABELS, MAX_NAME_CHARS};
 use greybox_numerics::parsing::reader::Field;
+
+/// The labels of one job at the most.
+pub const MAX_LABELS: usize = 16;
+/// The characters of a name or a label at the most.
+pub const MAX_NAME_CHARS: usize = 200;
 
 /// PostgreSQL stores no such text, so no database does.
 const NO_NUL: &str = "a text has no NUL character";

@@ -3,7 +3,7 @@
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::MAX_NAME_CHARS;
+use super::labels::MAX_NAME_CHARS;
 use greybox_numerics::parsing::reader::{Field, did_you_mean, listed};
 use greybox_simulation::model::ModelDescription;
 

@@ -8,6 +8,12 @@ use super::{
 };
 use greybox_numerics::parsing::reader::Object;
 use greybox_simulation::model::ModelDescription;
+#[cfg(test)]
+use {
+    greybox_numerics::parsing::reader::{Faults, Field},
+    greybox_simulation::model::Catalogue,
+    serde_json::json,
+};
 
 /// What a job and its experiments say of the parameters of a model.
 #[derive(Clone, Copy)]
@@ -94,4 +100,31 @@ impl<'a> JobParameters<'a> {
             }
         }
     }
+}
+
+/// The place and the code of each fault that the reader of a section finds in a document, where the
+/// job has one experiment of the servo and says nothing of its parameters.
+#[cfg(test)]
+pub(super) fn faults_of<T>(
+    document: &serde_json::Value,
+    read: impl Fn(&Field<'_>, JobParameters<'_>) -> T,
+) -> Vec<(String, String)> {
+    let model = Catalogue::built_in();
+    let model = model
+        .get("single_rod_servo")
+        .expect("a model")
+        .description();
+    let faults = Faults::default();
+    let experiment = json!({"dataset": "ds_0192d3a4b5c67d8e9f00112233445566", "window": null});
+    let experiment = serde_json::from_value(experiment).expect("an experiment");
+    let parameters = JobParameters {
+        model,
+        shared: &super::parameter::read_all(None, model),
+        experiments: &[experiment],
+    };
+    read(&Field::root(document, &faults), parameters);
+    let faults = faults.into_vec().into_iter();
+    faults
+        .map(|fault| (fault.pointer, fault.code.into_owned()))
+        .collect()
 }

@@ -203,11 +203,7 @@ fn read_range(field: &Field<'_>, parameter: &ParameterDescription) -> Option<Sea
     object.finish();
     let (lower, upper, scale) = (lower?, upper?, scale?);
     let at_lower = at_lower.as_ref().unwrap_or(field);
-    if lower >= upper {
-        let detail = format!("lower {lower} is not below upper {upper}");
-        at_lower.fault("bounds_reversed", detail);
-        return None;
-    }
+    check_range(at_lower, lower, upper)?;
     if scale == Scale::Log && lower <= 0.0 {
         let detail =
             format!("a log scale needs lower {lower} above 0; or say \"scale\": \"linear\"");
@@ -219,6 +215,16 @@ fn read_range(field: &Field<'_>, parameter: &ParameterDescription) -> Option<Sea
         upper,
         scale,
     })
+}
+
+/// Nothing, with a fault, where the lower bound of a range is not below the upper one.
+pub(super) fn check_range(field: &Field<'_>, lower: f64, upper: f64) -> Option<()> {
+    if lower >= upper {
+        let detail = format!("lower {lower} is not below upper {upper}");
+        field.fault("bounds_reversed", detail);
+        return None;
+    }
+    Some(())
 }
 
 /// A number that the parameter can physically have.

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use super::experiment::{SignalMatch, read_initial_state};
+use super::experiment::SignalMatch;
+use super::initial_state::read_initial_state;
 use super::{InitialStateSpec, WindowSpec, parameter, read_model, window};
 use crate::identification::DatasetId;
 use greybox_numerics::parsing::fault::Fault;

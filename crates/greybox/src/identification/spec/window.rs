@@ -1,8 +1,30 @@
 //! The `window` of an experiment: which part of its recording is used.
 
-use super::WindowSpec;
 use greybox_numerics::parsing::reader::Field;
 use greybox_recording::Summary;
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// A part of a recording, in seconds from its first sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WindowSpec {
+    /// The first instant used; left out, the first sample.
+    #[schema(minimum = 0)]
+    pub from_s: Option<f64>,
+    /// The last instant used; left out, the last sample.
+    #[schema(minimum = 0)]
+    pub to_s: Option<f64>,
+    /// The first instant used, as a time of day with its offset, where the recording has one; the
+    /// completed specification says `from_s`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<String>, format = DateTime, example = "2026-03-02T08:15:00+01:00")]
+    pub from: Option<jiff::Timestamp>,
+    /// The last instant used, in the same way.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub to: Option<jiff::Timestamp>,
+}
 
 /// The part between two instants, given in seconds or as times of day.
 pub(super) fn read(field: &Field<'_>, recording: Option<&Summary>) -> Option<WindowSpec> {

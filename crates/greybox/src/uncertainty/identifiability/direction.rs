@@ -1,6 +1,5 @@
 //! Directions in which unknowns move together, and their names.
 
-use super::FlatDirection;
 use crate::estimation::problem::{Coordinate, Problem};
 use greybox_simulation::model::Scale;
 
@@ -12,6 +11,24 @@ const USUAL_RATIOS: [f64; 5] = [1.0, 2.0, 0.5, 3.0, 1.0 / 3.0];
 
 /// A ratio of powers is a usual one within this share.
 const USUAL: f64 = 0.02;
+
+/// A direction that the data do not see.
+#[derive(Clone, Debug)]
+pub struct FlatDirection {
+    /// The coordinates that take part, by their places, with their exponents or (on a linear scale,
+    /// where the direction is straight) their shares of the range; the largest is 1.
+    pub parts: Vec<(usize, f64)>,
+    /// In words, e.g. what a ratio keeps fixed.
+    pub words: String,
+}
+
+impl FlatDirection {
+    /// Whether several unknowns take part.
+    #[must_use]
+    pub fn is_combination(&self) -> bool {
+        self.parts.len() > 1
+    }
+}
 
 /// A direction in which unknowns move together.
 #[derive(Clone, Debug)]

@@ -2,8 +2,8 @@
 
 use super::{Case, short};
 use crate::estimation::problem::{Assumed, Coordinate, Target};
-use crate::uncertainty::NORMAL_95;
 use crate::uncertainty::budget::{BETTER, Line};
+use crate::uncertainty::covariance::NORMAL_95;
 use crate::uncertainty::drift::{Change, Drift};
 use crate::uncertainty::verdict::{Doubt, Grade, Rule, Subject, Trust};
 

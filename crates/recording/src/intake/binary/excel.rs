@@ -2,10 +2,10 @@
 
 use super::super::error::{broken, invalid, malformed};
 use super::super::memory::Memory;
-use super::{
+use super::converted::{
     ConvertedRows, RowText, TEXT_AT_ONCE, WriteRows, push_field, push_number, receive_rows,
-    workbook,
 };
+use super::workbook;
 use crate::intake::options::Options;
 use crate::intake::{Format, ReadError, ReadingFault};
 use crate::{MAX_SIGNALS, NewScratch, ReceivedRecording, Warning};

@@ -4,7 +4,7 @@ use super::super::column::SignalColumn;
 use super::super::error::{ReadingFault, ReadingFaults, invalid};
 use super::super::options::Options;
 use super::super::{ReadError, stamp, units};
-use super::{line_of, texts};
+use super::rows::{line_of, texts};
 use crate::{MAX_SIGNALS, name_fault};
 use ::csv::ByteRecord;
 use std::collections::HashSet;

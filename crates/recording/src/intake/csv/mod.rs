@@ -17,59 +17,17 @@ mod simulink;
 mod sniff;
 mod table;
 
-pub use super::options::Options;
-
-use super::error::{malformed, told};
 use super::memory::Memory;
-use super::options::Decimal;
-use super::{Format, MediaKind, ReadError, ReadingFault};
-use crate::{NewScratch, ReceivedRecording, Recording, Warning};
-use ::csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
+use super::options::{Decimal, Options};
+use super::{Format, ReadError};
+use crate::{NewScratch, ReceivedRecording, Warning};
+use ::csv::{ByteRecord, Reader, ReaderBuilder};
 use header::Header;
 pub(super) use header::time_name_and_unit;
-use rows::BoundedRows;
+use rows::{BoundedRows, read_row};
 use sniff::Sniff;
-use std::io::{self, Read};
+use std::io::Read;
 use table::CsvTable;
-
-impl Recording {
-    /// A recording from CSV: a header row that names the columns with their units in brackets,
-    /// the time in the first column.
-    ///
-    /// # Errors
-    /// When the text cannot be read, with everything that is wrong with it.
-    ///
-    /// ```
-    /// let text = "time [s],force [N],position [mm]\n0,0,0\n0.01,1,0\n0.02,1,0.02\n";
-    /// let recording = greybox_recording::Recording::from_csv(text.as_bytes())?;
-    /// assert_eq!(recording.signals[1].values[2], 2e-5);
-    /// # Ok::<(), greybox_recording::intake::ReadError>(())
-    /// ```
-    pub fn from_csv(reader: impl Read) -> Result<Recording, ReadError> {
-        read(reader, &Options::default())
-    }
-}
-
-/// Reads a recording into memory.
-///
-/// # Errors
-/// When the source fails, when the text is not CSV, or with everything that is wrong with the
-/// columns and values.
-pub fn read(reader: impl Read, options: &Options) -> Result<Recording, ReadError> {
-    super::read(reader, MediaKind::Csv, options)
-}
-
-/// Reads a recording of which memory holds a few MiB; what is more goes to the scratch.
-///
-/// # Errors
-/// Those of [`read`], and when the scratch fails.
-pub fn receive(
-    reader: impl Read,
-    options: &Options,
-    scratch: NewScratch,
-) -> Result<ReceivedRecording, ReadError> {
-    super::receive(reader, MediaKind::Csv, options, Some(scratch))
-}
 
 /// What kind of CSV begins so.
 pub(super) fn recognised(head: &[u8]) -> Format {
@@ -110,7 +68,7 @@ pub(super) fn receive_as(
         Format::InfluxCsv => influx::read(rows, &options, memory),
         _ => wide(rows, &sniff, &options, scratch),
     }?;
-    received.notes.splice(0..0, notes);
+    received.header.notes.splice(0..0, notes);
     Ok(received)
 }
 
@@ -130,57 +88,6 @@ fn wide(
         table.push(&record).map_err(ReadError::Scratch)?;
     }
     table.into_received()
-}
-
-/// The next row; false at the end.
-fn read_row(
-    rows: &mut Reader<BoundedRows<impl Read>>,
-    record: &mut ByteRecord,
-) -> Result<bool, ReadError> {
-    rows.get_mut().begin();
-    let is_one = rows.read_byte_record(record).map_err(from_csv)?;
-    // The reader counts from where it began to look, which may be empty lines before the row.
-    if let Some(mut position) = record.position().cloned() {
-        let within = record
-            .as_slice()
-            .iter()
-            .filter(|byte| **byte == b'\n')
-            .count();
-        let end = rows.position().line();
-        position.set_line(end.saturating_sub(1 + within as u64).max(position.line()));
-        record.set_position(Some(position));
-    }
-    Ok(is_one)
-}
-
-/// The line at which a row begins.
-fn line_of(record: &ByteRecord) -> u64 {
-    record.position().map_or(1, ::csv::Position::line)
-}
-
-/// The fields of a row as text; a fault where it is none.
-fn texts(record: &ByteRecord) -> Result<Vec<&str>, ReadError> {
-    let text = |field| std::str::from_utf8(field).map(str::trim);
-    let fields: Result<Vec<&str>, _> = record.iter().map(text).collect();
-    fields.map_err(|_| malformed(not_utf8(line_of(record))))
-}
-
-fn not_utf8(line: u64) -> ReadingFault {
-    let detail = "the text is not UTF-8; say its encoding, such as encoding=windows-1252";
-    ReadingFault::at_line("not_utf8", line, None, detail)
-}
-
-fn from_csv(error: ::csv::Error) -> ReadError {
-    let line = error.position().map_or(1, ::csv::Position::line);
-    match error.into_kind() {
-        ErrorKind::Io(error) => told(ReadError::Io(error)),
-        kind => ReadError::Io(io::Error::other(format!("line {line}: {kind:?}"))),
-    }
-}
-
-/// Whether a row has nothing in it.
-fn is_empty(record: &ByteRecord) -> bool {
-    record.iter().all(|field| field.trim_ascii().is_empty())
 }
 
 #[cfg(test)]

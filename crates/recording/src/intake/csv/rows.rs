@@ -1,7 +1,8 @@
-//! Rows of CSV of which none is so long that memory would not hold its fields.
+//! Rows of CSV and their fields; none is so long that memory would not hold its fields.
 
-use super::super::error::{ReadingFault, broken};
+use super::super::error::{ReadError, ReadingFault, broken, malformed, told};
 use super::super::memory::LONGEST_ROW;
+use ::csv::{ByteRecord, Error, ErrorKind, Position, Reader};
 use std::io::{self, Read};
 
 /// Bytes that are handed over at once, so that little of the next row counts as a part of a row.
@@ -47,4 +48,55 @@ impl<R: Read> Read for BoundedRows<R> {
         self.handed += count as u64;
         Ok(count)
     }
+}
+
+/// The next row; false at the end.
+pub(super) fn read_row(
+    rows: &mut Reader<BoundedRows<impl Read>>,
+    record: &mut ByteRecord,
+) -> Result<bool, ReadError> {
+    rows.get_mut().begin();
+    let is_one = rows.read_byte_record(record).map_err(from_csv)?;
+    // The reader counts from where it began to look, which may be empty lines before the row.
+    if let Some(mut position) = record.position().cloned() {
+        let within = record
+            .as_slice()
+            .iter()
+            .filter(|byte| **byte == b'\n')
+            .count();
+        let end = rows.position().line();
+        position.set_line(end.saturating_sub(1 + within as u64).max(position.line()));
+        record.set_position(Some(position));
+    }
+    Ok(is_one)
+}
+
+/// The line at which a row begins.
+pub(super) fn line_of(record: &ByteRecord) -> u64 {
+    record.position().map_or(1, Position::line)
+}
+
+/// The fields of a row as text; a fault where it is none.
+pub(super) fn texts(record: &ByteRecord) -> Result<Vec<&str>, ReadError> {
+    let text = |field| std::str::from_utf8(field).map(str::trim);
+    let fields: Result<Vec<&str>, _> = record.iter().map(text).collect();
+    fields.map_err(|_| malformed(not_utf8(line_of(record))))
+}
+
+pub(super) fn not_utf8(line: u64) -> ReadingFault {
+    let detail = "the text is not UTF-8; say its encoding, such as encoding=windows-1252";
+    ReadingFault::at_line("not_utf8", line, None, detail)
+}
+
+fn from_csv(error: Error) -> ReadError {
+    let line = error.position().map_or(1, Position::line);
+    match error.into_kind() {
+        ErrorKind::Io(error) => told(ReadError::Io(error)),
+        kind => ReadError::Io(io::Error::other(format!("line {line}: {kind:?}"))),
+    }
+}
+
+/// Whether a row has nothing in it.
+pub(super) fn is_empty(record: &ByteRecord) -> bool {
+    record.iter().all(|field| field.trim_ascii().is_empty())
 }

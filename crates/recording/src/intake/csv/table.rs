@@ -8,9 +8,9 @@ use super::super::error::{ReadError, ReadingFault, ReadingFaults};
 use super::super::options::{Options, ReadingPurpose};
 use super::super::tags::check_options;
 use super::header::Header;
-use super::{is_empty, line_of, not_utf8};
+use super::rows::{is_empty, line_of, not_utf8};
 use crate::columns::{SampleColumns, SampleSeries};
-use crate::{NamedSignal, NewScratch, ReceivedRecording, TimeAxis, Warning};
+use crate::{NewScratch, ReceivedRecording, Recording, TimeAxis, Warning};
 use ::csv::ByteRecord;
 use std::io;
 
@@ -184,14 +184,7 @@ impl<'o> CsvTable<'o> {
         for (k, column) in columns.filter(|(k, _)| *k != self.time) {
             notes.extend(column.notes());
             if column.is_signal() {
-                signals.push(NamedSignal {
-                    name: column.name,
-                    unit: column.unit.si.into_owned(),
-                    recorded_unit: column.recorded_unit,
-                    interpolation: column.interpolation,
-                    classes: Vec::new(),
-                    column: k,
-                });
+                signals.push(column.into_named(Vec::new(), k));
             }
         }
         let last = self.last.unwrap_or(0.0);
@@ -203,15 +196,17 @@ impl<'o> CsvTable<'o> {
             ReadingPurpose::Stream => instants.collect().map(TimeAxis::Instants),
         };
         Ok(ReceivedRecording {
-            double_hour: self.clock.double_hour(0.0),
-            own_instants: false,
-            name: self.options.name.clone(),
-            start: self.clock.start(0.0),
-            zone: self.clock.zone(),
-            source: self.options.source("wide_csv"),
-            time: time.map_err(ReadError::Scratch)?,
-            signals,
-            notes,
+            header: Recording {
+                double_hour: self.clock.double_hour(0.0),
+                own_instants: false,
+                name: self.options.name.clone(),
+                start: self.clock.start(0.0),
+                zone: self.clock.zone(),
+                source: self.options.source("wide_csv"),
+                time: time.map_err(ReadError::Scratch)?,
+                signals,
+                notes,
+            },
             columns: self.samples,
         })
     }

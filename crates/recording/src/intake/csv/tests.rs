@@ -1,8 +1,13 @@
 //! Whole texts, as plants and spreadsheets write them.
 
-use super::*;
-use crate::TimeAxis;
+use crate::intake::{self, MediaKind, Options, ReadError};
+use crate::{Recording, TimeAxis};
 use proptest::prelude::*;
+use std::io::{self, Read};
+
+fn read(source: impl Read, options: &Options) -> Result<Recording, ReadError> {
+    intake::read(source, MediaKind::Csv, options)
+}
 
 fn parse(text: &str) -> Result<Recording, ReadError> {
     read(text.as_bytes(), &Options::default())

@@ -35,6 +35,20 @@ pub struct Declared {
     pub pointer: String,
 }
 
+impl Declared {
+    /// A name that takes any unit.
+    pub fn of_any_unit(name: &str, pointer: &str) -> Declared {
+        Declared {
+            name: name.to_owned(),
+            symbol: None,
+            unit: ValueUnit::Any,
+            unit_text: String::new(),
+            meaning: String::new(),
+            pointer: pointer.to_owned(),
+        }
+    }
+}
+
 #[derive(Debug)]
 pub struct Parameter {
     pub declared: Declared,

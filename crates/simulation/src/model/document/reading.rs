@@ -221,14 +221,7 @@ impl SectionReader<'_> {
 
     fn constant(&self, name: &str, field: &Field<'_>) -> Option<(Declared, f64)> {
         if field.value.is_number() {
-            let declared = Declared {
-                name: name.to_owned(),
-                symbol: None,
-                unit: ValueUnit::Any,
-                unit_text: String::new(),
-                meaning: String::new(),
-                pointer: field.pointer.clone(),
-            };
+            let declared = Declared::of_any_unit(name, &field.pointer);
             return Some((declared, field.number()?));
         }
         let mut object = field.object()?;
@@ -285,14 +278,7 @@ impl SectionReader<'_> {
     fn formula(&self, name: &str, field: &Field<'_>) -> Option<Formula> {
         if !field.value.is_object() {
             return Some(Formula {
-                declared: Declared {
-                    name: name.to_owned(),
-                    symbol: None,
-                    unit: ValueUnit::Any,
-                    unit_text: String::new(),
-                    meaning: String::new(),
-                    pointer: field.pointer.clone(),
-                },
+                declared: Declared::of_any_unit(name, &field.pointer),
                 text: self.expression(field)?,
             });
         }

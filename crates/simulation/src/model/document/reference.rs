@@ -1,6 +1,6 @@
 //! Documents by reference: `name@digest` means one document for ever.
 
-use super::Read;
+use super::runnable::{Read, read};
 use crate::model::Model;
 use greybox_numerics::parsing::fault::Fault;
 use serde_json::Value;
@@ -36,7 +36,7 @@ impl Referenced {
 /// # Errors
 /// Everything that is wrong with it.
 pub fn referenced(document: &Value) -> Result<Referenced, Vec<Fault>> {
-    let Read { model, warnings } = super::read(document)?;
+    let Read { model, warnings } = read(document)?;
     let digest = Sha256::digest(document.to_string());
     let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
     let name = model.description().name.to_string();

@@ -1,11 +1,12 @@
 //! Documents that run, and documents that are told why they do not.
 
 use super::*;
+use crate::model::Model;
 use crate::{
     Accuracy, CandidateBlock, DrivingInputs, SimulatedCandidate, SimulationFailure, single,
 };
 use proptest::prelude::*;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
 
 fn model(document: &Value) -> Model {

@@ -4,7 +4,7 @@
 //! simulated by equations from which the rest is left out when they are compiled. What is not
 //! there adds nothing, so the bits are the same; the processor is spared the questions.
 
-use super::SingleRodServo;
+use super::dynamics::SingleRodServo;
 use crate::native::{Dynamics, Native};
 use crate::{
     Accuracy, BlockSimulator, CandidateBlock, DrivingInputs, Plant, SimulatedCandidate, block,

@@ -1,7 +1,8 @@
 //! The problem of the job to come, without data: an experiment is designed for that.
 
+use super::super::coordinates::parameters;
 use super::super::trajectory::at_estimate;
-use super::super::{assumption, constraints, experiment, parameters, priors};
+use super::super::{assumption, constraints, experiment, priors};
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Problem, Target};
 use crate::estimation::sensitivity::{SensitivityError, Sides};

@@ -1,6 +1,8 @@
 //! How the inputs of a design may be driven: their limits, the time grid, and what is proposed.
 
 use super::excitation::{self, Proposal};
+use crate::identification::spec::entries;
+use crate::identification::spec::parameter::check_range;
 use crate::uncertainty::design::search::Family;
 use crate::uncertainty::design::{Excitation, Grid, Limits};
 use greybox_numerics::parsing::reader::{Field, Object, did_you_mean, listed};
@@ -136,11 +138,7 @@ fn read_limits(field: &Field<'_>) -> Option<Limits> {
     let rate = rate.map(|field| field.positive());
     object.finish();
     let (lower, upper) = (lower?, upper?);
-    if lower >= upper {
-        let detail = format!("lower {lower} is not below upper {upper}");
-        field.fault("bounds_reversed", detail);
-        return None;
-    }
+    check_range(field, lower, upper)?;
     let rate = match rate {
         Some(rate) => Some(rate?),
         None => None,
@@ -163,12 +161,7 @@ fn read_families(field: &Field<'_>) -> Option<Vec<Family>> {
 }
 
 fn read_proposals(field: &Field<'_>, grid: &Grid, inputs: &[&str]) -> Option<Vec<Proposal>> {
-    let entries = field.array()?;
-    if entries.len() > MAX_PROPOSALS {
-        let detail = format!("{} proposals are more than {MAX_PROPOSALS}", entries.len());
-        field.fault("out_of_range", detail);
-        return None;
-    }
+    let entries = entries::at_most(field, MAX_PROPOSALS, "proposals")?;
     let read = entries.enumerate();
     let read: Vec<_> = read
         .map(|(index, entry)| excitation::read(&entry, index, grid, inputs))

@@ -1,5 +1,6 @@
 //! The `instants` of a design: when a plant that nothing drives may be measured.
 
+use crate::identification::spec::entries;
 use greybox_numerics::parsing::reader::{Field, listed};
 use greybox_simulation::model::ModelDescription;
 
@@ -61,12 +62,7 @@ pub(super) fn read(field: &Field<'_>, model: Option<&ModelDescription>) -> Optio
 }
 
 fn read_all(field: &Field<'_>) -> Option<Vec<f64>> {
-    let entries = field.array()?;
-    if entries.len() > MAX_CANDIDATES {
-        let detail = format!("{} instants are more than {MAX_CANDIDATES}", entries.len());
-        field.fault("out_of_range", detail);
-        return None;
-    }
+    let entries = entries::at_most(field, MAX_CANDIDATES, "instants")?;
     let instants = entries.map(|entry| entry.number_within(0.0, f64::INFINITY));
     instants.collect()
 }

@@ -1,6 +1,6 @@
 //! The values of a column, some rows at a time.
 
-use super::super::push_number;
+use super::super::converted::push_number;
 use super::meaning::ColumnMeaning;
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use ::parquet::data_type::{

@@ -1,6 +1,6 @@
 //! What the values of a column are, and how they are written as text.
 
-use super::super::push_field;
+use super::super::converted::push_field;
 use ::parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
 use ::parquet::schema::types::ColumnDescriptor;
 use jiff::tz::TimeZone;

@@ -6,7 +6,9 @@ mod meaning;
 
 use super::super::error::{broken, malformed};
 use super::super::memory::Memory;
-use super::{ConvertedRows, RowText, TEXT_AT_ONCE, WriteRows, push_field, receive_rows};
+use super::converted::{
+    ConvertedRows, RowText, TEXT_AT_ONCE, WriteRows, damaged, push_field, receive_rows,
+};
 use crate::intake::options::Options;
 use crate::intake::{Format, ReadError, ReadingFault};
 use crate::{MAX_SIGNALS, NewScratch, ReceivedRecording, Warning};
@@ -38,7 +40,7 @@ pub(super) fn receive(
     }
     let file = SerializedFileReader::new(bytes.clone()).map_err(|error| not_read(&error))?;
     let Some(pages) = headers::pages(&bytes, file.metadata()) else {
-        return Err(super::damaged(Format::Parquet));
+        return Err(damaged(Format::Parquet));
     };
     memory.hold(pages.unpacked, "pages of this file", "write smaller pages")?;
     let (columns, left_out) = columns(&file, options);

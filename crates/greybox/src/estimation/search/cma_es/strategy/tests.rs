@@ -1,8 +1,11 @@
 //! The strategy on functions whose minimum is known.
 
 use super::*;
+use crate::estimation::objective::Evaluation;
+use crate::estimation::search::cma_es::best_first;
 use greybox_numerics::rng::{Purpose, stream};
 use greybox_simulation::SimulationFailure;
+use std::sync::Arc;
 
 /// The lowest value of a function after so many evaluations of it, and the strategy then.
 fn lowest(

@@ -1,0 +1,115 @@
+//! The problem of a specification and its recordings.
+
+use super::experiment::Cutter;
+use super::{Finding, assumption, constraints, coordinates, noise, priors};
+use crate::estimation::Problem;
+use crate::estimation::loss::Loss;
+use crate::estimation::problem::MeasuredOutput;
+use crate::identification::spec::JobSpec;
+use greybox_numerics::parsing::fault::Fault;
+use greybox_recording::Recording;
+use greybox_simulation::model::{Model, ModelDescription};
+use std::borrow::Borrow;
+use std::sync::Arc;
+
+/// A problem ready to be estimated, and what was changed or noticed on the way.
+#[derive(Debug)]
+pub struct Assembly {
+    /// The problem.
+    pub problem: Problem,
+    /// What its user should know.
+    pub findings: Vec<Finding>,
+}
+
+/// Assembles the problem of a specification from its recordings, one for each experiment.
+///
+/// # Errors
+/// All that keeps the experiments from being cut out of the recordings, with JSON pointers.
+pub fn problem(
+    spec: &JobSpec,
+    model: &Arc<Model>,
+    recordings: &[impl Borrow<Recording>],
+) -> Result<Assembly, Vec<Fault>> {
+    let description = model.description();
+    let mut outputs = measured_outputs(spec, description);
+    let mut cuts = Vec::new();
+    let mut faults = Vec::new();
+    for (index, (experiment, recording)) in spec.experiments.iter().zip(recordings).enumerate() {
+        let pointer = format!("/experiments/{index}");
+        let cutter = Cutter {
+            description,
+            outputs: &outputs,
+            said: &spec.outputs,
+            validation_fraction: spec.validation.fraction,
+            pointer: &pointer,
+            place: index,
+        };
+        match cutter.cut(experiment, recording.borrow()) {
+            Ok(cut) => cuts.push(cut),
+            Err(found) => faults.extend(found),
+        }
+    }
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    let (parameters, mut coordinates) = coordinates::parameters(spec, description);
+    for (index, cut) in cuts.iter().enumerate() {
+        coordinates.extend(
+            cut.free_states
+                .iter()
+                .map(|free| free.coordinate(description, index)),
+        );
+    }
+    noise::settle(&mut outputs, spec, &mut cuts)?;
+    let findings = cuts
+        .iter_mut()
+        .flat_map(|cut| std::mem::take(&mut cut.findings))
+        .collect();
+    let experiments = Arc::new(cuts.into_iter().map(|cut| cut.experiment).collect());
+    let assumptions = assumption::assumptions(spec, description, &outputs);
+    let problem = Problem {
+        model: Arc::clone(model),
+        parameters,
+        coordinates,
+        outputs,
+        experiments,
+        loss: spec
+            .method
+            .huber_threshold
+            .map_or(Loss::Squared, Loss::Huber),
+        assumptions: Arc::new(assumptions),
+        joint_priors: Arc::new(priors::joint(spec, description)),
+        constraints: Arc::new(constraints::compiled(spec, description)),
+        innovations: None,
+    };
+    constraints::check(&problem)?;
+    if problem.n_residuals() <= problem.coordinates.len() {
+        let detail = format!(
+            "{} measured samples cannot fix {} unknowns",
+            problem.n_residuals(),
+            problem.coordinates.len()
+        );
+        return Err(vec![Fault::new("/experiments", "too_few_samples", detail)]);
+    }
+    Ok(Assembly { problem, findings })
+}
+
+/// The outputs that at least one experiment measures, in the model's order.
+fn measured_outputs(spec: &JobSpec, description: &ModelDescription) -> Vec<MeasuredOutput> {
+    let is_measured = |name: &str| {
+        spec.experiments
+            .iter()
+            .any(|experiment| experiment.signals.contains_key(name))
+    };
+    let outputs = description.outputs.iter().enumerate();
+    outputs
+        .filter(|(_, output)| is_measured(&output.name))
+        .map(|(index, output)| MeasuredOutput {
+            index,
+            name: output.name.to_string(),
+            unit: output.unit.to_string(),
+            noise_std: None,
+            residual_scale: 1.0,
+        })
+        .collect()
+}

@@ -1,0 +1,59 @@
+//! What a report is made from.
+
+use crate::identification::JobSpec;
+use crate::identification::assemble::ExperimentTrajectory;
+use crate::identification::outcome::Outcome;
+use greybox_simulation::model::ModelDescription;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+/// What a page is made from.
+#[derive(Clone, Copy, Debug)]
+pub struct Report<'a> {
+    /// The job's name, or what else to call it.
+    pub title: &'a str,
+    /// When it ended, as it shall be shown.
+    pub finished_at: Option<&'a str>,
+    /// What was asked.
+    pub spec: &'a JobSpec,
+    /// The model.
+    pub model: &'a ModelDescription,
+    /// The recordings, one for each experiment.
+    pub recordings: &'a [RecordingFacts],
+    /// What was found.
+    pub outcome: &'a Outcome,
+    /// The history of the search.
+    pub generations: &'a [GenerationCosts],
+    /// Measured and simulated outputs.
+    pub experiments: &'a [ExperimentTrajectory],
+}
+
+/// What a generation of the search came to.
+#[derive(Clone, Copy, Debug)]
+pub struct GenerationCosts {
+    /// Counts from 1.
+    pub generation: u32,
+    /// The lowest cost so far; absent while every candidate diverged.
+    pub best: Option<f64>,
+    /// The mean cost of the generation's candidates that did not diverge.
+    pub mean: Option<f64>,
+}
+
+/// What a report says of a recording.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct RecordingFacts {
+    /// The identifier of the recording.
+    pub id: String,
+    /// The name of the recording for people.
+    pub name: Option<String>,
+    /// The digest of the bytes of the recording.
+    pub digest: String,
+    /// When the first sample of the recording was taken, where its source said so.
+    pub start: Option<String>,
+    /// The zone that the source of the recording counted in, where it said one.
+    pub zone: Option<String>,
+    /// The samples of each signal.
+    pub samples: usize,
+    /// From the first to the last sample `[s]`.
+    pub duration_s: f64,
+}

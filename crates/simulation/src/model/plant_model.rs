@@ -1,0 +1,123 @@
+//! A model: the equations of a plant and their description.
+
+use super::specialised::Specialised;
+use super::{ModelDescription, SignalDescription};
+use crate::Plant;
+use crate::filter::{FilterLayout, FilteredPlant, LayoutFault};
+use crate::native::{Dynamics, Native};
+use crate::program::Program;
+use std::borrow::Cow;
+use std::sync::Arc;
+
+/// A model: its description and its equations.
+pub struct Model {
+    description: ModelDescription,
+    plant: Arc<dyn Plant>,
+    /// The equations where they were written as text.
+    program: Option<Arc<Program>>,
+    specialised: Specialised,
+    document: Option<serde_json::Value>,
+}
+
+impl Model {
+    /// Joins a description and the equations it describes.
+    #[must_use]
+    pub fn new(description: ModelDescription, dynamics: impl Dynamics) -> Model {
+        let n_outputs = description.outputs.len();
+        let plant = Native {
+            dynamics,
+            n_outputs,
+        };
+        Model::of_plant(description, Arc::new(plant))
+    }
+
+    /// Joins a description and the equations of a document.
+    #[must_use]
+    pub fn of_program(description: ModelDescription, program: Program) -> Model {
+        let program = Arc::new(program);
+        Model {
+            program: Some(Arc::clone(&program)),
+            ..Model::of_plant(description, program)
+        }
+    }
+
+    /// Joins a description and a plant of any kind.
+    #[must_use]
+    pub fn of_plant(description: ModelDescription, plant: Arc<dyn Plant>) -> Model {
+        Model {
+            description,
+            plant,
+            program: None,
+            specialised: Specialised::default(),
+            document: None,
+        }
+    }
+
+    /// The model with the document that it was read from.
+    #[must_use]
+    pub fn with_document(mut self, document: serde_json::Value) -> Model {
+        self.document = Some(document);
+        self
+    }
+
+    /// The model under another name.
+    #[must_use]
+    pub fn renamed(mut self, name: String) -> Model {
+        self.description.name = Cow::Owned(name);
+        self
+    }
+
+    /// The document that the model was read from, where it is one of the catalogue.
+    #[must_use]
+    pub fn document(&self) -> Option<&serde_json::Value> {
+        self.document.as_ref()
+    }
+
+    /// What the model says of itself.
+    #[must_use]
+    pub fn description(&self) -> &ModelDescription {
+        &self.description
+    }
+
+    /// The equations, ready for simulation.
+    #[must_use]
+    pub fn plant(&self) -> &dyn Plant {
+        self.plant.as_ref()
+    }
+
+    /// The model as the filter sees it, where disturbances move its plant ([`FilteredPlant`]): the
+    /// variance of each output's error stands behind the outputs of the model.
+    ///
+    /// # Errors
+    /// Where the equations do not allow it.
+    pub fn filtered(&self, layout: &FilterLayout) -> Result<Model, LayoutFault> {
+        let program = self.program.as_ref().ok_or(LayoutFault::NotADocument)?;
+        let n_parameters = self.description.parameters.len();
+        let filtered = FilteredPlant::new(program, layout, n_parameters)?;
+        let mut description = self.description.clone();
+        let variances = self.description.outputs.iter().map(|output| {
+            let name = Cow::Owned(format!("variance of {}", output.name));
+            SignalDescription {
+                name,
+                ..output.clone()
+            }
+        });
+        description.outputs.extend(variances);
+        Ok(Model::of_plant(description, Arc::new(filtered)))
+    }
+
+    /// The equations for candidates that have these parameters in common, SI.
+    #[must_use]
+    pub fn plant_with(&self, fixed: &[Option<f64>]) -> Arc<dyn Plant> {
+        self.specialised.get(&self.plant, fixed)
+    }
+}
+
+impl std::fmt::Debug for Model {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter
+            .debug_struct("Model")
+            .field("name", &self.description.name)
+            .finish()
+    }
+}
