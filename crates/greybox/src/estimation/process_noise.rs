@@ -11,7 +11,7 @@ use super::prior::Prior;
 use super::problem::{Coordinate, Experiment, Innovations, Problem, Target};
 use greybox_simulation::filter::{FilterLayout, LayoutFault, StartVariance};
 use greybox_simulation::model::Scale;
-use greybox_simulation::program::{Disturbance, DisturbanceKind};
+use greybox_simulation::program::Disturbance;
 use std::sync::Arc;
 
 /// A number of a disturbance or of a sensor.
@@ -50,7 +50,7 @@ impl NoiseNumber {
     }
 }
 
-/// A disturbance with its numbers.
+/// A disturbance with its numbers; one with memory has a time constant, others have none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProcessNoise {
     /// The name of what it acts on.
@@ -62,6 +62,23 @@ pub struct ProcessNoise {
     pub strength: NoiseNumber,
     /// How long it remembers `[s]`, where it has a memory.
     pub time_constant: Option<NoiseNumber>,
+}
+
+impl ProcessNoise {
+    /// The numbers in the order in which the filter takes them.
+    pub fn numbers(&self) -> impl Iterator<Item = NoiseNumber> + use<> {
+        std::iter::once(self.strength).chain(self.time_constant)
+    }
+
+    /// The size that the disturbance has by its numbers.
+    #[must_use]
+    pub fn typical_size(&self) -> f64 {
+        let strength = self.strength.typical();
+        match self.time_constant {
+            Some(time_constant) => strength / (2.0 * time_constant.typical()).sqrt(),
+            None => strength,
+        }
+    }
 }
 
 /// All disturbances of a problem, and its sensors.
@@ -109,7 +126,11 @@ pub fn filtered(problem: &Problem, noise: &NoiseModel) -> Result<Problem, NoiseF
             .iter()
             .map(|noise| noise.disturbance)
             .collect(),
-        sizes: noise.disturbances.iter().map(typical_size).collect(),
+        sizes: noise
+            .disturbances
+            .iter()
+            .map(ProcessNoise::typical_size)
+            .collect(),
         starts: starts(problem),
         n_inputs: description.inputs.len(),
         longest_step: longest_step(problem, noise.steps),
@@ -132,17 +153,9 @@ pub fn filtered(problem: &Problem, noise: &NoiseModel) -> Result<Problem, NoiseF
         })),
         ..problem.clone()
     };
-    for ProcessNoise {
-        name,
-        disturbance,
-        strength,
-        time_constant,
-    } in &noise.disturbances
-    {
-        add(&mut next, &format!("strength of {name}"), *strength);
-        if disturbance.kind == DisturbanceKind::Memory {
-            let time_constant = time_constant.unwrap_or(NoiseNumber::Given(f64::INFINITY));
-            add(&mut next, &format!("memory of {name}"), time_constant);
+    for noise in &noise.disturbances {
+        for (number, noun) in noise.numbers().zip(["strength", "memory"]) {
+            add(&mut next, &format!("{noun} of {}", noise.name), number);
         }
     }
     for (index, output) in description.outputs.iter().enumerate() {
@@ -178,15 +191,6 @@ fn add(problem: &mut Problem, name: &str, number: NoiseNumber) {
             scale: Scale::Log,
             prior,
         });
-    }
-}
-
-/// The size that a disturbance has by its numbers.
-fn typical_size(noise: &ProcessNoise) -> f64 {
-    let strength = noise.strength.typical();
-    match noise.time_constant {
-        Some(time_constant) => strength / (2.0 * time_constant.typical()).sqrt(),
-        None => strength,
     }
 }
 

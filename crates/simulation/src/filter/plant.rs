@@ -25,14 +25,19 @@ pub struct FilterLayout {
 }
 
 /// Why a plant cannot be filtered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutFault {
     /// The model is written in Rust: its equations cannot be extended.
+    #[error("the model is built in, not a document: disturbances cannot be added to its equations")]
     NotADocument,
     /// The model computes a controller from its states once a sample: the recorded command belongs
     /// in its place.
+    #[error(
+        "the model computes a controller from its states: drive it with the recorded command instead"
+    )]
     ControllerWithin,
     /// The equations with the disturbances have too many operations.
+    #[error("the model has too many operations for its disturbances")]
     TooLarge,
 }
 
