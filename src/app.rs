@@ -21,8 +21,8 @@ use crate::config::{FILES_KEPT, MAX_CONNECTIONS, SHUTDOWN_LIMIT, Settings, Setti
 use crate::dashboard;
 use crate::delivery::Sender;
 use crate::event::EventHub;
-use crate::monitor::Monitors;
 use crate::store::{Retention, Store, StoreError};
+use crate::watcher::Watcher;
 use crate::worker::Worker;
 use crate::worker::method::Methods;
 use crate::worker::run::Method;
@@ -81,7 +81,7 @@ pub struct App {
     store: Store,
     hub: EventHub,
     worker: Worker,
-    monitors: Monitors,
+    watcher: Watcher,
     closing: CancellationToken,
     server: JoinHandle<()>,
     /// What goes on beside: upkeep, deliveries.
@@ -113,7 +113,7 @@ impl App {
             source,
         })?;
         let worker = Worker::start(store.clone(), hub.clone(), method, worker_settings)?;
-        let monitors = Monitors::start(store.clone(), hub.clone(), Catalogue::built_in());
+        let watcher = Watcher::start(store.clone(), hub.clone(), Catalogue::built_in());
         let alive = worker.alive();
         let state = ApiState::new(Parts {
             store: store.clone(),
@@ -162,7 +162,7 @@ impl App {
             store,
             hub,
             worker,
-            monitors,
+            watcher,
             closing,
             server,
             tasks,
@@ -198,7 +198,7 @@ impl App {
             store,
             hub,
             worker,
-            monitors,
+            watcher,
             closing,
             mut server,
             mut tasks,
@@ -227,7 +227,7 @@ impl App {
         if ended.await.is_err() {
             tracing::warn!("a task beside the server was cut off");
         }
-        if tokio::time::timeout(LAST_WORDS, monitors.ended())
+        if tokio::time::timeout(LAST_WORDS, watcher.ended())
             .await
             .is_err()
         {

@@ -30,6 +30,8 @@ pub mod dashboard;
 
 pub mod job;
 
+pub mod monitor;
+
 pub mod store;
 
 pub mod delivery;
@@ -38,6 +40,6 @@ pub mod event;
 
 pub mod span;
 
-pub mod monitor;
+pub mod watcher;
 
 pub mod worker;

@@ -30,7 +30,7 @@ const CRATES: [Crate; 5] = [
         // database of one that does not run.
         ("cli", &["app", "config", "api", "access", "delivery", "store", "span", "job"]),
         // The composition root; only the command line imports it.
-        ("app", &["config", "api", "dashboard", "delivery", "job", "store", "event", "monitor", "worker"]),
+        ("app", &["config", "api", "dashboard", "delivery", "job", "store", "event", "watcher", "worker"]),
         // Settings are handed to the parts as the parts' own types.
         ("config", &["api", "access", "delivery", "store", "worker"]),
         ("api", &["access", "admission", "dashboard", "delivery", "event", "span", "monitor", "store", "job"]),
@@ -40,13 +40,15 @@ const CRATES: [Crate; 5] = [
         ("admission", &[]),
         ("dashboard", &[]),
         ("job", &[]),
-        ("store", &["access", "job"]),
+        // What a monitor is asked, what it knows and what is shown of it.
+        ("monitor", &[]),
+        ("store", &["access", "job", "monitor"]),
         ("delivery", &["access", "event", "store", "job"]),
         ("event", &["access", "store", "job"]),
         // What a collector is told: requests and slices.
         ("span", &["access", "job"]),
         // A window of a stream becomes a job that is read as any other.
-        ("monitor", &["access", "event", "store", "job"]),
+        ("watcher", &["event", "store", "monitor", "job"]),
         ("worker", &["access", "admission", "event", "span", "store", "job"]),
     ] },
     Crate { name: "greybox", folder: "crates/greybox/src", rooms: &[

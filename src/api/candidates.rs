@@ -3,8 +3,8 @@
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
 use axum::response::Response;
+use indexmap::IndexMap;
 use serde::Serialize;
-use serde_json::{Map, Value};
 use utoipa::ToSchema;
 
 use super::ApiState;
@@ -55,7 +55,7 @@ struct CandidateItem {
     failure: Option<&'static str>,
     /// Each unknown's value, SI.
     #[schema(value_type = Object, example = json!({"mass": 57.2}))]
-    values: Map<String, Value>,
+    values: IndexMap<String, f64>,
 }
 
 /// Read every candidate that the search has simulated, each once: as JSON, or as CSV with the
@@ -115,13 +115,12 @@ fn written(page: CandidatePage, as_csv: bool) -> Response {
     }
     let item = |candidate: &Candidate| {
         let names = page.columns.iter().map(|column| column.name.clone());
-        let values = candidate.values.iter().map(|value| Value::from(*value));
         CandidateItem {
             generation: candidate.generation,
             place: candidate.place,
             cost: candidate.cost,
             failure: candidate.failure.map(candidate::SimulationFailure::name),
-            values: names.zip(values).collect(),
+            values: names.zip(candidate.values.iter().copied()).collect(),
         }
     };
     let items = page.candidates.iter().map(item).collect();

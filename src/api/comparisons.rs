@@ -26,10 +26,10 @@ use crate::job::comparison::{self, Comparison, Trial};
 use crate::job::{ComparisonId, Status};
 use crate::store::{
     ComparisonRow, ComparisonSummary, Comparisons, Idempotency, JobRow, NewComparison, Results,
-    Submitted,
+    StoredResult, Submitted,
 };
 use greybox::identification::spec::MethodName;
-use greybox::identification::{JobId, JobSpec, Outcome};
+use greybox::identification::{JobId, JobSpec};
 use greybox::parsing::reader::{Field, read_document};
 
 /// The label that the jobs of a comparison carry.
@@ -341,9 +341,9 @@ async fn shown(results: &Results, row: &ComparisonRow) -> Answer<ComparisonState
             methods.push(method);
         }
         if row.status.is_terminal()
-            && let Some(outcome) = results.find(row.id).await?
+            && let Some(result) = results.find(row.id).await?
         {
-            trials.extend(trial(row, outcome));
+            trials.extend(trial(row, &result));
         }
     }
     let ended = rows.iter().filter(|row| row.status.is_terminal()).count();
@@ -374,8 +374,8 @@ fn seed_of(row: &JobRow) -> u64 {
     row.task.identification().map_or(0, |spec| spec.seed)
 }
 
-fn trial(row: &JobRow, outcome: Value) -> Option<Trial> {
-    let outcome: Outcome = serde_json::from_value(outcome).ok()?;
+fn trial(row: &JobRow, result: &StoredResult) -> Option<Trial> {
+    let outcome = result.outcome().ok()?;
     let estimates = outcome.parameters.iter();
     let estimates = estimates.map(|known| (known.key(), known.estimate.estimate));
     let (started, finished) = (row.started_at?, row.finished_at?);

@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use axum::http::{StatusCode, header};
-use serde_json::Value;
 
 use super::ApiState;
 use super::error::{Answer, Kind, Problem, ProblemFault};
@@ -12,7 +11,7 @@ use super::jobs::{no_job, retry_after};
 use super::work::stopped;
 use crate::admission::Permit;
 use crate::job::Status;
-use crate::store::{JobRow, Results};
+use crate::store::{JobRow, Results, StoredResult};
 use greybox::identification::assemble::{self, ExperimentTrajectory, PastResult};
 use greybox::identification::{JobId, JobSpec, Outcome};
 use greybox::model::Model;
@@ -51,9 +50,9 @@ impl FinishedJob {
             let detail = "the job designs an experiment: it estimates nothing";
             return Err(Problem::new(Kind::WrongState, detail));
         };
-        let outcome = result_of(state.store.results(), &row).await?;
+        let result = result_of(state.store.results(), &row).await?;
         let permit = state.work.recording_permit().await?;
-        let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
+        let outcome = result.outcome().map_err(unreadable)?;
         let recordings = state.recordings(&spec).await?.map_err(removed)?;
         let model = state.library.model(&row.project, &spec.model).await?;
         Ok(FinishedJob {
@@ -99,10 +98,10 @@ impl FinishedJob {
 }
 
 /// The result of a job that has one.
-pub async fn result_of(results: &Results, row: &JobRow) -> Answer<Value> {
+pub async fn result_of(results: &Results, row: &JobRow) -> Answer<StoredResult> {
     let finished = row.status.is_terminal() || row.status == Status::Paused;
-    if finished && let Some(outcome) = results.find(row.id).await? {
-        return Ok(outcome);
+    if finished && let Some(result) = results.find(row.id).await? {
+        return Ok(result);
     }
     let detail = match row.status {
         Status::Failed => "the job failed, its `error` says why".to_owned(),

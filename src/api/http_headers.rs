@@ -113,8 +113,13 @@ pub fn json(status: StatusCode, body: &impl Serialize) -> Response {
 
 /// A JSON answer with a strong `ETag`, or 304 when the client has these very bytes.
 pub fn tagged_json(headers: &HeaderMap, body: &impl Serialize) -> Response {
-    let body = serde_json::to_vec(body).expect("answers have only text keys");
-    tagged_bytes(headers, &entity_tag(&body), || body)
+    let body = serde_json::to_string(body).expect("answers have only text keys");
+    tagged_stored(headers, body)
+}
+
+/// Stored JSON with a strong `ETag`, or 304 when the client has these very bytes.
+pub fn tagged_stored(headers: &HeaderMap, json: String) -> Response {
+    tagged_bytes(headers, &entity_tag(json.as_bytes()), || json.into_bytes())
 }
 
 /// A JSON answer with a strong tag that is known without it, or 304 when the client has it.

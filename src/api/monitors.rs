@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
-use axum::response::IntoResponse;
+use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -26,17 +26,13 @@ use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use super::submit;
 use crate::job::MonitorId;
 use crate::monitor::state::instant;
-use crate::monitor::{
-    Alarm, JobTemplate, MonitorSpec, MonitorWindow, ShownWindow, State as MonitorState, warm,
-};
-use crate::store::{
-    Idempotency, MonitorRow, Monitors, NewMonitor, StoredWindow, StreamRow, Streams,
-};
+use crate::monitor::{Alarm, JobTemplate, MonitorSpec, ShownWindow, State as MonitorState, warm};
+use crate::store::{Idempotency, MonitorRow, Monitors, NewMonitor, StreamRow, Streams};
 use greybox::identification::DatasetId;
 use greybox::identification::spec::Context;
 use greybox::parsing::Fault;
 use greybox::recording::{RecordingSource, Summary};
-use stored::{clock_ns, monitor, no_monitor, understood};
+use stored::{clock_ns, monitor, no_monitor};
 use waiting::WaitsFor;
 
 /// Windows that a monitor shows of itself, and alarms.
@@ -94,23 +90,22 @@ pub struct ShownMonitor {
 }
 
 impl Monitor {
-    fn new(row: MonitorRow) -> Answer<Self> {
-        let (spec, state) = understood(&row)?;
+    fn new(row: MonitorRow) -> Self {
         let status = match (row.job, row.silent) {
             (Some(_), _) => MonitorStatus::Working,
             (None, true) => MonitorStatus::DataStopped,
             (None, false) => MonitorStatus::Waiting,
         };
-        Ok(Self {
+        Self {
             id: row.id,
             name: row.name,
             stream: row.stream,
             status,
             due: instant(row.due_ns),
-            next_window: state.next,
-            spec,
+            next_window: row.state.next,
+            spec: row.spec,
             created_at: row.created_at,
-        })
+        }
     }
 }
 
@@ -152,7 +147,7 @@ pub async fn create(
         && let Some(earlier) = state.store.monitors().earlier(idempotency).await?
     {
         let (row, replayed) = submit::stored(earlier)?;
-        return created(row, replayed);
+        return Ok(created(row, replayed));
     }
     let mut spec = MonitorSpec::read(&document.value).map_err(Problem::of_document)?;
     let Some(stream) = state
@@ -177,10 +172,10 @@ pub async fn create(
         project: client.project,
         name: spec.name.clone(),
         stream: spec.stream.clone(),
-        spec: serde_json::to_value(&spec).expect("a specification has only text keys"),
         due_ns: knows.due(&spec.window),
-        state: serde_json::to_value(&knows).expect("a state has only text keys"),
+        state: knows,
         patience: spec.patience(),
+        spec,
         idempotency,
     };
     let inserted = state.store.monitors().insert(new).await?.ok_or_else(|| {
@@ -188,12 +183,12 @@ pub async fn create(
         Problem::new(Kind::WrongState, detail)
     })?;
     let (row, replayed) = submit::stored(inserted)?;
-    created(row, replayed)
+    Ok(created(row, replayed))
 }
 
-fn created(row: MonitorRow, replayed: bool) -> Answer {
+fn created(row: MonitorRow, replayed: bool) -> Response {
     let location = HeaderValue::from_str(&format!("/v1/monitors/{}", row.id));
-    let mut response = json(StatusCode::CREATED, &Monitor::new(row)?);
+    let mut response = json(StatusCode::CREATED, &Monitor::new(row));
     let location = location.expect("an identifier is visible ASCII");
     response.headers_mut().insert(header::LOCATION, location);
     if replayed {
@@ -201,7 +196,7 @@ fn created(row: MonitorRow, replayed: bool) -> Answer {
         let said = HeaderValue::from_static("true");
         response.headers_mut().insert(name, said);
     }
-    Ok(response)
+    response
 }
 
 /// Reads the job against the newest window of the stream, or says everything that is wrong with it;
@@ -325,8 +320,7 @@ pub async fn list(
     let page = monitors
         .list(&client.project, cursor.before, cursor.limit)
         .await?;
-    let items = page.rows.into_iter().map(Monitor::new);
-    let items = items.collect::<Answer<Vec<_>>>()?;
+    let items = page.rows.into_iter().map(Monitor::new).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
 }
 
@@ -345,38 +339,16 @@ pub async fn show(
 ) -> Answer {
     let row = monitor(&monitors, id).await?;
     let windows = monitors.windows(id, None, SHOWN_WINDOWS).await?;
-    let mut windows = shown_windows(windows.rows)?;
+    let mut windows = windows.rows;
     windows.reverse();
     let alarms = monitors.alarms(id, None, SHOWN_ALARMS).await?;
     let shown = ShownMonitor {
         waits_for: WaitsFor::of(&streams, &row).await?,
-        monitor: Monitor::new(row)?,
+        monitor: Monitor::new(row),
         windows,
-        alarms: shown_alarms(alarms.rows)?,
+        alarms: alarms.rows,
     };
     Ok(tagged_json(&headers, &shown))
-}
-
-fn read_back<T: serde::de::DeserializeOwned>(row: serde_json::Value) -> Answer<T> {
-    serde_json::from_value(row).map_err(|error| {
-        tracing::error!(%error, "what a monitor stored does not read back");
-        Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
-    })
-}
-
-fn shown_windows(rows: Vec<StoredWindow>) -> Answer<Vec<ShownWindow>> {
-    let shown = rows.into_iter().map(|row| {
-        Ok(ShownWindow {
-            window: read_back::<MonitorWindow>(row.row)?,
-            job: row.job,
-            dataset: row.dataset,
-        })
-    });
-    shown.collect()
-}
-
-fn shown_alarms(rows: Vec<(i64, serde_json::Value)>) -> Answer<Vec<Alarm>> {
-    rows.into_iter().map(|(_, row)| read_back(row)).collect()
 }
 
 /// Stop watching. Jobs and recordings of windows stay.
@@ -426,9 +398,8 @@ pub async fn windows(
     monitor(&monitors, id).await?;
     let page = monitors.windows(id, cursor.before, cursor.limit);
     let page = page.await?;
-    let items = shown_windows(page.rows)?;
-    let text = prefers(&headers, "text/csv").then(|| csv::table(&items));
-    let page = Page::new(items, page.next.map(|number| number.to_string()));
+    let text = prefers(&headers, "text/csv").then(|| csv::table(&page.rows));
+    let page = Page::new(page.rows, page.next.map(|number| number.to_string()));
     let mut response = page.answer(&uri);
     if let Some(text) = text {
         *response.body_mut() = text.into();
@@ -456,6 +427,5 @@ pub async fn alarms(
     monitor(&monitors, id).await?;
     let page = monitors.alarms(id, cursor.before, cursor.limit);
     let page = page.await?;
-    let items = shown_alarms(page.rows)?;
-    Ok(Page::new(items, page.next.map(|number| number.to_string())).answer(&uri))
+    Ok(Page::new(page.rows, page.next.map(|number| number.to_string())).answer(&uri))
 }

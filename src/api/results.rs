@@ -3,19 +3,18 @@
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
 use super::ApiState;
 use super::error::Answer;
 use super::extract::Named;
 use super::finished_job::{result_of, unreadable};
-use super::http_headers::{json, prefers, tagged_json};
+use super::http_headers::{json, prefers, tagged_stored};
 use super::jobs::no_job;
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use crate::job::{GenerationEvent, JobKind};
+use crate::job::{GenerationEvent, JobKind, ResultOfJob};
 use crate::store::{Jobs, Results};
-use greybox::identification::design::Design;
 use greybox::identification::{JobId, Outcome};
 
 /// Rows of the history in one answer when the client does not say.
@@ -119,27 +118,15 @@ pub async fn result(
     headers: HeaderMap,
 ) -> Answer {
     let row = jobs.find(id).await?.ok_or_else(|| no_job(id))?;
-    let outcome = result_of(&results, &row).await?;
-    if prefers(&headers, "text/csv") {
-        if row.task.kind() == JobKind::Design {
-            let design = Design::deserialize(outcome).map_err(unreadable)?;
-            return Ok(csv(design.csv()));
-        }
-        let outcome: Outcome = serde_json::from_value(outcome).map_err(unreadable)?;
-        return Ok(csv(estimates_csv(&outcome)));
+    let result = result_of(&results, &row).await?;
+    if !prefers(&headers, "text/csv") {
+        return Ok(tagged_stored(&headers, result.into_json()));
     }
-    Ok(tagged_json(&headers, &outcome))
-}
-
-/// The result of a job.
-#[derive(Serialize, ToSchema)]
-#[serde(untagged)]
-#[expect(dead_code, reason = "a shape for the description of the API alone")]
-enum ResultOfJob {
-    /// The result of an identification.
-    Identification(Box<Outcome>),
-    /// The result of a design.
-    Design(Box<Design>),
+    let table = match row.task.kind() {
+        JobKind::Design => result.design().map(|design| design.csv()),
+        JobKind::Identification => result.outcome().map(|outcome| estimates_csv(&outcome)),
+    };
+    table.map(csv).map_err(unreadable)
 }
 
 fn estimates_csv(outcome: &Outcome) -> String {

@@ -2,11 +2,11 @@
 //!
 //! An event is a name and one line of JSON. The first event of a job is `state`, the last `end`.
 
+use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::Status;
+use super::{ResultOfJob, Status};
 use greybox::estimation::{Finding, GenerationRow};
 use greybox::identification::design::{Design, RankedProposal};
 use greybox::identification::outcome::{Fit, ParameterEstimate};
@@ -40,18 +40,15 @@ pub enum Event {
     #[schema(title = "ResultEvent")]
     Result {
         /// The `parameters` of the result.
-        #[schema(value_type = Vec<ParameterEstimate>)]
-        parameters: Value,
+        parameters: Vec<ParameterEstimate>,
         /// The `fit` of the result.
-        #[schema(value_type = Fit)]
-        fit: Value,
+        fit: Fit,
     },
     /// `result` of a design: the experiment.
     #[schema(title = "DesignResultEvent")]
     DesignResult {
         /// The `proposals` of the result.
-        #[schema(value_type = Vec<RankedProposal>)]
-        proposals: Value,
+        proposals: Vec<RankedProposal>,
     },
     /// `end`: the last event; nothing follows.
     #[schema(title = "EndEvent")]
@@ -103,17 +100,15 @@ pub struct GenerationEvent {
     pub credit_updates: u32,
     /// The champion: each free parameter's value, SI.
     #[schema(value_type = Object)]
-    pub best: serde_json::Map<String, Value>,
+    pub best: IndexMap<String, Option<f64>>,
 }
 
 impl From<&GenerationRow> for GenerationEvent {
     /// What is not finite is absent: JSON has no number for it.
     fn from(row: &GenerationRow) -> Self {
         let finite = |value: f64| Some(value).filter(|value| value.is_finite());
-        let best = row.best.iter().map(|(name, value)| {
-            let value = serde_json::Number::from_f64(*value);
-            (name.clone(), value.map_or(Value::Null, Value::Number))
-        });
+        let best = row.best.iter();
+        let best = best.map(|(name, value)| (name.clone(), finite(*value)));
         Self {
             generation: row.generation,
             evaluations: row.evaluations,
@@ -161,7 +156,7 @@ impl GenerationEvent {
             let mut fields = vec![row.generation.to_string(), row.evaluations.to_string()];
             fields.extend(costs.into_iter().chain(credits).map(field));
             fields.push(row.credit_updates.to_string());
-            let values = names.iter().map(|name| row.best.get(*name)?.as_f64());
+            let values = names.iter().map(|name| *row.best.get(*name)?);
             fields.extend(values.map(field));
             text.push_str(&fields.join(","));
             text.push('\n');
@@ -171,15 +166,15 @@ impl GenerationEvent {
 }
 
 impl Event {
-    /// The event of a result document: of an estimate, or of a design.
-    pub fn of_result(outcome: &Value) -> Event {
-        match outcome.get("proposals") {
-            Some(proposals) => Event::DesignResult {
-                proposals: proposals.clone(),
+    /// The event of a result: of an estimate, or of a design.
+    pub fn of_result(result: &ResultOfJob) -> Event {
+        match result {
+            ResultOfJob::Identification(outcome) => Event::Result {
+                parameters: outcome.parameters.clone(),
+                fit: outcome.fit.clone(),
             },
-            None => Event::Result {
-                parameters: outcome["parameters"].clone(),
-                fit: outcome["fit"].clone(),
+            ResultOfJob::Design(design) => Event::DesignResult {
+                proposals: design.proposals.clone(),
             },
         }
     }
@@ -205,9 +200,8 @@ impl Event {
 
 #[cfg(test)]
 mod tests {
-    use serde_json::json;
-
     use super::*;
+    use greybox::estimation::StopReason;
 
     #[test]
     fn data_has_the_shapes_that_clients_rely_on() {
@@ -225,13 +219,10 @@ mod tests {
         };
         assert_eq!(refinement.data(), r#"{"iteration":3,"cost":0.5}"#);
 
-        let result = Event::Result {
-            parameters: json!([{"name": "mass"}]),
-            fit: json!({}),
-        };
+        let result = Event::of_result(&ResultOfJob::sample(StopReason::Stagnation, "mass", 58.0));
         assert_eq!(
             result.data(),
-            r#"{"parameters":[{"name":"mass"}],"fit":{}}"#
+            r#"{"parameters":[{"name":"mass","symbol":"x","unit":"1","estimate":58.0,"standard_error":null,"confidence_interval":null,"total_standard_error":null,"total_interval":null,"trust":null,"lower":0.0,"upper":100.0,"at_bound":false,"identifiable":true,"output_change":{}}],"fit":{"estimation":{},"validation":{}}}"#
         );
     }
 
@@ -246,7 +237,7 @@ mod tests {
             best_credit: Some(0.4),
             entropy: Some(1.2),
             credit_updates: 430,
-            best: serde_json::Map::from_iter([("mass".to_owned(), json!(58.0))]),
+            best: IndexMap::from([("mass".to_owned(), Some(58.0))]),
         });
         assert_eq!(
             event.data(),

@@ -8,6 +8,7 @@ pub mod event;
 pub mod failure;
 pub mod id;
 pub mod kind;
+pub mod result;
 pub mod state;
 pub mod task;
 
@@ -17,5 +18,6 @@ pub use event::{Event, GenerationEvent};
 pub use failure::Failure;
 pub use id::{ComparisonId, DeliveryId, MonitorId, WebhookId};
 pub use kind::JobKind;
+pub use result::ResultOfJob;
 pub use state::{IllegalTransition, Status};
 pub use task::JobTask;

@@ -142,14 +142,6 @@ impl MonitorSpec {
         read_document(document, read)
     }
 
-    /// The specification as it was stored.
-    ///
-    /// # Errors
-    /// When it is not one.
-    pub fn deserialized(stored: &Value) -> Result<Self, serde_json::Error> {
-        Self::deserialize(stored)
-    }
-
     /// The share of its range that a signal must move by.
     #[must_use]
     pub fn movement(&self) -> f64 {

@@ -77,15 +77,13 @@ pub use idempotency::Idempotency;
 pub use job_summaries::{JobSummaryRow, NamedDataset};
 pub use jobs::{JobFilter, JobRemoval, JobRow, Jobs};
 pub use models::{MAX_UNUSED_MODELS, ModelRemoval, ModelRow, ModelStored, Models, NewModel};
-pub use monitors::{
-    Advance, AdvanceWindow, MonitorRow, Monitors, NewMonitor, NewWindowJob, StoredWindow,
-};
+pub use monitors::{Advance, AdvanceWindow, MonitorRow, Monitors, NewMonitor, NewWindowJob};
 pub use nodes::Nodes;
 pub use opening::{DatabasePlace, DatabaseSettings};
 pub use page::Page;
 pub use queue::{QUEUE, SliceOfJob, SliceQueue, project_of, queue_of};
 pub use quotas::Quotas;
-pub use results::Results;
+pub use results::{Results, StoredResult};
 pub use retention::{Retention, Tidied};
 pub use sealed::check::Checked;
 pub use sessions::Sessions;

@@ -10,7 +10,6 @@ mod step;
 use std::sync::Arc;
 
 use jiff::Timestamp;
-use serde_json::Value;
 
 use super::StoreError;
 use super::columns::{self, from_json};
@@ -24,7 +23,8 @@ use super::submit::{self, Submitted};
 use super::writer::in_transaction;
 use crate::access::Project;
 use crate::job::MonitorId;
-pub use monitor::{Advance, AdvanceWindow, MonitorRow, NewMonitor, NewWindowJob, StoredWindow};
+use crate::monitor::{Alarm, ShownWindow};
+pub use monitor::{Advance, AdvanceWindow, MonitorRow, NewMonitor, NewWindowJob};
 use monitor::{SELECT, fetch, read, window};
 
 /// What is watched: monitors, their windows, alarms and events.
@@ -141,7 +141,7 @@ impl Monitors {
         &self,
         id: MonitorId,
         number: i64,
-    ) -> Result<Option<StoredWindow>, StoreError> {
+    ) -> Result<Option<ShownWindow>, StoreError> {
         let row = database::query(
             "select monitor, number, job, dataset, row, seal from monitor_windows \
              where monitor = $1 and number = $2",
@@ -159,7 +159,7 @@ impl Monitors {
         id: MonitorId,
         before: Option<i64>,
         limit: u32,
-    ) -> Result<Page<StoredWindow, i64>, StoreError> {
+    ) -> Result<Page<ShownWindow, i64>, StoreError> {
         let rows = database::query(
             "select monitor, number, job, dataset, row, seal from monitor_windows \
              where monitor = $1 and number < $2 order by number desc limit $3",
@@ -170,7 +170,7 @@ impl Monitors {
         .fetch_all(&self.database.readers)
         .await?;
         let rows = rows.iter().map(window).collect::<Result<Vec<_>, _>>()?;
-        Ok(Page::cut(rows, limit, |row| row.number))
+        Ok(Page::cut(rows, limit, |row| row.window.number))
     }
 
     /// Alarms of a monitor, newest first, before `before`.
@@ -179,7 +179,7 @@ impl Monitors {
         id: MonitorId,
         before: Option<i64>,
         limit: u32,
-    ) -> Result<Page<(i64, Value), i64>, StoreError> {
+    ) -> Result<Page<Alarm, i64>, StoreError> {
         let rows = database::query(
             "select monitor, id, row, seal from monitor_alarms where monitor = $1 and id < $2 \
              order by id desc limit $3",
@@ -191,14 +191,13 @@ impl Monitors {
         .await?;
         let alarm = |row: &Row| {
             MONITOR_ALARMS.verify(row)?;
-            let alarm = from_json("alarm", row.try_get("monitor")?, row.try_get("row")?)?;
-            Ok((row.try_get("id")?, alarm))
+            from_json("alarm", row.try_get("monitor")?, row.try_get("row")?)
         };
         let rows = rows
             .iter()
             .map(alarm)
             .collect::<Result<Vec<_>, StoreError>>()?;
-        Ok(Page::cut(rows, limit, |(number, _)| *number))
+        Ok(Page::cut(rows, limit, |alarm: &Alarm| alarm.id))
     }
 
     /// Events of a monitor with an id above `after`, in order, at most `limit`.

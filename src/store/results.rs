@@ -2,16 +2,18 @@
 
 use std::sync::Arc;
 
-use serde_json::Value;
+use serde::de::IgnoredAny;
 
 use super::StoreError;
-use super::columns::from_json;
+use super::columns::{from_json, json};
 use super::database::{self, Target};
 use super::sealed::RESULTS;
 use super::shared_database::Database;
 use super::writer::Tx;
-use crate::job::Status;
-use greybox::identification::JobId;
+use crate::job::{ResultOfJob, Status};
+use greybox::estimation::StopReason;
+use greybox::identification::design::Design;
+use greybox::identification::{JobId, Outcome};
 
 /// The results of jobs.
 #[derive(Clone)]
@@ -22,12 +24,43 @@ pub struct Results {
 impl Results {
     /// The result of a job: final for one that succeeded, the best so far for one that was paused
     /// or cancelled, nothing before.
-    pub async fn find(&self, job: JobId) -> Result<Option<Value>, StoreError> {
+    pub async fn find(&self, job: JobId) -> Result<Option<StoredResult>, StoreError> {
         fetch(&self.database.readers, job).await
     }
 }
 
-async fn fetch<'c>(on: impl Into<Target<'c>>, job: JobId) -> Result<Option<Value>, StoreError> {
+/// The result of a job as the program that wrote it left it, maybe an older one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredResult(String);
+
+impl StoredResult {
+    /// The stored JSON, which clients are answered unchanged.
+    #[must_use]
+    pub fn into_json(self) -> String {
+        self.0
+    }
+
+    /// The result of an identification.
+    ///
+    /// # Errors
+    /// The result is that of a design, or lacks what every result has today.
+    pub fn outcome(&self) -> Result<Outcome, serde_json::Error> {
+        serde_json::from_str(&self.0)
+    }
+
+    /// The result of a design.
+    ///
+    /// # Errors
+    /// The result is that of an identification, or lacks what every design has today.
+    pub fn design(&self) -> Result<Design, serde_json::Error> {
+        serde_json::from_str(&self.0)
+    }
+}
+
+async fn fetch<'c>(
+    on: impl Into<Target<'c>>,
+    job: JobId,
+) -> Result<Option<StoredResult>, StoreError> {
     let job = job.to_string();
     let row = database::query("select job, outcome, seal from results where job = $1")
         .bind(&job)
@@ -37,7 +70,9 @@ async fn fetch<'c>(on: impl Into<Target<'c>>, job: JobId) -> Result<Option<Value
         return Ok(None);
     };
     RESULTS.verify(&row)?;
-    from_json("result", &job, row.try_get("outcome")?).map(Some)
+    let json: String = row.try_get("outcome")?;
+    from_json::<IgnoredAny>("result", &job, &json)?;
+    Ok(Some(StoredResult(json)))
 }
 
 /// Writes the result of a job that comes to a state; one that a pause left is replaced. A result of a job
@@ -45,16 +80,19 @@ async fn fetch<'c>(on: impl Into<Target<'c>>, job: JobId) -> Result<Option<Value
 pub(super) async fn put(
     tx: &mut Tx,
     job: JobId,
-    mut outcome: Value,
+    mut result: ResultOfJob,
     status: Status,
 ) -> Result<(), StoreError> {
+    let asked = match status {
+        Status::Paused => Some(StopReason::Paused),
+        Status::Cancelled => Some(StopReason::Cancelled),
+        _ => None,
+    };
     // The result of a design does not say why the design ended.
-    if let (Status::Paused | Status::Cancelled, Some(reason)) =
-        (status, outcome.get_mut("stop_reason"))
-    {
-        *reason = status.as_str().into();
+    if let (Some(asked), ResultOfJob::Identification(outcome)) = (asked, &mut result) {
+        outcome.stop_reason = asked;
     }
-    let (job, outcome) = (job.to_string(), outcome.to_string());
+    let (job, outcome) = (job.to_string(), json(&result));
     let seal = RESULTS.seal(&[(&job).into(), (&outcome).into()]);
     database::query(
         "insert into results (job, outcome, seal) values ($1, $2, $3) \
@@ -70,13 +108,16 @@ pub(super) async fn put(
 
 /// Says in a result that a pause left that the job was then cancelled.
 pub(super) async fn mark_cancelled(tx: &mut Tx, job: JobId) -> Result<(), StoreError> {
-    let outcome = match fetch(&mut **tx, job).await {
+    let stored = match fetch(&mut **tx, job).await {
         // The job is cancelled all the same; whoever asks for the result is told of the damage.
         Err(error) if error.corrupt_row().is_some() => None,
-        outcome => outcome?,
+        stored => stored?,
     };
-    match outcome {
-        Some(outcome) => put(tx, job, outcome, Status::Cancelled).await,
+    match stored.and_then(|stored| stored.outcome().ok()) {
+        Some(outcome) => {
+            let result = ResultOfJob::Identification(Box::new(outcome));
+            put(tx, job, result, Status::Cancelled).await
+        }
         None => Ok(()),
     }
 }

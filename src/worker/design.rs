@@ -5,11 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 use super::run::{Advance, Assignment, Past, Row, Run, StopReason, unread};
-use crate::job::Failure;
 use crate::job::event::DesignEvent;
+use crate::job::{Failure, ResultOfJob};
 use greybox::estimation::{Phase, Progress};
 use greybox::identification::assemble::{Assessments, COST_OF_JOB, Designing, PastResult};
 use greybox::identification::design::Design;
@@ -174,12 +173,12 @@ impl Run for DesignRun {
         &mut self,
         _stopped: Option<StopReason>,
         _hurry: &AtomicBool,
-    ) -> Result<Option<Value>, Failure> {
+    ) -> Result<Option<ResultOfJob>, Failure> {
         if let Some(failure) = self.failure.take() {
             return Err(failure);
         }
-        let best = self.best.as_ref();
-        Ok(best.map(|best| serde_json::to_value(best).expect("a design has only text keys")))
+        let best = self.best.clone();
+        Ok(best.map(|best| ResultOfJob::Design(Box::new(best))))
     }
 }
 

@@ -1,13 +1,11 @@
 //! The method as the worker's runs: from the stored job to [`identification::Run`] and from there
-//! to rows and the result document.
+//! to rows and the result.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use serde_json::Value;
-
 use super::run::{Advance, Assignment, Helped, Row, Run, Share, StopReason, unread};
-use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent};
+use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, ResultOfJob};
 use crate::store::SharedPart;
 use greybox::estimation::{Finding, GenerationRow, Observer, Progress, RefinementRow};
 use greybox::identification::{self, IdentificationError, JobSpec, Part};
@@ -117,10 +115,9 @@ impl Run for IdentificationRun {
         &mut self,
         stopped: Option<StopReason>,
         hurry: &AtomicBool,
-    ) -> Result<Option<Value>, Failure> {
+    ) -> Result<Option<ResultOfJob>, Failure> {
         let outcome = self.run.outcome(stopped, hurry).map_err(failure)?;
-        Ok(outcome
-            .map(|outcome| serde_json::to_value(outcome).expect("a result has only text keys")))
+        Ok(outcome.map(|outcome| ResultOfJob::Identification(Box::new(outcome))))
     }
 }
 

@@ -167,6 +167,7 @@ impl Recorder {
 
 #[cfg(test)]
 mod tests {
+    use indexmap::IndexMap;
     use jiff::ToSpan;
     use proptest::prelude::*;
 
@@ -197,7 +198,7 @@ mod tests {
             best_credit: None,
             entropy: None,
             credit_updates: 0,
-            best: serde_json::Map::new(),
+            best: IndexMap::new(),
         })
     }
 

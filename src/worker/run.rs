@@ -6,13 +6,11 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use serde_json::Value;
-
 use greybox::estimation::Finding;
 pub use greybox::estimation::{Advance, Share, StopReason};
 
 use crate::job::event::DesignEvent;
-use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent};
+use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, ResultOfJob};
 use crate::store::{JobRow, ModelRow, SharedPart};
 use greybox::estimation::Progress;
 use greybox::identification::{JobSpec, Outcome};
@@ -107,7 +105,7 @@ pub trait Run: Send {
         &mut self,
         stopped: Option<StopReason>,
         hurry: &AtomicBool,
-    ) -> Result<Option<Value>, Failure>;
+    ) -> Result<Option<ResultOfJob>, Failure>;
 }
 
 /// A line of the job's history.

@@ -201,13 +201,13 @@ impl SliceWorker {
     /// The finished job that a job goes on from.
     async fn past(&self, id: JobId) -> Result<Result<Past, Failure>, StoreError> {
         let job = self.store.jobs().find(id).await?;
-        let outcome = self.store.results().find(id).await?;
+        let result = self.store.results().find(id).await?;
         let spec = job.as_ref().and_then(|job| job.task.identification());
-        let (Some(spec), Some(outcome)) = (spec, outcome) else {
+        let (Some(spec), Some(result)) = (spec, result) else {
             let detail = format!("the job {id} or its result is no longer stored");
             return Ok(Err(Failure::cannot_run(detail, Vec::new())));
         };
-        let past = serde_json::from_value(outcome).map(|outcome| Past {
+        let past = result.outcome().map(|outcome| Past {
             spec: spec.clone(),
             outcome,
         });

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use crate::monitor::ShownWindow;
 use crate::monitor::record::WindowStatus;
+use greybox::identification::outcome::Trust;
 
 /// A row for each window, the parameters of the newest that has any as columns. What is absent is
 /// an empty field.
@@ -25,8 +26,7 @@ pub(super) fn table(windows: &[ShownWindow]) -> String {
     text.push('\n');
     for shown in windows {
         let window = &shown.window;
-        let trust = window.trust.map(|trust| serde_json::json!(trust));
-        let trust = trust.as_ref().and_then(serde_json::Value::as_str);
+        let trust = window.trust.map(Trust::name);
         let (from, to, status) = (window.from, window.to, window.status.as_str());
         let trust = trust.unwrap_or_default();
         write!(text, "{},{from},{to},{status},{trust}", window.number)

@@ -6,7 +6,7 @@ use jiff::Timestamp;
 use utoipa::ToSchema;
 
 use super::Monitor;
-use super::stored::{monitor, understood};
+use super::stored::monitor;
 use crate::api::body::JsonDocument;
 use crate::api::error::{Answer, Kind, Problem};
 use crate::api::extract::Named;
@@ -70,18 +70,15 @@ pub async fn move_to(
     if row.job.is_some() {
         return Err(at_work());
     }
-    let (spec, mut knows) = understood(&row)?;
+    let (plan, mut knows) = (row.spec.window, row.state.clone());
     let newest = monitors.windows(id, None, LOOKED_THROUGH).await?;
-    let is_worked = |status: &serde_json::Value| *status != WindowStatus::NoData.as_str();
-    let worked = newest
-        .rows
-        .iter()
-        .find(|window| is_worked(&window.row["status"]));
+    let mut newest = newest.rows.iter().map(|row| &row.window);
+    let worked = newest.find(|window| window.status != WindowStatus::NoData);
     let first = worked.map_or(0, |window| window.number + 1);
-    knows.move_to(&spec.window, wanted.from);
+    knows.move_to(&plan, wanted.from);
     if knows.next < first {
         knows.next = first;
-        let (from, _) = knows.span(&spec.window);
+        let (from, _) = knows.span(&plan);
         let detail = format!(
             "windows before {} were worked; the first that may come next begins then",
             instant(from)
@@ -93,12 +90,12 @@ pub async fn move_to(
         )]));
     }
     let moved = Advance {
-        state: serde_json::to_value(&knows).expect("a state has only text keys"),
-        due_ns: knows.due(&spec.window),
+        due_ns: knows.due(&plan),
+        state: knows,
         silent: row.silent,
         window: None,
         alarms: Vec::new(),
-        forget_before: first - i64::from(spec.keep_jobs),
+        forget_before: first - i64::from(row.spec.keep_jobs),
         from: row,
     };
     if !monitors.advance(moved).await? {
@@ -106,6 +103,6 @@ pub async fn move_to(
     }
     Ok(json(
         StatusCode::OK,
-        &Monitor::new(monitor(&monitors, id).await?)?,
+        &Monitor::new(monitor(&monitors, id).await?),
     ))
 }

@@ -4,7 +4,7 @@ use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::stored::{clock_ns, understood};
+use super::stored::clock_ns;
 use crate::api::error::Answer;
 use crate::monitor::state::instant;
 use crate::store::{MonitorRow, Streams};
@@ -36,8 +36,7 @@ impl WaitsFor {
         if row.job.is_some() {
             return Ok(None);
         }
-        let (spec, knows) = understood(row)?;
-        let (from, to) = knows.span(&spec.window);
+        let (from, to) = row.state.span(&row.spec.window);
         let stream = streams.find(&row.project, &row.stream).await?;
         let reached = match &stream {
             Some(stream) => streams.last_instant(stream, clock_ns()).await?,
@@ -49,7 +48,7 @@ impl WaitsFor {
             Some(reached) => format!("its newest is at {reached}"),
             None => "it has none".to_owned(),
         };
-        let (window, name) = (knows.next, &row.stream);
+        let (window, name) = (row.state.next, &row.stream);
         let detail = format!(
             "window {window}, {from} to {to}, is worked when stream `{name}` has a sample at or after \
              {due}; {newest}"

@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use jiff::Timestamp;
-use serde_json::Value;
 
 use crate::access::Project;
 use crate::job::MonitorId;
+use crate::monitor::{Alarm, MonitorSpec, MonitorWindow, ShownWindow, State};
 use crate::store::columns::{self, from_json, time};
 use crate::store::database::{Connection, QueryBuilder, Row};
 use crate::store::datasets::NewDataset;
@@ -26,9 +26,9 @@ pub struct NewMonitor {
     /// The stream that the monitor watches.
     pub stream: String,
     /// The specification of the monitor.
-    pub spec: Value,
+    pub spec: MonitorSpec,
     /// What the monitor knows at first.
-    pub state: Value,
+    pub state: State,
     /// When the first window ends, nanoseconds since 1970.
     pub due_ns: i64,
     /// How long the monitor waits for data before the monitor says that data stopped.
@@ -49,9 +49,9 @@ pub struct MonitorRow {
     /// The stream that the monitor watches.
     pub stream: String,
     /// The specification of the monitor.
-    pub spec: Value,
+    pub spec: MonitorSpec,
     /// What the monitor knows by now.
-    pub state: Value,
+    pub state: State,
     /// When the next window ends, nanoseconds since 1970.
     pub due_ns: i64,
     /// The job that works a window, where one does.
@@ -73,7 +73,7 @@ pub struct Advance {
     /// The monitor as the step knew it; where it has changed since, the step changes nothing.
     pub from: MonitorRow,
     /// What the monitor knows after the step.
-    pub state: Value,
+    pub state: State,
     /// When the next window ends after the step.
     pub due_ns: i64,
     /// Whether the monitor has said, after the step, that data have stopped.
@@ -81,19 +81,23 @@ pub struct Advance {
     /// What there is to say of a window.
     pub window: Option<AdvanceWindow>,
     /// Alarms, in order; each gets the next number as its `id`.
-    pub alarms: Vec<Value>,
+    pub alarms: Vec<Alarm>,
     /// Windows before this number keep neither their recording nor their job.
     pub forget_before: i64,
 }
 
 /// What a step says of a window.
 pub struct AdvanceWindow {
-    /// The window.
-    pub number: i64,
-    /// What is shown of it.
-    pub row: Value,
-    /// The job that is to work it from now on.
+    /// What is shown of the window.
+    pub window: MonitorWindow,
+    /// The job that is to work the window from now on.
     pub job: Option<NewWindowJob>,
+}
+
+impl From<MonitorWindow> for AdvanceWindow {
+    fn from(window: MonitorWindow) -> Self {
+        Self { window, job: None }
+    }
 }
 
 /// A job that works a window.
@@ -102,19 +106,6 @@ pub struct NewWindowJob {
     pub job: NewJob,
     /// The recording, by an identifier that the job names; nothing where it is stored already.
     pub dataset: Option<(DatasetId, NewDataset)>,
-}
-
-/// A window as it is kept.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StoredWindow {
-    /// The number of the window.
-    pub number: i64,
-    /// The job that worked the window, where such a job is still kept.
-    pub job: Option<JobId>,
-    /// The recording of the window, where the recording is still kept.
-    pub dataset: Option<DatasetId>,
-    /// What is shown of the window.
-    pub row: Value,
 }
 
 pub(super) const SELECT: &str = "select id, project, name, stream, spec, state, due_ns, job, silent, \
@@ -153,15 +144,14 @@ pub(super) fn read(row: &Row) -> Result<MonitorRow, StoreError> {
     })
 }
 
-pub(super) fn window(row: &Row) -> Result<StoredWindow, StoreError> {
+pub(super) fn window(row: &Row) -> Result<ShownWindow, StoreError> {
     MONITOR_WINDOWS.verify(row)?;
     let job: Option<String> = row.try_get("job")?;
     let dataset: Option<String> = row.try_get("dataset")?;
     let dataset = dataset.map(|id| id.parse().map_err(|why| corrupt("identifier", &id, why)));
-    Ok(StoredWindow {
-        number: row.try_get("number")?,
+    Ok(ShownWindow {
+        window: from_json("window", row.try_get("monitor")?, row.try_get("row")?)?,
         job: job.as_deref().map(columns::parse_id).transpose()?,
         dataset: dataset.transpose()?,
-        row: from_json("window", row.try_get("monitor")?, row.try_get("row")?)?,
     })
 }

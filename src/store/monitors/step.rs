@@ -1,10 +1,13 @@
 //! What is written of a monitor: that it is there, and each of its steps.
 
 use jiff::Timestamp;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::json;
 
 use super::monitor::{self, Advance, AdvanceWindow, MonitorRow, NewMonitor, fetch};
 use crate::job::MonitorId;
+use crate::monitor::{Alarm, ShownWindow, WindowStatus};
+use crate::store::columns::json;
 use crate::store::database::{self, Connection};
 use crate::store::idempotency;
 use crate::store::sealed::{MONITOR_ALARMS, MONITOR_EVENTS, MONITOR_WINDOWS, MONITORS};
@@ -39,7 +42,7 @@ pub(super) async fn insert(
         return Ok(None);
     }
     let id = MonitorId::new();
-    let (spec, state) = (new.spec.to_string(), new.state.to_string());
+    let (spec, state) = (json(&new.spec), json(&new.state));
     let seal = MONITORS.seal(&[
         (&id.to_string()).into(),
         new.project.as_str().into(),
@@ -110,19 +113,19 @@ pub(super) async fn advance(tx: &mut Tx, step: Advance) -> Result<bool, StoreErr
     };
     let mut job = now.job;
     if let Some(window) = window {
-        let (works, row) = put_window(tx, from.id, window).await?;
-        job = works;
-        told.tell(tx, "window", &row).await?;
+        let written = put_window(tx, from.id, window).await?;
+        job = written.job;
+        told.tell(tx, "window", &written.window).await?;
     }
     let mut last_alarm = now.last_alarm;
     for mut alarm in alarms {
         last_alarm += 1;
-        alarm["id"] = last_alarm.into();
-        insert_alarm(tx, &from, last_alarm, &alarm).await?;
+        alarm.id = last_alarm;
+        insert_alarm(tx, &from, &alarm).await?;
         told.tell(tx, "alarm", &alarm).await?;
     }
     // The specification is written again in the form that the seal covers.
-    let (id, spec, state) = (from.id.to_string(), now.spec.to_string(), state.to_string());
+    let (id, spec, state) = (from.id.to_string(), json(&now.spec), json(&state));
     let stream = streams::identity(&now.project, &now.stream);
     let seal = MONITORS.seal(&[
         (&id).into(),
@@ -158,12 +161,9 @@ async fn put_window(
     tx: &mut Tx,
     monitor: MonitorId,
     window: AdvanceWindow,
-) -> Result<(Option<JobId>, Value), StoreError> {
-    let AdvanceWindow {
-        number,
-        mut row,
-        job,
-    } = window;
+) -> Result<ShownWindow, StoreError> {
+    let AdvanceWindow { mut window, job } = window;
+    let number = window.number;
     let before = database::query(
         "select monitor, number, job, dataset, row, seal from monitor_windows \
          where monitor = $1 and number = $2",
@@ -191,15 +191,15 @@ async fn put_window(
         let is_gone = all.iter().any(|job| known.missing::<()>(job).is_some());
         let gone = is_gone.then(|| "its model or its recording was removed".to_owned());
         if let Some(reason) = refused.or(gone) {
-            row["status"] = "failed".into();
-            row["reason"] = reason.into();
+            window.status = WindowStatus::Failed;
+            window.reason = Some(reason);
         } else {
             let stored = batch::store(tx, all).await?;
             id = stored.first().map(|job| job.id);
         }
     }
-    let (key, json) = (monitor.to_string(), row.to_string());
-    let seal = MONITOR_WINDOWS.seal(&[(&key).into(), number.into(), (&json).into()]);
+    let (key, row) = (monitor.to_string(), json(&window));
+    let seal = MONITOR_WINDOWS.seal(&[(&key).into(), number.into(), (&row).into()]);
     database::query(
         "insert into monitor_windows (monitor, number, job, dataset, row, seal) \
          values ($1, $2, $3, $4, $5, $6) \
@@ -211,7 +211,7 @@ async fn put_window(
     .bind(number)
     .bind(id.map(|id: JobId| id.to_string()))
     .bind(dataset.map(|id: DatasetId| id.to_string()))
-    .bind(json)
+    .bind(row)
     .bind(seal)
     .execute(&mut **tx)
     .await?;
@@ -219,7 +219,11 @@ async fn put_window(
     if let (Some(_), Some(replaced)) = (id, before.and_then(|before| before.job)) {
         jobs::delete(tx, replaced).await?;
     }
-    Ok((id, row))
+    Ok(ShownWindow {
+        window,
+        job: id,
+        dataset,
+    })
 }
 
 /// Removes the jobs and the recordings of windows before a number; what was estimated stays.
@@ -236,11 +240,16 @@ async fn forget(tx: &mut Tx, monitor: MonitorId, before: i64) -> Result<(), Stor
         .iter()
         .map(monitor::window)
         .collect::<Result<Vec<_>, _>>()?;
-    for window in old {
-        if let Some(job) = window.job {
+    for ShownWindow {
+        window,
+        job,
+        dataset,
+    } in old
+    {
+        if let Some(job) = job {
             jobs::delete(tx, job).await?;
         }
-        if let Some(dataset) = window.dataset {
+        if let Some(dataset) = dataset {
             let is_read: bool = database::query_scalar(
                 "select exists (select 1 from job_datasets where dataset = $1)",
             )
@@ -265,17 +274,12 @@ async fn forget(tx: &mut Tx, monitor: MonitorId, before: i64) -> Result<(), Stor
 
 /// The only place where an alarm is stored: whoever is to be told of it in another way than by the
 /// events of its monitor is told from here, in the same transaction.
-async fn insert_alarm(
-    tx: &mut Tx,
-    monitor: &MonitorRow,
-    id: i64,
-    alarm: &Value,
-) -> Result<(), StoreError> {
-    let (key, row) = (monitor.id.to_string(), alarm.to_string());
-    let seal = MONITOR_ALARMS.seal(&[(&key).into(), id.into(), (&row).into()]);
+async fn insert_alarm(tx: &mut Tx, monitor: &MonitorRow, alarm: &Alarm) -> Result<(), StoreError> {
+    let (key, row) = (monitor.id.to_string(), json(alarm));
+    let seal = MONITOR_ALARMS.seal(&[(&key).into(), alarm.id.into(), (&row).into()]);
     database::query("insert into monitor_alarms (monitor, id, row, seal) values ($1, $2, $3, $4)")
         .bind(key)
-        .bind(id)
+        .bind(alarm.id)
         .bind(row)
         .bind(seal)
         .execute(&mut **tx)
@@ -291,9 +295,14 @@ struct MonitorEvents {
 }
 
 impl MonitorEvents {
-    async fn tell(&mut self, tx: &mut Tx, name: &str, data: &Value) -> Result<(), StoreError> {
+    async fn tell(
+        &mut self,
+        tx: &mut Tx,
+        name: &str,
+        data: &impl Serialize,
+    ) -> Result<(), StoreError> {
         self.last_event += 1;
-        let (key, data) = (self.monitor.to_string(), data.to_string());
+        let (key, data) = (self.monitor.to_string(), json(data));
         let parts = [
             (&key).into(),
             self.last_event.into(),

@@ -5,11 +5,10 @@
 //! while its last unit was computed does not succeed or fail.
 
 use jiff::Timestamp;
-use serde_json::Value;
 
 use super::recording::{queue_again, write_record};
 use super::slice::{Hold, Lease, Record};
-use crate::job::{Event, Failure, Status};
+use crate::job::{Event, Failure, ResultOfJob, Status};
 use crate::store::columns;
 use crate::store::stop_request::StopRequest;
 use crate::store::writer::Tx;
@@ -22,11 +21,11 @@ use greybox::identification::JobId;
 #[derive(Clone, Debug)]
 pub enum Ending {
     /// The job is done, with this result.
-    Succeeded(Value),
+    Succeeded(ResultOfJob),
     /// The job cannot go on.
     Failed(Failure),
     /// The slice stopped because its job was asked to, with the best result so far.
-    Stopped(Option<Value>),
+    Stopped(Option<ResultOfJob>),
 }
 
 impl Ending {

@@ -122,7 +122,7 @@ async fn whoever_brings_the_most_models_makes_room_for_others(fixture: Fixture) 
         reference: format!("{name}@0"),
         digest: name.clone(),
         name,
-        document: json!({}),
+        document: serde_json::json!({}),
         client: client.to_owned(),
     };
     let own = model("own".to_owned(), "neighbour");

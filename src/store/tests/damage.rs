@@ -122,7 +122,7 @@ async fn changed_results_events_generations_and_candidates_are_found_when_they_a
     assert_eq!(looked(&fixture).await, Checked::default());
     harm(
         &fixture,
-        "update results set outcome = replace(outcome, 'paused', 'Paused')",
+        "update results set outcome = replace(outcome, 'limit', 'Limit')",
     )
     .await;
     harm(

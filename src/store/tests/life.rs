@@ -106,7 +106,7 @@ impl Promise {
 struct Shown {
     status: Option<Status>,
     events: Vec<StoredEvent>,
-    result: Option<Value>,
+    result: Option<StoredResult>,
 }
 
 /// A job, and what was promised of it.
@@ -226,9 +226,9 @@ impl Life {
         for slice in std::mem::take(&mut self.slices) {
             let (lease, record) = (slice.lease, record.clone());
             let ending = match end {
-                SliceEnd::Succeeds => Ending::Succeeded(concluded("generation_limit")),
+                SliceEnd::Succeeds => Ending::Succeeded(outcome(StopReason::GenerationLimit)),
                 SliceEnd::Fails => Ending::Failed(Failure::no_estimate()),
-                SliceEnd::Stops => Ending::Stopped(Some(concluded("paused"))),
+                SliceEnd::Stops => Ending::Stopped(Some(outcome(StopReason::Paused))),
                 SliceEnd::HandsOn { must } => {
                     let handed_on = store.slices().hand_on(lease, record, must).await;
                     let is_lost = handed_on.expect("a write") == HandedOn::Lost;
@@ -278,11 +278,12 @@ impl Life {
         };
         assert!(number("result") <= 1, "{:?}", shown.events);
         assert_eq!(number("end"), usize::from(status.is_terminal()));
-        let reason = shown.result.as_ref().map(|result| &result["stop_reason"]);
+        let result = shown.result.as_ref();
+        let reason = result.map(|result| result.outcome().expect("a result").stop_reason);
         match status {
-            Status::Succeeded => assert_eq!(reason, Some(&json!("generation_limit"))),
-            Status::Cancelled => assert!(reason.is_none_or(|reason| reason == "cancelled")),
-            _ => assert!(reason.is_none_or(|reason| reason == "paused")),
+            Status::Succeeded => assert_eq!(reason, Some(StopReason::GenerationLimit)),
+            Status::Cancelled => assert!(reason.is_none_or(|why| why == StopReason::Cancelled)),
+            _ => assert!(reason.is_none_or(|why| why == StopReason::Paused)),
         }
         if status.is_terminal() {
             let end = format!(r#"{{"status":"{status}"}}"#);
@@ -293,12 +294,6 @@ impl Life {
             assert_eq!(*ended, shown, "a job that has ended stays as it is");
         }
     }
-}
-
-fn concluded(stop_reason: &str) -> Value {
-    let mut outcome = outcome();
-    outcome["stop_reason"] = stop_reason.into();
-    outcome
 }
 
 /// What happens to a job between the beginning of its first slice and its end.

@@ -22,14 +22,14 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use serde_json::{Value, json};
+use indexmap::IndexMap;
 
 use super::database::Kind;
 use super::writer::Tx;
 use super::*;
 use crate::access::Project;
-use crate::job::{Event, Failure, GenerationEvent, JobTask, Status};
-use greybox::estimation::{Phase, Progress};
+use crate::job::{Event, Failure, GenerationEvent, JobTask, ResultOfJob, Status};
+use greybox::estimation::{Phase, Progress, StopReason};
 use greybox::identification::{DatasetId, JobId};
 
 /// Tests that hold on SQLite and on PostgreSQL.
@@ -162,9 +162,9 @@ impl Fixture {
 
     async fn finish(&self, slice: &Slice, status: Status) -> Hold {
         let ending = match status {
-            Status::Succeeded => Ending::Succeeded(outcome()),
+            Status::Succeeded => Ending::Succeeded(outcome(StopReason::GenerationLimit)),
             Status::Failed => Ending::Failed(Failure::no_estimate()),
-            _ => Ending::Stopped(Some(outcome())),
+            _ => Ending::Stopped(Some(outcome(StopReason::Paused))),
         };
         self.store
             .slices()
@@ -214,8 +214,8 @@ fn job(key: Option<(&str, &str)>) -> NewJob {
     }
 }
 
-fn outcome() -> Value {
-    json!({"stop_reason": "paused", "parameters": [{"name": "mass", "estimate": 58.02e-7}], "fit": {}})
+fn outcome(stop_reason: StopReason) -> ResultOfJob {
+    ResultOfJob::sample(stop_reason, "mass", 58.02e-7)
 }
 
 fn generation(number: u32) -> GenerationEvent {
@@ -228,7 +228,7 @@ fn generation(number: u32) -> GenerationEvent {
         best_credit: Some(0.1),
         entropy: Some(2.0),
         credit_updates: 400,
-        best: serde_json::Map::from_iter([("mass".to_owned(), json!(0.1 + 0.2))]),
+        best: IndexMap::from([("mass".to_owned(), Some(0.1 + 0.2))]),
     }
 }
 

@@ -1,6 +1,6 @@
 //! A design as a job, whole and in pieces.
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::*;
 use crate::job::{DesignTask, JobTask};
@@ -55,9 +55,12 @@ fn begun(checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {
     methods.begin(assignment).expect("a run")
 }
 
-fn result(run: &mut dyn Run) -> Value {
-    let outcome = run.outcome(None, &NEVER).expect("no failure");
-    outcome.expect("a design")
+fn result(run: &mut dyn Run) -> Design {
+    let result = run.outcome(None, &NEVER).expect("no failure");
+    match result {
+        Some(ResultOfJob::Design(design)) => *design,
+        result => panic!("no design: {result:?}"),
+    }
 }
 
 /// What events told, in order.
@@ -75,7 +78,7 @@ fn a_design_that_is_saved_after_every_unit_is_the_same_with_the_same_events() {
     let mut rows = Vec::new();
     while whole.advance(&NEVER, &mut |row| rows.push(row)) == Advance::Working {}
     let expected = result(&mut *whole);
-    assert_eq!(expected["finished"], true);
+    assert!(expected.finished);
     let events = told(&rows);
     assert!(events.len() > 1, "{events:?}");
     assert!(
@@ -110,9 +113,9 @@ fn a_design_that_is_stopped_has_the_best_so_far() {
     assert_eq!(run.advance(&NEVER, &mut |_| ()), Advance::Working);
     assert_eq!(run.advance(&ALWAYS, &mut |_| ()), Advance::Interrupted);
     let best = result(&mut *run);
-    assert_eq!(best["finished"], false);
-    assert_eq!(best["assessed"], EXPERIMENTS_A_UNIT);
-    assert_eq!(best["findings"][0]["code"], "not_finished");
+    assert!(!best.finished);
+    assert_eq!(best.assessed, EXPERIMENTS_A_UNIT as u64);
+    assert_eq!(best.findings[0].code, "not_finished");
 }
 
 #[test]

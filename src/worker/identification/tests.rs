@@ -2,7 +2,7 @@
 
 use std::sync::atomic::Ordering;
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::*;
 use crate::job::JobTask;
@@ -11,6 +11,8 @@ use crate::worker::method::Methods;
 use crate::worker::run::Method;
 use crate::worker::tests::at_work;
 use greybox::estimation::Phase;
+use greybox::identification::Outcome;
+use greybox::identification::outcome::{Rule, Trust};
 use greybox::identification::spec::MethodName;
 use greybox::model::Catalogue;
 use greybox::recording::{Signal, TimeAxis};
@@ -106,9 +108,15 @@ fn work(run: &mut dyn Run) -> Vec<Row> {
     rows
 }
 
-fn outcome(run: &mut dyn Run, stopped: Option<StopReason>) -> Value {
-    let outcome = run.outcome(stopped, &NEVER).expect("no failure");
-    outcome.expect("an estimate")
+fn outcome(run: &mut dyn Run, stopped: Option<StopReason>) -> Outcome {
+    analysed(run, stopped, &NEVER)
+}
+
+fn analysed(run: &mut dyn Run, stopped: Option<StopReason>, hurry: &AtomicBool) -> Outcome {
+    match run.outcome(stopped, hurry).expect("no failure") {
+        Some(ResultOfJob::Identification(outcome)) => *outcome,
+        result => panic!("no estimate: {result:?}"),
+    }
 }
 
 #[test]
@@ -119,12 +127,10 @@ fn a_run_finds_the_parameters_and_tells_how_it_went() {
     assert_eq!(generations.count(), 6);
     assert_eq!(run.progress().phase, Phase::Analyse);
     let outcome = outcome(&mut *run, None);
-    let mass = outcome["parameters"][0]["estimate"]
-        .as_f64()
-        .expect("a mass");
+    let mass = outcome.parameters[0].estimate.estimate;
     // The recording was integrated with an error of about 1 %.
     assert!((mass / 2.0 - 1.0).abs() < 0.03, "{mass}");
-    assert_eq!(outcome["engine"]["dataset_digests"], json!(["sha256:1"]));
+    assert_eq!(outcome.engine.dataset_digests, ["sha256:1"]);
 }
 
 #[test]
@@ -138,8 +144,8 @@ fn a_run_taken_up_after_every_unit_comes_to_the_same_result() {
         run = begin(&job, Some(run.checkpoint()));
     }
     let broken = outcome(&mut *run, None);
-    assert_eq!(broken["parameters"], expected["parameters"]);
-    assert_eq!(broken["verdict"], expected["verdict"]);
+    assert_eq!(broken.parameters, expected.parameters);
+    assert_eq!(broken.verdict, expected.verdict);
 }
 
 #[test]
@@ -164,18 +170,16 @@ fn several_searches_and_other_methods_are_taken_up_with_the_same_bits_too() {
         };
         assert_eq!(generations.count(), 6 * n_searches);
         let expected = outcome(&mut *unbroken, None);
-        let mass = expected["parameters"][0]["estimate"].as_f64();
-        let mass = mass.expect("a mass");
+        let mass = expected.parameters[0].estimate.estimate;
         assert!((mass / 2.0 - 1.0).abs() < 0.03, "{method:?}: {mass}");
-        let searches = expected["searches"].as_array().expect("a list");
-        assert_eq!(searches.len(), n_searches);
+        assert_eq!(expected.searches.len(), n_searches);
         let mut run = begin(&job, None);
         while run.advance(&NEVER, &mut |_| ()) == Advance::Working {
             run = begin(&job, Some(run.checkpoint()));
         }
         let broken = outcome(&mut *run, None);
-        assert_eq!(broken["parameters"], expected["parameters"]);
-        assert_eq!(broken["searches"], expected["searches"]);
+        assert_eq!(broken.parameters, expected.parameters);
+        assert_eq!(broken.searches, expected.searches);
     }
 }
 
@@ -257,7 +261,7 @@ fn unknowns_that_change_together_unseen_end_a_job_unless_it_says_otherwise() {
     let mut run = begin_on(only_ahead(), &job(Some("report")), None);
     work(&mut *run);
     let reported = outcome(&mut *run, None);
-    assert_eq!(reported["verdict"]["trust"], "low");
+    assert_eq!(reported.verdict.trust, Trust::Low);
     // Back and forth they are reported apart.
     let mut run = begin(&job(Some("refuse")), None);
     work(&mut *run);
@@ -270,15 +274,16 @@ fn a_run_that_is_hurried_has_its_best_so_far_without_what_takes_long() {
     run.advance(&NEVER, &mut |_| ());
     let slow = outcome(&mut *run, Some(StopReason::Cancelled));
     let hurry = AtomicBool::new(true);
-    let soon = run.outcome(Some(StopReason::Cancelled), &hurry);
-    let soon = soon.expect("no failure").expect("an estimate");
-    let estimates = |outcome: &Value| -> Vec<Value> {
-        let parameters = outcome["parameters"].as_array().expect("parameters").iter();
-        parameters.map(|one| one["estimate"].clone()).collect()
+    let soon = analysed(&mut *run, Some(StopReason::Cancelled), &hurry);
+    let estimates = |outcome: &Outcome| -> Vec<f64> {
+        let parameters = outcome.parameters.iter();
+        parameters
+            .map(|parameter| parameter.estimate.estimate)
+            .collect()
     };
     assert_eq!(estimates(&soon), estimates(&slow));
-    assert_eq!(soon["verdict"]["trust"], "low");
-    assert_eq!(soon["verdict"]["reasons"][0]["code"], "not_analysed");
+    assert_eq!(soon.verdict.trust, Trust::Low);
+    assert_eq!(soon.verdict.reasons[0].code, Rule::NotAnalysed);
 }
 
 #[test]
@@ -288,12 +293,12 @@ fn a_stopped_run_has_the_best_so_far_and_can_go_on() {
     assert_eq!(run.outcome(Some(StopReason::Cancelled), &NEVER), Ok(None));
     run.advance(&NEVER, &mut |_| ());
     let paused = outcome(&mut *run, Some(StopReason::Paused));
-    assert_eq!(paused["stop_reason"], "paused");
+    assert_eq!(paused.stop_reason, StopReason::Paused);
     work(&mut *run);
     let mut unbroken = begin(&job, None);
     work(&mut *unbroken);
     let (resumed, unbroken) = (outcome(&mut *run, None), outcome(&mut *unbroken, None));
-    assert_eq!(resumed["parameters"], unbroken["parameters"]);
+    assert_eq!(resumed.parameters, unbroken.parameters);
 }
 
 #[test]

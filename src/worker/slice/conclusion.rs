@@ -7,13 +7,12 @@ use std::time::{Duration, Instant};
 
 use super::current::{After, Computed, Current, End, SliceWorker};
 use crate::admission::Permit;
-use crate::job::Failure;
+use crate::job::{Failure, ResultOfJob};
 use crate::store::{Checkpoint, Ending, HandedOn, Hold, Record, StopRequest, StoreError};
 use crate::worker::kept_runs::KeptRun;
 use crate::worker::recorder::Recorder;
 use crate::worker::run::{Run, StopReason};
 use jiff::Timestamp;
-use serde_json::Value;
 use tokio::task::JoinError;
 
 /// How long the best estimate so far of a job that was stopped may be analysed.
@@ -114,7 +113,7 @@ impl Conclusion<'_> {
         &self,
         mut run: Box<dyn Run>,
         stopped: Option<StopReason>,
-    ) -> Result<(Box<dyn Run>, Option<Value>), Failure> {
+    ) -> Result<(Box<dyn Run>, Option<ResultOfJob>), Failure> {
         let hurry = Arc::new(AtomicBool::new(false));
         let raised = hurry.clone();
         let computing = tokio::task::spawn_blocking(move || {

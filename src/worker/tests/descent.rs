@@ -3,14 +3,13 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
 
+use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 
 use super::PATIENCE;
-use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent};
+use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, ResultOfJob};
 use crate::worker::run::{Advance, Assignment, Method, Row, Run, StopReason};
 use greybox::estimation::{Phase, Progress};
-use greybox::identification::JobId;
 
 /// Looks for the minimum of (x − 3)² by seeded trial; then halves the distance a few times.
 pub(crate) struct Descent {
@@ -86,7 +85,6 @@ struct State {
 }
 
 struct DescentRun {
-    id: JobId,
     orders: Orders,
     state: State,
     gate: Arc<Gate>,
@@ -105,7 +103,6 @@ impl Method for Descent {
             serde_json::from_slice(&bytes).expect("a checkpoint of this method")
         });
         Ok(Box::new(DescentRun {
-            id: assignment.job.id,
             orders,
             state,
             gate: self.gate.clone(),
@@ -175,7 +172,7 @@ impl Run for DescentRun {
                 best_credit: None,
                 entropy: None,
                 credit_updates: 0,
-                best: serde_json::Map::from_iter([("x".to_owned(), json!(self.state.best))]),
+                best: IndexMap::from([("x".to_owned(), Some(self.state.best))]),
             }));
             let column = CandidateColumn {
                 name: "x".to_owned(),
@@ -222,7 +219,7 @@ impl Run for DescentRun {
         &mut self,
         stopped: Option<StopReason>,
         hurry: &AtomicBool,
-    ) -> Result<Option<Value>, Failure> {
+    ) -> Result<Option<ResultOfJob>, Failure> {
         if self.orders.analyse_for_ever && stopped.is_some() {
             self.gate.hold_until(hurry);
         }
@@ -233,20 +230,14 @@ impl Run for DescentRun {
         if is_held {
             self.gate.hold_until(&self.gate.is_open);
         }
-        let reason = stopped.unwrap_or(StopReason::GenerationLimit).name();
-        Ok(Some(json!({
-            "job": self.id,
-            "stop_reason": reason,
-            "parameters": [{"name": "x", "estimate": self.state.best}],
-            "fit": {},
-        })))
+        let reason = stopped.unwrap_or(StopReason::GenerationLimit);
+        Ok(Some(ResultOfJob::sample(reason, "x", self.state.best)))
     }
 }
 
 /// The bits of the estimate of a run that nothing interrupts.
 pub(crate) fn unbroken(generations: u32, refinements: u32) -> u64 {
     let mut run = DescentRun {
-        id: JobId::new(),
         orders: Orders {
             generations,
             refinements,

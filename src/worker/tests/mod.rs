@@ -17,7 +17,8 @@ use crate::store::{
     CandidatePage, DatabaseSettings, JobRow, NewJob, Store, StoredEvent, Submitted,
 };
 use descent::{Descent, Gate, unbroken};
-use greybox::identification::JobId;
+use greybox::estimation::StopReason;
+use greybox::identification::{JobId, Outcome};
 
 /// Nothing here takes so long unless it hangs.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -145,13 +146,10 @@ impl Server {
         JobRow::clone(&row)
     }
 
-    async fn result(&self, id: JobId) -> Value {
-        self.store
-            .results()
-            .find(id)
-            .await
-            .expect("a read")
-            .expect("a result")
+    async fn result(&self, id: JobId) -> Outcome {
+        let result = self.store.results().find(id).await.expect("a read");
+        let outcome = result.expect("a result").outcome();
+        outcome.expect("the result of an identification")
     }
 
     /// Every candidate that is kept.
@@ -162,8 +160,7 @@ impl Server {
 
     async fn estimate(&self, id: JobId) -> u64 {
         let result = self.result(id).await;
-        let estimate = result["parameters"][0]["estimate"].as_f64();
-        estimate.expect("a number").to_bits()
+        result.parameters[0].estimate.estimate.to_bits()
     }
 
     async fn shutdown(self) {
@@ -255,7 +252,7 @@ async fn a_job_at_work_is_cancelled_and_keeps_its_best_estimate() {
         events.last().expect("an end").data,
         r#"{"status":"cancelled"}"#
     );
-    assert_eq!(server.result(id).await["stop_reason"], "cancelled");
+    assert_eq!(server.result(id).await.stop_reason, StopReason::Cancelled);
     assert_eq!(server.estimate(id).await, unbroken(20, 0));
     server.shutdown().await;
 }
@@ -268,12 +265,15 @@ async fn a_paused_job_shows_its_best_and_goes_on_to_the_same_bits() {
     server.wait_for_status(id, Status::Running).await;
     server.store.jobs().pause(id).await.expect("a wish");
     server.wait_for_status(id, Status::Paused).await;
-    assert_eq!(server.result(id).await["stop_reason"], "paused");
+    assert_eq!(server.result(id).await.stop_reason, StopReason::Paused);
     assert_eq!(server.job(id).await.stop_request, None);
     server.store.jobs().resume(id).await.expect("a wish");
     server.wait_for_end(id).await;
     assert_eq!(server.estimate(id).await, unbroken(30, 2));
-    assert_eq!(server.result(id).await["stop_reason"], "generation_limit");
+    assert_eq!(
+        server.result(id).await.stop_reason,
+        StopReason::GenerationLimit
+    );
     server.shutdown().await;
 }
 
@@ -291,7 +291,10 @@ async fn a_job_between_slices_is_stopped_though_every_place_is_taken() {
     assert_eq!(server.job(waiting).await.status, Status::Running);
     server.store.jobs().cancel(waiting).await.expect("a wish");
     server.wait_for_end(waiting).await;
-    assert_eq!(server.result(waiting).await["stop_reason"], "cancelled");
+    assert_eq!(
+        server.result(waiting).await.stop_reason,
+        StopReason::Cancelled
+    );
     assert_eq!(server.job(at_work).await.status, Status::Running);
     server.shutdown().await;
 }
@@ -333,7 +336,7 @@ async fn a_job_that_uses_up_its_time_ends_with_its_best() {
     let id = server.submit(held, json!({"max_duration_s": 0.3})).await;
     server.wait_for_end(id).await;
     assert_eq!(server.job(id).await.status, Status::Succeeded);
-    assert_eq!(server.result(id).await["stop_reason"], "time_limit");
+    assert_eq!(server.result(id).await.stop_reason, StopReason::TimeLimit);
     assert_eq!(server.estimate(id).await, unbroken(10, 0));
     server.shutdown().await;
 }
@@ -427,7 +430,7 @@ async fn a_job_that_is_cancelled_ends_soon_however_long_its_analysis_takes() {
     server.gate.wait_for_arrival();
     server.store.jobs().cancel(id).await.expect("a wish");
     server.wait_for_end(id).await;
-    assert_eq!(server.result(id).await["stop_reason"], "cancelled");
+    assert_eq!(server.result(id).await.stop_reason, StopReason::Cancelled);
     server.shutdown().await;
 }
 

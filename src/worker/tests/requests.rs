@@ -5,6 +5,7 @@ use serde_json::json;
 use super::descent::unbroken;
 use super::{LONG, Server, names};
 use crate::job::Status;
+use greybox::estimation::StopReason;
 use greybox::identification::JobId;
 
 /// A job whose run has finished, and whose result is held back until the gate is opened.
@@ -28,7 +29,7 @@ async fn a_job_that_is_cancelled_while_its_result_is_computed_is_cancelled_with_
         ["result", "state", "end"]
     );
     assert_eq!(server.job(id).await.status, Status::Cancelled);
-    assert_eq!(server.result(id).await["stop_reason"], "cancelled");
+    assert_eq!(server.result(id).await.stop_reason, StopReason::Cancelled);
     assert_eq!(server.estimate(id).await, unbroken(20, 3));
     server.shutdown().await;
 }
@@ -41,7 +42,7 @@ async fn a_job_that_is_paused_while_its_result_is_computed_comes_to_it_when_it_i
     server.store.jobs().pause(id).await.expect("a wish");
     server.gate.open();
     server.wait_for_status(id, Status::Paused).await;
-    assert_eq!(server.result(id).await["stop_reason"], "paused");
+    assert_eq!(server.result(id).await.stop_reason, StopReason::Paused);
     assert_eq!(server.estimate(id).await, unbroken(20, 3));
     server.store.jobs().resume(id).await.expect("a wish");
     let events = server.wait_for_end(id).await;
@@ -51,7 +52,10 @@ async fn a_job_that_is_paused_while_its_result_is_computed_comes_to_it_when_it_i
         .count();
     assert_eq!(results, 1);
     assert_eq!(server.job(id).await.status, Status::Succeeded);
-    assert_eq!(server.result(id).await["stop_reason"], "generation_limit");
+    assert_eq!(
+        server.result(id).await.stop_reason,
+        StopReason::GenerationLimit
+    );
     assert_eq!(server.estimate(id).await, unbroken(20, 3));
     server.shutdown().await;
 }

@@ -10,7 +10,7 @@ use crate::uncertainty::design::Excitation;
 use greybox_recording::SampledSignal;
 
 /// Which experiment next.
-#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Design {
     /// The model.
     #[schema(example = "single_rod_servo")]
@@ -88,7 +88,7 @@ pub struct RankedProposal {
 }
 
 /// One sensor more and what it would bring.
-#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct RankedSensor {
     /// The output.
     #[schema(example = "chamber_pressure_1")]
@@ -101,7 +101,7 @@ pub struct RankedSensor {
 }
 
 /// Samples of inputs on a uniform grid.
-#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PlayedInputs {
     /// The time from one sample to the next `[s]`; each is held until then.
     pub sample_time_s: f64,

@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use jiff::Timestamp;
 
-use super::record::{Alarm, MonitorWindow, Start, WindowStatus};
-use super::spec::MonitorSpec;
-use super::state::{State, Worked, instant, silence};
-use super::template::WindowLabel;
-use super::warm::{self, JointEstimate};
 use crate::job::{JobTask, Status};
+use crate::monitor::MAX_WINDOW_SAMPLES;
+use crate::monitor::record::{Alarm, Start, WindowStatus};
+use crate::monitor::spec::MonitorSpec;
+use crate::monitor::state::{State, Worked, instant, silence};
+use crate::monitor::template::WindowLabel;
+use crate::monitor::warm::{self, JointEstimate};
 use crate::store::{
     Advance, AdvanceWindow, JobRow, MonitorRow, NewDataset, NewJob, NewWindowJob, Store,
     StoreError, StreamRow,
@@ -22,8 +23,6 @@ use greybox::model::{Catalogue, Model, document};
 use greybox::parsing::Fault;
 use greybox::recording::{Recording, RecordingSource, RowSignal, Rows};
 
-/// Instants in a window at the most.
-pub const MAX_WINDOW_SAMPLES: usize = 2_000_000;
 /// Monitors limit the time of their jobs by what the jobs themselves say.
 const NO_LIMIT: f64 = f64::INFINITY;
 
@@ -56,21 +55,11 @@ impl Steps {
         let Some(stream) = self.store.streams().find(&row.project, &row.stream).await? else {
             return Ok(false);
         };
-        let id = row.id.to_string();
-        let spec = MonitorSpec::deserialized(&row.spec);
-        let state = serde_json::from_value::<State>(row.state.clone());
-        let (Ok(spec), Ok(state)) = (spec, state) else {
-            return Err(StoreError::Corrupt {
-                what: "monitor",
-                of: id,
-                why: "what it knows does not read back".to_owned(),
-            });
-        };
         let step = MonitorStep {
             now: Timestamp::now(),
+            spec: row.spec.clone(),
+            state: row.state.clone(),
             row,
-            spec,
-            state,
             stream,
         };
         let patience = jiff::SignedDuration::try_from(step.spec.patience());
@@ -121,7 +110,7 @@ impl Steps {
             let resumes = resumes.filter(|instant| *instant <= step.now_ns());
             let window = step.state.window(&plan, WindowStatus::NoData);
             step.state.go_on(&plan, resumes);
-            return Ok(step.advance(Some((window, None)), Vec::new()));
+            return Ok(step.advance(Some(window.into()), Vec::new()));
         }
         let model = self.model(&step.spec).await?;
         let catalogue = self.catalogue.clone();
@@ -135,11 +124,11 @@ impl Steps {
         if job.as_ref().is_some_and(|job| !job.status.is_terminal()) {
             return Ok(None);
         }
-        let outcome = match &job {
+        let result = match &job {
             Some(job) if job.status == Status::Succeeded => self.store.results().find(id).await?,
             _ => None,
         };
-        let outcome = outcome.map(serde_json::from_value::<Outcome>);
+        let outcome = result.map(|result| result.outcome());
         let is_warm = step.is_warm();
         match outcome {
             Some(Ok(outcome)) if !(is_warm && warm::is_in_doubt(&outcome)) => {
@@ -280,14 +269,14 @@ impl MonitorStep {
     fn fails(mut self, reason: String) -> Advance {
         let (window, alarms) = self.state.fail(&self.spec, reason, self.now);
         self.state.go_on(&self.spec.window, None);
-        self.advance(Some((window, None)), alarms)
+        self.advance(Some(window.into()), alarms)
     }
 
     /// The step that ends a window with one.
     fn takes(mut self, outcome: &Outcome) -> Advance {
         let (window, alarms) = self.state.take(&self.spec, outcome, self.now);
         self.state.go_on(&self.spec.window, None);
-        self.advance(Some((window, None)), alarms)
+        self.advance(Some(window.into()), alarms)
     }
 
     /// The step that has a job work the window.
@@ -308,29 +297,18 @@ impl MonitorStep {
             prior,
             ranges,
         });
-        self.advance(Some((window, Some(job))), Vec::new())
+        let job = Some(job);
+        self.advance(Some(AdvanceWindow { window, job }), Vec::new())
     }
 
-    fn advance(
-        self,
-        window: Option<(MonitorWindow, Option<NewWindowJob>)>,
-        alarms: Vec<Alarm>,
-    ) -> Advance {
-        let value = |shown: &MonitorWindow| serde_json::to_value(shown).expect("text keys");
-        let window = window.map(|(shown, job)| AdvanceWindow {
-            number: shown.number,
-            row: value(&shown),
-            job,
-        });
-        let alarms = alarms.iter();
-        let alarms = alarms.map(|alarm| serde_json::to_value(alarm).expect("text keys"));
+    fn advance(self, window: Option<AdvanceWindow>, alarms: Vec<Alarm>) -> Advance {
         Advance {
-            state: serde_json::to_value(&self.state).expect("a state has only text keys"),
             due_ns: self.state.due(&self.spec.window),
             silent: self.row.silent,
             window,
-            alarms: alarms.collect(),
+            alarms,
             forget_before: self.state.next - i64::from(self.spec.keep_jobs),
+            state: self.state,
             from: self.row,
         }
     }
@@ -391,7 +369,7 @@ impl MonitorStep {
             let mut shown = self.state.window(&plan, WindowStatus::Quiet);
             shown.reason = Some(format!("{} did not move", movers.join(", ")));
             self.state.go_on(&plan, None);
-            return self.advance(Some((shown, None)), Vec::new());
+            return self.advance(Some(shown.into()), Vec::new());
         }
         let ranges = warm::searched(&job);
         let (start, job) = self.warm(&window, job);
