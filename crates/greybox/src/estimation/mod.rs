@@ -23,6 +23,7 @@ pub mod floor;
 pub mod hill_climb;
 pub mod leaders;
 pub mod loss;
+pub mod noise_ladder;
 pub mod objective;
 pub mod observer;
 pub mod prior;

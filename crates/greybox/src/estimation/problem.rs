@@ -201,6 +201,20 @@ pub struct Filled {
 }
 
 impl Problem {
+    /// The problem where innovations are compared, as if no output had been measured.
+    #[must_use]
+    pub fn without_measurements(mut self) -> Problem {
+        if let Some(innovations) = &self.innovations {
+            for data in Arc::make_mut(&mut self.experiments) {
+                // The measured outputs stand last among the inputs.
+                let first = data.inputs.len() - innovations.n_outputs;
+                let measured = data.inputs[first..].iter_mut();
+                measured.for_each(|samples| samples.fill(f64::NAN));
+            }
+        }
+        self
+    }
+
     /// Whether the noise of every output is declared, so that a cost of one is what noise alone
     /// leaves.
     #[must_use]

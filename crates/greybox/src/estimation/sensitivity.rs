@@ -5,6 +5,7 @@
 //! differences are those of the equations and not of the step control. Positions, not values,
 //! are shifted: what comes out is ∂residual/∂position.
 
+mod judged;
 mod recorded;
 
 use super::feasible::{self, Limit};
@@ -344,45 +345,6 @@ impl<'a> Neighbourhood<'a> {
         let columns = self.differences.iter().zip(&self.ends);
         for (derivative, (difference, (low, high))) in derivatives.iter_mut().zip(columns) {
             *derivative = (at(*low) - at(*high)) / difference.length() / scale;
-        }
-    }
-
-    /// The cost of one of the others; infinite where it failed.
-    #[must_use]
-    pub fn cost(&self, other: usize) -> f64 {
-        self.cost_of(self.first_other + other)
-    }
-
-    /// The cost of the candidate itself where innovations are compared.
-    #[must_use]
-    pub fn likelihood_cost(&self) -> Option<f64> {
-        self.problem.innovations.as_ref().map(|_| self.cost_of(0))
-    }
-
-    fn cost_of(&self, member: usize) -> f64 {
-        if self.failure(member).is_some() {
-            return f64::INFINITY;
-        }
-        let priors = self.problem.prior_sum(&self.candidates[member]);
-        let innovations = self.problem.innovations.as_deref();
-        let (sum, count) = places(self.problem).fold(priors, |(sum, count), place| {
-            let Some(residual) = self.residual(member, place) else {
-                return (sum, count);
-            };
-            let residual = self.problem.loss.bent(residual);
-            let sum = sum + residual * residual;
-            let Some(innovations) = innovations else {
-                return (sum, count + 1);
-            };
-            let variance = self.scale_of(member, place).powi(2);
-            let ratio = variance / innovations.least_variances[place.output];
-            (sum + libm::log(ratio), count + 2)
-        });
-        let cost = sum / count as f64;
-        if cost.is_finite() {
-            cost
-        } else {
-            f64::INFINITY
         }
     }
 

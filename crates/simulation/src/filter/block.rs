@@ -1,7 +1,7 @@
 //! One block of candidates whose means and covariances go through a record side by side.
 
 use super::covariance::Covariance;
-use super::plant::FilteredPlant;
+use super::layout::FilterLayout;
 use super::start::StartVariance;
 use super::transition::{CovarianceStep, Matrix, Transition};
 use crate::block::SimulationBlock;
@@ -15,10 +15,21 @@ use greybox_numerics::lanes::{LANES, Lanes, Real};
 use greybox_numerics::width::{Wide, Width};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// The equations with their disturbances, and what the filter is asked of them.
+#[derive(Clone, Copy, Debug)]
+pub struct FilterEquations<'a> {
+    /// The equations, a state more for each disturbance.
+    pub program: &'a Program,
+    /// What the filter is asked.
+    pub layout: &'a FilterLayout,
+    /// How many parameters the model has.
+    pub n_model_parameters: usize,
+}
+
 /// Candidates on their way through a record, each with its covariance.
 pub struct FilterBlock<'a> {
     block: SimulationBlock<'a, Program, f64, LANES>,
-    plant: &'a FilteredPlant,
+    layout: &'a FilterLayout,
     noises: Vec<Noise>,
     /// The variance of each output's sensor.
     sensors: Vec<Lanes>,
@@ -44,37 +55,52 @@ struct Noise {
     start: Lanes,
 }
 
+/// The disturbances of candidates with these parameters.
+fn noises(
+    layout: &FilterLayout,
+    n_model_parameters: usize,
+    parameter: impl Fn(usize) -> Lanes,
+) -> Vec<Noise> {
+    let two = Lanes::splat(2.0);
+    let parameters = layout.noise_parameters(n_model_parameters);
+    let disturbances = layout.disturbances.iter().zip(parameters);
+    let noises = disturbances.zip(layout.starts.len()..);
+    noises
+        .map(|((disturbance, parameters), state)| {
+            let strength = parameter(parameters.strength);
+            let squared = strength * strength;
+            let time_constant = parameters.time_constant.map(&parameter);
+            Noise {
+                state,
+                kind: disturbance.kind,
+                diffusion: time_constant.map_or(squared, |time| squared / (time * time)),
+                start: time_constant.map_or(Lanes::splat(0.0), |time| squared / (two * time)),
+            }
+        })
+        .collect()
+}
+
 impl<'a> FilterBlock<'a> {
     /// A block of 1 to [`LANES`] candidates; lanes left over repeat the first.
     pub fn new(
-        plant: &'a FilteredPlant,
+        equations: FilterEquations<'a>,
         excitation: DrivingInputs<'a>,
         candidates: CandidateBlock<'_>,
     ) -> Self {
-        let program = plant.program();
+        let FilterEquations {
+            program,
+            layout,
+            n_model_parameters,
+        } = equations;
         let CandidateBlock { members, in_step } = candidates;
         let of_lane = |lane: usize| members.get(lane).unwrap_or(&members[0]);
         let parameter =
             |index: usize| Lanes(std::array::from_fn(|lane| of_lane(lane).parameters[index]));
-        let n_model_states = plant.layout().starts.len();
-        let disturbances = plant.layout().disturbances.iter();
-        let noises = disturbances.zip(plant.noise_parameters()).enumerate();
-        let noises: Vec<Noise> = noises
-            .map(|(index, (disturbance, parameters))| {
-                let strength = parameter(parameters.strength);
-                let squared = strength * strength;
-                let time_constant = parameters.time_constant.map(parameter);
-                let two = Lanes::splat(2.0);
-                Noise {
-                    state: n_model_states + index,
-                    kind: disturbance.kind,
-                    diffusion: time_constant.map_or(squared, |time| squared / (time * time)),
-                    start: time_constant.map_or(Lanes::splat(0.0), |time| squared / (two * time)),
-                }
-            })
-            .collect();
+        let n_model_states = layout.starts.len();
+        let noises = noises(layout, n_model_parameters, parameter);
         let n_outputs = program.n_outputs();
-        let sensors = (0..n_outputs).map(|output| parameter(plant.first_sensor() + output));
+        let first_sensor = layout.first_sensor(n_model_parameters);
+        let sensors = (0..n_outputs).map(|output| parameter(first_sensor + output));
         let n_states = n_model_states + noises.len();
         let is_white = |state: &usize| {
             let noise = state
@@ -106,7 +132,7 @@ impl<'a> FilterBlock<'a> {
         let zero = Lanes::splat(0.0);
         FilterBlock {
             block: SimulationBlock::new(program, excitation, candidates, Width::widest()),
-            plant,
+            layout,
             sensors: sensors.map(|sensor| sensor * sensor).collect(),
             transition: Transition::new(moved.len()),
             step: CovarianceStep::new(moved.len()),
@@ -147,7 +173,7 @@ impl<'a> FilterBlock<'a> {
 
     /// The covariance at the first sample.
     fn begin(&mut self) {
-        let starts = &self.plant.layout().starts;
+        let starts = &self.layout.starts;
         let n = self.covariance.states.len();
         let is_made = |state: &usize| starts.get(*state) == Some(&StartVariance::OneInterval);
         let is_made: Vec<bool> = self.covariance.states.iter().map(is_made).collect();
@@ -193,7 +219,7 @@ impl<'a> FilterBlock<'a> {
         self.covariance.begin_sample();
         let n_states = integrator.states.len();
         let (values, variances) = outputs.split_at_mut(self.row.len());
-        let first_measured = self.plant.layout().n_inputs;
+        let first_measured = self.layout.n_inputs;
         for (output, by_state) in self.by_state.chunks_exact(n_states).enumerate() {
             let sensor = self.sensors[output];
             let predicted = self.covariance.predict(self.row[output], by_state, sensor);
@@ -218,7 +244,7 @@ impl<'a> FilterBlock<'a> {
         interval: f64,
         stop: &AtomicBool,
     ) -> Option<()> {
-        let longest = self.plant.layout().longest_step;
+        let longest = self.layout.longest_step;
         let n_steps = (interval / longest).ceil().max(1.0);
         let Some(stretches) = stretches else {
             let held = self.block.held.clone();

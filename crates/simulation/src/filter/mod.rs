@@ -8,9 +8,11 @@
 
 mod block;
 mod covariance;
+mod layout;
 mod plant;
 mod start;
 mod transition;
 
-pub use plant::{FilterLayout, FilteredPlant, LayoutFault};
+pub use layout::FilterLayout;
+pub use plant::{FilteredPlant, LayoutFault};
 pub use start::StartVariance;

@@ -1,28 +1,12 @@
 //! A plant as the filter sees it: from recorded inputs and measured outputs to what was expected of
 //! each output.
 
-use super::block::FilterBlock;
-use super::start::StartVariance;
-use crate::program::{Disturbance, DisturbanceKind, Program};
+use super::block::{FilterBlock, FilterEquations};
+use super::layout::{FilterLayout, NoiseParameters};
+use crate::program::Program;
 use crate::{Accuracy, BlockSimulator, CandidateBlock, DrivingInputs, Plant};
 use greybox_numerics::lanes::LANES;
 use std::sync::Arc;
-
-/// What moves a plant beside its inputs, and how its record begins.
-#[derive(Clone, Debug)]
-pub struct FilterLayout {
-    /// The disturbances.
-    pub disturbances: Vec<Disturbance>,
-    /// A typical size of each disturbance with memory, in the unit of what it acts on.
-    pub sizes: Vec<f64>,
-    /// How well each of the model's states is known at the first sample.
-    pub starts: Vec<StartVariance>,
-    /// How many inputs the model reads; the measured outputs stand behind them.
-    pub n_inputs: usize,
-    /// The longest step of the covariance `[s]`; the time between two samples is cut into steps
-    /// that are not longer.
-    pub longest_step: f64,
-}
 
 /// Why a plant cannot be filtered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -69,9 +53,9 @@ impl FilteredPlant {
         if program.samples_its_states() {
             return Err(LayoutFault::ControllerWithin);
         }
-        let noise = noise_parameters(&layout.disturbances, n_model_parameters);
-        let time_constants: Vec<Option<usize>> =
-            noise.iter().map(|noise| noise.time_constant).collect();
+        let noise = layout.noise_parameters(n_model_parameters);
+        let time_constant = |noise: &NoiseParameters| noise.time_constant;
+        let time_constants: Vec<Option<usize>> = noise.iter().map(time_constant).collect();
         let program = program
             .disturbed(&layout.disturbances, &time_constants, &layout.sizes)
             .ok_or(LayoutFault::TooLarge)?;
@@ -81,55 +65,6 @@ impl FilteredPlant {
             n_model_parameters,
         })
     }
-
-    /// Where the parameters of the disturbances stand.
-    pub(super) fn noise_parameters(&self) -> Vec<NoiseParameters> {
-        noise_parameters(&self.layout.disturbances, self.n_model_parameters)
-    }
-
-    /// Where the first standard deviation of a sensor stands among the parameters.
-    pub(super) fn first_sensor(&self) -> usize {
-        let of_disturbance = |noise: &NoiseParameters| noise.count();
-        let noise = self.noise_parameters();
-        self.n_model_parameters + noise.iter().map(of_disturbance).sum::<usize>()
-    }
-
-    /// The equations with the disturbances.
-    pub(super) fn program(&self) -> &Program {
-        &self.program
-    }
-
-    /// What moves the plant.
-    pub(super) fn layout(&self) -> &FilterLayout {
-        &self.layout
-    }
-}
-
-/// Where the parameters of a disturbance stand.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct NoiseParameters {
-    pub strength: usize,
-    pub time_constant: Option<usize>,
-}
-
-impl NoiseParameters {
-    fn count(&self) -> usize {
-        1 + usize::from(self.time_constant.is_some())
-    }
-}
-
-fn noise_parameters(disturbances: &[Disturbance], first: usize) -> Vec<NoiseParameters> {
-    let mut next = first;
-    let of_disturbance = |disturbance: &Disturbance| {
-        let has_memory = disturbance.kind == DisturbanceKind::Memory;
-        let noise = NoiseParameters {
-            strength: next,
-            time_constant: has_memory.then_some(next + 1),
-        };
-        next += noise.count();
-        noise
-    };
-    disturbances.iter().map(of_disturbance).collect()
 }
 
 impl Plant for FilteredPlant {
@@ -158,6 +93,11 @@ impl Plant for FilteredPlant {
         excitation: DrivingInputs<'a>,
         candidates: CandidateBlock<'_>,
     ) -> Box<dyn BlockSimulator + 'a> {
-        Box::new(FilterBlock::new(self, excitation, candidates))
+        let equations = FilterEquations {
+            program: &self.program,
+            layout: &self.layout,
+            n_model_parameters: self.n_model_parameters,
+        };
+        Box::new(FilterBlock::new(equations, excitation, candidates))
     }
 }

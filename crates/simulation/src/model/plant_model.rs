@@ -85,6 +85,14 @@ impl Model {
         self.plant.as_ref()
     }
 
+    /// The states that a force, an inflow or a current moves, by their places; none where the equations are not
+    /// those of a document.
+    #[must_use]
+    pub fn driven_states(&self) -> Vec<usize> {
+        let program = self.program.as_ref();
+        program.map_or_else(Vec::new, |program| program.driven_states())
+    }
+
     /// The model as the filter sees it, where disturbances move its plant ([`FilteredPlant`]): the
     /// variance of each output's error stands behind the outputs of the model.
     ///

@@ -46,6 +46,29 @@ impl EquationGraph {
         nodes.any(|(node, needed)| needed && is_state(node))
     }
 
+    /// The states whose rate reads an input, and those that are the rate of another state.
+    pub(super) fn driven_states(&self) -> Vec<usize> {
+        let EquationGraph { graph, roots } = self;
+        let reads_input = |rate: NodeId| {
+            let needed = graph.needed([rate]);
+            let mut nodes = graph.nodes().iter().zip(needed);
+            nodes.any(|(node, needed)| {
+                let is_input = |leaf| matches!(leaf, Leaf::Input(_) | Leaf::Sampled(_));
+                needed && matches!(node, GraphNode::Leaf(leaf) if is_input(*leaf))
+            })
+        };
+        let is_rate = |state: usize| {
+            let leaf = GraphNode::Leaf(Leaf::State(state as u16));
+            let mut rates = roots.rates.iter();
+            rates.any(|rate| graph.nodes()[usize::from(*rate)] == leaf)
+        };
+        let states = roots.rates.iter().copied().enumerate();
+        states
+            .filter(|(state, rate)| reads_input(*rate) || is_rate(*state))
+            .map(|(state, _)| state)
+            .collect()
+    }
+
     /// The equations with a state more for each disturbance, behind the states that there are.
     /// `time_constants` are the parameters by which disturbances with memory decay.
     ///

@@ -108,6 +108,13 @@ impl Program {
         self.equations.samples_its_states()
     }
 
+    /// The states that a force, an inflow or a current moves, by their places: those whose rate reads an input,
+    /// and those that are the rate of another state.
+    #[must_use]
+    pub fn driven_states(&self) -> Vec<usize> {
+        self.equations.driven_states()
+    }
+
     /// The program for candidates that have these parameters in common.
     #[must_use]
     pub fn with_fixed(&self, fixed: &[Option<f64>]) -> Program {

@@ -3,6 +3,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
 
+mod coverage;
+
 use greybox::estimation::Problem;
 use greybox::estimation::process_noise::{NoiseModel, NoiseNumber, ProcessNoise, filtered};
 use greybox::estimation::refine::{descend, linearise};
