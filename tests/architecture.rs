@@ -142,7 +142,7 @@ const PLACES: &[(&str, &[&str])] = &[
     // The pool is the process's: whoever starts the process sizes it.
     ("rayon", &[
         "crates/simulation/src/batch.rs", "crates/greybox/src/estimation/refinement.rs",
-        "crates/greybox/src/estimation/shooting.rs",
+        "crates/greybox/src/estimation/shooting.rs", "crates/greybox/src/estimation/noise_ladder.rs",
         "crates/greybox/src/estimation/search.rs", "crates/greybox/src/uncertainty", "src/app", "src/cli",
     ]),
 ];

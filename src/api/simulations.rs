@@ -18,7 +18,9 @@ use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
 use super::work::stopped;
 use greybox::identification::spec::simulation::{SimulationSpec, Source};
-use greybox::identification::spec::{FixedValue, InitialStateSpec, ModelOfJob, WindowSpec};
+use greybox::identification::spec::{
+    FixedValue, InitialStateSpec, ModelOfJob, ProcessNoiseSpec, WindowSpec,
+};
 use greybox::identification::{DatasetId, simulation};
 use greybox::intake;
 use greybox::parsing::fault::Fault;
@@ -76,6 +78,22 @@ pub struct SimulationDocument {
     /// Where states start; left out, as the model says.
     #[schema(required = false)]
     pub initial_state: BTreeMap<String, InitialStateSpec>,
+    /// What moves the plant beside its inputs. Where it is given, the outputs are what is expected
+    /// from all samples before, by an extended Kalman filter, and `log_likelihood` is answered.
+    #[schema(nullable = false, max_items = 8)]
+    pub process_noise: Option<Vec<ProcessNoiseSpec>>,
+    /// The noise of each output that the recording has, where `process_noise` is given.
+    #[schema(required = false)]
+    pub outputs: BTreeMap<String, SensorNoise>,
+}
+
+/// The noise of a sensor.
+#[derive(ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SensorNoise {
+    /// One standard deviation, SI.
+    #[schema(exclusive_minimum = 0, example = 1e-5)]
+    pub noise_std: f64,
 }
 
 /// Simulated outputs.
@@ -90,8 +108,15 @@ pub struct Simulation {
     decimated: bool,
     /// The instants, from the recording's first sample `[s]`.
     time_s: Vec<f64>,
-    /// Every output of the model by name.
+    /// Every output of the model by name. Where `process_noise` is given, each as it is expected from
+    /// all samples before, and as `OUTPUT_std` the standard deviation of what was expected, the noise
+    /// of the sensor among it.
     outputs: BTreeMap<String, SampledSignal>,
+    /// The natural logarithm of the likelihood of the measured outputs, where `process_noise` is
+    /// given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    log_likelihood: Option<f64>,
 }
 
 /// Simulate one parameter set and answer the outputs: as JSON, or every sample as CSV.
@@ -128,7 +153,8 @@ pub async fn simulate(
         let outputs = outputs.ok_or_else(stopped)?;
         Ok((outputs.map_err(Problem::of_document)?, permit))
     });
-    let (outputs, permit) = simulated.await?;
+    let (simulated, permit) = simulated.await?;
+    let (outputs, log_likelihood) = (simulated.recording, simulated.log_likelihood);
     if prefers(&headers, "text/csv") {
         return csv_answer(&state.bodies, outputs, permit).await;
     }
@@ -144,6 +170,7 @@ pub async fn simulate(
             decimated: samples.time_s.len() < simulated,
             time_s: samples.time_s,
             outputs: samples.signals.into_iter().collect(),
+            log_likelihood,
         };
         Ok(json(StatusCode::OK, &simulation))
     });

@@ -68,5 +68,5 @@ pub fn simulate(arguments: &Arguments) -> Result<(), CommandError> {
     let outputs = outputs
         .expect("nobody stops this simulation")
         .map_err(told)?;
-    files::write(arguments.output.as_deref(), &files::csv(&outputs))
+    files::write(arguments.output.as_deref(), &files::csv(&outputs.recording))
 }

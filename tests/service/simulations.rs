@@ -138,3 +138,88 @@ async fn an_answer_that_leaves_samples_out_says_so() {
     );
     assert!(some["time_s"].as_array().unwrap().len() <= 50);
 }
+
+/// A mass on a spring and a damper, under a force that is recorded and a load that is not.
+fn rig() -> Value {
+    json!({
+        "name": "rig",
+        "title": "mass on a spring",
+        "inputs": {"force": {"unit": "N"}},
+        "parameters": {
+            "mass": {"unit": "kg", "default": 10, "lower": 1, "upper": 100},
+            "damping": {"unit": "N*s/m", "default": 20, "lower": 1, "upper": 100},
+            "stiffness": {"unit": "N/m", "default": 1000, "lower": 1, "upper": 10000},
+            "load": {"unit": "N", "default": 0, "lower": -10, "upper": 10}
+        },
+        "states": {
+            "x": {"unit": "m", "derivative": "v", "initial": 0},
+            "v": {"unit": "m/s", "initial": 0,
+                  "derivative": "(force + load - damping*v - stiffness*x)/mass"}
+        },
+        "outputs": {"position": {"unit": "m", "expression": "x"}}
+    })
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_disturbed_record_is_answered_with_its_likelihood_and_what_was_expected() {
+    const RECORD: &str =
+        include_str!("../../crates/simulation/tests/process_noise/rig_force_with_memory.csv");
+    const REFERENCE: &str =
+        include_str!("../../crates/simulation/tests/process_noise/reference.json");
+    let reference: Value = serde_json::from_str(REFERENCE).unwrap();
+    let reference = &reference["rig_force_with_memory"];
+    let value = |name: &str| reference["values"][name].as_f64().unwrap();
+    let app = TestApp::start().await;
+    let stored = app.post_csv("/v1/datasets", RECORD).await;
+    let dataset = stored.json()["id"].clone();
+    let time_constant = value("time_constant");
+    let mut document = json!({
+        "model": rig(),
+        "dataset": dataset,
+        "parameters": {"mass": value("mass"), "damping": value("damping"),
+                       "stiffness": value("stiffness")},
+        "process_noise": [{
+            "acts_on": {"parameter": "load"}, "kind": "memory",
+            "std": value("strength") / (2.0 * time_constant).sqrt(),
+            "time_constant_s": time_constant
+        }],
+        "outputs": {"position": {"noise_std": value("noise_std")}}
+    });
+    let answer = app
+        .post_json("/v1/simulations", &document)
+        .await
+        .expect(200);
+    let answer = answer.json();
+    let expected = reference["dense"].as_f64().unwrap();
+    let likelihood = answer["log_likelihood"].as_f64().unwrap();
+    assert!(
+        (likelihood - expected).abs() < 1e-3,
+        "{likelihood} beside {expected}"
+    );
+    let deviations = answer["outputs"]["position_std"]["values"]
+        .as_array()
+        .unwrap();
+    // The start is known: of the first sample the sensor's noise alone is uncertain.
+    assert_eq!(deviations[0].as_f64().unwrap(), value("noise_std"));
+    assert!(deviations[100].as_f64().unwrap() > value("noise_std"));
+
+    document["process_noise"][0]["acts_on"] = json!({"parameter": "lod"});
+    document["process_noise"][0]["strength"] = json!(1);
+    document["outputs"] = json!({});
+    let problem = app
+        .post_json("/v1/simulations", &document)
+        .await
+        .problem(422);
+    let errors = problem["errors"].as_array().unwrap();
+    let codes: Vec<_> = errors.iter().map(|e| e["code"].as_str().unwrap()).collect();
+    assert_eq!(codes, ["unknown_name", "unknown_field", "noise_needed"]);
+    document["model"] = json!("positioning_drive");
+    document["parameters"] = json!({});
+    document["process_noise"] = json!([
+        {"acts_on": {"state": "velocity"}, "kind": "white", "strength": 0.1}
+    ]);
+    document["outputs"] = json!({"position": {"noise_std": 1e-4}});
+    let problem = app.post_json("/v1/simulations", &document).await;
+    let problem = problem.problem(422);
+    assert_eq!(problem["errors"][0]["code"], "filter_not_possible");
+}

@@ -61,15 +61,17 @@ pub fn simulator<'a, P: System>(
 
 /// A block that is simulated with rows of this kind of number.
 pub struct SimulationBlock<'a, P: System + 'a, T: Scalar, const N: usize> {
-    equations: P::Row<'a, Lanes<T, N>>,
-    integrator: Integrator<'a, P, Lanes<T, N>>,
-    excitation: DrivingInputs<'a>,
-    width: Width,
-    follow: bool,
+    pub(crate) equations: P::Row<'a, Lanes<T, N>>,
+    pub(crate) integrator: Integrator<'a, P, Lanes<T, N>>,
+    pub(crate) excitation: DrivingInputs<'a>,
+    pub(crate) width: Width,
+    /// Whether all candidates take the steps of the first.
+    pub(crate) follow: bool,
     delay: Option<InputDelay<Lanes<T, N>>>,
     /// What acts on the plant where nothing is delayed, as the sample begins.
-    held: HeldQuantities<Lanes<T, N>>,
-    sample: usize,
+    pub(crate) held: HeldQuantities<Lanes<T, N>>,
+    /// The next sample.
+    pub(crate) sample: usize,
     /// Lanes that hold a candidate of their own; those left over repeat the first.
     in_use: usize,
 }
@@ -143,18 +145,7 @@ impl<'a, P: System, T: Scalar, const N: usize> SimulationBlock<'a, P, T, N> {
                 return None;
             }
             let interval = self.excitation.interval(self.sample);
-            let sample = Sample {
-                input_set: self.excitation.input_set,
-                inputs: self.excitation.inputs,
-                index: self.sample,
-                interval,
-            };
-            self.equations
-                .hold(&sample, &self.integrator.states, &mut self.held);
-            let stretches = self.delay.as_mut().map(|delay| {
-                let start = self.excitation.instant(self.sample);
-                delay.stretches(&self.held, start, interval)
-            });
+            let stretches = self.hold(interval);
             self.write_outputs(stretches.as_deref(), &mut row);
             for (group, outputs) in outputs.chunks_exact_mut(of_group).enumerate() {
                 write_group(&row, group, &mut outputs[first..][..row.len()]);
@@ -165,6 +156,24 @@ impl<'a, P: System, T: Scalar, const N: usize> SimulationBlock<'a, P, T, N> {
             self.sample += 1;
         }
         Some(())
+    }
+
+    /// Lets the inputs of the sample act, `interval` before the next sample. Answers the stretches
+    /// of time until then where the plant has a delay.
+    #[inline(always)]
+    pub(crate) fn hold(&mut self, interval: f64) -> Option<Vec<HeldStretch<Lanes<T, N>>>> {
+        let sample = Sample {
+            input_set: self.excitation.input_set,
+            inputs: self.excitation.inputs,
+            index: self.sample,
+            interval,
+        };
+        self.equations
+            .hold(&sample, &self.integrator.states, &mut self.held);
+        self.delay.as_mut().map(|delay| {
+            let start = self.excitation.instant(self.sample);
+            delay.stretches(&self.held, start, interval)
+        })
     }
 
     /// From a sample to the next.
@@ -193,7 +202,7 @@ impl<'a, P: System, T: Scalar, const N: usize> SimulationBlock<'a, P, T, N> {
 
     /// The outputs, with what acts on the plant as the sample begins.
     #[inline(always)]
-    fn write_outputs(
+    pub(crate) fn write_outputs(
         &mut self,
         stretches: Option<&[HeldStretch<Lanes<T, N>>]>,
         row: &mut [Lanes<T, N>],
@@ -234,7 +243,7 @@ impl<'a, P: System, T: Scalar, const N: usize> SimulationBlock<'a, P, T, N> {
     }
 
     /// Marks a candidate, and with it those that take its steps.
-    fn fail(&mut self, lane: usize, failure: SimulationFailure) {
+    pub(crate) fn fail(&mut self, lane: usize, failure: SimulationFailure) {
         self.integrator.fail(lane, failure);
         if self.follow && lane == 0 {
             (1..N).for_each(|lane| self.integrator.fail(lane, failure));

@@ -64,6 +64,8 @@ pub trait Equations<R: Real>: Send {
     fn rates_by_time(&mut self, by_time: &mut [R]) -> bool;
     /// The outputs, in the order of the model's description.
     fn outputs(&mut self, states: &Self::States, outputs: &mut [R]);
+    /// ∂output/∂state where the outputs are `outputs`: `matrix[output · n + state]`.
+    fn output_jacobian(&mut self, states: &Self::States, outputs: &[R], matrix: &mut [R]);
     /// At least 0 where the equations hold at the states whose outputs were taken last.
     fn validity(&mut self, states: &Self::States) -> R;
 }
@@ -128,6 +130,13 @@ impl<R: Real> HeldQuantities<R> {
         for ((slope, held), value) in moving.zip(&mut self.values) {
             slope.set_lane(lane, held.lane(lane));
             value.set_lane(lane, value.lane(lane) + held.lane(lane) * seconds);
+        }
+    }
+
+    /// The quantities as they stand so many seconds later.
+    pub fn go_on(&mut self, seconds: R) {
+        for (value, slope) in self.values.iter_mut().zip(&self.slopes) {
+            *value += *slope * seconds;
         }
     }
 

@@ -11,6 +11,7 @@ pub mod block;
 pub mod equations;
 mod explicit;
 mod factors;
+pub mod filter;
 mod input_delay;
 pub(crate) mod language;
 pub mod model;

@@ -124,6 +124,20 @@ pub struct NativeRow<'a, D: Dynamics, R: Real> {
 /// of the state and its size: half the digits.
 const SHARE: f64 = 1e-8;
 
+impl<D: Dynamics, R: Real> NativeRow<'_, D, R> {
+    /// The states with one of them moved a little, and by how much.
+    #[inline(always)]
+    fn shifted(&self, states: &D::State<R>, column: usize) -> (D::State<R>, R) {
+        let sizes = self.dynamics.sizes(&self.constants);
+        let state = states.as_ref()[column];
+        let size = state.abs().max(sizes.as_ref()[column]);
+        let mut shifted = *states;
+        let moved = state + size * R::splat(SHARE);
+        shifted.as_mut()[column] = moved;
+        (shifted, moved - state)
+    }
+}
+
 impl<D: Dynamics, R: Real> Equations<R> for NativeRow<'_, D, R> {
     type States = D::State<R>;
     const SIZES_ARE_FIXED: bool = true;
@@ -178,15 +192,9 @@ impl<D: Dynamics, R: Real> Equations<R> for NativeRow<'_, D, R> {
         rates: &D::State<R>,
         matrix: &mut [R],
     ) {
-        let sizes = self.dynamics.sizes(&self.constants);
-        let n = sizes.as_ref().len();
-        for (column, size) in sizes.as_ref().iter().enumerate() {
-            let mut shifted = *states;
-            let state = states.as_ref()[column];
-            let size = state.abs().max(*size);
-            let moved = state + size * R::splat(SHARE);
-            shifted.as_mut()[column] = moved;
-            let by = moved - state;
+        let n = states.as_ref().len();
+        for column in 0..n {
+            let (shifted, by) = self.shifted(states, column);
             let slope = self
                 .dynamics
                 .derivative(&self.constants, &self.held, &shifted);
@@ -203,6 +211,18 @@ impl<D: Dynamics, R: Real> Equations<R> for NativeRow<'_, D, R> {
     #[inline(always)]
     fn outputs(&mut self, states: &D::State<R>, outputs: &mut [R]) {
         self.dynamics.outputs(&self.constants, states, outputs);
+    }
+
+    fn output_jacobian(&mut self, states: &D::State<R>, outputs: &[R], matrix: &mut [R]) {
+        let n = states.as_ref().len();
+        let mut after = vec![R::splat(0.0); outputs.len()];
+        for column in 0..n {
+            let (shifted, by) = self.shifted(states, column);
+            self.dynamics.outputs(&self.constants, &shifted, &mut after);
+            for (row, (after, before)) in after.iter().zip(outputs).enumerate() {
+                matrix[row * n + column] = (*after - *before) / by;
+            }
+        }
     }
 
     #[inline(always)]

@@ -177,6 +177,18 @@ pub struct Problem {
     pub joint_priors: Arc<Vec<JointPrior>>,
     /// Conditions that the parameters keep.
     pub constraints: Arc<Vec<Condition>>,
+    /// What is compared where disturbances move the plant, which `model` then expects from sample
+    /// to sample; none: the free run.
+    pub innovations: Option<Arc<Innovations>>,
+}
+
+/// The errors of what was expected of each output from all samples before, and their variances.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Innovations {
+    /// How many outputs the model has; the variance of each stands so many places behind it.
+    pub n_outputs: usize,
+    /// For each compared output the least variance that its sensor can have.
+    pub least_variances: Vec<f64>,
 }
 
 /// A candidate spelled out for one experiment.
@@ -189,6 +201,20 @@ pub struct Filled {
 }
 
 impl Problem {
+    /// The problem where innovations are compared, as if no output had been measured.
+    #[must_use]
+    pub fn without_measurements(mut self) -> Problem {
+        if let Some(innovations) = &self.innovations {
+            for data in Arc::make_mut(&mut self.experiments) {
+                // The measured outputs stand last among the inputs.
+                let first = data.inputs.len() - innovations.n_outputs;
+                let measured = data.inputs[first..].iter_mut();
+                measured.for_each(|samples| samples.fill(f64::NAN));
+            }
+        }
+        self
+    }
+
     /// Whether the noise of every output is declared, so that a cost of one is what noise alone
     /// leaves.
     #[must_use]

@@ -5,6 +5,7 @@
 //! differences are those of the equations and not of the step control. Positions, not values,
 //! are shifted: what comes out is ∂residual/∂position.
 
+mod judged;
 mod recorded;
 
 use super::feasible::{self, Limit};
@@ -291,47 +292,59 @@ impl<'a> Neighbourhood<'a> {
             let Some(residual) = self.residual(0, place) else {
                 continue;
             };
-            let ResidualPlace {
-                experiment,
-                sample,
-                output,
-            } = place;
-            let scale = self.scale(place);
-            let at = |member| self.recorded[experiment].value(member, sample, output);
-            let columns = self.differences.iter().zip(&self.ends);
-            for (derivative, (difference, (low, high))) in derivatives.iter_mut().zip(columns) {
-                *derivative = (at(*low) - at(*high)) / difference.length() / scale;
-            }
-            let derivatives = &derivatives;
-            visit(Row {
-                experiment,
-                output,
-                sample,
+            let scale = self.scale_of(0, place);
+            self.differentiate(place, place.output, scale, &mut derivatives);
+            let row = Row {
+                experiment: place.experiment,
+                output: place.output,
+                sample: place.sample,
                 residual,
-                derivatives,
-            });
+                derivatives: &derivatives,
+            };
+            visit(row);
+            if self.problem.innovations.is_some() {
+                self.visit_variance(place, residual, &mut derivatives, &mut visit);
+            }
         }
         Ok(())
     }
 
-    /// The cost of one of the others; infinite where it failed.
-    #[must_use]
-    pub fn cost(&self, other: usize) -> f64 {
-        let member = self.first_other + other;
-        if self.failure(member).is_some() {
-            return f64::INFINITY;
-        }
-        let residuals = places(self.problem).filter_map(|place| self.residual(member, place));
-        let residuals = residuals.map(|residual| self.problem.loss.bent(residual));
-        let priors = self.problem.prior_sum(&self.candidates[member]);
-        let (sum, count) = residuals.fold(priors, |(sum, count), residual| {
-            (sum + residual * residual, count + 1)
+    /// Visits the second row of an innovation: with the first it makes the gradient and the expected
+    /// information of −log L ([`Innovations`](super::problem::Innovations)).
+    fn visit_variance(
+        &self,
+        place: ResidualPlace,
+        innovation: f64,
+        derivatives: &mut [f64],
+        visit: &mut impl FnMut(Row<'_>),
+    ) {
+        let output = self.problem.outputs.len() + place.output;
+        let variance = self.scale_of(0, place).powi(2);
+        // What is differenced is a model's output less its neighbour's, as for a residual.
+        let scale = -variance * std::f64::consts::SQRT_2;
+        self.differentiate(place, output, scale, derivatives);
+        visit(Row {
+            experiment: place.experiment,
+            output,
+            sample: place.sample,
+            residual: (1.0 - innovation * innovation) * std::f64::consts::FRAC_1_SQRT_2,
+            derivatives,
         });
-        let cost = sum / count as f64;
-        if cost.is_finite() {
-            cost
-        } else {
-            f64::INFINITY
+    }
+
+    /// The derivatives of −(recorded column)/scale along the directions.
+    fn differentiate(
+        &self,
+        place: ResidualPlace,
+        column: usize,
+        scale: f64,
+        derivatives: &mut [f64],
+    ) {
+        let recorded = &self.recorded[place.experiment];
+        let at = |member| recorded.value(member, place.sample, column);
+        let columns = self.differences.iter().zip(&self.ends);
+        for (derivative, (difference, (low, high))) in derivatives.iter_mut().zip(columns) {
+            *derivative = (at(*low) - at(*high)) / difference.length() / scale;
         }
     }
 
@@ -343,11 +356,21 @@ impl<'a> Neighbourhood<'a> {
         } = place;
         let measured = self.problem.experiments[experiment].measured[output][sample];
         let simulated = self.recorded[experiment].value(member, sample, output);
-        let scale = self.scale(place);
+        let scale = self.scale_of(member, place);
         (!measured.is_nan()).then(|| (measured - simulated) / scale)
     }
 
-    /// What a residual is divided by.
+    /// What a candidate's residual is divided by: that of an innovation by its standard deviation.
+    fn scale_of(&self, member: usize, place: ResidualPlace) -> f64 {
+        if self.problem.innovations.is_none() {
+            return self.scale(place);
+        }
+        let column = self.problem.outputs.len() + place.output;
+        let variance = self.recorded[place.experiment].value(member, place.sample, column);
+        variance.sqrt()
+    }
+
+    /// What a residual of a free run is divided by.
     #[must_use]
     pub fn scale(&self, place: ResidualPlace) -> f64 {
         let experiment = &self.problem.experiments[place.experiment];

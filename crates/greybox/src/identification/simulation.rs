@@ -3,53 +3,49 @@
 use std::borrow::Cow;
 use std::sync::atomic::AtomicBool;
 
-use super::spec::simulation::SimulationSpec;
+use super::spec::simulation::{KnownNoise, SimulationSpec};
 use super::spec::{FixedValue, InitialStateSpec};
+use crate::estimation::process_noise::{NoiseNumber, ProcessNoise};
 use greybox_numerics::parsing::Fault;
 use greybox_recording::{
     ExperimentData, Mapped, Recording, RecordingSelection, Signal, TimeAxis, TimeWindow,
 };
+use greybox_simulation::filter::{FilterLayout, StartVariance};
 use greybox_simulation::model::{InitialState, Model, ModelDescription};
+use greybox_simulation::single::Outputs;
 use greybox_simulation::{Accuracy, DrivingInputs, SimulatedCandidate, single};
 
-/// All outputs of the model as a recording, at the instants of the one that drives it. Nothing when
-/// `stop` was raised.
+/// Steps of the covariance between two samples.
+const COVARIANCE_STEPS: f64 = 4.0;
+
+/// What a simulation came to.
+#[derive(Debug)]
+pub struct Simulated {
+    /// All outputs of the model, at the instants of the recording that drives it. Where disturbances
+    /// move the plant they are what is expected from all samples before, and `OUTPUT_std` is the
+    /// standard deviation of each one's error.
+    pub recording: Recording,
+    /// The natural logarithm of the likelihood of the measured outputs, where disturbances move the
+    /// plant.
+    pub log_likelihood: Option<f64>,
+}
+
+/// Simulates a model over the recording that drives it. Nothing when `stop` was raised.
 #[must_use]
 pub fn simulate(
     spec: &SimulationSpec,
     model: &Model,
     recording: &Recording,
     stop: &AtomicBool,
-) -> Option<Result<Recording, Vec<Fault>>> {
+) -> Option<Result<Simulated, Vec<Fault>>> {
     let run = match Run::new(spec, model.description(), recording) {
         Ok(run) => run,
         Err(fault) => return Some(Err(vec![fault])),
     };
-    let data = &run.data;
-    let excitation = DrivingInputs {
-        sample_time: data.sample_time,
-        instants: data.instants.as_deref(),
-        samples: data.samples,
-        input_set: run.input_set,
-        inputs: &run.inputs,
-        accuracy: Accuracy::Full,
-    };
-    let candidate = SimulatedCandidate {
-        parameters: &spec.parameters,
-        initial_state: &run.initial_state,
-    };
-    let simulated = single::outputs(model.plant(), &[(excitation, candidate)], stop)?;
-    let simulated = simulated.map_err(|failure| {
-        let detail = format!("the simulation fails: {}", failure.name());
-        vec![Fault::new("/parameters", "simulation_fails", detail)]
-    });
-    Some(simulated.map(|outputs| {
-        let described = model.description().outputs.iter();
-        let signals = described
-            .zip(outputs.into_iter().flatten())
-            .map(|(output, values)| Signal::new(&*output.name, &*output.unit, values));
-        Recording::new(run.time(spec), signals.collect())
-    }))
+    match &spec.process_noise {
+        None => run.free(spec, model, stop),
+        Some(noise) => run.filtered(spec, noise, model, stop),
+    }
 }
 
 /// All that one simulation needs beside its model and parameters.
@@ -111,6 +107,139 @@ impl Run {
         })
     }
 
+    /// The outputs of a model whose inputs are these, or how the simulation fails. Nothing when
+    /// `stop` was raised.
+    fn outputs(
+        &self,
+        model: &Model,
+        inputs: &[Vec<f64>],
+        parameters: &[f64],
+        stop: &AtomicBool,
+    ) -> Option<Result<Outputs, Vec<Fault>>> {
+        let excitation = DrivingInputs {
+            sample_time: self.data.sample_time,
+            instants: self.data.instants.as_deref(),
+            samples: self.data.samples,
+            input_set: self.input_set,
+            inputs,
+            accuracy: Accuracy::Full,
+        };
+        let candidate = SimulatedCandidate {
+            parameters,
+            initial_state: &self.initial_state,
+        };
+        let simulated = single::outputs(model.plant(), &[(excitation, candidate)], stop)?;
+        let simulated = simulated.map_err(|failure| {
+            let detail = format!("the simulation fails: {}", failure.name());
+            vec![Fault::new("/parameters", "simulation_fails", detail)]
+        });
+        Some(simulated.map(|outputs| outputs.into_iter().flatten().collect()))
+    }
+
+    /// The outputs where nothing but the inputs moves the plant.
+    fn free(
+        &self,
+        spec: &SimulationSpec,
+        model: &Model,
+        stop: &AtomicBool,
+    ) -> Option<Result<Simulated, Vec<Fault>>> {
+        let outputs = self.outputs(model, &self.inputs, &spec.parameters, stop)?;
+        Some(outputs.map(|outputs| {
+            let described = model.description().outputs.iter();
+            let signals = described
+                .zip(outputs)
+                .map(|(output, values)| Signal::new(&*output.name, &*output.unit, values));
+            Simulated {
+                recording: Recording::new(self.time(spec), signals.collect()),
+                log_likelihood: None,
+            }
+        }))
+    }
+
+    /// What is expected of the outputs where disturbances move the plant.
+    fn filtered(
+        &self,
+        spec: &SimulationSpec,
+        noise: &KnownNoise,
+        model: &Model,
+        stop: &AtomicBool,
+    ) -> Option<Result<Simulated, Vec<Fault>>> {
+        let description = model.description();
+        let layout = FilterLayout {
+            disturbances: noise
+                .disturbances
+                .iter()
+                .map(|noise| noise.disturbance)
+                .collect(),
+            sizes: noise
+                .disturbances
+                .iter()
+                .map(ProcessNoise::typical_size)
+                .collect(),
+            starts: vec![StartVariance::Known(0.0); description.states.len()],
+            n_inputs: self.inputs.len(),
+            longest_step: self.data.sample_time / COVARIANCE_STEPS,
+        };
+        let filter = match model.filtered(&layout) {
+            Ok(filter) => filter,
+            Err(fault) => {
+                let fault = Fault::new("/process_noise", "filter_not_possible", fault.to_string());
+                return Some(Err(vec![fault]));
+            }
+        };
+        let of_disturbances = noise.disturbances.iter().flat_map(ProcessNoise::numbers);
+        let sensor_of = |name: &str| noise.sensors.iter().find(|(sensor, _)| sensor == name);
+        let outputs = description.outputs.iter();
+        // An output that is not measured corrects nothing, whatever its sensor.
+        let sensors = outputs
+            .clone()
+            .map(|output| sensor_of(&output.name).map_or(0.0, |(_, std)| *std));
+        let parameters = spec.parameters.iter().copied();
+        let parameters: Vec<f64> = parameters
+            .chain(of_disturbances.map(NoiseNumber::typical))
+            .chain(sensors)
+            .collect();
+        let missing = vec![f64::NAN; self.data.samples];
+        let measured = outputs.map(|output| {
+            self.data
+                .signal(&output.name)
+                .map_or(&missing[..], |values| values)
+        });
+        let measured: Vec<Vec<f64>> = measured.map(<[f64]>::to_vec).collect();
+        let inputs: Vec<Vec<f64>> = self.inputs.iter().chain(&measured).cloned().collect();
+        let outputs = self.outputs(&filter, &inputs, &parameters, stop)?;
+        Some(outputs.map(|outputs| self.expected(spec, description, &measured, outputs)))
+    }
+
+    /// Expected outputs, their standard deviations and the likelihood of what was measured.
+    fn expected(
+        &self,
+        spec: &SimulationSpec,
+        description: &ModelDescription,
+        measured: &[Vec<f64>],
+        mut outputs: Outputs,
+    ) -> Simulated {
+        let variances = outputs.split_off(description.outputs.len());
+        let mut signals = Vec::new();
+        let mut log_likelihood = 0.0;
+        let columns = outputs.into_iter().zip(variances).zip(measured);
+        for (described, ((expected, variances), measured)) in
+            description.outputs.iter().zip(columns)
+        {
+            for ((measured, expected), variance) in measured.iter().zip(&expected).zip(&variances) {
+                log_likelihood += log_density(measured - expected, *variance);
+            }
+            let deviations = variances.into_iter().map(f64::sqrt).collect();
+            let name = format!("{}_std", described.name);
+            signals.push(Signal::new(&*described.name, &*described.unit, expected));
+            signals.push(Signal::new(&name, &*described.unit, deviations));
+        }
+        Simulated {
+            recording: Recording::new(self.time(spec), signals),
+            log_likelihood: Some(log_likelihood),
+        }
+    }
+
     /// When its outputs are, from the recording's first sample.
     fn time(&self, spec: &SimulationSpec) -> TimeAxis {
         let from = spec.window.and_then(|window| window.from_s).unwrap_or(0.0);
@@ -132,6 +261,14 @@ impl Run {
             }
         }
     }
+}
+
+/// The logarithm of the normal density of an error; 0 where nothing was measured.
+fn log_density(error: f64, variance: f64) -> f64 {
+    if error.is_nan() {
+        return 0.0;
+    }
+    -0.5 * (libm::log(2.0 * std::f64::consts::PI * variance) + error * error / variance)
 }
 
 /// The first sample of a signal that is there.

@@ -36,6 +36,7 @@ mod outputs;
 mod own_parameters;
 mod parameter;
 mod prior;
+mod process_noise;
 mod validation;
 mod window;
 
@@ -54,6 +55,7 @@ pub use model_search::ModelSearch;
 pub use outputs::OutputSpec;
 pub use parameter::{FixedValue, FreeParameter, ParameterSpec, SearchRange};
 pub use prior::PriorSpec;
+pub use process_noise::{ActsOnSpec, MAX_DISTURBANCES, NoiseKind, ProcessNoiseSpec};
 pub use validation::ValidationSpec;
 pub use window::WindowSpec;
 

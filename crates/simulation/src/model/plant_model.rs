@@ -1,9 +1,11 @@
 //! A model: the equations of a plant and their description.
 
-use super::ModelDescription;
 use super::specialised::Specialised;
+use super::{ModelDescription, SignalDescription};
 use crate::Plant;
+use crate::filter::{FilterLayout, FilteredPlant, LayoutFault};
 use crate::native::{Dynamics, Native};
+use crate::program::Program;
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -11,6 +13,8 @@ use std::sync::Arc;
 pub struct Model {
     description: ModelDescription,
     plant: Arc<dyn Plant>,
+    /// The equations where they were written as text.
+    program: Option<Arc<Program>>,
     specialised: Specialised,
     document: Option<serde_json::Value>,
 }
@@ -20,23 +24,30 @@ impl Model {
     #[must_use]
     pub fn new(description: ModelDescription, dynamics: impl Dynamics) -> Model {
         let n_outputs = description.outputs.len();
+        let plant = Native {
+            dynamics,
+            n_outputs,
+        };
+        Model::of_plant(description, Arc::new(plant))
+    }
+
+    /// Joins a description and the equations of a document.
+    #[must_use]
+    pub fn of_program(description: ModelDescription, program: Program) -> Model {
+        let program = Arc::new(program);
         Model {
-            description,
-            plant: Arc::new(Native {
-                dynamics,
-                n_outputs,
-            }),
-            specialised: Specialised::default(),
-            document: None,
+            program: Some(Arc::clone(&program)),
+            ..Model::of_plant(description, program)
         }
     }
 
     /// Joins a description and a plant of any kind.
     #[must_use]
-    pub fn of_plant(description: ModelDescription, plant: impl Plant + 'static) -> Model {
+    pub fn of_plant(description: ModelDescription, plant: Arc<dyn Plant>) -> Model {
         Model {
             description,
-            plant: Arc::new(plant),
+            plant,
+            program: None,
             specialised: Specialised::default(),
             document: None,
         }
@@ -72,6 +83,35 @@ impl Model {
     #[must_use]
     pub fn plant(&self) -> &dyn Plant {
         self.plant.as_ref()
+    }
+
+    /// The states that a force, an inflow or a current moves, by their places; none where the equations are not
+    /// those of a document.
+    #[must_use]
+    pub fn driven_states(&self) -> Vec<usize> {
+        let program = self.program.as_ref();
+        program.map_or_else(Vec::new, |program| program.driven_states())
+    }
+
+    /// The model as the filter sees it, where disturbances move its plant ([`FilteredPlant`]): the
+    /// variance of each output's error stands behind the outputs of the model.
+    ///
+    /// # Errors
+    /// Where the equations do not allow it.
+    pub fn filtered(&self, layout: &FilterLayout) -> Result<Model, LayoutFault> {
+        let program = self.program.as_ref().ok_or(LayoutFault::NotADocument)?;
+        let n_parameters = self.description.parameters.len();
+        let filtered = FilteredPlant::new(program, layout, n_parameters)?;
+        let mut description = self.description.clone();
+        let variances = self.description.outputs.iter().map(|output| {
+            let name = Cow::Owned(format!("variance of {}", output.name));
+            SignalDescription {
+                name,
+                ..output.clone()
+            }
+        });
+        description.outputs.extend(variances);
+        Ok(Model::of_plant(description, Arc::new(filtered)))
     }
 
     /// The equations for candidates that have these parameters in common, SI.

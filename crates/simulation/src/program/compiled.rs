@@ -13,8 +13,10 @@ pub struct CompiledProgram {
     pub lists: Lists,
     /// The registers of what comes from outside.
     pub wiring: Wiring,
-    /// The derivatives of the equations.
+    /// The derivatives of the rates.
     pub tangents: Tangents,
+    /// The derivatives of the outputs.
+    pub output_tangents: Tangents,
     /// What an error of each state is measured against at least.
     pub sizes: Vec<f64>,
     /// Whether inputs move in straight lines from sample to sample.
@@ -25,8 +27,10 @@ impl CompiledProgram {
     /// A program of these lists whose states have no sizes yet.
     pub fn new(lists: Lists, n_parameters: usize, moving_inputs: bool) -> CompiledProgram {
         let wiring = Wiring::new(&lists, n_parameters);
+        let (states, inputs) = (&wiring.states, &wiring.inputs);
         CompiledProgram {
-            tangents: Tangents::new(&lists, &wiring.states, &wiring.inputs),
+            tangents: Tangents::new(lists.differentiated_rates(), states, inputs),
+            output_tangents: Tangents::new(lists.differentiated_outputs(), states, inputs),
             lists,
             wiring,
             sizes: Vec::new(),

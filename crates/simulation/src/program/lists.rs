@@ -7,6 +7,7 @@
 use super::instruction::{Instruction, Register, Registers, zeros};
 use super::joined::Joined;
 use super::rewrite::{Dependence, EquationGraph, Roots, levels};
+use super::tangents::Differentiated;
 use crate::language::graph::{GraphNode, Leaf};
 use crate::language::operation::LookupTable;
 use greybox_numerics::lanes::Real;
@@ -155,6 +156,24 @@ impl Lists {
             list,
             registers,
         });
+    }
+
+    /// The rates, for their derivatives.
+    #[must_use]
+    pub fn differentiated_rates(&self) -> Differentiated<'_> {
+        Differentiated {
+            instructions: self.rates.instructions(),
+            roots: &self.roots.rates,
+        }
+    }
+
+    /// The outputs, for their derivatives.
+    #[must_use]
+    pub fn differentiated_outputs(&self) -> Differentiated<'_> {
+        Differentiated {
+            instructions: self.output.instructions(),
+            roots: &self.roots.outputs,
+        }
     }
 
     /// The tables, by number.

@@ -1,10 +1,11 @@
 //! Plants whose equations are a document's: checked equations as instructions over registers.
 //!
 //! `rewrite` makes the graph of the equations shorter, `lists` lays it out as straight lists of
-//! instructions, `joined` makes few of many, `tangents` takes their derivatives, and `row` is what
-//! the integrator drives. No code is made at run time; every size is bounded.
+//! instructions, `joined` makes few of many, `tangents` takes their derivatives, `row` is what the
+//! integrator drives, and `disturbed` adds the states of quantities that wander. No code is made at run time; every size is bounded.
 
 mod compiled;
+mod disturbed;
 mod instruction;
 mod joined;
 mod lists;
@@ -12,6 +13,7 @@ mod rewrite;
 mod row;
 mod tangents;
 
+pub use disturbed::{ActsOn, Disturbance, DisturbanceKind};
 pub use rewrite::{EquationGraph, Roots};
 
 use super::block::SimulationBlock;
@@ -52,10 +54,9 @@ impl Program {
     ) -> Program {
         let equations = equations.with_reciprocals(moving_inputs);
         let lists = Lists::new(&equations.with_fixed(&[]), tables, moving_inputs);
-        let compiled = CompiledProgram::new(lists, defaults.len(), moving_inputs);
         let mut program = Program {
+            compiled: CompiledProgram::new(lists, defaults.len(), moving_inputs),
             equations,
-            compiled,
         };
         let starts = program.row(defaults, 1.0).initial_states();
         let start_size = |start: &f64| {
@@ -68,6 +69,66 @@ impl Program {
             .map(|(given, start)| given.unwrap_or_else(|| start_size(start)))
             .collect();
         program
+    }
+
+    /// The program with a state more for each disturbance, in their order behind the model's
+    /// states. A disturbance with memory τ decays by −d/τ, where τ is the parameter
+    /// `time_constants[disturbance]`; white noise has a state that stays 0, through which the
+    /// Jacobian says what the noise drives. `sizes` are typical sizes of the disturbances, in
+    /// their units. Answers nothing where the equations would have too many nodes.
+    #[must_use]
+    pub fn disturbed(
+        &self,
+        disturbances: &[Disturbance],
+        time_constants: &[Option<usize>],
+        sizes: &[f64],
+    ) -> Option<Program> {
+        let equations = self
+            .equations
+            .disturbed(disturbances, time_constants)
+            .ok()?;
+        let whole = &self.compiled;
+        let last = time_constants.iter().flatten().max();
+        let n_parameters = whole.wiring.parameters.len();
+        let n_parameters = last.map_or(n_parameters, |last| n_parameters.max(last + 1));
+        let tables = whole.lists.tables().to_vec();
+        let lists = Lists::new(&equations.with_fixed(&[]), tables, whole.moving_inputs);
+        Some(Program {
+            equations,
+            compiled: CompiledProgram {
+                sizes: whole.sizes.iter().chain(sizes).copied().collect(),
+                ..CompiledProgram::new(lists, n_parameters, whole.moving_inputs)
+            },
+        })
+    }
+
+    /// Whether what is computed once a sample reads a state: a controller within the model.
+    #[must_use]
+    pub fn samples_its_states(&self) -> bool {
+        self.equations.samples_its_states()
+    }
+
+    /// The states that a force, an inflow or a current moves, by their places: those whose rate reads an input,
+    /// and those that are the rate of another state.
+    #[must_use]
+    pub fn driven_states(&self) -> Vec<usize> {
+        self.equations.driven_states()
+    }
+
+    /// The program for candidates that have these parameters in common.
+    #[must_use]
+    pub fn with_fixed(&self, fixed: &[Option<f64>]) -> Program {
+        let left = self.equations.with_fixed(fixed);
+        let whole = &self.compiled;
+        let lists = Lists::new(&left, whole.lists.tables().to_vec(), whole.moving_inputs);
+        let n_parameters = whole.wiring.parameters.len();
+        Program {
+            equations: self.equations.clone(),
+            compiled: CompiledProgram {
+                sizes: whole.sizes.clone(),
+                ..CompiledProgram::new(lists, n_parameters, whole.moving_inputs)
+            },
+        }
     }
 }
 
@@ -112,17 +173,7 @@ impl Plant for Program {
     }
 
     fn specialised(&self, fixed: &[Option<f64>]) -> Option<Arc<dyn Plant>> {
-        let left = self.equations.with_fixed(fixed);
-        let whole = &self.compiled;
-        let lists = Lists::new(&left, whole.lists.tables().to_vec(), whole.moving_inputs);
-        let n_parameters = whole.wiring.parameters.len();
-        Some(Arc::new(Program {
-            equations: self.equations.clone(),
-            compiled: CompiledProgram {
-                sizes: whole.sizes.clone(),
-                ..CompiledProgram::new(lists, n_parameters, whole.moving_inputs)
-            },
-        }))
+        Some(Arc::new(self.with_fixed(fixed)))
     }
 
     fn simulator<'a>(

@@ -127,13 +127,38 @@ impl EquationGraph {
         rewritten.unwrap_or_else(|_| self.clone())
     }
 
+    /// The equations as they are.
+    pub fn copied(&self) -> Result<EquationGraph, Full> {
+        self.continued(Graph::default(), Graph::leaf)
+    }
+
+    /// The equations behind those that `graph` has already. `rule` says what each leaf becomes.
+    pub fn continued(
+        &self,
+        graph: Graph,
+        rule: impl Fn(&mut Graph, Leaf) -> Result<NodeId, Full>,
+    ) -> Result<EquationGraph, Full> {
+        self.rewritten_into(graph, |graph, (node, places), on| match node {
+            GraphNode::Leaf(leaf) => rule(graph, *leaf),
+            _ => copied(graph, node, &on[..places]),
+        })
+    }
+
     /// A new graph, node after node. `rule` makes each from the old one, how many places it has,
     /// and what has become of the nodes that stand there.
     fn rewritten(
         &self,
         rule: impl Fn(&mut Graph, (&GraphNode, usize), [NodeId; 3]) -> Result<NodeId, Full>,
     ) -> Result<EquationGraph, Full> {
-        let mut graph = Graph::default();
+        self.rewritten_into(Graph::default(), rule)
+    }
+
+    /// The nodes behind those that `graph` has already.
+    fn rewritten_into(
+        &self,
+        mut graph: Graph,
+        rule: impl Fn(&mut Graph, (&GraphNode, usize), [NodeId; 3]) -> Result<NodeId, Full>,
+    ) -> Result<EquationGraph, Full> {
         let mut now: Vec<NodeId> = Vec::with_capacity(self.graph.nodes().len());
         for node in self.graph.nodes() {
             let (places, on) = match node {

@@ -18,8 +18,10 @@ pub struct ProgramRow<'a, R> {
     slopes: Vec<R>,
     /// The sampled quantities at the sample before.
     previous: Vec<R>,
-    /// Room for derivatives, once they are asked for.
+    /// Room for derivatives of the rates, once they are asked for.
     tangents: Option<Room<R>>,
+    /// Room for derivatives of the outputs, once they are asked for.
+    output_tangents: Option<Room<R>>,
 }
 
 impl<'a, R: Real> ProgramRow<'a, R> {
@@ -33,6 +35,7 @@ impl<'a, R: Real> ProgramRow<'a, R> {
             slopes: Vec::new(),
             previous: Vec::new(),
             tangents: None,
+            output_tangents: None,
         };
         for (register, value) in program.wiring.parameters.iter().zip(parameters) {
             row.set(*register, *value);
@@ -190,7 +193,8 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
         let room = self.tangents.get_or_insert_with(|| tangents.room());
         self.width.does(StateDerivatives {
             tangents,
-            lists,
+            list: lists.differentiated_rates(),
+            tables: lists.tables(),
             registers: &mut self.registers,
             room,
             matrix,
@@ -204,7 +208,7 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
         let CompiledProgram {
             lists, tangents, ..
         } = self.program;
-        tangents.by_inputs(lists, room, &self.slopes, by_time);
+        tangents.by_inputs(lists.differentiated_rates(), room, &self.slopes, by_time);
         true
     }
 
@@ -215,6 +219,26 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
         for (output, register) in outputs.iter_mut().zip(&lists.roots.outputs) {
             *output = self.registers[usize::from(*register)];
         }
+    }
+
+    fn output_jacobian(&mut self, states: &Vec<R>, _outputs: &[R], matrix: &mut [R]) {
+        self.load(states, R::splat(0.0));
+        let CompiledProgram {
+            lists,
+            output_tangents,
+            ..
+        } = self.program;
+        let room = self
+            .output_tangents
+            .get_or_insert_with(|| output_tangents.room());
+        self.width.does(StateDerivatives {
+            tangents: output_tangents,
+            list: lists.differentiated_outputs(),
+            tables: lists.tables(),
+            registers: &mut self.registers,
+            room,
+            matrix,
+        });
     }
 
     fn validity(&mut self, _states: &Vec<R>) -> R {

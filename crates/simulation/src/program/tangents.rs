@@ -1,23 +1,31 @@
-//! Exact first derivatives of the rates by the states and by inputs that move.
+//! Exact first derivatives of rates and outputs by the states, and of rates by inputs that move.
 //!
 //! They are taken forward through the instructions, one direction at a time, over the
 //! instructions alone that the direction reaches.
 
 use super::instruction::{Instruction, Register, Registers, zeros};
-use super::lists::Lists;
 use crate::language::graph::MAX_NODES;
-use crate::language::operation;
+use crate::language::operation::{self, LookupTable};
 use greybox_numerics::lanes::Real;
 use greybox_numerics::width::Wide;
 
-/// Which instructions of the rates a direction reaches, by their place in the list.
+/// Which instructions of a list a direction reaches, by their place in the list.
 #[derive(Debug)]
 struct DirectionReach {
     /// The registers that the direction starts from.
     from: Vec<Register>,
     instructions: Vec<usize>,
-    /// The rates that it reaches.
-    rates: Vec<usize>,
+    /// The roots that it reaches.
+    roots: Vec<usize>,
+}
+
+/// A list of instructions and the registers of what it computes.
+#[derive(Clone, Copy, Debug)]
+pub struct Differentiated<'a> {
+    /// The instructions, in an order of computation.
+    pub instructions: &'a [Instruction],
+    /// The registers of the rates or outputs.
+    pub roots: &'a [Register],
 }
 
 /// The directions of the states, and that of all inputs together.
@@ -38,13 +46,13 @@ pub struct Room<R> {
 }
 
 impl DirectionReach {
-    fn of(lists: &Lists, from: Vec<Register>) -> DirectionReach {
+    fn of(list: Differentiated<'_>, from: Vec<Register>) -> DirectionReach {
         let mut is_reached = vec![false; MAX_NODES];
         for register in &from {
             is_reached[usize::from(*register)] = true;
         }
         let mut instructions = Vec::new();
-        for (place, instruction) in lists.rates.instructions().iter().enumerate() {
+        for (place, instruction) in list.instructions.iter().enumerate() {
             let Instruction { operation, to, on } = instruction;
             let read = &on[..operation.arguments()];
             if read
@@ -55,12 +63,12 @@ impl DirectionReach {
                 instructions.push(place);
             }
         }
-        let rates = lists.roots.rates.iter().enumerate();
-        let rates = rates.filter(|(_, register)| is_reached[usize::from(**register)]);
+        let roots = list.roots.iter().enumerate();
+        let roots = roots.filter(|(_, register)| is_reached[usize::from(**register)]);
         DirectionReach {
             from,
             instructions,
-            rates: rates.map(|(rate, _)| rate).collect(),
+            roots: roots.map(|(root, _)| root).collect(),
         }
     }
 }
@@ -68,16 +76,16 @@ impl DirectionReach {
 impl Tangents {
     /// What the states and the inputs, by their registers, reach.
     pub fn new(
-        lists: &Lists,
+        list: Differentiated<'_>,
         states: &[Option<Register>],
         inputs: &[Option<Register>],
     ) -> Tangents {
         let of_state = |register: &Option<Register>| {
-            DirectionReach::of(lists, register.iter().copied().collect())
+            DirectionReach::of(list, register.iter().copied().collect())
         };
         let states: Vec<DirectionReach> = states.iter().map(of_state).collect();
-        let inputs_reach = DirectionReach::of(lists, inputs.iter().copied().flatten().collect());
-        let instructions = lists.rates.instructions();
+        let inputs_reach = DirectionReach::of(list, inputs.iter().copied().flatten().collect());
+        let instructions = list.instructions;
         let mut is_reached = vec![false; MAX_NODES];
         for reach in states.iter().chain([&inputs_reach]) {
             let written = reach
@@ -111,7 +119,7 @@ impl Tangents {
     /// states were taken last.
     pub fn by_inputs<R: Real>(
         &self,
-        lists: &Lists,
+        list: Differentiated<'_>,
         room: &mut Room<R>,
         slopes: &[R],
         by_time: &mut [R],
@@ -122,25 +130,28 @@ impl Tangents {
                 room.along[usize::from(*register)] = *slope;
             }
         }
-        self.inputs.follow(lists, room);
-        for rate in &self.inputs.rates {
-            by_time[*rate] = room.along[usize::from(lists.roots.rates[*rate])];
+        self.inputs.follow(list, room);
+        for rate in &self.inputs.roots {
+            by_time[*rate] = room.along[usize::from(list.roots[*rate])];
         }
-        self.inputs.clear(lists, room);
+        self.inputs.clear(list, room);
     }
 }
 
-/// The derivatives of the rates by the states, as work that is compiled for each width of registers.
+/// The derivatives of rates or outputs by the states, as work that is compiled for each width of
+/// registers.
 pub struct StateDerivatives<'a, R> {
     /// Which instructions the states reach.
     pub tangents: &'a Tangents,
-    /// The instructions.
-    pub lists: &'a Lists,
+    /// The instructions of the rates, or those of the outputs.
+    pub list: Differentiated<'a>,
+    /// The tables, by number.
+    pub tables: &'a [LookupTable],
     /// Registers that hold the states at which the derivatives are taken.
     pub registers: &'a mut Registers<R>,
     /// Room for the derivatives of each instruction.
     pub room: &'a mut Room<R>,
-    /// The result, ∂rate/∂state: `matrix[rate · n + state]`.
+    /// The result, ∂root/∂state: `matrix[root · n + state]`.
     pub matrix: &'a mut [R],
 }
 
@@ -150,15 +161,15 @@ impl<R: Real> Wide for StateDerivatives<'_, R> {
     fn work(self) {
         let StateDerivatives {
             tangents,
-            lists,
+            list,
+            tables,
             registers,
             room,
             matrix,
         } = self;
         let n = tangents.states.len();
-        let tables = lists.tables();
         room.partials.clear();
-        let instructions = lists.rates.instructions().iter();
+        let instructions = list.instructions.iter();
         let instructions = instructions.zip(&tangents.reaches_second);
         for (Instruction { operation, to, on }, second) in instructions {
             operation::execute(*operation, registers, *on, *to, tables);
@@ -172,23 +183,23 @@ impl<R: Real> Wide for StateDerivatives<'_, R> {
             for register in &reach.from {
                 room.along[usize::from(*register)] = R::splat(1.0);
             }
-            reach.follow(lists, room);
-            for rate in &reach.rates {
-                let register = lists.roots.rates[*rate];
-                matrix[rate * n + column] = room.along[usize::from(register)];
+            reach.follow(list, room);
+            for root in &reach.roots {
+                let register = list.roots[*root];
+                matrix[root * n + column] = room.along[usize::from(register)];
             }
-            reach.clear(lists, room);
+            reach.clear(list, room);
         }
     }
 }
 
 impl DirectionReach {
-    /// Carries the derivatives from the registers that the direction starts from to the rates.
+    /// Carries the derivatives from the registers that the direction starts from to the roots.
     #[inline(always)]
-    fn follow<R: Real>(&self, lists: &Lists, room: &mut Room<R>) {
+    fn follow<R: Real>(&self, list: Differentiated<'_>, room: &mut Room<R>) {
         let least = R::splat(f64::from(f32::MIN_POSITIVE));
         for place in &self.instructions {
-            let Instruction { operation, to, on } = lists.rates.instructions()[*place];
+            let Instruction { operation, to, on } = list.instructions[*place];
             let mut sum = R::splat(0.0);
             for (partial, register) in room.partials[*place]
                 .iter()
@@ -204,13 +215,13 @@ impl DirectionReach {
 
     /// Leaves zeros for the next direction.
     #[inline(always)]
-    fn clear<R: Real>(&self, lists: &Lists, room: &mut Room<R>) {
+    fn clear<R: Real>(&self, list: Differentiated<'_>, room: &mut Room<R>) {
         let zero = R::splat(0.0);
         for register in &self.from {
             room.along[usize::from(*register)] = zero;
         }
         for place in &self.instructions {
-            room.along[usize::from(lists.rates.instructions()[*place].to)] = zero;
+            room.along[usize::from(list.instructions[*place].to)] = zero;
         }
     }
 }

@@ -27,8 +27,12 @@ pub(super) const SMALLEST_DAMPING: f64 = 1e-14;
 pub struct Linearisation {
     /// The triangle of `[J | r]`.
     pub triangle: Triangle,
-    /// The mean square of the residuals, those of the priors among them.
+    /// The mean square of the residuals, those of the priors among them; where innovations are
+    /// compared −2·log L but for a constant, per row.
     pub cost: f64,
+    /// What the variance of a residual is taken for: the cost, or 1 where innovations are compared,
+    /// which have their variances.
+    pub residual_variance: f64,
     /// The constraints.
     pub limits: Vec<Limit>,
 }
@@ -65,7 +69,8 @@ impl Linearisation {
             sum += prior.residual * prior.residual;
         }
         let triangle = rows.finish();
-        let cost = sum / triangle.rows() as f64;
+        let likelihood = around.likelihood_cost();
+        let cost = likelihood.unwrap_or(sum / triangle.rows() as f64);
         if !cost.is_finite() || !triangle.is_usable() {
             return Err(SimulationFailure::Diverged);
         }
@@ -73,6 +78,7 @@ impl Linearisation {
         Ok(Linearisation {
             triangle,
             cost,
+            residual_variance: likelihood.map_or(cost, |_| 1.0),
             limits,
         })
     }
@@ -112,7 +118,7 @@ impl Linearisation {
     /// How far two candidates are apart, in standard errors.
     pub fn distance(&self, from: &[f64], to: &[f64]) -> f64 {
         let step: Vec<f64> = from.iter().zip(to).map(|(a, b)| a - b).collect();
-        (self.triangle.movement(&step) / self.cost).sqrt()
+        (self.triangle.movement(&step) / self.residual_variance).sqrt()
     }
 }
 

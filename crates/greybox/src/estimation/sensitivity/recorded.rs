@@ -26,7 +26,8 @@ struct Recorded {
 }
 
 impl Columns {
-    /// An output, by its place in the problem.
+    /// An output, by its place in the problem; behind the outputs of a problem that compares
+    /// innovations stand their variances.
     pub fn value(&self, candidate: usize, sample: usize, output: usize) -> f64 {
         let (piece, lane) = self.places[candidate];
         self.pieces[piece].outputs[sample * self.n_outputs + output].0[lane]
@@ -64,11 +65,16 @@ pub fn record_runs(
     runs: &[BatchRun<'_>],
     stop: &AtomicBool,
 ) -> Option<Vec<Columns>> {
+    let mut chosen: Vec<usize> = problem.outputs.iter().map(|output| output.index).collect();
+    if let Some(innovations) = &problem.innovations {
+        let variances = problem.outputs.iter();
+        chosen.extend(variances.map(|output| output.index + innovations.n_outputs));
+    }
     let recorder = |run: usize| Recorder {
-        chosen: problem.outputs.iter().map(|output| output.index).collect(),
+        chosen: chosen.clone(),
         n_outputs: problem.model.description().outputs.len(),
         recorded: Recorded {
-            outputs: Vec::with_capacity(runs[run].excitation.samples * problem.outputs.len()),
+            outputs: Vec::with_capacity(runs[run].excitation.samples * chosen.len()),
             states: Vec::new(),
         },
     };
@@ -77,7 +83,7 @@ pub fn record_runs(
         places: vec![(0, 0); run.candidates.len()],
         failures: vec![None; run.candidates.len()],
         pieces: Vec::new(),
-        n_outputs: problem.outputs.len(),
+        n_outputs: chosen.len(),
     };
     let mut columns: Vec<Columns> = runs.iter().map(empty).collect();
     for piece in pieces {

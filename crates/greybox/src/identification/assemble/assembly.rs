@@ -80,6 +80,7 @@ pub fn problem(
         assumptions: Arc::new(assumptions),
         joint_priors: Arc::new(priors::joint(spec, description)),
         constraints: Arc::new(constraints::compiled(spec, description)),
+        innovations: None,
     };
     constraints::check(&problem)?;
     if problem.n_residuals() <= problem.coordinates.len() {

@@ -6,7 +6,8 @@ use serde_json::Value;
 
 use super::experiment::SignalMatch;
 use super::initial_state::read_initial_state;
-use super::{InitialStateSpec, WindowSpec, parameter, read_model, window};
+use super::{InitialStateSpec, WindowSpec, parameter, process_noise, read_model, window};
+use crate::estimation::process_noise::ProcessNoise;
 use crate::identification::DatasetId;
 use greybox_numerics::parsing::fault::Fault;
 use greybox_numerics::parsing::reader::{Field, read_document};
@@ -26,6 +27,17 @@ pub struct SimulationSpec {
     pub parameters: Vec<f64>,
     /// Where states start that do not start where the model says.
     pub initial_state: BTreeMap<String, InitialStateSpec>,
+    /// What moves the plant beside its inputs; none: the simulation runs freely.
+    pub process_noise: Option<KnownNoise>,
+}
+
+/// Disturbances and sensors whose numbers are given.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnownNoise {
+    /// The disturbances.
+    pub disturbances: Vec<ProcessNoise>,
+    /// For each measured output the standard deviation of its sensor's noise, SI.
+    pub sensors: Vec<(String, f64)>,
 }
 
 /// What drives a simulation.
@@ -106,6 +118,15 @@ fn read(
         }
         _ => BTreeMap::new(),
     };
+    let process_noise = root.optional("process_noise");
+    let outputs = root.optional("outputs");
+    let process_noise = process_noise
+        .zip(model)
+        .map(|(field, model)| read_noise(&field, outputs.as_ref(), model, signals.as_ref()));
+    if let (None, Some(outputs)) = (&process_noise, &outputs) {
+        let detail = "`outputs` say what a filter believes: `process_noise` is needed beside it";
+        outputs.fault("process_noise_needed", detail);
+    }
     root.finish();
     Some(SimulationSpec {
         model: model?.name.to_string(),
@@ -113,7 +134,40 @@ fn read(
         window: window.flatten(),
         parameters: parameters?,
         initial_state,
+        process_noise,
     })
+}
+
+/// The disturbances, and the sensor of every output that is measured.
+fn read_noise(
+    field: &Field<'_>,
+    outputs: Option<&Field<'_>>,
+    model: &ModelDescription,
+    signals: Option<&BTreeMap<String, String>>,
+) -> KnownNoise {
+    let is_measured = |name: &str| signals.is_none_or(|signals| signals.contains_key(name));
+    let disturbances = process_noise::read(field, model);
+    let sensors = outputs.map(|outputs| process_noise::read_sensors(outputs, is_measured));
+    let sensors = sensors.unwrap_or_default();
+    let is_missing = |name: &str| {
+        let is_used = signals.is_some_and(|signals| signals.contains_key(name));
+        is_used && !sensors.iter().any(|(sensor, _)| sensor == name)
+    };
+    for output in model
+        .outputs
+        .iter()
+        .filter(|output| is_missing(&output.name))
+    {
+        let detail = format!(
+            "the noise of `{name}` is needed: `outputs: {{\"{name}\": {{\"noise_std\": …}}}}`",
+            name = output.name
+        );
+        field.fault("noise_needed", detail);
+    }
+    KnownNoise {
+        disturbances,
+        sensors,
+    }
 }
 
 fn check_dataset(field: &Field<'_>, is_stored: bool) {

@@ -68,7 +68,7 @@ fn read_into(document: &Value, faults: &Faults) -> Option<Read> {
         moving_inputs,
     );
     Some(Read {
-        model: Model::of_plant(description, plant),
+        model: Model::of_program(description, plant),
         warnings,
     })
 }

@@ -28,11 +28,12 @@ mod servovalve;
 
 use super::Model;
 use plant::Servo;
+use std::sync::Arc;
 
 /// The model with its description.
 #[must_use]
 pub fn model() -> Model {
     let description = description::describe();
     let n_outputs = description.outputs.len();
-    Model::of_plant(description, Servo::new(n_outputs))
+    Model::of_plant(description, Arc::new(Servo::new(n_outputs)))
 }

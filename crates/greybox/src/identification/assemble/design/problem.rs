@@ -138,6 +138,7 @@ impl DesignProblem {
             joint_priors: Arc::new(priors::joint(&spec.job, description)),
             constraints: Arc::new(constraints::compiled(&spec.job, description)),
             coordinates: coordinates.clone(),
+            innovations: None,
         };
         let wants = |coordinate: &Coordinate| {
             !matches!(coordinate.target, Target::InitialState { .. })

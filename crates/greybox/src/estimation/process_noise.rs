@@ -1,0 +1,237 @@
+//! What moves a plant beside its inputs, as unknowns of a likelihood.
+//!
+//! [`filtered`] makes of a problem and its disturbances another problem, whose outputs are
+//! expectations and whose unknowns are those of the plant, then those of the disturbances and of the
+//! sensors. The descents minimise −log L over it as they minimise squares over the free run: each
+//! innovation ε with variance S gives two rows, ε/√S and (1 − ε²/S)/√2, whose derivatives make the
+//! gradient and the expected information.
+
+use super::loss::Loss;
+use super::prior::Prior;
+use super::problem::{Coordinate, Experiment, Innovations, Problem, Target};
+use greybox_simulation::filter::{FilterLayout, LayoutFault, StartVariance};
+use greybox_simulation::model::Scale;
+use greybox_simulation::program::Disturbance;
+use std::sync::Arc;
+
+/// A number of a disturbance or of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NoiseNumber {
+    /// The number is given, SI.
+    Given(f64),
+    /// The number is an unknown, on a logarithmic scale.
+    Unknown {
+        /// The least value, above zero, SI.
+        lower: f64,
+        /// The largest value, SI.
+        upper: f64,
+        /// What is known of the number beside the data.
+        prior: Option<Prior>,
+    },
+}
+
+impl NoiseNumber {
+    /// The least value that the number can have.
+    #[must_use]
+    pub fn least(self) -> f64 {
+        match self {
+            NoiseNumber::Given(value) => value,
+            NoiseNumber::Unknown { lower, .. } => lower,
+        }
+    }
+
+    /// The given value, or the middle of the range.
+    #[must_use]
+    pub fn typical(self) -> f64 {
+        match self {
+            NoiseNumber::Given(value) => value,
+            NoiseNumber::Unknown { lower, upper, .. } => (lower * upper).sqrt(),
+        }
+    }
+}
+
+/// A disturbance with its numbers; one with memory has a time constant, others have none.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProcessNoise {
+    /// The name of what it acts on.
+    pub name: String,
+    /// What it acts on, and how it moves.
+    pub disturbance: Disturbance,
+    /// How strong it is `[unit of what it acts on · √s]`; with memory the strength is
+    /// std·√(2·time constant).
+    pub strength: NoiseNumber,
+    /// How long it remembers `[s]`, where it has a memory.
+    pub time_constant: Option<NoiseNumber>,
+}
+
+impl ProcessNoise {
+    /// The numbers in the order in which the filter takes them.
+    pub fn numbers(&self) -> impl Iterator<Item = NoiseNumber> + use<> {
+        std::iter::once(self.strength).chain(self.time_constant)
+    }
+
+    /// The size that the disturbance has by its numbers.
+    #[must_use]
+    pub fn typical_size(&self) -> f64 {
+        let strength = self.strength.typical();
+        match self.time_constant {
+            Some(time_constant) => strength / (2.0 * time_constant.typical()).sqrt(),
+            None => strength,
+        }
+    }
+}
+
+/// All disturbances of a problem, and its sensors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoiseModel {
+    /// The disturbances.
+    pub disturbances: Vec<ProcessNoise>,
+    /// The standard deviation of each compared output's sensor, SI.
+    pub sensors: Vec<NoiseNumber>,
+    /// Steps of the covariance between two samples.
+    pub steps: u32,
+}
+
+/// Why a problem cannot be filtered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoiseFault {
+    /// The model does not allow it.
+    Model(LayoutFault),
+    /// The noise of a sensor differs from sample to sample.
+    SamplesDiffer,
+    /// The job asks for a loss other than the square.
+    Robust,
+}
+
+/// The problem whose outputs are expected from sample to sample. The positions of the problem's
+/// unknowns stand first among its positions.
+///
+/// # Errors
+/// Where the model or the problem does not allow it.
+pub fn filtered(problem: &Problem, noise: &NoiseModel) -> Result<Problem, NoiseFault> {
+    if problem.loss != Loss::Squared {
+        return Err(NoiseFault::Robust);
+    }
+    let experiments = problem.experiments.iter();
+    if experiments
+        .clone()
+        .any(|data| data.weights.iter().any(Option::is_some))
+    {
+        return Err(NoiseFault::SamplesDiffer);
+    }
+    let description = problem.model.description();
+    let layout = FilterLayout {
+        disturbances: noise
+            .disturbances
+            .iter()
+            .map(|noise| noise.disturbance)
+            .collect(),
+        sizes: noise
+            .disturbances
+            .iter()
+            .map(ProcessNoise::typical_size)
+            .collect(),
+        starts: starts(problem),
+        n_inputs: description.inputs.len(),
+        longest_step: longest_step(problem, noise.steps),
+    };
+    let model = problem.model.filtered(&layout).map_err(NoiseFault::Model)?;
+    let mut next = Problem {
+        model: Arc::new(model),
+        experiments: Arc::new(
+            experiments
+                .map(|data| with_measurements(problem, data))
+                .collect(),
+        ),
+        innovations: Some(Arc::new(Innovations {
+            n_outputs: description.outputs.len(),
+            least_variances: noise
+                .sensors
+                .iter()
+                .map(|sensor| sensor.least().powi(2))
+                .collect(),
+        })),
+        ..problem.clone()
+    };
+    for noise in &noise.disturbances {
+        for (number, noun) in noise.numbers().zip(["strength", "memory"]) {
+            add(&mut next, &format!("{noun} of {}", noise.name), number);
+        }
+    }
+    for (index, output) in description.outputs.iter().enumerate() {
+        let compared = problem
+            .outputs
+            .iter()
+            .position(|compared| compared.index == index);
+        // What no recording has corrects nothing.
+        let sensor = compared.map_or(NoiseNumber::Given(1.0), |place| noise.sensors[place]);
+        add(&mut next, &format!("noise of {}", output.name), sensor);
+    }
+    Ok(next)
+}
+
+/// Adds a number to the parameters, and to the unknowns where it is one.
+fn add(problem: &mut Problem, name: &str, number: NoiseNumber) {
+    let target = Target::Parameter(problem.parameters.len());
+    problem.parameters.push(number.typical());
+    if let NoiseNumber::Unknown {
+        lower,
+        upper,
+        prior,
+    } = number
+    {
+        problem.coordinates.push(Coordinate {
+            name: name.to_owned(),
+            quantity: name.to_owned(),
+            symbol: String::new(),
+            unit: String::new(),
+            target,
+            lower,
+            upper,
+            scale: Scale::Log,
+            prior,
+        });
+    }
+}
+
+/// A state whose start is an unknown begins with what disturbances make in one interval; every
+/// other start is known.
+fn starts(problem: &Problem) -> Vec<StartVariance> {
+    let is_unknown = |index: usize| {
+        let of_state = |coordinate: &Coordinate| matches!(coordinate.target, Target::InitialState { state, .. } if state == index);
+        problem.coordinates.iter().any(of_state)
+    };
+    let states = 0..problem.model.description().states.len();
+    states
+        .map(|state| match is_unknown(state) {
+            true => StartVariance::OneInterval,
+            false => StartVariance::Known(0.0),
+        })
+        .collect()
+}
+
+fn longest_step(problem: &Problem, steps: u32) -> f64 {
+    let intervals = problem.experiments.iter().map(|data| data.sample_time);
+    let interval = intervals.fold(f64::INFINITY, f64::min);
+    // A little longer, so that rounding does not make one step more.
+    interval * (1.0 + 1e-9) / f64::from(steps.max(1))
+}
+
+/// The experiment with its measured outputs behind the inputs, in the order of the model's.
+fn with_measurements(problem: &Problem, data: &Experiment) -> Experiment {
+    let description = problem.model.description();
+    let mut next = data.clone();
+    // A model that has several input sets reads those of the set in use first.
+    let missing = vec![f64::NAN; data.samples];
+    next.inputs
+        .resize(description.inputs.len(), vec![0.0; data.samples]);
+    next.inputs
+        .extend((0..description.outputs.len()).map(|index| {
+            let compared = problem
+                .outputs
+                .iter()
+                .position(|output| output.index == index);
+            compared.map_or_else(|| missing.clone(), |place| data.measured[place].clone())
+        }));
+    next
+}

@@ -1,0 +1,404 @@
+//! One block of candidates whose means and covariances go through a record side by side.
+
+use super::covariance::Covariance;
+use super::layout::FilterLayout;
+use super::start::StartVariance;
+use super::transition::{CovarianceStep, Matrix, Transition};
+use crate::block::SimulationBlock;
+use crate::equations::{Equations, HeldQuantities};
+use crate::input_delay::HeldStretch;
+use crate::program::{DisturbanceKind, Program};
+use crate::{
+    BlockSimulator, CandidateBlock, DrivingInputs, Plant, SimulatedCandidate, SimulationFailure,
+};
+use greybox_numerics::lanes::{LANES, Lanes, Real};
+use greybox_numerics::width::{Wide, Width};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The equations with their disturbances, and what the filter is asked of them.
+#[derive(Clone, Copy, Debug)]
+pub struct FilterEquations<'a> {
+    /// The equations, a state more for each disturbance.
+    pub program: &'a Program,
+    /// What the filter is asked.
+    pub layout: &'a FilterLayout,
+    /// How many parameters the model has.
+    pub n_model_parameters: usize,
+}
+
+/// Candidates on their way through a record, each with its covariance.
+pub struct FilterBlock<'a> {
+    block: SimulationBlock<'a, Program, f64, LANES>,
+    layout: &'a FilterLayout,
+    noises: Vec<Noise>,
+    /// The variance of each output's sensor.
+    sensors: Vec<Lanes>,
+    covariance: Covariance,
+    transition: Transition,
+    step: CovarianceStep,
+    /// ∂rate/∂state over all states.
+    jacobian: Matrix,
+    /// ∂output/∂state over all states.
+    by_state: Matrix,
+    /// The outputs of the model.
+    row: Vec<Lanes>,
+}
+
+/// A disturbance of each candidate.
+struct Noise {
+    /// The state of the disturbance.
+    state: usize,
+    kind: DisturbanceKind,
+    /// What the disturbance gains in a second: its unit squared per second.
+    diffusion: Lanes,
+    /// The variance at the first sample.
+    start: Lanes,
+}
+
+/// The disturbances of candidates with these parameters.
+fn noises(
+    layout: &FilterLayout,
+    n_model_parameters: usize,
+    parameter: impl Fn(usize) -> Lanes,
+) -> Vec<Noise> {
+    let two = Lanes::splat(2.0);
+    let parameters = layout.noise_parameters(n_model_parameters);
+    let disturbances = layout.disturbances.iter().zip(parameters);
+    let noises = disturbances.zip(layout.starts.len()..);
+    noises
+        .map(|((disturbance, parameters), state)| {
+            let strength = parameter(parameters.strength);
+            let squared = strength * strength;
+            let time_constant = parameters.time_constant.map(&parameter);
+            Noise {
+                state,
+                kind: disturbance.kind,
+                diffusion: time_constant.map_or(squared, |time| squared / (time * time)),
+                start: time_constant.map_or(Lanes::splat(0.0), |time| squared / (two * time)),
+            }
+        })
+        .collect()
+}
+
+impl<'a> FilterBlock<'a> {
+    /// A block of 1 to [`LANES`] candidates; lanes left over repeat the first.
+    pub fn new(
+        equations: FilterEquations<'a>,
+        excitation: DrivingInputs<'a>,
+        candidates: CandidateBlock<'_>,
+    ) -> Self {
+        let FilterEquations {
+            program,
+            layout,
+            n_model_parameters,
+        } = equations;
+        let CandidateBlock { members, in_step } = candidates;
+        let of_lane = |lane: usize| members.get(lane).unwrap_or(&members[0]);
+        let parameter =
+            |index: usize| Lanes(std::array::from_fn(|lane| of_lane(lane).parameters[index]));
+        let n_model_states = layout.starts.len();
+        let noises = noises(layout, n_model_parameters, parameter);
+        let n_outputs = program.n_outputs();
+        let first_sensor = layout.first_sensor(n_model_parameters);
+        let sensors = (0..n_outputs).map(|output| parameter(first_sensor + output));
+        let n_states = n_model_states + noises.len();
+        let is_white = |state: &usize| {
+            let noise = state
+                .checked_sub(n_model_states)
+                .map(|index| &noises[index]);
+            noise.is_some_and(|noise| noise.kind == DisturbanceKind::White)
+        };
+        let moved: Vec<usize> = (0..n_states).filter(|state| !is_white(state)).collect();
+        let starts: Vec<Vec<Option<f64>>> = members
+            .iter()
+            .map(|member| {
+                let disturbances = noises.iter().map(|_| None);
+                let model = member.initial_state.iter().copied();
+                model.chain(disturbances).collect()
+            })
+            .collect();
+        let members: Vec<SimulatedCandidate<'_>> = members
+            .iter()
+            .zip(&starts)
+            .map(|(member, initial_state)| SimulatedCandidate {
+                initial_state,
+                ..*member
+            })
+            .collect();
+        let candidates = CandidateBlock {
+            members: &members,
+            in_step,
+        };
+        let zero = Lanes::splat(0.0);
+        FilterBlock {
+            block: SimulationBlock::new(program, excitation, candidates, Width::widest()),
+            layout,
+            sensors: sensors.map(|sensor| sensor * sensor).collect(),
+            transition: Transition::new(moved.len()),
+            step: CovarianceStep::new(moved.len()),
+            covariance: Covariance::new(moved),
+            noises,
+            jacobian: vec![zero; n_states * n_states],
+            by_state: vec![zero; n_outputs * n_states],
+            row: vec![zero; n_outputs],
+        }
+    }
+
+    #[inline(always)]
+    fn advance_lanes(
+        &mut self,
+        samples: usize,
+        outputs: &mut [Lanes],
+        stop: &AtomicBool,
+    ) -> Option<()> {
+        for outputs in outputs.chunks_exact_mut(outputs.len() / samples) {
+            if stop.load(Ordering::Relaxed) {
+                return None;
+            }
+            let interval = self.block.excitation.interval(self.block.sample);
+            let stretches = self.block.hold(interval);
+            self.block
+                .write_outputs(stretches.as_deref(), &mut self.row);
+            if self.block.sample == 0 {
+                self.begin();
+            }
+            self.correct(outputs);
+            if interval > 0.0 {
+                self.go_on(stretches.as_deref(), interval, stop)?;
+            }
+            self.block.sample += 1;
+        }
+        Some(())
+    }
+
+    /// The covariance at the first sample.
+    fn begin(&mut self) {
+        let starts = &self.layout.starts;
+        let n = self.covariance.states.len();
+        let is_made = |state: &usize| starts.get(*state) == Some(&StartVariance::OneInterval);
+        let is_made: Vec<bool> = self.covariance.states.iter().map(is_made).collect();
+        if is_made.contains(&true) {
+            let length = Lanes::splat(self.block.excitation.sample_time);
+            for place in 0..3 {
+                self.take_jacobian(place, Lanes::splat(0.0));
+            }
+            self.step.length = length;
+            let follow = self.block.follow;
+            let matrix = &mut self.covariance.matrix;
+            self.transition.carry(matrix, &self.step, follow);
+        }
+        for (index, value) in self.covariance.matrix.iter_mut().enumerate() {
+            if !is_made[index / n] || !is_made[index % n] {
+                *value = Lanes::splat(0.0);
+            }
+        }
+        for row in 0..n {
+            let state = self.covariance.states[row];
+            let known = match starts.get(state) {
+                Some(StartVariance::Known(variance)) => Some(Lanes::splat(*variance)),
+                Some(StartVariance::OneInterval) => None,
+                None => Some(self.noises[state - starts.len()].start),
+            };
+            if let Some(variance) = known {
+                self.covariance.matrix[row * (n + 1)] = variance;
+            }
+        }
+    }
+
+    /// Says what is expected of each output, and lets what was measured correct the states.
+    #[inline(always)]
+    fn correct(&mut self, outputs: &mut [Lanes]) {
+        let SimulationBlock {
+            equations,
+            integrator,
+            excitation,
+            sample,
+            ..
+        } = &mut self.block;
+        equations.output_jacobian(&integrator.states, &self.row, &mut self.by_state);
+        self.covariance.begin_sample();
+        let n_states = integrator.states.len();
+        let (values, variances) = outputs.split_at_mut(self.row.len());
+        let first_measured = self.layout.n_inputs;
+        for (output, by_state) in self.by_state.chunks_exact(n_states).enumerate() {
+            let sensor = self.sensors[output];
+            let predicted = self.covariance.predict(self.row[output], by_state, sensor);
+            values[output] = predicted.value;
+            variances[output] = predicted.variance;
+            let measured = excitation.inputs[first_measured + output][*sample];
+            if !measured.is_nan() {
+                self.covariance.correct(predicted, measured);
+            }
+        }
+        let moved = self.covariance.states.iter().zip(&self.covariance.moved);
+        for (state, moved) in moved {
+            integrator.states[*state] += *moved;
+        }
+    }
+
+    /// From a sample to the next.
+    #[inline(always)]
+    fn go_on(
+        &mut self,
+        stretches: Option<&[HeldStretch<Lanes>]>,
+        interval: f64,
+        stop: &AtomicBool,
+    ) -> Option<()> {
+        let longest = self.layout.longest_step;
+        let n_steps = (interval / longest).ceil().max(1.0);
+        let Some(stretches) = stretches else {
+            let held = self.block.held.clone();
+            return self.cross(held, Lanes::splat(interval), n_steps, stop);
+        };
+        for (index, stretch) in stretches.iter().enumerate() {
+            if index > 0 {
+                self.block.equations.act(&stretch.held);
+            }
+            self.cross(stretch.held.clone(), stretch.duration, n_steps, stop)?;
+        }
+        Some(())
+    }
+
+    /// Over a stretch in which nothing jumps, in so many steps of the covariance.
+    #[inline(always)]
+    fn cross(
+        &mut self,
+        mut held: HeldQuantities<Lanes>,
+        duration: Lanes,
+        n_steps: f64,
+        stop: &AtomicBool,
+    ) -> Option<()> {
+        let length = duration / Lanes::splat(n_steps);
+        for step in 0..n_steps as usize {
+            if step > 0 && !held.slopes.is_empty() {
+                held.go_on(length);
+                self.block.equations.act(&held);
+            }
+            self.step_over(&held, length, stop)?;
+        }
+        Some(())
+    }
+
+    /// A step of the mean and of the covariance.
+    #[inline(always)]
+    fn step_over(
+        &mut self,
+        held: &HeldQuantities<Lanes>,
+        length: Lanes,
+        stop: &AtomicBool,
+    ) -> Option<()> {
+        let zero = Lanes::splat(0.0);
+        let start = self.block.integrator.states.clone();
+        let start_rates = self.take_jacobian(0, zero);
+        let SimulationBlock {
+            equations,
+            integrator,
+            ..
+        } = &mut self.block;
+        integrator.integrate(equations, held, length, stop)?;
+        let end_rates = self.take_jacobian(2, length);
+        // Between them the mean is a cubic through both ends and their slopes.
+        let end = self.block.integrator.states.clone();
+        let (half, eighth) = (Lanes::splat(0.5), length * Lanes::splat(0.125));
+        for (index, state) in self.block.integrator.states.iter_mut().enumerate() {
+            *state = (start[index] + end[index]) * half
+                + (start_rates[index] - end_rates[index]) * eighth;
+        }
+        self.take_jacobian(1, length * half);
+        self.block.integrator.states = end;
+        self.step.length = length;
+        let matrix = &mut self.covariance.matrix;
+        self.transition.carry(matrix, &self.step, self.block.follow);
+        Some(())
+    }
+
+    /// Takes the Jacobian and what disturbances add, of the step's start, middle or end, at the
+    /// states as they stand. Answers the rates there.
+    #[inline(always)]
+    fn take_jacobian(&mut self, place: usize, elapsed: Lanes) -> Vec<Lanes> {
+        let SimulationBlock {
+            equations,
+            integrator,
+            ..
+        } = &mut self.block;
+        let states = &integrator.states;
+        let mut rates = states.clone();
+        equations.rates(states, elapsed, &mut rates);
+        equations.jacobian(states, elapsed, &rates, &mut self.jacobian);
+        let moved = &self.covariance.states;
+        let n = states.len();
+        let entries = moved
+            .iter()
+            .flat_map(|row| moved.iter().map(move |column| row * n + column));
+        for (entry, index) in self.step.jacobians[place].iter_mut().zip(entries) {
+            *entry = self.jacobian[index];
+        }
+        self.take_diffusion(place);
+        rates
+    }
+
+    /// What disturbances add in a second where the Jacobian was taken last.
+    #[inline(always)]
+    fn take_diffusion(&mut self, place: usize) {
+        let moved = &self.covariance.states;
+        let (n, n_states) = (moved.len(), self.block.integrator.states.len());
+        let diffusion = &mut self.step.diffusions[place];
+        diffusion.fill(Lanes::splat(0.0));
+        for noise in &self.noises {
+            if noise.kind != DisturbanceKind::White {
+                let place = moved.partition_point(|state| *state < noise.state);
+                diffusion[place * (n + 1)] += noise.diffusion;
+                continue;
+            }
+            let driven = |place: usize| self.jacobian[moved[place] * n_states + noise.state];
+            for (index, value) in diffusion.iter_mut().enumerate() {
+                *value += driven(index / n) * driven(index % n) * noise.diffusion;
+            }
+        }
+    }
+}
+
+/// The next samples of a block.
+struct NextSamples<'b, 'a> {
+    block: &'b mut FilterBlock<'a>,
+    samples: usize,
+    outputs: &'b mut [Lanes],
+    stop: &'b AtomicBool,
+}
+
+impl Wide for NextSamples<'_, '_> {
+    type Output = Option<()>;
+
+    #[inline(always)]
+    fn work(self) -> Option<()> {
+        self.block
+            .advance_lanes(self.samples, self.outputs, self.stop)
+    }
+}
+
+impl BlockSimulator for FilterBlock<'_> {
+    fn advance(&mut self, samples: usize, outputs: &mut [Lanes], stop: &AtomicBool) -> Option<()> {
+        if samples == 0 {
+            return Some(());
+        }
+        let width = self.block.width;
+        width.does(NextSamples {
+            block: self,
+            samples,
+            outputs,
+            stop,
+        })
+    }
+
+    fn failures(&self) -> &[Option<SimulationFailure>] {
+        self.block.failures()
+    }
+
+    fn derivative_evaluations(&self) -> u64 {
+        self.block.derivative_evaluations()
+    }
+
+    fn states(&self) -> Vec<Lanes> {
+        self.block.states()
+    }
+}

@@ -1,0 +1,103 @@
+//! A plant as the filter sees it: from recorded inputs and measured outputs to what was expected of
+//! each output.
+
+use super::block::{FilterBlock, FilterEquations};
+use super::layout::{FilterLayout, NoiseParameters};
+use crate::program::Program;
+use crate::{Accuracy, BlockSimulator, CandidateBlock, DrivingInputs, Plant};
+use greybox_numerics::lanes::LANES;
+use std::sync::Arc;
+
+/// Why a plant cannot be filtered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LayoutFault {
+    /// The model is written in Rust: its equations cannot be extended.
+    #[error("the model is built in, not a document: disturbances cannot be added to its equations")]
+    NotADocument,
+    /// The model computes a controller from its states once a sample: the recorded command belongs
+    /// in its place.
+    #[error(
+        "the model computes a controller from its states: drive it with the recorded command instead"
+    )]
+    ControllerWithin,
+    /// The equations with the disturbances have too many operations.
+    #[error("the model has too many operations for its disturbances")]
+    TooLarge,
+}
+
+/// A plant whose outputs are expectations. Its inputs are those of the model and behind them the
+/// measured outputs, SI, where what is not a number was not measured. Its parameters are those of
+/// the model, then for each disturbance the strength `[unit·√s]` (for white noise and walks that
+/// of the rate's unit and of the quantity's unit per √s) and with memory the time constant `[s]`,
+/// then the standard deviation of each output's sensor. Its outputs are the model's as they are
+/// expected from all samples before, then for each of them the variance of its error.
+///
+/// A disturbance with memory has the variance strength²/(2·time constant).
+#[derive(Debug)]
+pub struct FilteredPlant {
+    program: Program,
+    layout: FilterLayout,
+    n_model_parameters: usize,
+}
+
+impl FilteredPlant {
+    /// The filter of a model with so many parameters.
+    ///
+    /// # Errors
+    /// Where the equations do not allow it.
+    pub fn new(
+        program: &Program,
+        layout: &FilterLayout,
+        n_model_parameters: usize,
+    ) -> Result<FilteredPlant, LayoutFault> {
+        if program.samples_its_states() {
+            return Err(LayoutFault::ControllerWithin);
+        }
+        let noise = layout.noise_parameters(n_model_parameters);
+        let time_constant = |noise: &NoiseParameters| noise.time_constant;
+        let time_constants: Vec<Option<usize>> = noise.iter().map(time_constant).collect();
+        let program = program
+            .disturbed(&layout.disturbances, &time_constants, &layout.sizes)
+            .ok_or(LayoutFault::TooLarge)?;
+        Ok(FilteredPlant {
+            program,
+            layout: layout.clone(),
+            n_model_parameters,
+        })
+    }
+}
+
+impl Plant for FilteredPlant {
+    fn n_outputs(&self) -> usize {
+        2 * self.program.n_outputs()
+    }
+
+    fn work_rate(&self, parameters: &[f64]) -> f64 {
+        self.program.work_rate(parameters)
+    }
+
+    fn specialised(&self, fixed: &[Option<f64>]) -> Option<Arc<dyn Plant>> {
+        Some(Arc::new(FilteredPlant {
+            program: self.program.with_fixed(fixed),
+            layout: self.layout.clone(),
+            n_model_parameters: self.n_model_parameters,
+        }))
+    }
+
+    fn block_sizes(&self, _accuracy: Accuracy) -> &'static [usize] {
+        &[LANES]
+    }
+
+    fn simulator<'a>(
+        &'a self,
+        excitation: DrivingInputs<'a>,
+        candidates: CandidateBlock<'_>,
+    ) -> Box<dyn BlockSimulator + 'a> {
+        let equations = FilterEquations {
+            program: &self.program,
+            layout: &self.layout,
+            n_model_parameters: self.n_model_parameters,
+        };
+        Box::new(FilterBlock::new(equations, excitation, candidates))
+    }
+}

@@ -1,0 +1,141 @@
+//! Equations with quantities that wander: each disturbance with memory is a state more, which acts
+//! on a parameter, on the rate of a state or on an output.
+
+use super::rewrite::{EquationGraph, Roots};
+use crate::language::graph::{Full, GraphNode, Leaf, NodeId};
+use crate::language::operation::Operation;
+
+/// What a disturbance acts on, by its place in the model's description.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ActsOn {
+    /// A parameter, which wanders about its value.
+    Parameter(usize),
+    /// The rate of a state.
+    Rate(usize),
+    /// An output: its sensor drifts.
+    Output(usize),
+}
+
+/// How a disturbance moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DisturbanceKind {
+    /// It forgets its value at once.
+    White,
+    /// It forgets its value within a time constant.
+    Memory,
+    /// It keeps its value but for what is added.
+    Walk,
+}
+
+/// A quantity that nobody recorded and that moves the plant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Disturbance {
+    /// What it acts on.
+    pub acts_on: ActsOn,
+    /// How it moves.
+    pub kind: DisturbanceKind,
+}
+
+impl EquationGraph {
+    /// Whether what is computed once a sample reads a state.
+    pub(super) fn samples_its_states(&self) -> bool {
+        let EquationGraph { graph, roots } = self;
+        let needed = graph.needed(roots.sampled.iter().map(|(node, _)| *node));
+        let is_state = |node: &GraphNode| matches!(node, GraphNode::Leaf(Leaf::State(_)));
+        let mut nodes = graph.nodes().iter().zip(needed);
+        nodes.any(|(node, needed)| needed && is_state(node))
+    }
+
+    /// The states whose rate reads an input, and those that are the rate of another state.
+    pub(super) fn driven_states(&self) -> Vec<usize> {
+        let EquationGraph { graph, roots } = self;
+        let reads_input = |rate: NodeId| {
+            let needed = graph.needed([rate]);
+            let mut nodes = graph.nodes().iter().zip(needed);
+            nodes.any(|(node, needed)| {
+                let is_input = |leaf| matches!(leaf, Leaf::Input(_) | Leaf::Sampled(_));
+                needed && matches!(node, GraphNode::Leaf(leaf) if is_input(*leaf))
+            })
+        };
+        let is_rate = |state: usize| {
+            let leaf = GraphNode::Leaf(Leaf::State(state as u16));
+            let mut rates = roots.rates.iter();
+            rates.any(|rate| graph.nodes()[usize::from(*rate)] == leaf)
+        };
+        let states = roots.rates.iter().copied().enumerate();
+        states
+            .filter(|(state, rate)| reads_input(*rate) || is_rate(*state))
+            .map(|(state, _)| state)
+            .collect()
+    }
+
+    /// The equations with a state more for each disturbance, behind the states that there are.
+    /// `time_constants` are the parameters by which disturbances with memory decay.
+    ///
+    /// # Errors
+    /// Where there would be too many nodes.
+    pub(super) fn disturbed(
+        &self,
+        disturbances: &[Disturbance],
+        time_constants: &[Option<usize>],
+    ) -> Result<EquationGraph, Full> {
+        disturbed(self, disturbances, time_constants)
+    }
+}
+
+/// The graph with the disturbances' states.
+fn disturbed(
+    equations: &EquationGraph,
+    disturbances: &[Disturbance],
+    time_constants: &[Option<usize>],
+) -> Result<EquationGraph, Full> {
+    let n_states = equations.roots.rates.len();
+    let state_of = |disturbance: usize| Leaf::State((n_states + disturbance) as u16);
+    let on_parameter = |parameter: u16| {
+        let acts_on = ActsOn::Parameter(usize::from(parameter));
+        (0..disturbances.len()).filter(move |index| disturbances[*index].acts_on == acts_on)
+    };
+    // What follows from the parameters alone, and what is computed once a sample, takes the
+    // parameters as they stand.
+    let standing = equations.copied()?;
+    let wandering = equations.continued(standing.graph, |graph, leaf| {
+        let mut node = graph.leaf(leaf)?;
+        if let Leaf::Parameter(parameter) = leaf {
+            for disturbance in on_parameter(parameter) {
+                let state = graph.leaf(state_of(disturbance))?;
+                node = graph.compute(Operation::Add, &[node, state])?;
+            }
+        }
+        Ok(node)
+    })?;
+    let mut graph = wandering.graph;
+    let mut roots = Roots {
+        initial: standing.roots.initial,
+        sampled: standing.roots.sampled,
+        delay: standing.roots.delay,
+        fastest_rate: standing.roots.fastest_rate,
+        ..wandering.roots
+    };
+    for (index, disturbance) in disturbances.iter().enumerate() {
+        let state = graph.leaf(state_of(index))?;
+        let driven: Option<&mut NodeId> = match disturbance.acts_on {
+            ActsOn::Parameter(_) => None,
+            ActsOn::Rate(of) => Some(&mut roots.rates[of]),
+            ActsOn::Output(of) => Some(&mut roots.outputs[of]),
+        };
+        if let Some(driven) = driven {
+            *driven = graph.compute(Operation::Add, &[*driven, state])?;
+        }
+        let rate = match (disturbance.kind, time_constants[index]) {
+            (DisturbanceKind::Memory, Some(parameter)) => {
+                let time_constant = graph.leaf(Leaf::Parameter(parameter as u16))?;
+                let decay = graph.compute(Operation::Negate, &[state])?;
+                graph.compute(Operation::Divide, &[decay, time_constant])?
+            }
+            _ => graph.constant(0.0)?,
+        };
+        roots.rates.push(rate);
+        roots.initial.push(graph.constant(0.0)?);
+    }
+    Ok(EquationGraph { graph, roots })
+}
