@@ -203,6 +203,20 @@ async fn a_disturbed_record_is_answered_with_its_likelihood_and_what_was_expecte
     assert_eq!(deviations[0].as_f64().unwrap(), value("noise_std"));
     assert!(deviations[100].as_f64().unwrap() > value("noise_std"));
 
+    // A disturbance of no strength changes nothing.
+    document["process_noise"][1] =
+        json!({"acts_on": {"state": "v"}, "kind": "white", "strength": 0});
+    let answer = app
+        .post_json("/v1/simulations", &document)
+        .await
+        .expect(200);
+    let as_before = answer.json()["log_likelihood"].as_f64().unwrap();
+    assert!(
+        (as_before - likelihood).abs() < 1e-3,
+        "{as_before} beside {likelihood}"
+    );
+
+    document["process_noise"].as_array_mut().unwrap().pop();
     document["process_noise"][0]["acts_on"] = json!({"parameter": "lod"});
     document["process_noise"][0]["strength"] = json!(1);
     document["outputs"] = json!({});

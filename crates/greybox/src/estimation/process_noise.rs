@@ -70,14 +70,15 @@ impl ProcessNoise {
         std::iter::once(self.strength).chain(self.time_constant)
     }
 
-    /// The size that the disturbance has by its numbers.
+    /// The size that the disturbance has by its numbers, above zero: errors are measured against it.
     #[must_use]
     pub fn typical_size(&self) -> f64 {
         let strength = self.strength.typical();
-        match self.time_constant {
+        let size = match self.time_constant {
             Some(time_constant) => strength / (2.0 * time_constant.typical()).sqrt(),
             None => strength,
-        }
+        };
+        if size > 0.0 { size } else { 1.0 }
     }
 }
 
