@@ -81,7 +81,7 @@ pub fn estimate(arguments: &Arguments) -> Result<(), CommandError> {
         .map_err(|error| wrong(source, error))?
         .named(spec.name.clone().unwrap_or_default(), digests);
     let columns = CandidateColumn::of(run.problem());
-    let mut watcher = Watcher::new(&spec, arguments.candidates.is_some());
+    let mut watcher = SearchWatcher::new(&spec, arguments.candidates.is_some());
     let outcome = to_the_end(run, &spec, &mut watcher).map_err(|error| wrong(source, error))?;
     let text = serde_json::to_vec_pretty(&outcome).expect("a result has only text keys");
     if arguments.json {
@@ -167,7 +167,7 @@ fn share_threads(threads: Option<NonZeroUsize>) -> Result<(), CommandError> {
 fn to_the_end(
     mut run: Run,
     spec: &JobSpec,
-    watcher: &mut Watcher,
+    watcher: &mut SearchWatcher,
 ) -> Result<Outcome, IdentificationError> {
     let stop = raised_by_ctrl_c();
     let limit = Duration::try_from_secs_f64(spec.limits.max_duration_s).unwrap_or(Duration::MAX);
@@ -210,7 +210,7 @@ fn raised_by_ctrl_c() -> Arc<AtomicBool> {
 }
 
 /// Remembers the rows of the search, and what to show of the last one.
-struct Watcher {
+struct SearchWatcher {
     generations: u64,
     rows: Vec<GenerationEvent>,
     candidates: Option<WatchedCandidates>,
@@ -223,9 +223,9 @@ struct WatchedCandidates {
     kept: Vec<Candidate>,
 }
 
-impl Watcher {
+impl SearchWatcher {
     fn new(spec: &JobSpec, with_candidates: bool) -> Self {
-        Watcher {
+        SearchWatcher {
             generations: u64::from(spec.method.generations),
             rows: Vec::new(),
             candidates: with_candidates.then(|| WatchedCandidates {
@@ -237,7 +237,7 @@ impl Watcher {
     }
 }
 
-impl Observer for Watcher {
+impl Observer for SearchWatcher {
     fn finding(&mut self, finding: &Finding) {
         eprintln!("note: {}: {}", finding.pointer, finding.detail);
     }

@@ -53,9 +53,9 @@ impl NoiseNumber {
 /// A disturbance with its numbers; one with memory has a time constant, others have none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProcessNoise {
-    /// The name of what it acts on.
+    /// The name of the quantity that the disturbance acts on.
     pub name: String,
-    /// What it acts on, and how it moves.
+    /// The quantity that the disturbance acts on, and how it moves.
     pub disturbance: Disturbance,
     /// How strong it is `[unit of what it acts on · √s]`; with memory the strength is
     /// std·√(2·time constant).
@@ -79,6 +79,32 @@ impl ProcessNoise {
             None => strength,
         };
         if size > 0.0 { size } else { 1.0 }
+    }
+}
+
+/// What the filter needs of a record beside its disturbances.
+#[derive(Clone, Debug)]
+pub struct FilteredRecord {
+    /// How well each state is known at the first sample.
+    pub starts: Vec<StartVariance>,
+    /// How many inputs the model reads.
+    pub n_inputs: usize,
+    /// The longest step of the covariance `[s]`.
+    pub longest_step: f64,
+}
+
+/// What the filter of a record is asked.
+#[must_use]
+pub fn layout(disturbances: &[ProcessNoise], record: FilteredRecord) -> FilterLayout {
+    FilterLayout {
+        disturbances: disturbances.iter().map(|noise| noise.disturbance).collect(),
+        sizes: disturbances
+            .iter()
+            .map(ProcessNoise::typical_size)
+            .collect(),
+        starts: record.starts,
+        n_inputs: record.n_inputs,
+        longest_step: record.longest_step,
     }
 }
 
@@ -121,21 +147,12 @@ pub fn filtered(problem: &Problem, noise: &NoiseModel) -> Result<Problem, NoiseF
         return Err(NoiseFault::SamplesDiffer);
     }
     let description = problem.model.description();
-    let layout = FilterLayout {
-        disturbances: noise
-            .disturbances
-            .iter()
-            .map(|noise| noise.disturbance)
-            .collect(),
-        sizes: noise
-            .disturbances
-            .iter()
-            .map(ProcessNoise::typical_size)
-            .collect(),
+    let record = FilteredRecord {
         starts: starts(problem),
         n_inputs: description.inputs.len(),
         longest_step: longest_step(problem, noise.steps),
     };
+    let layout = layout(&noise.disturbances, record);
     let model = problem.model.filtered(&layout).map_err(NoiseFault::Model)?;
     let mut next = Problem {
         model: Arc::new(model),

@@ -5,12 +5,12 @@ use std::sync::atomic::AtomicBool;
 
 use super::spec::simulation::{KnownNoise, SimulationSpec};
 use super::spec::{FixedValue, InitialStateSpec};
-use crate::estimation::process_noise::{NoiseNumber, ProcessNoise};
+use crate::estimation::process_noise::{self, FilteredRecord, NoiseNumber, ProcessNoise};
 use greybox_numerics::parsing::Fault;
 use greybox_recording::{
     ExperimentData, Mapped, Recording, RecordingSelection, Signal, TimeAxis, TimeWindow,
 };
-use greybox_simulation::filter::{FilterLayout, StartVariance};
+use greybox_simulation::filter::StartVariance;
 use greybox_simulation::model::{InitialState, Model, ModelDescription};
 use greybox_simulation::single::Outputs;
 use greybox_simulation::{Accuracy, DrivingInputs, SimulatedCandidate, single};
@@ -20,7 +20,7 @@ const COVARIANCE_STEPS: f64 = 4.0;
 
 /// What a simulation came to.
 #[derive(Debug)]
-pub struct Simulated {
+pub struct SimulatedRecord {
     /// All outputs of the model, at the instants of the recording that drives it. Where disturbances
     /// move the plant they are what is expected from all samples before, and `OUTPUT_std` is the
     /// standard deviation of each one's error.
@@ -37,7 +37,7 @@ pub fn simulate(
     model: &Model,
     recording: &Recording,
     stop: &AtomicBool,
-) -> Option<Result<Simulated, Vec<Fault>>> {
+) -> Option<Result<SimulatedRecord, Vec<Fault>>> {
     let run = match Run::new(spec, model.description(), recording) {
         Ok(run) => run,
         Err(fault) => return Some(Err(vec![fault])),
@@ -142,14 +142,14 @@ impl Run {
         spec: &SimulationSpec,
         model: &Model,
         stop: &AtomicBool,
-    ) -> Option<Result<Simulated, Vec<Fault>>> {
+    ) -> Option<Result<SimulatedRecord, Vec<Fault>>> {
         let outputs = self.outputs(model, &self.inputs, &spec.parameters, stop)?;
         Some(outputs.map(|outputs| {
             let described = model.description().outputs.iter();
             let signals = described
                 .zip(outputs)
                 .map(|(output, values)| Signal::new(&*output.name, &*output.unit, values));
-            Simulated {
+            SimulatedRecord {
                 recording: Recording::new(self.time(spec), signals.collect()),
                 log_likelihood: None,
             }
@@ -163,23 +163,14 @@ impl Run {
         noise: &KnownNoise,
         model: &Model,
         stop: &AtomicBool,
-    ) -> Option<Result<Simulated, Vec<Fault>>> {
+    ) -> Option<Result<SimulatedRecord, Vec<Fault>>> {
         let description = model.description();
-        let layout = FilterLayout {
-            disturbances: noise
-                .disturbances
-                .iter()
-                .map(|noise| noise.disturbance)
-                .collect(),
-            sizes: noise
-                .disturbances
-                .iter()
-                .map(ProcessNoise::typical_size)
-                .collect(),
+        let filtered = FilteredRecord {
             starts: vec![StartVariance::Known(0.0); description.states.len()],
             n_inputs: self.inputs.len(),
             longest_step: self.data.sample_time / COVARIANCE_STEPS,
         };
+        let layout = process_noise::layout(&noise.disturbances, filtered);
         let filter = match model.filtered(&layout) {
             Ok(filter) => filter,
             Err(fault) => {
@@ -218,7 +209,7 @@ impl Run {
         description: &ModelDescription,
         measured: &[Vec<f64>],
         mut outputs: Outputs,
-    ) -> Simulated {
+    ) -> SimulatedRecord {
         let variances = outputs.split_off(description.outputs.len());
         let mut signals = Vec::new();
         let mut log_likelihood = 0.0;
@@ -234,7 +225,7 @@ impl Run {
             signals.push(Signal::new(&*described.name, &*described.unit, expected));
             signals.push(Signal::new(&name, &*described.unit, deviations));
         }
-        Simulated {
+        SimulatedRecord {
             recording: Recording::new(self.time(spec), signals),
             log_likelihood: Some(log_likelihood),
         }

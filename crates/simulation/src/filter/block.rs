@@ -1,9 +1,9 @@
 //! One block of candidates whose means and covariances go through a record side by side.
 
-use super::covariance::Covariance;
+use super::covariance::StateCovariance;
 use super::layout::FilterLayout;
 use super::start::StartVariance;
-use super::transition::{CovarianceStep, Matrix, Transition};
+use super::transition::{CovarianceStep, Matrix, StepCovariance};
 use crate::block::SimulationBlock;
 use crate::equations::{Equations, HeldQuantities};
 use crate::input_delay::HeldStretch;
@@ -33,8 +33,8 @@ pub struct FilterBlock<'a> {
     noises: Vec<Noise>,
     /// The variance of each output's sensor.
     sensors: Vec<Lanes>,
-    covariance: Covariance,
-    transition: Transition,
+    covariance: StateCovariance,
+    transition: StepCovariance,
     step: CovarianceStep,
     /// ∂rate/∂state over all states.
     jacobian: Matrix,
@@ -134,9 +134,9 @@ impl<'a> FilterBlock<'a> {
             block: SimulationBlock::new(program, excitation, candidates, Width::widest()),
             layout,
             sensors: sensors.map(|sensor| sensor * sensor).collect(),
-            transition: Transition::new(moved.len()),
+            transition: StepCovariance::new(moved.len()),
             step: CovarianceStep::new(moved.len()),
-            covariance: Covariance::new(moved),
+            covariance: StateCovariance::new(moved),
             noises,
             jacobian: vec![zero; n_states * n_states],
             by_state: vec![zero; n_outputs * n_states],
@@ -194,12 +194,12 @@ impl<'a> FilterBlock<'a> {
         }
         for row in 0..n {
             let state = self.covariance.states[row];
-            let known = match starts.get(state) {
+            let given = match starts.get(state) {
                 Some(StartVariance::Known(variance)) => Some(Lanes::splat(*variance)),
                 Some(StartVariance::OneInterval) => None,
                 None => Some(self.noises[state - starts.len()].start),
             };
-            if let Some(variance) = known {
+            if let Some(variance) = given {
                 self.covariance.matrix[row * (n + 1)] = variance;
             }
         }
@@ -359,14 +359,14 @@ impl<'a> FilterBlock<'a> {
 }
 
 /// The next samples of a block.
-struct NextSamples<'b, 'a> {
+struct NextFilteredSamples<'b, 'a> {
     block: &'b mut FilterBlock<'a>,
     samples: usize,
     outputs: &'b mut [Lanes],
     stop: &'b AtomicBool,
 }
 
-impl Wide for NextSamples<'_, '_> {
+impl Wide for NextFilteredSamples<'_, '_> {
     type Output = Option<()>;
 
     #[inline(always)]
@@ -382,7 +382,7 @@ impl BlockSimulator for FilterBlock<'_> {
             return Some(());
         }
         let width = self.block.width;
-        width.does(NextSamples {
+        width.does(NextFilteredSamples {
             block: self,
             samples,
             outputs,

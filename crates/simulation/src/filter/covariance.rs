@@ -4,7 +4,7 @@ use super::transition::Matrix;
 use greybox_numerics::lanes::{Lanes, Real};
 
 /// The covariance of the states, and what the outputs of one sample have moved them by.
-pub struct Covariance {
+pub struct StateCovariance {
     /// The states that disturbances or an uncertain start can move, by their place.
     pub states: Vec<usize>,
     /// P: `matrix[row · n + column]` over these states.
@@ -24,12 +24,12 @@ pub struct PredictedOutput {
     pub variance: Lanes,
 }
 
-impl Covariance {
+impl StateCovariance {
     /// States that are known.
-    pub fn new(states: Vec<usize>) -> Covariance {
+    pub fn new(states: Vec<usize>) -> StateCovariance {
         let n = states.len();
         let zero = Lanes::splat(0.0);
-        Covariance {
+        StateCovariance {
             states,
             matrix: vec![zero; n * n],
             moved: vec![zero; n],

@@ -21,7 +21,7 @@ const MOST_DOUBLINGS: u32 = 48;
 pub type Matrix = Vec<Lanes>;
 
 /// Φ and Qd of the step that was taken last.
-pub struct Transition {
+pub struct StepCovariance {
     n: usize,
     /// Φ: `transition[row · n + column]`.
     transition: Matrix,
@@ -62,11 +62,11 @@ impl CovarianceStep {
     }
 }
 
-impl Transition {
+impl StepCovariance {
     /// For so many states.
-    pub fn new(n: usize) -> Transition {
+    pub fn new(n: usize) -> StepCovariance {
         let zeros = || vec![Lanes::splat(0.0); n * n];
-        Transition {
+        StepCovariance {
             n,
             transition: zeros(),
             added: zeros(),

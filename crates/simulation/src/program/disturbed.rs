@@ -19,20 +19,20 @@ pub enum ActsOn {
 /// How a disturbance moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DisturbanceKind {
-    /// It forgets its value at once.
+    /// The disturbance forgets its value at once.
     White,
-    /// It forgets its value within a time constant.
+    /// The disturbance forgets its value within a time constant.
     Memory,
-    /// It keeps its value but for what is added.
+    /// The disturbance keeps its value but for what is added.
     Walk,
 }
 
 /// A quantity that nobody recorded and that moves the plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Disturbance {
-    /// What it acts on.
+    /// The quantity that the disturbance acts on.
     pub acts_on: ActsOn,
-    /// How it moves.
+    /// How the disturbance moves.
     pub kind: DisturbanceKind,
 }
 

@@ -52,11 +52,11 @@ pub enum ActsOnSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum NoiseKind {
-    /// It forgets its value at once.
+    /// The quantity forgets its value at once.
     White,
-    /// It forgets its value within its time constant (an Ornstein–Uhlenbeck process).
+    /// The quantity forgets its value within its time constant (an Ornstein–Uhlenbeck process).
     Memory,
-    /// It keeps its value but for what is added.
+    /// The quantity keeps its value but for what is added.
     Walk,
 }
 
@@ -98,13 +98,13 @@ fn read_disturbance(field: &Field<'_>, model: &ModelDescription) -> Option<Proce
     })
 }
 
-/// A name of the model, found.
-struct Target {
+/// What a disturbance acts on, by the name that the document gives it.
+struct DisturbedQuantity {
     name: String,
     acts_on: ActsOn,
 }
 
-fn read_target(field: &Field<'_>, model: &ModelDescription) -> Option<Target> {
+fn read_target(field: &Field<'_>, model: &ModelDescription) -> Option<DisturbedQuantity> {
     let mut object = field.object()?;
     let [parameter, state, output] =
         ["parameter", "state", "output"].map(|name| object.optional(name));
@@ -129,14 +129,14 @@ fn find<'a>(
     field: &Field<'_>,
     names: impl Iterator<Item = &'a str> + Clone,
     acts_on: impl Fn(usize) -> ActsOn,
-) -> Option<Target> {
+) -> Option<DisturbedQuantity> {
     let name = field.text()?;
-    let place = names.clone().position(|known| known == name);
+    let place = names.clone().position(|candidate| candidate == name);
     if place.is_none() {
         let hint = did_you_mean(name, names);
         field.fault("unknown_name", format!("the model has no `{name}`{hint}"));
     }
-    Some(Target {
+    Some(DisturbedQuantity {
         name: name.to_owned(),
         acts_on: acts_on(place?),
     })
