@@ -177,8 +177,8 @@ pub struct Problem {
     pub joint_priors: Arc<Vec<JointPrior>>,
     /// Conditions that the parameters keep.
     pub constraints: Arc<Vec<Condition>>,
-    /// What is compared where disturbances move the plant, which `model` then expects from sample
-    /// to sample; none: the free run.
+    /// The innovations that are compared where disturbances move the plant, whose outputs `model`
+    /// then expects from sample to sample; none: the free run is compared.
     pub innovations: Option<Arc<Innovations>>,
 }
 

@@ -25,7 +25,7 @@ pub enum NoiseNumber {
         lower: f64,
         /// The largest value, SI.
         upper: f64,
-        /// What is known of the number beside the data.
+        /// The prior knowledge of the number, where there is any.
         prior: Option<Prior>,
     },
 }

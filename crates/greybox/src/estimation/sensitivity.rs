@@ -320,7 +320,7 @@ impl<'a> Neighbourhood<'a> {
     ) {
         let output = self.problem.outputs.len() + place.output;
         let variance = self.scale_of(0, place).powi(2);
-        // What is differenced is a model's output less its neighbour's, as for a residual.
+        // `differentiate` gives the derivative of a residual, which falls where the column rises.
         let scale = -variance * std::f64::consts::SQRT_2;
         self.differentiate(place, output, scale, derivatives);
         visit(Row {

@@ -156,7 +156,7 @@ impl Run {
         }))
     }
 
-    /// What is expected of the outputs where disturbances move the plant.
+    /// The expected outputs where disturbances move the plant.
     fn filtered(
         &self,
         spec: &SimulationSpec,

@@ -42,6 +42,19 @@ fn oscillator() -> RecordModel {
     }
 }
 
+/// A room behind a wall, whose inputs are linear between the samples or held.
+fn room(is_linear_between_samples: bool) -> RecordModel {
+    RecordModel {
+        parameters: vec!["Ro", "Ri", "Cw", "Ci"],
+        states: vec![
+            ("wall", "((outside - wall)/Ro + (air - wall)/Ri)/Cw", "22"),
+            ("air", "((wall - air)/Ri + heater)/Ci", "22"),
+        ],
+        output: "air",
+        is_linear_between_samples,
+    }
+}
+
 /// A disturbance, and how well the states are known at the start.
 fn layout(acts_on: ActsOn, kind: DisturbanceKind, size: f64, starts: &[f64]) -> FilterLayout {
     FilterLayout {
@@ -141,15 +154,7 @@ fn irregular_instants_and_an_uncertain_start_have_the_likelihood_of_the_dense_de
 
 #[test]
 fn inputs_that_move_between_irregular_samples_have_the_likelihood_of_the_dense_density() {
-    let model = RecordModel {
-        parameters: vec!["Ro", "Ri", "Cw", "Ci"],
-        states: vec![
-            ("wall", "((outside - wall)/Ro + (air - wall)/Ri)/Cw", "22"),
-            ("air", "((wall - air)/Ri + heater)/Ci", "22"),
-        ],
-        output: "air",
-        is_linear_between_samples: true,
-    };
+    let model = room(true);
     let layout = layout(ActsOn::Rate(0), DisturbanceKind::White, 1.0, &[0.0, 0.0]);
     let noise = |values: &serde_json::Value| vec![number(values, "s"), number(values, "r")];
     let (found, expected) = compare("room_first_order_hold", &model, &layout, noise, "dense");
@@ -304,4 +309,59 @@ fn a_parameter_that_wanders_is_a_state_that_is_disturbed() {
         (likelihood - expected).abs() < 1e-6,
         "{likelihood} beside {expected}"
     );
+}
+
+#[test]
+fn inputs_that_move_are_a_fine_staircase() {
+    let moving = room(true);
+    let layout = layout(ActsOn::Rate(0), DisturbanceKind::White, 1.0, &[0.0, 0.0]);
+    let values = &reference()["room_first_order_hold"]["values"];
+    let point = Point {
+        values,
+        noise: &[number(values, "s"), number(values, "r")],
+        accuracy: Accuracy::Reference,
+    };
+    let record = Record::read("room_first_order_hold");
+    let expected = record.log_likelihood(&moving, &layout, point);
+    let stairs = record.with_stairs(256);
+    let likelihood = stairs.log_likelihood(&room(false), &layout, point);
+    // The error of the staircase falls with the square of its steps.
+    assert!(
+        (likelihood - expected).abs() < 1e-2,
+        "{likelihood} beside {expected}"
+    );
+}
+
+#[test]
+fn a_million_samples_leave_no_variance_below_that_of_the_sensor() {
+    let record = Record::of_zeros("force", 0.02, 1_000_000);
+    let layout = layout(ActsOn::Rate(1), DisturbanceKind::Memory, 0.1, &[0.0, 0.0]);
+    let values = &reference()["rig_force_with_memory"]["values"];
+    let point = Point {
+        values,
+        noise: &[0.15, 0.4, 1e-4],
+        accuracy: Accuracy::Screening,
+    };
+    let outputs = record.predicted(&rig(), Some(&layout), point);
+    let least = 1e-4 * 1e-4;
+    assert_eq!(outputs[1].len(), 1_000_000);
+    assert!(outputs[1].iter().all(|variance| *variance >= least));
+    // The variance has settled: a rig whose disturbance stands forgets its start.
+    let [middle, end] = [outputs[1][500_000], outputs[1][999_999]];
+    assert!((middle / end - 1.0).abs() < 1e-9, "{middle} beside {end}");
+}
+
+#[test]
+fn a_candidate_has_the_bits_that_it_has_alone() {
+    let record = Record::read("van_der_pol");
+    let layout = layout(ActsOn::Rate(1), DisturbanceKind::White, 1.0, &[0.0, 0.0]);
+    let values = &reference()["van_der_pol"]["values"];
+    let point = Point {
+        values,
+        noise: &[0.3, 0.05],
+        accuracy: Accuracy::Full,
+    };
+    let alone = record.predicted(&oscillator(), Some(&layout), point);
+    let among = record.predicted_among(&oscillator(), &layout, point, &[0.5, 0.9, 1.3, 2.0, 4.0]);
+    assert_eq!(alone, among);
 }

@@ -1,5 +1,7 @@
 //! The records, their models, and the likelihood of one under the other.
 
+use greybox_numerics::lanes::Lanes;
+use greybox_simulation::batch::{self, BatchRun, Sink};
 use greybox_simulation::filter::FilterLayout;
 use greybox_simulation::model::{Model, document};
 use greybox_simulation::{Accuracy, DrivingInputs, SimulatedCandidate, single};
@@ -68,6 +70,24 @@ pub struct Point<'a> {
     pub accuracy: Accuracy,
 }
 
+impl Point<'_> {
+    /// The parameters of the filter of a model.
+    fn parameters(&self, model: &RecordModel) -> Vec<f64> {
+        let of_model = model.parameters.iter();
+        let of_model = of_model.map(|name| self.values[*name].as_f64().unwrap());
+        of_model.chain(self.noise.iter().copied()).collect()
+    }
+}
+
+/// The outputs of all lanes of a piece.
+struct AllLanes(Vec<Lanes>);
+
+impl Sink for AllLanes {
+    fn consume(&mut self, _first_sample: usize, outputs: &[Lanes]) {
+        self.0.extend_from_slice(outputs);
+    }
+}
+
 /// Instants, inputs and the measured output.
 pub struct Record {
     instants: Vec<f64>,
@@ -101,6 +121,46 @@ impl Record {
         self.instants[1] - self.instants[0]
     }
 
+    /// A record of so many zeros of one input and of the output.
+    pub fn of_zeros(input: &str, interval: f64, samples: usize) -> Record {
+        Record {
+            instants: (0..samples)
+                .map(|sample| sample as f64 * interval)
+                .collect(),
+            names: vec![input.to_owned()],
+            columns: vec![vec![0.0; samples]; 2],
+        }
+    }
+
+    /// The record with `steps` stairs between two samples in the place of a straight line of each input.
+    pub fn with_stairs(&self, steps: usize) -> Record {
+        let last = self.instants.len() - 1;
+        let steps_of = |sample: usize| if sample < last { 0..steps } else { 0..1 };
+        let stairs: Vec<(usize, usize)> = (0..=last)
+            .flat_map(|sample| steps_of(sample).map(move |step| (sample, step)))
+            .collect();
+        let share = |step: usize, ahead: f64| (step as f64 + ahead) / steps as f64;
+        // The values so far ahead of the beginning of each stair, in stairs.
+        let along = |values: &[f64], ahead: f64| -> Vec<f64> {
+            let between = |(sample, step): &(usize, usize)| {
+                let next = values[last.min(sample + 1)];
+                values[*sample] + share(*step, ahead) * (next - values[*sample])
+            };
+            stairs.iter().map(between).collect()
+        };
+        let (inputs, measured) = self.columns.split_at(self.names.len());
+        let seen = |(sample, step): &(usize, usize)| match step {
+            0 => measured[0][*sample],
+            _ => f64::NAN,
+        };
+        let inputs = inputs.iter().map(|values| along(values, 0.5));
+        Record {
+            instants: along(&self.instants, 0.0),
+            names: self.names.clone(),
+            columns: inputs.chain([stairs.iter().map(seen).collect()]).collect(),
+        }
+    }
+
     /// The record without these samples, ascending.
     pub fn remove(&mut self, samples: &[usize]) {
         for column in self.columns.iter_mut().chain([&mut self.instants]) {
@@ -120,33 +180,84 @@ impl Record {
         layout: Option<&FilterLayout>,
         point: Point<'_>,
     ) -> Vec<Vec<f64>> {
-        let compiled = model.compiled(&self.names);
-        let filtered = layout.map(|layout| {
-            let layout = FilterLayout {
-                n_inputs: self.names.len(),
-                ..layout.clone()
-            };
-            compiled.filtered(&layout).unwrap()
+        let compiled = self.compiled(model, layout);
+        let parameters = point.parameters(model);
+        let initial_state = vec![None; model.states.len()];
+        let candidate = SimulatedCandidate {
+            parameters: &parameters,
+            initial_state: &initial_state,
+        };
+        let recordings = [(self.excitation(point), candidate)];
+        let stop = AtomicBool::new(false);
+        let outputs = single::outputs(compiled.plant(), &recordings, &stop);
+        outputs.unwrap().unwrap().remove(0)
+    }
+
+    /// What is expected at a point whose candidate goes through the record beside others, each with its first
+    /// parameter multiplied by one of these factors.
+    pub fn predicted_among(
+        &self,
+        model: &RecordModel,
+        layout: &FilterLayout,
+        point: Point<'_>,
+        factors: &[f64],
+    ) -> Vec<Vec<f64>> {
+        let compiled = self.compiled(model, Some(layout));
+        let middle = point.parameters(model);
+        let others = factors.iter().map(|factor| {
+            let mut parameters = middle.clone();
+            parameters[0] *= factor;
+            parameters
         });
-        let of_model = model.parameters.iter();
-        let of_model = of_model.map(|name| point.values[*name].as_f64().unwrap());
-        let parameters: Vec<f64> = of_model.chain(point.noise.iter().copied()).collect();
-        let excitation = DrivingInputs {
+        let mut parameters: Vec<Vec<f64>> = others.collect();
+        let place = parameters.len() / 2;
+        parameters.insert(place, middle.clone());
+        let initial_state = vec![None; model.states.len()];
+        let candidates = parameters.iter().map(|parameters| SimulatedCandidate {
+            parameters,
+            initial_state: &initial_state,
+        });
+        let run = BatchRun {
+            excitation: self.excitation(point),
+            candidates: candidates.collect(),
+            in_step: 0,
+        };
+        let stop = AtomicBool::new(false);
+        let sink = |_| AllLanes(Vec::new());
+        let pieces = batch::simulate(compiled.plant(), &[run], &stop, sink).unwrap();
+        let lane_of = |members: &[usize]| members.iter().position(|member| *member == place);
+        let mut pieces = pieces.iter();
+        let (piece, lane) = pieces
+            .find_map(|piece| Some((piece, lane_of(&piece.members)?)))
+            .unwrap();
+        let column = |output: usize| {
+            let values = piece.sink.0.iter().skip(output).step_by(2);
+            values.map(|value| value.0[lane]).collect()
+        };
+        vec![column(0), column(1)]
+    }
+
+    fn compiled(&self, model: &RecordModel, layout: Option<&FilterLayout>) -> Model {
+        let compiled = model.compiled(&self.names);
+        let Some(layout) = layout else {
+            return compiled;
+        };
+        let layout = FilterLayout {
+            n_inputs: self.names.len(),
+            ..layout.clone()
+        };
+        compiled.filtered(&layout).unwrap()
+    }
+
+    fn excitation(&self, point: Point<'_>) -> DrivingInputs<'_> {
+        DrivingInputs {
             sample_time: self.interval(),
             instants: Some(&self.instants),
             samples: self.instants.len(),
             input_set: 0,
             inputs: &self.columns,
             accuracy: point.accuracy,
-        };
-        let candidate = SimulatedCandidate {
-            parameters: &parameters,
-            initial_state: &vec![None; model.states.len()],
-        };
-        let plant = filtered.as_ref().unwrap_or(&compiled).plant();
-        let stop = AtomicBool::new(false);
-        let outputs = single::outputs(plant, &[(excitation, candidate)], &stop);
-        outputs.unwrap().unwrap().remove(0)
+        }
     }
 
     pub fn log_likelihood(
