@@ -204,8 +204,9 @@ async fn a_disturbed_record_is_answered_with_its_likelihood_and_what_was_expecte
     assert!(deviations[100].as_f64().unwrap() > value("noise_std"));
 
     // A disturbance of no strength changes nothing.
-    document["process_noise"][1] =
-        json!({"acts_on": {"state": "v"}, "kind": "white", "strength": 0});
+    let nothing = json!({"acts_on": {"state": "v"}, "kind": "white", "strength": 0});
+    let disturbances = document["process_noise"].as_array_mut().unwrap();
+    disturbances.push(nothing);
     let answer = app
         .post_json("/v1/simulations", &document)
         .await
