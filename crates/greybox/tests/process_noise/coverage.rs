@@ -20,7 +20,7 @@ const SUBSTEPS: usize = 100;
 
 /// What moves the rig beside its force.
 #[derive(Clone, Copy, Debug)]
-enum Disturbed {
+pub enum Disturbed {
     Nothing,
     /// A force of 2 N that remembers 0.5 s.
     Memory,
@@ -36,7 +36,7 @@ fn records() -> u64 {
     asked.and_then(|text| text.parse().ok()).unwrap_or(8)
 }
 
-fn model() -> Arc<Model> {
+pub fn model() -> Arc<Model> {
     let text = r#"{
         "name": "rig", "title": "mass on a spring",
         "inputs": {"force": {"unit": "N"}},
@@ -60,7 +60,7 @@ fn next(value: f64, std: f64, time_constant: f64, step: f64, rng: &mut impl Rng)
     kept * value + std * (1.0 - kept * kept).sqrt() * normal(rng)
 }
 
-fn record(disturbed: Disturbed, seed: u64) -> Recording {
+pub fn record(disturbed: Disturbed, seed: u64) -> Recording {
     let [mass, damping, stiffness] = TRUTH;
     let mut rng = stream(seed, 7, Purpose::Noise);
     let (mut x, mut v, mut force) = (0.0, 0.0, 10.0);

@@ -4,6 +4,7 @@
 #![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
 
 mod coverage;
+mod sums;
 
 use greybox::estimation::Problem;
 use greybox::estimation::process_noise::{NoiseModel, NoiseNumber, ProcessNoise, filtered};
