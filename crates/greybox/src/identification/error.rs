@@ -7,7 +7,7 @@ use std::fmt;
 /// Why an identification comes to no result.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentificationError {
-    /// What is asked for cannot be done: all that is wrong with it, with JSON pointers into the
+    /// The request cannot be done: everything that is wrong with it, with JSON pointers into the
     /// specification.
     #[error("{}", listed(.0))]
     Invalid(Vec<Fault>),

@@ -1,4 +1,4 @@
-//! What is said of an estimate, and how much of it needs no derivatives.
+//! The analysis of an estimate, and how much of it needs no derivatives.
 
 use super::budget::Budget;
 use super::constrained::Binding;
@@ -16,7 +16,7 @@ use crate::estimation::report::Report;
 /// How near to an end of its range an estimate counts as standing there.
 const BOUND_DISTANCE: f64 = 1e-6;
 
-/// What is known of one coordinate beside its value.
+/// The uncertainty of one coordinate beside its value.
 #[derive(Clone, Debug)]
 pub struct CoordinateUncertainty {
     /// The standard error, SI; none where the data do not fix the coordinate.
@@ -74,7 +74,7 @@ pub struct Analysis {
     /// For each coordinate the standard deviation that noise alone leaves, as a share of its
     /// search range.
     pub deviations: Vec<Option<f64>>,
-    /// What is taken as known, and what it does.
+    /// The assumptions of the job, and how each moves the estimate.
     pub budget: Budget,
     /// Unknowns that the residuals say to change within the record.
     pub drifts: Vec<Drift>,
