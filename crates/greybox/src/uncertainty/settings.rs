@@ -80,7 +80,7 @@ impl Settings {
     }
 }
 
-/// What is asked about an estimate.
+/// The questions about an estimate.
 #[derive(Clone, Debug, Default)]
 pub struct Request {
     /// How much.

@@ -161,8 +161,9 @@ pub fn assert_covers(covered: [usize; 3], share: f64) {
     );
 }
 
-fn assert_chosen(chosen: [usize; 4], index: usize) {
-    let least = (0.9 * records() as f64) as usize;
+/// The data choose this noise model in nine of ten records; of fewer than 100 one more may miss.
+pub fn assert_chosen(chosen: [usize; 4], index: usize) {
+    let least = (0.9 * records() as f64) as usize - usize::from(records() < 100);
     assert!(chosen[index] >= least, "{chosen:?} of {}", records());
 }
 

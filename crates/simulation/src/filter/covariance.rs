@@ -15,7 +15,7 @@ pub struct StateCovariance {
     gain: Vec<Lanes>,
 }
 
-/// What is expected of an output before it is read.
+/// The expectation of an output before the output is read.
 #[derive(Clone, Copy)]
 pub struct PredictedOutput {
     /// The output.
@@ -43,7 +43,7 @@ impl StateCovariance {
         self.moved.fill(Lanes::splat(0.0));
     }
 
-    /// What is expected of an output: its value at the states before the sample's correction, its
+    /// The expectation of an output: its value at the states before the sample's correction, its
     /// derivatives by all states, and the variance of its sensor.
     #[inline(always)]
     pub fn predict(&mut self, value: Lanes, by_state: &[Lanes], sensor: Lanes) -> PredictedOutput {

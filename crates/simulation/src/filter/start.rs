@@ -1,6 +1,6 @@
 //! How well the states are known as a record begins.
 
-/// What is known of a state at the first sample.
+/// The knowledge of a state at the first sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StartVariance {
     /// The state's variance, in its unit squared; 0 where it is known.

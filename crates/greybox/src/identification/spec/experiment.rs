@@ -48,7 +48,7 @@ pub struct ExperimentSpec {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schema(example = json!({"load_force": {"value": 200.0}}))]
     pub parameters: BTreeMap<String, ParameterSpec>,
-    /// What it is for.
+    /// The purpose of the experiment.
     #[serde(default)]
     #[schema(required = false)]
     pub role: ExperimentRole,

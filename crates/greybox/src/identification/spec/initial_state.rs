@@ -36,7 +36,7 @@ pub enum FirstSample {
 pub struct FreeState {
     /// The bounds of the search.
     pub estimate: StateRange,
-    /// What is known of it before.
+    /// The prior knowledge of the value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub prior: Option<PriorSpec>,

@@ -40,7 +40,7 @@ pub struct FixedValue {
 pub struct FreeParameter {
     /// The range of the search; what is left out is the model's.
     pub estimate: SearchRange,
-    /// What is known of it before.
+    /// The prior knowledge of the value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub prior: Option<PriorSpec>,
