@@ -216,11 +216,22 @@ async fn a_disturbed_record_is_answered_with_its_likelihood_and_what_was_expecte
         (as_before - likelihood).abs() < 1e-3,
         "{as_before} beside {likelihood}"
     );
+}
 
-    document["process_noise"].as_array_mut().unwrap().pop();
-    document["process_noise"][0]["acts_on"] = json!({"parameter": "lod"});
-    document["process_noise"][0]["strength"] = json!(1);
-    document["outputs"] = json!({});
+#[tokio::test(flavor = "multi_thread")]
+async fn faults_of_a_disturbance_are_named() {
+    let app = TestApp::start().await;
+    let record = "time,force,position\n0,1,0\n0.1,1,0.01\n0.2,1,0.02\n0.3,1,0.03\n";
+    let stored = app.post_csv("/v1/datasets", record).await;
+    let mut document = json!({
+        "model": rig(),
+        "dataset": stored.json()["id"],
+        "parameters": {"mass": 1.0, "damping": 0.5, "stiffness": 10.0},
+        "process_noise": [{
+            "acts_on": {"parameter": "lod"}, "kind": "memory",
+            "std": 1, "strength": 1, "time_constant_s": 1
+        }]
+    });
     let problem = app
         .post_json("/v1/simulations", &document)
         .await
