@@ -9,7 +9,7 @@ use super::prior::Prior;
 use super::problem::Problem;
 use super::process_noise::{NoiseFault, NoiseModel, NoiseNumber, ProcessNoise, filtered};
 use super::refine::{self, Linearisation};
-use super::sensitivity::{Directions, Neighbourhood, SHIFT, Sides};
+use super::sensitivity::{Directions, Neighbourhood, SHIFT, SensitivityError, Sides};
 use super::trajectory;
 use greybox_numerics::statistics;
 use greybox_simulation::Accuracy;
@@ -31,19 +31,63 @@ const SCANNED_SENSORS: [f64; 4] = [0.01, 0.05, 0.25, 0.9];
 /// record, on a logarithmic scale.
 const SCANNED_MEMORIES: [f64; 3] = [0.25, 0.5, 0.75];
 
+/// Points of a scan that are simulated, and held, at once.
+const SCANNED_TOGETHER: usize = 32;
+
 /// The standard deviation of the logarithm of a strength before the data are looked at.
 const STRENGTH_DEVIATION: f64 = 4.0;
 
 /// Steps of the covariance between two samples.
 const COVARIANCE_STEPS: u32 = 2;
 
-/// A noise model fitted to the data.
-#[derive(Debug)]
-pub struct FittedNoise {
-    /// What moves the plant.
+/// A number of a disturbance that is looked for, or given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SoughtNumber {
+    /// The number as the filter takes it.
+    Stated(NoiseNumber),
+    /// An unknown whose range follows from the residuals of the free run and from the record.
+    Open,
+}
+
+/// A disturbance whose numbers are looked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SoughtDisturbance {
+    /// The quantity that the disturbance acts on, and how it moves.
+    pub disturbance: Disturbance,
+    /// How strong it is `[unit of what it acts on · √s]`.
+    pub strength: SoughtNumber,
+    /// How long one with memory remembers `[s]`.
+    pub time_constant: SoughtNumber,
+}
+
+impl SoughtDisturbance {
+    /// A disturbance of which nothing is known.
+    #[must_use]
+    pub fn open(acts_on: ActsOn, kind: DisturbanceKind) -> SoughtDisturbance {
+        SoughtDisturbance {
+            disturbance: Disturbance { acts_on, kind },
+            strength: SoughtNumber::Open,
+            time_constant: SoughtNumber::Open,
+        }
+    }
+}
+
+/// A noise model that is about to be fitted to the data.
+#[derive(Clone, Debug)]
+pub struct NoiseTrial {
+    /// What may move the plant.
     pub noise: NoiseModel,
     /// The problem whose innovations are compared.
     pub problem: Problem,
+    /// The positions at which a descent begins: those of the plant's unknowns, then those of the noise.
+    pub start: Vec<f64>,
+}
+
+/// A noise model fitted to the data.
+#[derive(Debug)]
+pub struct FittedNoise {
+    /// The noise model with the problem whose innovations are compared.
+    pub trial: NoiseTrial,
     /// The estimate: the positions of the plant's unknowns, then those of the noise.
     pub positions: Vec<f64>,
     /// The rows linearised there.
@@ -57,21 +101,45 @@ pub struct FittedNoise {
 
 /// The noise models that a problem may have, the simplest first.
 #[must_use]
-pub fn candidates(problem: &Problem) -> Vec<Vec<Disturbance>> {
+pub fn candidates(problem: &Problem) -> Vec<Vec<SoughtDisturbance>> {
     let mut candidates = vec![Vec::new()];
     let driven = problem.model.driven_states();
     for kind in [DisturbanceKind::White, DisturbanceKind::Memory] {
         let states = driven.iter().take(MOST_STATES);
-        candidates.extend(states.map(|state| {
-            let acts_on = ActsOn::Rate(*state);
-            vec![Disturbance { acts_on, kind }]
-        }));
+        let on_rate = |state: &usize| SoughtDisturbance::open(ActsOn::Rate(*state), kind);
+        candidates.extend(states.map(|state| vec![on_rate(state)]));
     }
-    candidates.extend(problem.outputs.iter().map(|output| {
-        let (acts_on, kind) = (ActsOn::Output(output.index), DisturbanceKind::Memory);
-        vec![Disturbance { acts_on, kind }]
+    let outputs = problem.outputs.iter().map(|output| output.index);
+    candidates.extend(outputs.map(|output| {
+        let acts_on = ActsOn::Output(output);
+        vec![SoughtDisturbance::open(acts_on, DisturbanceKind::Memory)]
     }));
     candidates
+}
+
+/// Finds for each noise model where its descent begins, from the estimate of the free run. Answers
+/// nothing when `stop` was raised.
+///
+/// # Errors
+/// Where the model or the problem does not allow a filter.
+pub fn trials(
+    problem: &Problem,
+    estimate: &[f64],
+    candidates: &[Vec<SoughtDisturbance>],
+    stop: &AtomicBool,
+) -> Result<Option<Vec<NoiseTrial>>, NoiseFault> {
+    let Some(deviations) = residual_deviations(problem, estimate, stop) else {
+        return Ok(None);
+    };
+    let fit = NoiseFit {
+        problem,
+        estimate,
+        deviations: &deviations,
+        stop,
+    };
+    let trials = candidates.par_iter().map(|sought| fit.trial(sought));
+    let trials: Result<Vec<_>, NoiseFault> = trials.collect();
+    Ok(trials?.into_iter().collect())
 }
 
 /// Fits each noise model from the estimate of the free run, in the order in which they are named; none where
@@ -82,25 +150,74 @@ pub fn candidates(problem: &Problem) -> Vec<Vec<Disturbance>> {
 pub fn fit(
     problem: &Problem,
     estimate: &[f64],
-    candidates: &[Vec<Disturbance>],
+    candidates: &[Vec<SoughtDisturbance>],
     stop: &AtomicBool,
 ) -> Result<Option<Vec<Option<FittedNoise>>>, NoiseFault> {
-    let Some(deviations) = residual_deviations(problem, estimate, stop) else {
+    let Some(trials) = trials(problem, estimate, candidates, stop)? else {
         return Ok(None);
     };
-    let fits: Result<Vec<_>, NoiseFault> = candidates
-        .par_iter()
-        .map(|disturbances| {
-            let fit = NoiseFit {
-                problem,
-                estimate,
-                deviations: &deviations,
-                stop,
-            };
-            fit.of(disturbances)
-        })
-        .collect();
-    Ok(fits?.into_iter().collect())
+    let fits = trials.into_par_iter().map(|trial| {
+        let start = trial.start.clone();
+        let descent = refine::descend(&trial.problem, start, Accuracy::Full, stop)?;
+        trial.fitted(descent.positions, stop)
+    });
+    Ok(fits.collect())
+}
+
+impl NoiseTrial {
+    /// What a descent came to; the inner answer is none where it cannot be simulated. Answers nothing when
+    /// `stop` was raised.
+    #[must_use]
+    pub fn fitted(self, positions: Vec<f64>, stop: &AtomicBool) -> Option<Option<FittedNoise>> {
+        let linearisation = match refine::linearise(&self.problem, &positions, Accuracy::Full, stop)
+        {
+            Ok(linearisation) => linearisation,
+            Err(SensitivityError::Interrupted) => return None,
+            Err(SensitivityError::Failed(_)) => return Some(None),
+        };
+        let around = compared(&self.problem, std::slice::from_ref(&positions), stop)?;
+        let Some(log_likelihood) = around.log_likelihood(0) else {
+            return Some(None);
+        };
+        drop(around);
+        let samples = self.problem.n_residuals() as f64;
+        let unknowns = positions.len() as f64;
+        Some(Some(FittedNoise {
+            bic: unknowns * libm::log(samples) - 2.0 * log_likelihood,
+            log_likelihood,
+            linearisation,
+            positions,
+            trial: self,
+        }))
+    }
+}
+
+/// The variance that each disturbance alone makes of each compared output, as a mean over all samples
+/// [SI²]. Answers nothing when `stop` was raised.
+///
+/// # Errors
+/// Where the model or the problem does not allow a filter.
+pub fn variances_made(
+    problem: &Problem,
+    positions: &[f64],
+    disturbances: &[ProcessNoise],
+    stop: &AtomicBool,
+) -> Result<Option<Vec<Vec<f64>>>, NoiseFault> {
+    let mut variances = Vec::new();
+    for disturbance in disturbances {
+        let alone = NoiseModel {
+            disturbances: vec![disturbance.clone()],
+            sensors: vec![NoiseNumber::Given(0.0); problem.outputs.len()],
+            steps: 1,
+        };
+        let alone = filtered(problem, &alone)?.without_measurements(|_| 0);
+        let Some(around) = compared(&alone, &[positions.to_vec()], stop) else {
+            return Ok(None);
+        };
+        // Without measurements the variance of each output is what the disturbance makes of it.
+        variances.push(around.mean_variances(0));
+    }
+    Ok(Some(variances))
 }
 
 /// The root mean square of each output's residuals in the free run, SI.
@@ -138,123 +255,103 @@ struct NoiseFit<'a> {
 }
 
 impl NoiseFit<'_> {
-    /// The outer answer is none when `stop` was raised, the inner one where the fit fails.
-    fn of(&self, disturbances: &[Disturbance]) -> Result<Option<Option<FittedNoise>>, NoiseFault> {
-        let Some(strengths) = self.strengths(disturbances)? else {
+    /// Answers nothing when `stop` was raised.
+    fn trial(&self, sought: &[SoughtDisturbance]) -> Result<Option<NoiseTrial>, NoiseFault> {
+        let Some(strengths) = self.strengths(sought)? else {
             return Ok(None);
         };
-        let noise = self.model(disturbances, &strengths);
+        let noise = self.model(sought, &strengths);
         let problem = filtered(self.problem, &noise)?;
-        let Some(start) = self.scan(&problem, disturbances) else {
-            return Ok(None);
-        };
-        let Some(descent) = refine::descend(&problem, start, Accuracy::Full, self.stop) else {
-            return Ok(None);
-        };
-        let positions = descent.positions;
-        let Ok(linearisation) = refine::linearise(&problem, &positions, Accuracy::Full, self.stop)
-        else {
-            return Ok(Some(None));
-        };
-        let Some(around) = compared(&problem, std::slice::from_ref(&positions), self.stop) else {
-            return Ok(None);
-        };
-        let samples = self.problem.n_residuals() as f64;
-        let unknowns = positions.len() as f64;
-        Ok(Some(around.log_likelihood(0).map(|log_likelihood| {
-            FittedNoise {
-                bic: unknowns * libm::log(samples) - 2.0 * log_likelihood,
-                log_likelihood,
-                linearisation,
-                positions,
-                noise,
-                problem: problem.clone(),
-            }
-        })))
+        let start = self.scan(&problem, &noise, &strengths);
+        Ok(start.map(|start| NoiseTrial {
+            noise,
+            problem,
+            start,
+        }))
     }
 
     /// The strength of each disturbance that makes the residuals of the free run. Answers nothing when
     /// `stop` was raised.
-    fn strengths(&self, disturbances: &[Disturbance]) -> Result<Option<Vec<f64>>, NoiseFault> {
-        let mut strengths = Vec::new();
-        for disturbance in disturbances {
-            let unit = NoiseModel {
-                disturbances: vec![self.disturbance(*disturbance, NoiseNumber::Given(1.0))],
-                sensors: vec![NoiseNumber::Given(0.0); self.deviations.len()],
-                steps: 1,
+    fn strengths(&self, sought: &[SoughtDisturbance]) -> Result<Option<Vec<f64>>, NoiseFault> {
+        let unit = |sought: &SoughtDisturbance| {
+            let time_constant = match sought.time_constant {
+                SoughtNumber::Stated(number) => number.typical(),
+                SoughtNumber::Open => self.memories().typical(),
             };
-            let problem = filtered(self.problem, &unit)?.without_measurements();
-            let Some(around) = compared(&problem, &[self.estimate.to_vec()], self.stop) else {
-                return Ok(None);
-            };
-            // Without measurements the variance of each output is what the disturbance makes of it.
-            let shares = around.mean_variances(0).into_iter().zip(self.deviations);
-            let largest = shares.map(|(variance, deviation)| variance.sqrt() / deviation);
-            let largest = largest
-                .filter(|share| share.is_finite())
-                .fold(0.0, f64::max);
-            strengths.push(if largest > 0.0 { 1.0 / largest } else { 1.0 });
-        }
-        Ok(Some(strengths))
+            let given = NoiseNumber::Given(time_constant);
+            self.disturbance(sought, NoiseNumber::Given(1.0), given)
+        };
+        let units: Vec<ProcessNoise> = sought.iter().map(unit).collect();
+        let made = variances_made(self.problem, self.estimate, &units, self.stop)?;
+        let strength = |variances: &Vec<f64>| {
+            let shares = variances.iter().zip(self.deviations);
+            let shares = shares.map(|(variance, deviation)| variance.sqrt() / deviation);
+            let largest = shares.filter(|share| share.is_finite()).fold(0.0, f64::max);
+            if largest > 0.0 { 1.0 / largest } else { 1.0 }
+        };
+        Ok(made.map(|made| made.iter().map(strength).collect()))
     }
 
-    /// A disturbance of this strength, whose memory is an unknown.
-    fn disturbance(&self, disturbance: Disturbance, strength: NoiseNumber) -> ProcessNoise {
-        let [shortest, longest] = self.memories();
-        let has_memory = disturbance.kind == DisturbanceKind::Memory;
+    fn disturbance(
+        &self,
+        sought: &SoughtDisturbance,
+        strength: NoiseNumber,
+        time_constant: NoiseNumber,
+    ) -> ProcessNoise {
+        let description = self.problem.model.description();
+        let name = match sought.disturbance.acts_on {
+            ActsOn::Parameter(index) => &description.parameters[index].name,
+            ActsOn::Rate(index) => &description.states[index].name,
+            ActsOn::Output(index) => &description.outputs[index].name,
+        };
+        let has_memory = sought.disturbance.kind == DisturbanceKind::Memory;
+        ProcessNoise {
+            name: name.to_string(),
+            disturbance: sought.disturbance,
+            strength,
+            time_constant: has_memory.then_some(time_constant),
+        }
+    }
+
+    /// The memories that are looked for [s]: from the time between two samples to the length of the record.
+    fn memories(&self) -> NoiseNumber {
+        let experiments = self.problem.experiments.iter();
+        let intervals = experiments.clone().map(|data| data.sample_time);
+        let lengths = experiments.map(|data| data.instant(data.estimation_samples.max(1) - 1));
+        let shortest = intervals.fold(f64::INFINITY, f64::min);
+        let longest = lengths.fold(2.0 * shortest, f64::max);
         let prior = Prior {
             middle: libm::log((shortest * longest).sqrt()),
             deviation: libm::log(longest / shortest) / 4.0,
             scale: Scale::Log,
         };
-        let memory = match strength {
-            NoiseNumber::Given(_) => NoiseNumber::Given((shortest * longest).sqrt()),
-            NoiseNumber::Unknown { .. } => NoiseNumber::Unknown {
-                lower: shortest,
-                upper: longest,
-                prior: Some(prior),
-            },
-        };
-        let description = self.problem.model.description();
-        let name = match disturbance.acts_on {
-            ActsOn::Parameter(index) => &description.parameters[index].name,
-            ActsOn::Rate(index) => &description.states[index].name,
-            ActsOn::Output(index) => &description.outputs[index].name,
-        };
-        ProcessNoise {
-            name: name.to_string(),
-            disturbance,
-            strength,
-            time_constant: has_memory.then_some(memory),
+        NoiseNumber::Unknown {
+            lower: shortest,
+            upper: longest,
+            prior: Some(prior),
         }
     }
 
-    /// The shortest memory that is looked for, and the longest [s].
-    fn memories(&self) -> [f64; 2] {
-        let experiments = self.problem.experiments.iter();
-        let intervals = experiments.clone().map(|data| data.sample_time);
-        let lengths = experiments.map(|data| data.instant(data.estimation_samples.max(1) - 1));
-        let interval = intervals.fold(f64::INFINITY, f64::min);
-        [interval, lengths.fold(2.0 * interval, f64::max)]
-    }
-
-    /// The noise model whose numbers are unknown; the noise of a sensor is given where the job declares it.
-    fn model(&self, disturbances: &[Disturbance], strengths: &[f64]) -> NoiseModel {
-        let disturbed = disturbances
-            .iter()
-            .zip(strengths)
-            .map(|(disturbance, scale)| {
-                let strength = NoiseNumber::Unknown {
-                    lower: 1e-4 * scale,
-                    upper: 1e2 * scale,
-                    prior: Some(Prior {
-                        middle: libm::log(*scale),
-                        deviation: STRENGTH_DEVIATION,
-                        scale: Scale::Log,
-                    }),
-                };
-                self.disturbance(*disturbance, strength)
-            });
+    /// The noise model with the ranges of its unknowns; the noise of a sensor is given where the job declares
+    /// it.
+    fn model(&self, sought: &[SoughtDisturbance], strengths: &[f64]) -> NoiseModel {
+        let disturbed = sought.iter().zip(strengths).map(|(sought, scale)| {
+            let strength = NoiseNumber::Unknown {
+                lower: 1e-4 * scale,
+                upper: 1e2 * scale,
+                prior: Some(Prior {
+                    middle: libm::log(*scale),
+                    deviation: STRENGTH_DEVIATION,
+                    scale: Scale::Log,
+                }),
+            };
+            let number = |sought: SoughtNumber, open: NoiseNumber| match sought {
+                SoughtNumber::Stated(number) => number,
+                SoughtNumber::Open => open,
+            };
+            let time_constant = number(sought.time_constant, self.memories());
+            self.disturbance(sought, number(sought.strength, strength), time_constant)
+        });
         let outputs = self.problem.outputs.iter().zip(self.deviations);
         let sensors = outputs.map(|(output, deviation)| match output.noise_std {
             Some(noise) => NoiseNumber::Given(noise),
@@ -273,34 +370,57 @@ impl NoiseFit<'_> {
 
     /// The best of a grid of noises at the free run's estimate: where a descent begins. Answers nothing when
     /// `stop` was raised.
-    fn scan(&self, problem: &Problem, disturbances: &[Disturbance]) -> Option<Vec<f64>> {
-        let position = |share: f64, [lower, upper]: [f64; 2]| {
-            libm::log(share / lower) / libm::log(upper / lower)
-        };
+    fn scan(&self, problem: &Problem, noise: &NoiseModel, strengths: &[f64]) -> Option<Vec<f64>> {
         let mut grid = vec![self.estimate.to_vec()];
-        // The sensors that are unknown are scanned together.
-        let unknown = self.problem.outputs.iter();
-        let unknown = unknown.filter(|output| output.noise_std.is_none()).count();
-        for disturbance in disturbances {
-            let strengths = SCANNED_STRENGTHS.map(|share| position(share, [1e-4, 1e2]));
-            grid = extended(&grid, &strengths, 1);
-            if disturbance.kind == DisturbanceKind::Memory {
+        for (disturbance, scale) in noise.disturbances.iter().zip(strengths) {
+            let values = SCANNED_STRENGTHS.map(|share| share * scale);
+            grid = extended(&grid, &scanned(disturbance.strength, &values), 1);
+            if let Some(NoiseNumber::Unknown { .. }) = disturbance.time_constant {
                 grid = extended(&grid, &SCANNED_MEMORIES, 1);
             }
         }
-        let sensors = SCANNED_SENSORS.map(|share| position(share, [1e-3, 2.0]));
-        if unknown > 0 {
-            grid = extended(&grid, &sensors, unknown);
+        // The sensors that are unknown are scanned together.
+        let sensors = noise.sensors.iter().zip(self.deviations);
+        let unknown: Vec<_> = sensors
+            .filter(|(sensor, _)| matches!(sensor, NoiseNumber::Unknown { .. }))
+            .collect();
+        if let Some((first, deviation)) = unknown.first() {
+            let values = SCANNED_SENSORS.map(|share| share * *deviation);
+            grid = extended(&grid, &scanned(**first, &values), unknown.len());
         }
-        let around = compared(problem, &grid, self.stop)?;
-        let costs = (0..grid.len()).map(|place| around.cost(place));
-        let best = costs.enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b));
+        let mut costs = Vec::with_capacity(grid.len());
+        for part in grid.chunks(SCANNED_TOGETHER) {
+            let around = compared(problem, part, self.stop)?;
+            costs.extend((0..part.len()).map(|place| around.cost(place)));
+        }
+        let places = costs.iter().enumerate();
+        let best = places.min_by(|(_, a), (_, b)| a.total_cmp(b));
         best.map(|(place, _)| grid.swap_remove(place))
     }
 }
 
-/// The points of a grid, each with so many more coordinates at each of these positions.
+/// The positions of values within the range of an unknown, its middle where all lie outside; a given
+/// number has none.
+fn scanned(number: NoiseNumber, values: &[f64]) -> Vec<f64> {
+    let NoiseNumber::Unknown { lower, upper, .. } = number else {
+        return Vec::new();
+    };
+    let position = |value: &f64| Scale::Log.position(*value, lower, upper);
+    let inside = |position: &f64| (0.0..=1.0).contains(position);
+    let positions: Vec<f64> = values.iter().map(position).filter(inside).collect();
+    if positions.is_empty() {
+        vec![0.5]
+    } else {
+        positions
+    }
+}
+
+/// The points of a grid, each with so many more coordinates at each of these positions; the grid as it is
+/// where there are none.
 fn extended(grid: &[Vec<f64>], positions: &[f64], more: usize) -> Vec<Vec<f64>> {
+    if positions.is_empty() {
+        return grid.to_vec();
+    }
     let mut points = Vec::with_capacity(grid.len() * positions.len());
     for point in grid {
         for position in positions {

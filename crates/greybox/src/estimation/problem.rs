@@ -6,8 +6,10 @@
 //! one for each coordinate, from 0 (lower bound) to 1 (upper bound) along the coordinate's scale.
 
 mod experiment;
+mod innovations;
 
 pub use experiment::{Experiment, UnknownStart};
+pub use innovations::Innovations;
 
 use super::loss::Loss;
 use super::prior::{JointPrior, Prior, PriorRow};
@@ -182,15 +184,6 @@ pub struct Problem {
     pub innovations: Option<Arc<Innovations>>,
 }
 
-/// The errors of what was expected of each output from all samples before, and their variances.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Innovations {
-    /// How many outputs the model has; the variance of each stands so many places behind it.
-    pub n_outputs: usize,
-    /// For each compared output the least variance that its sensor can have.
-    pub least_variances: Vec<f64>,
-}
-
 /// A candidate spelled out for one experiment.
 #[derive(Clone, Debug)]
 pub struct Filled {
@@ -201,15 +194,15 @@ pub struct Filled {
 }
 
 impl Problem {
-    /// The problem where innovations are compared, as if no output had been measured.
+    /// The problem where innovations are compared, as if no output had been measured from a sample on
+    /// that `first` answers for each experiment.
     #[must_use]
-    pub fn without_measurements(mut self) -> Problem {
+    pub fn without_measurements(mut self, first: impl Fn(&Experiment) -> usize) -> Problem {
         if let Some(innovations) = &self.innovations {
             for data in Arc::make_mut(&mut self.experiments) {
-                // The measured outputs stand last among the inputs.
-                let first = data.inputs.len() - innovations.n_outputs;
-                let measured = data.inputs[first..].iter_mut();
-                measured.for_each(|samples| samples.fill(f64::NAN));
+                let first = first(data);
+                let measured = data.measured_inputs(innovations).iter_mut();
+                measured.for_each(|samples| samples[first..].fill(f64::NAN));
             }
         }
         self
@@ -377,6 +370,13 @@ impl Problem {
             experiment.measured.iter().map(part).sum()
         };
         self.experiments.iter().map(count).sum()
+    }
+
+    /// Rows of the least squares that the residuals make: an innovation makes two.
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        let of_each = if self.innovations.is_some() { 2 } else { 1 };
+        of_each * self.n_residuals()
     }
 }
 

@@ -10,8 +10,8 @@ use super::loss::Loss;
 use super::prior::Prior;
 use super::problem::{Coordinate, Experiment, Innovations, Problem, Target};
 use greybox_simulation::filter::{FilterLayout, LayoutFault, StartVariance};
-use greybox_simulation::model::Scale;
-use greybox_simulation::program::Disturbance;
+use greybox_simulation::model::{ModelDescription, Scale};
+use greybox_simulation::program::{ActsOn, Disturbance, DisturbanceKind};
 use std::sync::Arc;
 
 /// A number of a disturbance or of a sensor.
@@ -38,6 +38,12 @@ impl NoiseNumber {
             NoiseNumber::Given(value) => value,
             NoiseNumber::Unknown { lower, .. } => lower,
         }
+    }
+
+    /// Whether the number is an unknown.
+    #[must_use]
+    pub fn is_unknown(self) -> bool {
+        matches!(self, NoiseNumber::Unknown { .. })
     }
 
     /// The given value, or the middle of the range.
@@ -68,6 +74,32 @@ impl ProcessNoise {
     /// The numbers in the order in which the filter takes them.
     pub fn numbers(&self) -> impl Iterator<Item = NoiseNumber> + use<> {
         std::iter::once(self.strength).chain(self.time_constant)
+    }
+
+    /// How the quantity moves, and what it acts on.
+    #[must_use]
+    pub fn in_words(&self, model: &ModelDescription) -> String {
+        let kind = match self.disturbance.kind {
+            DisturbanceKind::White => "white",
+            DisturbanceKind::Memory => "memory",
+            DisturbanceKind::Walk => "walk",
+        };
+        let acts_on = match self.disturbance.acts_on {
+            ActsOn::Parameter(index) => format!("`{}`", model.parameters[index].name),
+            ActsOn::Rate(index) => format!("the rate of `{}`", model.states[index].name),
+            ActsOn::Output(index) => format!("the sensor of `{}`", model.outputs[index].name),
+        };
+        format!("{kind} on {acts_on}")
+    }
+
+    /// The SI unit of the quantity that the disturbance acts on.
+    #[must_use]
+    pub fn unit(&self, model: &ModelDescription) -> String {
+        match self.disturbance.acts_on {
+            ActsOn::Parameter(index) => model.parameters[index].unit.to_string(),
+            ActsOn::Rate(index) => format!("{}/s", model.states[index].unit),
+            ActsOn::Output(index) => model.outputs[index].unit.to_string(),
+        }
     }
 
     /// The size that the disturbance has by its numbers, above zero: errors are measured against it.
@@ -119,14 +151,28 @@ pub struct NoiseModel {
     pub steps: u32,
 }
 
+impl NoiseModel {
+    /// How many of its numbers are unknowns.
+    #[must_use]
+    pub fn unknowns(&self) -> usize {
+        let disturbances = self.disturbances.iter();
+        let numbers = disturbances.flat_map(ProcessNoise::numbers);
+        let numbers = numbers.chain(self.sensors.iter().copied());
+        numbers.filter(|number| number.is_unknown()).count()
+    }
+}
+
 /// Why a problem cannot be filtered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoiseFault {
     /// The model does not allow it.
+    #[error("{0}")]
     Model(LayoutFault),
     /// The noise of a sensor differs from sample to sample.
+    #[error("the noise of an output differs from sample to sample")]
     SamplesDiffer,
     /// The job asks for a loss other than the square.
+    #[error("a filter compares squares, not Huber's loss")]
     Robust,
 }
 
@@ -235,7 +281,9 @@ fn longest_step(problem: &Problem, steps: u32) -> f64 {
     interval * (1.0 + 1e-9) / f64::from(steps.max(1))
 }
 
-/// The experiment with its measured outputs behind the inputs, in the order of the model's.
+/// The experiment with its measured outputs behind the inputs, in the order of the model's. Samples that are
+/// held back correct nothing: what is expected of them is the free run's, with the deviation that the
+/// disturbances give it.
 fn with_measurements(problem: &Problem, data: &Experiment) -> Experiment {
     let description = problem.model.description();
     let mut next = data.clone();
@@ -249,7 +297,14 @@ fn with_measurements(problem: &Problem, data: &Experiment) -> Experiment {
                 .outputs
                 .iter()
                 .position(|output| output.index == index);
-            compared.map_or_else(|| missing.clone(), |place| data.measured[place].clone())
+            compared.map_or_else(
+                || missing.clone(),
+                |place| {
+                    let mut measured = data.measured[place].clone();
+                    measured[data.estimation_samples..].fill(f64::NAN);
+                    measured
+                },
+            )
         }));
     next
 }

@@ -31,6 +31,8 @@ pub struct Row<'a> {
     pub output: usize,
     /// The sample.
     pub sample: usize,
+    /// Whether the row is the second of an innovation, which tells whether its variance is right.
+    pub is_variance: bool,
     /// (measured − simulated)/scale.
     pub residual: f64,
     /// ∂residual/∂position of each coordinate, or along each direction.
@@ -298,6 +300,7 @@ impl<'a> Neighbourhood<'a> {
                 experiment: place.experiment,
                 output: place.output,
                 sample: place.sample,
+                is_variance: false,
                 residual,
                 derivatives: &derivatives,
             };
@@ -318,15 +321,16 @@ impl<'a> Neighbourhood<'a> {
         derivatives: &mut [f64],
         visit: &mut impl FnMut(Row<'_>),
     ) {
-        let output = self.problem.outputs.len() + place.output;
+        let column = self.problem.outputs.len() + place.output;
         let variance = self.scale_of(0, place).powi(2);
         // `differentiate` gives the derivative of a residual, which falls where the column rises.
         let scale = -variance * std::f64::consts::SQRT_2;
-        self.differentiate(place, output, scale, derivatives);
+        self.differentiate(place, column, scale, derivatives);
         visit(Row {
             experiment: place.experiment,
-            output,
+            output: place.output,
             sample: place.sample,
+            is_variance: true,
             residual: (1.0 - innovation * innovation) * std::f64::consts::FRAC_1_SQRT_2,
             derivatives,
         });
@@ -363,16 +367,20 @@ impl<'a> Neighbourhood<'a> {
     /// What a candidate's residual is divided by: that of an innovation by its standard deviation.
     fn scale_of(&self, member: usize, place: ResidualPlace) -> f64 {
         if self.problem.innovations.is_none() {
-            return self.scale(place);
+            return self.scale_of_free_run(place);
         }
         let column = self.problem.outputs.len() + place.output;
         let variance = self.recorded[place.experiment].value(member, place.sample, column);
         variance.sqrt()
     }
 
-    /// What a residual of a free run is divided by.
+    /// What the candidate's residual is divided by.
     #[must_use]
     pub fn scale(&self, place: ResidualPlace) -> f64 {
+        self.scale_of(0, place)
+    }
+
+    fn scale_of_free_run(&self, place: ResidualPlace) -> f64 {
         let experiment = &self.problem.experiments[place.experiment];
         let weight = experiment.weight(place.output, place.sample);
         self.problem.outputs[place.output].residual_scale / weight

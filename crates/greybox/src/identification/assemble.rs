@@ -13,6 +13,7 @@ mod noise;
 mod outcome;
 mod preflight;
 mod priors;
+mod process_noise;
 mod trajectory;
 
 pub use crate::estimation::Finding;

@@ -80,6 +80,7 @@ impl Finished<'_> {
                 subject,
             ) => {
                 let mut changes = self.free_effects();
+                changes.extend(self.look_for_disturbances());
                 if let (Rule::Misfit, Subject::Output(output)) = (doubt.rule, subject) {
                     changes.extend(self.declare_noise(*output));
                 }

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 mod interval;
+mod process_noise;
 mod search;
 mod verdict;
 
@@ -22,6 +23,10 @@ pub use crate::uncertainty::residuals::{InputCorrelation, ResidualReport};
 pub use crate::uncertainty::selection::TriedModel;
 pub use crate::uncertainty::verdict::{Rule, Trust};
 pub use interval::{ConfidenceInterval, Correlation, ProfilePoint, TotalInterval};
+pub use process_noise::{
+    BandReport, ComparedNoiseReport, DisturbanceReport, InnovationReport, NoiseNumberReport,
+    OutputErrorEstimate, ProcessNoiseReport,
+};
 pub use search::SearchReport;
 pub use verdict::{Reason, Verdict};
 
@@ -78,6 +83,15 @@ pub struct Outcome {
     /// Which effects the data support, where `model_search` asks for it; `parameters` holds those.
     #[serde(default)]
     pub model_search: Option<ModelSearchReport>,
+    /// What moves the plant beside its inputs, where `process_noise` asks for it and the data show it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub process_noise: Option<ProcessNoiseReport>,
+    /// By parameter and initial state what the free run makes of it, where the estimates are those of a noise
+    /// model.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schema(required = false)]
+    pub output_error: BTreeMap<String, OutputErrorEstimate>,
     /// What made this result; equal engines make equal bits.
     pub engine: Engine,
 }

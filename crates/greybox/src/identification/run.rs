@@ -195,7 +195,7 @@ impl Run {
                 spec: spec.clone(),
                 dataset_digests: Vec::new(),
             },
-            request: spec.request(),
+            request: spec.request(problem.model.description()),
             problem,
             stage: RunStage::Estimate,
             estimation,

@@ -55,7 +55,10 @@ pub use model_search::ModelSearch;
 pub use outputs::OutputSpec;
 pub use parameter::{FixedValue, FreeParameter, ParameterSpec, SearchRange};
 pub use prior::PriorSpec;
-pub use process_noise::{ActsOnSpec, MAX_DISTURBANCES, NoiseKind, ProcessNoiseSpec};
+pub use process_noise::{
+    ActsOnSpec, JobNoiseSpec, MAX_DISTURBANCES, NoiseChoice, NoiseKind, NoiseNumberSpec,
+    NoiseRange, ProcessNoiseSpec,
+};
 pub use validation::ValidationSpec;
 pub use window::WindowSpec;
 
@@ -134,6 +137,10 @@ pub struct JobSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub model_search: Option<ModelSearch>,
+    /// What may move the plant beside its inputs and was not recorded: `"none"`, `"auto"` or a list.
+    #[serde(default, skip_serializing_if = "JobNoiseSpec::is_none")]
+    #[schema(required = false)]
+    pub process_noise: JobNoiseSpec,
     /// How closely the estimate's uncertainty is looked at.
     #[serde(default)]
     #[schema(required = false)]
@@ -226,6 +233,24 @@ impl JobSpec {
         }
     }
 
+    /// What listed disturbances ask of the rest of the job: intervals from the curvature of the likelihood.
+    fn check_noise(&self, job: &Object<'_>) {
+        if !matches!(self.process_noise, JobNoiseSpec::Listed(_)) {
+            return;
+        }
+        if self.uncertainty.has_independent_refits() {
+            let detail = "with `process_noise` the intervals follow from the curvature of the \
+                          likelihood: leave `uncertainty.intervals` and \
+                          `uncertainty.monte_carlo_samples` out";
+            job.fault("contradiction", detail);
+        }
+        if self.method.huber_threshold.is_some() {
+            let detail = "`process_noise` compares normal likelihoods, which \
+                          `method.huber_threshold` gives up: leave one of them out";
+            job.fault("contradiction", detail);
+        }
+    }
+
     /// Whether a parameter or an initial state of the job's model is left to estimate.
     pub(super) fn estimates_anything(&self, model: &ModelDescription) -> bool {
         let parameters = JobParameters {
@@ -238,8 +263,9 @@ impl JobSpec {
 
     /// What is asked about the estimate, once it stands.
     #[must_use]
-    pub fn request(&self) -> uncertainty::Request {
+    pub fn request(&self, model: &ModelDescription) -> uncertainty::Request {
         uncertainty::Request {
+            noise: self.process_noise.sought(model),
             settings: self.uncertainty.clone(),
             seed: self.seed,
             effects: self
@@ -303,6 +329,8 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     });
     let (constraints, priors) = read_together(&mut root, job_parameters);
     let method = root.optional("method").map(|field| method::read(&field));
+    let process_noise = root.optional("process_noise");
+    let process_noise = process_noise.map(|field| process_noise::read_of_job(&field, model));
     let uncertainty = root.optional("uncertainty");
     let uncertainty = uncertainty.map(|field| uncertainty::Settings::read(&field));
     let validation = root.optional("validation");
@@ -329,6 +357,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
             priors,
             method: method.unwrap_or_default(),
             model_search,
+            process_noise: process_noise.unwrap_or_default(),
             uncertainty: uncertainty.unwrap_or_default(),
             validation: validation.unwrap_or_default(),
             limits: limits.unwrap_or_else(|| LimitsSpec::within(context.max_duration_s)),
@@ -338,6 +367,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let spec = complete();
     if let (Some(spec), Some(model)) = (&spec, model) {
         spec.check_loss(&root, model);
+        spec.check_noise(&root);
     }
     root.finish();
     spec

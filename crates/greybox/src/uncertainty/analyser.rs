@@ -7,6 +7,7 @@
 //! the analysis begins are not run again, so an analysis that was saved goes on with the same bits.
 
 use super::linearised::LinearisedEstimate;
+use super::noise_comparison::{DisturbedEstimate, NoiseComparison};
 use super::refits::{Quota, RefitSequence, Refits};
 use super::reweighting::Reweighting;
 use super::selection::{AfterRound, Elimination, Selected, Selection};
@@ -59,8 +60,12 @@ enum AnalysisStep {
     Reweight(Box<Reweighting>),
     /// Models without some of the effects are tried.
     Select(Box<Elimination>),
+    /// Noise models are fitted.
+    CompareNoise(Box<NoiseComparison>),
     /// The estimate is linearised; refits improve what follows from that.
     Examine(Box<Examined>),
+    /// The estimate under a noise model is linearised.
+    ExamineDisturbed(Box<ExaminedDisturbed>),
 }
 
 /// A problem, and what the run came to.
@@ -77,6 +82,13 @@ struct Examined {
     selection: Option<Selection>,
 }
 
+/// The estimate under a noise model.
+#[derive(Debug)]
+struct ExaminedDisturbed {
+    estimate: DisturbedEstimate,
+    selection: Option<Selection>,
+}
+
 impl AnalysisStep {
     /// The refits that the step waits for.
     fn sequences(&mut self) -> Vec<&mut dyn RefitSequence> {
@@ -84,7 +96,9 @@ impl AnalysisStep {
             AnalysisStep::Begin(_) => Vec::new(),
             AnalysisStep::Reweight(reweighting) => vec![&mut **reweighting],
             AnalysisStep::Select(elimination) => elimination.sequences(),
+            AnalysisStep::CompareNoise(comparison) => comparison.sequences(),
             AnalysisStep::Examine(examined) => examined.estimate.sequences(),
+            AnalysisStep::ExamineDisturbed(examined) => examined.estimate.sequences(),
         }
     }
 }
@@ -135,10 +149,13 @@ impl Analyser {
                             report,
                             selection,
                         } = *selected;
-                        self.examine(&problem, &report, Some(selection), stop)
+                        self.compare_noise(&problem, &report, Some(selection), stop)
                     }
                 },
-                AnalysisStep::Examine(_) => return Advance::Finished,
+                AnalysisStep::CompareNoise(comparison) => self.examine_compared(comparison, stop),
+                AnalysisStep::Examine(_) | AnalysisStep::ExamineDisturbed(_) => {
+                    return Advance::Finished;
+                }
             };
             match next {
                 Some(step) => self.step = step,
@@ -168,10 +185,42 @@ impl Analyser {
     ) -> Option<AnalysisStep> {
         let effects = &self.request.effects;
         if effects.is_empty() {
-            return self.examine(problem, report, None, stop);
+            return self.compare_noise(problem, report, None, stop);
         }
         let elimination = Elimination::begin(problem, report, effects, stop)?;
         Some(AnalysisStep::Select(Box::new(elimination)))
+    }
+
+    fn compare_noise(
+        &self,
+        problem: &Problem,
+        report: &Report,
+        selection: Option<Selection>,
+        stop: &AtomicBool,
+    ) -> Option<AnalysisStep> {
+        let asked = &self.request;
+        match NoiseComparison::begin(problem, report, selection.as_ref(), asked, stop)? {
+            Some(comparison) => Some(AnalysisStep::CompareNoise(Box::new(comparison))),
+            None => self.examine(problem, report, selection, stop),
+        }
+    }
+
+    fn examine_compared(
+        &self,
+        comparison: &NoiseComparison,
+        stop: &AtomicBool,
+    ) -> Option<AnalysisStep> {
+        let selection = comparison.selection.clone();
+        match comparison.examined(&self.request, stop)? {
+            Some(estimate) => {
+                let examined = ExaminedDisturbed {
+                    estimate,
+                    selection,
+                };
+                Some(AnalysisStep::ExamineDisturbed(Box::new(examined)))
+            }
+            None => self.examine(&comparison.problem, &comparison.report, selection, stop),
+        }
     }
 
     fn examine(
@@ -192,8 +241,17 @@ impl Analyser {
     /// The conclusion; none before all refits have finished.
     #[must_use]
     pub fn conclusion(&self) -> Option<Conclusion> {
-        let AnalysisStep::Examine(examined) = &self.step else {
-            return None;
+        let examined = match &self.step {
+            AnalysisStep::Examine(examined) => examined,
+            AnalysisStep::ExamineDisturbed(examined) => {
+                return Some(Conclusion {
+                    problem: examined.estimate.plant.clone(),
+                    report: examined.estimate.report.clone(),
+                    analysis: examined.estimate.analysis()?,
+                    selection: examined.selection.clone(),
+                });
+            }
+            _ => return None,
         };
         let analysis = examined.estimate.analysis()?;
         let solved = examined.estimate.estimate();

@@ -7,9 +7,11 @@ use super::drift::Drift;
 use super::fit::{Criteria, OutputFit};
 use super::identifiability::FlatDirection;
 use super::monte_carlo::MonteCarlo;
+use super::noise_analysis::NoiseAnalysis;
 use super::profile::Ends;
 use super::residuals::ResidualReport;
 use super::verdict::{Doubt, Judgement, Rule, Trust};
+use super::windows::WindowAgreement;
 use crate::estimation::problem::{Coordinate, Problem};
 use crate::estimation::report::Report;
 
@@ -78,13 +80,43 @@ pub struct Analysis {
     pub budget: Budget,
     /// Unknowns that the residuals say to change within the record.
     pub drifts: Vec<Drift>,
+    /// How the windows of the record agree, where innovations are compared.
+    pub windows: Option<WindowAgreement>,
     /// Constraints that keep the estimate from where the data would have it.
     pub bindings: Vec<Binding>,
+    /// What moves the plant beside its inputs, where that was looked for and found.
+    pub noise: Option<Box<NoiseAnalysis>>,
     /// Whether the numbers can be trusted.
     pub judgement: Judgement,
 }
 
 impl Analysis {
+    /// The analysis of the first coordinates alone.
+    pub(super) fn of_first(mut self, n: usize) -> Analysis {
+        self.coordinates.truncate(n);
+        self.deviations.truncate(n);
+        if let Some(rows) = &mut self.correlation {
+            rows.truncate(n);
+            rows.iter_mut().for_each(|row| row.truncate(n));
+        }
+        for flat in &mut self.flat {
+            flat.parts.retain(|(coordinate, _)| *coordinate < n);
+        }
+        self.flat.retain(|flat| !flat.parts.is_empty());
+        self.budget.totals.truncate(n);
+        for line in &mut self.budget.lines {
+            line.contributions.truncate(n);
+        }
+        self.drifts.retain(|drift| drift.coordinate < n);
+        for drift in &mut self.drifts {
+            drift.moves.truncate(n);
+        }
+        if let Some(windows) = &mut self.windows {
+            windows.spreads.truncate(n);
+        }
+        self
+    }
+
     pub(super) fn judge(&mut self, judgement: Judgement) {
         for (coordinate, trust) in self.coordinates.iter_mut().zip(&judgement.coordinates) {
             coordinate.trust = *trust;
@@ -120,12 +152,32 @@ pub(super) fn undetermined(problem: &Problem, report: &Report, reason: String) -
         deviations: vec![None; problem.coordinates.len()],
         budget: Budget::default(),
         drifts: Vec::new(),
+        windows: None,
         bindings: Vec::new(),
+        noise: None,
         judgement: Judgement::default(),
     }
 }
 
 impl CoordinateUncertainty {
+    /// Widens the total interval to the ends of another, as positions.
+    pub(super) fn cover(&mut self, coordinate: &Coordinate, position: f64, [low, high]: [f64; 2]) {
+        let Some((lower, upper)) = self.total_interval else {
+            return;
+        };
+        let [low_value, high_value] = [low, high].map(|end| value_near(coordinate, end));
+        let wider = |end: Option<f64>, other: Option<f64>, widest: fn(f64, f64) -> f64| {
+            end.zip(other).map(|(end, other)| widest(end, other))
+        };
+        self.total_interval = Some((
+            wider(lower, low_value, f64::min),
+            wider(upper, high_value, f64::max),
+        ));
+        let half = (position - low).max(high - position) / NORMAL_95;
+        let error = half * coordinate.slope(position).abs();
+        self.total_error = self.total_error.map(|total| total.max(error));
+    }
+
     /// Adds what is assumed: the total and the noise alone, as standard deviations of the
     /// position. Each end of the interval goes out by what the total's square has more.
     pub(super) fn widen(

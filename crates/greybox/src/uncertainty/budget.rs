@@ -234,6 +234,10 @@ impl Around<'_> {
         let simulated = extended.positions.len() - unknowns;
         let measured = extended.assumptions()[simulated..].iter();
         let measured = measured.map(move |assumption| {
+            // A sensor does next to nothing to the variance of an innovation.
+            if row.is_variance {
+                return 0.0;
+            }
             let by_value = self
                 .sensors
                 .derivative(&extended.problem, assumption.target, place);

@@ -131,6 +131,14 @@ impl NoiseLevels {
     /// Returns the noise levels that the residuals show.
     #[must_use]
     pub fn of(problem: &Problem, residuals: &[ResidualReport]) -> NoiseLevels {
+        if problem.innovations.is_some() {
+            // An innovation is divided by its own standard deviation.
+            let levels = vec![1.0; problem.outputs.len()];
+            return NoiseLevels {
+                levels,
+                weight: 1.0,
+            };
+        }
         let pairs = problem.outputs.iter().zip(residuals);
         let levels: Vec<f64> = pairs
             .map(|(output, report)| report.noise_std / output.residual_scale)
@@ -179,7 +187,7 @@ pub fn linearise(
 ) -> Result<Linear, SimulationFailure> {
     let levels = NoiseLevels::of(problem, residuals);
     let unknowns = problem.coordinates.len();
-    let mut gathered = Gathered::new(unknowns, problem.n_residuals());
+    let mut gathered = Gathered::new(unknowns, problem.n_rows());
     let mut slopes = Slopes::new(unknowns, problem.outputs.len());
     around.visit_along(unknowns, |row| {
         let score = problem.loss.score(row.residual) / residuals[row.output].inlier_share;
@@ -190,7 +198,9 @@ pub fn linearise(
             levels.variance(row.output),
             levels.weight,
         );
-        slopes.add(row.output, derivatives);
+        if !row.is_variance {
+            slopes.add(row.output, derivatives);
+        }
     })?;
     let mut has_priors = false;
     for prior in around.prior_rows() {

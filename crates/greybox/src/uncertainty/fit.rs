@@ -63,6 +63,10 @@ pub struct Criteria {
     pub bic: Option<f64>,
     /// Akaike's final prediction error.
     pub fpe: Option<f64>,
+    /// The natural logarithm of the likelihood, where disturbances move the plant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub log_likelihood: Option<f64>,
     /// Why a number above is `null`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
@@ -79,6 +83,7 @@ impl Criteria {
             aicc: None,
             bic: None,
             fpe: None,
+            log_likelihood: None,
             reason: Some(reason.to_owned()),
         }
     }
@@ -183,6 +188,23 @@ pub fn criteria(fits: &[OutputFit], unknowns: usize) -> Criteria {
         aicc: Some(aic + 2.0 * d * (d + 1.0) / (n - d - 1.0)),
         bic: Some(log_likelihood_part + constant + d * libm::log(n)),
         fpe: Some(product * (1.0 + d / n) / (1.0 - d / n)).filter(|fpe| fpe.is_finite()),
+        log_likelihood: None,
+        reason: None,
+    }
+}
+
+/// The criteria of a likelihood, without the cost.
+#[must_use]
+pub fn likelihood_criteria(log_likelihood: f64, samples: usize, unknowns: usize) -> Criteria {
+    let (n, d) = (samples as f64, unknowns as f64);
+    let aic = 2.0 * d - 2.0 * log_likelihood;
+    Criteria {
+        cost: None,
+        aic: Some(aic),
+        aicc: (n > d + 1.0).then(|| aic + 2.0 * d * (d + 1.0) / (n - d - 1.0)),
+        bic: Some(d * libm::log(n) - 2.0 * log_likelihood),
+        fpe: None,
+        log_likelihood: Some(log_likelihood),
         reason: None,
     }
 }

@@ -17,6 +17,7 @@ use super::residuals;
 use super::simulated_estimate::SimulatedEstimate;
 use super::verdict::Judgement;
 use super::weighing::Seen;
+use super::windows::{self, WindowAgreement};
 use super::{Analysis, CoordinateUncertainty, Intervals, Request, analysis};
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::Problem;
@@ -51,6 +52,7 @@ pub(super) struct FirstOrder {
     linear: Linear,
     budget: Budget,
     drifts: Vec<Drift>,
+    windows: Option<WindowAgreement>,
     flat: Vec<FlatDirection>,
     intervals: IntervalRefits,
     /// The refits of a Monte Carlo analysis, where one was asked for.
@@ -130,6 +132,18 @@ impl LinearisedEstimate {
     /// What is said of the estimate; nothing before all refits have finished.
     pub fn analysis(&self) -> Option<Analysis> {
         let SimulatedEstimate {
+            problem, report, ..
+        } = &*self.estimate;
+        let mut analysis = self.unjudged()?;
+        if !matches!(self.first_order, Err(NoDerivatives::NotSimulated)) {
+            analysis.judge(super::rules::judge(problem, report, &analysis));
+        }
+        Some(analysis)
+    }
+
+    /// What is said of the estimate, before the rules of the verdict speak.
+    pub fn unjudged(&self) -> Option<Analysis> {
+        let SimulatedEstimate {
             problem,
             report,
             trajectories,
@@ -151,15 +165,13 @@ impl LinearisedEstimate {
             Loss::Squared => fit::criteria(&estimation_fit, problem.coordinates.len()),
             Loss::Huber(_) => Criteria::missing(),
         };
-        let mut analysis = Analysis {
+        Some(Analysis {
             estimation_fit,
             validation_fit,
             residuals: residuals.clone(),
             criteria,
             ..analysis
-        };
-        analysis.judge(super::rules::judge(problem, report, &analysis));
-        Some(analysis)
+        })
     }
 }
 
@@ -187,6 +199,12 @@ impl FirstOrder {
         let budget = Budget::of(extended, around, seen).map_err(SensitivityError::Failed)?;
         let drifts = drift::of(problem, &around.neighbourhood, seen);
         let drifts = drifts.map_err(SensitivityError::Failed)?;
+        // Innovations alone are as independent as the comparison of windows takes them for.
+        let windows = match problem.innovations {
+            Some(_) => windows::of(problem, &around.neighbourhood),
+            None => Ok(None),
+        };
+        let windows = windows.map_err(SensitivityError::Failed)?;
         let (positions, weights) = (
             &report.positions,
             NoiseLevels::of(problem, residuals).weights(),
@@ -217,6 +235,7 @@ impl FirstOrder {
             linear,
             budget,
             drifts,
+            windows,
             flat,
             intervals,
             monte_carlo,
@@ -300,7 +319,9 @@ impl FirstOrder {
             deviations,
             budget: self.budget.clone(),
             drifts: self.drifts.clone(),
+            windows: self.windows.clone(),
             bindings: constrained.map_or_else(Vec::new, |constrained| constrained.bindings()),
+            noise: None,
             judgement: Judgement::default(),
         })
     }

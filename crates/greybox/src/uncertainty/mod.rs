@@ -25,6 +25,8 @@ pub mod identifiability;
 pub mod joint;
 mod linearised;
 pub mod monte_carlo;
+pub mod noise_analysis;
+mod noise_comparison;
 pub mod profile;
 pub mod refits;
 pub mod residuals;
@@ -38,11 +40,12 @@ pub mod validation_start;
 pub mod verdict;
 pub mod weighing;
 pub mod whitening;
+pub mod windows;
 
 pub use analyser::{Analyser, Conclusion, conclude};
 pub use analysis::{Analysis, CoordinateUncertainty};
 pub use refits::{Quota, Refits};
-pub use settings::{Intervals, Request, Settings};
+pub use settings::{Intervals, Request, Settings, SoughtNoise};
 
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;

@@ -9,6 +9,7 @@
 
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::Problem;
+use greybox_numerics::statistics;
 use greybox_simulation::single::Outputs;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -69,14 +70,19 @@ pub struct InputCorrelation {
 #[must_use]
 pub fn report(problem: &Problem, trajectories: &[Outputs]) -> Vec<ResidualReport> {
     let of_output = |output: usize| {
-        let series: Vec<Vec<f64>> = trajectories
+        let deviation = expected_deviation(problem, trajectories, output);
+        let mut series: Vec<Vec<f64>> = trajectories
             .iter()
             .enumerate()
             .map(|(experiment, trajectory)| series(problem, trajectory, experiment, output))
             .collect();
+        if let Some(deviation) = deviation {
+            let innovations = series.iter_mut().flatten();
+            innovations.for_each(|innovation| *innovation *= deviation);
+        }
         let scale = problem.outputs[output].residual_scale;
         let held = Held::new(series, scale, problem.loss);
-        let declared = problem.outputs[output].noise_std;
+        let declared = deviation.or(problem.outputs[output].noise_std);
         let mut report = describe(&held, declared, problem.coordinates.len());
         report.inputs = inputs(problem, &held.series);
         report
@@ -84,8 +90,24 @@ pub fn report(problem: &Problem, trajectories: &[Outputs]) -> Vec<ResidualReport
     (0..problem.outputs.len()).map(of_output).collect()
 }
 
+/// The root mean square over all samples of the standard deviation that the innovations of an output are
+/// expected to have, SI; none where the free run is compared.
+fn expected_deviation(problem: &Problem, trajectories: &[Outputs], output: usize) -> Option<f64> {
+    let innovations = problem.innovations.as_deref()?;
+    let column = innovations.n_outputs + problem.outputs[output].index;
+    let experiments = problem.experiments.iter().zip(trajectories);
+    let variances = experiments.flat_map(|(data, outputs)| {
+        let used = data.measured[output][..data.estimation_samples].iter();
+        let present = used
+            .zip(&outputs[column])
+            .filter(|(measured, _)| !measured.is_nan());
+        present.map(|(_, variance)| *variance)
+    });
+    statistics::mean(variances).map(f64::sqrt)
+}
+
 /// measured − simulated of one output in one experiment [SI], as large as if all samples had the
-/// same noise; NaN where not measured.
+/// same noise; NaN where not measured. An innovation is divided by its standard deviation.
 pub(super) fn series(
     problem: &Problem,
     trajectory: &Outputs,
@@ -93,12 +115,18 @@ pub(super) fn series(
     output: usize,
 ) -> Vec<f64> {
     let data = &problem.experiments[experiment];
-    let simulated = &trajectory[problem.outputs[output].index];
-    let used = data.measured[output][..data.estimation_samples]
-        .iter()
-        .zip(simulated)
-        .enumerate();
-    used.map(|(sample, (measured, simulated))| (measured - simulated) * data.weight(output, sample))
+    let index = problem.outputs[output].index;
+    let used = data.measured[output][..data.estimation_samples].iter();
+    let used = used.zip(&trajectory[index]).enumerate();
+    let Some(innovations) = problem.innovations.as_deref() else {
+        let weighted = |(sample, (measured, simulated))| {
+            let residual: f64 = measured - simulated;
+            residual * data.weight(output, sample)
+        };
+        return used.map(weighted).collect();
+    };
+    let variances = &trajectory[innovations.n_outputs + index];
+    used.map(|(sample, (measured, expected))| (measured - expected) / variances[sample].sqrt())
         .collect()
 }
 
@@ -181,6 +209,20 @@ fn products(series: &[Vec<f64>], lag: usize) -> (f64, usize) {
         }
     }
     total
+}
+
+/// How many independent squares the squares of normal series are worth: n/(1 + 2·Σρ²) over the lags at
+/// which neighbours hang together.
+pub(super) fn independent_squares(series: &[Vec<f64>], lags: usize) -> f64 {
+    let (power, count) = products(series, 0);
+    let mean_square = power / count.max(1) as f64;
+    let correlation = |lag: usize| {
+        let (sum, pairs) = products(series, lag);
+        sum / pairs.max(1) as f64 / mean_square
+    };
+    let lags = (1..=lags).map(correlation);
+    let remembered = lags.take_while(|rho| *rho > NEGLIGIBLE_CORRELATION);
+    count as f64 / (1.0 + 2.0 * remembered.map(|rho| rho * rho).sum::<f64>())
 }
 
 /// n/(1 + 2·Σρ) over the lags up to the first correlation within the limit.

@@ -1,6 +1,7 @@
 //! The rules of the verdict; the table of the rules is [`super::verdict::Rule`].
 
 mod assumptions;
+mod disturbances;
 
 use super::Analysis;
 use super::fit::OutputFit;
@@ -68,6 +69,7 @@ impl Case<'_> {
         doubts.extend(self.priors());
         doubts.extend(self.constraints());
         doubts.extend(self.correlation());
+        doubts.extend(self.disturbances());
         doubts.extend(self.validation());
         doubts.extend(self.starts());
         doubts.extend(self.minima());
@@ -242,6 +244,10 @@ impl Case<'_> {
     }
 
     fn validation(&self) -> Vec<Doubt> {
+        // Where a disturbance moves the plant, its band is what can be expected.
+        if self.analysis.noise.is_some() {
+            return Vec::new();
+        }
         let parts = self.analysis.estimation_fit.iter();
         let parts = parts.zip(&self.analysis.validation_fit).enumerate();
         let [slight, grave] = VALIDATION_RATIOS;

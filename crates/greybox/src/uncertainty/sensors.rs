@@ -3,7 +3,7 @@
 //! A sensor shows `gain · y(t − lag) + offset` of an output y. A clock that is off by a share makes
 //! every time between samples longer by it, for the inputs as for the outputs.
 
-use crate::estimation::problem::{Assumed, Experiment, Problem, SensorNumber};
+use crate::estimation::problem::{Assumed, Experiment, Innovations, Problem, SensorNumber};
 use crate::estimation::sensitivity::ResidualPlace;
 use crate::estimation::trajectory;
 use greybox_simulation::single::Outputs;
@@ -12,6 +12,9 @@ use std::sync::atomic::AtomicBool;
 
 /// The clock is moved by this share to each side.
 const CLOCK_SHIFT: f64 = 1e-4;
+
+/// A sensor's number is moved by this share of its tolerance to each side.
+const SENSOR_SHIFT: f64 = 0.1;
 
 /// The simulation at a candidate, as sensors and clock change it.
 #[derive(Debug, Default)]
@@ -23,6 +26,27 @@ pub(super) struct Sensors {
     clocks: Option<[Vec<Outputs>; 2]>,
     /// For each experiment when its samples were taken `[s]`.
     instants: Vec<Vec<f64>>,
+    /// What each sensor's number does to the expected outputs, where innovations are compared.
+    responses: Vec<SensorResponse>,
+}
+
+/// The expected outputs where the samples of a sensor are corrected for a number of it.
+#[derive(Debug)]
+struct SensorResponse {
+    target: Assumed,
+    /// The number is moved by so much to each side, SI.
+    shift: f64,
+    /// For each experiment its outputs with the number below and above its value.
+    sides: [Vec<Outputs>; 2],
+}
+
+impl SensorResponse {
+    /// The slope of an expected output's sample by the number.
+    fn slope(&self, experiment: usize, index: usize, sample: usize) -> f64 {
+        let [below, above] = &self.sides;
+        let of = |side: &[Outputs]| side[experiment][index][sample];
+        (of(above) - of(below)) / (2.0 * self.shift)
+    }
 }
 
 impl Sensors {
@@ -60,11 +84,62 @@ impl Sensors {
             }
         }
         let instants = problem.experiments.iter().map(instants).collect();
-        Some(Sensors {
+        let mut sensors = Sensors {
             simulated,
             clocks,
             instants,
-        })
+            responses: Vec::new(),
+        };
+        if let Some(innovations) = problem.innovations.as_deref() {
+            sensors.responses = sensors.responses(problem, innovations, positions, stop)?;
+        }
+        Some(sensors)
+    }
+
+    /// What each sensor's number does to what is expected from its samples. A number whose simulation
+    /// fails has no response. Answers nothing when `stop` was raised.
+    fn responses(
+        &self,
+        problem: &Problem,
+        innovations: &Innovations,
+        positions: &[f64],
+        stop: &AtomicBool,
+    ) -> Option<Vec<SensorResponse>> {
+        let mut responses = Vec::new();
+        for assumption in problem.assumptions.iter() {
+            let Assumed::Sensor { output, .. } = assumption.target else {
+                continue;
+            };
+            let shift = SENSOR_SHIFT * assumption.tolerance;
+            let corrected = |by: f64| {
+                let mut changed = problem.clone();
+                let experiments = Arc::make_mut(&mut changed.experiments).iter_mut();
+                for (place, data) in experiments.enumerate() {
+                    let shown = |sample| {
+                        let place = ResidualPlace {
+                            experiment: place,
+                            sample,
+                            output,
+                        };
+                        by * self.shown(problem, assumption.target, place)
+                    };
+                    let measured = data.measured_inputs(innovations);
+                    let samples = measured[problem.outputs[output].index].iter_mut();
+                    samples
+                        .enumerate()
+                        .for_each(|(sample, value)| *value -= shown(sample));
+                }
+                trajectory::simulate(&changed, positions, stop)
+            };
+            if let [Ok(below), Ok(above)] = [corrected(-shift)?, corrected(shift)?] {
+                responses.push(SensorResponse {
+                    target: assumption.target,
+                    shift,
+                    sides: [below, above],
+                });
+            }
+        }
+        Some(responses)
     }
 
     /// How a sample of an output changes with what is assumed; nothing where it does not, or cannot
@@ -75,6 +150,17 @@ impl Sensors {
         assumed: Assumed,
         place: ResidualPlace,
     ) -> f64 {
+        let index = problem.outputs[place.output].index;
+        let mut responses = self.responses.iter();
+        let response = responses.find(|response| response.target == assumed);
+        let by_samples = response.map_or(0.0, |response| {
+            response.slope(place.experiment, index, place.sample)
+        });
+        by_samples + self.shown(problem, assumed, place)
+    }
+
+    /// How what a sensor shows of a simulated sample changes with what is assumed.
+    fn shown(&self, problem: &Problem, assumed: Assumed, place: ResidualPlace) -> f64 {
         let ResidualPlace {
             experiment,
             sample,

@@ -1,6 +1,7 @@
 //! How much is asked about an estimate's uncertainty.
 
 use super::identifiability::FlatDirection;
+use crate::estimation::noise_ladder::SoughtDisturbance;
 use greybox_numerics::{settings, words};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -80,6 +81,18 @@ impl Settings {
     }
 }
 
+/// What may move the plant beside its inputs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum SoughtNoise {
+    /// Nothing: the free run is compared with the data.
+    #[default]
+    None,
+    /// Where the residuals of the free run are not white, the noise model that the data choose.
+    Auto,
+    /// These disturbances.
+    Listed(Vec<SoughtDisturbance>),
+}
+
 /// The questions about an estimate.
 #[derive(Clone, Debug, Default)]
 pub struct Request {
@@ -89,6 +102,8 @@ pub struct Request {
     pub seed: u64,
     /// Parameters that may be left out of the model ([`super::selection`]).
     pub effects: Vec<String>,
+    /// What may move the plant beside its inputs.
+    pub noise: SoughtNoise,
     /// Whether outputs of unknown noise are weighed anew and the budget of what is taken as known
     /// is drawn up, which takes many simulations.
     pub thorough: bool,

@@ -128,7 +128,8 @@ fn filters(problem: &Problem, seen: Seen<'_>, weights: &[f64]) -> Vec<Option<Fil
     let reports = seen.residuals.iter().zip(&problem.outputs).enumerate();
     reports
         .map(|(output, (report, measured))| {
-            if report.white != Some(false) {
+            // Innovations that are not white have no memory that a model of it would take away.
+            if report.white != Some(false) || problem.innovations.is_some() {
                 return None;
             }
             let weighted = |experiment: usize| -> Vec<f64> {

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-const TRUTH: [f64; 3] = [10.0, 20.0, 1000.0];
+pub const TRUTH: [f64; 3] = [10.0, 20.0, 1000.0];
 const SAMPLE_TIME: f64 = 0.02;
 const SAMPLES: usize = 1000;
 const SUBSTEPS: usize = 100;
@@ -36,8 +36,8 @@ pub fn records() -> u64 {
     asked.and_then(|text| text.parse().ok()).unwrap_or(8)
 }
 
-pub fn model() -> Arc<Model> {
-    let text = r#"{
+/// The rig as a document.
+pub const RIG: &str = r#"{
         "name": "rig", "title": "mass on a spring",
         "inputs": {"force": {"unit": "N"}},
         "parameters": {
@@ -51,7 +51,9 @@ pub fn model() -> Arc<Model> {
         },
         "outputs": {"position": {"unit": "m", "expression": "x"}}
     }"#;
-    Model::from_text(text).unwrap()
+
+pub fn model() -> Arc<Model> {
+    Model::from_text(RIG).unwrap()
 }
 
 /// A process that forgets within `time_constant`, one step on.
@@ -125,7 +127,7 @@ pub fn choose(model: &Arc<Model>, recording: Recording, truth: [f64; 3]) -> Choi
     let fit = fits[index].as_ref().unwrap();
     let factor = fit.linearisation.triangle.factor();
     let covariance = (factor.transpose() * &factor).try_inverse().unwrap();
-    let values = fit.problem.values(&fit.positions);
+    let values = fit.trial.problem.values(&fit.positions);
     let covers = std::array::from_fn(|place| {
         let error = covariance[(place, place)].sqrt() * 100_f64.ln();
         (values[place] / truth[place]).ln().abs() < 1.96 * error

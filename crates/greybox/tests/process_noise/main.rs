@@ -4,6 +4,7 @@
 #![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
 
 mod coverage;
+mod jobs;
 mod nonlinear;
 mod sums;
 

@@ -1,5 +1,7 @@
 //! One experiment of a problem: what was measured and what drove it.
 
+use super::innovations::Innovations;
+
 /// One experiment, in SI units.
 #[derive(Clone, Debug)]
 pub struct Experiment {
@@ -72,6 +74,13 @@ impl Experiment {
             unknown_starts: Vec::new(),
             start_samples: None,
         }
+    }
+
+    /// The measured outputs that correct what is expected where innovations are compared: they stand last
+    /// among the inputs, in the order of the model.
+    pub fn measured_inputs(&mut self, innovations: &Innovations) -> &mut [Vec<f64>] {
+        let first = self.inputs.len() - innovations.n_outputs;
+        &mut self.inputs[first..]
     }
 
     /// When a sample was taken, from the first `[s]`.

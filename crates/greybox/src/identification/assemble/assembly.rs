@@ -5,10 +5,13 @@ use super::{Finding, assumption, constraints, coordinates, noise, priors};
 use crate::estimation::Problem;
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::MeasuredOutput;
+use crate::estimation::process_noise::{NoiseModel, NoiseNumber, ProcessNoise, filtered};
 use crate::identification::spec::JobSpec;
+use crate::uncertainty::SoughtNoise;
 use greybox_numerics::parsing::fault::Fault;
 use greybox_recording::Recording;
 use greybox_simulation::model::{Model, ModelDescription};
+use greybox_simulation::program::DisturbanceKind;
 use std::borrow::Borrow;
 use std::sync::Arc;
 
@@ -91,7 +94,32 @@ pub fn problem(
         );
         return Err(vec![Fault::new("/experiments", "too_few_samples", detail)]);
     }
+    check_filter(spec, &problem)?;
     Ok(Assembly { problem, findings })
+}
+
+/// Whether the disturbances that the job lists can be filtered.
+fn check_filter(spec: &JobSpec, problem: &Problem) -> Result<(), Vec<Fault>> {
+    let SoughtNoise::Listed(listed) = spec.process_noise.sought(problem.model.description()) else {
+        return Ok(());
+    };
+    let unit = NoiseNumber::Given(1.0);
+    let disturbances = listed.iter().map(|sought| ProcessNoise {
+        name: String::new(),
+        disturbance: sought.disturbance,
+        strength: unit,
+        time_constant: (sought.disturbance.kind == DisturbanceKind::Memory).then_some(unit),
+    });
+    let noise = NoiseModel {
+        disturbances: disturbances.collect(),
+        sensors: vec![unit; problem.outputs.len()],
+        steps: 1,
+    };
+    let checked = filtered(problem, &noise).map(drop);
+    checked.map_err(|fault| {
+        let detail = fault.to_string();
+        vec![Fault::new("/process_noise", "filter_not_possible", detail)]
+    })
 }
 
 /// The outputs that at least one experiment measures, in the model's order.

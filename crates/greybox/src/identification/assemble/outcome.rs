@@ -1,5 +1,6 @@
 //! The result document of a run.
 
+use super::process_noise;
 use crate::estimation::problem::{Coordinate, Experiment, Problem, Target};
 use crate::estimation::report::Report;
 use crate::identification::JobSpec;
@@ -78,6 +79,13 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
         starts: report.starts.clone(),
         floor: report.floor.clone(),
         model_search: selection.as_ref().map(model_search),
+        process_noise: analysis
+            .noise
+            .as_ref()
+            .map(|noise| process_noise::report(problem, noise, analysis)),
+        output_error: analysis.noise.as_ref().map_or_else(BTreeMap::new, |noise| {
+            process_noise::output_error(problem, noise)
+        }),
         engine: Engine {
             seed: origin.spec.seed,
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -87,7 +95,7 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
     }
 }
 
-fn finite(value: f64) -> Option<f64> {
+pub(super) fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 

@@ -4,7 +4,9 @@ use super::{Change, DIGITS, Finished};
 use crate::estimation::StopReason;
 use crate::estimation::problem::{Assumed, Target};
 use crate::identification::JobSpec;
-use crate::identification::spec::{ExperimentRole, ModelSearch, WindowSpec};
+use crate::identification::spec::{
+    ExperimentRole, JobNoiseSpec, ModelSearch, NoiseChoice, WindowSpec,
+};
 use crate::uncertainty::budget::Line;
 use greybox_numerics::digits::{rounded, short};
 
@@ -45,6 +47,23 @@ impl Finished<'_> {
             spec: self.changed(|spec| self.free(spec, first, line)),
         });
         changes
+    }
+
+    /// The data choose a noise model, where the job has none and its model can be filtered.
+    pub(super) fn look_for_disturbances(&self) -> Option<Change> {
+        let model = &self.conclusion.problem.model;
+        let is_possible = self.spec.process_noise.is_none()
+            && self.spec.method.huber_threshold.is_none()
+            && !model.driven_states().is_empty();
+        is_possible.then(|| Change {
+            label: "Look for what moves the plant".to_owned(),
+            why: "Noise models are compared: a disturbance of a state, with and without a memory, \
+                  and a sensor that drifts."
+                .to_owned(),
+            spec: self.changed(|spec| {
+                spec.process_noise = JobNoiseSpec::Choice(NoiseChoice::Auto);
+            }),
+        })
     }
 
     fn search_effects(&self, absent: &[(Target, &Line)]) -> Change {

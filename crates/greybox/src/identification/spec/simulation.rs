@@ -146,7 +146,7 @@ fn read_noise(
     signals: Option<&BTreeMap<String, String>>,
 ) -> KnownNoise {
     let is_measured = |name: &str| signals.is_none_or(|signals| signals.contains_key(name));
-    let disturbances = process_noise::read(field, model);
+    let disturbances = process_noise::read_known(field, model);
     let sensors = outputs.map(|outputs| process_noise::read_sensors(outputs, is_measured));
     let sensors = sensors.unwrap_or_default();
     let is_missing = |name: &str| {

@@ -21,6 +21,11 @@ pub enum RefitName {
         /// Whether the fit is finely simulated, from where a coarse one ended.
         is_fine: bool,
     },
+    /// The unknowns of the plant and those of a noise model.
+    ProcessNoise {
+        /// The place of the noise model among those that are compared.
+        model: u32,
+    },
     /// All coordinates but one that is held.
     Profile {
         /// The coordinate that is held.
@@ -66,6 +71,7 @@ impl RefitName {
         match self {
             RefitName::Reweighted { round } => format!("reweighted/{round}"),
             RefitName::Effects { effects, .. } => format!("effects/{}", effects.join(", ")),
+            RefitName::ProcessNoise { model } => format!("process_noise/{model}"),
             RefitName::Profile { coordinate, .. } => format!("profile/{coordinate}"),
             RefitName::Bootstrap { sample } => format!("bootstrap/{sample}"),
             RefitName::MonteCarlo { sample } => format!("monte_carlo/{sample}"),
@@ -124,6 +130,9 @@ fn parsed(text: &str) -> Option<RefitName> {
                 },
             }
         }
+        "process_noise" => RefitName::ProcessNoise {
+            model: which.parse().ok()?,
+        },
         "profile" => {
             let (coordinate, position) = which.split_once('/')?;
             RefitName::profile(coordinate.parse().ok()?, position.parse().ok()?)

@@ -194,7 +194,8 @@ rules! {
     WorseOnValidation = "worse_on_validation", WorseOnValidation {
         title: "Worse on the data held back",
         grades: "Moderate; low beyond twice, or where a constant would explain the data held back better.",
-        when: "The error on the data that were held back is more than 1.3 times that on the data estimated from.",
+        when: "The error on the data that were held back is more than 1.3 times that on the data estimated from; \
+               under a disturbance, fewer than 90 % of the samples held back lie within the 95 % band expected of them.",
         meaning: "The estimate does not carry over.",
         advice: "Use a longer or richer recording.",
     }
@@ -244,6 +245,45 @@ rules! {
         meaning: "More data would not help. The reason names the value whose better knowledge helps most, and by how \
                   much.",
         advice: "Measure that value.",
+    }
+    Disturbance = "disturbance", Disturbance {
+        title: "Something that was not recorded moves the plant",
+        grades: "A remark.",
+        when: "A noise model with a disturbance was taken, by the data or by the job.",
+        meaning: "The parameters and their intervals hold for the disturbance, if it follows neither the inputs nor \
+                  the states: then its effect would be taken for the plant's.",
+        advice: "Record what moves the plant, and give it to the model as an input.",
+    }
+    DisturbanceDominates = "disturbance_dominates", Disturbance {
+        title: "The disturbance makes most of the movement",
+        grades: "A remark.",
+        when: "A disturbance makes more than half of the variance of an output.",
+        meaning: "The parameters may hold, but a simulation from the inputs alone predicts little.",
+        advice: "Record what moves the plant, or excite the plant more strongly.",
+    }
+    NoiseNotNeeded = "noise_not_needed", NoiseNotNeeded {
+        title: "The disturbance is not needed",
+        grades: "A remark.",
+        when: "The record is about as likely without the disturbances that the job lists (twice the logarithm of the \
+               likelihood ratio is below 2.71).",
+        meaning: "Nothing is seen of them; the parameters are those of the free run.",
+        advice: "Leave `process_noise` out.",
+    }
+    NoiseModelsDisagree = "noise_models_disagree", NoiseModelsDisagree {
+        title: "Noise models disagree",
+        grades: "Moderate for the parameters that it concerns.",
+        when: "Another noise model is within 10 of the lowest Bayesian criterion and moves a parameter by more than \
+               its standard error.",
+        meaning: "The data do not say what moves the plant. The total interval covers what each of them says.",
+        advice: "Say in `process_noise` what is known to act, or record it.",
+    }
+    WindowsDisagree = "windows_disagree", WindowsDisagree {
+        title: "Windows of the record disagree",
+        grades: "Moderate; low for a parameter that spreads by more than 4 times what noise allows.",
+        when: "Four windows of the record differ by more than chance makes them one time in a thousand, or what each \
+               makes of a parameter spreads by more than twice what noise allows.",
+        meaning: "Something changes within the record, or the model misses an effect that shows more in some windows.",
+        advice: "Estimate from each window alone and look at what changes.",
     }
     NoBudget = "no_budget", NoBudget {
         title: "No uncertainty budget",

@@ -1,0 +1,10 @@
+//! The innovations that are compared where disturbances move the plant.
+
+/// The errors of what was expected of each output from all samples before, and their variances.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Innovations {
+    /// How many outputs the model has; the variance of each stands so many places behind it.
+    pub n_outputs: usize,
+    /// For each compared output the least variance that its sensor can have.
+    pub least_variances: Vec<f64>,
+}

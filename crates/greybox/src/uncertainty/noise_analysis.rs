@@ -1,0 +1,157 @@
+//! What is said of the disturbances that move a plant beside its inputs.
+
+use super::analysis::CoordinateUncertainty;
+use super::covariance::NORMAL_95;
+use super::verdict::Trust;
+use crate::estimation::process_noise::{NoiseNumber, ProcessNoise};
+
+/// Criteria that differ by no more leave two noise models standing.
+const STANDING: f64 = 10.0;
+
+/// What is said of the disturbances that move a plant.
+#[derive(Clone, Debug)]
+pub struct NoiseAnalysis {
+    /// The noise models that were compared, in the order in which they were tried.
+    pub compared: Vec<ComparedNoise>,
+    /// Which of them was taken.
+    pub chosen: usize,
+    /// The natural logarithm of the likelihood at the estimate.
+    pub log_likelihood: f64,
+    /// The disturbances of the noise model that was taken.
+    pub disturbances: Vec<DisturbanceEstimate>,
+    /// For each compared output the standard deviation of its sensor's noise, SI.
+    pub sensors: Vec<NoiseEstimate>,
+    /// For each coordinate of the plant what the free run makes of it.
+    pub free_run: Vec<FreeRunEstimate>,
+    /// For each compared output how what was held back lies within the band that is expected of it.
+    pub bands: Vec<Option<Band>>,
+}
+
+impl NoiseAnalysis {
+    /// The fits of other noise models that the data leave standing.
+    pub(super) fn rivals(&self) -> impl Iterator<Item = &ComparedFit> {
+        let lowest = self.compared[self.chosen].fit.as_ref().map(|fit| fit.bic);
+        let others = self.compared.iter().enumerate();
+        let others = others.filter(|(place, _)| *place != self.chosen);
+        let fits = others.filter_map(|(_, own)| own.fit.as_ref());
+        fits.filter(move |fit| lowest.is_some_and(|lowest| fit.bic - lowest < STANDING))
+    }
+}
+
+/// A noise model that was fitted.
+#[derive(Clone, Debug)]
+pub struct ComparedNoise {
+    /// The disturbances; empty where only sensors have noise.
+    pub disturbances: Vec<ProcessNoise>,
+    /// What the fit came to; none where it failed.
+    pub fit: Option<ComparedFit>,
+}
+
+/// What the fit of a noise model came to.
+#[derive(Clone, Debug)]
+pub struct ComparedFit {
+    /// The natural logarithm of the likelihood.
+    pub log_likelihood: f64,
+    /// The Bayesian information criterion.
+    pub bic: f64,
+    /// The positions of the plant's unknowns, then those of the noise.
+    pub positions: Vec<f64>,
+    /// The standard deviation of each position; none where the data do not fix all of them.
+    pub deviations: Option<Vec<f64>>,
+}
+
+/// A number of a disturbance or of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseEstimate {
+    /// The value, SI.
+    pub value: f64,
+    /// The standard deviation of the logarithm of the value; none where the value is given, or the data do
+    /// not fix it.
+    pub relative_error: Option<f64>,
+}
+
+impl NoiseEstimate {
+    /// One standard deviation of the value's error, SI.
+    #[must_use]
+    pub fn standard_error(&self) -> Option<f64> {
+        Some(self.value * self.relative_error?)
+    }
+
+    /// The ends of the 95 % interval, SI.
+    #[must_use]
+    pub fn interval(&self) -> Option<[f64; 2]> {
+        let half = NORMAL_95 * self.relative_error?;
+        Some([-half, half].map(|half| self.value * libm::exp(half)))
+    }
+}
+
+/// A disturbance with what the data say of it.
+#[derive(Clone, Debug)]
+pub struct DisturbanceEstimate {
+    /// The disturbance, with its numbers as they were looked for.
+    pub sought: ProcessNoise,
+    /// How strong it is `[unit of what it acts on · √s]`.
+    pub strength: NoiseEstimate,
+    /// How long it remembers `[s]`, where it has a memory.
+    pub time_constant: Option<NoiseEstimate>,
+    /// The standard deviation of one with memory, in the unit of what it acts on.
+    pub std: Option<NoiseEstimate>,
+    /// For each compared output the share of its variance that the disturbance makes.
+    pub shares: Vec<Option<f64>>,
+}
+
+/// What the free run makes of an unknown of the plant.
+#[derive(Clone, Copy, Debug)]
+pub struct FreeRunEstimate {
+    /// The value, SI.
+    pub value: f64,
+    /// One standard deviation of its error, SI.
+    pub standard_error: Option<f64>,
+    /// How far its total interval can be relied on.
+    pub trust: Trust,
+}
+
+/// How samples lie within the 95 % band that is expected of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Band {
+    /// The number of samples that were held back.
+    pub samples: usize,
+    /// The share of them that lies within the band.
+    pub inside: f64,
+    /// The mean square of their errors in units of what is expected.
+    pub mean_square: f64,
+    /// How many independent samples they are worth.
+    pub effective_samples: f64,
+}
+
+/// The numbers of a noise model as an analysis found them: those of disturbances, then those of sensors.
+pub(super) struct NoiseNumbers<'a> {
+    /// The values and errors of the coordinates behind those of the plant.
+    found: std::slice::Iter<'a, CoordinateUncertainty>,
+    values: std::slice::Iter<'a, f64>,
+}
+
+impl<'a> NoiseNumbers<'a> {
+    pub fn new(coordinates: &'a [CoordinateUncertainty], values: &'a [f64]) -> NoiseNumbers<'a> {
+        NoiseNumbers {
+            found: coordinates.iter(),
+            values: values.iter(),
+        }
+    }
+
+    /// The next number: the given one, or that of the next coordinate.
+    pub fn next(&mut self, number: NoiseNumber) -> NoiseEstimate {
+        if let NoiseNumber::Given(value) = number {
+            return NoiseEstimate {
+                value,
+                relative_error: None,
+            };
+        }
+        let value = self.values.next().copied().unwrap_or(f64::NAN);
+        let error = self.found.next().and_then(|found| found.standard_error);
+        NoiseEstimate {
+            value,
+            relative_error: error.map(|error| error / value),
+        }
+    }
+}

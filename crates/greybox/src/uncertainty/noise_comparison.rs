@@ -1,0 +1,412 @@
+//! Noise models fitted from the estimate of the free run, and the analysis of the one that is taken.
+
+use super::analysis::CoordinateUncertainty;
+use super::linearised::LinearisedEstimate;
+use super::noise_analysis::{
+    Band, ComparedFit, ComparedNoise, DisturbanceEstimate, FreeRunEstimate, NoiseAnalysis,
+    NoiseEstimate, NoiseNumbers,
+};
+use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
+use super::selection::Selection;
+use super::settings::{Request, Settings, SoughtNoise};
+use super::{Analysis, covariance, fit, residuals, rules, validation_start};
+use crate::estimation::noise_ladder::{self, FittedNoise, NoiseTrial};
+use crate::estimation::problem::Problem;
+use crate::estimation::process_noise::{NoiseModel, NoiseNumber, ProcessNoise, filtered};
+use crate::estimation::report::Report;
+use crate::estimation::trajectory;
+use greybox_numerics::statistics;
+use greybox_simulation::Accuracy;
+use greybox_simulation::single::Outputs;
+use std::borrow::Cow;
+use std::sync::atomic::AtomicBool;
+
+/// Lags over which the errors of what was held back are told to hang together.
+const BAND_LAGS: usize = 100;
+
+/// Noise models that are fitted to an estimate of the free run.
+#[derive(Debug)]
+pub(super) struct NoiseComparison {
+    pub problem: Problem,
+    pub report: Report,
+    pub selection: Option<Selection>,
+    /// What the free run makes of the unknowns.
+    free_run: Box<LinearisedEstimate>,
+    trials: Vec<TrialFit>,
+    /// Whether the noise model was listed in the job, so that the data do not choose it.
+    is_listed: bool,
+}
+
+/// A noise model whose descent is a refit.
+#[derive(Debug)]
+struct TrialFit {
+    model: u32,
+    trial: NoiseTrial,
+    refit: Option<Refit>,
+}
+
+impl RefitSequence for TrialFit {
+    fn next(&self) -> Option<RefitName> {
+        let is_open = self.refit.is_none();
+        is_open.then_some(RefitName::ProcessNoise { model: self.model })
+    }
+
+    fn task(&self) -> RefitTask<'_> {
+        RefitTask {
+            problem: Cow::Borrowed(&self.trial.problem),
+            start: self.trial.start.clone(),
+            accuracy: Accuracy::Full,
+        }
+    }
+
+    fn follow(&mut self, refit: &Refit, _stop: &AtomicBool) -> Option<()> {
+        self.refit = Some(refit.clone());
+        Some(())
+    }
+}
+
+/// What is asked of an estimate beside its curvature is asked of the one that stands in the end.
+fn at_once(request: &Request) -> Request {
+    Request {
+        settings: Settings::default(),
+        ..request.clone()
+    }
+}
+
+impl NoiseComparison {
+    /// Begins the comparison; the inner answer is none where no noise is asked for, the residuals of the
+    /// free run are white, or nothing can be filtered. Answers nothing when `stop` was raised.
+    pub fn begin(
+        problem: &Problem,
+        report: &Report,
+        selection: Option<&Selection>,
+        request: &Request,
+        stop: &AtomicBool,
+    ) -> Option<Option<NoiseComparison>> {
+        let candidates = match &request.noise {
+            SoughtNoise::None => return Some(None),
+            SoughtNoise::Auto => noise_ladder::candidates(problem),
+            SoughtNoise::Listed(listed) => vec![Vec::new(), listed.clone()],
+        };
+        let is_listed = matches!(request.noise, SoughtNoise::Listed(_));
+        let positions = &report.positions;
+        let Ok(trajectories) = trajectory::simulate(problem, positions, stop)? else {
+            return Some(None);
+        };
+        let residuals = residuals::report(problem, &trajectories);
+        let is_white = residuals.iter().all(|own| own.white != Some(false));
+        if is_white && !is_listed {
+            return Some(None);
+        }
+        let trials = noise_ladder::trials(problem, positions, &candidates, stop);
+        let Ok(trials) = trials else {
+            return Some(None);
+        };
+        let trials = trials?.into_iter().zip(0..);
+        let trials = trials.map(|(trial, model)| TrialFit {
+            model,
+            trial,
+            refit: None,
+        });
+        let free_run = LinearisedEstimate::of(problem, report, &at_once(request), stop)?;
+        Some(Some(NoiseComparison {
+            problem: problem.clone(),
+            report: report.clone(),
+            selection: selection.cloned(),
+            free_run: Box::new(free_run),
+            trials: trials.collect(),
+            is_listed,
+        }))
+    }
+
+    pub fn sequences(&mut self) -> Vec<&mut dyn RefitSequence> {
+        let trials = self.trials.iter_mut();
+        trials
+            .map(|trial| trial as &mut dyn RefitSequence)
+            .collect()
+    }
+
+    /// The analysis of the noise model that is taken, when all have been fitted; the inner answer is none
+    /// where the free run is taken. Answers nothing when `stop` was raised.
+    pub fn examined(
+        &self,
+        request: &Request,
+        stop: &AtomicBool,
+    ) -> Option<Option<DisturbedEstimate>> {
+        let mut fits = Vec::new();
+        for trial in &self.trials {
+            let refit = trial.refit.as_ref().filter(|refit| refit.cost.is_some());
+            fits.push(match refit {
+                Some(refit) => trial.trial.clone().fitted(refit.positions.clone(), stop)?,
+                None => None,
+            });
+        }
+        let bic = |fit: &Option<FittedNoise>| fit.as_ref().map_or(f64::INFINITY, |fit| fit.bic);
+        let places = 0..fits.len();
+        let chosen = match self.is_listed {
+            true => 1,
+            false => places.min_by(|a, b| bic(&fits[*a]).total_cmp(&bic(&fits[*b])))?,
+        };
+        let Some(fit) = &fits[chosen] else {
+            return Some(None);
+        };
+        if fit.trial.noise.disturbances.is_empty() {
+            return Some(None);
+        }
+        let n = self.report.positions.len();
+        let of_plant = &fit.positions[..n];
+        let plant = validation_start::settled(&self.problem, of_plant, stop)?;
+        let Ok(problem) = filtered(&plant, &fit.trial.noise) else {
+            return Some(None);
+        };
+        let report = moved(&self.report, &problem, &fit.positions);
+        let estimate = LinearisedEstimate::of(&problem, &report, &at_once(request), stop)?;
+        let Ok(free) = trajectory::simulate(&plant, of_plant, stop)? else {
+            return Some(None);
+        };
+        let disturbances = &fit.trial.noise.disturbances;
+        let made = noise_ladder::variances_made(&plant, of_plant, &given(fit), stop);
+        let made = made.unwrap_or_default()?;
+        let compared = self.trials.iter().zip(&fits);
+        let compared = compared.map(|(trial, fit)| ComparedNoise {
+            disturbances: trial.trial.noise.disturbances.clone(),
+            fit: fit.as_ref().map(compared_fit),
+        });
+        Some(Some(DisturbedEstimate {
+            report: moved(&self.report, &plant, of_plant),
+            estimation_fit: fit::of(&plant, &free, fit::Part::Estimation),
+            validation_fit: fit::of(&plant, &free, fit::Part::Validation),
+            shares: (0..disturbances.len())
+                .map(|place| shares(&plant, &made[place]))
+                .collect(),
+            compared: compared.collect(),
+            chosen,
+            log_likelihood: fit.log_likelihood,
+            noise: fit.trial.noise.clone(),
+            free_run: self.free_run.analysis()?,
+            free_run_values: self.report.values.clone(),
+            estimate,
+            plant,
+        }))
+    }
+}
+
+/// The report of a run whose estimate was moved.
+fn moved(report: &Report, problem: &Problem, positions: &[f64]) -> Report {
+    Report {
+        positions: positions.to_vec(),
+        values: problem.values(positions),
+        ..report.clone()
+    }
+}
+
+/// The disturbances of a fit with the values that were found.
+fn given(fit: &FittedNoise) -> Vec<ProcessNoise> {
+    let mut values = fit.trial.problem.values(&fit.positions).into_iter();
+    let n_plant = fit.positions.len() - fit.trial.noise.unknowns();
+    values.by_ref().take(n_plant).for_each(drop);
+    let mut found = |number: NoiseNumber| match number {
+        NoiseNumber::Given(_) => number,
+        NoiseNumber::Unknown { .. } => NoiseNumber::Given(values.next().unwrap_or_default()),
+    };
+    let mut disturbances = Vec::new();
+    for noise in &fit.trial.noise.disturbances {
+        let strength = found(noise.strength);
+        let time_constant = noise.time_constant.map(&mut found);
+        disturbances.push(ProcessNoise {
+            strength,
+            time_constant,
+            ..noise.clone()
+        });
+    }
+    disturbances
+}
+
+fn compared_fit(fit: &FittedNoise) -> ComparedFit {
+    let factor = fit.linearisation.triangle.factor();
+    let covariance = (factor.transpose() * &factor).try_inverse();
+    let deviations = covariance.map(|covariance| {
+        let variances = covariance.diagonal();
+        variances.iter().map(|variance| variance.sqrt()).collect()
+    });
+    ComparedFit {
+        log_likelihood: fit.log_likelihood,
+        bic: fit.bic,
+        positions: fit.positions.clone(),
+        deviations,
+    }
+}
+
+/// The share of each compared output's variance that a disturbance makes; none where the output does not
+/// vary.
+fn shares(problem: &Problem, made: &[f64]) -> Vec<Option<f64>> {
+    let share = |(place, made): (usize, &f64)| {
+        let experiments = problem.experiments.iter();
+        let measured = experiments.flat_map(|data| {
+            let used = data.measured[place][..data.estimation_samples].iter();
+            used.copied().filter(|value| !value.is_nan())
+        });
+        let measured: Vec<f64> = measured.collect();
+        let deviation = statistics::standard_deviation(&measured)?;
+        Some((made / (deviation * deviation)).min(1.0)).filter(|share| share.is_finite())
+    };
+    made.iter().enumerate().map(share).collect()
+}
+
+/// The estimate under the noise model that was taken.
+#[derive(Debug)]
+pub(super) struct DisturbedEstimate {
+    /// The problem of the plant, with the starts of experiments that only validate.
+    pub plant: Problem,
+    /// What the run came to, at the plant's unknowns.
+    pub report: Report,
+    /// The estimate of the plant's unknowns and those of the noise.
+    estimate: LinearisedEstimate,
+    /// How well the free run at the estimate follows the data that were estimated from.
+    estimation_fit: Vec<fit::OutputFit>,
+    /// How well it follows the data that were held back.
+    validation_fit: Vec<fit::OutputFit>,
+    noise: NoiseModel,
+    /// For each disturbance the share of each output's variance that it makes.
+    shares: Vec<Vec<Option<f64>>>,
+    compared: Vec<ComparedNoise>,
+    chosen: usize,
+    log_likelihood: f64,
+    /// The analysis of the free run's own estimate, and its values.
+    free_run: Analysis,
+    free_run_values: Vec<f64>,
+}
+
+impl DisturbedEstimate {
+    pub fn sequences(&mut self) -> Vec<&mut dyn RefitSequence> {
+        self.estimate.sequences()
+    }
+
+    /// What is said of the plant's unknowns and of what moves the plant.
+    pub fn analysis(&self) -> Option<Analysis> {
+        let whole = self.estimate.unjudged()?;
+        let n = self.report.positions.len();
+        let noise = self.noise_analysis(&whole, n);
+        let mut analysis = whole.of_first(n);
+        for (described, free) in analysis
+            .coordinates
+            .iter_mut()
+            .zip(&self.free_run.coordinates)
+        {
+            described.output_changes.clone_from(&free.output_changes);
+        }
+        for (index, described) in analysis.coordinates.iter_mut().enumerate() {
+            let position = self.report.positions[index];
+            let coordinate = &self.plant.coordinates[index];
+            for rival in noise.rivals() {
+                if let Some(deviations) = &rival.deviations {
+                    let ends = [-1.0, 1.0].map(|side| {
+                        rival.positions[index] + side * covariance::NORMAL_95 * deviations[index]
+                    });
+                    described.cover(coordinate, position, ends);
+                }
+            }
+        }
+        analysis.estimation_fit.clone_from(&self.estimation_fit);
+        analysis.validation_fit.clone_from(&self.validation_fit);
+        let unknowns = self.estimate.estimate().report.positions.len();
+        analysis.criteria =
+            fit::likelihood_criteria(self.log_likelihood, self.plant.n_residuals(), unknowns);
+        analysis.noise = Some(Box::new(noise));
+        analysis.judge(rules::judge(&self.plant, &self.report, &analysis));
+        Some(analysis)
+    }
+
+    fn noise_analysis(&self, whole: &Analysis, n: usize) -> NoiseAnalysis {
+        let values = &self.estimate.estimate().report.values;
+        let mut numbers = NoiseNumbers::new(&whole.coordinates[n..], &values[n..]);
+        let mut place = n;
+        let mut disturbances = Vec::new();
+        for (sought, shares) in self.noise.disturbances.iter().zip(&self.shares) {
+            let strength = numbers.next(sought.strength);
+            let time_constant = sought.time_constant.map(|number| numbers.next(number));
+            let unknowns = sought
+                .numbers()
+                .filter(|number| number.is_unknown())
+                .count();
+            let correlation = match (unknowns, &whole.correlation) {
+                (2, Some(rows)) => rows[place][place + 1],
+                _ => 0.0,
+            };
+            place += unknowns;
+            disturbances.push(DisturbanceEstimate {
+                sought: sought.clone(),
+                strength,
+                time_constant,
+                std: time_constant.map(|memory| standard_deviation(strength, memory, correlation)),
+                shares: shares.clone(),
+            });
+        }
+        let sensors = self.noise.sensors.iter();
+        let free = self.free_run.coordinates.iter().zip(&self.free_run_values);
+        let free_run = |(described, value): (&CoordinateUncertainty, &f64)| FreeRunEstimate {
+            value: *value,
+            standard_error: described.standard_error,
+            trust: described.trust,
+        };
+        let outputs = 0..self.plant.outputs.len();
+        let simulated = self.estimate.estimate();
+        NoiseAnalysis {
+            compared: self.compared.clone(),
+            chosen: self.chosen,
+            log_likelihood: self.log_likelihood,
+            disturbances,
+            sensors: sensors.map(|sensor| numbers.next(*sensor)).collect(),
+            free_run: free.map(free_run).collect(),
+            bands: outputs
+                .map(|output| band(&simulated.problem, &simulated.trajectories, output))
+                .collect(),
+        }
+    }
+}
+
+/// The standard deviation of a disturbance with memory: its strength over √(2·time constant).
+fn standard_deviation(
+    strength: NoiseEstimate,
+    memory: NoiseEstimate,
+    correlation: f64,
+) -> NoiseEstimate {
+    let errors = [strength, memory].map(|number| number.relative_error);
+    let [of_strength, of_memory] = errors.map(Option::unwrap_or_default);
+    let variance = of_strength * of_strength + 0.25 * of_memory * of_memory
+        - correlation * of_strength * of_memory;
+    let is_known = errors.iter().any(Option::is_some);
+    NoiseEstimate {
+        value: strength.value / (2.0 * memory.value).sqrt(),
+        relative_error: is_known.then(|| variance.max(0.0).sqrt()),
+    }
+}
+
+/// How what was held back of an output lies within the band that is expected of it; none where nothing was
+/// held back.
+fn band(problem: &Problem, trajectories: &[Outputs], output: usize) -> Option<Band> {
+    let innovations = problem.innovations.as_deref()?;
+    let index = problem.outputs[output].index;
+    let mut series: Vec<Vec<f64>> = Vec::new();
+    for (data, outputs) in problem.experiments.iter().zip(trajectories) {
+        let (expected, variances) = (&outputs[index], &outputs[innovations.n_outputs + index]);
+        let held_back = data.scored_from..data.samples;
+        let errors = held_back.map(|sample| {
+            (data.measured[output][sample] - expected[sample]) / variances[sample].sqrt()
+        });
+        series.push(errors.collect());
+    }
+    let present = series.iter().flatten().filter(|error| !error.is_nan());
+    let samples = present.clone().count();
+    let inside = present
+        .clone()
+        .filter(|error| error.abs() <= covariance::NORMAL_95)
+        .count();
+    let mean_square = statistics::mean(present.map(|error| error * error))?;
+    Some(Band {
+        samples,
+        inside: inside as f64 / samples as f64,
+        mean_square,
+        effective_samples: residuals::independent_squares(&series, BAND_LAGS),
+    })
+}

@@ -1,0 +1,187 @@
+//! What the disturbances that move the plant say for and against a result.
+
+use super::{Case, short};
+use crate::uncertainty::noise_analysis::{Band, DisturbanceEstimate, NoiseAnalysis};
+use crate::uncertainty::verdict::{Doubt, Grade, Rule, Subject, Trust};
+
+/// Twice the logarithm of a likelihood ratio below which a disturbance is chance, one time of twenty: its
+/// strength cannot be below nothing.
+const NOT_NEEDED: f64 = 2.71;
+/// The share of an output's variance from which a disturbance dominates it.
+const DOMINATES: f64 = 0.5;
+/// Standard deviations by which windows differ by chance one time in a thousand.
+const WINDOWS_DIFFER: f64 = 3.09;
+/// Spreads of the windows of a parameter, in units of what noise allows, from which the trust is moderate and
+/// from which it is low.
+const WINDOW_SPREADS: [f64; 2] = [2.0, 4.0];
+/// Standard deviations by which the mean square of what was held back is off by chance.
+const BAND_SCORE: f64 = 3.0;
+/// The share of the samples held back that lies within the 95 % band at the least.
+const INSIDE_BAND: f64 = 0.9;
+/// A mean square of what was held back from which the trust is low.
+const GRAVE_BAND: f64 = 4.0;
+
+impl Case<'_> {
+    /// What moves the plant, and what speaks against the way in which it is taken to move it.
+    pub(super) fn disturbances(&self) -> Vec<Doubt> {
+        let Some(noise) = &self.analysis.noise else {
+            return Vec::new();
+        };
+        let mut doubts = Vec::new();
+        doubts.extend(noise.disturbances.iter().map(|own| self.disturbance(own)));
+        doubts.extend(
+            noise
+                .disturbances
+                .iter()
+                .filter_map(|own| self.dominates(own)),
+        );
+        doubts.extend(self.not_needed(noise));
+        doubts.extend(self.rivals(noise));
+        doubts.extend(self.windows());
+        let bands = noise.bands.iter().enumerate();
+        doubts.extend(bands.filter_map(|(output, band)| self.held_back(output, (*band)?)));
+        doubts
+    }
+
+    fn disturbance(&self, found: &DisturbanceEstimate) -> Doubt {
+        let model = self.problem.model.description();
+        let unit = found.sought.unit(model);
+        let size = match (found.std, found.time_constant) {
+            (Some(std), Some(memory)) => format!(
+                "{} {unit} with a memory of {} s",
+                short(std.value),
+                short(memory.value)
+            ),
+            _ => format!("strength {} {unit}·√s", short(found.strength.value)),
+        };
+        let shares = self.problem.outputs.iter().zip(&found.shares);
+        let shares = shares.filter_map(|(output, share)| {
+            let per_cent = short(100.0 * (*share)?);
+            Some(format!("{per_cent} % of the variance of `{}`", output.name))
+        });
+        let shares: Vec<String> = shares.collect();
+        let detail = format!(
+            "something that was not recorded moves the plant: {} ({size}), which makes {}; the \
+             intervals hold for it, if it follows neither the inputs nor the states",
+            found.sought.in_words(model),
+            shares.join(" and ")
+        );
+        Doubt::new(Rule::Disturbance, Trust::High, detail)
+    }
+
+    fn dominates(&self, found: &DisturbanceEstimate) -> Option<Doubt> {
+        let shares = self.problem.outputs.iter().zip(&found.shares);
+        let mut largest = shares.filter(|(_, share)| share.is_some_and(|share| share > DOMINATES));
+        let (output, share) = largest.next()?;
+        let detail = format!(
+            "{} makes {} % of the variance of `{}`: the parameters may hold, but a simulation \
+             from the inputs alone predicts little of it; record what moves the plant",
+            found.sought.in_words(self.problem.model.description()),
+            short(100.0 * (*share)?),
+            output.name
+        );
+        Some(Doubt::new(Rule::DisturbanceDominates, Trust::High, detail))
+    }
+
+    /// Whether the record is as likely without the disturbances that the job lists.
+    fn not_needed(&self, noise: &NoiseAnalysis) -> Option<Doubt> {
+        let mut without = noise
+            .compared
+            .iter()
+            .filter(|own| own.disturbances.is_empty());
+        let without = without.next()?.fit.as_ref()?.log_likelihood;
+        let gain = 2.0 * (noise.log_likelihood - without);
+        if gain >= NOT_NEEDED {
+            return None;
+        }
+        let detail = format!(
+            "the record is about as likely without any disturbance (twice the logarithm of the \
+             ratio is {}): leave `process_noise` out",
+            short(gain)
+        );
+        Some(Doubt::new(Rule::NoiseNotNeeded, Trust::High, detail))
+    }
+
+    /// Other noise models that the data leave standing, and that put a parameter elsewhere.
+    fn rivals(&self, noise: &NoiseAnalysis) -> Option<Doubt> {
+        let concerned: Vec<usize> = (0..self.problem.coordinates.len())
+            .filter(|index| {
+                let deviation = self.deviation(*index);
+                let position = self.report.positions[*index];
+                noise.rivals().any(|fit| {
+                    let moved = (fit.positions[*index] - position).abs();
+                    deviation.is_some_and(|deviation| moved > deviation)
+                })
+            })
+            .collect();
+        if concerned.is_empty() {
+            return None;
+        }
+        let detail = "other noise models explain the data about as well and move the estimate by more \
+                      than its standard error; the total interval covers what they say";
+        let doubt = Doubt::new(Rule::NoiseModelsDisagree, Trust::Moderate, detail);
+        Some(doubt.concerning(concerned))
+    }
+
+    /// Windows of the record that do not agree about the parameters.
+    fn windows(&self) -> Option<Doubt> {
+        let windows = self.analysis.windows.as_ref()?;
+        let [slight, grave] = WINDOW_SPREADS;
+        let differ = windows.score > WINDOWS_DIFFER;
+        let trust = |spread: Option<f64>| match spread {
+            Some(spread) if spread > grave => Trust::Low,
+            Some(spread) if spread > slight => Trust::Moderate,
+            _ if differ => Trust::Moderate,
+            _ => Trust::High,
+        };
+        let spreads = windows.spreads.iter().enumerate();
+        let grades = spreads.map(|(coordinate, spread)| Grade {
+            coordinate,
+            trust: trust(*spread),
+        });
+        let grades: Vec<Grade> = grades.filter(|grade| grade.trust < Trust::High).collect();
+        let largest = windows
+            .spreads
+            .iter()
+            .flatten()
+            .copied()
+            .fold(0.0, f64::max);
+        let (worst, _) = windows
+            .spreads
+            .iter()
+            .enumerate()
+            .max_by(|(_, a), (_, b)| a.unwrap_or(0.0).total_cmp(&b.unwrap_or(0.0)))?;
+        if grades.is_empty() {
+            return None;
+        }
+        let detail = format!(
+            "four windows of the record do not agree ({} standard deviations; what each alone \
+             makes of `{}` lies {} times as far apart as noise allows): something changes within \
+             the record, or the model misses an effect",
+            short(windows.score),
+            self.problem.coordinates[worst].name,
+            short(largest)
+        );
+        Some(Doubt::graded(Rule::WindowsDisagree, grades, detail))
+    }
+
+    /// Samples that were held back and lie beyond the band that is expected of them.
+    fn held_back(&self, output: usize, band: Band) -> Option<Doubt> {
+        let chance = BAND_SCORE * (2.0 / band.effective_samples).sqrt();
+        if band.inside >= INSIDE_BAND || band.mean_square <= 1.0 + chance {
+            return None;
+        }
+        let trust = match band.mean_square > GRAVE_BAND {
+            true => Trust::Low,
+            false => Trust::Moderate,
+        };
+        let detail = format!(
+            "{} % of the samples of `{}` that were held back lie within the 95 % band that is \
+             expected of them: the estimate does not carry over; use a longer or richer recording",
+            short(100.0 * band.inside),
+            self.problem.outputs[output].name
+        );
+        let doubt = Doubt::new(Rule::WorseOnValidation, trust, detail);
+        Some(doubt.about(Subject::Output(output)))
+    }
+}
