@@ -100,6 +100,8 @@ pub struct Coordinate {
 pub enum Assumed {
     /// A number of the model.
     Model(Target),
+    /// The size of an effect that the equations have no term for: a parameter behind those of the model.
+    Probe(Target),
     /// A number of the sensor of an output, by the output's place among the compared ones.
     Sensor {
         /// The output.
@@ -109,6 +111,17 @@ pub enum Assumed {
     },
     /// The clock that the samples of all recordings are taken by.
     Clock,
+}
+
+impl Assumed {
+    /// The number of the model or of the probe; none for sensors and the clock.
+    #[must_use]
+    pub fn simulated(self) -> Option<Target> {
+        match self {
+            Assumed::Model(target) | Assumed::Probe(target) => Some(target),
+            Assumed::Sensor { .. } | Assumed::Clock => None,
+        }
+    }
 }
 
 /// The numbers of a sensor.

@@ -8,7 +8,7 @@
 use super::joint::{Joint, LARGEST_SCORE, Score};
 use super::sensors::Sensors;
 use super::weighing::{Seen, Weighing};
-use crate::estimation::problem::{Assumed, Assumption, Coordinate, Problem, Target};
+use crate::estimation::problem::{Assumption, Coordinate, Problem, Target};
 use crate::estimation::sensitivity::{Directions, Neighbourhood, Row, SHIFT, Sides};
 use greybox_simulation::model::Scale;
 use greybox_simulation::{Accuracy, SimulationFailure};
@@ -139,7 +139,7 @@ impl Extended {
             return extended;
         }
         for assumption in problem.assumptions.iter() {
-            let Assumed::Model(target) = assumption.target else {
+            let Some(target) = assumption.target.simulated() else {
                 continue;
             };
             let coordinate = coordinate(assumption, target);
@@ -248,8 +248,8 @@ impl Around<'_> {
 
     /// Whether nothing can be said of an assumption, by its place.
     fn fails(&self, extended: &Extended, place: usize) -> bool {
-        let is_simulated = matches!(extended.assumptions()[place].target, Assumed::Model(_));
-        is_simulated && self.neighbourhood.fails_along(extended.unknowns + place)
+        let simulated = extended.assumptions()[place].target.simulated();
+        simulated.is_some() && self.neighbourhood.fails_along(extended.unknowns + place)
     }
 }
 

@@ -53,7 +53,7 @@ fn draw(assumption: &Assumption, rng: &mut impl Rng) -> f64 {
 /// Takes another value as known.
 fn assume(problem: &mut Problem, assumption: &Assumption, value: f64, sensors: &Sensors) {
     let target = match assumption.target {
-        Assumed::Model(target) => target,
+        Assumed::Model(target) | Assumed::Probe(target) => target,
         sensor @ (Assumed::Sensor { .. } | Assumed::Clock) => {
             return correct(problem, sensor, value - assumption.value, sensors);
         }

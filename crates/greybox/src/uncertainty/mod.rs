@@ -27,6 +27,7 @@ mod linearised;
 pub mod monte_carlo;
 pub mod noise_analysis;
 mod noise_comparison;
+mod probes;
 pub mod profile;
 pub mod refits;
 pub mod residuals;

@@ -9,7 +9,7 @@ use super::noise_analysis::{
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use super::selection::Selection;
 use super::settings::{Request, Settings, SoughtNoise};
-use super::{Analysis, covariance, fit, residuals, rules, validation_start};
+use super::{Analysis, covariance, fit, probes, residuals, rules, validation_start};
 use crate::estimation::noise_ladder::{self, FittedNoise, NoiseTrial};
 use crate::estimation::problem::Problem;
 use crate::estimation::process_noise::{NoiseModel, NoiseNumber, ProcessNoise, filtered};
@@ -156,7 +156,8 @@ impl NoiseComparison {
         let n = self.report.positions.len();
         let of_plant = &fit.positions[..n];
         let plant = validation_start::settled(&self.problem, of_plant, stop)?;
-        let Ok(problem) = filtered(&plant, &fit.trial.noise) else {
+        let probed = probes::probed(&plant, of_plant, stop)?;
+        let Ok(problem) = filtered(&probed, &fit.trial.noise) else {
             return Some(None);
         };
         let report = moved(&self.report, &problem, &fit.positions);

@@ -62,7 +62,7 @@ impl Sensors {
                 .iter()
                 .map(|assumption| assumption.target)
         };
-        if !assumed().any(|target| !matches!(target, Assumed::Model(_))) {
+        if !assumed().any(|target| target.simulated().is_none()) {
             return Some(Sensors::default());
         }
         let at_clock = |factor: f64| {
@@ -172,7 +172,7 @@ impl Sensors {
         };
         let values = &outputs[index];
         match assumed {
-            Assumed::Model(_) => 0.0,
+            Assumed::Model(_) | Assumed::Probe(_) => 0.0,
             Assumed::Sensor { output: shown, .. } if shown != output => 0.0,
             Assumed::Sensor { number, .. } => match number {
                 SensorNumber::Gain => values[sample],

@@ -63,6 +63,11 @@ fn next(value: f64, std: f64, time_constant: f64, step: f64, rng: &mut impl Rng)
 }
 
 pub fn record(disturbed: Disturbed, seed: u64) -> Recording {
+    record_with(disturbed, 0.0, seed)
+}
+
+/// A record of the rig whose slide has a dry friction [N], which the rig of [`RIG`] has not.
+pub fn record_with(disturbed: Disturbed, friction: f64, seed: u64) -> Recording {
     let [mass, damping, stiffness] = TRUTH;
     let mut rng = stream(seed, 7, Purpose::Noise);
     let (mut x, mut v, mut force) = (0.0, 0.0, 10.0);
@@ -83,7 +88,10 @@ pub fn record(disturbed: Disturbed, seed: u64) -> Recording {
         forces.push(force);
         positions.push(x + drift + 1e-4 * normal(&mut rng));
         for _ in 0..SUBSTEPS {
-            let push = |x: f64, v: f64| (force + load - damping * v - stiffness * x) / mass;
+            let push = |x: f64, v: f64| {
+                let rubbed = friction * (v / 1e-3).tanh();
+                (force + load - rubbed - damping * v - stiffness * x) / mass
+            };
             let middle = (x + 0.5 * step * v, v + 0.5 * step * push(x, v));
             x += step * middle.1;
             v += step * push(middle.0, middle.1);

@@ -1,11 +1,11 @@
 //! A model: the equations of a plant and their description.
 
 use super::specialised::Specialised;
-use super::{ModelDescription, SignalDescription};
+use super::{ModelDescription, ParameterDescription, SignalDescription};
 use crate::Plant;
 use crate::filter::{FilterLayout, FilteredPlant, LayoutFault};
 use crate::native::{Dynamics, Native};
-use crate::program::Program;
+use crate::program::{Losses, Program};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -91,6 +91,57 @@ impl Model {
     pub fn driven_states(&self) -> Vec<usize> {
         let program = self.program.as_ref();
         program.map_or_else(Vec::new, |program| program.driven_states())
+    }
+
+    /// The model with losses of states that it may leave out: for each state a constant and a quadratic one are
+    /// parameters behind those of the model, 0 where nothing is said. Answers nothing for a model that is not a
+    /// document.
+    #[must_use]
+    pub fn with_losses(&self, losses: &[Losses]) -> Option<Model> {
+        let mut description = self.description.clone();
+        let first = description.parameters.len();
+        let program = self.program.as_ref()?.with_losses(losses, first)?;
+        for loss in losses {
+            let state = &description.states[loss.state];
+            let (name, unit) = (state.name.clone(), format!("{}/s", state.unit));
+            for kind in ["constant_loss", "quadratic_loss"] {
+                description.parameters.push(ParameterDescription {
+                    name: Cow::Owned(format!("{name}.{kind}")),
+                    unit: Cow::Owned(unit.clone()),
+                    minimum: None,
+                    ..ParameterDescription::known(
+                        "",
+                        ["", "", "An effect that the model leaves out."],
+                        0.0,
+                        [0.0, 1.0],
+                    )
+                });
+            }
+        }
+        Some(Model::of_program(description, program))
+    }
+
+    /// The model whose outputs are these states, then their rates. Answers nothing for a model that is not a
+    /// document.
+    #[must_use]
+    pub fn watching(&self, states: &[usize]) -> Option<Model> {
+        let program = self.program.as_ref()?.watching(states)?;
+        let mut description = self.description.clone();
+        let states = || states.iter().map(|state| &self.description.states[*state]);
+        let watched = |name: String, unit: String| SignalDescription {
+            name: Cow::Owned(name),
+            unit: Cow::Owned(unit),
+            ..description.outputs[0].clone()
+        };
+        let values = states().map(|state| watched(state.name.to_string(), state.unit.to_string()));
+        let rates = states().map(|state| {
+            watched(
+                format!("rate of {}", state.name),
+                format!("{}/s", state.unit),
+            )
+        });
+        description.outputs = values.chain(rates).collect();
+        Some(Model::of_program(description, program))
     }
 
     /// The model as the filter sees it, where disturbances move its plant ([`FilteredPlant`]): the

@@ -9,11 +9,13 @@ mod disturbed;
 mod instruction;
 mod joined;
 mod lists;
+mod probed;
 mod rewrite;
 mod row;
 mod tangents;
 
 pub use disturbed::{ActsOn, Disturbance, DisturbanceKind};
+pub use probed::Losses;
 pub use rewrite::{EquationGraph, Roots};
 
 use super::block::SimulationBlock;
@@ -87,19 +89,47 @@ impl Program {
             .equations
             .disturbed(disturbances, time_constants)
             .ok()?;
-        let whole = &self.compiled;
         let last = time_constants.iter().flatten().max();
-        let n_parameters = whole.wiring.parameters.len();
-        let n_parameters = last.map_or(n_parameters, |last| n_parameters.max(last + 1));
+        Some(self.with_equations(equations, last.map_or(0, |last| last + 1), sizes))
+    }
+
+    /// The program with losses of states that their rates may leave out, whose parameters stand from
+    /// `first_parameter` on, a constant and a quadratic one for each state. Answers nothing where the
+    /// equations would have too many nodes.
+    #[must_use]
+    pub fn with_losses(&self, losses: &[Losses], first_parameter: usize) -> Option<Program> {
+        let equations = self.equations.with_losses(losses, first_parameter).ok()?;
+        let n_parameters = first_parameter + 2 * losses.len();
+        Some(self.with_equations(equations, n_parameters, &[]))
+    }
+
+    /// The program whose outputs are these states, then their rates. Answers nothing where the equations
+    /// would have too many nodes.
+    #[must_use]
+    pub fn watching(&self, states: &[usize]) -> Option<Program> {
+        let equations = self.equations.watching(states).ok()?;
+        Some(self.with_equations(equations, 0, &[]))
+    }
+
+    /// The program with other equations, of so many parameters at the least, whose further states have these
+    /// typical sizes.
+    fn with_equations(
+        &self,
+        equations: EquationGraph,
+        n_parameters: usize,
+        sizes: &[f64],
+    ) -> Program {
+        let whole = &self.compiled;
+        let n_parameters = n_parameters.max(whole.wiring.parameters.len());
         let tables = whole.lists.tables().to_vec();
         let lists = Lists::new(&equations.with_fixed(&[]), tables, whole.moving_inputs);
-        Some(Program {
+        Program {
             equations,
             compiled: CompiledProgram {
                 sizes: whole.sizes.iter().chain(sizes).copied().collect(),
                 ..CompiledProgram::new(lists, n_parameters, whole.moving_inputs)
             },
-        })
+        }
     }
 
     /// Whether what is computed once a sample reads a state: a controller within the model.

@@ -30,6 +30,7 @@ pub(super) fn lines(problem: &Problem, positions: &[f64], budget: &Budget) -> Ve
             kind: match assumption.target {
                 Assumed::Sensor { .. } => AssumptionKind::Sensor,
                 Assumed::Clock => AssumptionKind::Clock,
+                Assumed::Probe(_) => AssumptionKind::AbsentEffect,
                 Assumed::Model(_) if assumption.is_absent_effect => AssumptionKind::AbsentEffect,
                 Assumed::Model(_) => AssumptionKind::Tolerance,
             },

@@ -184,6 +184,9 @@ impl Finished<'_> {
     /// A number that was taken as known is known better.
     pub(super) fn know_better(&self, line: usize) -> Option<Change> {
         let assumption = &self.conclusion.analysis.budget.lines[line].assumption;
+        if matches!(assumption.target, Assumed::Probe(_)) {
+            return None;
+        }
         let tolerance = rounded(assumption.tolerance / BETTER, DIGITS);
         let spec = self.changed(|spec| self.tighten(spec, assumption, tolerance));
         Some(Change {
@@ -225,6 +228,7 @@ impl Finished<'_> {
                     SensorNumber::Lag => output.lag_tolerance_s = Some(tolerance),
                 }
             }
+            Assumed::Probe(_) => {}
             Assumed::Clock => spec.clock_tolerance = Some(Tolerance::Absolute(tolerance)),
         }
     }
@@ -374,6 +378,7 @@ impl Finished<'_> {
                 let name = &self.conclusion.problem.outputs[output].name;
                 format!("the sensor's {number} of {}", name.replace('_', " "))
             }
+            Assumed::Probe(_) => assumption.name.clone(),
             Assumed::Clock => "the clock".to_owned(),
         }
     }
