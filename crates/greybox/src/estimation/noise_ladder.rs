@@ -25,7 +25,11 @@ const MOST_STATES: usize = 4;
 const SCANNED_STRENGTHS: [f64; 7] = [1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0, 3.0];
 
 /// Noises of a sensor that are scanned, as shares of the residuals of the free run.
-const SCANNED_SENSORS: [f64; 4] = [0.01, 0.05, 0.25, 0.9];
+const SCANNED_SENSORS: [f64; 6] = [1e-4, 1e-3, 0.01, 0.05, 0.25, 0.9];
+
+/// The least noise of a sensor, as a share of the residuals of the free run: a position encoder may be so much
+/// better than the model.
+const LEAST_SENSOR: f64 = 1e-6;
 
 /// Memories that are scanned: the place between the time from sample to sample and the length of the
 /// record, on a logarithmic scale.
@@ -356,7 +360,7 @@ impl NoiseFit<'_> {
         let sensors = outputs.map(|(output, deviation)| match output.noise_std {
             Some(noise) => NoiseNumber::Given(noise),
             None => NoiseNumber::Unknown {
-                lower: 1e-3 * deviation,
+                lower: LEAST_SENSOR * deviation,
                 upper: 2.0 * deviation,
                 prior: None,
             },

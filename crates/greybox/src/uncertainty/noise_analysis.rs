@@ -15,6 +15,8 @@ pub struct NoiseAnalysis {
     pub compared: Vec<ComparedNoise>,
     /// Which of them was taken.
     pub chosen: usize,
+    /// Whether the innovations of all outputs pass for white noise.
+    pub is_white: bool,
     /// The natural logarithm of the likelihood at the estimate.
     pub log_likelihood: f64,
     /// The disturbances of the noise model that was taken.
@@ -28,13 +30,21 @@ pub struct NoiseAnalysis {
 }
 
 impl NoiseAnalysis {
-    /// The fits of other noise models that the data leave standing.
+    /// The fits of other noise models that the data leave standing. Where the noise model that was taken
+    /// leaves innovations that are not white, none is right and their likelihoods say little: every
+    /// disturbance stands.
     pub(super) fn rivals(&self) -> impl Iterator<Item = &ComparedFit> {
         let lowest = self.compared[self.chosen].fit.as_ref().map(|fit| fit.bic);
         let others = self.compared.iter().enumerate();
         let others = others.filter(|(place, _)| *place != self.chosen);
-        let fits = others.filter_map(|(_, own)| own.fit.as_ref());
-        fits.filter(move |fit| lowest.is_some_and(|lowest| fit.bic - lowest < STANDING))
+        let standing = others.filter(move |(_, own)| {
+            let bic = own.fit.as_ref().map(|fit| fit.bic);
+            let is_near = bic
+                .zip(lowest)
+                .is_some_and(|(bic, lowest)| bic - lowest < STANDING);
+            is_near || (!self.is_white && !own.disturbances.is_empty())
+        });
+        standing.filter_map(|(_, own)| own.fit.as_ref())
     }
 }
 

@@ -355,6 +355,7 @@ impl DisturbedEstimate {
         NoiseAnalysis {
             compared: self.compared.clone(),
             chosen: self.chosen,
+            is_white: whole.residuals.iter().all(|own| own.white != Some(false)),
             log_likelihood: self.log_likelihood,
             disturbances,
             sensors: sensors.map(|sensor| numbers.next(*sensor)).collect(),

@@ -98,8 +98,8 @@ impl Weighing {
             let weight = self.white[row.output];
             values.iter_mut().for_each(|value| *value *= weight);
             let filtered = match &mut self.filters[row.output] {
-                Some(filter) => filter.take(row.experiment, row.sample, values),
-                None => Some(values),
+                Some(filter) if !row.is_variance => filter.take(row.experiment, row.sample, values),
+                _ => Some(values),
             };
             if let Some(mut filtered) = filtered {
                 let residual = filtered.pop().unwrap_or_default();
@@ -128,14 +128,18 @@ fn filters(problem: &Problem, seen: Seen<'_>, weights: &[f64]) -> Vec<Option<Fil
     let reports = seen.residuals.iter().zip(&problem.outputs).enumerate();
     reports
         .map(|(output, (report, measured))| {
-            // Innovations that are not white have no memory that a model of it would take away.
-            if report.white != Some(false) || problem.innovations.is_some() {
+            if report.white != Some(false) {
                 return None;
             }
             let weighted = |experiment: usize| -> Vec<f64> {
                 let trajectory = &seen.trajectories[experiment];
                 let series = residuals::series(problem, trajectory, experiment, output);
-                let scale = weights[output] / measured.residual_scale;
+                // An innovation is in units of its standard deviation.
+                let unit = match problem.innovations {
+                    Some(_) => 1.0,
+                    None => measured.residual_scale,
+                };
+                let scale = weights[output] / unit;
                 series.iter().map(|residual| residual * scale).collect()
             };
             let series: Vec<Vec<f64>> = (0..problem.experiments.len()).map(weighted).collect();

@@ -6,7 +6,7 @@
 //! estimate by d_w, whose variance is that of the window less that of the whole record (J. A. Hausman,
 //! *Econometrica* 46, 1978). Both hold where residuals are independent, as innovations are.
 
-use crate::estimation::problem::Problem;
+use crate::estimation::problem::{Problem, Target};
 use crate::estimation::sensitivity::Neighbourhood;
 use greybox_simulation::SimulationFailure;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -24,7 +24,8 @@ pub struct WindowAgreement {
     /// Standard deviations by which the windows together differ from one truth.
     pub score: f64,
     /// For each coordinate the root mean square of the windows' differences, in units of what noise
-    /// allows: 1 where they agree; none where the windows alone do not fix it.
+    /// allows: 1 where they agree; none for a start, which one window alone sees, and where the windows alone
+    /// do not fix it.
     pub spreads: Vec<Option<f64>>,
 }
 
@@ -43,21 +44,36 @@ pub fn of(
     problem: &Problem,
     neighbourhood: &Neighbourhood<'_>,
 ) -> Result<Option<WindowAgreement>, SimulationFailure> {
-    let n = problem.coordinates.len();
+    let unknowns = problem.coordinates.len();
+    let is_start = |index: &usize| {
+        matches!(
+            problem.coordinates[*index].target,
+            Target::InitialState { .. }
+        )
+    };
+    let compared: Vec<usize> = (0..unknowns).filter(|index| !is_start(index)).collect();
+    let n = compared.len();
     let empty = || Window {
         information: DMatrix::zeros(n, n),
         score: DVector::zeros(n),
     };
     let mut windows: Vec<Window> = (0..WINDOWS).map(|_| empty()).collect();
     let (mut seen, total) = (0, problem.n_rows().max(1));
-    neighbourhood.visit_along(n, |row| {
+    neighbourhood.visit_along(unknowns, |row| {
         let window = &mut windows[(seen * WINDOWS / total).min(WINDOWS - 1)];
-        let derivatives = DVector::from_row_slice(&row.derivatives[..n]);
+        let derivatives = compared.iter().map(|index| row.derivatives[*index]);
+        let derivatives = DVector::from_iterator(n, derivatives);
         window.information.ger(1.0, &derivatives, &derivatives, 1.0);
         window.score.axpy(row.residual, &derivatives, 1.0);
         seen += 1;
     })?;
-    Ok(agreement(&windows))
+    Ok(agreement(&windows).map(|found| {
+        let mut spreads = vec![None; unknowns];
+        for (index, spread) in compared.iter().zip(found.spreads) {
+            spreads[*index] = spread;
+        }
+        WindowAgreement { spreads, ..found }
+    }))
 }
 
 fn agreement(windows: &[Window]) -> Option<WindowAgreement> {

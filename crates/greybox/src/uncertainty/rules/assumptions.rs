@@ -62,7 +62,12 @@ impl Case<'_> {
 
     /// A doubt that lowers the trust in each coordinate by how far the coordinate would be moved,
     /// as a position.
-    fn graded_by_moves(&self, rule: Rule, moved: impl Fn(usize) -> f64, detail: String) -> Doubt {
+    pub(super) fn graded_by_moves(
+        &self,
+        rule: Rule,
+        moved: impl Fn(usize) -> f64,
+        detail: String,
+    ) -> Doubt {
         let moves = |index: usize| -> Option<Move> {
             let deviation = self.deviation(index)?;
             let moved = moved(index);

@@ -104,23 +104,26 @@ impl Case<'_> {
 
     /// Other noise models that the data leave standing, and that put a parameter elsewhere.
     fn rivals(&self, noise: &NoiseAnalysis) -> Option<Doubt> {
-        let concerned: Vec<usize> = (0..self.problem.coordinates.len())
-            .filter(|index| {
-                let deviation = self.deviation(*index);
-                let position = self.report.positions[*index];
-                noise.rivals().any(|fit| {
-                    let moved = (fit.positions[*index] - position).abs();
-                    deviation.is_some_and(|deviation| moved > deviation)
-                })
-            })
-            .collect();
-        if concerned.is_empty() {
-            return None;
-        }
-        let detail = "other noise models explain the data about as well and move the estimate by more \
-                      than its standard error; the total interval covers what they say";
-        let doubt = Doubt::new(Rule::NoiseModelsDisagree, Trust::Moderate, detail);
-        Some(doubt.concerning(concerned))
+        let moved = |index: usize| {
+            let position = self.report.positions[index];
+            let moves = noise
+                .rivals()
+                .map(|fit| (fit.positions[index] - position).abs());
+            moves.fold(0.0, f64::max)
+        };
+        let why = match noise.is_white {
+            true => "other noise models explain the data about as well, and",
+            false => "no noise model leaves white innovations, and others than the likeliest",
+        };
+        let detail = format!(
+            "{why} put parameters elsewhere: the total intervals cover what each of them says"
+        );
+        let doubt = self.graded_by_moves(Rule::NoiseModelsDisagree, moved, detail);
+        let is_moved = doubt
+            .concerns
+            .as_ref()
+            .is_some_and(|grades| !grades.is_empty());
+        is_moved.then_some(doubt)
     }
 
     /// Windows of the record that do not agree about the parameters.
@@ -140,27 +143,23 @@ impl Case<'_> {
             trust: trust(*spread),
         });
         let grades: Vec<Grade> = grades.filter(|grade| grade.trust < Trust::High).collect();
-        let largest = windows
-            .spreads
-            .iter()
-            .flatten()
-            .copied()
-            .fold(0.0, f64::max);
-        let (worst, _) = windows
-            .spreads
-            .iter()
-            .enumerate()
-            .max_by(|(_, a), (_, b)| a.unwrap_or(0.0).total_cmp(&b.unwrap_or(0.0)))?;
         if grades.is_empty() {
             return None;
         }
+        let spreads = windows.spreads.iter().enumerate();
+        let known = spreads.filter_map(|(index, spread)| Some((index, (*spread)?)));
+        let worst = known.max_by(|(_, a), (_, b)| a.total_cmp(b));
+        let furthest = worst.map_or_else(String::new, |(index, spread)| {
+            format!(
+                "; what each alone makes of `{}` lies {} times as far apart as noise allows",
+                self.problem.coordinates[index].name,
+                short(spread)
+            )
+        });
         let detail = format!(
-            "four windows of the record do not agree ({} standard deviations; what each alone \
-             makes of `{}` lies {} times as far apart as noise allows): something changes within \
-             the record, or the model misses an effect",
-            short(windows.score),
-            self.problem.coordinates[worst].name,
-            short(largest)
+            "four windows of the record do not agree ({} standard deviations{furthest}): \
+             something changes within the record, or the model misses an effect",
+            short(windows.score)
         );
         Some(Doubt::graded(Rule::WindowsDisagree, grades, detail))
     }

@@ -271,9 +271,10 @@ rules! {
     }
     NoiseModelsDisagree = "noise_models_disagree", NoiseModelsDisagree {
         title: "Noise models disagree",
-        grades: "Moderate for the parameters that it concerns.",
-        when: "Another noise model is within 10 of the lowest Bayesian criterion and moves a parameter by more than \
-               its standard error.",
+        grades: "By how far a parameter moves: moderate beyond one standard error and 0.2 % of the value, low beyond \
+                 three and 2 %.",
+        when: "Another noise model is within 10 of the lowest Bayesian criterion, or no noise model leaves white \
+               innovations, and another moves a parameter.",
         meaning: "The data do not say what moves the plant. The total interval covers what each of them says.",
         advice: "Say in `process_noise` what is known to act, or record it.",
     }
