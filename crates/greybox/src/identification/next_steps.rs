@@ -86,6 +86,13 @@ impl Finished<'_> {
                 }
                 changes
             }
+            (Rule::NoiseContradicted, Subject::Output(output)) => {
+                let correct = self.correct_noise(*output).into_iter();
+                match self.is_white(*output) {
+                    true => correct.collect(),
+                    false => self.free_effects().into_iter().chain(correct).collect(),
+                }
+            }
             (Rule::NoiseUnknown, Subject::Output(output)) => {
                 self.declare_noise(*output).into_iter().collect()
             }

@@ -1,11 +1,21 @@
 //! What the model leaves unexplained: its size against the noise, its memory, and whether it
 //! follows an input.
 //!
-//! Residuals of a right model are white: their autocorrelation at lags 1 to 25 stays within
-//! ±2.58/√n in 99 of 100 cases (L. Ljung, *System Identification*, 1999, ch. 16). With many
-//! thousand samples that finds colour too faint to matter, so correlations below
-//! `NEGLIGIBLE_CORRELATION` do not count. A residual that is correlated with what an input was at
-//! lags 0 to 25 is an effect of that input that the model has not.
+//! Residuals of a right model are white ([`whiteness`]). A residual that is correlated with what an
+//! input was at lags 0 to 25 is an effect of that input that the model has not (L. Ljung, *System
+//! Identification*, 1999, ch. 16).
+//!
+//! The noise level of an output is the declared one, or larger where the residuals are larger. A
+//! declared noise is overstated where no more than half of its variance can be white noise: of
+//! residuals with a correlation ρ of neighbours the share 1 − ρ of the variance at the most is white,
+//! if the rest changes slowly (half the mean square of successive differences; J. von Neumann,
+//! "Distribution of the ratio of the mean square successive difference to the variance", Annals of
+//! Mathematical Statistics 12, 1941). An overstated noise is not believed: the size of the residuals
+//! is the noise level in its place, so that it hides neither a misfit nor a contradicted assumption,
+//! and widens no interval. Residuals whose sum of squares is within one declared variance are left
+//! alone: nothing in them can move an estimate by more than a standard error of the declared noise.
+
+mod whiteness;
 
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::Problem;
@@ -14,13 +24,10 @@ use greybox_simulation::single::Outputs;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use utoipa::ToSchema;
+use whiteness::{LAGS, NEGLIGIBLE_CORRELATION, NORMAL_99, Whiteness};
 
-/// Lags that are looked at.
-const LAGS: usize = 25;
-/// The 99 % point of the normal distribution, two-sided.
-const NORMAL_99: f64 = 2.576;
-/// Correlations below this change an interval by less than its own uncertainty.
-const NEGLIGIBLE_CORRELATION: f64 = 0.1;
+/// A declared noise is overstated where less than this share of its variance can be white noise.
+const OVERSTATED: f64 = 0.5;
 
 /// What the residuals of one output look like over the estimation data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -35,8 +42,15 @@ pub struct ResidualReport {
     pub chi_square_per_sample: Option<f64>,
     /// The correlation of neighbouring residuals.
     pub lag_1_autocorrelation: Option<f64>,
-    /// Whether the residuals pass for white noise at the 1 % level; `null` when too few.
+    /// Whether the residuals pass for white noise: at most one of 25 lags lies outside ±2.58/√n or
+    /// ±0.1, whichever is larger, none lies outside 1.5 times that, and `ljung_box_p` is above 0.001
+    /// or no lag lies outside ±0.1; `null` when there are too few residuals.
     pub white: Option<bool>,
+    /// How likely white noise would be so correlated over 25 lags, by the test of Ljung and Box;
+    /// `null` when there are too few residuals.
+    #[serde(default)]
+    #[schema(example = 0.42)]
+    pub ljung_box_p: Option<f64>,
     /// How many independent residuals the residuals are worth.
     pub effective_samples: Option<f64>,
     /// Residuals beyond `method.huber_threshold`, which counted less than their square; absent
@@ -47,6 +61,9 @@ pub struct ResidualReport {
     /// For each input that varies, how the residuals follow it.
     #[serde(default)]
     pub inputs: BTreeMap<String, InputCorrelation>,
+    /// Whether the declared noise is much larger than the noise in the residuals.
+    #[serde(skip)]
+    pub is_noise_overstated: bool,
     /// The share of the residuals that counted squared.
     #[serde(skip)]
     pub inlier_share: f64,
@@ -166,31 +183,37 @@ fn describe(held: &Held, declared: Option<f64>, unknowns: usize) -> ResidualRepo
     let inlier_share = 1.0 - held.outliers as f64 / count.max(1) as f64;
     let left = (sum / freedom).sqrt() / inlier_share.max(f64::MIN_POSITIVE);
     let left = left.max(f64::MIN_POSITIVE);
-    let noise_std = declared.map_or(left, |declared| declared.max(left));
-    let is_given = declared.is_some_and(|declared| declared >= noise_std);
     let expected = held.loss.normal_mean_square_score();
-    let correlation = |lag: usize| {
-        let (sum, pairs) = products(series, lag);
-        (pairs > 0 && mean_square > 0.0).then(|| sum / pairs as f64 / mean_square)
-    };
-    let correlations: Vec<f64> = (1..=LAGS).filter_map(correlation).collect();
-    let enough = count > 4 * LAGS && correlations.len() == LAGS;
-    let limit = (NORMAL_99 / (count.max(1) as f64).sqrt()).max(NEGLIGIBLE_CORRELATION);
-    let outside = correlations.iter().filter(|rho| rho.abs() > limit).count();
+    let whiteness = Whiteness::of(series);
+    let white = whiteness.is_white();
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
+    let chi_square =
+        declared.and_then(|declared| finite(mean_square / (expected * declared * declared)));
+    let white_share = match (white, whiteness.lag_1()) {
+        (Some(false), Some(rho)) => 1.0 - rho.max(0.0),
+        _ => 1.0,
+    };
+    let is_overstated = |chi_square: f64| {
+        white.is_some() && chi_square * white_share < OVERSTATED && chi_square * count as f64 > 1.0
+    };
+    let is_noise_overstated = chi_square.is_some_and(is_overstated);
+    let given = declared.filter(|declared| *declared >= left && !is_noise_overstated);
     ResidualReport {
-        noise_std,
-        noise_std_source: if is_given { "given" } else { "estimated" }.to_owned(),
-        chi_square_per_sample: declared
-            .and_then(|declared| finite(mean_square / (expected * declared * declared))),
-        lag_1_autocorrelation: correlations.first().copied().and_then(finite),
-        // One of 25 lags may lie outside by chance.
-        white: enough.then_some(outside <= 1),
-        effective_samples: enough
-            .then(|| effective(count, &correlations, limit))
-            .and_then(finite),
+        noise_std: given.unwrap_or(left),
+        noise_std_source: if given.is_some() {
+            "given"
+        } else {
+            "estimated"
+        }
+        .to_owned(),
+        chi_square_per_sample: chi_square,
+        lag_1_autocorrelation: whiteness.lag_1().and_then(finite),
+        white,
+        ljung_box_p: whiteness.ljung_box_p().and_then(finite),
+        effective_samples: whiteness.effective_samples().and_then(finite),
         outliers: (held.loss != Loss::Squared).then_some(held.outliers as u64),
         inputs: BTreeMap::new(),
+        is_noise_overstated,
         inlier_share,
     }
 }
@@ -223,15 +246,6 @@ pub(super) fn independent_squares(series: &[Vec<f64>], lags: usize) -> f64 {
     let lags = (1..=lags).map(correlation);
     let remembered = lags.take_while(|rho| *rho > NEGLIGIBLE_CORRELATION);
     count as f64 / (1.0 + 2.0 * remembered.map(|rho| rho * rho).sum::<f64>())
-}
-
-/// n/(1 + 2·Σρ) over the lags up to the first correlation within the limit.
-fn effective(count: usize, correlations: &[f64], limit: f64) -> f64 {
-    let memory: f64 = correlations
-        .iter()
-        .take_while(|rho| rho.abs() > limit)
-        .sum();
-    count as f64 / (1.0 + 2.0 * memory).max(1.0)
 }
 
 /// How residuals follow the inputs, over the experiments that have the input.
@@ -358,6 +372,27 @@ mod tests {
         assert_eq!(report.white, Some(true));
         // The variance of 5000 squares: 2/5000, five standard errors.
         assert!((report.chi_square_per_sample.unwrap() - 1.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn a_declared_noise_twice_as_large_as_the_residuals_gives_way_to_them() {
+        let level = |declared: f64| {
+            let report = describe(&squared(noise(5000, 0.0)), Some(declared), 4);
+            (report.noise_std, report.noise_std_source)
+        };
+        assert_eq!(level(1.3), (1.3, "given".to_owned()));
+        let (overstated, source) = level(2.0);
+        assert!((0.95..1.05).contains(&overstated), "{overstated}");
+        assert_eq!(source, "estimated");
+        // Residuals of the declared size that follow each other leave little that is noise.
+        let coloured = describe(&squared(noise(5000, 0.8)), Some(5.0_f64.sqrt()), 4);
+        assert!(coloured.is_noise_overstated);
+        let exact = noise(5000, 0.0).iter().map(|value| value * 1e-3).collect();
+        let exact = describe(&squared(exact), Some(1.0), 4);
+        assert_eq!((exact.is_noise_overstated, exact.noise_std), (false, 1.0));
+        // Of a hundred residuals nobody knows whether they are white.
+        let few = describe(&squared(noise(100, 0.0)), Some(2.0), 4);
+        assert_eq!((few.white, few.noise_std), (None, 2.0));
     }
 
     #[test]

@@ -2,10 +2,10 @@
 
 mod assumptions;
 mod disturbances;
+mod noise;
+mod width;
 
 use super::Analysis;
-use super::fit::OutputFit;
-use super::residuals::ResidualReport;
 use super::verdict::{Doubt, Judgement, Rule, Subject, Trust};
 use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::estimation::report::Report;
@@ -13,15 +13,6 @@ use crate::estimation::stop_reason::StopReason;
 use greybox_numerics::digits;
 use std::collections::BTreeSet;
 
-/// chi²/n above which the model is wrong.
-const MISFIT: f64 = 1.5;
-/// chi²/n above which something is left over.
-const SLIGHT_MISFIT: f64 = 1.15;
-/// Where no noise is declared, residuals that follow each other by more than this correlation are
-/// what the model misses rather than noise.
-const MISFIT_CORRELATION: f64 = 0.3;
-/// A correlation of simulated and measured samples below which the two go opposite ways.
-const OPPOSITE: f64 = -0.5;
 /// Correlation beyond which two unknowns are hardly told apart.
 const LARGEST_CORRELATION: f64 = 0.95;
 /// A correlation does no harm where both unknowns are known to this share of their values.
@@ -29,8 +20,6 @@ const KNOWN_WELL: f64 = 0.02;
 /// The RMSE on the data held back as a multiple of the RMSE on the data estimated from: from where
 /// the multiple is told, and from where it is grave.
 const VALIDATION_RATIOS: [f64; 2] = [1.3, 2.0];
-/// A fit below which a noise level would have to be declared to tell noise from misfit [%].
-const PLAIN_FIT: f64 = 90.0;
 /// A parameter has another value in another minimum where it lies this share of its range off.
 const ELSEWHERE: f64 = 0.02;
 
@@ -65,7 +54,7 @@ impl Case<'_> {
         doubts.extend(self.contradictions());
         doubts.extend(self.drifts());
         doubts.extend(self.left_out());
-        doubts.extend(self.dominance());
+        doubts.extend(self.widths());
         doubts.extend(self.priors());
         doubts.extend(self.constraints());
         doubts.extend(self.correlation());
@@ -148,59 +137,6 @@ impl Case<'_> {
     fn is_flat(&self, index: usize) -> bool {
         let mut parts = self.analysis.flat.iter().flat_map(|flat| &flat.parts);
         parts.any(|(part, _)| *part == index)
-    }
-
-    fn noise(&self) -> Vec<Doubt> {
-        let residuals = self.analysis.residuals.iter();
-        let pairs = residuals.zip(&self.analysis.estimation_fit).enumerate();
-        pairs
-            .flat_map(|(output, (residual, fit))| {
-                let name = &self.problem.outputs[output].name;
-                let doubts = [opposite(name, fit), unexplained(name, residual, fit)];
-                let doubts = doubts.into_iter().flatten();
-                doubts.map(move |doubt| doubt.about(Subject::Output(output)))
-            })
-            .collect()
-    }
-
-    fn colour(&self) -> Vec<Doubt> {
-        let mut doubts = Vec::new();
-        for (output, residual) in self.analysis.residuals.iter().enumerate() {
-            if residual.white == Some(false) {
-                let detail = format!(
-                    "the residuals of `{}` are not white (correlation {:.2} with the next sample): \
-                     the model misses dynamics; the intervals are widened for it",
-                    self.problem.outputs[output].name,
-                    residual.lag_1_autocorrelation.unwrap_or_default()
-                );
-                let doubt = Doubt::new(Rule::ResidualsNotWhite, Trust::Moderate, detail);
-                doubts.push(doubt.about(Subject::Output(output)));
-            }
-        }
-        doubts
-    }
-
-    fn inputs(&self) -> Vec<Doubt> {
-        let mut doubts = Vec::new();
-        for (output, residual) in self.analysis.residuals.iter().enumerate() {
-            let inputs = self.problem.model.description().inputs.iter();
-            let followed = inputs.filter_map(|input| residual.inputs.get_key_value(&*input.name));
-            for (input, correlation) in followed.filter(|(_, correlation)| correlation.significant)
-            {
-                let detail = format!(
-                    "the residuals of `{}` follow the input `{}` (correlation {:.2} with what it \
-                     was {} samples before): the model misses a part of its effect, such as a \
-                     gain, an offset or a delay",
-                    self.problem.outputs[output].name,
-                    input,
-                    correlation.correlation.unwrap_or_default(),
-                    correlation.lag
-                );
-                let doubt = Doubt::new(Rule::ResidualsFollowInput, Trust::Moderate, detail);
-                doubts.push(doubt.about(Subject::Output(output)));
-            }
-        }
-        doubts
     }
 
     /// The value of a coordinate as a share of its range: moves are measured by it.
@@ -338,57 +274,6 @@ impl Case<'_> {
         });
         elsewhere.map(|(index, _)| index).collect()
     }
-}
-
-/// An output that is simulated against what was measured.
-fn opposite(name: &str, fit: &OutputFit) -> Option<Doubt> {
-    let rho = fit.correlation.filter(|rho| *rho < OPPOSITE)?;
-    let detail = format!(
-        "`{name}` is simulated against what was measured (correlation {rho:.2}): a sign is wrong, \
-         of the signal in the recording or of a gain in the model"
-    );
-    Some(Doubt::new(Rule::OppositeSign, Trust::Low, detail))
-}
-
-/// Residuals of an output that the declared noise does not explain, or that no noise is declared of.
-fn unexplained(name: &str, residual: &ResidualReport, fit: &OutputFit) -> Option<Doubt> {
-    let next = residual.lag_1_autocorrelation.unwrap_or_default();
-    let (rule, trust, detail) = match residual.chi_square_per_sample {
-        Some(chi_square) if chi_square > MISFIT => {
-            let detail = format!(
-                "the residuals of `{name}` are {:.2} times the declared noise (chi²/n \
-                 {chi_square:.2}): the model misses an effect, and the parameters pay for it; \
-                 free an effect such as friction, dead band, offset or gain",
-                chi_square.sqrt()
-            );
-            (Rule::Misfit, Trust::Low, detail)
-        }
-        Some(chi_square) if chi_square > SLIGHT_MISFIT => {
-            let detail = format!(
-                "the residuals of `{name}` are somewhat larger than the declared noise (chi²/n \
-                 {chi_square:.2}); check the noise level and try a richer model"
-            );
-            (Rule::SlightMisfit, Trust::Moderate, detail)
-        }
-        Some(_) => return None,
-        None if residual.white == Some(false) && next.abs() > MISFIT_CORRELATION => {
-            let detail = format!(
-                "no noise level of `{name}` is declared and what is left is no white noise \
-                 (correlation {next:.2} with the next sample): it is taken for what the model \
-                 misses; free an effect, or give outputs.{name}.noise_std"
-            );
-            (Rule::Misfit, Trust::Low, detail)
-        }
-        None => {
-            let percent = fit.fit_percent.filter(|percent| *percent < PLAIN_FIT)?;
-            let detail = format!(
-                "`{name}` is explained to {percent:.1} % and no noise level is declared, so noise \
-                 cannot be told from misfit; give outputs.{name}.noise_std"
-            );
-            (Rule::NoiseUnknown, Trust::Moderate, detail)
-        }
-    };
-    Some(Doubt::new(rule, trust, detail))
 }
 
 /// A number in a reason.

@@ -114,11 +114,31 @@ impl Finished<'_> {
         absent
     }
 
-    /// The noise level of an output: what is left over stands there to begin with.
+    /// Whether the residuals of an output pass for white noise.
+    pub(super) fn is_white(&self, output: usize) -> bool {
+        self.conclusion.analysis.residuals[output].white == Some(true)
+    }
+
+    /// A noise level for an output of which none is declared.
     pub(super) fn declare_noise(&self, output: usize) -> Option<Change> {
         let declared = &self.conclusion.problem.outputs[output];
+        let is_open = declared.noise_std.is_none();
+        is_open.then(|| self.noise_of_residuals(output)).flatten()
+    }
+
+    /// Another noise level in the place of the declared one, where that is one number.
+    pub(super) fn correct_noise(&self, output: usize) -> Option<Change> {
+        let name = &self.conclusion.problem.outputs[output].name;
+        let spec = self.spec.outputs.get(name)?;
+        let is_number = spec.noise_share.is_none() && spec.noise_signal.is_none();
+        is_number.then(|| self.noise_of_residuals(output)).flatten()
+    }
+
+    /// The noise level of an output: what is left over stands there to begin with.
+    fn noise_of_residuals(&self, output: usize) -> Option<Change> {
+        let declared = &self.conclusion.problem.outputs[output];
         let noise = rounded(self.conclusion.analysis.residuals[output].noise_std, DIGITS);
-        if declared.noise_std.is_some() || noise <= 0.0 {
+        if noise <= 0.0 {
             return None;
         }
         let spec = self.changed(|spec| {

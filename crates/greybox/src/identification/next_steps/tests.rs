@@ -137,6 +137,8 @@ fn conclusion(problem: &Problem, position: f64, stop_reason: StopReason) -> Conc
         chi_square_per_sample: None,
         lag_1_autocorrelation: None,
         white: None,
+        ljung_box_p: None,
+        is_noise_overstated: false,
         inputs: BTreeMap::new(),
         effective_samples: None,
         outliers: None,

@@ -2,8 +2,7 @@
 
 use super::{Case, short};
 use crate::estimation::problem::{Assumed, Coordinate, Target};
-use crate::uncertainty::budget::{BETTER, Line};
-use crate::uncertainty::covariance::NORMAL_95;
+use crate::uncertainty::budget::Line;
 use crate::uncertainty::drift::{Change, Drift};
 use crate::uncertainty::verdict::{Doubt, Grade, Rule, Subject, Trust};
 
@@ -11,8 +10,6 @@ use crate::uncertainty::verdict::{Doubt, Grade, Rule, Subject, Trust};
 const LARGEST_PRIOR_SHIFT: f64 = 3.0;
 /// Standard deviations by which the data may go beyond a constraint by chance.
 const LARGEST_CONTRADICTION: f64 = 3.0;
-/// A total standard error beyond this share of the value is worth a word.
-const LARGE_TOTAL: f64 = 0.1;
 /// A contradicted assumption that would move a parameter further makes the trust in the parameter low.
 const GRAVE_MOVE: Move = Move {
     errors: 3.0,
@@ -137,56 +134,6 @@ impl Case<'_> {
                       recording is too long; estimate from a window of it for a budget";
         let is_left_out = self.analysis.budget.is_left_out;
         is_left_out.then(|| Doubt::new(Rule::NoBudget, Trust::Moderate, detail))
-    }
-
-    /// Where what is assumed leaves more open than the data.
-    pub(super) fn dominance(&self) -> Vec<Doubt> {
-        let mut doubts = Vec::new();
-        for (index, total) in self.analysis.budget.totals.iter().enumerate() {
-            let (Some(total), Some(noise)) = (*total, self.deviation(index)) else {
-                continue;
-            };
-            let share = total / self.value_share(index);
-            let is_wide = 2.0 * NORMAL_95 * total >= 1.0;
-            let is_assumed = total > std::f64::consts::SQRT_2 * noise;
-            if is_assumed && (is_wide || share > LARGE_TOTAL) {
-                doubts.push(self.dominated(index, total, is_wide));
-            }
-        }
-        doubts
-    }
-
-    /// The doubt about a coordinate that is known to a total standard deviation only.
-    fn dominated(&self, index: usize, total: f64, is_wide: bool) -> Doubt {
-        // A wide interval that holds is to be trusted, if it says anything.
-        let trust = if is_wide { Trust::Low } else { Trust::High };
-        let share = total / self.value_share(index);
-        let better = |line: &Line| Some(line.contributions[index]?.total_if_better);
-        let lines = self.analysis.budget.lines.iter().enumerate();
-        let lines = lines.filter_map(|(place, line)| Some((place, line, better(line)?)));
-        let best = lines.min_by(|(_, _, a), (_, _, b)| a.total_cmp(b));
-        let error = format!(
-            "with all that is assumed `{}` is known to ± {:.2} % (one standard error)",
-            self.problem.coordinates[index].name,
-            100.0 * share
-        );
-        let doubt = |detail| {
-            let doubt = Doubt::new(Rule::AssumptionsDominate, trust, detail);
-            doubt.concerning(vec![index]).at_stake(share)
-        };
-        let Some((place, line, then)) = best else {
-            return doubt(error);
-        };
-        let assumption = &line.assumption;
-        let detail = format!(
-            "{error}: know `{}` to {} {} instead of {}, and it falls to ± {:.2} %",
-            assumption.name,
-            short(assumption.tolerance / BETTER),
-            assumption.unit,
-            short(assumption.tolerance),
-            100.0 * share * then / total
-        );
-        doubt(detail).about(Subject::Assumptions(vec![place]))
     }
 
     /// Constraints that keep the estimate from where the data would have it.

@@ -147,11 +147,20 @@ rules! {
         meaning: "The data fix a combination of the two better than either.",
         advice: "The value of one from a data sheet settles both.",
     }
+    WideInterval = "wide_interval", NotIdentifiable {
+        title: "Known too coarsely",
+        grades: "Moderate beyond 10 % of the value; low beyond 50 %.",
+        when: "Noise leaves a parameter a total standard error beyond 10 % of its value. Where a linear search range \
+               holds or touches 0, the error is measured by a quarter of the largest magnitude of the range if the \
+               value is smaller.",
+        meaning: "The interval holds, and says little.",
+        advice: "Record longer, or an experiment that excites the parameter more: `POST /v1/designs` looks for it.",
+    }
     Misfit = "misfit", Misfit {
         title: "The model misses an effect",
         grades: "Low.",
-        when: "What is left over is larger than the declared noise (χ² per sample above 1.5), or, where no noise is \
-               declared, each residual follows the last by more than 0.3.",
+        when: "What is left over is larger than the declared noise (χ² per sample above 1.5) and no plain noise, or, \
+               where no noise is declared, neighbouring residuals are correlated by more than 0.3.",
         meaning: "The model misses an effect, and the parameters pay for it.",
         advice: "Free an effect such as friction, dead band, offset or gain, or let the data choose with \
                  `model_search`.",
@@ -163,6 +172,18 @@ rules! {
         meaning: "The declared noise is too small, or the model misses a small effect.",
         advice: "Check the noise level and try a richer model.",
     }
+    NoiseContradicted = "noise_contradicted", Misfit {
+        title: "The declared noise is too large or too small for what is left",
+        grades: "Too large: low where neighbouring residuals are correlated by more than 0.3, moderate where they have \
+                 another memory, a remark where they are white. Too small: moderate.",
+        when: "Of more than 100 residuals no more than half of the declared variance can be white noise: χ² per sample \
+               is below 0.5, or residuals that follow each other leave no room for it. Or the residuals are white, \
+               follow no input, and χ² per sample is above 1.5.",
+        meaning: "The declared noise is not believed: the intervals are made with what is left, and what has a memory is \
+                  taken for what the model misses.",
+        advice: "Give the noise that the sensor has from sample to sample. Errors of its gain, offset or lag belong into \
+                 the tolerances of the output.",
+    }
     NoiseUnknown = "noise_unknown", NoiseUnknown {
         title: "The noise is not declared",
         grades: "Moderate.",
@@ -173,7 +194,8 @@ rules! {
     ResidualsNotWhite = "residuals_not_white", Misfit {
         title: "Residuals with a memory",
         grades: "Moderate.",
-        when: "Neighbouring residuals are correlated.",
+        when: "Residuals up to 25 samples apart are correlated: two lags lie outside what chance allows at the 1 % level \
+               and 0.1, one lag lies 1.5 times as far outside, or many lags are correlated a little (Ljung and Box).",
         meaning: "The model misses dynamics. The intervals are widened for it.",
         advice: "Free an effect that the model leaves out.",
     }
@@ -239,9 +261,11 @@ rules! {
     }
     AssumptionsDominate = "assumptions_dominate", AssumptionsDominate {
         title: "What was taken as known leaves most open",
-        grades: "A remark; low where the total interval is wider than the search range.",
+        grades: "Moderate beyond 10 % of the value; low beyond 50 %, or where the total interval is wider than the search \
+                 range.",
         when: "What was taken as known adds more to the error of a parameter than the noise does, and the total \
-               standard error is beyond 10 % of the value, or the total interval is wider than the search range.",
+               standard error is beyond 10 % of the value, measured as for `wide_interval`, or the total interval is \
+               wider than the search range.",
         meaning: "More data would not help. The reason names the value whose better knowledge helps most, and by how \
                   much.",
         advice: "Measure that value.",

@@ -1,0 +1,189 @@
+//! What the residuals say against a result: their size against the declared noise, their memory,
+//! and whether they follow an input.
+
+use super::Case;
+use crate::uncertainty::fit::OutputFit;
+use crate::uncertainty::residuals::ResidualReport;
+use crate::uncertainty::verdict::{Doubt, Rule, Subject, Trust};
+
+/// chi²/n above which the model is wrong.
+const MISFIT: f64 = 1.5;
+/// chi²/n above which something is left over.
+const SLIGHT_MISFIT: f64 = 1.15;
+/// Where no noise level can be relied on, residuals that follow each other by more than this
+/// correlation are what the model misses rather than noise.
+const MISFIT_CORRELATION: f64 = 0.3;
+/// A correlation of simulated and measured samples below which the two go opposite ways.
+const OPPOSITE: f64 = -0.5;
+/// A fit below which a noise level would have to be declared to tell noise from misfit [%].
+const PLAIN_FIT: f64 = 90.0;
+
+impl Case<'_> {
+    /// Outputs that go the wrong way, and residuals that no noise explains.
+    pub(super) fn noise(&self) -> Vec<Doubt> {
+        let residuals = self.analysis.residuals.iter();
+        let pairs = residuals.zip(&self.analysis.estimation_fit).enumerate();
+        pairs
+            .flat_map(|(output, (residual, fit))| {
+                let name = &self.problem.outputs[output].name;
+                let doubts = [opposite(name, fit), unexplained(name, residual, fit)];
+                let doubts = doubts.into_iter().flatten();
+                doubts.map(move |doubt| doubt.about(Subject::Output(output)))
+            })
+            .collect()
+    }
+
+    /// Residuals with a memory.
+    pub(super) fn colour(&self) -> Vec<Doubt> {
+        let mut doubts = Vec::new();
+        for (output, residual) in self.analysis.residuals.iter().enumerate() {
+            if residual.white == Some(false) {
+                let detail = format!(
+                    "the residuals of `{}` are not white (correlation {:.2} with the next sample): \
+                     the model misses dynamics; the intervals are widened for it",
+                    self.problem.outputs[output].name,
+                    residual.lag_1_autocorrelation.unwrap_or_default()
+                );
+                let doubt = Doubt::new(Rule::ResidualsNotWhite, Trust::Moderate, detail);
+                doubts.push(doubt.about(Subject::Output(output)));
+            }
+        }
+        doubts
+    }
+
+    /// Residuals that are correlated with an input.
+    pub(super) fn inputs(&self) -> Vec<Doubt> {
+        let mut doubts = Vec::new();
+        for (output, residual) in self.analysis.residuals.iter().enumerate() {
+            let inputs = self.problem.model.description().inputs.iter();
+            let followed = inputs.filter_map(|input| residual.inputs.get_key_value(&*input.name));
+            for (input, correlation) in followed.filter(|(_, correlation)| correlation.significant)
+            {
+                let detail = format!(
+                    "the residuals of `{}` follow the input `{}` (correlation {:.2} with what it \
+                     was {} samples before): the model misses a part of its effect, such as a \
+                     gain, an offset or a delay",
+                    self.problem.outputs[output].name,
+                    input,
+                    correlation.correlation.unwrap_or_default(),
+                    correlation.lag
+                );
+                let doubt = Doubt::new(Rule::ResidualsFollowInput, Trust::Moderate, detail);
+                doubts.push(doubt.about(Subject::Output(output)));
+            }
+        }
+        doubts
+    }
+}
+
+/// An output that is simulated against what was measured.
+fn opposite(name: &str, fit: &OutputFit) -> Option<Doubt> {
+    let rho = fit.correlation.filter(|rho| *rho < OPPOSITE)?;
+    let detail = format!(
+        "`{name}` is simulated against what was measured (correlation {rho:.2}): a sign is wrong, \
+         of the signal in the recording or of a gain in the model"
+    );
+    Some(Doubt::new(Rule::OppositeSign, Trust::Low, detail))
+}
+
+/// Residuals of an output that the declared noise does not explain, that contradict the declared
+/// noise, or of which no noise is declared.
+fn unexplained(name: &str, residual: &ResidualReport, fit: &OutputFit) -> Option<Doubt> {
+    let (rule, trust, detail) = match residual.chi_square_per_sample {
+        Some(_) if residual.is_noise_overstated => return Some(overstated(name, residual)),
+        Some(chi_square) if chi_square > MISFIT && is_plain_noise(residual) => {
+            return Some(understated(name, chi_square));
+        }
+        Some(chi_square) if chi_square > MISFIT => {
+            let detail = format!(
+                "the residuals of `{name}` are {:.2} times the declared noise (chi²/n \
+                 {chi_square:.2}): the model misses an effect, and the parameters pay for it; \
+                 free an effect such as friction, dead band, offset or gain",
+                chi_square.sqrt()
+            );
+            (Rule::Misfit, Trust::Low, detail)
+        }
+        Some(chi_square) if chi_square > SLIGHT_MISFIT => {
+            let detail = format!(
+                "the residuals of `{name}` are somewhat larger than the declared noise (chi²/n \
+                 {chi_square:.2}); check the noise level and try a richer model"
+            );
+            (Rule::SlightMisfit, Trust::Moderate, detail)
+        }
+        Some(_) => return None,
+        None if is_misfit_by_colour(residual) => {
+            let detail = format!(
+                "no noise level of `{name}` is declared and what is left is no white noise \
+                 (correlation {:.2} with the next sample): it is taken for what the model \
+                 misses; free an effect, or give outputs.{name}.noise_std",
+                next(residual)
+            );
+            (Rule::Misfit, Trust::Low, detail)
+        }
+        None => {
+            let percent = fit.fit_percent.filter(|percent| *percent < PLAIN_FIT)?;
+            let detail = format!(
+                "`{name}` is explained to {percent:.1} % and no noise level is declared, so noise \
+                 cannot be told from misfit; give outputs.{name}.noise_std"
+            );
+            (Rule::NoiseUnknown, Trust::Moderate, detail)
+        }
+    };
+    Some(Doubt::new(rule, trust, detail))
+}
+
+/// The correlation of neighbouring residuals.
+fn next(residual: &ResidualReport) -> f64 {
+    residual.lag_1_autocorrelation.unwrap_or_default()
+}
+
+/// Whether residuals follow each other so closely that they are no noise of a sensor.
+fn is_misfit_by_colour(residual: &ResidualReport) -> bool {
+    residual.white == Some(false) && next(residual).abs() > MISFIT_CORRELATION
+}
+
+/// Whether residuals look like the noise of a sensor: white, and following no input.
+fn is_plain_noise(residual: &ResidualReport) -> bool {
+    let mut inputs = residual.inputs.values();
+    residual.white == Some(true) && !inputs.any(|correlation| correlation.significant)
+}
+
+/// A declared noise that is larger than the noise in the residuals: it cannot excuse what is left.
+fn overstated(name: &str, residual: &ResidualReport) -> Doubt {
+    let chi_square = residual.chi_square_per_sample.unwrap_or_default();
+    let (trust, detail) = if is_misfit_by_colour(residual) {
+        let detail = format!(
+            "the declared noise of `{name}` is larger than the noise in the residuals: these follow \
+             each other (correlation {:.2} with the next sample) at {:.2} times its size (chi²/n \
+             {chi_square:.2}), so they are taken for what the model misses; free an effect, or give \
+             the noise that the sensor really has",
+            next(residual),
+            chi_square.sqrt()
+        );
+        (Trust::Low, detail)
+    } else {
+        let detail = format!(
+            "the declared noise of `{name}` is {:.2} times as large as what is left (chi²/n \
+             {chi_square:.2}): the intervals are made with what is left; an error of the sensor's \
+             gain or offset is no noise, and belongs into its tolerances",
+            1.0 / chi_square.sqrt()
+        );
+        let trust = match residual.white {
+            Some(true) => Trust::High,
+            _ => Trust::Moderate,
+        };
+        (trust, detail)
+    };
+    Doubt::new(Rule::NoiseContradicted, trust, detail)
+}
+
+/// A declared noise that is smaller than residuals that look like noise.
+fn understated(name: &str, chi_square: f64) -> Doubt {
+    let detail = format!(
+        "the residuals of `{name}` are white and {:.2} times as large as the declared noise (chi²/n \
+         {chi_square:.2}): the intervals are made with what is left; give the noise that the sensor \
+         really has",
+        chi_square.sqrt()
+    );
+    Doubt::new(Rule::NoiseContradicted, Trust::Moderate, detail)
+}

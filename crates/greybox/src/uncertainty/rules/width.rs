@@ -1,0 +1,154 @@
+//! How far the width of a total interval lets a parameter be trusted.
+//!
+//! A promise that an interval holds is worth nothing where the interval holds everything: servo
+//! totals of 5 to 23 times the noise's once called a damping in [23.9, 638] high.
+
+use super::{Case, short};
+use crate::estimation::problem::{Coordinate, Target};
+use crate::uncertainty::budget::{BETTER, Line};
+use crate::uncertainty::covariance::NORMAL_95;
+use crate::uncertainty::verdict::{Doubt, Rule, Subject, Trust};
+use greybox_simulation::model::Scale;
+
+/// A total standard error beyond this share of the value makes the trust moderate.
+const MODERATE_SHARE: f64 = 0.1;
+/// A total standard error beyond this share of the value makes the trust low.
+const LOW_SHARE: f64 = 0.5;
+/// Where a linear search range holds 0, an error is measured by this share of its largest magnitude
+/// at the least: an offset that is not there is known to no share of its value.
+const SHARE_OF_RANGE: f64 = 0.25;
+
+/// The total standard error of a coordinate.
+struct Width {
+    coordinate: usize,
+    /// The total standard error as a share of the search range.
+    total: f64,
+    /// The total standard error as a share of what it is measured by.
+    share: f64,
+    /// How far the coordinate can be trusted.
+    trust: Trust,
+    /// Whether what is taken as known adds more to the variance than noise does.
+    is_assumed: bool,
+}
+
+impl Case<'_> {
+    /// Coordinates that are known too coarsely to be trusted fully.
+    pub(super) fn widths(&self) -> Vec<Doubt> {
+        let coordinates = 0..self.problem.coordinates.len();
+        let widths = coordinates.filter_map(|index| self.width(index));
+        widths
+            .map(|width| match width.is_assumed {
+                true => self.dominated(&width),
+                false => self.left_open(&width),
+            })
+            .collect()
+    }
+
+    /// The width of a coordinate that is known too coarsely; none of a coordinate that is known
+    /// well, or that the data do not fix.
+    fn width(&self, index: usize) -> Option<Width> {
+        let coordinate = &self.problem.coordinates[index];
+        let noise = self.deviation(index)?;
+        let total = self.analysis.budget.totals.get(index).copied().flatten();
+        let total = total.unwrap_or(noise);
+        let is_assumed = total > std::f64::consts::SQRT_2 * noise;
+        let slope = coordinate.slope(self.report.positions[index]).abs();
+        let measure = magnitude(coordinate, self.report.values[index]);
+        let share = total * slope / measure.max(f64::MIN_POSITIVE);
+        let is_start = matches!(coordinate.target, Target::InitialState { .. });
+        let trust = if 2.0 * NORMAL_95 * total >= 1.0 {
+            Trust::Low
+        } else if is_start {
+            // Where the record starts is not what a job is for.
+            Trust::High
+        } else if share > LOW_SHARE {
+            Trust::Low
+        } else if share > MODERATE_SHARE {
+            Trust::Moderate
+        } else {
+            Trust::High
+        };
+        let is_told = !is_assumed && !self.analysis.coordinates[index].identifiable;
+        (trust < Trust::High && !is_told).then_some(Width {
+            coordinate: index,
+            total,
+            share,
+            trust,
+            is_assumed,
+        })
+    }
+
+    /// The doubt about a coordinate that noise leaves open.
+    fn left_open(&self, width: &Width) -> Doubt {
+        let detail = format!(
+            "noise leaves {}: record longer, or excite it more (`POST /v1/designs` looks for the \
+             experiment)",
+            self.error_in_words(width)
+        );
+        let doubt = Doubt::new(Rule::WideInterval, width.trust, detail);
+        doubt
+            .concerning(vec![width.coordinate])
+            .at_stake(width.share)
+    }
+
+    /// The doubt about a coordinate that what is taken as known leaves open.
+    fn dominated(&self, width: &Width) -> Doubt {
+        let better = |line: &Line| Some(line.contributions[width.coordinate]?.total_if_better);
+        let lines = self.analysis.budget.lines.iter().enumerate();
+        let lines = lines.filter_map(|(place, line)| Some((place, line, better(line)?)));
+        let best = lines.min_by(|(_, _, a), (_, _, b)| a.total_cmp(b));
+        let error = format!("all that is assumed leaves {}", self.error_in_words(width));
+        let doubt = |detail| {
+            let doubt = Doubt::new(Rule::AssumptionsDominate, width.trust, detail);
+            let doubt = doubt.concerning(vec![width.coordinate]);
+            doubt.at_stake(width.share)
+        };
+        let Some((place, line, then)) = best else {
+            return doubt(error);
+        };
+        let assumption = &line.assumption;
+        let detail = format!(
+            "{error}: know `{}` to {} {} instead of {}, and it falls to {} times that",
+            assumption.name,
+            short(assumption.tolerance / BETTER),
+            assumption.unit,
+            short(assumption.tolerance),
+            short(then / width.total)
+        );
+        doubt(detail).about(Subject::Assumptions(vec![place]))
+    }
+
+    /// The total standard error: in the unit, and as a share of the value where it has one.
+    fn error_in_words(&self, width: &Width) -> String {
+        let coordinate = &self.problem.coordinates[width.coordinate];
+        let value = self.report.values[width.coordinate];
+        let slope = coordinate.slope(self.report.positions[width.coordinate]);
+        let error = width.total * slope.abs();
+        let share = match error < value.abs() {
+            true => format!(" ({} %)", short(100.0 * error / value.abs())),
+            false => String::new(),
+        };
+        format!(
+            "`{}` with a standard error of {} {}{share}",
+            coordinate.name,
+            short(error),
+            coordinate.unit
+        )
+    }
+}
+
+/// What the error of a value is measured by: its magnitude, or a share of the search range where the
+/// range says that the value may be 0.
+fn magnitude(coordinate: &Coordinate, value: f64) -> f64 {
+    let Coordinate {
+        lower,
+        upper,
+        scale,
+        ..
+    } = *coordinate;
+    let of_range = SHARE_OF_RANGE * lower.abs().max(upper.abs());
+    match scale == Scale::Linear && lower <= 0.0 && upper >= 0.0 {
+        true => value.abs().max(of_range),
+        false => value.abs(),
+    }
+}
