@@ -18,7 +18,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 /// Steps for one reason at the most.
-const MOST_STEPS: usize = 3;
+const MOST_STEPS: usize = 4;
 /// Significant digits of the numbers in a patch.
 const DIGITS: usize = 4;
 
@@ -80,10 +80,10 @@ impl Finished<'_> {
                 subject,
             ) => {
                 let mut changes = self.free_effects();
-                changes.extend(self.look_for_disturbances());
                 if let (Rule::Misfit, Subject::Output(output)) = (doubt.rule, subject) {
                     changes.extend(self.declare_noise(*output));
                 }
+                changes.extend(self.look_for_disturbances());
                 changes
             }
             (Rule::NoiseContradicted, Subject::Output(output)) => {

@@ -10,6 +10,7 @@ mod facts;
 mod html;
 pub mod markdown;
 mod plots;
+mod process_noise;
 pub mod residuals;
 mod setup;
 mod tables;
@@ -80,6 +81,7 @@ pub fn render(report: &Report<'_>) -> String {
     tables::estimates(&mut page, report.outcome);
     tables::budget(&mut page, report.outcome);
     tables::fit(&mut page, report.outcome);
+    process_noise::section(&mut page, report.outcome);
     tables::model_search(&mut page, report.outcome);
     setup::model(&mut page, report);
     setup::recordings(&mut page, report);

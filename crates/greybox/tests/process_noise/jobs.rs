@@ -1,18 +1,20 @@
 //! Whole jobs over records of a disturbed rig: what they say of the noise, the parameters and the trust.
 
 use super::coverage::{Disturbed, RIG, RIGHT_SHARE, TRUTH, assert_covers, record_with, records};
+use greybox::estimation::Advance;
 use greybox::uncertainty::verdict::Trust;
-use greybox::{Identification, Outcome, Recording};
+use greybox::{Identification, Outcome, Recording, Run};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::sync::atomic::AtomicBool;
 
 const NAMES: [&str; 3] = ["mass", "damping", "stiffness"];
 /// The dry friction that the model leaves out [N].
 const FRICTION: f64 = 1.5;
 
 /// A job over a recording of the rig that lets the data choose the noise.
-fn job(recording: Recording) -> Outcome {
+fn identification(recording: Recording) -> Identification {
     let model: Value = serde_json::from_str(RIG).unwrap();
     let job = json!({
         "model": model,
@@ -20,7 +22,11 @@ fn job(recording: Recording) -> Outcome {
         "validation": {"fraction": 0},
         "seed": 1,
     });
-    let found = Identification::of_job(job, recording).run();
+    Identification::of_job(job, recording)
+}
+
+fn job(recording: Recording) -> Outcome {
+    let found = identification(recording).run();
     found.unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -121,4 +127,63 @@ fn a_friction_that_the_model_lacks_is_told_whatever_else_acts() {
         assert_eq!(study.moderate[damping], 0, "nor a moderate one");
         assert_eq!(study.reasons["assumption_contradicted"] as u64, records());
     }
+}
+
+/// Every unit of work is written down and taken up again, those of the noise models among them.
+#[test]
+fn saving_a_run_after_any_unit_changes_no_bit() {
+    let record = || record_with(Disturbed::Memory, 0.0, 1);
+    let never = AtomicBool::new(false);
+    let (assembly, spec) = identification(record()).assembly().unwrap();
+    let model = assembly.problem.model;
+    let recordings = [record()];
+    let mut run = identification(record()).begin().unwrap();
+    while run.advance(&never, &mut ()) == Advance::Working {
+        let text = serde_json::to_string(&run.checkpoint()).unwrap();
+        let checkpoint = serde_json::from_str(&text).unwrap();
+        run = Run::resume(&spec, &model, &recordings, checkpoint).unwrap();
+    }
+    let saved = run.outcome(None, &never).unwrap().unwrap();
+    let unbroken = job(record());
+    assert_eq!(saved.parameters, unbroken.parameters);
+    assert_eq!(saved.process_noise, unbroken.process_noise);
+    assert!(saved.process_noise.is_some());
+}
+
+/// The numbers of listed disturbances are given, looked for within a range, or left open.
+#[test]
+fn listed_disturbances_are_estimated_or_taken_as_they_are() {
+    let model: Value = serde_json::from_str(RIG).unwrap();
+    let listed = |noise: Value| {
+        let job = json!({
+            "model": model, "process_noise": [noise], "validation": {"fraction": 0.25}, "seed": 1
+        });
+        let recording = record_with(Disturbed::Memory, 0.0, 2);
+        let found = Identification::of_job(job, recording).run();
+        found.unwrap_or_else(|error| panic!("{error}"))
+    };
+    let acts_on = json!({"state": "v"});
+    let open = listed(json!({
+        "acts_on": acts_on, "kind": "memory",
+        "std": {"estimate": {}}, "time_constant_s": {"estimate": {"lower": 0.05, "upper": 5}}
+    }));
+    let noise = open.process_noise.as_ref().unwrap();
+    let found = &noise.disturbances[0];
+    // 2 N on 10 kg that remember 0.5 s.
+    let std = found.std.as_ref().unwrap();
+    assert!((std.estimate / 0.2 - 1.0).abs() < 0.3, "{std:?}");
+    let memory = found.time_constant_s.as_ref().unwrap();
+    let interval = memory.confidence_interval.as_ref().unwrap();
+    assert!(interval.lower.unwrap() < 0.5 && 0.5 < interval.upper.unwrap());
+    let band = &noise.held_back["position"];
+    assert!(band.samples == 250 && band.inside > 0.7, "{band:?}");
+    let given = listed(json!({
+        "acts_on": acts_on, "kind": "memory", "std": 0.2, "time_constant_s": 0.5
+    }));
+    let found = &given.process_noise.as_ref().unwrap().disturbances[0];
+    assert_eq!(found.std.as_ref().unwrap().standard_error, None);
+    let [open, given] = [open, given].map(|outcome| outcome.parameter("mass").unwrap().clone());
+    let [open, given] = [open.estimate, given.estimate];
+    let error = open.standard_error.unwrap();
+    assert!((open.estimate - given.estimate).abs() < error);
 }

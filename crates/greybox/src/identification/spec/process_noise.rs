@@ -273,6 +273,22 @@ impl ActsOnSpec {
 }
 
 impl NoiseKind {
+    /// The word in documents.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            NoiseKind::White => "white",
+            NoiseKind::Memory => "memory",
+            NoiseKind::Walk => "walk",
+        }
+    }
+
+    /// Whether the quantity keeps its value but for what is added.
+    #[must_use]
+    pub fn is_walk(self) -> bool {
+        self == NoiseKind::Walk
+    }
+
     fn of_process(self) -> DisturbanceKind {
         match self {
             NoiseKind::White => DisturbanceKind::White,
