@@ -1,12 +1,14 @@
 //! The steps from an estimate to its conclusion.
 //!
 //! Outputs of unknown noise are weighed anew ([`super::reweighting`]), the effects that the data
-//! support are selected ([`super::selection`]), and the estimate is linearised
+//! support are selected ([`super::selection`]), what is taken as known is moved to where the data and
+//! the tolerances put it ([`super::nuisances`]), and the estimate is linearised
 //! ([`super::linearised`]). Each step lists the refits that it waits for; when they have finished
 //! the step comes to the next one, the last step to the conclusion. Refits that are finished when
 //! the analysis begins are not run again, so an analysis that was saved goes on with the same bits.
 
 use super::linearised::LinearisedEstimate;
+use super::nuisances::NuisanceFit;
 use super::refits::{Quota, RefitSequence, Refits};
 use super::reweighting::Reweighting;
 use super::selection::{AfterRound, Elimination, Selected, Selection};
@@ -59,6 +61,8 @@ enum AnalysisStep {
     Reweight(Box<Reweighting>),
     /// Models without some of the effects are tried.
     Select(Box<Elimination>),
+    /// What is taken as known is moved to where the data and the tolerances put it.
+    Move(Box<Moving>),
     /// The estimate is linearised; refits improve what follows from that.
     Examine(Box<Examined>),
 }
@@ -68,6 +72,13 @@ enum AnalysisStep {
 struct Solved {
     problem: Problem,
     report: Report,
+}
+
+/// An estimate whose nuisances are moved.
+#[derive(Debug)]
+struct Moving {
+    fit: NuisanceFit,
+    selection: Option<Selection>,
 }
 
 /// The estimate that stands, as far as it is looked at.
@@ -84,6 +95,7 @@ impl AnalysisStep {
             AnalysisStep::Begin(_) => Vec::new(),
             AnalysisStep::Reweight(reweighting) => vec![&mut **reweighting],
             AnalysisStep::Select(elimination) => elimination.sequences(),
+            AnalysisStep::Move(moving) => vec![&mut moving.fit],
             AnalysisStep::Examine(examined) => examined.estimate.sequences(),
         }
     }
@@ -135,9 +147,13 @@ impl Analyser {
                             report,
                             selection,
                         } = *selected;
-                        self.examine(&problem, &report, Some(selection), stop)
+                        self.move_nuisances(&problem, &report, Some(selection), stop)
                     }
                 },
+                AnalysisStep::Move(moving) => {
+                    let Moving { fit, selection } = &**moving;
+                    self.examine(&fit.problem, &fit.report, selection.clone(), stop)
+                }
                 AnalysisStep::Examine(_) => return Advance::Finished,
             };
             match next {
@@ -168,10 +184,24 @@ impl Analyser {
     ) -> Option<AnalysisStep> {
         let effects = &self.request.effects;
         if effects.is_empty() {
-            return self.examine(problem, report, None, stop);
+            return self.move_nuisances(problem, report, None, stop);
         }
         let elimination = Elimination::begin(problem, report, effects, stop)?;
         Some(AnalysisStep::Select(Box::new(elimination)))
+    }
+
+    fn move_nuisances(
+        &self,
+        problem: &Problem,
+        report: &Report,
+        selection: Option<Selection>,
+        stop: &AtomicBool,
+    ) -> Option<AnalysisStep> {
+        if !self.request.thorough || problem.assumptions.is_empty() {
+            return self.examine(problem, report, selection, stop);
+        }
+        let fit = NuisanceFit::begin(problem, report, stop)?;
+        Some(AnalysisStep::Move(Box::new(Moving { fit, selection })))
     }
 
     fn examine(

@@ -13,6 +13,7 @@
 
 mod analyser;
 mod analysis;
+pub mod assumed_values;
 mod bootstrap;
 pub mod budget;
 pub mod constrained;
@@ -25,6 +26,7 @@ pub mod identifiability;
 pub mod joint;
 mod linearised;
 pub mod monte_carlo;
+mod nuisances;
 pub mod profile;
 pub mod refits;
 pub mod residuals;
