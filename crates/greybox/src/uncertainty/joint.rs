@@ -186,7 +186,9 @@ impl Joint {
     /// The step of the assumptions that are not held to where the data and the tolerances put them.
     #[must_use]
     pub fn step(&self, is_held: &[bool]) -> Option<JointStep> {
-        let free: Vec<usize> = (0..is_held.len()).filter(|index| !is_held[*index]).collect();
+        let free: Vec<usize> = (0..is_held.len())
+            .filter(|index| !is_held[*index])
+            .collect();
         if free.is_empty() {
             return None;
         }
@@ -435,5 +437,30 @@ mod tests {
         let (all, _) = closed_form(1.0);
         // The second assumption adds its 2² to what the first leaves.
         assert!((without - (all[(1, 1)] - 4.0)).abs() < 1e-8, "{without}");
+    }
+
+    #[test]
+    fn a_step_ends_where_data_and_tolerances_balance() {
+        let declared = joint(1.0);
+        let step = declared.step(&[false; 2]).unwrap();
+        let (s, p) = (matrix(&S), matrix(&P));
+        let moved = DVector::from_vec(step.assumptions.clone());
+        let along = DVector::from_vec(step.unknowns.clone());
+        let left = DVector::from_row_slice(&R) + s * along + p * &moved;
+        let mut triangle = Triangle::new(4);
+        triangle.push(&DMatrix::from_fn(6, 5, |row, column| match column {
+            0 | 1 => S[row][column],
+            2 | 3 => P[row][column - 2],
+            _ => left[row],
+        }));
+        let taken = Joint::new(&triangle, &triangle, &step.assumptions).unwrap();
+        let further = taken.step(&[false; 2]).unwrap();
+        assert!(step.gain > 0.0 && further.gain < 1e-20 * step.gain);
+        for assumption in 0..2 {
+            let ((a, spread), (b, same)) =
+                (declared.posterior(assumption), taken.posterior(assumption));
+            assert!((a - b).abs() < 1e-12 && (spread - same).abs() < 1e-12);
+        }
+        assert!(shift(&taken, 0) < 1e-20);
     }
 }

@@ -140,7 +140,10 @@ impl NuisanceFit {
         if step.gain <= least.gain && largest <= least.move_share {
             return None;
         }
-        let longest = step.assumptions.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+        let longest = step
+            .assumptions
+            .iter()
+            .fold(0.0, |a: f64, b| a.max(b.abs()));
         let next = NuisanceStep {
             nuisances: step.assumptions,
             unknowns: step.unknowns,
@@ -295,7 +298,10 @@ impl Standing {
         let samples = fit::of(problem, &trajectories, fit::Part::Estimation);
         let samples = samples.iter().map(|fit| fit.samples as f64);
         let data: f64 = residuals.iter().zip(samples).map(deviance).sum();
-        let off = problem.assumptions.iter().map(|assumption| assumption.off());
+        let off = problem
+            .assumptions
+            .iter()
+            .map(|assumption| assumption.off());
         let priors = problem.prior_sum(positions).0 + off.map(|off| off * off).sum::<f64>();
         let noise = |unknown: usize| linear.deviation(unknown).map(|noise| noise * noise);
         let fails = |place: usize| around.fails(&extended, place);

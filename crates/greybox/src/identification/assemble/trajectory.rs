@@ -87,7 +87,9 @@ pub fn trajectory(
         let outputs = problem.outputs.iter().zip(&data.measured);
         ExperimentTrajectory {
             dataset: spec.dataset,
-            time: (0..data.samples).map(|k| from + data.instant(k) / clock).collect(),
+            time: (0..data.samples)
+                .map(|k| from + data.instant(k) / clock)
+                .collect(),
             estimation_samples: data.estimation_samples,
             outputs: outputs
                 .enumerate()
