@@ -144,14 +144,26 @@ pub struct Assumption {
     pub unit: String,
     /// What the assumption stands for.
     pub target: Assumed,
-    /// The value that is taken, SI.
+    /// The value that the job declares, SI.
     pub value: f64,
+    /// The value that the problem is solved with, SI: the declared one, or where the data put the
+    /// number within its tolerance.
+    pub taken: f64,
     /// One standard deviation of what is not known of the number, above zero, SI.
     pub tolerance: f64,
     /// Whether the number is of an effect that is left out.
     pub is_absent_effect: bool,
     /// The least and the largest possible value, where there are such.
     pub limits: [Option<f64>; 2],
+}
+
+impl Assumption {
+    /// How many standard deviations of the tolerance the value that is taken lies off the declared
+    /// one.
+    #[must_use]
+    pub fn off(&self) -> f64 {
+        (self.taken - self.value) / self.tolerance
+    }
 }
 
 impl Coordinate {
@@ -219,6 +231,14 @@ impl Problem {
             }
         }
         self
+    }
+
+    /// The clock of the recordings that is taken: how long one of their seconds is `[s]`.
+    #[must_use]
+    pub fn clock(&self) -> f64 {
+        let mut assumptions = self.assumptions.iter();
+        let clock = assumptions.find(|assumption| assumption.target == Assumed::Clock);
+        clock.map_or(1.0, |clock| clock.taken)
     }
 
     /// Whether the noise of every output is declared, so that a cost of one is what noise alone

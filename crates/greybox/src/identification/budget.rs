@@ -15,9 +15,14 @@ pub struct BudgetLine {
     pub assumption: String,
     /// What kind of assumption.
     pub kind: AssumptionKind,
-    /// The value that was taken, SI.
+    /// The declared value, SI.
     #[schema(example = 7e6)]
     pub value: f64,
+    /// The value that the estimate was made with, SI: where the data and the tolerances together
+    /// put it. Absent where it is the declared one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false, example = 7.01e6)]
+    pub taken: Option<f64>,
     /// One standard deviation of what is not known of it, SI: of an effect that is left out, its
     /// plausible size.
     #[schema(example = 7e4)]
@@ -25,12 +30,18 @@ pub struct BudgetLine {
     /// The SI unit of all numbers of the assumption.
     #[schema(example = "Pa")]
     pub unit: String,
-    /// How many standard deviations of noise the residuals pull at it: beyond 4 they contradict
-    /// it. `null` where they cannot tell it from the unknowns, and before anything is estimated.
+    /// How many standard deviations of noise the residuals pull at the declared value: beyond 4 they
+    /// ask for another one, and contradict it where that lies beyond the tolerances. `null` where
+    /// they cannot tell it from the unknowns, and before anything is estimated.
     #[schema(example = -0.8)]
     pub score: Option<f64>,
-    /// What would explain what is left, with all other assumptions as they are.
+    /// The value that the data alone would give it, with all other assumptions as they were taken.
     pub suggested: Option<Suggested>,
+    /// Where the data and all tolerances together put it, and how well they know it; absent before
+    /// anything is estimated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub posterior: Option<Suggested>,
     /// By how much it could be wrong without residuals that show it, SI; `null` where by anything.
     #[schema(example = 1.2e4)]
     pub unnoticed_up_to: Option<f64>,
@@ -53,14 +64,14 @@ pub enum AssumptionKind {
     Clock,
 }
 
-/// A value that would explain the residuals.
+/// A value that the data give to what was taken as known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[non_exhaustive]
 pub struct Suggested {
     /// The value, SI.
     #[schema(example = 7.02e6)]
     pub value: f64,
-    /// The standard error of the suggested value, SI.
+    /// The standard error of the value, SI.
     #[schema(example = 3e3)]
     pub standard_error: f64,
 }

@@ -1,16 +1,19 @@
 //! The steps from an estimate to its conclusion.
 //!
 //! Outputs of unknown noise are weighed anew ([`super::reweighting`]), the effects that the data
-//! support are selected ([`super::selection`]), and the estimate is linearised
+//! support are selected ([`super::selection`]), what is taken as known is moved to where the data and
+//! the tolerances put it ([`super::nuisances`]), and the estimate is linearised
 //! ([`super::linearised`]). Each step lists the refits that it waits for; when they have finished
 //! the step comes to the next one, the last step to the conclusion. Refits that are finished when
 //! the analysis begins are not run again, so an analysis that was saved goes on with the same bits.
 
 use super::linearised::LinearisedEstimate;
 use super::noise_comparison::{DisturbedEstimate, NoiseComparison};
+use super::nuisances::NuisanceFit;
 use super::refits::{Quota, RefitSequence, Refits};
 use super::reweighting::Reweighting;
 use super::selection::{AfterRound, Elimination, Selected, Selection};
+use super::solved::Solved;
 use super::{Analysis, Request, validation_start};
 use crate::estimation::Advance;
 use crate::estimation::problem::Problem;
@@ -60,19 +63,32 @@ enum AnalysisStep {
     Reweight(Box<Reweighting>),
     /// Models without some of the effects are tried.
     Select(Box<Elimination>),
+    /// What is taken as known is moved to where the data and the tolerances put it.
+    Move(Box<Moving>),
     /// Noise models are fitted.
-    CompareNoise(Box<NoiseComparison>),
+    CompareNoise(Box<Comparing>),
     /// The estimate is linearised; refits improve what follows from that.
     Examine(Box<Examined>),
     /// The estimate under a noise model is linearised.
     ExamineDisturbed(Box<ExaminedDisturbed>),
 }
 
-/// A problem, and what the run came to.
+/// An estimate whose nuisances are moved.
 #[derive(Debug)]
-struct Solved {
-    problem: Problem,
-    report: Report,
+struct Moving {
+    /// The estimate with the declared values.
+    unmoved: Solved,
+    fit: NuisanceFit,
+    selection: Option<Selection>,
+}
+
+/// An estimate to which noise models are fitted.
+#[derive(Debug)]
+struct Comparing {
+    comparison: NoiseComparison,
+    /// The estimate of the free run.
+    stands: Solved,
+    selection: Option<Selection>,
 }
 
 /// The estimate that stands, as far as it is looked at.
@@ -96,7 +112,8 @@ impl AnalysisStep {
             AnalysisStep::Begin(_) => Vec::new(),
             AnalysisStep::Reweight(reweighting) => vec![&mut **reweighting],
             AnalysisStep::Select(elimination) => elimination.sequences(),
-            AnalysisStep::CompareNoise(comparison) => comparison.sequences(),
+            AnalysisStep::CompareNoise(comparing) => comparing.comparison.sequences(),
+            AnalysisStep::Move(moving) => vec![&mut moving.fit],
             AnalysisStep::Examine(examined) => examined.estimate.sequences(),
             AnalysisStep::ExamineDisturbed(examined) => examined.estimate.sequences(),
         }
@@ -149,10 +166,18 @@ impl Analyser {
                             report,
                             selection,
                         } = *selected;
-                        self.compare_noise(&problem, &report, Some(selection), stop)
+                        self.move_nuisances(&problem, &report, Some(selection), stop)
                     }
                 },
-                AnalysisStep::CompareNoise(comparison) => self.examine_compared(comparison, stop),
+                AnalysisStep::Move(moving) => {
+                    let stands = Solved {
+                        problem: moving.fit.problem.clone(),
+                        report: moving.fit.report.clone(),
+                    };
+                    let selection = moving.selection.clone();
+                    self.compare_noise(&moving.unmoved, &stands, selection, stop)
+                }
+                AnalysisStep::CompareNoise(comparing) => self.examine_compared(comparing, stop),
                 AnalysisStep::Examine(_) | AnalysisStep::ExamineDisturbed(_) => {
                     return Advance::Finished;
                 }
@@ -185,33 +210,59 @@ impl Analyser {
     ) -> Option<AnalysisStep> {
         let effects = &self.request.effects;
         if effects.is_empty() {
-            return self.compare_noise(problem, report, None, stop);
+            return self.move_nuisances(problem, report, None, stop);
         }
         let elimination = Elimination::begin(problem, report, effects, stop)?;
         Some(AnalysisStep::Select(Box::new(elimination)))
     }
 
-    fn compare_noise(
+    fn move_nuisances(
         &self,
         problem: &Problem,
         report: &Report,
         selection: Option<Selection>,
         stop: &AtomicBool,
     ) -> Option<AnalysisStep> {
-        let asked = &self.request;
-        match NoiseComparison::begin(problem, report, selection.as_ref(), asked, stop)? {
-            Some(comparison) => Some(AnalysisStep::CompareNoise(Box::new(comparison))),
-            None => self.examine(problem, report, selection, stop),
+        let unmoved = Solved {
+            problem: problem.clone(),
+            report: report.clone(),
+        };
+        if !self.request.thorough || problem.assumptions.is_empty() {
+            return self.compare_noise(&unmoved, &unmoved, selection, stop);
+        }
+        let fit = NuisanceFit::begin(problem, report, stop)?;
+        Some(AnalysisStep::Move(Box::new(Moving {
+            unmoved,
+            fit,
+            selection,
+        })))
+    }
+
+    /// Noise models begin at the declared values: what is taken as known is not moved for what a disturbance
+    /// does.
+    fn compare_noise(
+        &self,
+        unmoved: &Solved,
+        stands: &Solved,
+        selection: Option<Selection>,
+        stop: &AtomicBool,
+    ) -> Option<AnalysisStep> {
+        match NoiseComparison::begin(stands, unmoved, &self.request, stop)? {
+            Some(comparison) => {
+                let comparing = Comparing {
+                    comparison,
+                    stands: stands.clone(),
+                    selection,
+                };
+                Some(AnalysisStep::CompareNoise(Box::new(comparing)))
+            }
+            None => self.examine(stands, selection, stop),
         }
     }
 
-    fn examine_compared(
-        &self,
-        comparison: &NoiseComparison,
-        stop: &AtomicBool,
-    ) -> Option<AnalysisStep> {
-        let selection = comparison.selection.clone();
-        match comparison.examined(&self.request, stop)? {
+    fn examine_compared(&self, comparing: &Comparing, stop: &AtomicBool) -> Option<AnalysisStep> {
+        let selection = comparing.selection.clone();
+        match comparing.comparison.examined(&self.request, stop)? {
             Some(estimate) => {
                 let examined = ExaminedDisturbed {
                     estimate,
@@ -219,18 +270,18 @@ impl Analyser {
                 };
                 Some(AnalysisStep::ExamineDisturbed(Box::new(examined)))
             }
-            None => self.examine(&comparison.problem, &comparison.report, selection, stop),
+            None => self.examine(&comparing.stands, selection, stop),
         }
     }
 
     fn examine(
         &self,
-        problem: &Problem,
-        report: &Report,
+        solved: &Solved,
         selection: Option<Selection>,
         stop: &AtomicBool,
     ) -> Option<AnalysisStep> {
-        let problem = validation_start::settled(problem, &report.positions, stop)?;
+        let report = &solved.report;
+        let problem = validation_start::settled(&solved.problem, &report.positions, stop)?;
         let estimate = LinearisedEstimate::of(&problem, report, &self.request, stop)?;
         Some(AnalysisStep::Examine(Box::new(Examined {
             estimate,

@@ -12,6 +12,7 @@ use crate::estimation::problem::{Assumption, Coordinate, Problem, Target};
 use crate::estimation::sensitivity::{Directions, Neighbourhood, Row, SHIFT, Sides};
 use greybox_simulation::model::Scale;
 use greybox_simulation::{Accuracy, SimulationFailure};
+use nalgebra::DMatrix;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -39,6 +40,9 @@ pub struct Budget {
     pub totals: Vec<Option<f64>>,
     /// One for each assumption.
     pub lines: Vec<Line>,
+    /// The covariance that the data and the tolerances leave of the assumptions, in standard
+    /// deviations of their tolerances; none without assumptions.
+    pub covariance: Option<DMatrix<f64>>,
     /// Whether there are assumptions that nothing is said of: the record is too long to hold the
     /// simulations of all, or the run was stopped.
     pub is_left_out: bool,
@@ -49,11 +53,16 @@ pub struct Budget {
 pub struct Line {
     /// The assumption.
     pub assumption: Assumption,
-    /// How many standard deviations the residuals pull at it; none where they cannot see it apart
+    /// How many standard deviations the residuals pull at the declared value; none where they cannot see it apart
     /// from the unknowns, or there are no residuals yet.
     pub score: Option<f64>,
     /// The value that would explain what is left, with its standard error, SI.
     pub suggested: Option<(f64, f64)>,
+    /// Where the data and all tolerances together put it, with its standard deviation, SI; none
+    /// before anything is estimated.
+    pub posterior: Option<(f64, f64)>,
+    /// Whether the residuals pull at it by more than noise and tolerances allow.
+    pub is_pulled: bool,
     /// What could be off without being noticed, SI; none where anything could.
     pub unnoticed: Option<f64>,
     /// For each coordinate what it contributes; none where the data do not fix the coordinates.
@@ -83,7 +92,7 @@ impl Line {
     }
 
     /// Twice the logarithm of how much likelier the data and the tolerance together make the
-    /// suggested value than the one that was taken.
+    /// suggested value than the declared one.
     #[must_use]
     pub fn likelihood(&self) -> f64 {
         let tolerances = self.suggested.map_or(0.0, |(value, _)| {
@@ -92,7 +101,8 @@ impl Line {
         self.score.map_or(0.0, |score| score * score) - tolerances * tolerances
     }
 
-    /// Whether the residuals contradict it: they pull beyond chance, and to where it can be.
+    /// Whether the residuals contradict the declared value: they pull by more than noise and
+    /// tolerances allow, and to where the number can be.
     #[must_use]
     pub fn is_contradicted(&self) -> bool {
         let [lower, upper] = self.assumption.limits;
@@ -100,8 +110,7 @@ impl Line {
             lower.is_none_or(|lower| value + error >= lower)
                 && upper.is_none_or(|upper| value - error <= upper)
         };
-        self.score.is_some_and(|score| score.abs() > LARGEST_SCORE)
-            && self.suggested.is_some_and(possible)
+        self.is_pulled && self.suggested.is_some_and(possible)
     }
 }
 
@@ -144,7 +153,7 @@ impl Extended {
             };
             let coordinate = coordinate(assumption, target);
             let (lower, upper) = (coordinate.lower, coordinate.upper);
-            let position = coordinate.scale.position(assumption.value, lower, upper);
+            let position = coordinate.scale.position(assumption.taken, lower, upper);
             extended.positions.push(position);
             extended.problem.coordinates.push(coordinate);
             if let Target::InitialState { experiment, state } = target {
@@ -192,7 +201,8 @@ impl Extended {
         })
     }
 
-    fn assumptions(&self) -> &[Assumption] {
+    /// What is taken as known, but not exactly: nothing where the record is too long.
+    pub(super) fn assumptions(&self) -> &[Assumption] {
         &self.problem.assumptions
     }
 
@@ -246,8 +256,13 @@ impl Around<'_> {
         columns.chain(measured)
     }
 
+    /// The simulation as sensors and clock change it.
+    pub(super) fn sensors(&self) -> &Sensors {
+        &self.sensors
+    }
+
     /// Whether nothing can be said of an assumption, by its place.
-    fn fails(&self, extended: &Extended, place: usize) -> bool {
+    pub(super) fn fails(&self, extended: &Extended, place: usize) -> bool {
         let simulated = extended.assumptions()[place].target.simulated();
         simulated.is_some() && self.neighbourhood.fails_along(extended.unknowns + place)
     }
@@ -255,7 +270,7 @@ impl Around<'_> {
 
 fn coordinate(assumption: &Assumption, target: Target) -> Coordinate {
     let [least, most] = assumption.limits;
-    let (value, room) = (assumption.value, ROOM * assumption.tolerance);
+    let (value, room) = (assumption.taken, ROOM * assumption.tolerance);
     Coordinate {
         name: assumption.name.clone(),
         quantity: assumption.name.clone(),
@@ -344,6 +359,11 @@ impl Budget {
             Line {
                 score: score.map(|score| score.t),
                 suggested: score.map(value),
+                posterior: joint.filter(|_| has_residuals).map(|joint| {
+                    let (shift, deviation) = joint.posterior(place);
+                    (assumption.value + shift * size, deviation * size)
+                }),
+                is_pulled: score.is_some() && joint.is_some_and(|joint| joint.contradicts(place)),
                 unnoticed: joint
                     .and_then(|joint| joint.unnoticed(place, LARGEST_SCORE))
                     .map(|tolerances| tolerances * size),
@@ -367,6 +387,7 @@ impl Budget {
         let lines = extended.assumptions().iter().enumerate();
         Budget {
             lines: lines.map(line).collect(),
+            covariance: joint.map(|joint| joint.posterior_covariance().clone()),
             is_left_out: extended.is_cut,
             totals,
         }
@@ -374,7 +395,10 @@ impl Budget {
 }
 
 /// The unknowns and the assumptions, linearised; none without assumptions.
-fn gather(
+///
+/// # Errors
+/// How the candidate or a neighbour along an unknown failed.
+pub(super) fn gather(
     extended: &Extended,
     around: &Around<'_>,
     weighing: Weighing,
@@ -386,5 +410,6 @@ fn gather(
     }
     let columns = |row: &Row<'_>| around.columns(extended, row).collect();
     let (plain, white) = weighing.triangles(&around.neighbourhood, unknowns, n, columns)?;
-    Ok(Joint::new(&plain, &white, unknowns))
+    let off: Vec<f64> = extended.assumptions().iter().map(Assumption::off).collect();
+    Ok(Joint::new(&plain, &white, &off))
 }

@@ -1,15 +1,18 @@
 //! Numbers that are taken as known, drawn from what is known of them.
 //!
-//! Sensors and clock change the measured data to first order.
+//! They are drawn together, from what the data and the tolerances leave of them about the values
+//! that the estimate was made with. Sensors and clock change the measured data to first order.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use super::assumed_values::{assume, correct};
+use super::budget::Budget;
 use super::sensors::Sensors;
 use super::simulated_estimate::SimulatedEstimate;
-use crate::estimation::problem::{Assumed, Assumption, Problem, Target};
-use crate::estimation::sensitivity::ResidualPlace;
-use greybox_numerics::rng::{self, Purpose, Rng};
+use crate::estimation::problem::{Assumed, Assumption, Problem};
+use greybox_numerics::rng::{self, Purpose};
+use nalgebra::DMatrix;
 
 /// A number outside its limits is drawn again, so many times at the most.
 const DRAWS: usize = 1000;
@@ -18,15 +21,28 @@ const DRAWS: usize = 1000;
 #[derive(Debug)]
 pub(super) struct DrawnAssumptions {
     assumptions: Arc<Vec<Assumption>>,
+    /// A lower triangle whose product with standard normal numbers has the covariance of the
+    /// assumptions, in standard deviations of their tolerances.
+    spread: DMatrix<f64>,
     sensors: Sensors,
 }
 
 impl DrawnAssumptions {
-    /// Takes the assumptions of an estimate's problem. Answers nothing when `stop` was raised.
-    pub fn of(estimate: &SimulatedEstimate, stop: &AtomicBool) -> Option<DrawnAssumptions> {
+    /// Takes the assumptions of an estimate's problem, as its budget knows them. Answers nothing when
+    /// `stop` was raised.
+    pub fn of(
+        estimate: &SimulatedEstimate,
+        budget: &Budget,
+        stop: &AtomicBool,
+    ) -> Option<DrawnAssumptions> {
         let (problem, positions) = (&estimate.problem, &estimate.report.positions);
+        let n = problem.assumptions.len();
+        let cholesky = budget.covariance.clone().and_then(DMatrix::cholesky);
+        let spread = cholesky.map(|cholesky| cholesky.l());
+        let spread = spread.filter(|spread| spread.nrows() == n);
         Some(DrawnAssumptions {
             assumptions: Arc::clone(&problem.assumptions),
+            spread: spread.unwrap_or_else(|| DMatrix::identity(n, n)),
             sensors: Sensors::simulate(problem, positions, stop)?,
         })
     }
@@ -34,64 +50,29 @@ impl DrawnAssumptions {
     /// Has a drawn problem take drawn numbers as known.
     pub fn draw(&self, drawn: &mut Problem, seed: u64, sample: u32) {
         let mut rng = rng::stream(seed, u64::from(sample), Purpose::Assumptions);
-        for assumption in self.assumptions.iter() {
-            let value = draw(assumption, &mut rng);
-            assume(drawn, assumption, value, &self.sensors);
-        }
-    }
-}
-
-/// A value that an assumption may have: normal about what is taken, within its limits.
-fn draw(assumption: &Assumption, rng: &mut impl Rng) -> f64 {
-    let [lower, upper] = assumption.limits.map(|limit| limit.unwrap_or(f64::NAN));
-    let mut values = (0..DRAWS).map(|_| assumption.value + assumption.tolerance * rng::normal(rng));
-    // A limit that is none is below and above everything.
-    let possible = |value: &f64| !(*value < lower || *value > upper);
-    values.find(possible).unwrap_or(assumption.value)
-}
-
-/// Takes another value as known.
-fn assume(problem: &mut Problem, assumption: &Assumption, value: f64, sensors: &Sensors) {
-    let target = match assumption.target {
-        Assumed::Model(target) | Assumed::Probe(target) => target,
-        sensor @ (Assumed::Sensor { .. } | Assumed::Clock) => {
-            return correct(problem, sensor, value - assumption.value, sensors);
-        }
-    };
-    if let Target::Parameter(parameter) = target {
-        problem.parameters[parameter] = value;
-        return;
-    }
-    let experiments = Arc::make_mut(&mut problem.experiments).iter_mut();
-    for experiment in experiments.filter(|data| target.experiment() == Some(data.place)) {
-        match target {
-            Target::Parameter(_) => {}
-            Target::ExperimentParameter { parameter, .. } => {
-                let values = experiment.parameters.iter_mut();
-                let same = values.filter(|(place, _)| *place == parameter);
-                same.for_each(|(_, given)| *given = value);
+        let mut normal: Vec<f64> = Vec::new();
+        for (place, assumption) in self.assumptions.iter().enumerate() {
+            let row = self.spread.row(place);
+            let before: f64 = normal.iter().zip(row.iter()).map(|(z, by)| z * by).sum();
+            let shift = |z: f64| assumption.tolerance * (before + row[place] * z);
+            let [lower, upper] = assumption.limits.map(|limit| limit.unwrap_or(f64::NAN));
+            // A limit that is none is below and above everything.
+            let is_possible = |z: &f64| {
+                let value = assumption.taken + shift(*z);
+                !(value < lower || value > upper)
+            };
+            let mut draws = (0..DRAWS).map(|_| rng::normal(&mut rng));
+            let z = draws.find(is_possible);
+            let shift = z.map_or(0.0, shift);
+            match assumption.target {
+                Assumed::Model(target) | Assumed::Probe(target) => {
+                    assume(drawn, target, assumption.taken + shift);
+                }
+                sensor @ (Assumed::Sensor { .. } | Assumed::Clock) => {
+                    correct(drawn, sensor, shift, &self.sensors);
+                }
             }
-            Target::InitialState { state, .. } => experiment.initial_state[state] = Some(value),
+            normal.push(z.unwrap_or_default());
         }
     }
-}
-
-/// Takes out of what was measured what a sensor or the clock has added, if its number is off by so
-/// much.
-fn correct(problem: &mut Problem, assumed: Assumed, off: f64, sensors: &Sensors) {
-    let mut experiments = Arc::clone(&problem.experiments);
-    let changed = Arc::make_mut(&mut experiments).iter_mut().enumerate();
-    for (experiment, data) in changed {
-        for (output, measured) in data.measured.iter_mut().enumerate() {
-            for (sample, value) in measured.iter_mut().enumerate() {
-                let place = ResidualPlace {
-                    experiment,
-                    sample,
-                    output,
-                };
-                *value -= off * sensors.derivative(problem, assumed, place);
-            }
-        }
-    }
-    problem.experiments = experiments;
 }

@@ -78,7 +78,7 @@ pub fn of(
     let n = unknowns + tested.len();
     let weighing = Weighing::of(problem, seen);
     let (plain, white) = weighing.triangles(neighbourhood, unknowns, n, columns)?;
-    let Some(joint) = Joint::new(&plain, &white, unknowns) else {
+    let Some(joint) = Joint::new(&plain, &white, &vec![0.0; tested.len()]) else {
         return Ok(Vec::new());
     };
     let drift = |(place, (coordinate, change)): (usize, &(usize, Change))| {

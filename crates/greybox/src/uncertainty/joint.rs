@@ -10,6 +10,10 @@
 //!
 //! `T = C + K·V·Kᵀ + (K·V·g)²`, C the covariance of noise alone.
 //!
+//! Where the estimate was made with values of the assumptions that lie d off the declared ones, the
+//! tolerances pull back: `V·(g − d)` stands in the place of `V·g`, which is zero where data and
+//! tolerances balance (`super::nuisances`).
+//!
 //! Where the residuals contradict an assumption the linear model is not to be relied on so far away,
 //! and the error has at least the mean square `C + K·Kᵀ`.
 //!
@@ -28,6 +32,9 @@ const APART: f64 = 1e-6;
 /// A score beyond this is no chance, among some twenty of them.
 pub const LARGEST_SCORE: f64 = 4.0;
 
+/// Standard deviations of what was declared of a number beyond which the data contradict it.
+pub const LARGEST_SHIFT: f64 = 3.0;
+
 /// The unknowns and the assumptions.
 #[derive(Clone, Debug)]
 pub struct Joint {
@@ -39,33 +46,48 @@ pub struct Joint {
     /// The upper triangle of M.
     apart: DMatrix<f64>,
     gradient: DVector<f64>,
+    /// d: for each assumption how far off the declared value the estimate takes it.
+    off: DVector<f64>,
     /// For each assumption whether the data see it apart from the unknowns.
     seen: Vec<bool>,
     /// V.
     posterior: DMatrix<f64>,
-    /// V·g: where the data and the tolerances put the assumptions.
+    /// V·(g − d): where the data and the tolerances put the assumptions, from the values that are
+    /// taken.
     middle: DVector<f64>,
+}
+
+/// A step of the assumptions to where the data and the tolerances put them.
+#[derive(Clone, Debug)]
+pub struct JointStep {
+    /// How far each assumption moves, in standard deviations of its tolerance.
+    pub assumptions: Vec<f64>,
+    /// How far each unknown moves along, as a position.
+    pub unknowns: Vec<f64>,
+    /// Twice the logarithm of how much likelier the step makes the data and the declared values.
+    pub gain: f64,
 }
 
 /// What the data say of one assumption, in standard deviations of its tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Score {
-    /// How many standard deviations of noise the residuals pull at it; standard normal where it
-    /// is right.
+    /// How many standard deviations of noise the residuals pull at the declared value; standard
+    /// normal where that is right.
     pub t: f64,
-    /// Where they pull it to, with its standard deviation.
+    /// Where they pull it to, from the declared value, with its standard deviation.
     pub suggested: (f64, f64),
 }
 
 impl Joint {
-    /// From the triangle of `[S | P | r]` with `unknowns` columns of S, and the same of white
-    /// rows. None where the numbers cannot be used.
+    /// From the triangle of `[S | P | r]` with a column of P for each entry of `off`, and the same of
+    /// white rows; `off` is how far off its declared value each assumption is taken. None where the numbers cannot be used.
     #[must_use]
-    pub fn new(plain: &Triangle, white: &Triangle, unknowns: usize) -> Option<Joint> {
+    pub fn new(plain: &Triangle, white: &Triangle, off: &[f64]) -> Option<Joint> {
         if !plain.is_usable() || !white.is_usable() {
             return None;
         }
         let columns = plain.factor().ncols();
+        let unknowns = columns - off.len();
         let fixed = effective(&plain.factor().columns(0, unknowns).into_owned());
         let rows = (0..unknowns).map(|unknown| fixed.iter().position(|index| *index == unknown));
         let rows: Vec<Option<usize>> = rows.collect();
@@ -89,7 +111,9 @@ impl Joint {
             apart.column_mut(index).fill(0.0);
         }
         let gradient = -(apart.transpose() * &rest);
-        let (posterior, middle) = posterior(&apart, &gradient, &vec![1.0; assumed])?;
+        let off = DVector::from_column_slice(off);
+        let pull = &gradient - &off;
+        let (posterior, middle) = posterior(&apart, &pull, &vec![1.0; assumed])?;
         let above = factor.view((0, 0), (unknowns, unknowns)).into_owned();
         let beside = factor.view((0, unknowns), (unknowns, assumed));
         Some(Joint {
@@ -100,6 +124,7 @@ impl Joint {
                 .filter(|moved| moved.iter().all(|entry| entry.is_finite())),
             apart,
             gradient,
+            off,
             seen,
             posterior,
             middle,
@@ -118,8 +143,67 @@ impl Joint {
     pub fn score(&self, assumption: usize) -> Option<Score> {
         let root = self.apart.column(assumption).norm();
         self.seen[assumption].then(|| Score {
-            t: self.gradient[assumption] / root,
-            suggested: (self.gradient[assumption] / (root * root), 1.0 / root),
+            t: self.gradient[assumption] / root + self.off[assumption] * root,
+            suggested: (
+                self.gradient[assumption] / (root * root) + self.off[assumption],
+                1.0 / root,
+            ),
+        })
+    }
+
+    /// Where the data and the tolerances together put an assumption, in standard deviations of its
+    /// tolerance from its declared value, with the standard deviation that they leave of it.
+    #[must_use]
+    pub fn posterior(&self, assumption: usize) -> (f64, f64) {
+        (
+            self.off[assumption] + self.middle[assumption],
+            self.posterior[(assumption, assumption)].sqrt(),
+        )
+    }
+
+    /// The covariance that the data and the tolerances leave of the assumptions, in standard
+    /// deviations of their tolerances.
+    #[must_use]
+    pub fn posterior_covariance(&self) -> &DMatrix<f64> {
+        &self.posterior
+    }
+
+    /// Whether the residuals contradict the declared value of an assumption: they pull beyond chance
+    /// at the value that is taken, or at the declared one, which lies beyond the tolerances of all
+    /// assumptions. Under right tolerances where the data put an assumption has the variance `1 − V`.
+    #[must_use]
+    pub fn contradicts(&self, assumption: usize) -> bool {
+        let Some(score) = self.score(assumption) else {
+            return false;
+        };
+        let left = self.gradient[assumption] / self.apart.column(assumption).norm();
+        let (shift, deviation) = self.posterior(assumption);
+        let expected = (1.0 - deviation * deviation).max(f64::EPSILON).sqrt();
+        left.abs() > LARGEST_SCORE
+            || score.t.abs() > LARGEST_SCORE && shift.abs() > LARGEST_SHIFT * expected
+    }
+
+    /// The step of the assumptions that are not held to where the data and the tolerances put them.
+    #[must_use]
+    pub fn step(&self, is_held: &[bool]) -> Option<JointStep> {
+        let free: Vec<usize> = (0..is_held.len())
+            .filter(|index| !is_held[*index])
+            .collect();
+        if free.is_empty() {
+            return None;
+        }
+        let pull = (&self.gradient - &self.off).select_rows(&free);
+        let apart = self.apart.select_columns(&free);
+        let (_, moved) = posterior(&apart, &pull, &vec![1.0; free.len()])?;
+        let mut assumptions = DVector::zeros(is_held.len());
+        for (place, index) in free.iter().enumerate() {
+            assumptions[*index] = moved[place];
+        }
+        let along = |unknown: usize| self.moves(unknown).map_or(0.0, |by| by.dot(&assumptions));
+        Some(JointStep {
+            unknowns: (0..self.rows.len()).map(along).collect(),
+            gain: pull.dot(&moved),
+            assumptions: assumptions.iter().copied().collect(),
         })
     }
 
@@ -174,8 +258,7 @@ impl Joint {
 
     /// Whether the residuals contradict an assumption.
     fn is_contradicted(&self) -> bool {
-        let mut scores = (0..self.seen.len()).filter_map(|place| self.score(place));
-        scores.any(|score| score.t.abs() > LARGEST_SCORE)
+        (0..self.seen.len()).any(|place| self.contradicts(place))
     }
 
     fn moves(&self, unknown: usize) -> Option<DVector<f64>> {
@@ -191,11 +274,11 @@ fn posterior(
     gradient: &DVector<f64>,
     deviations: &[f64],
 ) -> Option<(DMatrix<f64>, DVector<f64>)> {
-    let n = deviations.len();
-    let mut stacked = DMatrix::zeros(2 * n, n);
-    stacked.rows_mut(0, n).copy_from(apart);
+    let (rows, n) = (apart.nrows(), deviations.len());
+    let mut stacked = DMatrix::zeros(rows + n, n);
+    stacked.rows_mut(0, rows).copy_from(apart);
     for (index, deviation) in deviations.iter().enumerate() {
-        stacked[(n + index, index)] = 1.0 / deviation;
+        stacked[(rows + index, index)] = 1.0 / deviation;
     }
     let triangle = stacked.qr().unpack_r();
     let inverse = triangle.solve_upper_triangular(&DMatrix::identity(n, n))?;
@@ -237,7 +320,7 @@ mod tests {
             2 | 3 => p[(row, column - 2)],
             _ => R[row],
         }));
-        Joint::new(&triangle, &triangle, 2).unwrap()
+        Joint::new(&triangle, &triangle, &[0.0; 2]).unwrap()
     }
 
     /// By normal equations: the covariance of all four with the tolerances as priors, the two
@@ -329,7 +412,7 @@ mod tests {
             2 | 3 => p[(row, column - 2)],
             _ => R[row],
         }));
-        let joint = Joint::new(&triangle, &triangle, 2).unwrap();
+        let joint = Joint::new(&triangle, &triangle, &[0.0; 2]).unwrap();
         assert_eq!(joint.total(1, 1.0), None);
         let moved = joint.move_by(0, 1).unwrap();
         // A level beside 0, 2, 4, 6, 8, 10: their mean.
@@ -354,5 +437,30 @@ mod tests {
         let (all, _) = closed_form(1.0);
         // The second assumption adds its 2² to what the first leaves.
         assert!((without - (all[(1, 1)] - 4.0)).abs() < 1e-8, "{without}");
+    }
+
+    #[test]
+    fn a_step_ends_where_data_and_tolerances_balance() {
+        let declared = joint(1.0);
+        let step = declared.step(&[false; 2]).unwrap();
+        let (s, p) = (matrix(&S), matrix(&P));
+        let moved = DVector::from_vec(step.assumptions.clone());
+        let along = DVector::from_vec(step.unknowns.clone());
+        let left = DVector::from_row_slice(&R) + s * along + p * &moved;
+        let mut triangle = Triangle::new(4);
+        triangle.push(&DMatrix::from_fn(6, 5, |row, column| match column {
+            0 | 1 => S[row][column],
+            2 | 3 => P[row][column - 2],
+            _ => left[row],
+        }));
+        let taken = Joint::new(&triangle, &triangle, &step.assumptions).unwrap();
+        let further = taken.step(&[false; 2]).unwrap();
+        assert!(step.gain > 0.0 && further.gain < 1e-20 * step.gain);
+        for assumption in 0..2 {
+            let ((a, spread), (b, same)) =
+                (declared.posterior(assumption), taken.posterior(assumption));
+            assert!((a - b).abs() < 1e-12 && (spread - same).abs() < 1e-12);
+        }
+        assert!(shift(&taken, 0) < 1e-20);
     }
 }

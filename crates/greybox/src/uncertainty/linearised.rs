@@ -226,7 +226,7 @@ impl FirstOrder {
         let monte_carlo = match settings.monte_carlo_samples {
             0 => Vec::new(),
             samples => {
-                let assumptions = DrawnAssumptions::of(estimate, stop);
+                let assumptions = DrawnAssumptions::of(estimate, &budget, stop);
                 let assumptions = assumptions.ok_or(SensitivityError::Interrupted)?;
                 resampling(Some(assumptions)).fits(samples)
             }

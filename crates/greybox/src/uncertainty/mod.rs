@@ -13,6 +13,7 @@
 
 mod analyser;
 mod analysis;
+pub mod assumed_values;
 mod bootstrap;
 pub mod budget;
 pub mod constrained;
@@ -27,6 +28,7 @@ mod linearised;
 pub mod monte_carlo;
 pub mod noise_analysis;
 mod noise_comparison;
+mod nuisances;
 mod probes;
 pub mod profile;
 pub mod refits;
@@ -37,6 +39,7 @@ pub mod selection;
 mod sensors;
 pub mod settings;
 mod simulated_estimate;
+mod solved;
 pub mod validation_start;
 pub mod verdict;
 pub mod weighing;

@@ -7,8 +7,8 @@ use super::noise_analysis::{
     NoiseEstimate, NoiseNumbers,
 };
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
-use super::selection::Selection;
 use super::settings::{Request, Settings, SoughtNoise};
+use super::solved::Solved;
 use super::{Analysis, covariance, fit, probes, residuals, rules, validation_start};
 use crate::estimation::noise_ladder::{self, FittedNoise, NoiseTrial};
 use crate::estimation::problem::Problem;
@@ -27,9 +27,8 @@ const BAND_LAGS: usize = 100;
 /// Noise models that are fitted to an estimate of the free run.
 #[derive(Debug)]
 pub(super) struct NoiseComparison {
-    pub problem: Problem,
-    pub report: Report,
-    pub selection: Option<Selection>,
+    problem: Problem,
+    report: Report,
     /// What the free run makes of the unknowns.
     free_run: Box<LinearisedEstimate>,
     trials: Vec<TrialFit>,
@@ -74,31 +73,32 @@ fn at_once(request: &Request) -> Request {
 }
 
 impl NoiseComparison {
-    /// Begins the comparison; the inner answer is none where no noise is asked for, the residuals of the
+    /// Begins the comparison at the declared values of what is taken as known; the residuals are those of the
+    /// estimate that stands, with the values that the data put in their place. The inner answer is none where no noise is asked for, the residuals of the
     /// free run are white, or nothing can be filtered. Answers nothing when `stop` was raised.
     pub fn begin(
-        problem: &Problem,
-        report: &Report,
-        selection: Option<&Selection>,
+        stands: &Solved,
+        unmoved: &Solved,
         request: &Request,
         stop: &AtomicBool,
     ) -> Option<Option<NoiseComparison>> {
+        let Solved { problem, report } = unmoved;
         let candidates = match &request.noise {
             SoughtNoise::None => return Some(None),
             SoughtNoise::Auto => noise_ladder::candidates(problem),
             SoughtNoise::Listed(listed) => vec![Vec::new(), listed.clone()],
         };
         let is_listed = matches!(request.noise, SoughtNoise::Listed(_));
-        let positions = &report.positions;
-        let Ok(trajectories) = trajectory::simulate(problem, positions, stop)? else {
+        let (moved, at) = (&stands.problem, &stands.report.positions);
+        let Ok(trajectories) = trajectory::simulate(moved, at, stop)? else {
             return Some(None);
         };
-        let residuals = residuals::report(problem, &trajectories);
+        let residuals = residuals::report(moved, &trajectories);
         let is_white = residuals.iter().all(|own| own.white != Some(false));
         if is_white && !is_listed {
             return Some(None);
         }
-        let trials = noise_ladder::trials(problem, positions, &candidates, stop);
+        let trials = noise_ladder::trials(problem, &report.positions, &candidates, stop);
         let Ok(trials) = trials else {
             return Some(None);
         };
@@ -112,7 +112,6 @@ impl NoiseComparison {
         Some(Some(NoiseComparison {
             problem: problem.clone(),
             report: report.clone(),
-            selection: selection.cloned(),
             free_run: Box::new(free_run),
             trials: trials.collect(),
             is_listed,

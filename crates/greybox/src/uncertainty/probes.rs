@@ -57,6 +57,7 @@ pub(super) fn probed(problem: &Problem, positions: &[f64], stop: &AtomicBool) ->
         unit: parameter.unit.to_string(),
         target: Assumed::Probe(Target::Parameter(first + place)),
         value: 0.0,
+        taken: 0.0,
         tolerance: TOLERANCE * rates[place / 2],
         is_absent_effect: true,
         limits: [None, None],

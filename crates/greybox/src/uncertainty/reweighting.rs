@@ -96,7 +96,8 @@ impl RefitSequence for Reweighting {
     }
 }
 
-fn is_needed(problem: &Problem) -> bool {
+/// Whether the weights of the outputs matter, and are not declared.
+pub(super) fn is_needed(problem: &Problem) -> bool {
     let (outputs, coordinates) = (&problem.outputs, &problem.coordinates);
     let has_unknown_noise = outputs.iter().any(|output| output.noise_std.is_none());
     let has_single_priors = coordinates.iter().any(|unknown| unknown.prior.is_some());

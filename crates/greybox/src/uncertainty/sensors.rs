@@ -17,7 +17,7 @@ const CLOCK_SHIFT: f64 = 1e-4;
 const SENSOR_SHIFT: f64 = 0.1;
 
 /// The simulation at a candidate, as sensors and clock change it.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Sensors {
     /// For each experiment its outputs; empty where nothing is assumed of sensors or clock, or the
     /// candidate cannot be simulated.
@@ -31,7 +31,7 @@ pub(super) struct Sensors {
 }
 
 /// The expected outputs where the samples of a sensor are corrected for a number of it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct SensorResponse {
     target: Assumed,
     /// The number is moved by so much to each side, SI.
@@ -181,14 +181,14 @@ impl Sensors {
             },
             Assumed::Clock => self.clocks.as_ref().map_or(0.0, |[slow, fast]| {
                 let of = |side: &[Outputs]| side[experiment][index][sample];
-                (of(fast) - of(slow)) / (2.0 * CLOCK_SHIFT)
+                (of(fast) - of(slow)) / (2.0 * CLOCK_SHIFT * problem.clock())
             }),
         }
     }
 }
 
 /// Lets the time between samples be longer by a factor.
-fn stretch(experiment: &mut Experiment, factor: f64) {
+pub(super) fn stretch(experiment: &mut Experiment, factor: f64) {
     experiment.sample_time *= factor;
     let instants = experiment.instants.iter_mut().flatten();
     instants.for_each(|instant| *instant *= factor);

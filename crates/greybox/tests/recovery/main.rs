@@ -12,6 +12,7 @@ mod drift;
 mod effects;
 mod intervals;
 mod joint;
+mod nuisances;
 mod outliers;
 mod rivals;
 mod run;

@@ -35,19 +35,25 @@ pub(super) fn lines(problem: &Problem, positions: &[f64], budget: &Budget) -> Ve
                 Assumed::Model(_) => AssumptionKind::Tolerance,
             },
             value: assumption.value,
+            taken: Some(assumption.taken).filter(|taken| *taken != assumption.value),
             tolerance: assumption.tolerance,
             unit: assumption.unit.clone(),
             score: line.score.filter(|score| score.is_finite()),
-            suggested: line
-                .suggested
-                .filter(|(value, error)| value.is_finite() && error.is_finite())
-                .map(|(value, standard_error)| Suggested {
-                    value,
-                    standard_error,
-                }),
+            suggested: suggested(line.suggested),
+            posterior: suggested(line.posterior),
             unnoticed_up_to: line.unnoticed.filter(|size| size.is_finite()),
             contributions: contributions.collect(),
         }
     };
     budget.lines.iter().map(line).collect()
+}
+
+/// A value with its standard error; none where one of the two is no number.
+fn suggested(value: Option<(f64, f64)>) -> Option<Suggested> {
+    let (value, standard_error) = value?;
+    let is_finite = value.is_finite() && standard_error.is_finite();
+    is_finite.then_some(Suggested {
+        value,
+        standard_error,
+    })
 }

@@ -6,6 +6,7 @@ use crate::estimation::trajectory::{self, Errors};
 use crate::identification::DatasetId;
 use crate::identification::outcome::{Estimate, Outcome};
 use crate::identification::spec::JobSpec;
+use crate::uncertainty::assumed_values::{shown_by_sensors, take};
 use greybox_numerics::parsing::fault::Fault;
 use greybox_recording::Recording;
 use greybox_simulation::model::Model;
@@ -63,6 +64,10 @@ pub fn trajectory(
         let detail = format!("the simulation of the estimate fails: {}", failure.name());
         vec![Fault::new("", "simulation_fails", detail)]
     })?;
+    let Some(simulated) = shown_by_sensors(&problem, &positions, simulated, stop) else {
+        return Ok(None);
+    };
+    let clock = problem.clock();
     let deviations = match errors(&problem, &positions, outcome) {
         Some(errors) => match trajectory::deviations(&problem, &positions, &errors, stop) {
             Some(deviations) => deviations,
@@ -82,7 +87,9 @@ pub fn trajectory(
         let outputs = problem.outputs.iter().zip(&data.measured);
         ExperimentTrajectory {
             dataset: spec.dataset,
-            time: (0..data.samples).map(|k| from + data.instant(k)).collect(),
+            time: (0..data.samples)
+                .map(|k| from + data.instant(k) / clock)
+                .collect(),
             estimation_samples: data.estimation_samples,
             outputs: outputs
                 .enumerate()
@@ -100,7 +107,8 @@ pub fn trajectory(
     Ok(Some(shown.collect()))
 }
 
-/// The problem of a result, without the effects that it left out, and where its estimate lies.
+/// The problem of a result, without the effects that it left out and with the values that it took as
+/// known, and where its estimate lies.
 ///
 /// # Errors
 /// When the recordings do not fit the specification any more.
@@ -121,6 +129,13 @@ pub(super) fn at_estimate(
     problem
         .coordinates
         .retain(|coordinate| is_estimated(coordinate, outcome));
+    let taken = problem.assumptions.iter().map(|assumption| {
+        let mut lines = outcome.budget.iter();
+        let line = lines.find(|line| line.assumption == assumption.name);
+        line.and_then(|line| line.taken).unwrap_or(assumption.value)
+    });
+    let taken: Vec<f64> = taken.collect();
+    take(&mut problem, &taken);
     let positions = positions(&problem, outcome);
     Ok((problem, positions))
 }

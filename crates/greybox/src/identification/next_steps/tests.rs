@@ -127,6 +127,8 @@ fn conclusion(problem: &Problem, position: f64, stop_reason: StopReason) -> Conc
             assumption.value + 7.0 * assumption.tolerance,
             assumption.tolerance,
         )),
+        posterior: None,
+        is_pulled: true,
         unnoticed: None,
         contributions: vec![None; problem.coordinates.len()],
     });

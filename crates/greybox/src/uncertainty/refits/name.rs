@@ -14,6 +14,11 @@ pub enum RefitName {
         /// How often the outputs were weighed anew before.
         round: u32,
     },
+    /// The estimate, with what is taken as known where the data and the tolerances put it.
+    Nuisances {
+        /// How many steps were tried before.
+        round: u32,
+    },
     /// A model without some of the effects that may be left out.
     Effects {
         /// The effects that the model has.
@@ -61,7 +66,7 @@ impl RefitName {
     #[must_use]
     pub fn number(&self) -> Option<u64> {
         match self {
-            RefitName::Reweighted { .. } => None,
+            RefitName::Reweighted { .. } | RefitName::Nuisances { .. } => None,
             _ => Some(number_of(&self.group())),
         }
     }
@@ -70,6 +75,7 @@ impl RefitName {
     fn group(&self) -> String {
         match self {
             RefitName::Reweighted { round } => format!("reweighted/{round}"),
+            RefitName::Nuisances { round } => format!("nuisances/{round}"),
             RefitName::Effects { effects, .. } => format!("effects/{}", effects.join(", ")),
             RefitName::ProcessNoise { model } => format!("process_noise/{model}"),
             RefitName::Profile { coordinate, .. } => format!("profile/{coordinate}"),
@@ -116,6 +122,9 @@ fn parsed(text: &str) -> Option<RefitName> {
     let (kind, which) = text.split_once('/')?;
     Some(match kind {
         "reweighted" => RefitName::Reweighted {
+            round: which.parse().ok()?,
+        },
+        "nuisances" => RefitName::Nuisances {
             round: which.parse().ok()?,
         },
         "effects" => {
@@ -172,7 +181,7 @@ mod tests {
         assert_eq!(number, Some(16_165_969_476_279_261_050));
     }
 
-    /// The texts are those that checkpoints of commit 2eabe3d carry.
+    /// The texts are those that checkpoints of commit 2eabe3d carry, with `nuisances` beside them.
     #[test]
     fn names_are_written_as_they_were_and_read_back() {
         let effects = |effects: &[&str], is_fine| RefitName::Effects {
@@ -181,6 +190,7 @@ mod tests {
         };
         let names = [
             (RefitName::Reweighted { round: 3 }, "reweighted/3"),
+            (RefitName::Nuisances { round: 12 }, "nuisances/12"),
             (effects(&[], false), "effects//coarse"),
             (
                 effects(&["drag", "lag[0]"], true),

@@ -4,10 +4,9 @@ use super::{Case, short};
 use crate::estimation::problem::{Assumed, Coordinate, Target};
 use crate::uncertainty::budget::Line;
 use crate::uncertainty::drift::{Change, Drift};
+use crate::uncertainty::joint::LARGEST_SHIFT;
 use crate::uncertainty::verdict::{Doubt, Grade, Rule, Subject, Trust};
 
-/// Standard deviations of a prior beyond which the data contradict it.
-const LARGEST_PRIOR_SHIFT: f64 = 3.0;
 /// Standard deviations by which the data may go beyond a constraint by chance.
 const LARGEST_CONTRADICTION: f64 = 3.0;
 /// A contradicted assumption that would move a parameter further makes the trust in the parameter low.
@@ -173,7 +172,7 @@ impl Case<'_> {
         let mut doubts = Vec::new();
         for (index, uncertainty) in self.analysis.coordinates.iter().enumerate() {
             let shift = uncertainty.prior_shift.map(f64::abs);
-            if let Some(shift) = shift.filter(|shift| *shift > LARGEST_PRIOR_SHIFT) {
+            if let Some(shift) = shift.filter(|shift| *shift > LARGEST_SHIFT) {
                 let detail = format!(
                     "the data move `{}` by {shift:.1} standard deviations of what was known of it \
                      before: one of the two is wrong; check the prior, or look for an effect that \

@@ -246,7 +246,8 @@ rules! {
         title: "The data contradict what was taken as known",
         grades: "By how far each parameter would move: low beyond three standard errors and 2 % of its value, \
                  moderate beyond one and 0.2 %, else a remark; low for what the data do not fix.",
-        when: "The residuals pull at a value that was taken as known by more than four standard deviations of noise.",
+        when: "The residuals pull at a value that was taken as known by more than four standard deviations of noise, \
+               to beyond what its tolerance allows: more than three standard deviations of it.",
         meaning: "The value is wrong, or something looks like it.",
         advice: "Free the value, or measure it.",
     }

@@ -10,6 +10,7 @@ use crate::estimation::{Finding, trajectory};
 use crate::identification::outcome::{Estimate, Outcome};
 use crate::identification::spec::design::{DesignSpec, Plan};
 use crate::identification::spec::{InitialStateSpec, JobSpec};
+use crate::uncertainty::assumed_values::take;
 use crate::uncertainty::design::{Past, Present};
 use greybox_numerics::parsing::fault::Fault;
 use greybox_recording::Recording;
@@ -127,7 +128,7 @@ impl DesignProblem {
         let positions = coordinates
             .iter()
             .map(|coordinate| estimated(coordinate).unwrap_or(middle(coordinate)));
-        let next = Problem {
+        let mut next = Problem {
             model: Arc::clone(model),
             parameters: values,
             outputs: outputs(spec, description),
@@ -140,6 +141,9 @@ impl DesignProblem {
             coordinates: coordinates.clone(),
             innovations: None,
         };
+        if let Some((problem, _)) = &earlier {
+            carry_on(&mut next, problem);
+        }
         let wants = |coordinate: &Coordinate| {
             !matches!(coordinate.target, Target::InitialState { .. })
                 && spec.wanted.contains(&coordinate.quantity)
@@ -263,6 +267,19 @@ impl DesignProblem {
             inputs: (0..names.len()).map(middle).collect(),
         }
     }
+}
+
+/// Has a problem take the values that an earlier estimate took of numbers of which both jobs declare
+/// the same.
+fn carry_on(next: &mut Problem, earlier: &Problem) {
+    let taken = next.assumptions.iter().map(|assumption| {
+        let mut others = earlier.assumptions.iter();
+        let other =
+            others.find(|other| other.name == assumption.name && other.value == assumption.value);
+        other.map_or(assumption.value, |other| other.taken)
+    });
+    let taken: Vec<f64> = taken.collect();
+    take(next, &taken);
 }
 
 /// The middle of what is known of an unknown before any data.
