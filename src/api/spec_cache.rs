@@ -39,6 +39,7 @@ impl SpecKey {
             constraints,
             priors,
             validation,
+            process_noise,
             // How the parameters are looked for, what is said of them, and how the job is called.
             method: _,
             model_search: _,
@@ -49,7 +50,8 @@ impl SpecKey {
             labels: _,
         } = spec;
         let data = (experiments, outputs, clock_tolerance, validation);
-        Self::digest(&(model, (parameters, constraints, priors), data))
+        let together = (constraints, priors, process_noise);
+        Self::digest(&(model, (parameters, together), data))
     }
 
     fn digest(what: &impl Serialize) -> Self {

@@ -1,5 +1,11 @@
 //! Means, spreads and quantiles of samples with holes.
 
+/// A number that is neither infinite nor NaN; none else.
+#[must_use]
+pub fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
 /// The mean of the numbers that are there; none where there are none.
 #[must_use]
 pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {

@@ -2,7 +2,7 @@
 
 use super::html::{escape, optional, push};
 use crate::identification::outcome::{DisturbanceReport, NoiseNumberReport, Outcome};
-use crate::identification::spec::ActsOnSpec;
+use crate::identification::spec::{ActsOnSpec, NoiseKind};
 use greybox_numerics::digits::significant;
 
 /// Digits of the numbers.
@@ -101,9 +101,9 @@ fn acted_on(acts_on: &ActsOnSpec) -> String {
 }
 
 fn strength_unit(disturbance: &DisturbanceReport) -> String {
-    match disturbance.kind.is_walk() {
-        true => format!("{}/√s", disturbance.unit),
-        false => format!("{}·√s", disturbance.unit),
+    match disturbance.kind {
+        NoiseKind::Walk => format!("{}/√s", disturbance.unit),
+        NoiseKind::White | NoiseKind::Memory => format!("{}·√s", disturbance.unit),
     }
 }
 

@@ -1,9 +1,8 @@
 //! What is said of the disturbances that move a plant beside its inputs.
 
-use super::analysis::CoordinateUncertainty;
 use super::covariance::NORMAL_95;
 use super::verdict::Trust;
-use crate::estimation::process_noise::{NoiseNumber, ProcessNoise};
+use crate::estimation::process_noise::ProcessNoise;
 
 /// Criteria that differ by no more leave two noise models standing.
 const STANDING: f64 = 10.0;
@@ -132,36 +131,4 @@ pub struct Band {
     pub mean_square: f64,
     /// How many independent samples they are worth.
     pub effective_samples: f64,
-}
-
-/// The numbers of a noise model as an analysis found them: those of disturbances, then those of sensors.
-pub(super) struct NoiseNumbers<'a> {
-    /// The values and errors of the coordinates behind those of the plant.
-    found: std::slice::Iter<'a, CoordinateUncertainty>,
-    values: std::slice::Iter<'a, f64>,
-}
-
-impl<'a> NoiseNumbers<'a> {
-    pub fn new(coordinates: &'a [CoordinateUncertainty], values: &'a [f64]) -> NoiseNumbers<'a> {
-        NoiseNumbers {
-            found: coordinates.iter(),
-            values: values.iter(),
-        }
-    }
-
-    /// The next number: the given one, or that of the next coordinate.
-    pub fn next(&mut self, number: NoiseNumber) -> NoiseEstimate {
-        if let NoiseNumber::Given(value) = number {
-            return NoiseEstimate {
-                value,
-                relative_error: None,
-            };
-        }
-        let value = self.values.next().copied().unwrap_or(f64::NAN);
-        let error = self.found.next().and_then(|found| found.standard_error);
-        NoiseEstimate {
-            value,
-            relative_error: error.map(|error| error / value),
-        }
-    }
 }

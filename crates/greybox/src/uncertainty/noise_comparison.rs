@@ -4,7 +4,7 @@ use super::analysis::CoordinateUncertainty;
 use super::linearised::LinearisedEstimate;
 use super::noise_analysis::{
     Band, ComparedFit, ComparedNoise, DisturbanceEstimate, FreeRunEstimate, NoiseAnalysis,
-    NoiseEstimate, NoiseNumbers,
+    NoiseEstimate,
 };
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use super::settings::{Request, Settings, SoughtNoise};
@@ -362,6 +362,38 @@ impl DisturbedEstimate {
             bands: outputs
                 .map(|output| band(&simulated.problem, &simulated.trajectories, output))
                 .collect(),
+        }
+    }
+}
+
+/// The numbers of a noise model as an analysis found them: those of disturbances, then those of sensors.
+struct NoiseNumbers<'a> {
+    /// The values and errors of the coordinates behind those of the plant.
+    found: std::slice::Iter<'a, CoordinateUncertainty>,
+    values: std::slice::Iter<'a, f64>,
+}
+
+impl<'a> NoiseNumbers<'a> {
+    fn new(coordinates: &'a [CoordinateUncertainty], values: &'a [f64]) -> NoiseNumbers<'a> {
+        NoiseNumbers {
+            found: coordinates.iter(),
+            values: values.iter(),
+        }
+    }
+
+    /// The next number: the given one, or that of the next coordinate.
+    fn next(&mut self, number: NoiseNumber) -> NoiseEstimate {
+        if let NoiseNumber::Given(value) = number {
+            return NoiseEstimate {
+                value,
+                relative_error: None,
+            };
+        }
+        let value = self.values.next().copied().unwrap_or(f64::NAN);
+        let error = self.found.next().and_then(|found| found.standard_error);
+        NoiseEstimate {
+            value,
+            relative_error: error.map(|error| error / value),
         }
     }
 }

@@ -13,6 +13,7 @@ use crate::identification::outcome::{
 use crate::uncertainty::selection::Selection;
 use crate::uncertainty::verdict::{Doubt, Grade};
 use crate::uncertainty::{Analysis, Conclusion, CoordinateUncertainty, fit};
+use greybox_numerics::statistics::finite;
 use std::collections::BTreeMap;
 
 /// What made a result, beside the method.
@@ -93,10 +94,6 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
             dataset_digests: origin.dataset_digests.clone(),
         },
     }
-}
-
-pub(super) fn finite(value: f64) -> Option<f64> {
-    value.is_finite().then_some(value)
 }
 
 fn verdict(finished: &Finished<'_>) -> Verdict {

@@ -1,6 +1,5 @@
 //! What moves the plant beside its inputs, as the result document tells it.
 
-use super::outcome::finite;
 use crate::estimation::problem::{Coordinate, Problem};
 use crate::estimation::process_noise::ProcessNoise;
 use crate::identification::outcome::{
@@ -12,6 +11,7 @@ use crate::uncertainty::Analysis;
 use crate::uncertainty::noise_analysis::{
     ComparedNoise, DisturbanceEstimate, FreeRunEstimate, NoiseAnalysis, NoiseEstimate,
 };
+use greybox_numerics::statistics::finite;
 use greybox_simulation::model::ModelDescription;
 use std::collections::BTreeMap;
 

@@ -283,12 +283,6 @@ impl NoiseKind {
         }
     }
 
-    /// Whether the quantity keeps its value but for what is added.
-    #[must_use]
-    pub fn is_walk(self) -> bool {
-        self == NoiseKind::Walk
-    }
-
     fn of_process(self) -> DisturbanceKind {
         match self {
             NoiseKind::White => DisturbanceKind::White,

@@ -10,8 +10,6 @@
 //! Of 20 000 records of white noise each, 2.7 % were called coloured at n = 101, 2.9 % at 400, none
 //! at 2000 and none at 20 000 (the test `white_noise_is_seldom_called_coloured` takes fewer).
 
-use super::products;
-
 /// Lags that are looked at.
 pub(super) const LAGS: usize = 25;
 /// The 99 % point of the normal distribution, two-sided.
@@ -25,6 +23,22 @@ const FAR_OUTSIDE: f64 = 1.5;
 const OUTSIDE_BY_CHANCE: usize = 1;
 /// The probability below which the statistic of Ljung and Box speaks.
 const LJUNG_BOX_LEVEL: f64 = 1e-3;
+
+/// The sum of the products of residuals that stand `lag` samples apart, and how many there are.
+pub(super) fn products(series: &[Vec<f64>], lag: usize) -> (f64, usize) {
+    let mut total = (0.0, 0);
+    for values in series {
+        let pairs = values.iter().zip(values.iter().skip(lag));
+        for product in pairs
+            .map(|(a, b)| a * b)
+            .filter(|product| !product.is_nan())
+        {
+            total.0 += product;
+            total.1 += 1;
+        }
+    }
+    total
+}
 
 /// The autocorrelation of residuals.
 pub(super) struct Whiteness {
