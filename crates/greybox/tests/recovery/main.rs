@@ -10,6 +10,7 @@ mod constraints;
 mod dead_time;
 mod drift;
 mod effects;
+mod grades;
 mod intervals;
 mod joint;
 mod outliers;

@@ -108,10 +108,9 @@ impl Case<'_> {
         };
         let assumption = &line.assumption;
         let detail = format!(
-            "{error}: know `{}` to {} {} instead of {}, and it falls to {} times that",
+            "{error}: know `{}` to {} instead of {}, and it falls to {} times that",
             assumption.name,
-            short(assumption.tolerance / BETTER),
-            assumption.unit,
+            with_unit(assumption.tolerance / BETTER, &assumption.unit),
             short(assumption.tolerance),
             short(then / width.total)
         );
@@ -129,10 +128,9 @@ impl Case<'_> {
             false => String::new(),
         };
         format!(
-            "`{}` with a standard error of {} {}{share}",
+            "`{}` with a standard error of {}{share}",
             coordinate.name,
-            short(error),
-            coordinate.unit
+            with_unit(error, &coordinate.unit)
         )
     }
 }
@@ -150,5 +148,13 @@ fn magnitude(coordinate: &Coordinate, value: f64) -> f64 {
     match scale == Scale::Linear && lower <= 0.0 && upper >= 0.0 {
         true => value.abs().max(of_range),
         false => value.abs(),
+    }
+}
+
+/// A number in its unit, if it has one.
+fn with_unit(value: f64, unit: &str) -> String {
+    match unit {
+        "" | "1" => short(value),
+        unit => format!("{} {unit}", short(value)),
     }
 }
