@@ -23,7 +23,7 @@ use greybox_simulation::single::Outputs;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use utoipa::ToSchema;
-use whiteness::{LAGS, NEGLIGIBLE_CORRELATION, NORMAL_99, Whiteness};
+use whiteness::{LAGS, NEGLIGIBLE_CORRELATION, NORMAL_99, Whiteness, products};
 
 /// A declared noise is overstated where less than this share of its variance can be white noise.
 const OVERSTATED: f64 = 0.5;
@@ -188,22 +188,6 @@ fn describe(held: &Held, declared: Option<f64>, unknowns: usize) -> ResidualRepo
         is_noise_overstated,
         inlier_share,
     }
-}
-
-/// The sum of the products of residuals that stand `lag` samples apart, and how many there are.
-fn products(series: &[Vec<f64>], lag: usize) -> (f64, usize) {
-    let mut total = (0.0, 0);
-    for values in series {
-        let pairs = values.iter().zip(values.iter().skip(lag));
-        for product in pairs
-            .map(|(a, b)| a * b)
-            .filter(|product| !product.is_nan())
-        {
-            total.0 += product;
-            total.1 += 1;
-        }
-    }
-    total
 }
 
 /// How residuals follow the inputs, over the experiments that have the input.

@@ -10,8 +10,6 @@
 //! Of 20 000 records of white noise 2.8 % were called coloured at n = 101, 3.0 % at 400 and 0.01 % at
 //! 2000; of 4000 records none at 20 000 (the test `white_noise_is_seldom_called_coloured` takes fewer).
 
-use super::products;
-
 /// Lags that are looked at.
 pub(super) const LAGS: usize = 25;
 /// The 99 % point of the normal distribution, two-sided.
@@ -111,6 +109,22 @@ impl Whiteness {
         let samples = self.count as f64 / (1.0 + 2.0 * memory).max(1.0);
         self.is_enough().then_some(samples)
     }
+}
+
+/// The sum of the products of residuals that stand `lag` samples apart, and how many there are.
+pub(super) fn products(series: &[Vec<f64>], lag: usize) -> (f64, usize) {
+    let mut total = (0.0, 0);
+    for values in series {
+        let pairs = values.iter().zip(values.iter().skip(lag));
+        for product in pairs
+            .map(|(a, b)| a * b)
+            .filter(|product| !product.is_nan())
+        {
+            total.0 += product;
+            total.1 += 1;
+        }
+    }
+    total
 }
 
 /// The probability that the sum of the squares of [`LAGS`] standard normal numbers is larger:
