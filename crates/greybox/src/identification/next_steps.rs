@@ -86,13 +86,10 @@ impl Finished<'_> {
                 changes.extend(self.look_for_disturbances());
                 changes
             }
-            (Rule::NoiseContradicted, Subject::Output(output)) => {
-                let correct = self.correct_noise(*output).into_iter();
-                match self.is_white(*output) {
-                    true => correct.collect(),
-                    false => self.free_effects().into_iter().chain(correct).collect(),
-                }
-            }
+            (Rule::NoiseContradicted, Subject::Output(output)) => match self.is_white(*output) {
+                true => self.correct_noise(*output).into_iter().collect(),
+                false => self.free_effects(),
+            },
             (Rule::NoiseUnknown, Subject::Output(output)) => {
                 self.declare_noise(*output).into_iter().collect()
             }

@@ -329,8 +329,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     });
     let (constraints, priors) = read_together(&mut root, job_parameters);
     let method = root.optional("method").map(|field| method::read(&field));
-    let process_noise = root.optional("process_noise");
-    let process_noise = process_noise.map(|field| process_noise::read_of_job(&field, model));
+    let process_noise = process_noise::read_of_job(root.optional("process_noise"), model);
     let uncertainty = root.optional("uncertainty");
     let uncertainty = uncertainty.map(|field| uncertainty::Settings::read(&field));
     let validation = root.optional("validation");
@@ -339,10 +338,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let limits = limits.map(|field| limits::read(&field, context.max_duration_s));
     let seed = seed(root.optional("seed"));
     if let Some(parameters) = job_parameters {
-        parameters.check(&root, model_search.as_ref());
-        if !parameters.has_unknowns() {
-            root.fault("nothing_to_estimate", NOTHING_TO_ESTIMATE);
-        }
+        check_parameters(&root, parameters, model_search.as_ref());
     }
     let complete = || {
         Some(JobSpec {
@@ -357,7 +353,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
             priors,
             method: method.unwrap_or_default(),
             model_search,
-            process_noise: process_noise.unwrap_or_default(),
+            process_noise,
             uncertainty: uncertainty.unwrap_or_default(),
             validation: validation.unwrap_or_default(),
             limits: limits.unwrap_or_else(|| LimitsSpec::within(context.max_duration_s)),
@@ -371,6 +367,13 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     }
     root.finish();
     spec
+}
+
+fn check_parameters(job: &Object<'_>, parameters: JobParameters<'_>, search: Option<&ModelSearch>) {
+    parameters.check(job, search);
+    if !parameters.has_unknowns() {
+        job.fault("nothing_to_estimate", NOTHING_TO_ESTIMATE);
+    }
 }
 
 /// The seed of every random number; drawn where a document gives none.

@@ -69,6 +69,14 @@ pub struct ComparedFit {
     pub deviations: Option<Vec<f64>>,
 }
 
+impl ComparedFit {
+    /// The ends of the 95 % interval of a position; none where the data do not fix all of them.
+    pub(super) fn interval(&self, index: usize) -> Option<[f64; 2]> {
+        let half = NORMAL_95 * self.deviations.as_ref()?[index];
+        Some([-half, half].map(|half| self.positions[index] + half))
+    }
+}
+
 /// A number of a disturbance or of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseEstimate {

@@ -297,15 +297,8 @@ impl DisturbedEstimate {
         }
         for (index, described) in analysis.coordinates.iter_mut().enumerate() {
             let position = self.report.positions[index];
-            let coordinate = &self.plant.coordinates[index];
-            for rival in noise.rivals() {
-                if let Some(deviations) = &rival.deviations {
-                    let ends = [-1.0, 1.0].map(|side| {
-                        rival.positions[index] + side * covariance::NORMAL_95 * deviations[index]
-                    });
-                    described.cover(coordinate, position, ends);
-                }
-            }
+            let ends = noise.rivals().filter_map(|rival| rival.interval(index));
+            ends.for_each(|ends| described.cover(&self.plant.coordinates[index], position, ends));
         }
         analysis.estimation_fit.clone_from(&self.estimation_fit);
         analysis.validation_fit.clone_from(&self.validation_fit);

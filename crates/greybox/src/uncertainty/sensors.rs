@@ -111,25 +111,11 @@ impl Sensors {
                 continue;
             };
             let shift = SENSOR_SHIFT * assumption.tolerance;
+            let shown = |place| self.shown(problem, assumption.target, place);
             let corrected = |by: f64| {
-                let mut changed = problem.clone();
-                let experiments = Arc::make_mut(&mut changed.experiments).iter_mut();
-                for (place, data) in experiments.enumerate() {
-                    let shown = |sample| {
-                        let place = ResidualPlace {
-                            experiment: place,
-                            sample,
-                            output,
-                        };
-                        by * self.shown(problem, assumption.target, place)
-                    };
-                    let measured = data.measured_inputs(innovations);
-                    let samples = measured[problem.outputs[output].index].iter_mut();
-                    samples
-                        .enumerate()
-                        .for_each(|(sample, value)| *value -= shown(sample));
-                }
-                trajectory::simulate(&changed, positions, stop)
+                let off = |place| by * shown(place);
+                let corrected = corrected(problem, innovations, output, off);
+                trajectory::simulate(&corrected, positions, stop)
             };
             if let [Ok(below), Ok(above)] = [corrected(-shift)?, corrected(shift)?] {
                 responses.push(SensorResponse {
@@ -185,6 +171,28 @@ impl Sensors {
             }),
         }
     }
+}
+
+/// The problem as if each sample of an output that corrects what is expected had been smaller by so much.
+fn corrected(
+    problem: &Problem,
+    innovations: &Innovations,
+    output: usize,
+    by: impl Fn(ResidualPlace) -> f64,
+) -> Problem {
+    let mut corrected = problem.clone();
+    let experiments = Arc::make_mut(&mut corrected.experiments).iter_mut();
+    for (experiment, data) in experiments.enumerate() {
+        let measured = &mut data.measured_inputs(innovations)[problem.outputs[output].index];
+        for (sample, value) in measured.iter_mut().enumerate() {
+            *value -= by(ResidualPlace {
+                experiment,
+                sample,
+                output,
+            });
+        }
+    }
+    corrected
 }
 
 /// Lets the time between samples be longer by a factor.

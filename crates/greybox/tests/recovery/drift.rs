@@ -52,7 +52,7 @@ fn an_unknown_that_changes_within_the_record_is_told_with_its_size() {
             (change / error).abs(),
         )
     };
-    for (by, word) in [(0.15, "larger"), (-0.15, "smaller")] {
+    for (by, word) in [(0.12, "larger"), (-0.12, "smaller")] {
         let (detail, trust, per_cent, score) = told(by, 5);
         let detail = detail.expect("a reason");
         println!("{detail}");

@@ -303,13 +303,18 @@ impl From<DisturbanceKind> for NoiseKind {
 }
 
 /// What a job says of its disturbances; what is wrong is told.
-pub(super) fn read_of_job(field: &Field<'_>, model: Option<&ModelDescription>) -> JobNoiseSpec {
+pub(super) fn read_of_job(
+    field: Option<Field<'_>>,
+    model: Option<&ModelDescription>,
+) -> JobNoiseSpec {
+    let Some(field) = field else {
+        return JobNoiseSpec::default();
+    };
     if field.value.is_string() {
-        let choices = [("none", NoiseChoice::None), ("auto", NoiseChoice::Auto)];
-        let choice = field.choice(&choices);
+        let choice = field.choice(&[("none", NoiseChoice::None), ("auto", NoiseChoice::Auto)]);
         return choice.map_or_else(JobNoiseSpec::default, JobNoiseSpec::Choice);
     }
-    let listed = model.map(|model| read_all(field, model));
+    let listed = model.map(|model| read_all(&field, model));
     JobNoiseSpec::Listed(listed.unwrap_or_default())
 }
 
@@ -405,8 +410,9 @@ fn read_number(field: &Field<'_>, may_be_zero: bool) -> Option<NoiseNumberSpec> 
         return number.map(NoiseNumberSpec::Given);
     }
     let mut object = field.object()?;
-    let estimate = object.required("estimate");
-    let estimate = estimate.and_then(|field| read_range(&field));
+    let estimate = object
+        .required("estimate")
+        .and_then(|field| read_range(&field));
     let prior_field = object.optional("prior");
     let prior = prior_field.as_ref().and_then(prior::read);
     object.finish();
@@ -469,28 +475,4 @@ fn named<'a>(
         return None;
     }
     Some(name.to_owned())
-}
-
-/// The standard deviation of the noise of each output that is named; every name must be one that the
-/// recording has.
-pub(super) fn read_sensors(
-    field: &Field<'_>,
-    is_measured: impl Fn(&str) -> bool,
-) -> Vec<(String, f64)> {
-    let mut sensors = Vec::new();
-    let entries = field.object().map(|object| object.entries());
-    for (name, field) in entries.into_iter().flatten() {
-        if !is_measured(name) {
-            let detail = format!("no signal of the recording is the output `{name}`");
-            field.fault("output_not_measured", detail);
-        }
-        let Some(mut object) = field.object() else {
-            continue;
-        };
-        let noise = object.required("noise_std");
-        let noise = noise.and_then(|field| field.positive());
-        object.finish();
-        sensors.extend(noise.map(|noise| (name.to_owned(), noise)));
-    }
-    sensors
 }

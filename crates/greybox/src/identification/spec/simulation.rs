@@ -147,7 +147,7 @@ fn read_noise(
 ) -> KnownNoise {
     let is_measured = |name: &str| signals.is_none_or(|signals| signals.contains_key(name));
     let disturbances = process_noise::read_known(field, model);
-    let sensors = outputs.map(|outputs| process_noise::read_sensors(outputs, is_measured));
+    let sensors = outputs.map(|outputs| read_sensors(outputs, is_measured));
     let sensors = sensors.unwrap_or_default();
     let is_missing = |name: &str| {
         let is_used = signals.is_some_and(|signals| signals.contains_key(name));
@@ -188,4 +188,25 @@ fn refuse_free(field: &Field<'_>, states: &BTreeMap<String, InitialStateSpec>) {
         let detail = format!("a simulation estimates nothing: `{name}` needs a value");
         field.fault("estimate_in_simulation", detail);
     }
+}
+
+/// The standard deviation of the noise of each output that is named; every name must be one that the
+/// recording has.
+fn read_sensors(field: &Field<'_>, is_measured: impl Fn(&str) -> bool) -> Vec<(String, f64)> {
+    let mut sensors = Vec::new();
+    let entries = field.object().map(|object| object.entries());
+    for (name, field) in entries.into_iter().flatten() {
+        if !is_measured(name) {
+            let detail = format!("no signal of the recording is the output `{name}`");
+            field.fault("output_not_measured", detail);
+        }
+        let Some(mut object) = field.object() else {
+            continue;
+        };
+        let noise = object.required("noise_std");
+        let noise = noise.and_then(|field| field.positive());
+        object.finish();
+        sensors.extend(noise.map(|noise| (name.to_owned(), noise)));
+    }
+    sensors
 }

@@ -90,7 +90,7 @@ fn opposite(name: &str, fit: &OutputFit) -> Option<Doubt> {
 /// noise, or of which no noise is declared.
 fn unexplained(name: &str, residual: &ResidualReport, fit: &OutputFit) -> Option<Doubt> {
     let (rule, trust, detail) = match residual.chi_square_per_sample {
-        Some(_) if residual.is_noise_overstated => return Some(overstated(name, residual)),
+        Some(_) if residual.is_noise_overstated => return Some(overstated(name, residual, fit)),
         Some(chi_square) if chi_square > MISFIT && is_plain_noise(residual) => {
             return Some(understated(name, chi_square));
         }
@@ -149,16 +149,16 @@ fn is_plain_noise(residual: &ResidualReport) -> bool {
 }
 
 /// A declared noise that is larger than the noise in the residuals: it cannot excuse what is left.
-fn overstated(name: &str, residual: &ResidualReport) -> Doubt {
+fn overstated(name: &str, residual: &ResidualReport, fit: &OutputFit) -> Doubt {
     let chi_square = residual.chi_square_per_sample.unwrap_or_default();
     let (trust, detail) = if is_misfit_by_colour(residual) {
         let detail = format!(
-            "the declared noise of `{name}` is larger than the noise in the residuals: these follow \
-             each other (correlation {:.2} with the next sample) at {:.2} times its size (chi²/n \
-             {chi_square:.2}), so they are taken for what the model misses; free an effect, or give \
+            "the residuals of `{name}` are {:.2} times the declared noise (chi²/n {chi_square:.2}) and \
+             follow each other (correlation {:.2} with the next sample): there is less noise than is \
+             declared, and what is left is taken for what the model misses; free an effect, or give \
              the noise that the sensor really has",
-            next(residual),
-            chi_square.sqrt()
+            chi_square.sqrt(),
+            next(residual)
         );
         (Trust::Low, detail)
     } else {
@@ -168,9 +168,10 @@ fn overstated(name: &str, residual: &ResidualReport) -> Doubt {
              gain or offset is no noise, and belongs into its tolerances",
             1.0 / chi_square.sqrt()
         );
-        let trust = match residual.white {
-            Some(true) => Trust::High,
-            _ => Trust::Moderate,
+        let is_plain = fit.fit_percent.is_none_or(|percent| percent >= PLAIN_FIT);
+        let trust = match residual.white == Some(true) && is_plain {
+            true => Trust::High,
+            false => Trust::Moderate,
         };
         (trust, detail)
     };

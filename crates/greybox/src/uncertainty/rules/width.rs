@@ -19,7 +19,7 @@ const LOW_SHARE: f64 = 0.5;
 const SHARE_OF_RANGE: f64 = 0.25;
 
 /// The total standard error of a coordinate.
-struct Width {
+struct IntervalWidth {
     coordinate: usize,
     /// The total standard error as a share of the search range.
     total: f64,
@@ -46,7 +46,7 @@ impl Case<'_> {
 
     /// The width of a coordinate that is known too coarsely; none of a coordinate that is known
     /// well, or that the data do not fix.
-    fn width(&self, index: usize) -> Option<Width> {
+    fn width(&self, index: usize) -> Option<IntervalWidth> {
         let coordinate = &self.problem.coordinates[index];
         let noise = self.deviation(index)?;
         let total = self.analysis.budget.totals.get(index).copied().flatten();
@@ -69,7 +69,7 @@ impl Case<'_> {
             Trust::High
         };
         let is_told = !is_assumed && !self.analysis.coordinates[index].identifiable;
-        (trust < Trust::High && !is_told).then_some(Width {
+        (trust < Trust::High && !is_told).then_some(IntervalWidth {
             coordinate: index,
             total,
             share,
@@ -79,7 +79,7 @@ impl Case<'_> {
     }
 
     /// The doubt about a coordinate that noise leaves open.
-    fn left_open(&self, width: &Width) -> Doubt {
+    fn left_open(&self, width: &IntervalWidth) -> Doubt {
         let detail = format!(
             "noise leaves {}: record longer, or excite it more (`POST /v1/designs` looks for the \
              experiment)",
@@ -92,7 +92,7 @@ impl Case<'_> {
     }
 
     /// The doubt about a coordinate that what is taken as known leaves open.
-    fn dominated(&self, width: &Width) -> Doubt {
+    fn dominated(&self, width: &IntervalWidth) -> Doubt {
         let better = |line: &Line| Some(line.contributions[width.coordinate]?.total_if_better);
         let lines = self.analysis.budget.lines.iter().enumerate();
         let lines = lines.filter_map(|(place, line)| Some((place, line, better(line)?)));
@@ -108,10 +108,9 @@ impl Case<'_> {
         };
         let assumption = &line.assumption;
         let detail = format!(
-            "{error}: know `{}` to {} {} instead of {}, and it falls to {} times that",
+            "{error}: know `{}` to {} instead of {}, and it falls to {} times that",
             assumption.name,
-            short(assumption.tolerance / BETTER),
-            assumption.unit,
+            with_unit(assumption.tolerance / BETTER, &assumption.unit),
             short(assumption.tolerance),
             short(then / width.total)
         );
@@ -119,7 +118,7 @@ impl Case<'_> {
     }
 
     /// The total standard error: in the unit, and as a share of the value where it has one.
-    fn error_in_words(&self, width: &Width) -> String {
+    fn error_in_words(&self, width: &IntervalWidth) -> String {
         let coordinate = &self.problem.coordinates[width.coordinate];
         let value = self.report.values[width.coordinate];
         let slope = coordinate.slope(self.report.positions[width.coordinate]);
@@ -129,10 +128,9 @@ impl Case<'_> {
             false => String::new(),
         };
         format!(
-            "`{}` with a standard error of {} {}{share}",
+            "`{}` with a standard error of {}{share}",
             coordinate.name,
-            short(error),
-            coordinate.unit
+            with_unit(error, &coordinate.unit)
         )
     }
 }
@@ -150,5 +148,13 @@ fn magnitude(coordinate: &Coordinate, value: f64) -> f64 {
     match scale == Scale::Linear && lower <= 0.0 && upper >= 0.0 {
         true => value.abs().max(of_range),
         false => value.abs(),
+    }
+}
+
+/// A number in its unit, if it has one.
+fn with_unit(value: f64, unit: &str) -> String {
+    match unit {
+        "" | "1" => short(value),
+        unit => format!("{} {unit}", short(value)),
     }
 }

@@ -175,7 +175,7 @@ rules! {
     NoiseContradicted = "noise_contradicted", Misfit {
         title: "The declared noise is too large or too small for what is left",
         grades: "Too large: low where neighbouring residuals are correlated by more than 0.3, moderate where they have \
-                 another memory, a remark where they are white. Too small: moderate.",
+                 another memory or the fit is below 90 %, else a remark. Too small: moderate.",
         when: "Of more than 100 residuals no more than half of the declared variance can be white noise: χ² per sample \
                is below 0.5, or residuals that follow each other leave no room for it. Or the residuals are white, \
                follow no input, and χ² per sample is above 1.5.",
