@@ -59,12 +59,12 @@ fn parameters() -> Value {
 }
 
 /// The designed force, and the total standard error that the design promises of the mass.
-fn designed(model: &Model) -> (Vec<f64>, f64) {
+fn designed(model: &Arc<Model>) -> (Vec<f64>, f64) {
     let mut parameters = parameters();
     parameters["mass"] = json!({"estimate": {}, "prior": {"mean": MASS, "std": 50}});
     parameters["viscous"] = json!({"estimate": {}, "prior": {"mean": VISCOUS, "std": 200}});
     let request = DesignRequest::new(json!({
-        "model": "carriage", "parameters": parameters,
+        "model": model.description().name, "parameters": parameters,
         "outputs": {"position": {"noise_std": NOISE}},
         "inputs": {"force": {"lower": -150, "upper": 150}}, "families": ["prbs"], "points": 1,
         "wanted": ["mass"], "sample_time_s": SAMPLE_TIME, "duration_s": 10
@@ -72,9 +72,8 @@ fn designed(model: &Model) -> (Vec<f64>, f64) {
     let spec = request
         .read(&[model.description()], None)
         .expect("a design");
-    let model = carriage();
     let stop = AtomicBool::new(false);
-    let design = assemble::design(spec, &model, None, &stop).expect("no fault");
+    let design = assemble::design(spec, model, None, &stop).expect("no fault");
     let design = design.expect("a design");
     let inputs = design.inputs.as_ref().expect("a force");
     let after = &design.proposals[0].after;
@@ -119,7 +118,7 @@ fn recorded(force: &[f64], friction: f64, seed: u64) -> Recording {
 
 fn estimated(model: &Arc<Model>, recording: Recording, more: &Value) -> Outcome {
     let mut job = json!({
-        "model": "carriage", "parameters": parameters(),
+        "model": model.description().name, "parameters": parameters(),
         "outputs": {"position": {"noise_std": NOISE}}, "validation": {"fraction": 0}, "seed": 1,
         "method": {"name": "multistart_lm", "population": 8, "generations": 2,
                    "further_searches": 0}
@@ -227,8 +226,6 @@ fn a_number_far_beyond_its_tolerance_is_contradicted() {
     assert!((suggested.value - truth).abs() < 4.0 * suggested.standard_error);
 }
 
-/// A gain and an offset of the sensor that the model sees through the noise: a force that lasts long
-/// fixes the speed, and the viscous friction is known.
 #[test]
 fn an_offset_of_a_sensor_is_taken_out_of_what_it_read() {
     let model = carriage();
