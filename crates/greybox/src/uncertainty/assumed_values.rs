@@ -60,19 +60,21 @@ pub fn shown_by_sensors(
         return Some(simulated);
     }
     let sensors = Sensors::simulate(problem, positions, stop)?;
+    let added = |place: ResidualPlace| -> f64 {
+        let added = moved.iter().map(|assumption| {
+            let off = assumption.taken - assumption.value;
+            off * sensors.derivative(problem, assumption.target, place)
+        });
+        added.sum()
+    };
     for (experiment, outputs) in simulated.iter_mut().enumerate() {
         for (output, measured) in problem.outputs.iter().enumerate() {
             for (sample, value) in outputs[measured.index].iter_mut().enumerate() {
-                let place = ResidualPlace {
+                *value += added(ResidualPlace {
                     experiment,
                     sample,
                     output,
-                };
-                let added = moved.iter().map(|assumption| {
-                    let off = assumption.taken - assumption.value;
-                    off * sensors.derivative(problem, assumption.target, place)
                 });
-                *value += added.sum::<f64>();
             }
         }
     }
