@@ -5,7 +5,7 @@
 //! model is compared with what the plant did.
 
 use super::sensors::{Sensors, stretch};
-use crate::estimation::problem::{Assumed, Assumption, Problem, Target};
+use crate::estimation::problem::{Assumed, Problem, Target};
 use crate::estimation::sensitivity::ResidualPlace;
 use greybox_simulation::single::Outputs;
 use std::sync::Arc;
@@ -60,23 +60,21 @@ pub fn shown_by_sensors(
         return Some(simulated);
     }
     let sensors = Sensors::simulate(problem, positions, stop)?;
-    let added_by = |assumption: &Assumption, place: ResidualPlace| {
-        let off = assumption.taken - assumption.value;
-        off * sensors.derivative(problem, assumption.target, place)
-    };
     let added = |place: ResidualPlace| -> f64 {
-        let parts = moved.iter().map(|assumption| added_by(assumption, place));
-        parts.sum()
+        let added = moved.iter().map(|assumption| {
+            let off = assumption.taken - assumption.value;
+            off * sensors.derivative(problem, assumption.target, place)
+        });
+        added.sum()
     };
     for (experiment, outputs) in simulated.iter_mut().enumerate() {
         for (output, measured) in problem.outputs.iter().enumerate() {
             for (sample, value) in outputs[measured.index].iter_mut().enumerate() {
-                let place = ResidualPlace {
+                *value += added(ResidualPlace {
                     experiment,
                     sample,
                     output,
-                };
-                *value += added(place);
+                });
             }
         }
     }
