@@ -190,7 +190,7 @@ pub fn fit(page: &mut String, outcome: &Outcome) {
     }
     page.push_str(
         "</table></div>\n<div class=\"scroll\"><table>\n<thead><tr><th>residuals of</th><th>noise</th>\
-         <th>chi²/n</th><th>correlation with the next</th><th>white</th>\
+         <th>chi²/n</th><th>correlation with the next</th><th>white</th><th>Ljung–Box p</th>\
          <th class=\"words\">follow an input</th></tr></thead>\n",
     );
     for (output, report) in &outcome.residuals {
@@ -216,12 +216,13 @@ pub fn fit(page: &mut String, outcome: &Outcome) {
             page,
             format_args!(
                 "<tr><td>{}</td><td>{} ({}){outliers}</td><td>{}</td><td>{}</td><td>{white}</td>\
-                 <td class=\"words\">{}</td></tr>\n",
+                 <td>{}</td><td class=\"words\">{}</td></tr>\n",
                 escape(output),
                 significant(report.noise_std, 3),
                 escape(&report.noise_std_source),
                 optional(report.chi_square_per_sample),
                 optional(report.lag_1_autocorrelation),
+                optional(report.ljung_box_p.map(|p| (1e3 * p).round() / 1e3)),
                 follow.join("<br>")
             ),
         );

@@ -81,9 +81,10 @@ impl Case<'_> {
     /// The doubt about a coordinate that noise leaves open.
     fn left_open(&self, width: &IntervalWidth) -> Doubt {
         let detail = format!(
-            "noise leaves {}: record longer, or excite it more (`POST /v1/designs` looks for the \
-             experiment)",
-            self.error_in_words(width)
+            "noise leaves `{}` a standard error of {}: record longer, or excite it more \
+             (`POST /v1/designs` looks for the experiment)",
+            self.problem.coordinates[width.coordinate].name,
+            self.error_in_words(width.coordinate, width.total)
         );
         let doubt = Doubt::new(Rule::WideInterval, width.trust, detail);
         doubt
@@ -97,7 +98,11 @@ impl Case<'_> {
         let lines = self.analysis.budget.lines.iter().enumerate();
         let lines = lines.filter_map(|(place, line)| Some((place, line, better(line)?)));
         let best = lines.min_by(|(_, _, a), (_, _, b)| a.total_cmp(b));
-        let error = format!("all that is assumed leaves {}", self.error_in_words(width));
+        let error = format!(
+            "all that is assumed leaves `{}` a standard error of {}",
+            self.problem.coordinates[width.coordinate].name,
+            self.error_in_words(width.coordinate, width.total)
+        );
         let doubt = |detail| {
             let doubt = Doubt::new(Rule::AssumptionsDominate, width.trust, detail);
             let doubt = doubt.concerning(vec![width.coordinate]);
@@ -108,30 +113,26 @@ impl Case<'_> {
         };
         let assumption = &line.assumption;
         let detail = format!(
-            "{error}: know `{}` to {} instead of {}, and it falls to {} times that",
+            "{error}: know `{}` to {} instead of {}, and it falls to {}",
             assumption.name,
             with_unit(assumption.tolerance / BETTER, &assumption.unit),
             short(assumption.tolerance),
-            short(then / width.total)
+            self.error_in_words(width.coordinate, then)
         );
         doubt(detail).about(Subject::Assumptions(vec![place]))
     }
 
-    /// The total standard error: in the unit, and as a share of the value where it has one.
-    fn error_in_words(&self, width: &IntervalWidth) -> String {
-        let coordinate = &self.problem.coordinates[width.coordinate];
-        let value = self.report.values[width.coordinate];
-        let slope = coordinate.slope(self.report.positions[width.coordinate]);
-        let error = width.total * slope.abs();
-        let share = match error < value.abs() {
-            true => format!(" ({} %)", short(100.0 * error / value.abs())),
-            false => String::new(),
-        };
-        format!(
-            "`{}` with a standard error of {}{share}",
-            coordinate.name,
-            with_unit(error, &coordinate.unit)
-        )
+    /// A standard error, given as a share of the search range: in the unit of the coordinate, and
+    /// as a share of the value where the value is larger.
+    fn error_in_words(&self, index: usize, deviation: f64) -> String {
+        let coordinate = &self.problem.coordinates[index];
+        let value = self.report.values[index].abs();
+        let error = deviation * coordinate.slope(self.report.positions[index]).abs();
+        let size = with_unit(error, &coordinate.unit);
+        match error < value {
+            true => format!("{size} ({} %)", short(100.0 * error / value)),
+            false => size,
+        }
     }
 }
 
