@@ -197,7 +197,7 @@ impl NoiseTrial {
 }
 
 /// The variance that each disturbance alone makes of each compared output, as a mean over all samples
-/// [SI²]. Answers nothing when `stop` was raised.
+/// `[SI²]`. Answers nothing when `stop` was raised.
 ///
 /// # Errors
 /// Where the model or the problem does not allow a filter.

@@ -1,7 +1,7 @@
 //! What the model leaves unexplained: its size against the noise, its memory, and whether it
 //! follows an input.
 //!
-//! Residuals of a right model are white ([`whiteness`]). A residual that is correlated with what an
+//! Residuals of a right model are white (`whiteness`). A residual that is correlated with what an
 //! input was at lags 0 to 25 is an effect of that input that the model has not (L. Ljung, *System
 //! Identification*, 1999, ch. 16).
 //!
