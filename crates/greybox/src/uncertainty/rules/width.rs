@@ -1,7 +1,7 @@
 //! How far the width of a total interval lets a parameter be trusted.
 //!
-//! A promise that an interval holds is worth nothing where the interval holds everything: servo
-//! totals of 5 to 23 times the noise's once called a damping in [23.9, 638] high.
+//! An interval that holds nearly everything cannot be wrong, so that a grade that only promises that
+//! the interval holds says nothing: totals of the servo are 5 to 23 times as wide as those of noise.
 
 use super::{Case, short};
 use crate::estimation::problem::{Coordinate, Target};
