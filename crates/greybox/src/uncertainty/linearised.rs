@@ -177,7 +177,7 @@ impl FirstOrder {
             trajectories,
             residuals,
         } = &**estimate;
-        let linear = covariance::linearise(problem, &around.neighbourhood, residuals)
+        let mut linear = covariance::linearise(problem, &around.neighbourhood, residuals)
             .map_err(SensitivityError::Failed)?;
         let seen = Seen {
             trajectories,
@@ -187,6 +187,9 @@ impl FirstOrder {
         let budget = Budget::of(extended, around, seen).map_err(SensitivityError::Failed)?;
         let drifts = drift::of(problem, &around.neighbourhood, seen);
         let drifts = drifts.map_err(SensitivityError::Failed)?;
+        if let Some(by_assumptions) = &budget.noise_by_assumptions {
+            linear.widen(by_assumptions);
+        }
         let (positions, weights) = (
             &report.positions,
             NoiseLevels::of(problem, residuals).weights(),
