@@ -81,6 +81,8 @@ struct Standing {
     objective: f64,
     residuals: Vec<ResidualReport>,
     joint: Joint,
+    /// The linear model with residuals that are taken for white; none where they are.
+    unfiltered: Option<Joint>,
     sensors: Sensors,
     /// For each nuisance whether nothing can be said of it.
     fails: Vec<bool>,
@@ -100,30 +102,40 @@ impl NuisanceFit {
         };
         if let Some(standing) = Standing::of(problem, &report.positions, stop)? {
             fit.objective = standing.objective;
-            fit.step = fit.next_step(&standing, gain_by_chance);
+            if fit.is_notable(&standing) {
+                fit.step = fit.next_step(&standing);
+            }
         }
         Some(fit)
     }
 
-    /// The step to where the data and the tolerances put the nuisances; none where it gains less
-    /// than `least`.
-    fn next_step(
-        &self,
-        standing: &Standing,
-        least: impl Fn(&JointStep) -> f64,
-    ) -> Option<NuisanceStep> {
+    /// Whether the data gain more by other values of the nuisances than noise alone would make them
+    /// gain. What a nuisance leaves behind may itself pass for noise with a memory, so that the
+    /// residuals count as they are too.
+    fn is_notable(&self, standing: &Standing) -> bool {
+        let joints = std::iter::once(&standing.joint).chain(&standing.unfiltered);
+        let mut steps = joints.filter_map(|joint| self.step_by(joint, standing));
+        steps.any(|step| step.gain > gain_by_chance(&step))
+    }
+
+    /// The step within the limits to where the data and the tolerances put the nuisances.
+    fn step_by(&self, joint: &Joint, standing: &Standing) -> Option<JointStep> {
+        let mut is_held = self.cannot_move(standing);
+        loop {
+            let step = joint.step(&is_held)?;
+            if !self.hold_at_limits(&step.assumptions, &mut is_held) {
+                return Some(step);
+            }
+        }
+    }
+
+    /// The step that comes next; none where the nuisances stand.
+    fn next_step(&self, standing: &Standing) -> Option<NuisanceStep> {
         if self.tried >= MOST_STEPS {
             return None;
         }
-        let joint = &standing.joint;
-        let mut is_held = self.cannot_move(standing);
-        let step = loop {
-            let step = joint.step(&is_held)?;
-            if !self.hold_at_limits(&step.assumptions, &mut is_held) {
-                break step;
-            }
-        };
-        if step.gain <= least(&step) {
+        let step = self.step_by(&standing.joint, standing)?;
+        if step.gain <= FINISHED {
             return None;
         }
         let longest = step
@@ -247,7 +259,7 @@ impl RefitSequence for NuisanceFit {
                 next.report.positions.clone_from(&refit.positions);
                 next.report.cost = refit.cost;
                 next.problem = step.problem;
-                next.step = next.next_step(&standing, |_| FINISHED);
+                next.step = next.next_step(&standing);
             }
             None => next.step = next.shortened(&step, stop)?,
         }
@@ -281,6 +293,10 @@ impl Standing {
         let Ok(Some(joint)) = budget::gather(&extended, &around, weighing) else {
             return Some(None);
         };
+        let unfiltered = match residuals.iter().any(|report| report.white == Some(false)) {
+            true => budget::gather(&extended, &around, Weighing::of(problem, seen).unfiltered()),
+            false => Ok(None),
+        };
         let samples = fit::of(problem, &trajectories, fit::Part::Estimation);
         let samples = samples.iter().map(|fit| fit.samples as f64);
         let data: f64 = residuals.iter().zip(samples).map(deviance).sum();
@@ -295,6 +311,7 @@ impl Standing {
             fails: (0..problem.assumptions.len()).map(fails).collect(),
             sensors: around.sensors().clone(),
             joint,
+            unfiltered: unfiltered.ok().flatten(),
             residuals,
         }))
     }
