@@ -43,6 +43,9 @@ pub struct Budget {
     /// The covariance that the data and the tolerances leave of the assumptions, in standard
     /// deviations of their tolerances; none without assumptions.
     pub covariance: Option<DMatrix<f64>>,
+    /// The covariance that noise alone gives the unknowns by way of the assumptions, positions; none
+    /// where all assumptions are held at their declared values.
+    pub noise_by_assumptions: Option<DMatrix<f64>>,
     /// Whether there are assumptions that nothing is said of: the record is too long to hold the
     /// simulations of all, or the run was stopped.
     pub is_left_out: bool,
@@ -388,6 +391,9 @@ impl Budget {
         Budget {
             lines: lines.map(line).collect(),
             covariance: joint.map(|joint| joint.posterior_covariance().clone()),
+            noise_by_assumptions: joint
+                .filter(|_| extended.assumptions().iter().any(|own| own.off() != 0.0))
+                .and_then(Joint::noise_by_assumptions),
             is_left_out: extended.is_cut,
             totals,
         }

@@ -111,6 +111,13 @@ pub struct Linear {
 }
 
 impl Linear {
+    /// Adds what else noise does to the unknowns, where their errors have a covariance.
+    pub fn widen(&mut self, by: &DMatrix<f64>) {
+        if let Some(covariance) = &mut self.covariance {
+            covariance.matrix += by;
+        }
+    }
+
     /// The standard deviation of a coordinate, as a share of its search range.
     #[must_use]
     pub fn deviation(&self, coordinate: usize) -> Option<f64> {

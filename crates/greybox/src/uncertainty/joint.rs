@@ -66,6 +66,8 @@ pub struct JointStep {
     pub unknowns: Vec<f64>,
     /// Twice the logarithm of how much likelier the step makes the data and the declared values.
     pub gain: f64,
+    /// The gain that noise alone makes on average, where the values that are taken are right.
+    pub expected_gain: f64,
 }
 
 /// What the data say of one assumption, in standard deviations of its tolerance.
@@ -194,7 +196,7 @@ impl Joint {
         }
         let pull = (&self.gradient - &self.off).select_rows(&free);
         let apart = self.apart.select_columns(&free);
-        let (_, moved) = posterior(&apart, &pull, &vec![1.0; free.len()])?;
+        let (covariance, moved) = posterior(&apart, &pull, &vec![1.0; free.len()])?;
         let mut assumptions = DVector::zeros(is_held.len());
         for (place, index) in free.iter().enumerate() {
             assumptions[*index] = moved[place];
@@ -203,6 +205,7 @@ impl Joint {
         Some(JointStep {
             unknowns: (0..self.rows.len()).map(along).collect(),
             gain: pull.dot(&moved),
+            expected_gain: free.len() as f64 - covariance.trace(),
             assumptions: assumptions.iter().copied().collect(),
         })
     }
@@ -254,6 +257,22 @@ impl Joint {
         deviations[assumption] = factor;
         let (changed, _) = posterior(&self.apart, &self.gradient, &deviations)?;
         Some(noise + moves.dot(&(changed * &moves)))
+    }
+
+    /// The covariance that noise alone gives the unknowns by way of the assumptions, where these are
+    /// fitted: `K·V·M·V·Kᵀ`, in which `V·M·V = V − V²`. None where the data do not fix the unknowns.
+    #[must_use]
+    pub fn noise_by_assumptions(&self) -> Option<DMatrix<f64>> {
+        let n = self.rows.len();
+        let sensitivity = self.sensitivity.as_ref()?;
+        let by_noise = &self.posterior - &self.posterior * &self.posterior;
+        let among = sensitivity * by_noise * sensitivity.transpose();
+        Some(DMatrix::from_fn(n, n, |a, b| {
+            match (self.rows[a], self.rows[b]) {
+                (Some(a), Some(b)) => among[(a, b)],
+                _ => 0.0,
+            }
+        }))
     }
 
     /// Whether the residuals contradict an assumption.

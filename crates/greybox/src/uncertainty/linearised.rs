@@ -189,7 +189,7 @@ impl FirstOrder {
             trajectories,
             residuals,
         } = &**estimate;
-        let linear = covariance::linearise(problem, &around.neighbourhood, residuals)
+        let mut linear = covariance::linearise(problem, &around.neighbourhood, residuals)
             .map_err(SensitivityError::Failed)?;
         let seen = Seen {
             trajectories,
@@ -205,6 +205,9 @@ impl FirstOrder {
             None => Ok(None),
         };
         let windows = windows.map_err(SensitivityError::Failed)?;
+        if let Some(by_assumptions) = &budget.noise_by_assumptions {
+            linear.widen(by_assumptions);
+        }
         let (positions, weights) = (
             &report.positions,
             NoiseLevels::of(problem, residuals).weights(),

@@ -10,12 +10,13 @@
 //! separate", SIAM J. Numer. Anal. 10, 1973). A step after which data and tolerances are no
 //! likelier is tried again, shorter.
 //!
-//! Nuisances that matter neither to the likelihood nor to an unknown stay at their declared values.
+//! Where the data gain no more by it than noise alone makes them gain, all nuisances stay at their
+//! declared values: an estimate with exact constants does not scatter for their tolerances.
 
 use super::assumed_values::{correct_sensors, take};
 use super::budget::{self, Extended};
 use super::covariance;
-use super::joint::{Joint, LARGEST_SCORE};
+use super::joint::{Joint, JointStep};
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use super::residuals::{self, ResidualReport};
 use super::sensors::Sensors;
@@ -36,25 +37,12 @@ const LONGEST_STEP: f64 = 3.0;
 const SHORTER: f64 = 0.25;
 /// A step that is shortened further is not tried any more.
 const SHORTEST_SHARE: f64 = 0.01;
-/// The declared values are left where a step makes the data likelier by more than chance…
-const NOTABLE: Notability = Notability {
-    gain: LARGEST_SCORE * LARGEST_SCORE,
-    move_share: 0.1,
-};
-/// …and steps go on while they change something.
-const UNFINISHED: Notability = Notability {
-    gain: 1e-2,
-    move_share: 1e-2,
-};
-
-/// From where on a step matters.
-#[derive(Clone, Copy, Debug)]
-struct Notability {
-    /// Twice the logarithm of how much likelier the step makes data and declared values.
-    gain: f64,
-    /// The move of an unknown as a share of its total standard error.
-    move_share: f64,
-}
+/// The 99 % point of the normal distribution: of a hundred jobs in which all declared values are
+/// exact, one leaves them.
+const NORMAL_99: f64 = 2.326;
+/// Steps end where the next one gains less than this of twice the logarithm of the likelihood: then
+/// no unknown moves by more than a hundredth of its total standard error.
+const FINISHED: f64 = 1e-4;
 
 /// An estimate whose nuisances are moved to where the data and the tolerances put them.
 #[derive(Clone, Debug)]
@@ -92,9 +80,9 @@ struct NuisanceStep {
 struct Standing {
     objective: f64,
     residuals: Vec<ResidualReport>,
-    /// For each unknown the variance that noise alone gives it.
-    noise: Vec<Option<f64>>,
     joint: Joint,
+    /// The linear model with residuals that are taken for white; none where they are.
+    unfiltered: Option<Joint>,
     sensors: Sensors,
     /// For each nuisance whether nothing can be said of it.
     fails: Vec<bool>,
@@ -114,30 +102,40 @@ impl NuisanceFit {
         };
         if let Some(standing) = Standing::of(problem, &report.positions, stop)? {
             fit.objective = standing.objective;
-            fit.step = fit.next_step(&standing, NOTABLE);
+            if fit.is_notable(&standing) {
+                fit.step = fit.next_step(&standing);
+            }
         }
         Some(fit)
     }
 
-    /// The step to where the data and the tolerances put the nuisances; none where it matters less
-    /// than that.
-    fn next_step(&self, standing: &Standing, least: Notability) -> Option<NuisanceStep> {
+    /// Whether the data gain more by other values of the nuisances than noise alone would make them
+    /// gain. What a nuisance leaves behind may itself pass for noise with a memory, so that the
+    /// residuals count as they are too.
+    fn is_notable(&self, standing: &Standing) -> bool {
+        let joints = std::iter::once(&standing.joint).chain(&standing.unfiltered);
+        let mut steps = joints.filter_map(|joint| self.step_by(joint, standing));
+        steps.any(|step| step.gain > gain_by_chance(&step))
+    }
+
+    /// The step within the limits to where the data and the tolerances put the nuisances.
+    fn step_by(&self, joint: &Joint, standing: &Standing) -> Option<JointStep> {
+        let mut is_held = self.cannot_move(standing);
+        loop {
+            let step = joint.step(&is_held)?;
+            if !self.hold_at_limits(&step.assumptions, &mut is_held) {
+                return Some(step);
+            }
+        }
+    }
+
+    /// The step that comes next; none where the nuisances stand.
+    fn next_step(&self, standing: &Standing) -> Option<NuisanceStep> {
         if self.tried >= MOST_STEPS {
             return None;
         }
-        let joint = &standing.joint;
-        let whole = |unknown: usize| joint.total_if(unknown, standing.noise[unknown]?, 0, 1.0);
-        let mut is_held = self.cannot_move(standing);
-        let step = loop {
-            let step = joint.step(&is_held)?;
-            if !self.hold_at_limits(&step.assumptions, &mut is_held) {
-                break step;
-            }
-        };
-        let moves = step.unknowns.iter().enumerate();
-        let shares = moves.filter_map(|(unknown, by)| Some(by.abs() / whole(unknown)?.sqrt()));
-        let largest = shares.fold(0.0, f64::max);
-        if step.gain <= least.gain && largest <= least.move_share {
+        let step = self.step_by(&standing.joint, standing)?;
+        if step.gain <= FINISHED {
             return None;
         }
         let longest = step
@@ -261,7 +259,7 @@ impl RefitSequence for NuisanceFit {
                 next.report.positions.clone_from(&refit.positions);
                 next.report.cost = refit.cost;
                 next.problem = step.problem;
-                next.step = next.next_step(&standing, UNFINISHED);
+                next.step = next.next_step(&standing);
             }
             None => next.step = next.shortened(&step, stop)?,
         }
@@ -295,6 +293,10 @@ impl Standing {
         let Ok(Some(joint)) = budget::gather(&extended, &around, weighing) else {
             return Some(None);
         };
+        let unfiltered = match residuals.iter().any(|report| report.white == Some(false)) {
+            true => budget::gather(&extended, &around, Weighing::of(problem, seen).unfiltered()),
+            false => Ok(None),
+        };
         let samples = fit::of(problem, &trajectories, fit::Part::Estimation);
         let samples = samples.iter().map(|fit| fit.samples as f64);
         let data: f64 = residuals.iter().zip(samples).map(deviance).sum();
@@ -303,17 +305,25 @@ impl Standing {
             .iter()
             .map(|assumption| assumption.off());
         let priors = problem.prior_sum(positions).0 + off.map(|off| off * off).sum::<f64>();
-        let noise = |unknown: usize| linear.deviation(unknown).map(|noise| noise * noise);
         let fails = |place: usize| around.fails(&extended, place);
         Some(Some(Standing {
             objective: data + priors,
-            noise: (0..positions.len()).map(noise).collect(),
             fails: (0..problem.assumptions.len()).map(fails).collect(),
             sensors: around.sensors().clone(),
             joint,
+            unfiltered: unfiltered.ok().flatten(),
             residuals,
         }))
     }
+}
+
+/// The gain of a step that noise alone exceeds in one of a hundred jobs: that of a χ² with as many
+/// degrees of freedom as the data see nuisances (E. B. Wilson, M. M. Hilferty, 1931).
+fn gain_by_chance(step: &JointStep) -> f64 {
+    let freedom = step.expected_gain.max(1.0);
+    let spread = 2.0 / (9.0 * freedom);
+    let quantile = freedom * (1.0 - spread + NORMAL_99 * spread.sqrt()).powi(3);
+    quantile * step.expected_gain.min(1.0)
 }
 
 /// −2·log of the likelihood of an output's residuals, but for a constant: the noise is the declared

@@ -60,6 +60,12 @@ impl Weighing {
         }
     }
 
+    /// The weighing with residuals that are taken for white, whatever their memory.
+    pub fn unfiltered(mut self) -> Weighing {
+        self.filters.iter_mut().for_each(|filter| *filter = None);
+        self
+    }
+
     /// Whether the estimate's own rows are white ones.
     fn is_white(&self, has_priors: bool) -> bool {
         self.filters.iter().all(Option::is_none)
