@@ -63,7 +63,7 @@ enum AnalysisStep {
     Reweight(Box<Reweighting>),
     /// Models without some of the effects are tried.
     Select(Box<Elimination>),
-    /// What is taken as known is moved to where the data and the tolerances put it.
+    /// Assumed values are moved to where the data and the tolerances put them.
     Move(Box<Moving>),
     /// Noise models are fitted.
     CompareNoise(Box<Comparing>),

@@ -204,7 +204,7 @@ impl Extended {
         })
     }
 
-    /// What is taken as known, but not exactly: nothing where the record is too long.
+    /// The assumptions with their tolerances: nothing where the record is too long.
     pub(super) fn assumptions(&self) -> &[Assumption] {
         &self.problem.assumptions
     }

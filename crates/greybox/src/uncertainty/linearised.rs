@@ -141,7 +141,7 @@ impl LinearisedEstimate {
         Some(analysis)
     }
 
-    /// What is said of the estimate, before the rules of the verdict speak.
+    /// The analysis of the estimate, before the rules of the verdict speak.
     pub fn unjudged(&self) -> Option<Analysis> {
         let SimulatedEstimate {
             problem,

@@ -49,7 +49,7 @@ impl JobNoiseSpec {
         *self == JobNoiseSpec::default()
     }
 
-    /// What is looked for in a model.
+    /// The disturbances that are looked for in a model.
     #[must_use]
     pub fn sought(&self, model: &ModelDescription) -> SoughtNoise {
         match self {
@@ -153,7 +153,7 @@ impl NoiseNumberSpec {
     }
 }
 
-/// What is known of a number, as knowledge of its product with a factor.
+/// The prior of a number, as the prior of its product with a factor.
 fn scaled(prior: Prior, factor: f64) -> Prior {
     match prior.scale {
         Scale::Linear => Prior {
@@ -174,7 +174,7 @@ fn strength_per_std(time_constant: f64) -> f64 {
 }
 
 impl ProcessNoiseSpec {
-    /// What is looked for in a model; none where the model has no such quantity.
+    /// The disturbance that is looked for in a model; none where the model has no such quantity.
     fn sought(&self, model: &ModelDescription) -> Option<SoughtDisturbance> {
         let open = SoughtDisturbance::open(self.acts_on.place(model)?, self.kind.of_process());
         let memory = self.time_constant_s.map(|number| number.sought(1.0));
