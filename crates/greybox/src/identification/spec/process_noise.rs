@@ -321,7 +321,7 @@ pub(super) fn read_of_job(
 /// The disturbances of a simulation, all of whose numbers are given; what is wrong is told.
 pub(super) fn read_known(field: &Field<'_>, model: &ModelDescription) -> Vec<ProcessNoise> {
     let listed = read_all(field, model);
-    let known = listed.iter().filter_map(|own| {
+    let disturbances = listed.iter().filter_map(|own| {
         let known = own.known(model);
         if known.is_none() {
             let detail = "a simulation estimates nothing: every number of a disturbance is given";
@@ -329,7 +329,7 @@ pub(super) fn read_known(field: &Field<'_>, model: &ModelDescription) -> Vec<Pro
         }
         known
     });
-    known.collect()
+    disturbances.collect()
 }
 
 fn read_all(field: &Field<'_>, model: &ModelDescription) -> Vec<ProcessNoiseSpec> {

@@ -147,8 +147,8 @@ impl Case<'_> {
             return None;
         }
         let spreads = windows.spreads.iter().enumerate();
-        let known = spreads.filter_map(|(index, spread)| Some((index, (*spread)?)));
-        let worst = known.max_by(|(_, a), (_, b)| a.total_cmp(b));
+        let fixed = spreads.filter_map(|(index, spread)| Some((index, (*spread)?)));
+        let worst = fixed.max_by(|(_, a), (_, b)| a.total_cmp(b));
         let furthest = worst.map_or_else(String::new, |(index, spread)| {
             format!(
                 "; what each alone makes of `{}` lies {} times as far apart as noise allows",
