@@ -152,6 +152,12 @@ pub struct NoiseModel {
 }
 
 impl NoiseModel {
+    /// The numbers that say how large noises are: strengths, then sensors.
+    pub fn sizes(&self) -> impl Iterator<Item = NoiseNumber> + use<'_> {
+        let strengths = self.disturbances.iter().map(|noise| noise.strength);
+        strengths.chain(self.sensors.iter().copied())
+    }
+
     /// How many of its numbers are unknowns.
     #[must_use]
     pub fn unknowns(&self) -> usize {

@@ -113,6 +113,7 @@ impl Analysis {
         }
         if let Some(windows) = &mut self.windows {
             windows.spreads.truncate(n);
+            windows.scatters.truncate(n);
         }
         self
     }

@@ -72,6 +72,10 @@ pub struct Line {
     pub contributions: Vec<Option<Contribution>>,
 }
 
+/// Under a noise model an effect that would explain no more of the residuals' mean square than this share is a
+/// detail of the model: in a long record every detail is beyond chance.
+pub(super) const SLIGHT_SHARE: f64 = 0.05;
+
 /// What an assumption contributes to a coordinate, positions.
 #[derive(Clone, Copy, Debug)]
 pub struct Contribution {
@@ -102,6 +106,14 @@ impl Line {
             (value - self.assumption.value) / self.assumption.tolerance
         });
         self.score.map_or(0.0, |score| score * score) - tolerances * tolerances
+    }
+
+    /// The share of the residuals' mean square that the suggested value would explain, of so many residuals; 0
+    /// where the residuals say nothing of it.
+    #[must_use]
+    pub fn explained_share(&self, n_residuals: usize) -> f64 {
+        self.score
+            .map_or(0.0, |score| score * score / n_residuals.max(1) as f64)
     }
 
     /// Whether the residuals contradict the declared value: they pull by more than noise and

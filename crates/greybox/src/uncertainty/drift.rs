@@ -51,6 +51,20 @@ pub struct Drift {
     pub moves: Vec<Option<f64>>,
 }
 
+impl Drift {
+    /// How far a coordinate moves by the change, as a position: the coordinate that changes moves by half of
+    /// the change at the least.
+    #[must_use]
+    pub fn move_of(&self, coordinate: usize) -> f64 {
+        let half = match self.coordinate == coordinate {
+            true => 0.5 * self.size.0,
+            false => 0.0,
+        };
+        let moved = self.moves[coordinate].unwrap_or_default();
+        moved.abs().max(half.abs())
+    }
+}
+
 /// The changes that the residuals ask for beyond chance, for each unknown the one that they ask for
 /// most, the likeliest first.
 ///

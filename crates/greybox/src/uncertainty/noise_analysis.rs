@@ -32,19 +32,26 @@ impl NoiseAnalysis {
     /// The fits of other noise models that the data leave standing. Where the noise model that was taken
     /// leaves innovations that are not white, none is right and their likelihoods say little: every
     /// disturbance stands.
-    pub(super) fn rivals(&self) -> impl Iterator<Item = &ComparedFit> {
+    pub(super) fn rivals(&self) -> impl Iterator<Item = Rival<'_>> {
         let lowest = self.compared[self.chosen].fit.as_ref().map(|fit| fit.bic);
         let others = self.compared.iter().enumerate();
-        let others = others.filter(|(place, _)| *place != self.chosen);
-        let standing = others.filter(move |(_, own)| {
-            let bic = own.fit.as_ref().map(|fit| fit.bic);
-            let is_near = bic
-                .zip(lowest)
-                .is_some_and(|(bic, lowest)| bic - lowest < STANDING);
-            is_near || (!self.is_white && !own.disturbances.is_empty())
-        });
-        standing.filter_map(|(_, own)| own.fit.as_ref())
+        let others =
+            others.filter(|(place, compared)| *place != self.chosen && !compared.is_too_strong);
+        others.filter_map(move |(_, compared)| {
+            let fit = compared.fit.as_ref()?;
+            let is_as_likely = lowest.is_some_and(|lowest| (fit.bic - lowest).abs() < STANDING);
+            let stands = is_as_likely || (!self.is_white && !compared.disturbances.is_empty());
+            stands.then_some(Rival { fit, is_as_likely })
+        })
     }
+}
+
+/// The fit of another noise model that the data leave standing.
+pub(super) struct Rival<'a> {
+    /// The fit.
+    pub fit: &'a ComparedFit,
+    /// Whether the data make it about as likely as the one that was taken.
+    pub is_as_likely: bool,
 }
 
 /// A noise model that was fitted.
@@ -54,6 +61,9 @@ pub struct ComparedNoise {
     pub disturbances: Vec<ProcessNoise>,
     /// What the fit came to; none where it failed.
     pub fit: Option<ComparedFit>,
+    /// Whether the disturbances would have left far more in the free run than was left: such a noise model is
+    /// no explanation.
+    pub is_too_strong: bool,
 }
 
 /// What the fit of a noise model came to.

@@ -1,11 +1,13 @@
 //! Noise models fitted from the estimate of the free run, and the analysis of the one that is taken.
 
 use super::analysis::CoordinateUncertainty;
+use super::hull::Hull;
 use super::linearised::LinearisedEstimate;
 use super::noise_analysis::{
     Band, ComparedFit, ComparedNoise, DisturbanceEstimate, FreeRunEstimate, NoiseAnalysis,
     NoiseEstimate,
 };
+use super::noise_choice::{self, WeighedNoise};
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use super::settings::{Request, Settings, SoughtNoise};
 use super::solved::Solved;
@@ -132,24 +134,20 @@ impl NoiseComparison {
         request: &Request,
         stop: &AtomicBool,
     ) -> Option<Option<DisturbedEstimate>> {
-        let mut fits = Vec::new();
-        for trial in &self.trials {
-            let refit = trial.refit.as_ref().filter(|refit| refit.cost.is_some());
-            fits.push(match refit {
-                Some(refit) => trial.trial.clone().fitted(refit.positions.clone(), stop)?,
-                None => None,
-            });
-        }
-        let bic = |fit: &Option<FittedNoise>| fit.as_ref().map_or(f64::INFINITY, |fit| fit.bic);
-        let places = 0..fits.len();
+        let fits = self.weighed(stop)?;
         let chosen = match self.is_listed {
             true => 1,
-            false => places.min_by(|a, b| bic(&fits[*a]).total_cmp(&bic(&fits[*b])))?,
+            false => noise_choice::chosen(&fits, stop)?,
         };
-        let Some(fit) = &fits[chosen] else {
+        let Some(WeighedNoise {
+            fit,
+            variances_made,
+            ..
+        }) = &fits[chosen]
+        else {
             return Some(None);
         };
-        if fit.trial.noise.disturbances.is_empty() {
+        if fit.trial.noise.disturbances.is_empty() && !self.examines_free_run(request) {
             return Some(None);
         }
         let n = self.report.positions.len();
@@ -164,21 +162,21 @@ impl NoiseComparison {
         let Ok(free) = trajectory::simulate(&plant, of_plant, stop)? else {
             return Some(None);
         };
-        let disturbances = &fit.trial.noise.disturbances;
-        let made = noise_ladder::variances_made(&plant, of_plant, &given(fit), stop);
-        let made = made.unwrap_or_default()?;
+        let made = variances_made.iter();
+        let shares = made.map(|made| shares(&plant, made)).collect();
         let compared = self.trials.iter().zip(&fits);
-        let compared = compared.map(|(trial, fit)| ComparedNoise {
+        let compared = compared.map(|(trial, weighed)| ComparedNoise {
             disturbances: trial.trial.noise.disturbances.clone(),
-            fit: fit.as_ref().map(compared_fit),
+            fit: weighed.as_ref().map(|weighed| compared_fit(&weighed.fit)),
+            is_too_strong: weighed
+                .as_ref()
+                .is_some_and(|weighed| weighed.is_too_strong),
         });
         Some(Some(DisturbedEstimate {
             report: moved(&self.report, &plant, of_plant),
             estimation_fit: fit::of(&plant, &free, fit::Part::Estimation),
             validation_fit: fit::of(&plant, &free, fit::Part::Validation),
-            shares: (0..disturbances.len())
-                .map(|place| shares(&plant, &made[place]))
-                .collect(),
+            shares,
             compared: compared.collect(),
             chosen,
             log_likelihood: fit.log_likelihood,
@@ -188,6 +186,34 @@ impl NoiseComparison {
             estimate,
             plant,
         }))
+    }
+}
+
+impl NoiseComparison {
+    /// The fits with what their disturbances make, in the order of the trials; none where a fit failed. Answers
+    /// nothing when `stop` was raised.
+    fn weighed(&self, stop: &AtomicBool) -> Option<Vec<Option<WeighedNoise>>> {
+        let positions = &self.report.positions;
+        let deviations = noise_ladder::residual_deviations(&self.problem, positions, stop)?;
+        let mut weighed = Vec::new();
+        for trial in &self.trials {
+            let refit = trial.refit.as_ref().filter(|refit| refit.cost.is_some());
+            let fit = match refit {
+                Some(refit) => trial.trial.clone().fitted(refit.positions.clone(), stop)?,
+                None => None,
+            };
+            weighed.push(match fit {
+                Some(fit) => Some(WeighedNoise::of(&self.problem, &deviations, fit, stop)?),
+                None => None,
+            });
+        }
+        Some(weighed)
+    }
+
+    /// Whether the free run is examined beside the noise models that were fitted: not where refits are asked for,
+    /// or values that are taken as known may have been moved.
+    fn examines_free_run(&self, request: &Request) -> bool {
+        !request.settings.has_independent_refits() && self.problem.assumptions.is_empty()
     }
 }
 
@@ -201,7 +227,7 @@ fn moved(report: &Report, problem: &Problem, positions: &[f64]) -> Report {
 }
 
 /// The disturbances of a fit with the values that were found.
-fn given(fit: &FittedNoise) -> Vec<ProcessNoise> {
+pub(super) fn given(fit: &FittedNoise) -> Vec<ProcessNoise> {
     let mut values = fit.trial.problem.values(&fit.positions).into_iter();
     let n_plant = fit.positions.len() - fit.trial.noise.unknowns();
     values.by_ref().take(n_plant).for_each(drop);
@@ -295,11 +321,13 @@ impl DisturbedEstimate {
         {
             described.output_changes.clone_from(&free.output_changes);
         }
-        for (index, described) in analysis.coordinates.iter_mut().enumerate() {
-            let position = self.report.positions[index];
-            let ends = noise.rivals().filter_map(|rival| rival.interval(index));
-            ends.for_each(|ends| described.cover(&self.plant.coordinates[index], position, ends));
-        }
+        let hull = Hull {
+            problem: &self.plant,
+            positions: &self.report.positions,
+        };
+        hull.cover_windows(&mut analysis);
+        hull.cover_moves(&mut analysis);
+        hull.cover_rivals(&mut analysis, noise.rivals());
         analysis.estimation_fit.clone_from(&self.estimation_fit);
         analysis.validation_fit.clone_from(&self.validation_fit);
         let unknowns = self.estimate.estimate().report.positions.len();

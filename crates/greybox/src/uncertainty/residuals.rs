@@ -26,6 +26,9 @@ use std::collections::BTreeMap;
 use utoipa::ToSchema;
 use whiteness::{LAGS, NEGLIGIBLE_CORRELATION, NORMAL_99, Whiteness, products};
 
+/// Where no noise level can be relied on, residuals that follow each other by more than this
+/// correlation are what the model misses rather than noise.
+const MISFIT_CORRELATION: f64 = 0.3;
 /// A declared noise is overstated where less than this share of its variance can be white noise.
 const OVERSTATED: f64 = 0.5;
 
@@ -145,6 +148,15 @@ pub(super) fn series(
     let variances = &trajectory[innovations.n_outputs + index];
     used.map(|(sample, (measured, expected))| (measured - expected) / variances[sample].sqrt())
         .collect()
+}
+
+impl ResidualReport {
+    /// Whether residuals follow each other so closely that they are no noise of a sensor.
+    #[must_use]
+    pub fn is_misfit_by_colour(&self) -> bool {
+        let correlation = self.lag_1_autocorrelation.unwrap_or_default();
+        self.white == Some(false) && correlation.abs() > MISFIT_CORRELATION
+    }
 }
 
 /// Residuals, each held within the threshold of the loss.

@@ -123,6 +123,14 @@ impl Doubt {
         Doubt { subject, ..self }
     }
 
+    /// Lowers no trust further than to a grade.
+    pub(super) fn at_least(self, least: Trust) -> Doubt {
+        Doubt {
+            trust: self.trust.max(least),
+            ..self
+        }
+    }
+
     /// Says how much of a parameter's value is at stake.
     pub(super) fn at_stake(self, at_stake: f64) -> Doubt {
         Doubt { at_stake, ..self }

@@ -15,8 +15,15 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 const WINDOWS: usize = 4;
 /// A window that has less than this share of the information along a direction says nothing of it.
 const LEAST_SHARE: f64 = 0.01;
+/// A window fixes an unknown where the directions that the window sees make this share of the unknown's variance.
+const LEAST_SEEN: f64 = 0.9;
 /// A window that fixes an unknown nearly as well as the whole record cannot differ from it.
 const LEAST_EXCESS: f64 = 0.05;
+
+/// Standard deviations by which windows differ by chance one time in a thousand.
+const CHANCE: f64 = 3.09;
+/// The spread of the windows of an unknown, in units of what noise allows, from which they disagree about it.
+const LARGE_SPREAD: f64 = 2.0;
 
 /// How the windows of a record agree.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,9 +31,28 @@ pub struct WindowAgreement {
     /// Standard deviations by which the windows together differ from one truth.
     pub score: f64,
     /// For each coordinate the root mean square of the windows' differences, in units of what noise
-    /// allows: 1 where they agree; none for a start, which one window alone sees, and where the windows alone
-    /// do not fix it.
+    /// allows: 1 where they agree; none for a start, which one window alone sees, for a number of the noise, and
+    /// where the windows alone do not fix it.
     pub spreads: Vec<Option<f64>>,
+    /// For each coordinate the standard deviation of its truth from window to window, as a position: what is
+    /// left of the windows' differences without the noise (R. DerSimonian and N. Laird, *Controlled Clinical
+    /// Trials* 7, 1986); none where `spreads` has none.
+    pub scatters: Vec<Option<f64>>,
+}
+
+impl WindowAgreement {
+    /// Whether the windows together differ by more than chance makes them.
+    #[must_use]
+    pub fn is_disagreement(&self) -> bool {
+        self.score > CHANCE
+    }
+
+    /// Whether the windows disagree about a coordinate.
+    #[must_use]
+    pub fn disagree_about(&self, coordinate: usize) -> bool {
+        let is_large = |spread: &Option<f64>| spread.is_some_and(|spread| spread > LARGE_SPREAD);
+        self.is_disagreement() || self.spreads.get(coordinate).is_some_and(is_large)
+    }
 }
 
 /// What one window says.
@@ -45,13 +71,14 @@ pub fn of(
     neighbourhood: &Neighbourhood<'_>,
 ) -> Result<Option<WindowAgreement>, SimulationFailure> {
     let unknowns = problem.coordinates.len();
-    let is_start = |index: &usize| {
-        matches!(
-            problem.coordinates[*index].target,
-            Target::InitialState { .. }
-        )
+    // Noises may differ from window to window: the plant's constants are what windows have in common.
+    let n_parameters = problem.model.description().parameters.len();
+    let is_common = |index: &usize| match problem.coordinates[*index].target {
+        Target::Parameter(parameter) => parameter < n_parameters,
+        Target::ExperimentParameter { .. } => true,
+        Target::InitialState { .. } => false,
     };
-    let compared: Vec<usize> = (0..unknowns).filter(|index| !is_start(index)).collect();
+    let compared: Vec<usize> = (0..unknowns).filter(is_common).collect();
     let n = compared.len();
     let empty = || Window {
         information: DMatrix::zeros(n, n),
@@ -67,12 +94,17 @@ pub fn of(
         window.score.axpy(row.residual, &derivatives, 1.0);
         seen += 1;
     })?;
-    Ok(agreement(&windows).map(|found| {
-        let mut spreads = vec![None; unknowns];
-        for (index, spread) in compared.iter().zip(found.spreads) {
-            spreads[*index] = spread;
+    let of_all = |of_compared: Vec<Option<f64>>| {
+        let mut of_all = vec![None; unknowns];
+        for (index, value) in compared.iter().zip(of_compared) {
+            of_all[*index] = value;
         }
-        WindowAgreement { spreads, ..found }
+        of_all
+    };
+    Ok(agreement(&windows).map(|agreement| WindowAgreement {
+        score: agreement.score,
+        spreads: of_all(agreement.spreads),
+        scatters: of_all(agreement.scatters),
     }))
 }
 
@@ -86,12 +118,14 @@ fn agreement(windows: &[Window]) -> Option<WindowAgreement> {
     let of_whole = whole.inverse();
     let (mut statistic, mut freedom) = (0.0, -(n as f64));
     let mut squares = vec![0.0; n];
+    let mut excesses = vec![0.0; n];
     let mut counts = vec![0_usize; n];
     for window in windows {
         let share = &whitened * &window.information * whitened.transpose();
         let score = &whitened * &window.score;
         let eigen = share.symmetric_eigen();
         let mut inverse = DMatrix::zeros(n, n);
+        let mut seen = DMatrix::zeros(n, n);
         let mut rank = 0;
         let pairs = eigen
             .eigenvalues
@@ -99,30 +133,34 @@ fn agreement(windows: &[Window]) -> Option<WindowAgreement> {
             .zip(eigen.eigenvectors.column_iter());
         for (value, vector) in pairs.filter(|(value, _)| **value > LEAST_SHARE) {
             statistic += vector.dot(&score).powi(2) / value;
-            inverse += vector * vector.transpose() / *value;
+            let direction = vector * vector.transpose();
+            inverse += &direction / *value;
+            seen += direction;
             rank += 1;
         }
         freedom += f64::from(rank);
-        if rank < n as i32 {
-            continue;
-        }
+        let seen = whitened.transpose() * &seen * &whitened;
         let covariance = whitened.transpose() * &inverse * &whitened;
         let moved = whitened.transpose() * (&inverse * &score);
         for index in 0..n {
             let (own, common) = (covariance[(index, index)], of_whole[(index, index)]);
-            if own > (1.0 + LEAST_EXCESS) * common {
-                squares[index] += moved[index].powi(2) / (own - common);
+            let is_fixed = seen[(index, index)] > LEAST_SEEN * common;
+            if is_fixed && own > (1.0 + LEAST_EXCESS) * common {
+                let square = moved[index].powi(2);
+                squares[index] += square / (own - common);
+                excesses[index] += square - (own - common);
                 counts[index] += 1;
             }
         }
     }
-    let spread = |index: usize| {
-        let enough = counts[index] > 1;
-        enough.then(|| (squares[index] / counts[index] as f64).sqrt())
+    let mean = |sums: &[f64], index: usize| {
+        let count = counts[index];
+        (count > 1).then(|| (sums[index].max(0.0) / count as f64).sqrt())
     };
     Some(WindowAgreement {
         score: normal_score(statistic, freedom),
-        spreads: (0..n).map(spread).collect(),
+        spreads: (0..n).map(|index| mean(&squares, index)).collect(),
+        scatters: (0..n).map(|index| mean(&excesses, index)).collect(),
     })
 }
 

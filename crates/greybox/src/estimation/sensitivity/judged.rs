@@ -9,6 +9,37 @@ impl Neighbourhood<'_> {
         self.cost_of(self.first_other + other)
     }
 
+    /// The lowest cost of one of the others with all its innovations' deviations larger by one factor, and the
+    /// factor; infinite where it failed.
+    #[must_use]
+    pub fn concentrated_cost(&self, other: usize) -> (f64, f64) {
+        let member = self.first_other + other;
+        let Some(innovations) = self.problem.innovations.as_deref() else {
+            return (f64::INFINITY, 1.0);
+        };
+        if self.failure(member).is_some() {
+            return (f64::INFINITY, 1.0);
+        }
+        let (mut squares, mut logarithms, mut count) = (0.0, 0.0, 0.0);
+        for place in super::places(self.problem) {
+            if let Some(residual) = self.residual(member, place) {
+                let variance = self.scale_of(member, place).powi(2);
+                let ratio = variance / innovations.least_variances[place.output];
+                squares += residual * residual;
+                logarithms += libm::log(ratio);
+                count += 1.0;
+            }
+        }
+        let factor: f64 = squares / count;
+        let (priors, n_priors) = self.problem.prior_sum(&self.candidates[member]);
+        let sum = priors + logarithms + count * (1.0 + libm::log(factor));
+        let cost = sum / (n_priors as f64 + 2.0 * count);
+        match cost.is_finite() {
+            true => (cost, factor.sqrt()),
+            false => (f64::INFINITY, 1.0),
+        }
+    }
+
     /// The cost of the candidate itself where innovations are compared.
     #[must_use]
     pub fn likelihood_cost(&self) -> Option<f64> {

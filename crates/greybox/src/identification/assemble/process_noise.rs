@@ -95,6 +95,7 @@ fn compared_report(problem: &Problem, compared: &ComparedNoise) -> ComparedNoise
     ComparedNoiseReport {
         name: name(problem.model.description(), &compared.disturbances),
         log_likelihood: fit.and_then(|fit| finite(fit.log_likelihood)),
+        too_strong: compared.is_too_strong,
         bic: fit.and_then(|fit| finite(fit.bic)),
         parameters: parameters.into_iter().flatten().collect(),
     }

@@ -43,8 +43,12 @@ pub struct ComparedNoiseReport {
     pub name: String,
     /// The natural logarithm of the likelihood; `null` where the fit failed.
     pub log_likelihood: Option<f64>,
-    /// The Bayesian information criterion: the lowest is taken.
+    /// The Bayesian information criterion: the lowest is taken, as far as its innovations can be relied on.
     pub bic: Option<f64>,
+    /// Whether the disturbances would have left far more in the free run than was left: such a noise model is
+    /// no explanation, whatever its likelihood.
+    #[serde(default)]
+    pub too_strong: bool,
     /// The values of the parameters under the noise model, SI.
     pub parameters: BTreeMap<String, f64>,
 }

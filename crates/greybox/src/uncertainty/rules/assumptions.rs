@@ -2,7 +2,7 @@
 
 use super::{Case, short};
 use crate::estimation::problem::{Assumed, Coordinate, Target};
-use crate::uncertainty::budget::Line;
+use crate::uncertainty::budget::{Line, SLIGHT_SHARE};
 use crate::uncertainty::drift::{Change, Drift};
 use crate::uncertainty::joint::LARGEST_SHIFT;
 use crate::uncertainty::verdict::{Doubt, Grade, Rule, Subject, Trust};
@@ -19,6 +19,12 @@ const GRAVE_MOVE: Move = Move {
 const SLIGHT_MOVE: Move = Move {
     errors: 1.0,
     share: 0.002,
+};
+/// What speaks against the estimate under a noise model is within the total intervals: where the move of a
+/// parameter is further, the linear extrapolation says little and the trust is low.
+const GRAVE_COVERED_MOVE: Move = Move {
+    errors: 3.0,
+    share: 0.25,
 };
 /// Other explanations that are named.
 const MOST_NAMED: usize = 4;
@@ -38,6 +44,14 @@ impl Move {
     }
 }
 
+/// How far coordinates would move, as positions.
+pub(super) struct Moves<'a> {
+    /// By anything that speaks against the estimate.
+    pub any: &'a dyn Fn(usize) -> f64,
+    /// By what is large enough to give another answer.
+    pub large: &'a dyn Fn(usize) -> f64,
+}
+
 impl Case<'_> {
     /// The residuals ask for one of the assumptions to be another; all that would explain as much
     /// are one reason, because each of them hides the others.
@@ -48,44 +62,62 @@ impl Case<'_> {
         lines.sort_by(|(_, a), (_, b)| b.likelihood().total_cmp(&a.likelihood()));
         let (places, lines): (Vec<usize>, Vec<&Line>) = lines.into_iter().unzip();
         let detail = contradiction_in_words(&lines)?;
-        let moved = |index: usize| {
-            let moves = lines.iter().filter_map(|line| line.suggested_move(index));
+        // Under a noise model an effect that explains little is a detail: it moves no answer far.
+        let is_covered = self.analysis.noise.is_some();
+        let n_residuals = self.problem.n_residuals();
+        let is_large =
+            |line: &Line| !is_covered || line.explained_share(n_residuals) > SLIGHT_SHARE;
+        let moved = |index: usize, is_counted: &dyn Fn(&Line) -> bool| {
+            let counted = lines.iter().filter(|line| is_counted(line));
+            let moves = counted.filter_map(|line| line.suggested_move(index));
             moves.map(f64::abs).fold(0.0, f64::max)
         };
-        let doubt = self.graded_by_moves(Rule::AssumptionContradicted, moved, detail);
+        let moves = Moves {
+            any: &|index| moved(index, &|_| true),
+            large: &|index| moved(index, &is_large),
+        };
+        let doubt = self.graded_by_moves(Rule::AssumptionContradicted, moves, detail);
         Some(doubt.about(Subject::Assumptions(places)))
     }
 
     /// A doubt that lowers the trust in each coordinate by how far the coordinate would be moved,
-    /// as a position.
-    pub(super) fn graded_by_moves(
-        &self,
-        rule: Rule,
-        moved: impl Fn(usize) -> f64,
-        detail: String,
-    ) -> Doubt {
-        let moves = |index: usize| -> Option<Move> {
+    /// as a position. Under a noise model the total intervals cover the moves, and their width counts too.
+    pub(super) fn graded_by_moves(&self, rule: Rule, moves: Moves<'_>, detail: String) -> Doubt {
+        let measured = |index: usize, moved: f64| -> Option<Move> {
             let deviation = self.deviation(index)?;
-            let moved = moved(index);
             Some(Move {
                 errors: moved / deviation,
                 share: moved / self.value_share(index),
             })
         };
-        let trust = |index: usize| match moves(index) {
-            Some(by) if by.is_beyond(GRAVE_MOVE) => Trust::Low,
-            Some(by) if by.is_beyond(SLIGHT_MOVE) => Trust::Moderate,
-            Some(_) => Trust::High,
-            None => Trust::Low,
+        let is_covered = self.analysis.noise.is_some();
+        let grave = match is_covered {
+            true => GRAVE_COVERED_MOVE,
+            false => GRAVE_MOVE,
+        };
+        let trust = |index: usize| {
+            let Some(any) = measured(index, (moves.any)(index)) else {
+                return Trust::Low;
+            };
+            let large = measured(index, (moves.large)(index));
+            if large.is_some_and(|large| large.is_beyond(grave)) {
+                Trust::Low
+            } else if !any.is_beyond(SLIGHT_MOVE) {
+                Trust::High
+            } else if is_covered {
+                self.trust_in_hull(index)
+            } else {
+                Trust::Moderate
+            }
         };
         let grades = (0..self.problem.coordinates.len()).map(|coordinate| Grade {
             coordinate,
             trust: trust(coordinate),
         });
         let grades: Vec<Grade> = grades.filter(|grade| grade.trust < Trust::High).collect();
-        let shares = grades
-            .iter()
-            .filter_map(|grade| Some(moves(grade.coordinate)?.share));
+        let shares = grades.iter().filter_map(|grade| {
+            Some(measured(grade.coordinate, (moves.any)(grade.coordinate))?.share)
+        });
         let at_stake = shares.fold(0.0, f64::max);
         Doubt::graded(rule, grades, detail).at_stake(at_stake)
     }
@@ -95,9 +127,12 @@ impl Case<'_> {
     pub(super) fn drifts(&self) -> Option<Doubt> {
         let drifts = &self.analysis.drifts;
         let (likeliest, others) = drifts.split_first()?;
+        let windows = self.analysis.windows.as_ref();
+        let scatter = |index: usize| windows.and_then(|windows| windows.scatters[index]);
         let moved = |index: usize| {
-            let moves = drifts.iter().map(|drift| move_by(drift, index));
-            moves.fold(0.0, f64::max)
+            let moves = drifts.iter().map(|drift| drift.move_of(index));
+            // What windows say of an unknown is measured; what a change would do is extrapolated.
+            scatter(index).unwrap_or_else(|| moves.fold(0.0, f64::max))
         };
         let name = |drift: &Drift| format!("`{}`", self.problem.coordinates[drift.coordinate].name);
         let named: Vec<String> = others.iter().take(MOST_NAMED).map(name).collect();
@@ -125,7 +160,11 @@ impl Case<'_> {
             per_cent(likeliest.size.1),
             likeliest.score.abs(),
         );
-        Some(self.graded_by_moves(Rule::Drift, moved, detail))
+        let moves = Moves {
+            any: &moved,
+            large: &moved,
+        };
+        Some(self.graded_by_moves(Rule::Drift, moves, detail))
     }
 
     pub(super) fn left_out(&self) -> Option<Doubt> {
@@ -185,17 +224,6 @@ impl Case<'_> {
         }
         doubts
     }
-}
-
-/// How far a coordinate moves by a change within the record, as a position: the coordinate that
-/// changes moves by half of the change at the least.
-fn move_by(drift: &Drift, index: usize) -> f64 {
-    let half = if drift.coordinate == index {
-        0.5 * drift.size.0
-    } else {
-        0.0
-    };
-    drift.moves[index].unwrap_or_default().abs().max(half.abs())
 }
 
 /// What the residuals ask for, the likeliest explanation first; none where there is none.

@@ -1,5 +1,6 @@
 //! What the disturbances that move the plant say for and against a result.
 
+use super::assumptions::Moves;
 use super::{Case, short};
 use crate::uncertainty::noise_analysis::{Band, DisturbanceEstimate, NoiseAnalysis};
 use crate::uncertainty::verdict::{Doubt, Grade, Rule, Subject, Trust};
@@ -9,11 +10,6 @@ use crate::uncertainty::verdict::{Doubt, Grade, Rule, Subject, Trust};
 const NOT_NEEDED: f64 = 2.71;
 /// The share of an output's variance from which a disturbance dominates it.
 const DOMINATES: f64 = 0.5;
-/// Standard deviations by which windows differ by chance one time in a thousand.
-const WINDOWS_DIFFER: f64 = 3.09;
-/// Spreads of the windows of a parameter, in units of what noise allows, from which the trust is moderate and
-/// from which it is low.
-const WINDOW_SPREADS: [f64; 2] = [2.0, 4.0];
 /// Standard deviations by which the mean square of what was held back is off by chance.
 const BAND_SCORE: f64 = 3.0;
 /// The share of the samples held back that lies within the 95 % band at the least.
@@ -85,6 +81,9 @@ impl Case<'_> {
 
     /// Whether the record is as likely without the disturbances that the job lists.
     fn not_needed(&self, noise: &NoiseAnalysis) -> Option<Doubt> {
+        if noise.disturbances.is_empty() {
+            return None;
+        }
         let mut without = noise
             .compared
             .iter()
@@ -108,7 +107,7 @@ impl Case<'_> {
             let position = self.report.positions[index];
             let moves = noise
                 .rivals()
-                .map(|fit| (fit.positions[index] - position).abs());
+                .map(|rival| (rival.fit.positions[index] - position).abs());
             moves.fold(0.0, f64::max)
         };
         let why = match noise.is_white {
@@ -118,7 +117,11 @@ impl Case<'_> {
         let detail = format!(
             "{why} put parameters elsewhere: the total intervals cover what each of them says"
         );
-        let doubt = self.graded_by_moves(Rule::NoiseModelsDisagree, moved, detail);
+        let moves = Moves {
+            any: &moved,
+            large: &moved,
+        };
+        let doubt = self.graded_by_moves(Rule::NoiseModelsDisagree, moves, detail);
         let is_moved = doubt
             .concerns
             .as_ref()
@@ -129,20 +132,16 @@ impl Case<'_> {
     /// Windows of the record that do not agree about the parameters.
     fn windows(&self) -> Option<Doubt> {
         let windows = self.analysis.windows.as_ref()?;
-        let [slight, grave] = WINDOW_SPREADS;
-        let differ = windows.score > WINDOWS_DIFFER;
-        let trust = |spread: Option<f64>| match spread {
-            Some(spread) if spread > grave => Trust::Low,
-            Some(spread) if spread > slight => Trust::Moderate,
-            _ if differ => Trust::Moderate,
-            _ => Trust::High,
-        };
-        let spreads = windows.spreads.iter().enumerate();
-        let grades = spreads.map(|(coordinate, spread)| Grade {
+        let coordinates = 0..self.problem.coordinates.len();
+        let doubted = coordinates.filter(|coordinate| windows.disagree_about(*coordinate));
+        let grades = doubted.map(|coordinate| Grade {
             coordinate,
-            trust: trust(*spread),
+            trust: match windows.scatters[coordinate] {
+                Some(_) => self.trust_in_hull(coordinate),
+                None => Trust::Moderate,
+            },
         });
-        let grades: Vec<Grade> = grades.filter(|grade| grade.trust < Trust::High).collect();
+        let grades: Vec<Grade> = grades.collect();
         if grades.is_empty() {
             return None;
         }
@@ -158,7 +157,8 @@ impl Case<'_> {
         });
         let detail = format!(
             "four windows of the record do not agree ({} standard deviations{furthest}): \
-             something changes within the record, or the model misses an effect",
+             something changes within the record, or the model misses an effect; the total \
+             intervals cover what the windows say",
             short(windows.score)
         );
         Some(Doubt::graded(Rule::WindowsDisagree, grades, detail))

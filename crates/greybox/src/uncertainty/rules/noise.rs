@@ -10,9 +10,6 @@ use crate::uncertainty::verdict::{Doubt, Rule, Subject, Trust};
 const MISFIT: f64 = 1.5;
 /// chi²/n above which something is left over.
 const SLIGHT_MISFIT: f64 = 1.15;
-/// Where no noise level can be relied on, residuals that follow each other by more than this
-/// correlation are what the model misses rather than noise.
-const MISFIT_CORRELATION: f64 = 0.3;
 /// A correlation of simulated and measured samples below which the two go opposite ways.
 const OPPOSITE: f64 = -0.5;
 /// A fit below which a noise level would have to be declared to tell noise from misfit [%].
@@ -26,11 +23,42 @@ impl Case<'_> {
         pairs
             .flat_map(|(output, (residual, fit))| {
                 let name = &self.problem.outputs[output].name;
-                let doubts = [opposite(name, fit), unexplained(name, residual, fit)];
+                let left = self.left_over(output, residual, fit);
+                let doubts = [opposite(name, fit), left];
                 let doubts = doubts.into_iter().flatten();
                 doubts.map(move |doubt| doubt.about(Subject::Output(output)))
             })
             .collect()
+    }
+
+    /// Residuals that no noise explains. Where noise models were compared, the total intervals cover what each of
+    /// them says, so that a model that explains the output does not lose all trust.
+    fn left_over(
+        &self,
+        output: usize,
+        residual: &ResidualReport,
+        fit: &OutputFit,
+    ) -> Option<Doubt> {
+        let compared = &self.problem.outputs[output];
+        let Some(noise) = &self.analysis.noise else {
+            return unexplained(&compared.name, residual, fit);
+        };
+        let is_declared = compared.noise_std.is_some();
+        if !is_declared && !noise.disturbances.is_empty() {
+            return None;
+        }
+        let mut residual = residual.clone();
+        if !is_declared {
+            // The noise model's own estimate of a sensor's noise declares nothing.
+            residual.chi_square_per_sample = None;
+            residual.is_noise_overstated = false;
+        }
+        let doubt = unexplained(&compared.name, &residual, fit)?;
+        let is_explained = fit.fit_percent.is_some_and(|percent| percent >= PLAIN_FIT);
+        Some(match is_explained {
+            true => doubt.at_least(Trust::Moderate),
+            false => doubt,
+        })
     }
 
     /// Residuals with a memory.
@@ -111,12 +139,12 @@ fn unexplained(name: &str, residual: &ResidualReport, fit: &OutputFit) -> Option
             (Rule::SlightMisfit, Trust::Moderate, detail)
         }
         Some(_) => return None,
-        None if is_misfit_by_colour(residual) => {
+        None if residual.is_misfit_by_colour() => {
             let detail = format!(
                 "no noise level of `{name}` is declared and what is left is no white noise \
                  (correlation {:.2} with the next sample): it is taken for what the model \
                  misses; free an effect, or give outputs.{name}.noise_std",
-                next(residual)
+                residual.lag_1_autocorrelation.unwrap_or_default()
             );
             (Rule::Misfit, Trust::Low, detail)
         }
@@ -132,16 +160,6 @@ fn unexplained(name: &str, residual: &ResidualReport, fit: &OutputFit) -> Option
     Some(Doubt::new(rule, trust, detail))
 }
 
-/// The correlation of neighbouring residuals.
-fn next(residual: &ResidualReport) -> f64 {
-    residual.lag_1_autocorrelation.unwrap_or_default()
-}
-
-/// Whether residuals follow each other so closely that they are no noise of a sensor.
-fn is_misfit_by_colour(residual: &ResidualReport) -> bool {
-    residual.white == Some(false) && next(residual).abs() > MISFIT_CORRELATION
-}
-
 /// Whether residuals look like the noise of a sensor: white, and following no input.
 fn is_plain_noise(residual: &ResidualReport) -> bool {
     let mut inputs = residual.inputs.values();
@@ -151,14 +169,14 @@ fn is_plain_noise(residual: &ResidualReport) -> bool {
 /// A declared noise that is larger than the noise in the residuals: it cannot excuse what is left.
 fn overstated(name: &str, residual: &ResidualReport, fit: &OutputFit) -> Doubt {
     let chi_square = residual.chi_square_per_sample.unwrap_or_default();
-    let (trust, detail) = if is_misfit_by_colour(residual) {
+    let (trust, detail) = if residual.is_misfit_by_colour() {
         let detail = format!(
             "the residuals of `{name}` are {:.2} times the declared noise (chi²/n {chi_square:.2}) and \
              follow each other (correlation {:.2} with the next sample): there is less noise than is \
              declared, and what is left is taken for what the model misses; free an effect, or give \
              the noise that the sensor really has",
             chi_square.sqrt(),
-            next(residual)
+            residual.lag_1_autocorrelation.unwrap_or_default()
         );
         (Trust::Low, detail)
     } else {

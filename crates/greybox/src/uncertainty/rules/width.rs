@@ -14,6 +14,9 @@ use greybox_simulation::model::Scale;
 const MODERATE_SHARE: f64 = 0.1;
 /// A total standard error beyond this share of the value makes the trust low.
 const LOW_SHARE: f64 = 0.5;
+/// Where explanations of the record differ and the total interval covers each of them, a half of the interval
+/// beyond this share of the value makes the trust low.
+const LOW_HALF: f64 = 0.5;
 /// Where a linear search range holds 0, an error is measured by this share of its largest magnitude
 /// at the least: an offset that is not there is known to no share of its value.
 const SHARE_OF_RANGE: f64 = 0.25;
@@ -76,6 +79,18 @@ impl Case<'_> {
             trust,
             is_assumed,
         })
+    }
+
+    /// How far a coordinate can be trusted whose total interval covers explanations of the record that
+    /// differ: moderately where the interval is narrow enough to be of use.
+    pub(super) fn trust_in_hull(&self, index: usize) -> Trust {
+        let coordinate = &self.problem.coordinates[index];
+        let measure = magnitude(coordinate, self.report.values[index]);
+        let total = self.analysis.coordinates[index].total_error;
+        match total {
+            Some(total) if NORMAL_95 * total <= LOW_HALF * measure => Trust::Moderate,
+            _ => Trust::Low,
+        }
     }
 
     /// The doubt about a coordinate that noise leaves open.
