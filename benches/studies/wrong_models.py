@@ -202,16 +202,16 @@ def recorded(program, folder, plant, effects, seed):
     return recording, output_name
 
 
-def estimated(program, folder, plant, recording, output, times):
+def estimated(options, folder, plant, recording, output, times):
     """The result of the job, with the noise declared as so many times what it is."""
-    job = {"model": plant.document, "experiments": [{}], "method": SEARCH, "seed": 1,
+    job = {"process_noise": options.process_noise, "model": plant.document, "experiments": [{}], "method": SEARCH, "seed": 1,
            "validation": {"fraction": 0}}
     if times is not None:
         job["outputs"] = {output: {"noise_std": times * plant.noise}}
     path = os.path.join(folder, "job.json")
     with open(path, "w") as file:
         json.dump(job, file)
-    return json.loads(run(program, "estimate", recording, path, "--json"))
+    return json.loads(run(options.program, "estimate", recording, path, "--json"))
 
 
 def main():
@@ -220,6 +220,7 @@ def main():
     parser.add_argument("--program", default=PROGRAM)
     parser.add_argument("--sizes", default="1,3", help="sizes of the effects")
     parser.add_argument("--only", help="one plant")
+    parser.add_argument("--process-noise", default="none", help="none or auto")
     parser.add_argument("--json", help="file for all figures")
     options = parser.parse_args()
     sizes = [float(size) for size in options.sizes.split(",")]
@@ -234,8 +235,7 @@ def main():
                     on = {key: grown(name, key, value, size) for key, value in effects.items()}
                     recording, output = recorded(options.program, folder, plant, on, 7)
                     for noise, times in NOISE.items():
-                        result = estimated(
-                            options.program, folder, plant, recording, output, times)
+                        result = estimated(options, folder, plant, recording, output, times)
                         kept.append(judged(plant, wrong, name, size, noise, result, counts))
     for (kind, noise), grades in sorted(counts.items()):
         print(f"{kind}, noise {noise}: " + ", ".join(

@@ -51,7 +51,7 @@ impl WeighedNoise {
 
     /// Whether the innovations follow each other so closely that the model misses an effect. Answers nothing
     /// when `stop` was raised.
-    fn misses_an_effect(&self, stop: &AtomicBool) -> Option<bool> {
+    pub fn misses_an_effect(&self, stop: &AtomicBool) -> Option<bool> {
         let problem = &self.fit.trial.problem;
         let Ok(expected) = trajectory::simulate(problem, &self.fit.positions, stop)? else {
             return Some(true);

@@ -139,17 +139,18 @@ impl NoiseComparison {
             true => 1,
             false => noise_choice::chosen(&fits, stop)?,
         };
-        let Some(WeighedNoise {
+        let Some(weighed) = &fits[chosen] else {
+            return Some(None);
+        };
+        let is_free_run = weighed.fit.trial.noise.disturbances.is_empty();
+        if is_free_run && !(self.can_examine_free_run(request) && weighed.misses_an_effect(stop)?) {
+            return Some(None);
+        }
+        let WeighedNoise {
             fit,
             variances_made,
             ..
-        }) = &fits[chosen]
-        else {
-            return Some(None);
-        };
-        if fit.trial.noise.disturbances.is_empty() && !self.examines_free_run(request) {
-            return Some(None);
-        }
+        } = weighed;
         let n = self.report.positions.len();
         let of_plant = &fit.positions[..n];
         let plant = validation_start::settled(&self.problem, of_plant, stop)?;
@@ -210,9 +211,9 @@ impl NoiseComparison {
         Some(weighed)
     }
 
-    /// Whether the free run is examined beside the noise models that were fitted: not where refits are asked for,
-    /// or values that are taken as known may have been moved.
-    fn examines_free_run(&self, request: &Request) -> bool {
+    /// Whether the free run can be examined beside the noise models that were fitted: not where refits are asked
+    /// for, or values that are taken as known may have been moved.
+    fn can_examine_free_run(&self, request: &Request) -> bool {
         !request.settings.has_independent_refits() && self.problem.assumptions.is_empty()
     }
 }

@@ -158,7 +158,8 @@ rules! {
     }
     Misfit = "misfit", Misfit {
         title: "The model misses an effect",
-        grades: "Low.",
+        grades: "Low; moderate where noise models were compared and the free run explains 90 % of the output or more: the \
+                 total intervals cover what each noise model says.",
         when: "What is left over is larger than the declared noise (χ² per sample above 1.5) and no plain noise, or, \
                where no noise is declared, neighbouring residuals are correlated by more than 0.3.",
         meaning: "The model misses an effect, and the parameters pay for it.",
@@ -245,7 +246,10 @@ rules! {
     AssumptionContradicted = "assumption_contradicted", AssumptionContradicted {
         title: "The data contradict what was taken as known",
         grades: "By how far each parameter would move: low beyond three standard errors and 2 % of its value, \
-                 moderate beyond one and 0.2 %, else a remark; low for what the data do not fix.",
+                 moderate beyond one and 0.2 %, else a remark; low for what the data do not fix. Where noise models were \
+                 compared, the total intervals cover the move, and low begins at 25 % of the value or where half an \
+                 interval is more than half of the value; what explains no more than 5 % of what is left is moderate \
+                 at worst.",
         when: "The residuals pull at a value that was taken as known by more than four standard deviations of noise, \
                to beyond what its tolerance allows: more than three standard deviations of it.",
         meaning: "The value is wrong, or something looks like it.",
@@ -253,7 +257,8 @@ rules! {
     }
     Drift = "drift", Drift {
         title: "Something changes within the record",
-        grades: "By how far each parameter would move, as for `assumption_contradicted`.",
+        grades: "By how far each parameter would move, as for `assumption_contradicted`; where noise models were \
+                 compared, by how far windows of the record scatter.",
         when: "An unknown that is larger in one half of the record than in the other, or in the middle third than in \
                the rest, would explain what is left over, by more than four standard deviations of noise. The reason \
                says by how much.",
@@ -297,15 +302,18 @@ rules! {
     NoiseModelsDisagree = "noise_models_disagree", NoiseModelsDisagree {
         title: "Noise models disagree",
         grades: "By how far a parameter moves: moderate beyond one standard error and 0.2 % of the value, low beyond \
-                 three and 2 %.",
+                 three and 25 %, or where half of the total interval is more than half of the value.",
         when: "Another noise model is within 10 of the lowest Bayesian criterion, or no noise model leaves white \
                innovations, and another moves a parameter.",
-        meaning: "The data do not say what moves the plant. The total interval covers what each of them says.",
+        meaning: "The data do not say what moves the plant. The total interval covers what each of them says. A noise \
+                  model whose disturbance would have left more than a hundred times as much in the free run as was left \
+                  is no explanation, and is not counted.",
         advice: "Say in `process_noise` what is known to act, or record it.",
     }
     WindowsDisagree = "windows_disagree", WindowsDisagree {
         title: "Windows of the record disagree",
-        grades: "Moderate; low for a parameter that spreads by more than 4 times what noise allows.",
+        grades: "Moderate; low where half of the total interval, which covers the scatter of the windows, is more than \
+                 half of the value.",
         when: "Four windows of the record differ by more than chance makes them one time in a thousand, or what each \
                makes of a parameter spreads by more than twice what noise allows.",
         meaning: "Something changes within the record, or the model misses an effect that shows more in some windows.",
