@@ -4,6 +4,7 @@
 
 mod access;
 mod app;
+mod audit;
 mod candidates;
 #[path = "../../src/store/tests/cluster.rs"]
 mod cluster;
@@ -27,6 +28,7 @@ mod limits;
 mod listing;
 
 mod events;
+mod exports;
 
 mod health;
 
