@@ -16,6 +16,7 @@ pub mod client;
 pub mod comparisons;
 pub mod datasets;
 pub mod designs;
+pub mod disturbance;
 pub mod error;
 pub mod event_streams;
 pub mod events;
