@@ -12,6 +12,7 @@ mod comparisons;
 mod datasets;
 
 mod designs;
+mod disturbances;
 
 mod problems;
 

@@ -25,6 +25,7 @@ const SPAN_WORDS = {
   missing: "missing",
   window: "used",
   excluded: "left out",
+  event: "event",
 };
 
 export function plot(options) {
