@@ -51,7 +51,7 @@ async fn disturbed_job(app: &TestApp) -> String {
             "experiments": [{"dataset": stored.json()["id"]}],
             "parameters": {"mass": {"estimate": {"lower": 5, "upper": 20}},
                            "stiffness": {"estimate": {"lower": 500, "upper": 2000}},
-                           "damping": 20.0},
+                           "damping": {"value": 20.0}},
             "outputs": {"position": {"noise_std": 1e-4}},
             "process_noise": [{"acts_on": {"parameter": "load"}, "kind": "memory",
                                "std": 3, "time_constant_s": 2}],
