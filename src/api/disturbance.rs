@@ -15,7 +15,7 @@ use super::simulated::computed;
 use super::trajectory::{TrajectoryQuery, finite, push, push_field};
 use super::{ApiState, results};
 use greybox::identification::assemble::{
-    DatedEvent, DisturbancePath, ExperimentDisturbances, NamedPath, PredictedOutput,
+    DatedEvent, DisturbancePath, ExperimentDisturbances, NamedPath, OutputInnovations,
 };
 use greybox::identification::spec::{ActsOnSpec, NoiseKind};
 use greybox::identification::{DatasetId, JobId};
@@ -30,13 +30,12 @@ pub struct Disturbances {
     /// The job.
     job: JobId,
     /// The experiments that were asked for, in the order of the job.
-    experiments: Vec<Experiment>,
+    experiments: Vec<DisturbanceExperiment>,
 }
 
 /// One experiment.
 #[derive(Serialize, ToSchema)]
-#[schema(as = DisturbanceExperiment)]
-struct Experiment {
+struct DisturbanceExperiment {
     /// The number of the experiment in the order of the job, from 0.
     experiment: usize,
     /// The recording.
@@ -49,17 +48,16 @@ struct Experiment {
     /// The instants, from the recording's first sample `[s]`.
     time_s: Vec<f64>,
     /// The disturbances of the noise model that was chosen, in the order of the result.
-    disturbances: Vec<Disturbance>,
+    disturbances: Vec<DisturbanceSeries>,
     /// The states of the model by name, as all samples put them.
-    states: BTreeMap<String, StateSeries>,
+    states: BTreeMap<String, SmoothedState>,
     /// The measured outputs by name, as they are expected from sample to sample.
-    outputs: BTreeMap<String, Prediction>,
+    outputs: BTreeMap<String, OutputPrediction>,
 }
 
 /// One disturbance at the instants, SI.
 #[derive(Serialize, ToSchema)]
-#[schema(as = DisturbanceSeries)]
-struct Disturbance {
+struct DisturbanceSeries {
     /// What the disturbance acts on; a state's rate is disturbed.
     acts_on: ActsOnSpec,
     /// How the disturbance moves.
@@ -76,7 +74,7 @@ struct Disturbance {
     t: Vec<Option<f64>>,
     /// The events in the order of time: stretches in which `t` is beyond 4. Where there are more than 200, the
     /// largest.
-    events: Vec<Event>,
+    events: Vec<ListedEvent>,
     /// The number of events, those that are not listed included.
     event_count: usize,
     /// For each output the share of its variance that the disturbance makes.
@@ -86,7 +84,7 @@ struct Disturbance {
 /// A stretch of time in which a disturbance received more than its noise model expects.
 #[derive(Serialize, ToSchema)]
 #[schema(as = DisturbanceEvent)]
-struct Event {
+struct ListedEvent {
     /// When the event begins `[s]`.
     start_s: f64,
     /// When the event ends `[s]`.
@@ -102,8 +100,7 @@ struct Event {
 
 /// A state at the instants, SI.
 #[derive(Serialize, ToSchema)]
-#[schema(as = SmoothedState)]
-struct StateSeries {
+struct SmoothedState {
     /// The SI unit.
     #[schema(example = "m/s")]
     unit: String,
@@ -115,8 +112,7 @@ struct StateSeries {
 
 /// One output at the instants, SI, as it is expected from all samples before.
 #[derive(Serialize, ToSchema)]
-#[schema(as = OutputPrediction)]
-struct Prediction {
+struct OutputPrediction {
     /// The SI unit.
     #[schema(example = "m")]
     unit: String,
@@ -168,7 +164,7 @@ fn decimated(
     number: usize,
     experiment: &ExperimentDisturbances,
     query: &TrajectoryQuery,
-) -> Experiment {
+) -> DisturbanceExperiment {
     let of_disturbances = experiment.disturbances.iter();
     let columns: Vec<&[f64]> = of_disturbances
         .flat_map(|of| [&of.path.values[..], &of.residuals])
@@ -185,7 +181,7 @@ fn decimated(
     let outputs = experiment.outputs.iter();
     let ends = [experiment.time.first(), experiment.time.last()];
     let held_back = experiment.time.get(experiment.estimation_samples);
-    Experiment {
+    DisturbanceExperiment {
         experiment: number,
         dataset: experiment.dataset,
         span_s: match ends {
@@ -205,7 +201,11 @@ fn pick(values: &[f64], kept: &[usize]) -> Vec<Option<f64>> {
 }
 
 /// A disturbance at the instants that are kept, and its events that reach into a part of the time.
-fn series(disturbance: &DisturbancePath, [from, to]: [f64; 2], kept: &[usize]) -> Disturbance {
+fn series(
+    disturbance: &DisturbancePath,
+    [from, to]: [f64; 2],
+    kept: &[usize],
+) -> DisturbanceSeries {
     let events = disturbance.events.iter();
     let inside = |event: &&DatedEvent| event.end >= from && event.start <= to;
     let mut events: Vec<&DatedEvent> = events.filter(inside).collect();
@@ -213,7 +213,7 @@ fn series(disturbance: &DisturbancePath, [from, to]: [f64; 2], kept: &[usize]) -
     events.sort_by(|a, b| b.residual.abs().total_cmp(&a.residual.abs()));
     events.truncate(MOST_EVENTS);
     events.sort_by(|a, b| a.start.total_cmp(&b.start));
-    Disturbance {
+    DisturbanceSeries {
         acts_on: disturbance.acts_on.clone(),
         kind: disturbance.kind,
         unit: disturbance.unit.clone(),
@@ -222,7 +222,7 @@ fn series(disturbance: &DisturbancePath, [from, to]: [f64; 2], kept: &[usize]) -
         t: pick(&disturbance.residuals, kept),
         events: events
             .into_iter()
-            .map(|event| Event {
+            .map(|event| ListedEvent {
                 start_s: event.start,
                 end_s: event.end,
                 peak_s: event.peak,
@@ -235,8 +235,8 @@ fn series(disturbance: &DisturbancePath, [from, to]: [f64; 2], kept: &[usize]) -
     }
 }
 
-fn state_series(state: &NamedPath, kept: &[usize]) -> (String, StateSeries) {
-    let series = StateSeries {
+fn state_series(state: &NamedPath, kept: &[usize]) -> (String, SmoothedState) {
+    let series = SmoothedState {
         unit: state.unit.clone(),
         value: pick(&state.path.values, kept),
         deviation: pick(&state.path.deviations, kept),
@@ -244,8 +244,8 @@ fn state_series(state: &NamedPath, kept: &[usize]) -> (String, StateSeries) {
     (state.name.clone(), series)
 }
 
-fn prediction(output: &PredictedOutput, kept: &[usize]) -> (String, Prediction) {
-    let prediction = Prediction {
+fn prediction(output: &OutputInnovations, kept: &[usize]) -> (String, OutputPrediction) {
+    let prediction = OutputPrediction {
         unit: output.unit.clone(),
         expected: pick(&output.expected.values, kept),
         innovation: pick(&output.innovation, kept),
@@ -275,7 +275,7 @@ fn csv(experiments: &[ExperimentDisturbances], query: &TrajectoryQuery) -> Strin
         for NamedPath { name, unit, .. } in &first.states {
             text.push_str(&format!(",{name} [{unit}],{name}_deviation [{unit}]"));
         }
-        for PredictedOutput { name, unit, .. } in &first.outputs {
+        for OutputInnovations { name, unit, .. } in &first.outputs {
             let columns = ["expected", "innovation", "innovation_deviation"];
             text.extend(columns.map(|column| format!(",{name}_{column} [{unit}]")));
         }

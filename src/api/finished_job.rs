@@ -125,8 +125,8 @@ impl FinishedJob {
                  `\"process_noise\": \"auto\"`"
             }
             (None, false) => {
-                "the result has no process noise: the residuals of the free run are white, nothing but the \
-                 inputs moves the plant"
+                "the result has no process noise: the residuals of the free run are white, or the job ended \
+                 before noise models were compared"
             }
         };
         Problem::new(Kind::WrongState, detail)

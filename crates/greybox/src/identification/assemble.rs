@@ -21,7 +21,7 @@ pub use crate::estimation::Finding;
 pub use assembly::{Assembly, problem};
 pub use design::{Assessments, COST_OF_JOB, Designing, PastResult, check_design, design};
 pub use disturbance::{
-    DatedEvent, DisturbancePath, ExperimentDisturbances, NamedPath, PredictedOutput, disturbances,
+    DatedEvent, DisturbancePath, ExperimentDisturbances, NamedPath, OutputInnovations, disturbances,
 };
 pub use forecast::{Identifiability, Prediction, flat_directions, forecast, unseen};
 pub use outcome::{Origin, outcome};

@@ -70,7 +70,7 @@ pub fn disturbance(
     let kept = kept_indices(&columns, 0..experiment.time.len(), POINTS);
     let series = [
         ("disturbance", PLAIN),
-        ("95 % band from", MEASURED),
+        ("95 % from", MEASURED),
         ("to", MEASURED),
     ];
     let series = series.into_iter().zip(columns);

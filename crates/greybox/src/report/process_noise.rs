@@ -95,7 +95,7 @@ fn events(page: &mut String, experiment: usize, disturbance: &DisturbancePath) {
     push(
         page,
         format_args!(
-            "<p>{}, experiment {}: {} events that the noise model does not expect, the largest first.</p>\n\
+            "<p>Events in {}, experiment {}, that the noise model does not expect: {}, the largest first.</p>\n\
              <div class=\"scroll\"><table>\n<thead><tr><th>from [s]</th><th>to [s]</th>\
              <th>{size} [{}]</th><th>t</th></tr></thead>\n",
             escape(&acted_on(&disturbance.acts_on)),

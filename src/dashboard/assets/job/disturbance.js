@@ -83,10 +83,9 @@ function told({ disturbances }) {
 function compared({ chosen, compared: models, innovations, held_back: heldBack }) {
   const plainName = (name) => words(name.replaceAll("`", ""));
   const rows = models.map(({ name, log_likelihood: likelihood, bic }) => [
-    name === chosen ? h("strong", {}, plainName(name)) : plainName(name),
+    name === chosen ? h("strong", {}, `${plainName(name)} (chosen)`) : plainName(name),
     number(likelihood, 6),
     number(bic, 6),
-    name === chosen ? "chosen" : "",
   ]);
   const white = { true: "yes", false: "no" };
   const tests = Object.entries(innovations).map(([output, test]) => {
@@ -107,7 +106,6 @@ function compared({ chosen, compared: models, innovations, held_back: heldBack }
         { title: "Noise model" },
         { title: "Log-likelihood", numeric: true },
         { title: "BIC, lowest is best", numeric: true },
-        { title: "" },
       ],
       rows,
     ),
@@ -119,7 +117,7 @@ function compared({ chosen, compared: models, innovations, held_back: heldBack }
         { title: "White" },
         { title: "χ² per sample, 1 is right", numeric: true },
         { title: "Lag-1 autocorrelation", numeric: true },
-        { title: "Held-back samples in the 95 % band", numeric: true },
+        { title: "Held back, in the 95 % band", numeric: true },
       ],
       tests,
     ),
@@ -170,8 +168,8 @@ function pictures({ disturbance, index, group, held, signal }) {
     signal,
     series: [
       { name: step ? "mean from sample to sample" : "disturbance", look: "first", step },
-      { name: "95 % band from", look: "faint", step },
-      { name: "to", look: "faint", step },
+      { name: "95 % band from", look: "measured", thin: true, step },
+      { name: "to", look: "measured", thin: true, step },
     ],
     bands: [{ upper: 2, lower: 1, look: "first" }],
   });

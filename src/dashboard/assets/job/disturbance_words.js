@@ -18,6 +18,7 @@ export function actedOn(actsOn) {
   ];
 }
 
+/** @param {import("page/api").Schemas["NoiseNumberReport"]} number @param {string} unit */
 function measure({ estimate, standard_error: error }, unit) {
   const [value, spread] = withError(estimate, error);
   return quantity(spread === "–" ? number(estimate, 3) : `${value} ± ${spread}`, unit);

@@ -31,7 +31,7 @@ pub struct ExperimentDisturbances {
     /// The states of the model as all samples put them.
     pub states: Vec<NamedPath>,
     /// The measured outputs.
-    pub outputs: Vec<PredictedOutput>,
+    pub outputs: Vec<OutputInnovations>,
 }
 
 /// One disturbance of an experiment.
@@ -83,7 +83,7 @@ pub struct NamedPath {
 
 /// One output of an experiment, expected from sample to sample.
 #[derive(Clone, Debug)]
-pub struct PredictedOutput {
+pub struct OutputInnovations {
     /// The name of the output.
     pub name: String,
     /// The SI unit of the output.
@@ -209,11 +209,11 @@ fn outputs(
     problem: &Problem,
     data: &Experiment,
     smoothed: &SmoothedExperiment,
-) -> Vec<PredictedOutput> {
+) -> Vec<OutputInnovations> {
     let outputs = problem.outputs.iter().zip(&data.measured);
     outputs
         .zip(&smoothed.expected)
-        .map(|((output, measured), expected)| PredictedOutput {
+        .map(|((output, measured), expected)| OutputInnovations {
             name: output.name.clone(),
             unit: output.unit.clone(),
             expected: expected.clone(),
