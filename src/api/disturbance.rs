@@ -7,11 +7,11 @@ use axum::http::{HeaderMap, StatusCode};
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use super::computed::computed;
 use super::error::Answer;
 use super::extract::Named;
 use super::http_headers::{json, prefers};
 use super::query::Params;
-use super::simulated::computed;
 use super::trajectory::{TrajectoryQuery, finite, push, push_field};
 use super::{ApiState, results};
 use greybox::identification::assemble::{

@@ -14,6 +14,7 @@ pub mod candidates;
 pub mod changes;
 pub mod client;
 pub mod comparisons;
+mod computed;
 pub mod datasets;
 pub mod designs;
 pub mod disturbance;

@@ -9,11 +9,11 @@ use axum::http::{HeaderMap, StatusCode};
 use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
+use super::computed::computed;
 use super::error::Answer;
 use super::extract::Named;
 use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
-use super::simulated::computed;
 use super::{ApiState, results};
 use greybox::identification::assemble::{ExperimentTrajectory, OutputTrajectory};
 use greybox::identification::spec::MAX_EXPERIMENTS;
