@@ -84,14 +84,15 @@ def trajectory(answer: dict[str, Any]) -> dict[int, pd.DataFrame]:
 
 
 def disturbance(answer: dict[str, Any]) -> dict[int, pd.DataFrame]:
-    """The disturbances with their errors and t, a frame for each experiment."""
+    """The disturbances with their errors and t, a frame for each experiment. The columns have the names of the CSV."""
+    prefixes = {"parameter": "", "state": "rate_of_", "output": "sensor_of_"}
     frames = {}
     for number, experiment in enumerate(answer["experiments"]):
         columns = {}
         for disturbance in experiment["disturbances"]:
-            (name,) = disturbance["acts_on"].values()
+            ((quantity, name),) = disturbance["acts_on"].items()
             for kind in ("value", "deviation", "t"):
-                columns[(name, kind)] = disturbance[kind]
+                columns[(prefixes[quantity] + name, kind)] = disturbance[kind]
         index = pd.Index(experiment["time_s"], name="time_s")
         frames[number] = pd.DataFrame(columns, index=index, dtype=float)
     return frames
