@@ -3,7 +3,6 @@
 use super::chart::{Chart, Series};
 use super::facts::{GenerationCosts, Report};
 use super::html::{escape, push};
-use super::process_noise;
 use super::residuals::{self, Diagnostics};
 use crate::identification::assemble::{
     DisturbancePath, ExperimentDisturbances, ExperimentTrajectory, OutputTrajectory,
@@ -52,11 +51,12 @@ pub fn experiments(page: &mut String, report: &Report<'_>) {
     }
 }
 
-/// A disturbance over time between the ends of its 95 % band.
+/// A disturbance over time between the ends of its 95 % band; `label` names the quantity that it acts on.
 pub fn disturbance(
     page: &mut String,
     experiment: &ExperimentDisturbances,
     disturbance: &DisturbancePath,
+    label: &str,
 ) {
     let path = &disturbance.path;
     let end = |by: f64| -> Vec<f64> {
@@ -82,8 +82,7 @@ pub fn disturbance(
             .map(|&k| (experiment.time[k], values[k]))
             .collect(),
     });
-    let acted_on = process_noise::acted_on(&disturbance.acts_on);
-    let label = format!("{acted_on} [{}]", disturbance.unit);
+    let label = format!("{label} [{}]", disturbance.unit);
     let chart = Chart {
         x_label: "time [s]",
         y_label: &label,

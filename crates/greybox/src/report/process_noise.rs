@@ -74,7 +74,8 @@ pub fn section(page: &mut String, report: &Report<'_>) {
     );
     for (number, experiment) in report.disturbances.iter().enumerate() {
         for disturbance in &experiment.disturbances {
-            plots::disturbance(page, experiment, disturbance);
+            let label = acted_on(&disturbance.acts_on);
+            plots::disturbance(page, experiment, disturbance, &label);
             events(page, number, disturbance);
         }
     }
@@ -143,7 +144,7 @@ pub fn markdown(text: &mut String, outcome: &Outcome) {
 }
 
 /// The quantity that a disturbance acts on.
-pub fn acted_on(acts_on: &ActsOnSpec) -> String {
+fn acted_on(acts_on: &ActsOnSpec) -> String {
     match acts_on {
         ActsOnSpec::Parameter(name) => name.clone(),
         ActsOnSpec::State(name) => format!("the rate of {name}"),
