@@ -221,7 +221,7 @@ function eventList({ events, event_count: all, kind, unit }, group) {
   return h(
     "div",
     {},
-    h("h4", {}, title),
+    h("h3", {}, title),
     table(
       title,
       [
