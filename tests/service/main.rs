@@ -13,6 +13,7 @@ mod comparisons;
 mod datasets;
 
 mod designs;
+mod disturbances;
 
 mod problems;
 
