@@ -2,10 +2,10 @@
 
 mod addresses;
 mod connections;
+mod system;
 mod tls;
 
 use std::net::SocketAddr;
-use std::num::NonZeroUsize;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ use tokio_util::sync::CancellationToken;
 use crate::api::access::AccessSettings;
 use crate::api::audit::Audit;
 use crate::api::{self, ApiState, Around, Parts};
-use crate::config::{FILES_KEPT, MAX_CONNECTIONS, SHUTDOWN_LIMIT, Settings, SettingsError};
+use crate::config::{SHUTDOWN_LIMIT, Settings, SettingsError};
 use crate::dashboard;
 use crate::delivery::Sender;
 use crate::event::EventHub;
@@ -28,6 +28,8 @@ use crate::worker::method::Methods;
 use crate::worker::run::Method;
 use addresses::Addresses;
 use greybox::model::Catalogue;
+use system::ConnectionLimits;
+pub use system::TooFewFiles;
 use tls::Tls;
 pub use tls::TlsError;
 
@@ -64,6 +66,9 @@ pub enum StartError {
     /// The files of its TLS are of no use.
     #[error(transparent)]
     Tls(#[from] TlsError),
+    /// The system allows the process fewer files than a server needs.
+    #[error(transparent)]
+    TooFewFiles(#[from] TooFewFiles),
     /// The address cannot be listened on.
     #[error("cannot listen on {address}: {source}")]
     Listen {
@@ -103,8 +108,11 @@ impl App {
         let worker_settings = settings.worker()?;
         let access = settings.access()?;
         let tls = settings.tls().map(Tls::new).transpose()?.map(Arc::new);
+        let speaks_tls = tls.is_some();
         let proxies = access.proxies.clone();
         let destinations = Arc::new(settings.destinations()?);
+        let connections = ConnectionLimits::of_the_system(settings.connections_per_address)?;
+        system::outlive_the_largest_file();
         share_threads(settings.threads());
         let hub = EventHub::new();
         let (store, listener) = open(&settings, &access, &hub).await?;
@@ -130,21 +138,18 @@ impl App {
         let around = Around {
             names: Arc::new(settings.names()),
             audit: Some(Audit::new(store.audit().clone())),
+            speaks_tls,
         };
         let routes = api::with_middleware(routes, around);
-        let speaks_tls = tls.is_some();
         let mut tasks = JoinSet::new();
         if let Some(tls) = &tls {
             tasks.spawn(Arc::clone(tls).watch(closing.clone()));
         }
-        let at_once = most_connections();
-        let of_each = settings.connections_per_address;
-        let of_each = of_each.map_or(at_once / 2, NonZeroUsize::get);
         let listening = connections::Listening {
             listener,
             tls,
-            at_once,
-            addresses: Addresses::new(of_each, &proxies),
+            at_once: connections.at_once,
+            addresses: Addresses::new(connections.of_an_address, &proxies),
         };
         let server = tokio::spawn(connections::serve(listening, routes, closing.clone()));
         let sender = Sender::new(store.clone(), destinations);
@@ -263,20 +268,12 @@ async fn open(
         store.close().await;
         return Err(StartError::NobodyAsked(settings.listen));
     }
+    if access.proxies.is_empty() && !access.speaks_tls {
+        let address = settings.listen;
+        tracing::warn!(%address, "tokens come over plain HTTP, where others can read them: use --tls-cert");
+    }
     let listener = listen(settings.listen)?;
     Ok((store, listener))
-}
-
-/// The connections that may be open at once: as many as the system allows files, which is asked to
-/// allow as many as it may.
-fn most_connections() -> usize {
-    let files = rlimit::increase_nofile_limit(MAX_CONNECTIONS + FILES_KEPT);
-    let files = files.unwrap_or_else(|error| {
-        tracing::warn!(%error, "it is not known how many files may be open");
-        MAX_CONNECTIONS
-    });
-    let connections = files.saturating_sub(FILES_KEPT).clamp(1, MAX_CONNECTIONS);
-    usize::try_from(connections).unwrap_or(usize::MAX)
 }
 
 /// Puts what was measured together now and then, so that it takes no more room for each request

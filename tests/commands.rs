@@ -398,3 +398,23 @@ fn tokens_are_made_shown_once_listed_and_revoked() {
         assert_eq!(token(&wrong).status.code(), Some(2), "{wrong:?}");
     }
 }
+
+/// A server with too few files would take connections and end each at once.
+#[cfg(unix)]
+#[test]
+fn a_server_that_may_open_too_few_files_does_not_start_and_says_how_many_it_needs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let database = format!("sqlite://{}", folder.path().join("jobs.db").display());
+    let refused = Command::new("sh")
+        .args(["-c", "ulimit -n 128; exec \"$0\" \"$@\""])
+        .arg(env!("CARGO_BIN_EXE_greybox"))
+        .args(["serve", "--listen", "127.0.0.1:0", "--database", &database])
+        .output()
+        .expect("a shell");
+    let complaint = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(1), "{complaint}");
+    assert!(
+        complaint.contains("allows 128 open files, and a server needs 129"),
+        "{complaint}"
+    );
+}

@@ -151,7 +151,7 @@ impl Callers {
         }
         if let Some(given) = headers.get(header::AUTHORIZATION) {
             let secret = bearer(given).ok_or_else(|| refused(NO_TOKEN))?;
-            let row = self.token(&secret).await?;
+            let row = self.token(&secret, &address).await?;
             return Ok(Client::of_token(row, address));
         }
         if let Some(person) = self.person(peer, headers, &address)? {
@@ -165,15 +165,15 @@ impl Callers {
             Some(row) if !self.is_shared => row,
             _ => self.session(&digest).await?,
         };
-        let row = self.checked(&digest, row)?;
+        let row = self.checked(&digest, row, &address)?;
         Ok(Client {
             has_session: true,
             ..Client::of_token(row, address)
         })
     }
 
-    /// The token of a secret, where it counts.
-    pub(super) async fn token(&self, secret: &Secret) -> Answer<TokenRow> {
+    /// The token of a secret that came from an address, where it counts.
+    pub(super) async fn token(&self, secret: &Secret, address: &str) -> Answer<TokenRow> {
         let digest = secret.digest();
         let row = match self.remembered(&digest) {
             Some(row) => row,
@@ -185,7 +185,7 @@ impl Callers {
                 row
             }
         };
-        self.checked(&digest, row)
+        self.checked(&digest, row, address)
     }
 
     /// The token of a session, from the database.
@@ -197,13 +197,17 @@ impl Callers {
         Ok(row)
     }
 
-    /// What stands for a caller, where it still counts; that it was used is noted.
-    fn checked(&self, digest: &Digest, row: TokenRow) -> Answer<TokenRow> {
-        if row.revoked_at.is_some() {
-            return Err(refused("a token that was revoked"));
-        }
-        if !row.is_valid_at(Timestamp::now()) {
-            return Err(refused("a token that has expired"));
+    /// What stands for a caller, where it still counts; that it was used is noted. The refusal of a token that
+    /// counts no more names the token to the log.
+    fn checked(&self, digest: &Digest, row: TokenRow, address: &str) -> Answer<TokenRow> {
+        let ended = match row.revoked_at {
+            Some(_) => Some("a token that was revoked"),
+            None if row.is_valid_at(Timestamp::now()) => None,
+            None => Some("a token that has expired"),
+        };
+        if let Some(ended) = ended {
+            let caller = Client::of_token(row, address.to_owned());
+            return Err(refused(ended).with_note(caller));
         }
         if self.is_to_be_noted(digest) {
             let (tokens, id) = (self.tokens.clone(), row.id);

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use axum::extract::State;
-use axum::http::{HeaderMap, Method, Uri};
-use axum::response::Response;
+use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
+use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -18,6 +18,7 @@ use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, Params, QueryReader};
 use super::results::csv;
 use super::session_cookie;
+use super::spreadsheet::inert;
 use crate::access::Project;
 use crate::store::{AuditEntry, AuditLog, AuditRow};
 
@@ -28,6 +29,8 @@ const AT_ONCE: u32 = 60;
 const ONE_MORE_AFTER: Duration = Duration::from_secs(90);
 /// Callers that are remembered before those that are owed nothing are forgotten.
 const REMEMBERED: usize = 10_000;
+/// The type of an answer that has a JSON document on each line.
+const JSON_LINES: &str = "application/x-ndjson";
 /// What callers that are not known are called, all of them together.
 const UNKNOWN: &str = "unknown";
 /// The characters of a path that are written down.
@@ -148,14 +151,15 @@ impl Audit {
 }
 
 /// An entry of the log.
-#[derive(Serialize, ToSchema)]
+#[derive(Clone, Serialize, ToSchema)]
 pub struct AuditRecord {
     /// The number of the entry; later entries have larger numbers.
     id: i64,
     /// When the entry was written.
     #[schema(value_type = String, format = DateTime)]
     at: Timestamp,
-    /// The caller: `token <name>`, `person <name>` or `unknown`; `greybox` where entries were lost.
+    /// The caller: `token <name>`, `person <name>` or `unknown`; `operator` for a command on the server's machine,
+    /// `greybox` where entries were lost.
     #[schema(example = "token mes")]
     who: String,
     /// The project of the caller; `null` for an unknown caller.
@@ -163,10 +167,10 @@ pub struct AuditRecord {
     project: Option<String>,
     /// The address that the request came from.
     address: String,
-    /// The HTTP method.
+    /// The HTTP method; `DELIVER` for a delivery that was refused, `COMMAND` for a command of the operator.
     #[schema(example = "POST")]
     method: String,
-    /// The path, without its query.
+    /// The path, without its query; of an operator, the command.
     #[schema(example = "/v1/jobs")]
     path: String,
     /// The status of the answer.
@@ -182,6 +186,9 @@ pub struct AuditRecord {
     /// Where entries were let go because the log had too many, when the last of them was written.
     #[schema(value_type = Option<String>, format = DateTime)]
     lost_to: Option<Timestamp>,
+    /// SHA-256 over the entry and the digest of the entry before it, of whichever project: who changes an entry has
+    /// to change all later digests. `null` for an entry from before there was a chain.
+    chain: Option<String>,
 }
 
 impl From<AuditRow> for AuditRecord {
@@ -191,6 +198,7 @@ impl From<AuditRow> for AuditRecord {
             at,
             entry,
             loss,
+            chain,
         } = row;
         Self {
             id,
@@ -205,7 +213,24 @@ impl From<AuditRow> for AuditRecord {
             left_out: entry.left_out,
             lost_from: loss.map(|loss| loss.from),
             lost_to: loss.map(|loss| loss.to),
+            chain,
         }
+    }
+}
+
+impl AuditRecord {
+    /// The entry with no formula in what callers wrote.
+    fn for_a_spreadsheet(&self) -> Self {
+        let mut shown = self.clone();
+        for text in [
+            &mut shown.who,
+            &mut shown.method,
+            &mut shown.path,
+            &mut shown.request_id,
+        ] {
+            *text = inert(text).into_owned();
+        }
+        shown
     }
 }
 
@@ -228,7 +253,8 @@ impl FromQuery for WhichEntries {
     get, path = "/v1/audit", operation_id = "read_audit", tag = "access",
     params(PageParams),
     responses((status = 200, description = "A page of the log",
-               content((Page<AuditRecord> = "application/json"), (String = "text/csv")),
+               content((Page<AuditRecord> = "application/json"), (String = "text/csv"),
+                       (String = "application/x-ndjson")),
                headers(("Link" = String, description = "The next page, `rel=\"next\"`"))))
 )]
 pub async fn list(
@@ -242,11 +268,17 @@ pub async fn list(
     let page = log.list(&client.project, strangers, cursor.before, cursor.limit);
     let page = page.await?;
     let items: Vec<AuditRecord> = page.rows.into_iter().map(AuditRecord::from).collect();
-    let as_csv = prefers(&headers, "text/csv").then(|| written(&items));
+    let exported = if prefers(&headers, "text/csv") {
+        Some(csv(written(&items)))
+    } else if prefers(&headers, JSON_LINES) {
+        Some(json_lines(&items))
+    } else {
+        None
+    };
     let mut response = Page::new(items, page.next.map(|id| id.to_string())).answer(&uri);
-    if let Some(text) = as_csv {
+    if let Some(exported) = exported {
         let link = response.headers_mut().remove("link");
-        response = csv(text);
+        response = exported;
         if let Some(link) = link {
             response.headers_mut().insert("link", link);
         }
@@ -254,10 +286,19 @@ pub async fn list(
     Ok::<Response, _>(response)
 }
 
+/// An entry on each line.
+fn json_lines(items: &[AuditRecord]) -> Response {
+    let line = |item| serde_json::to_string(item).expect("an entry has only text keys") + "\n";
+    let text: String = items.iter().map(line).collect();
+    let json_lines = HeaderValue::from_static(JSON_LINES);
+    ([(header::CONTENT_TYPE, json_lines)], text).into_response()
+}
+
 fn written(items: &[AuditRecord]) -> String {
     let mut writer = ::csv::Writer::from_writer(Vec::new());
     for item in items {
-        writer.serialize(item).expect("memory takes every row");
+        let shown = item.for_a_spreadsheet();
+        writer.serialize(shown).expect("memory takes every row");
     }
     let bytes = writer.into_inner().expect("memory takes every row");
     String::from_utf8(bytes).expect("rows are text")

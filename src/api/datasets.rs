@@ -23,6 +23,7 @@ use super::extract::Named;
 use super::http_headers::{json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader, one_of};
+use super::spreadsheet::inert_names;
 use crate::admission::Permit;
 use crate::store::{DatasetRemoval, DatasetRow, Datasets, NewDataset};
 use greybox::identification::DatasetId;
@@ -472,7 +473,8 @@ fn csv(mut recording: Recording, query: SamplesQuery) -> Answer<Recording> {
 pub(super) async fn csv_answer(bodies: &Bodies, recording: Recording, permit: Permit) -> Answer {
     let spools = bodies.clone();
     let written = bodies.work.convert(move || {
-        let (_permit, recording) = (permit, recording);
+        let (_permit, mut recording) = (permit, recording);
+        inert_names(&mut recording);
         let write = || {
             let mut spool = spools.spool()?;
             let mut buffered = BufWriter::with_capacity(CSV_BUFFER_BYTES, &mut spool);

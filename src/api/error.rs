@@ -4,7 +4,7 @@
 //! error status that the framework made, into the document with the path and the request's id.
 
 use axum::body::Body;
-use axum::http::{HeaderName, HeaderValue, StatusCode, header};
+use axum::http::{Extensions, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
 use serde::Serialize;
@@ -175,6 +175,8 @@ pub struct Problem {
     errors: Vec<ProblemFault>,
     headers: Vec<(HeaderName, HeaderValue)>,
     damage: Option<Arc<StoreError>>,
+    /// Notes for the layers around the handlers, which the answer carries.
+    notes: Extensions,
 }
 
 /// What a handler answers.
@@ -189,6 +191,7 @@ impl Problem {
             errors: Vec::new(),
             headers: Vec::new(),
             damage: None,
+            notes: Extensions::new(),
         }
     }
 
@@ -255,6 +258,12 @@ impl Problem {
     /// Adds a header to the answer.
     pub fn with_header(mut self, name: HeaderName, value: HeaderValue) -> Self {
         self.headers.push((name, value));
+        self
+    }
+
+    /// The problem with a note for the layers around the handlers.
+    pub(super) fn with_note<T: Clone + Send + Sync + 'static>(mut self, note: T) -> Self {
+        self.notes.insert(note);
         self
     }
 
@@ -333,6 +342,7 @@ impl IntoResponse for Problem {
     /// A bare status that carries the problem to the outermost layer.
     fn into_response(self) -> Response {
         let mut response = self.kind.status().into_response();
+        response.extensions_mut().extend(self.notes.clone());
         response.extensions_mut().insert(self);
         response
     }

@@ -12,7 +12,9 @@ use super::work::stopped;
 use crate::admission::Permit;
 use crate::job::Status;
 use crate::store::{JobRow, Results, StoredResult};
-use greybox::identification::assemble::{self, ExperimentTrajectory, PastResult};
+use greybox::identification::assemble::{
+    self, ExperimentDisturbances, ExperimentTrajectory, PastResult,
+};
 use greybox::identification::{JobId, JobSpec, Outcome};
 use greybox::model::Model;
 use greybox::parsing::Fault;
@@ -94,6 +96,40 @@ impl FinishedJob {
         let (spec, outcome) = (&self.spec, &self.outcome);
         let shown = assemble::trajectory(spec, &self.model, &self.recordings, outcome, stop);
         shown.map_err(Problem::of_document)?.ok_or_else(stopped)
+    }
+
+    /// What acted on the plant over the recordings: computing, not for the runtime's own threads.
+    ///
+    /// # Errors
+    ///
+    /// The result has no process noise, the filter fails or was stopped, or the recordings no longer fit the job.
+    pub fn disturbances(&self, stop: &AtomicBool) -> Answer<Vec<ExperimentDisturbances>> {
+        let report = self.outcome.process_noise.as_ref();
+        let report = report.filter(|report| !report.disturbances.is_empty());
+        let report = report.ok_or_else(|| self.without_disturbance())?;
+        let shown = assemble::disturbances(&self.as_past(), &self.model, report, stop);
+        shown.map_err(Problem::of_document)?.ok_or_else(stopped)
+    }
+
+    /// Why the result has no disturbance.
+    fn without_disturbance(&self) -> Problem {
+        let detail = match (
+            &self.outcome.process_noise,
+            self.spec.process_noise.is_none(),
+        ) {
+            (Some(_), _) => {
+                "the result has no disturbance: of the noise models that were compared, `none` was chosen"
+            }
+            (None, true) => {
+                "the result has no process noise: the job does not ask for it; submit the job with \
+                 `\"process_noise\": \"auto\"`"
+            }
+            (None, false) => {
+                "the result has no process noise: the residuals of the free run are white, or the job ended \
+                 before noise models were compared"
+            }
+        };
+        Problem::new(Kind::WrongState, detail)
     }
 }
 

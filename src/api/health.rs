@@ -11,8 +11,10 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::ApiState;
+use super::client::Client;
 use super::error::{Answer, Kind, Problem};
 use super::http_headers::json;
+use super::metric_lines;
 use crate::job::Status;
 use crate::store::{Damage, Meaning};
 
@@ -148,12 +150,15 @@ pub async fn version() -> Response {
 }
 
 /// Counters and timings, as Prometheus reads them.
+///
+/// A token of the project `default` reads the lines of the server and of its project, with the scope `admin` the lines
+/// of all projects and the head of the audit log. A token of another project reads the lines that name this project.
 #[utoipa::path(
     get, path = "/metrics", operation_id = "metrics", tag = "health",
     responses((status = 200, description = "Prometheus text format 0.0.4",
                content_type = "text/plain; version=0.0.4", body = String))
 )]
-pub async fn metrics(State(state): State<ApiState>) -> Answer {
+pub async fn metrics(State(state): State<ApiState>, client: Client) -> Answer {
     let counts: HashMap<_, _> = state.store.jobs().counts().await?.into_iter().collect();
     for status in Status::ALL {
         // A state that no job is in any more is told too.
@@ -181,5 +186,11 @@ pub async fn metrics(State(state): State<ApiState>) -> Answer {
     }
     let text_type = HeaderValue::from_static("text/plain; version=0.0.4");
     let headers = [(header::CONTENT_TYPE, text_type)];
-    Ok((headers, state.metrics.render()).into_response())
+    let mut lines = metric_lines::shown_to(&client, &state.metrics.render());
+    if let Some(head) = figures.audit_head
+        && metric_lines::are_all_shown_to(&client)
+    {
+        lines.push_str(&metric_lines::of_audit_head(&head));
+    }
+    Ok((headers, lines).into_response())
 }

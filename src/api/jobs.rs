@@ -81,6 +81,8 @@ struct Links {
     result: String,
     /// Measured beside simulated outputs.
     trajectory: String,
+    /// What acted on the plant beside its inputs, where the result has process noise.
+    disturbance: String,
     /// The result as one page for the file.
     report: String,
     /// POST here to end the job.
@@ -95,6 +97,7 @@ impl From<&JobRow> for Job {
             generations: format!("{path}/generations"),
             result: format!("{path}/result"),
             trajectory: format!("{path}/trajectory"),
+            disturbance: format!("{path}/disturbance"),
             report: format!("{path}/report"),
             cancel: format!("{path}/cancel"),
             job: path,

@@ -22,11 +22,18 @@ use super::error::{PROBLEM_JSON, Problem};
 use super::http_headers::GZIP_TAG_END;
 use super::origin::{self, Names};
 use super::unpacking;
+use super::unread_body::UnreadBody;
 use crate::span;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// The characters of a client's request id at the most; a longer one is replaced.
 const MAX_ID_CHARS: usize = 128;
+/// A browser takes the type of an answer from its header and does not guess another from its bytes.
+const NO_GUESSED_TYPE: HeaderValue = HeaderValue::from_static("nosniff");
+/// The connection ends after the answer.
+const CLOSES: HeaderValue = HeaderValue::from_static("close");
+/// A browser that was answered over TLS asks this server over TLS alone, for a year.
+const TLS_ALONE: HeaderValue = HeaderValue::from_static("max-age=31536000");
 
 /// What stands around the routes.
 #[derive(Clone, Default)]
@@ -35,10 +42,16 @@ pub struct Around {
     pub names: Arc<Names>,
     /// The log of who did what.
     pub audit: Option<Audit>,
+    /// Whether the server speaks TLS, so that browsers are told to ask in no other way.
+    pub speaks_tls: bool,
 }
 
 /// Puts what every answer shares around routes. Unknown paths and methods get it too.
 pub fn with_middleware(routes: Router, around: Around) -> Router {
+    let outermost = Outermost {
+        audit: around.audit,
+        speaks_tls: around.speaks_tls,
+    };
     routes
         .fallback(|| async { StatusCode::NOT_FOUND })
         .layer(from_fn_with_state(around.names, origin::check))
@@ -47,7 +60,7 @@ pub fn with_middleware(routes: Router, around: Around) -> Router {
         .layer(from_fn(unpacking::count))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(CompressionLayer::new())
-        .layer(from_fn_with_state(around.audit, answer))
+        .layer(from_fn_with_state(outermost, answer))
 }
 
 fn panicked(panic: Box<dyn Any + Send + 'static>) -> Response {
@@ -61,8 +74,15 @@ fn panicked(panic: Box<dyn Any + Send + 'static>) -> Response {
     StatusCode::INTERNAL_SERVER_ERROR.into_response()
 }
 
+/// The settings of the outermost layer.
+#[derive(Clone)]
+struct Outermost {
+    audit: Option<Audit>,
+    speaks_tls: bool,
+}
+
 /// The outermost layer.
-async fn answer(State(audit): State<Option<Audit>>, request: Request, next: Next) -> Response {
+async fn answer(State(outermost): State<Outermost>, request: Request, next: Next) -> Response {
     let begun = Instant::now();
     let id = request_id(request.headers());
     let path = request.uri().path().to_owned();
@@ -74,6 +94,7 @@ async fn answer(State(audit): State<Option<Audit>>, request: Request, next: Next
         let route = route.as_ref().map_or("", MatchedPath::as_str);
         span::request(&method, route, (&path, &id), request.headers())
     };
+    let (request, unread) = UnreadBody::of(request);
     let mut response = next.run(request).instrument(span.clone()).await;
     let client = response.extensions_mut().remove::<Client>();
     let acted_on = response.extensions_mut().remove::<ActedOn>();
@@ -81,6 +102,10 @@ async fn answer(State(audit): State<Option<Audit>>, request: Request, next: Next
     mark_compressed(response.headers_mut());
     let value = HeaderValue::from_str(&id).expect("the id was checked or made here");
     response.headers_mut().insert(REQUEST_ID, value);
+    protect(response.headers_mut(), outermost.speaks_tls);
+    if unread.is_left() && response.status().as_u16() >= 400 {
+        response.headers_mut().insert(header::CONNECTION, CLOSES);
+    }
 
     let status = response.status().as_u16();
     span::answered(&span, status);
@@ -88,7 +113,7 @@ async fn answer(State(audit): State<Option<Audit>>, request: Request, next: Next
     let duration_ms = duration_s * 1e3;
     let who = client.as_ref().map_or("unknown", |client| &client.who);
     tracing::info!(%method, path, status, duration_ms, who, request_id = id, "answered");
-    if let Some(audit) = audit {
+    if let Some(audit) = outermost.audit {
         let asked = AnsweredRequest {
             client,
             address,
@@ -108,6 +133,14 @@ async fn answer(State(audit): State<Option<Audit>>, request: Request, next: Next
     metrics::counter!("greybox_http_requests_total", &labels).increment(1);
     metrics::histogram!("greybox_http_request_duration_seconds", &labels).record(duration_s);
     response
+}
+
+/// Tells browsers not to guess the type of an answer, and to keep to TLS where the server speaks TLS.
+fn protect(headers: &mut HeaderMap, speaks_tls: bool) {
+    headers.insert(header::X_CONTENT_TYPE_OPTIONS, NO_GUESSED_TYPE);
+    if speaks_tls {
+        headers.insert(header::STRICT_TRANSPORT_SECURITY, TLS_ALONE);
+    }
 }
 
 /// A method as it is counted. Clients may invent others; those count as one.
@@ -222,6 +255,23 @@ mod tests {
             assert_eq!(problem["instance"], path);
             let id = response.headers()["x-request-id"].to_str().unwrap();
             assert_eq!(problem["request_id"], id);
+        }
+    }
+
+    #[tokio::test]
+    async fn a_browser_is_told_to_guess_no_type_and_to_keep_to_tls_where_there_is_tls() {
+        let fine = Router::new().route("/fine", get(|| async { "fine" }));
+        for (speaks_tls, path) in [(false, "/fine"), (true, "/fine"), (true, "/nowhere")] {
+            let around = Around {
+                speaks_tls,
+                ..Around::default()
+            };
+            let routes = with_middleware(fine.clone(), around);
+            let response = routes.oneshot(get_request(path)).await.unwrap();
+            let headers = response.headers();
+            assert_eq!(headers["x-content-type-options"], "nosniff", "{path}");
+            let keeps_to_tls = headers.contains_key("strict-transport-security");
+            assert_eq!(keeps_to_tls, speaks_tls, "{path}");
         }
     }
 

@@ -87,6 +87,8 @@ pub async fn report(
     let recordings = recordings(&state, &job.spec).await?;
     let rendered = state.work.compute(move |stop| {
         let experiments = job.trajectory(stop)?;
+        // A result without process noise, or with more samples than a smoother takes, has a report too.
+        let disturbances = job.disturbances(stop).unwrap_or_default();
         let row = &job.row;
         let title = row.name.clone().unwrap_or_else(|| id.to_string());
         let finished_at = row.finished_at.map(|instant| instant.to_string());
@@ -99,6 +101,7 @@ pub async fn report(
             outcome: &job.outcome,
             generations: &generations,
             experiments: &experiments,
+            disturbances: &disturbances,
         };
         Ok(match query.format.unwrap_or_default() {
             ReportFormat::Html => {

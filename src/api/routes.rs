@@ -13,9 +13,9 @@ use utoipa_axum::routes;
 use super::http_headers::tagged_json;
 use super::state::ApiState;
 use super::{
-    audit, authorise, candidates, changes, comparisons, datasets, designs, events, health,
-    job_list, jobs, models, monitors, report, results, session, simulations, streams, submit,
-    trajectory, verdict_rules, webhooks,
+    audit, authorise, candidates, changes, comparisons, datasets, designs, disturbance, events,
+    health, job_list, jobs, models, monitors, report, results, session, simulations, streams,
+    submit, trajectory, verdict_rules, webhooks,
 };
 
 /// Every resource of the service, with its description.
@@ -56,6 +56,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(candidates::candidates))
         .routes(routes!(results::result))
         .routes(routes!(trajectory::trajectory))
+        .routes(routes!(disturbance::disturbance))
         .routes(routes!(report::report))
         .routes(routes!(verdict_rules::list))
         .routes(routes!(session::sign_in, session::show, session::sign_out))

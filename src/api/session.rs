@@ -97,7 +97,7 @@ pub async fn sign_in(
     let token = read_document(&document.value, read).map_err(Problem::of_document)?;
     let token = token.trim().parse::<Secret>();
     let token = token.map_err(|()| refused(NO_TOKEN))?;
-    let row = callers.token(&token).await?;
+    let row = callers.token(&token, &address).await?;
     end(&callers, &headers).await?;
     let secret = Secret::new().map_err(|error| {
         tracing::error!(%error, "the system gives no random bytes");

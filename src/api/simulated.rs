@@ -1,5 +1,5 @@
-//! Simulated results that were shown lately: a plot that is looked at closer and closer asks for the
-//! same simulation again and again.
+//! Results that were simulated lately: a plot that is looked at closer and closer asks for the same simulation
+//! again and again.
 
 use std::sync::Arc;
 
@@ -7,18 +7,34 @@ use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 
 use greybox::identification::JobId;
-use greybox::identification::assemble::ExperimentTrajectory;
+use greybox::identification::assemble::{ExperimentDisturbances, ExperimentTrajectory};
 
-/// NumberCount that are kept at the most, all results together: 128 MB.
+/// Numbers of one cache at the most, all results together: 128 MB.
 const MOST_NUMBERS: u64 = 16 << 20;
 
-/// The experiments of one result.
-pub type Simulated = Arc<Vec<ExperimentTrajectory>>;
+/// An experiment of a result that a cache keeps.
+pub trait CachedExperiment {
+    /// The number of numbers that are kept.
+    fn count_numbers(&self) -> usize;
+}
+
+impl CachedExperiment for ExperimentTrajectory {
+    fn count_numbers(&self) -> usize {
+        self.time.len() * (1 + 4 * self.outputs.len())
+    }
+}
+
+impl CachedExperiment for ExperimentDisturbances {
+    fn count_numbers(&self) -> usize {
+        let columns = 3 * self.disturbances.len() + 2 * self.states.len() + 3 * self.outputs.len();
+        self.time.len() * (1 + columns)
+    }
+}
 
 /// Results by job, each with the revision of the job.
-pub struct SimulatedCache(Cache<JobId, (i64, Simulated), NumberCount>);
+pub struct ComputedCache<T>(Cache<JobId, (i64, Arc<Vec<T>>), NumberCount>);
 
-impl Default for SimulatedCache {
+impl<T: CachedExperiment> Default for ComputedCache<T> {
     fn default() -> Self {
         // One large result may fill the only shard.
         let options = OptionsBuilder::new()
@@ -32,16 +48,16 @@ impl Default for SimulatedCache {
     }
 }
 
-impl SimulatedCache {
-    /// The simulated result of a revision of a job, where the cache has it.
-    pub fn get(&self, job: JobId, revision: i64) -> Option<Simulated> {
-        let (kept, simulated) = self.0.get(&job)?;
-        (kept == revision).then_some(simulated)
+impl<T: CachedExperiment> ComputedCache<T> {
+    /// The result of a revision of a job, where the cache has it.
+    pub fn get(&self, job: JobId, revision: i64) -> Option<Arc<Vec<T>>> {
+        let (kept, computed) = self.0.get(&job)?;
+        (kept == revision).then_some(computed)
     }
 
-    /// Keeps what was simulated, in the place of what is asked for less.
-    pub fn keep(&self, job: JobId, revision: i64, simulated: &Simulated) {
-        self.0.insert(job, (revision, simulated.clone()));
+    /// Keeps what was computed, in the place of what is asked for less.
+    pub fn keep(&self, job: JobId, revision: i64, computed: &Arc<Vec<T>>) {
+        self.0.insert(job, (revision, computed.clone()));
     }
 }
 
@@ -49,12 +65,10 @@ impl SimulatedCache {
 #[derive(Clone)]
 struct NumberCount;
 
-impl Weighter<JobId, (i64, Simulated)> for NumberCount {
-    fn weight(&self, _job: &JobId, (_revision, simulated): &(i64, Simulated)) -> u64 {
-        let of = |experiment: &ExperimentTrajectory| {
-            experiment.time.len() * (1 + 4 * experiment.outputs.len())
-        };
-        simulated.iter().map(of).sum::<usize>() as u64
+impl<T: CachedExperiment> Weighter<JobId, (i64, Arc<Vec<T>>)> for NumberCount {
+    fn weight(&self, _job: &JobId, (_revision, computed): &(i64, Arc<Vec<T>>)) -> u64 {
+        let numbers = computed.iter().map(CachedExperiment::count_numbers);
+        numbers.sum::<usize>() as u64
     }
 }
 
@@ -63,7 +77,7 @@ mod tests {
     use super::*;
     use greybox::identification::DatasetId;
 
-    fn simulated(samples: usize) -> Simulated {
+    fn simulated(samples: usize) -> Arc<Vec<ExperimentTrajectory>> {
         Arc::new(vec![ExperimentTrajectory {
             dataset: DatasetId::new(),
             time: vec![0.0; samples],
@@ -74,7 +88,7 @@ mod tests {
 
     #[test]
     fn a_result_is_kept_until_its_job_changes() {
-        let (cache, job) = (SimulatedCache::default(), JobId::new());
+        let (cache, job) = (ComputedCache::default(), JobId::new());
         let first = simulated(10);
         cache.keep(job, 3, &first);
         assert!(cache.get(job, 3).is_some_and(|of| Arc::ptr_eq(&of, &first)));
@@ -87,7 +101,7 @@ mod tests {
 
     #[test]
     fn the_numbers_that_are_kept_are_bounded() {
-        let cache = SimulatedCache::default();
+        let cache = ComputedCache::default();
         let jobs: Vec<JobId> = (0..5).map(|_| JobId::new()).collect();
         let third = simulated(MOST_NUMBERS as usize / 3);
         for job in &jobs {

@@ -11,7 +11,7 @@ use super::error::Answer;
 use super::event_streams::EventStreams;
 use super::limits::Limits;
 use super::model_library::ModelLibrary;
-use super::simulated::SimulatedCache;
+use super::simulated::ComputedCache;
 use super::spec_cache::SpecCache;
 use super::work::Work;
 use crate::delivery::Destinations;
@@ -21,6 +21,7 @@ use crate::store::{
     Webhooks,
 };
 use greybox::identification::JobSpec;
+use greybox::identification::assemble::{ExperimentDisturbances, ExperimentTrajectory};
 use greybox::model::Catalogue;
 use greybox::parsing::Fault;
 use greybox::recording::Recording;
@@ -71,7 +72,9 @@ pub struct StateParts {
     /// Remembers specifications that passed, so that a job like them is not checked again.
     pub(super) checked: SpecCache,
     /// Keeps simulated results that were shown lately.
-    pub(super) simulated: SimulatedCache,
+    pub(super) simulated: ComputedCache<ExperimentTrajectory>,
+    /// Keeps smoothed results that were shown lately.
+    pub(super) smoothed: ComputedCache<ExperimentDisturbances>,
     /// Where events may be delivered.
     pub(super) destinations: Arc<Destinations>,
     /// Whether the workers run, which a server has to be ready.
@@ -101,7 +104,8 @@ impl ApiState {
             event_streams: EventStreams::new(limits.streams_at_once, store.clone(), hub.clone()),
             callers: Arc::new(Callers::new(access, &limits, &store)),
             checked: SpecCache::default(),
-            simulated: SimulatedCache::default(),
+            simulated: ComputedCache::default(),
+            smoothed: ComputedCache::default(),
             store,
             hub,
             limits,

@@ -9,13 +9,11 @@ use axum::http::{HeaderMap, StatusCode};
 use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
+use super::computed::computed;
 use super::error::Answer;
 use super::extract::Named;
-use super::finished_job::FinishedJob;
 use super::http_headers::{json, prefers};
-use super::jobs::no_job;
 use super::query::{FromQuery, Params, QueryReader};
-use super::simulated::Simulated;
 use super::{ApiState, results};
 use greybox::identification::assemble::{ExperimentTrajectory, OutputTrajectory};
 use greybox::identification::spec::MAX_EXPERIMENTS;
@@ -56,13 +54,19 @@ impl FromQuery for TrajectoryQuery {
 }
 
 impl TrajectoryQuery {
-    fn wants(&self, experiment: usize) -> bool {
+    pub(super) fn wants(&self, experiment: usize) -> bool {
         self.experiment
             .is_none_or(|wanted| wanted == experiment as u64)
     }
 
+    /// Points of each experiment at the most.
+    pub(super) fn points(&self) -> usize {
+        let points = self.max_points.unwrap_or(DEFAULT_POINTS);
+        usize::try_from(points).expect("the limit is small")
+    }
+
     /// The samples that lie between the instants.
-    fn samples(&self, time: &[f64]) -> Range<usize> {
+    pub(super) fn samples(&self, time: &[f64]) -> Range<usize> {
         let first = self
             .from
             .map_or(0, |from| time.partition_point(|t| *t < from));
@@ -137,7 +141,7 @@ pub async fn trajectory(
     Params(query): Params<TrajectoryQuery>,
     headers: HeaderMap,
 ) -> Answer {
-    let simulated = simulated(&state, id).await?;
+    let simulated = computed::<ExperimentTrajectory>(&state, id).await?;
     let as_csv = prefers(&headers, "text/csv");
     let written = state.work.convert(move || {
         if as_csv {
@@ -156,50 +160,16 @@ pub async fn trajectory(
     written.await
 }
 
-/// The experiments of a result, simulated now or a moment ago.
-async fn simulated(state: &ApiState, id: JobId) -> Answer<Simulated> {
-    let row = state
-        .store
-        .jobs()
-        .find(id)
-        .await?
-        .ok_or_else(|| no_job(id))?;
-    if let Some(kept) = state.simulated.get(id, row.revision) {
-        let mut there = true;
-        for experiment in kept.iter() {
-            there &= state
-                .store
-                .datasets()
-                .find(experiment.dataset)
-                .await?
-                .is_some();
-        }
-        if there {
-            return Ok(kept);
-        }
-    }
-    let job = FinishedJob::read(state, id).await?;
-    let revision = job.row.revision;
-    let computed = state
-        .work
-        .compute(move |stop| job.trajectory(stop).map(Simulated::new));
-    let simulated = computed.await?;
-    state.simulated.keep(id, revision, &simulated);
-    Ok(simulated)
-}
-
 fn decimated(
     number: usize,
     experiment: &ExperimentTrajectory,
     query: &TrajectoryQuery,
 ) -> Experiment {
-    let points = query.max_points.unwrap_or(DEFAULT_POINTS);
-    let points = usize::try_from(points).expect("the limit is small");
     let outputs = experiment.outputs.iter();
     let columns: Vec<&[f64]> = outputs
         .flat_map(|output| [&output.measured[..], &output.simulated, &output.residual])
         .collect();
-    let kept = kept_indices(&columns, query.samples(&experiment.time), points);
+    let kept = kept_indices(&columns, query.samples(&experiment.time), query.points());
     let pick = |values: &[f64]| kept.iter().map(|&k| finite(values[k])).collect();
     let output = |output: &OutputTrajectory| Output {
         unit: output.unit.clone(),
@@ -227,7 +197,7 @@ fn decimated(
     }
 }
 
-fn finite(value: f64) -> Option<f64> {
+pub(super) fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
@@ -256,14 +226,14 @@ fn csv(experiments: &[ExperimentTrajectory], query: &TrajectoryQuery) -> String 
 }
 
 /// A missing sample is an empty field.
-fn push_field(text: &mut String, value: f64) {
+pub(super) fn push_field(text: &mut String, value: f64) {
     match finite(value) {
         Some(value) => push(text, format_args!(",{value}")),
         None => text.push(','),
     }
 }
 
-fn push(text: &mut String, words: std::fmt::Arguments<'_>) {
+pub(super) fn push(text: &mut String, words: std::fmt::Arguments<'_>) {
     text.write_fmt(words)
         .expect("writing to a string does not fail");
 }

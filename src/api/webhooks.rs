@@ -19,14 +19,12 @@ use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use crate::delivery::{Destinations, RefusedDestination, SigningSecret};
 use crate::job::{DeliveryId, WebhookId};
-use crate::store::{Deliveries, DeliveryRow, WebhookRow, Webhooks};
+use crate::store::{Deliveries, DeliveryRow, MAX_WEBHOOKS, WebhookRow, Webhooks};
 use greybox::parsing::Fault;
 use greybox::parsing::reader::{Field, read_document};
 
 /// The types of events that are delivered.
 pub const EVENTS: [&str; 2] = ["job.ended", "monitor.alarm"];
-/// Webhooks of a project at the most.
-const MOST: usize = 50;
 
 /// A webhook, as it is asked for.
 #[derive(ToSchema)]
@@ -91,7 +89,7 @@ pub struct Delivery {
     /// The document that is sent.
     #[schema(value_type = Object)]
     payload: Value,
-    /// `waiting`, `delivered`, or `given_up` after three days.
+    /// `waiting`, `delivered`, or `given_up` after three days or where the receiver answered 410 Gone.
     #[schema(value_type = String, example = "delivered")]
     state: &'static str,
     /// Attempts so far.
@@ -135,7 +133,7 @@ impl From<DeliveryRow> for Delivery {
 ///
 /// An event is stored with what it tells of and sent after that, at least once, with the same
 /// `webhook-id` at each attempt. What the receiver does not answer with a status of success is tried
-/// again, after 5 s at first, for three days. Only destinations that the server was started with are
+/// again, after 5 s at first, for three days; a receiver that answers 410 Gone ends all that waits for it. Only destinations that the server was started with are
 /// delivered to; redirects are not followed.
 #[utoipa::path(
     post, path = "/v1/webhooks", operation_id = "create_webhook", tag = "access",
@@ -155,10 +153,6 @@ pub async fn create(
 ) -> Answer {
     let (url, events) = read_document(&document.value, read).map_err(Problem::of_document)?;
     destinations.check(&url).map_err(refused)?;
-    if webhooks.list(&client.project).await?.len() >= MOST {
-        let detail = format!("a project has {MOST} webhooks at the most");
-        return Err(Problem::new(Kind::WrongState, detail));
-    }
     let secret = SigningSecret::new().map_err(|error| {
         tracing::error!(%error, "the system gives no random bytes");
         Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
@@ -171,7 +165,10 @@ pub async fn create(
         secret: secret.expose(),
         created_at: Timestamp::now(),
     };
-    webhooks.insert(row.clone()).await?;
+    if !webhooks.insert(row.clone()).await? {
+        let detail = format!("a project has {MAX_WEBHOOKS} webhooks at the most");
+        return Err(Problem::new(Kind::WrongState, detail));
+    }
     let location = HeaderValue::from_str(&format!("/v1/webhooks/{}", row.id));
     let mut shown = Webhook::from(row);
     shown.secret = Some(secret.expose());

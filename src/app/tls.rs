@@ -7,10 +7,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use parking_lot::RwLock;
+use rustls::client::WebPkiServerVerifier;
+use rustls::client::danger::ServerCertVerifier;
 use rustls::pki_types::pem::PemObject;
-use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName, UnixTime};
 use rustls::server::WebPkiClientVerifier;
-use rustls::{RootCertStore, ServerConfig};
+use rustls::{CertificateError, RootCertStore, ServerConfig};
 use tokio_rustls::TlsAcceptor;
 use tokio_util::sync::CancellationToken;
 
@@ -41,6 +43,12 @@ pub enum TlsError {
     /// Certificate and key are not for each other, or for nothing.
     #[error("the certificate and its key cannot be used: {0}")]
     Unusable(String),
+    /// A new certificate has expired or is not valid yet, and the certificate in use is valid.
+    #[error("{} is not valid now, so the certificate before it stays in use", path.display())]
+    NotValidNow {
+        /// The file.
+        path: PathBuf,
+    },
 }
 
 /// The TLS of a server, as its files say now.
@@ -52,16 +60,20 @@ pub(super) struct Tls {
 struct Loaded {
     bytes: Vec<Vec<u8>>,
     config: Arc<ServerConfig>,
+    certificate: CertificateDer<'static>,
 }
 
 impl Tls {
     /// Reads the files.
     pub(super) fn new(files: TlsFiles) -> Result<Self, TlsError> {
-        let bytes = read(&files)?;
-        let config = configure(&files, &bytes)?;
+        let loaded = Loaded::of(&files, read(&files)?)?;
+        if !is_valid_at(&loaded.certificate, UnixTime::now()) {
+            let file = files.certificate.display();
+            tracing::warn!(%file, "the certificate has expired or is not valid yet");
+        }
         Ok(Self {
             files,
-            current: RwLock::new(Loaded { bytes, config }),
+            current: RwLock::new(loaded),
         })
     }
 
@@ -72,17 +84,22 @@ impl Tls {
     }
 
     /// Reads the files again where they have changed; says whether they had. Where they are of no use
-    /// what they said before holds on.
+    /// what they said before holds on. A certificate that is not valid now does not replace a valid certificate.
     pub(super) fn reload(&self) -> Result<bool, TlsError> {
         let bytes = read(&self.files)?;
         let current = self.current.read();
         if current.bytes == bytes {
             return Ok(false);
         }
+        let now = UnixTime::now();
+        let was_valid = is_valid_at(&current.certificate, now);
         drop(current);
-        let config = configure(&self.files, &bytes)?;
-        let mut current = self.current.write();
-        *current = Loaded { bytes, config };
+        let loaded = Loaded::of(&self.files, bytes)?;
+        if was_valid && !is_valid_at(&loaded.certificate, now) {
+            let path = self.files.certificate.clone();
+            return Err(TlsError::NotValidNow { path });
+        }
+        *self.current.write() = loaded;
         Ok(true)
     }
 
@@ -108,6 +125,45 @@ impl Tls {
             }
         }
     }
+}
+
+impl Loaded {
+    /// What the bytes of the files say.
+    fn of(files: &TlsFiles, bytes: Vec<Vec<u8>>) -> Result<Self, TlsError> {
+        let config = configure(files, &bytes)?;
+        let chain = certificates(&files.certificate, &bytes[0])?;
+        let certificate = chain.into_iter().next();
+        let certificate = certificate.expect("a chain has a certificate at the least");
+        Ok(Self {
+            bytes,
+            config,
+            certificate,
+        })
+    }
+}
+
+/// Whether the time is within the validity of a certificate. A verifier looks at that before it looks for an
+/// authority, so that no authority is needed; what else a verifier says is left to the clients.
+fn is_valid_at(certificate: &CertificateDer<'static>, time: UnixTime) -> bool {
+    let mut roots = RootCertStore::empty();
+    if roots.add(certificate.clone()).is_err() {
+        return true;
+    }
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let verifier = WebPkiServerVerifier::builder_with_provider(Arc::new(roots), provider).build();
+    let (Ok(verifier), Ok(name)) = (verifier, ServerName::try_from("localhost")) else {
+        return true;
+    };
+    let verified = verifier.verify_server_cert(certificate, &[], &name, &[], time);
+    !matches!(
+        verified,
+        Err(rustls::Error::InvalidCertificate(
+            CertificateError::Expired
+                | CertificateError::ExpiredContext { .. }
+                | CertificateError::NotValidYet
+                | CertificateError::NotValidYetContext { .. }
+        ))
+    )
 }
 
 /// The bytes of all files: certificate, key, authority of clients.
@@ -169,7 +225,6 @@ fn unusable(error: impl std::fmt::Display) -> TlsError {
 mod tests {
     use rcgen::{CertificateParams, CertifiedIssuer, KeyPair};
     use rustls::ClientConfig;
-    use rustls::pki_types::ServerName;
     use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream};
     use tokio_rustls::TlsConnector;
 
@@ -187,7 +242,20 @@ mod tests {
 
         /// A certificate for a name and its key, in PEM.
         fn issue(&self, name: &str) -> (String, String) {
-            let params = CertificateParams::new(vec![name.to_owned()]).expect("parameters");
+            let params = CertificateParams::new(vec![name.to_owned()]);
+            self.sign(params.expect("parameters"))
+        }
+
+        /// A certificate for a name that is valid in these years, and its key, in PEM.
+        fn issue_for(&self, name: &str, years: [i32; 2]) -> (String, String) {
+            let params = CertificateParams::new(vec![name.to_owned()]);
+            let mut params = params.expect("parameters");
+            params.not_before = rcgen::date_time_ymd(years[0], 1, 1);
+            params.not_after = rcgen::date_time_ymd(years[1], 1, 1);
+            self.sign(params)
+        }
+
+        fn sign(&self, params: CertificateParams) -> (String, String) {
             let key = KeyPair::generate().expect("a key");
             let certificate = params.signed_by(&key, &self.0).expect("a certificate");
             (certificate.pem(), key.serialize_pem())
@@ -272,6 +340,31 @@ mod tests {
         std::fs::write(folder.path().join("cert.pem"), certificate).expect("a file");
         assert!(matches!(tls.reload(), Err(TlsError::Unusable(_))));
         assert!(speaks(&tls, &authority, "new.example", None).await);
+    }
+
+    #[tokio::test]
+    async fn a_certificate_that_is_not_valid_now_replaces_no_valid_one() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let authority = Authority::new();
+        put(folder.path(), &authority.issue("valid.example"));
+        let tls = Tls::new(files(folder.path())).expect("sound files");
+        for years in [[2000, 2001], [3000, 3001]] {
+            let other = authority.issue_for("other.example", years);
+            put(folder.path(), &other);
+            let refused = tls.reload().expect_err("the time is not now");
+            assert!(matches!(refused, TlsError::NotValidNow { .. }), "{refused}");
+            assert!(speaks(&tls, &authority, "valid.example", None).await);
+        }
+        // A server that has nothing better begins with what there is, and takes what comes.
+        let tls = Tls::new(files(folder.path())).expect("files that can be read");
+        put(
+            folder.path(),
+            &authority.issue_for("old.example", [2000, 2001]),
+        );
+        assert!(tls.reload().expect("neither is valid"));
+        put(folder.path(), &authority.issue("valid.example"));
+        assert!(tls.reload().expect("a valid certificate"));
+        assert!(speaks(&tls, &authority, "valid.example", None).await);
     }
 
     #[tokio::test]

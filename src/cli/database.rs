@@ -82,10 +82,21 @@ pub fn backup(arguments: &BackupArguments) -> Result<(), CommandError> {
 /// Puts a backup in the place of a database.
 pub fn restore(arguments: &RestoreArguments) -> Result<(), CommandError> {
     let database = arguments.database.path().map_err(CommandError::input)?;
-    block_on(async {
+    let restored = block_on(async {
         let restored = backup::restore(&arguments.backup, &database, arguments.replace).await;
         restored.map_err(CommandError::failed)
-    })
+    })?;
+    match restored.counting_again {
+        None => eprintln!(
+            "Tokens that were revoked after the backup was made count again: `greybox token list` shows all."
+        ),
+        Some(names) if names.is_empty() => {}
+        Some(names) => eprintln!(
+            "These tokens were revoked and count again; `greybox token revoke NAME` ends them: {}",
+            names.join(", ")
+        ),
+    }
+    Ok(())
 }
 
 /// Says whether a database is sound.
@@ -102,6 +113,18 @@ pub fn check(arguments: &CheckArguments) -> Result<(), CommandError> {
         return Err(CommandError::failed(checked.findings.join("\nerror: ")));
     }
     println!("{place} is sound");
+    if let Some(head) = &checked.audit_head {
+        println!(
+            "the audit log ends with entry {}, {}",
+            head.entry, head.chain
+        );
+    }
+    if checked.unchained > 0 {
+        println!(
+            "{} entries of the audit log are from before its entries were a chain and were not checked",
+            checked.unchained
+        );
+    }
     let unsealed = checked.unsealed;
     if arguments.seal {
         let sealed = block_on(async {

@@ -16,6 +16,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
+use url::Url;
 
 use crate::event::EventHub;
 use crate::job::WebhookId;
@@ -171,7 +172,7 @@ impl Sender {
         let entry = AuditEntry {
             who: format!("webhook {}", webhook.id),
             project: Some(webhook.project.clone()),
-            address: webhook.url.clone(),
+            address: receiver_of(&webhook.url),
             method: "DELIVER".to_owned(),
             path: format!("/v1/webhooks/{}/deliveries", webhook.id),
             status: status.unwrap_or(403),
@@ -180,6 +181,11 @@ impl Sender {
         };
         self.store.audit().add(entry).await
     }
+}
+
+/// The receiver of an address: what comes after may be a secret of the receiver.
+fn receiver_of(address: &str) -> String {
+    Url::parse(address).map_or_else(|_| String::new(), |url| url.origin().ascii_serialization())
 }
 
 /// How long until something is due.

@@ -1,5 +1,7 @@
 //! Who changed what, and who was refused: rows that are added and never change. The oldest go with age, or because
-//! there are too many; an entry states the second.
+//! there are too many; an entry states the second. A chain of digests shows whether a row was changed.
+
+pub(super) mod chain;
 
 use std::sync::Arc;
 
@@ -13,6 +15,7 @@ use super::page::Page;
 use super::shared_database::Database;
 use super::writer::{Tx, in_transaction};
 use crate::access::Project;
+use chain::ChainedEntry;
 
 /// What is written down of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,6 +59,8 @@ pub struct AuditRow {
     pub entry: AuditEntry,
     /// The loss that the entry states, if any.
     pub loss: Option<Loss>,
+    /// The digest of the entry and of the entry before it; nothing of an entry from before there was a chain.
+    pub chain: Option<String>,
 }
 
 #[derive(FromRow)]
@@ -73,6 +78,7 @@ struct AuditColumns {
     left_out: i64,
     lost_from: Option<String>,
     lost_to: Option<String>,
+    chain: Option<String>,
 }
 
 impl AuditColumns {
@@ -85,6 +91,7 @@ impl AuditColumns {
             id: self.id,
             at: time(&of, &self.at)?,
             loss,
+            chain: self.chain,
             entry: AuditEntry {
                 who: self.who,
                 project: self.project.map(|name| project(&of, &name)).transpose()?,
@@ -108,25 +115,7 @@ pub struct AuditLog {
 impl AuditLog {
     /// Adds an entry to the log. The answer means that it is on disk.
     pub async fn add(&self, entry: AuditEntry) -> Result<(), StoreError> {
-        in_transaction!(self.database, |tx| async move {
-            database::query(
-                "insert into audit (at, who, project, address, method, path, status, \
-                         request_id, left_out) values ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
-            )
-            .bind(Timestamp::now().to_string())
-            .bind(entry.who)
-            .bind(entry.project.as_ref().map(Project::as_str))
-            .bind(entry.address)
-            .bind(entry.method)
-            .bind(entry.path)
-            .bind(entry.status)
-            .bind(entry.request_id)
-            .bind(entry.left_out.cast_signed())
-            .execute(&mut **tx)
-            .await?;
-            Ok(())
-        })
-        .await
+        in_transaction!(self.database, |tx| add(tx, entry)).await
     }
 
     /// Entries of a project, newest first, before the one of a number; with `strangers` those of
@@ -140,7 +129,7 @@ impl AuditLog {
     ) -> Result<Page<AuditRow, i64>, StoreError> {
         let mut query = QueryBuilder::new(
             "select id, at, who, project, address, method, path, status, request_id, left_out, \
-             lost_from, lost_to from audit where (project = ",
+             lost_from, lost_to, chain from audit where (project = ",
         );
         query.push_bind(project.as_str());
         if strangers {
@@ -162,6 +151,63 @@ impl AuditLog {
         let rows = rows.into_iter().map(AuditColumns::read);
         let rows = rows.collect::<Result<Vec<_>, _>>()?;
         Ok(Page::cut(rows, limit, |row| row.id))
+    }
+}
+
+impl AuditEntry {
+    /// The entry of a command of the operator, which names the project that it is about, where there is one.
+    pub(super) fn of_command(command: String, project: Option<Project>) -> Self {
+        Self {
+            who: "operator".to_owned(),
+            project,
+            address: String::new(),
+            method: "COMMAND".to_owned(),
+            path: command,
+            status: 200,
+            request_id: String::new(),
+            left_out: 0,
+        }
+    }
+}
+
+/// Adds an entry in a transaction in which no other connection writes.
+pub(super) async fn add(tx: &mut Connection, entry: AuditEntry) -> Result<(), StoreError> {
+    let entry = ChainedEntry {
+        at: Timestamp::now().to_string(),
+        who: entry.who,
+        project: entry.project.map(|project| project.to_string()),
+        address: entry.address,
+        method: entry.method,
+        path: entry.path,
+        status: entry.status.into(),
+        request_id: entry.request_id,
+        left_out: entry.left_out.cast_signed(),
+        lost_from: None,
+        lost_to: None,
+        lost_up_to: None,
+    };
+    entry.append(tx).await
+}
+
+/// Lets some of the oldest entries go that were written before `cutoff`. Says how many went. An entry that is younger
+/// by its time keeps the entries after it.
+pub(super) async fn forget_before(
+    tx: &mut Tx,
+    cutoff: &str,
+    at_once: i64,
+) -> Result<u64, StoreError> {
+    let up_to: Option<i64> = database::query_scalar(
+        "select max(id) from (select id from audit where id < coalesce( \
+         (select id from audit where at >= $1 order by id limit 1), $2) order by id limit $3) as oldest",
+    )
+    .bind(cutoff)
+    .bind(i64::MAX)
+    .bind(at_once)
+    .fetch_one(&mut **tx)
+    .await?;
+    match up_to {
+        Some(up_to) => chain::forget(tx, up_to).await,
+        None => Ok(0),
     }
 }
 
@@ -188,20 +234,42 @@ pub(super) async fn shorten(tx: &mut Tx, most: u64, at_once: i64) -> Result<u64,
     // Some more go, so that the entry of the loss is not soon too many.
     let going = (too_many + 1 + most / 10).min(at_once);
     let up_to = first + going - 1;
-    database::query(
-        "insert into audit (at, who, address, method, path, status, request_id, left_out, lost_from, lost_to, \
-         lost_up_to) \
-         select $1, 'greybox', '', 'DELETE', '/v1/audit', 204, '', \
-         cast(sum(left_out + case when lost_up_to is null then 1 else 0 end) as bigint), \
-         min(coalesce(lost_from, at)), max(coalesce(lost_to, at)), $2 from audit where id <= $2",
+    let loss: StatedLoss = database::query_as(
+        "select cast(sum(left_out + case when lost_up_to is null then 1 else 0 end) as bigint) as entries, \
+         min(coalesce(lost_from, at)) as lost_from, max(coalesce(lost_to, at)) as lost_to \
+         from audit where id <= $1",
     )
-    .bind(Timestamp::now().to_string())
     .bind(up_to)
-    .execute(&mut **tx)
+    .fetch_one(&mut **tx)
     .await?;
-    let removed = database::query("delete from audit where id <= $1")
-        .bind(up_to)
-        .execute(&mut **tx)
-        .await?;
-    Ok(removed)
+    loss.entry(up_to).append(tx).await?;
+    chain::forget(tx, up_to).await
+}
+
+/// Entries that are let go because there are too many.
+#[derive(FromRow)]
+struct StatedLoss {
+    entries: i64,
+    lost_from: Option<String>,
+    lost_to: Option<String>,
+}
+
+impl StatedLoss {
+    /// The entry that states the loss of the entries up to a number.
+    fn entry(self, up_to: i64) -> ChainedEntry {
+        ChainedEntry {
+            at: Timestamp::now().to_string(),
+            who: "greybox".to_owned(),
+            project: None,
+            address: String::new(),
+            method: "DELETE".to_owned(),
+            path: "/v1/audit".to_owned(),
+            status: 204,
+            request_id: String::new(),
+            left_out: self.entries,
+            lost_from: self.lost_from,
+            lost_to: self.lost_to,
+            lost_up_to: Some(up_to),
+        }
+    }
 }

@@ -6,7 +6,7 @@
 
 use std::fs::{self, File};
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 use serde_json::Value;
@@ -16,8 +16,9 @@ use sqlx::{Connection, SqliteConnection};
 
 use super::database::{Pool, sqlite};
 use super::lock::FileLock;
+use super::private_file::{self, beside};
 use super::sealed::check::{self, Checked};
-use super::{StoreError, schema_version};
+use super::{AuditEntry, StoreError, audit, schema_version};
 
 /// How long a statement waits for the server's lock.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(30);
@@ -30,6 +31,8 @@ pub async fn backup(database: &Path, into: &Path) -> Result<(), StoreError> {
     }
     let partial = beside(into, ".partial");
     remove(&partial)?;
+    enter_command(database, format!("backup {}", into.display())).await;
+    private_file::open(&partial).map_err(|source| file_error(&partial, source))?;
     let mut source = open(database).await?;
     let copied = sqlx::query("vacuum into ?")
         .bind(partial.to_string_lossy())
@@ -46,12 +49,24 @@ pub async fn backup(database: &Path, into: &Path) -> Result<(), StoreError> {
     put(&partial, into)
 }
 
+/// What a restored database allows that the database in its place did not.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Restored {
+    /// The names of the tokens that were revoked and count again; nothing where no database was replaced that could
+    /// tell.
+    pub counting_again: Option<Vec<String>>,
+}
+
 /// Puts a backup in the place of a database that no server works with. One that is there is
 /// replaced only where `replace` says so.
 ///
 /// # Errors
 /// The backup is damaged or of a newer version, the database is in use or there already.
-pub async fn restore(backup: &Path, database: &Path, replace: bool) -> Result<(), StoreError> {
+pub async fn restore(
+    backup: &Path,
+    database: &Path,
+    replace: bool,
+) -> Result<Restored, StoreError> {
     if let Some(finding) = check(backup).await?.findings.into_iter().next() {
         return Err(super::corrupt("backup", backup.display(), finding));
     }
@@ -60,12 +75,55 @@ pub async fn restore(backup: &Path, database: &Path, replace: bool) -> Result<()
         return Err(file_error(database, io::ErrorKind::AlreadyExists.into()));
     }
     let _lock = FileLock::take(database)?;
+    let counting_again = match there {
+        true => counting_again(backup, database).await.ok(),
+        false => None,
+    };
     let partial = beside(database, ".partial");
-    fs::copy(backup, &partial).map_err(|source| file_error(&partial, source))?;
+    copy(backup, &partial).map_err(|source| file_error(&partial, source))?;
+    enter_command(&partial, format!("restore {}", backup.display())).await;
     // The log of the database that was here is none of this one's.
     remove(&beside(database, "-wal"))?;
     remove(&beside(database, "-shm"))?;
-    put(&partial, database)
+    put(&partial, database)?;
+    Ok(Restored { counting_again })
+}
+
+/// The names of the tokens that count in a backup and were revoked in a database.
+async fn counting_again(backup: &Path, database: &Path) -> Result<Vec<String>, StoreError> {
+    let mut connection = open(database).await?;
+    let revoked: Vec<String> =
+        sqlx::query_scalar("select digest from tokens where revoked_at is not null")
+            .fetch_all(&mut connection)
+            .await?;
+    connection.close().await?;
+    let mut connection = open(backup).await?;
+    let mut counting: Vec<(String, String)> =
+        sqlx::query_as("select name, digest from tokens where revoked_at is null order by name")
+            .fetch_all(&mut connection)
+            .await?;
+    connection.close().await?;
+    counting.retain(|(_, digest)| revoked.contains(digest));
+    Ok(counting.into_iter().map(|(name, _)| name).collect())
+}
+
+/// Enters a command into the audit log of a database, where the log can be written: a backup of a full disk is made
+/// all the same, and a database of an older schema has no chain yet.
+async fn enter_command(database: &Path, command: String) {
+    let enter = async {
+        if !is_up_to_date(database).await? {
+            return Ok(());
+        }
+        let pool = pool(database).await?;
+        let mut tx = pool.begin_write_in_turn().await?;
+        audit::add(&mut tx, AuditEntry::of_command(command, None)).await?;
+        tx.commit().await?;
+        pool.close().await;
+        Ok::<_, StoreError>(())
+    };
+    if let Err(error) = enter.await {
+        tracing::warn!(%error, "the audit log was not written");
+    }
 }
 
 pub use check::{check_postgres, seal_postgres};
@@ -74,7 +132,7 @@ pub use check::{check_postgres, seal_postgres};
 pub async fn check(database: &Path) -> Result<Checked, StoreError> {
     let mut checked = Checked {
         findings: check_file(database).await?,
-        unsealed: 0,
+        ..Checked::default()
     };
     if checked.findings.is_empty() && is_up_to_date(database).await? {
         let pool = pool(database).await?;
@@ -247,17 +305,23 @@ fn put(partial: &Path, name: &Path) -> Result<(), StoreError> {
     put().map_err(|source| file_error(name, source))
 }
 
-fn remove(path: &Path) -> Result<(), StoreError> {
-    match fs::remove_file(path) {
-        Err(source) if source.kind() != io::ErrorKind::NotFound => Err(file_error(path, source)),
-        _ => Ok(()),
-    }
+/// Copies a file into a new file, which its owner alone reads.
+fn copy(from: &Path, into: &Path) -> io::Result<()> {
+    remove_file(into)?;
+    io::copy(&mut File::open(from)?, &mut private_file::open(into)?)?;
+    Ok(())
 }
 
-fn beside(path: &Path, end: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(end);
-    name.into()
+fn remove(path: &Path) -> Result<(), StoreError> {
+    remove_file(path).map_err(|source| file_error(path, source))
+}
+
+/// Removes a file, where there is one.
+fn remove_file(path: &Path) -> io::Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
 }
 
 fn file_error(path: &Path, source: io::Error) -> StoreError {

@@ -12,6 +12,7 @@ use tokio::sync::mpsc;
 
 use super::columns::{self, from_json, json, project, time};
 use super::database::{self, QueryBuilder, Row};
+use super::new_ids::NewIds;
 use super::page::Page;
 use super::recordings::RecordingCache;
 use super::row_cache::RowCache;
@@ -223,7 +224,8 @@ fn read(row: &Row) -> Result<DatasetRow, StoreError> {
 }
 
 async fn insert(tx: &mut Tx, new: NewDataset) -> Result<(DatasetRow, bool), StoreError> {
-    insert_as(tx, DatasetId::new(), new).await
+    let id = NewIds::of(tx, "datasets").await?.next();
+    insert_as(tx, id, new).await
 }
 
 /// Stores a recording by the identifier `id`. A stored recording of the same project and digest

@@ -18,6 +18,8 @@ use crate::access::Project;
 use crate::job::{DeliveryId, WebhookId};
 use greybox::identification::JobId;
 
+/// The status by which a receiver says that nothing shall be delivered there any more (410 Gone).
+const GONE: u16 = 410;
 /// A delivery is tried for so long.
 const TRIED_FOR: Duration = Duration::from_hours(72);
 /// The wait after the first attempt; it doubles with each.
@@ -341,8 +343,10 @@ async fn note(tx: &mut Tx, id: DeliveryId, attempt: Attempt) -> Result<(), Store
     let attempts: u32 = unsigned("attempts", &key, attempts)?;
     let now = Timestamp::now();
     let tried_ms = now.as_millisecond().saturating_sub(tried_from_ms);
+    let is_gone = attempt.status == Some(GONE);
     let state = match &attempt.error {
         None => DeliveryState::Delivered,
+        Some(_) if is_gone => DeliveryState::GivenUp,
         Some(_) if u128::from(tried_ms.unsigned_abs()) >= TRIED_FOR.as_millis() => {
             DeliveryState::GivenUp
         }
@@ -361,7 +365,23 @@ async fn note(tx: &mut Tx, id: DeliveryId, attempt: Attempt) -> Result<(), Store
     .bind(&key)
     .execute(&mut **tx)
     .await?;
+    if is_gone {
+        give_up_all(tx, &key, attempt.error.as_deref()).await?;
+    }
     tx.announce(Change::DeliveryWaits);
+    Ok(())
+}
+
+/// Gives up all that waits for the receiver of a delivery.
+async fn give_up_all(tx: &mut Tx, delivery: &str, why: Option<&str>) -> Result<(), StoreError> {
+    database::query(
+        "update deliveries set state = 'given_up', last_error = $1 where state = 'waiting' \
+         and webhook = (select webhook from deliveries where id = $2)",
+    )
+    .bind(why.map(str::to_owned))
+    .bind(delivery)
+    .execute(&mut **tx)
+    .await?;
     Ok(())
 }
 

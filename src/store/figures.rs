@@ -6,10 +6,10 @@ use jiff::Timestamp;
 
 use super::columns::time;
 use super::shared_database::Database;
-use super::{StoreError, StoredBytes, audit, database};
+use super::{AuditHead, StoreError, StoredBytes, audit, database};
 
 /// How the database is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Figures {
     /// How long the oldest job that is queued has been.
     pub queue_age: Duration,
@@ -23,6 +23,8 @@ pub struct Figures {
     pub stored: StoredBytes,
     /// Entries of the audit log, by their numbers.
     pub audit_entries: u64,
+    /// The last entry of the audit log; nothing where no entry has a digest.
+    pub audit_head: Option<AuditHead>,
 }
 
 /// The figures as they are now.
@@ -59,12 +61,14 @@ pub(super) async fn read(database: &Database) -> Result<Figures, StoreError> {
     .fetch_one(&mut connection)
     .await?;
     let audit_entries = audit::numbers(&mut connection).await?;
+    let audit_head = audit::chain::head(&mut connection).await?;
     Ok(Figures {
         queue_age,
         bytes: bytes.unsigned_abs(),
         free_bytes: free_bytes.unsigned_abs(),
         deliveries_waiting: deliveries_waiting.unsigned_abs(),
         stored,
+        audit_head,
         audit_entries: audit_entries.map_or(0, |(first, last)| first.abs_diff(last) + 1),
     })
 }

@@ -5,10 +5,10 @@
 //! has locked of it, SQLite's own locks included; so a database that this process serves already is
 //! never opened again to try.
 
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{File, TryLockError};
 use std::path::Path;
 
-use super::StoreError;
+use super::{StoreError, private_file};
 
 /// Holds a database file for this process until it is dropped.
 #[derive(Debug)]
@@ -18,7 +18,8 @@ pub(super) struct FileLock {
 }
 
 impl FileLock {
-    /// Takes the lock of a database, or says that another server has it. Creates the file.
+    /// Takes the lock of a database, or says that another server has it. Creates the file,
+    /// for its owner alone.
     pub(super) fn take(database: &Path) -> Result<Self, StoreError> {
         let path = platform::locked_file(database);
         let cannot = |source| StoreError::File {
@@ -31,12 +32,7 @@ impl FileLock {
         if platform::is_served(&path) {
             return Err(taken());
         }
-        let file = OpenOptions::new()
-            .create(true)
-            .truncate(false)
-            .write(true)
-            .open(&path)
-            .map_err(cannot)?;
+        let file = private_file::open(&path).map_err(cannot)?;
         match file.try_lock() {
             Ok(()) => Ok(Self {
                 _served: platform::Served::note(&file).map_err(cannot)?,

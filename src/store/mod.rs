@@ -33,9 +33,11 @@ mod jobs;
 mod lock;
 mod models;
 mod monitors;
+mod new_ids;
 mod nodes;
 mod opening;
 mod page;
+mod private_file;
 mod queue;
 mod quota_checks;
 mod quotas;
@@ -58,6 +60,7 @@ mod webhooks;
 mod work_shares;
 mod writer;
 
+pub use audit::chain::AuditHead;
 pub use audit::{AuditEntry, AuditLog, AuditRow, Loss};
 pub use candidates::{CandidatePage, Candidates, NewCandidates};
 pub use change::{Change, OnChange};
@@ -96,7 +99,7 @@ pub use streams::{
 };
 pub use submit::{NewJob, Submissions, Submitted};
 pub use tokens::{TokenRow, Tokens};
-pub use webhooks::{WebhookRow, Webhooks};
+pub use webhooks::{MAX_WEBHOOKS, WebhookRow, Webhooks};
 pub use work_shares::{SharedPart, WorkShares};
 
 use columns::unsigned;

@@ -132,6 +132,10 @@ impl Monitors {
     }
 
     /// Takes a step; says whether it was taken.
+    ///
+    /// # Errors
+    /// The project has no room for the job or the recording of the step ([`StoreError::Quota`]), or the database
+    /// fails. Nothing of the step is written then.
     pub async fn advance(&self, step: Advance) -> Result<bool, StoreError> {
         in_transaction!(self.database, |tx| step::advance(tx, step)).await
     }

@@ -10,7 +10,7 @@ use sqlx::postgres::PgConnectOptions;
 use super::database::postgres::{self, Use};
 use super::database::{Pool, sqlite};
 use super::lock::FileLock;
-use super::{StoreError, corrupt};
+use super::{StoreError, corrupt, private_file};
 
 /// Connections to PostgreSQL of the writer and of the queue.
 const WRITERS: u32 = 4;
@@ -151,6 +151,7 @@ impl Opened {
             source,
         })?;
         let lock = FileLock::take(path)?;
+        private_file::mend(path);
         let writer_pool = sqlite::writer(path, settings.busy_timeout).await?;
         sqlite::migrate(&writer_pool).await?;
         let missing = sqlite::missing(&mut *writer_pool.acquire().await?).await?;

@@ -112,7 +112,7 @@ async fn remove(tx: &mut Tx, retention: Retention, now: Timestamp) -> Result<Tid
     }
     let audit_age = retention.audit.map(|age| age.max(AUDIT_AT_LEAST));
     if let Some(cutoff) = before(audit_age) {
-        tidied.audit = forget(tx, "audit", "at < ?", &cutoff).await?;
+        tidied.audit = audit::forget_before(tx, &cutoff, ROWS_AT_ONCE).await?;
     }
     if let Some(most) = retention.most_audit {
         tidied.audit += audit::shorten(tx, most, ROWS_AT_ONCE).await?;

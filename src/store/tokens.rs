@@ -10,7 +10,9 @@ use super::database::{self, Pool, postgres, sqlite};
 use super::opening::{Opened, PATIENCE_OF_A_COMMAND};
 use super::shared_database::Database;
 use super::writer::in_transaction;
-use super::{DatabasePlace, DatabaseSettings, StoreError, corrupt, schema_version};
+use super::{
+    AuditEntry, DatabasePlace, DatabaseSettings, StoreError, audit, corrupt, schema_version,
+};
 use crate::access::{BELIEVED, Digest, Project, Scope};
 
 /// A token to be made.
@@ -132,12 +134,13 @@ impl Tokens {
     }
 }
 
-/// Makes a token. Says whether it was made: not where its name is taken.
+/// Makes a token, and enters that into the audit log. Says whether the token was made: not where its name is taken.
 ///
 /// # Errors
 /// The database cannot be opened or written.
 pub async fn create(database: &DatabasePlace, new: NewToken) -> Result<bool, StoreError> {
     let connection = open(database).await?;
+    let mut tx = connection.begin_write_in_turn().await?;
     let made = database::query(
         "insert into tokens (name, digest, scope, project, created_at, expires_at) \
          values ($1, $2, $3, $4, $5, $6) on conflict do nothing",
@@ -148,8 +151,19 @@ pub async fn create(database: &DatabasePlace, new: NewToken) -> Result<bool, Sto
     .bind(new.project.as_str())
     .bind(Timestamp::now().to_string())
     .bind(new.expires_at.map(|at| at.to_string()))
-    .execute(&connection)
+    .execute(&mut tx)
     .await?;
+    if made == 1 {
+        let NewToken {
+            name,
+            scope,
+            project,
+            ..
+        } = new;
+        let command = format!("token create --name {name} --scope {scope} --project {project}");
+        audit::add(&mut tx, AuditEntry::of_command(command, Some(project))).await?;
+    }
+    tx.commit().await?;
     connection.close().await;
     Ok(made == 1)
 }
@@ -170,24 +184,32 @@ pub async fn list(database: &DatabasePlace) -> Result<Vec<TokenRow>, StoreError>
     rows.into_iter().map(TokenColumns::read).collect()
 }
 
-/// Ends the token of a name. Says whether there was one. Returns when no server believes any more what it
+/// Ends the token of a name, and enters that into the audit log. Says whether there was one. Returns when no server believes any more what it
 /// read of the token before: no request that begins later passes with it.
 ///
 /// # Errors
 /// The database cannot be opened or written.
 pub async fn revoke(database: &DatabasePlace, name: &str) -> Result<bool, StoreError> {
     let connection = open(database).await?;
-    let revoked =
-        database::query("update tokens set revoked_at = $1 where name = $2 and revoked_at is null")
-            .bind(Timestamp::now().to_string())
-            .bind(name)
-            .execute(&connection)
-            .await?;
+    let mut tx = connection.begin_write_in_turn().await?;
+    let revoked: Option<String> = database::query_scalar(
+        "update tokens set revoked_at = $1 where name = $2 and revoked_at is null returning project",
+    )
+    .bind(Timestamp::now().to_string())
+    .bind(name)
+    .fetch_optional(&mut tx)
+    .await?;
+    if let Some(owner) = &revoked {
+        let command = format!("token revoke {name}");
+        let entry = AuditEntry::of_command(command, Some(project(name, owner)?));
+        audit::add(&mut tx, entry).await?;
+    }
+    tx.commit().await?;
     connection.close().await;
-    if revoked == 1 {
+    if revoked.is_some() {
         tokio::time::sleep(BELIEVED).await;
     }
-    Ok(revoked == 1)
+    Ok(revoked.is_some())
 }
 
 /// A connection to a database that is there and up to date. One that no server works with is made

@@ -13,6 +13,9 @@ use super::{StoreError, corrupt};
 use crate::access::Project;
 use crate::job::WebhookId;
 
+/// Webhooks that a project can have.
+pub const MAX_WEBHOOKS: i64 = 50;
+
 /// A place that events are delivered to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WebhookRow {
@@ -63,9 +66,18 @@ pub struct Webhooks {
 }
 
 impl Webhooks {
-    /// Stores a place that events are delivered to.
-    pub async fn insert(&self, new: WebhookRow) -> Result<(), StoreError> {
+    /// Stores a place that events are delivered to. Says whether the place was stored: not where its project has
+    /// [`MAX_WEBHOOKS`] already.
+    pub async fn insert(&self, new: WebhookRow) -> Result<bool, StoreError> {
         in_transaction!(self.database, |tx| async move {
+            let webhooks: i64 =
+                database::query_scalar("select count(*) from webhooks where project = $1")
+                    .bind(new.project.as_str())
+                    .fetch_one(&mut **tx)
+                    .await?;
+            if webhooks >= MAX_WEBHOOKS {
+                return Ok(false);
+            }
             database::query(
                 "insert into webhooks (id, project, url, events, secret, created_at) \
                          values ($1, $2, $3, $4, $5, $6)",
@@ -78,7 +90,7 @@ impl Webhooks {
             .bind(new.created_at.to_string())
             .execute(&mut **tx)
             .await?;
-            Ok(())
+            Ok(true)
         })
         .await
     }

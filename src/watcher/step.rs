@@ -55,13 +55,8 @@ impl Steps {
         let Some(stream) = self.store.streams().find(&row.project, &row.stream).await? else {
             return Ok(false);
         };
-        let step = MonitorStep {
-            now: Timestamp::now(),
-            spec: row.spec.clone(),
-            state: row.state.clone(),
-            row,
-            stream,
-        };
+        let step = MonitorStep::new(row, stream);
+        let begun = step.clone();
         let patience = jiff::SignedDuration::try_from(step.spec.patience());
         let patience = patience.unwrap_or(jiff::SignedDuration::MAX);
         let is_silent = step.now.duration_since(step.stream.received_at) > patience;
@@ -77,7 +72,13 @@ impl Steps {
         } else {
             return Ok(false);
         };
-        self.store.monitors().advance(advance).await
+        match self.store.monitors().advance(advance).await {
+            Err(StoreError::Quota(exceeded)) => {
+                let failed = begun.fails(exceeded.to_string());
+                self.store.monitors().advance(failed).await
+            }
+            taken => taken,
+        }
     }
 
     /// Whether the next window can be worked. Samples ahead of the server's clock do not count.
@@ -208,6 +209,7 @@ fn sentence(faults: &[Fault]) -> String {
 }
 
 /// A step that is being taken.
+#[derive(Clone)]
 struct MonitorStep {
     now: Timestamp,
     row: MonitorRow,
@@ -247,6 +249,17 @@ fn descriptions<'a>(
 }
 
 impl MonitorStep {
+    /// The next step of a monitor, which begins now.
+    fn new(row: MonitorRow, stream: StreamRow) -> Self {
+        Self {
+            now: Timestamp::now(),
+            spec: row.spec.clone(),
+            state: row.state.clone(),
+            row,
+            stream,
+        }
+    }
+
     /// The server's clock, nanoseconds since 1970.
     fn now_ns(&self) -> i64 {
         i64::try_from(self.now.as_nanosecond()).unwrap_or(i64::MAX)

@@ -21,7 +21,7 @@ import {
   tools,
   write,
 } from "./browser.mjs";
-import { base, designJob, ended, JOB, post, recording } from "./server.mjs";
+import { base, designJob, disturbedJob, ended, JOB, post, recording } from "./server.mjs";
 
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
 // The tests share the browser, the recording as a file and on the server, and jobs that have ended.
@@ -366,6 +366,30 @@ test("the verdict prepares the job to run next", { skip }, async () => {
   await page.close();
 });
 
+test("a load that nobody recorded is told, drawn and dated", { skip }, async () => {
+  const { id } = await disturbedJob();
+  await ended(id);
+  const page = await open(`/#/jobs/${id}`);
+  const section = "section[aria-label='What acted on the plant']";
+  await page.waitForSelector(`${section} canvas`, PATIENCE);
+  assert.match(await text(page, section), /The load wanders by 3.N \(one standard deviation\)/);
+  const events = `${section} [aria-label^='Events'] tbody button`;
+  await page.waitForSelector(events, PATIENCE);
+  const begin = await page.$$eval(events, (buttons) =>
+    buttons.map((button) => Number.parseFloat(button.innerText)),
+  );
+  for (const change of [4, 7]) {
+    assert.ok(
+      begin.some((instant) => Math.abs(instant - change) < 0.25),
+      `no event near ${change} s: ${begin}`,
+    );
+  }
+  await page.click(events);
+  await says(page, "Noise models that were compared");
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
 test("a design as a job shows what to play and what it would bring", { skip }, async () => {
   const { id } = await designJob();
   const page = await open(`/#/jobs/${id}`);
@@ -405,10 +429,12 @@ test("conditions and an earlier job's estimate are said without JSON", { skip },
 test("every page is accessible, fits its width and makes no fault, in both schemes", { skip }, async () => {
   const [job, neighbour] = shared.jobs;
   const { id: design } = await designJob();
-  await ended(design);
+  const { id: disturbed } = await disturbedJob();
+  await Promise.all([design, disturbed].map(ended));
   const pages = {
     jobs: "/#/jobs",
     job: `/#/jobs/${job}`,
+    disturbed: `/#/jobs/${disturbed}`,
     design: `/#/jobs/${design}`,
     compare: `/#/compare?jobs=${job},${neighbour}`,
     comparisons: "/#/comparisons",

@@ -489,3 +489,30 @@ test("the profile of a linear model is drawn as the parabola that it is", () => 
     assert.ok(Math.abs(rise - ((value - 5) / 2) ** 2) < 1e-12);
   }
 });
+
+const { sentence } = await part("job/disturbance_words.js");
+
+test("a disturbance is told in the plant's words", () => {
+  const number = (estimate, standard_error) => ({ estimate, standard_error, confidence_interval: null });
+  const memory = {
+    acts_on: { state: "rod_velocity" },
+    kind: "memory",
+    unit: "m/s/s",
+    std: number(0.2041, 0.021),
+    strength: number(0.2, 0.01),
+    time_constant_s: number(0.5, null),
+    share_of_output: { position: 0.1423 },
+  };
+  assert.equal(
+    sentence(memory),
+    "The rate of rod velocity wanders by 0.204 ± 0.021\u00a0m/s² (one standard deviation) and forgets within " +
+      "0.5\u00a0s. This makes 14 % of the variance of position.",
+  );
+  const white = { ...memory, kind: "white", std: null, time_constant_s: null, share_of_output: {} };
+  assert.equal(
+    sentence(white),
+    "The rate of rod velocity wanders by white noise of 0.200 ± 0.010\u00a0m/s²·√s.",
+  );
+  const sensor = { ...memory, acts_on: { output: "position" }, unit: "m" };
+  assert.match(sentence(sensor), /^The sensor of position drifts by 0.204 ± 0.021\u00a0m /);
+});

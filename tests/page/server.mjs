@@ -66,6 +66,52 @@ const DESIGN = {
 };
 export const designJob = () => post("/v1/designs", DESIGN, "application/json", { prefer: "respond-async" });
 
+// The rig is a mass on a spring, on which a load of 12 N stands from 4 s to 7 s that nobody records.
+const RIG = {
+  name: "rig",
+  title: "Mass on a spring",
+  inputs: { force: { unit: "N" } },
+  parameters: {
+    mass: { unit: "kg", default: 10, lower: 5, upper: 20, unknown: true },
+    damping: { unit: "N*s/m", default: 20, lower: 1, upper: 100 },
+    stiffness: { unit: "N/m", default: 1000, lower: 500, upper: 2000, unknown: true },
+    load: { unit: "N", default: 0, lower: -50, upper: 50, scale: "linear" },
+  },
+  states: {
+    x: { unit: "m", derivative: "v", initial: 0 },
+    v: { unit: "m/s", derivative: "(force + load - damping*v - stiffness*x)/mass", initial: 0 },
+  },
+  outputs: { position: { unit: "m", expression: "x" } },
+};
+
+export async function disturbedJob() {
+  const [force, position] = [[], []];
+  let [x, v] = [0, 0];
+  for (let sample = 0; sample < 500; sample += 1) {
+    const push = Math.floor(sample / 7) % 3 === 0 ? 10 : -10;
+    const load = sample >= 200 && sample < 350 ? 12 : 0;
+    force.push(push);
+    position.push(x + 1.7e-4 * (((sample * 7919) % 101) / 50 - 1));
+    for (let step = 0; step < 100; step += 1) {
+      v += 2e-5 * (push + load - 20 * v - 1000 * x);
+      x += 2e-4 * v;
+    }
+  }
+  const signals = { force: { unit: "N", values: force }, position: { unit: "m", values: position } };
+  const dataset = await post("/v1/datasets?name=rig", { sample_time_s: 0.02, signals });
+  const noise = { acts_on: { parameter: "load" }, kind: "memory", std: 3, time_constant_s: 2 };
+  return post("/v1/jobs", {
+    name: "rig with a load",
+    model: RIG,
+    experiments: [{ dataset: dataset.id }],
+    outputs: { position: { noise_std: 1e-4 } },
+    process_noise: [noise],
+    method: { population: 12, generations: 10 },
+    validation: { fraction: 0.2 },
+    seed: 1,
+  });
+}
+
 export async function ended(id) {
   for (;;) {
     const job = await (await fetch(`${base}/v1/jobs/${id}?wait=30`)).json();

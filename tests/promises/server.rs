@@ -70,13 +70,10 @@ impl Server {
         Self::start_by(program, folder, options)
     }
 
-    /// Starts the program so that it outlives writes beyond a limit of the size of files, which the
-    /// system else ends a process for.
+    /// Starts the program without a log, so that its files may be limited.
     #[cfg(target_os = "linux")]
     pub fn start_limitable(folder: &Path, options: Options) -> Self {
-        let mut program = Command::new("sh");
-        program.args(["-c", "trap '' XFSZ; exec \"$0\" \"$@\""]);
-        program.arg(env!("CARGO_BIN_EXE_greybox"));
+        let mut program = Command::new(env!("CARGO_BIN_EXE_greybox"));
         // It may be a file, and then grows no more either.
         program.stderr(Stdio::null());
         Self::start_by(program, folder, options)

@@ -4,6 +4,7 @@
 
 mod access;
 mod app;
+mod audit;
 mod candidates;
 #[path = "../../src/store/tests/cluster.rs"]
 mod cluster;
@@ -12,6 +13,7 @@ mod comparisons;
 mod datasets;
 
 mod designs;
+mod disturbances;
 
 mod problems;
 
@@ -27,6 +29,7 @@ mod limits;
 mod listing;
 
 mod events;
+mod exports;
 
 mod health;
 

@@ -5,6 +5,8 @@ use reqwest::Method;
 use serde_json::{Value, json};
 
 use crate::app::{TestApp, drive_csv, drive_job, endless_job};
+use crate::monitors::{Events, Plant, append, monitor};
+use crate::webhooks::to_this_machine;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_project_has_as_many_recordings_and_bytes_as_it_may() {
@@ -62,6 +64,51 @@ async fn a_project_has_as_many_unfinished_jobs_as_it_may() {
     app.post_json("/v1/jobs", &drive_job(&dataset))
         .await
         .expect(202);
+}
+
+/// A window that has no job for want of room fails with the reason, and the monitor goes on to the next.
+#[tokio::test(flavor = "multi_thread")]
+async fn the_jobs_of_monitors_count_as_all_others_do() {
+    let app = TestApp::with(|settings| settings.max_unfinished_jobs = 1).await;
+    let dataset = app.store_drive().await;
+    app.submit(&endless_job(&dataset)).await;
+    let mut plant = Plant::new();
+    append(&app, &plant.window(0, 2.0, 1.0)).await.expect(201);
+    let made = app.post_json("/v1/monitors", &monitor()).await.expect(201);
+    let id = made.json()["id"].as_str().unwrap().to_owned();
+    let mut events = Events::of(&app, &id).await;
+    for number in 1..=2 {
+        append(&app, &plant.window(number, 2.0, 1.0))
+            .await
+            .expect(200);
+        let told = events.until_window(number as u64 - 1).await;
+        let window = &told.last().unwrap().2;
+        assert_eq!(window["status"], "failed", "{window}");
+        let reason = window["reason"].as_str().unwrap();
+        assert!(
+            reason.contains("as many unfinished jobs as it may, 1"),
+            "{reason}"
+        );
+    }
+    let jobs = app.get("/v1/jobs").await.expect(200).json();
+    assert_eq!(jobs["items"].as_array().unwrap().len(), 1);
+    // The recordings of those windows were not kept either.
+    let datasets = app.get("/v1/datasets").await.expect(200).json();
+    assert_eq!(datasets["items"].as_array().unwrap().len(), 1);
+    app.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn webhooks_made_at_once_are_as_many_as_a_project_may_have() {
+    let app = TestApp::with(to_this_machine).await;
+    let webhook = json!({"url": "http://127.0.0.1:9/"});
+    let requests = (0..80).map(|_| app.post_json("/v1/webhooks", &webhook));
+    let answers = futures_util::future::join_all(requests).await;
+    let count = |status: u16| answers.iter().filter(|one| one.status == status).count();
+    assert_eq!((count(201), count(409)), (50, 30));
+    let list = app.get("/v1/webhooks").await.expect(200).json();
+    assert_eq!(list["items"].as_array().unwrap().len(), 50);
+    app.shutdown().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -140,7 +140,7 @@ async fn an_answer_that_leaves_samples_out_says_so() {
 }
 
 /// A mass on a spring and a damper, under a force that is recorded and a load that is not.
-fn rig() -> Value {
+pub fn rig() -> Value {
     json!({
         "name": "rig",
         "title": "mass on a spring",

@@ -6,7 +6,7 @@ use std::time::Instant;
 use sqlx::pool::PoolConnection;
 use sqlx::{Database, PgPool, Postgres, Sqlite, SqlitePool};
 
-use super::Kind;
+use super::{Kind, postgres};
 
 /// Connections of one database.
 #[derive(Clone, Debug)]
@@ -55,6 +55,15 @@ impl Pool {
             }
             Self::Postgres(pool) => Connection::Postgres(Held::Transaction(pool.begin().await?)),
         })
+    }
+
+    /// A transaction that writes while no other transaction does, for a command beside the servers of the database.
+    pub(in crate::store) async fn begin_write_in_turn(&self) -> Result<Connection, sqlx::Error> {
+        let mut transaction = self.begin_write().await?;
+        if let Connection::Postgres(connection) = &mut transaction {
+            postgres::take_turn(connection).await?;
+        }
+        Ok(transaction)
     }
 
     /// Closes all connections.

@@ -15,7 +15,7 @@ pub(in crate::store) static SCHEMA: Migrator = sqlx::migrate!("./migrations/post
 
 /// The oldest schema whose servers may be at work while the schema is brought up to date, and after: what
 /// came since only adds to it. The database says it too, in `schema_support`, to servers that are older.
-pub(in crate::store) const OLDEST_AT_WORK: i64 = 46;
+pub(in crate::store) const OLDEST_AT_WORK: i64 = 47;
 
 /// What all nodes hold together, and alone whoever needs the database for itself; any number that others
 /// do not use.

@@ -10,6 +10,8 @@ use crate::monitor::{Alarm, ShownWindow, WindowStatus};
 use crate::store::columns::json;
 use crate::store::database::{self, Connection};
 use crate::store::idempotency;
+use crate::store::new_ids::NewIds;
+use crate::store::quota_checks::JobRoom;
 use crate::store::sealed::{MONITOR_ALARMS, MONITOR_EVENTS, MONITOR_WINDOWS, MONITORS};
 use crate::store::submit::batch::{self, Known};
 use crate::store::submit::{self, Idempotent, Submitted};
@@ -41,7 +43,7 @@ pub(super) async fn insert(
     if monitors >= MAX_MONITORS || streams == 0 {
         return Ok(None);
     }
-    let id = MonitorId::new();
+    let id: MonitorId = NewIds::of(tx, "monitors").await?.next();
     let (spec, state) = (json(&new.spec), json(&new.state));
     let seal = MONITORS.seal(&[
         (&id.to_string()).into(),
@@ -175,24 +177,18 @@ async fn put_window(
     let before = before.as_ref().map(monitor::window).transpose()?;
     let (mut id, mut dataset) = (None, None);
     if let Some(new) = job {
-        let refused = match new.dataset {
-            None => None,
-            Some((name, recording)) => match datasets::insert_as(tx, name, recording).await {
-                Ok((stored, _)) => {
-                    dataset = Some(stored.id);
-                    None
-                }
-                Err(StoreError::Quota(exceeded)) => Some(exceeded.to_string()),
-                Err(error) => return Err(error),
-            },
-        };
+        let mut room = JobRoom::default();
+        room.take(tx, &new.job.project, 1).await??;
+        if let Some((name, recording)) = new.dataset {
+            let (stored, _) = datasets::insert_as(tx, name, recording).await?;
+            dataset = Some(stored.id);
+        }
         let all = vec![new.job];
         let known = Known::look_up(tx, &all).await?;
         let is_gone = all.iter().any(|job| known.missing::<()>(job).is_some());
-        let gone = is_gone.then(|| "its model or its recording was removed".to_owned());
-        if let Some(reason) = refused.or(gone) {
+        if is_gone {
             window.status = WindowStatus::Failed;
-            window.reason = Some(reason);
+            window.reason = Some("its model or its recording was removed".to_owned());
         } else {
             let stored = batch::store(tx, all).await?;
             id = stored.first().map(|job| job.id);

@@ -6,7 +6,7 @@ use sqlx::postgres::PgConnectOptions;
 use super::{Sealed, TABLES};
 use crate::store::database::postgres::{self, Use};
 use crate::store::database::{Connection, Pool, QueryBuilder, Row, Value, query_scalar};
-use crate::store::{StoreError, schema_version};
+use crate::store::{AuditHead, StoreError, audit, schema_version};
 
 /// Damaged rows that are named; the others are counted.
 const MOST_NAMED: usize = 100;
@@ -20,6 +20,10 @@ pub struct Checked {
     pub findings: Vec<String>,
     /// Rows from before there were seals: nothing says whether they are what was written.
     pub unsealed: u64,
+    /// The last entry of the audit log; nothing where no entry has a digest.
+    pub audit_head: Option<AuditHead>,
+    /// Entries of the audit log from before its entries were a chain.
+    pub unchained: u64,
 }
 
 /// Looks at all sealed rows of a PostgreSQL, with which servers may work. The rest of such a database is
@@ -62,7 +66,7 @@ pub async fn seal_postgres(options: &PgConnectOptions) -> Result<u64, StoreError
     sealed
 }
 
-/// Looks at all sealed rows.
+/// Looks at all sealed rows, and at the chain of the audit log.
 pub(in crate::store) async fn look(pool: &Pool, checked: &mut Checked) -> Result<(), StoreError> {
     let mut more = 0_u64;
     for table in TABLES {
@@ -84,6 +88,12 @@ pub(in crate::store) async fn look(pool: &Pool, checked: &mut Checked) -> Result
         let finding = format!("{more} more rows are damaged");
         checked.findings.push(finding);
     }
+    let mut tx = pool.begin_read().await?;
+    let chain = audit::chain::check(&mut tx).await?;
+    tx.commit().await?;
+    checked.findings.extend(chain.findings);
+    checked.audit_head = chain.head;
+    checked.unchained = chain.unchained;
     Ok(())
 }
 
@@ -93,10 +103,7 @@ pub(in crate::store) async fn seal_all(pool: &Pool) -> Result<u64, StoreError> {
     for table in TABLES {
         let mut after = Vec::new();
         loop {
-            let mut tx = pool.begin_write().await?;
-            if let Connection::Postgres(connection) = &mut tx {
-                postgres::take_turn(connection).await?;
-            }
+            let mut tx = pool.begin_write_in_turn().await?;
             let rows = table.unsealed(&mut tx, &after).await?;
             for row in &rows {
                 table.seal_row(&mut tx, row).await?;

@@ -14,6 +14,7 @@ use crate::store::columns::json;
 use crate::store::database::{self, QueryBuilder, Separated};
 use crate::store::idempotency::{Earlier, Idempotency};
 use crate::store::jobs::JobRow;
+use crate::store::new_ids::NewIds;
 use crate::store::quota_checks::JobRoom;
 use crate::store::sealed::JOBS as SEALED_JOBS;
 use crate::store::writer::Tx;
@@ -229,7 +230,8 @@ fn distinct<T: Hash + Eq + Serialize>(texts: impl Iterator<Item = T>) -> Option<
 
 /// Gives each new job its identifier and its entry in the queue.
 async fn enter(tx: &mut Tx, jobs: Vec<NewJob>) -> Result<Vec<Fresh>, StoreError> {
-    let named = jobs.iter().map(|job| (JobId::new(), job.project.clone()));
+    let mut ids = NewIds::of(tx, "jobs").await?;
+    let named = jobs.iter().map(|job| (ids.next(), job.project.clone()));
     let named: Vec<(JobId, Project)> = named.collect();
     let entries = queue::enqueue_all(tx, &named).await?;
     let ids = named.into_iter().map(|(id, _)| id);

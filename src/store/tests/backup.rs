@@ -27,8 +27,9 @@ async fn a_backup_of_a_database_at_work_has_every_job_that_was_acknowledged_befo
     };
     let (copied, ()) = tokio::join!(file::backup(fixture.file(), &copy), submitting);
     copied.expect("a copy");
-    let findings = file::check(&copy).await.expect("a readable file");
-    assert_eq!(findings, Checked::default());
+    let checked = file::check(&copy).await.expect("a readable file");
+    assert_eq!(checked.findings, Vec::<String>::new());
+    assert_eq!(checked.unsealed, 0);
     let again = file::backup(fixture.file(), &copy).await;
     assert!(matches!(again, Err(StoreError::File { .. })), "it is there");
 
@@ -78,6 +79,52 @@ async fn a_backup_takes_the_place_of_a_database_only_when_that_is_meant_and_nobo
     assert!(store.jobs().find(first).await.expect("a read").is_some());
     assert!(store.jobs().find(later).await.expect("a read").is_none());
     store.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_restored_database_names_the_tokens_that_count_again_and_logs_where_it_comes_from() {
+    let fixture = Fixture::new().await;
+    let (copy, database) = (fixture.beside("copy.db"), fixture.file().to_owned());
+    let place = DatabasePlace::File(database.clone());
+    for name in ["mes", "lost"] {
+        let new = tokens::NewToken {
+            name: name.to_owned(),
+            digest: crate::access::Secret::new().expect("random bytes").digest(),
+            scope: crate::access::Scope::Read,
+            project: Project::default(),
+            expires_at: None,
+        };
+        assert!(tokens::create(&place, new).await.expect("a token"));
+    }
+    file::backup(&database, &copy).await.expect("a copy");
+    assert!(tokens::revoke(&place, "lost").await.expect("a token"));
+    let Fixture {
+        store,
+        changes,
+        settings,
+        _folder,
+    } = fixture;
+    store.close().await;
+    drop(store);
+    let restored = file::restore(&copy, &database, true).await;
+    let counting_again = restored.expect("a database").counting_again;
+    assert_eq!(counting_again, Some(vec!["lost".to_owned()]));
+    let store = open(&settings, &changes).await;
+    let project = Project::default();
+    let log = store.audit().list(&project, true, None, 10);
+    let log = log.await.expect("a page").rows;
+    let commands: Vec<&str> = log.iter().map(|row| row.entry.path.as_str()).collect();
+    let expected = [
+        format!("restore {}", copy.display()),
+        format!("backup {}", copy.display()),
+        "token create --name lost --scope read --project default".to_owned(),
+        "token create --name mes --scope read --project default".to_owned(),
+    ];
+    assert_eq!(commands, expected);
+    store.close().await;
+    let checked = file::check(&database).await.expect("a readable file");
+    assert_eq!(checked.findings, Vec::<String>::new());
+    assert_eq!(checked.audit_head.map(|head| head.entry), Some(4));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -165,4 +212,35 @@ async fn a_newer_database_is_refused() {
         matches!(opened, Some(StoreError::Migration(_))),
         "{opened:?}"
     );
+}
+
+#[cfg(unix)]
+#[tokio::test(flavor = "multi_thread")]
+async fn a_database_its_log_and_its_copies_are_for_their_owner_alone() {
+    use std::os::unix::fs::PermissionsExt;
+    let fixture = Fixture::new().await;
+    fixture.submit().await;
+    let (copy, restored) = (fixture.beside("copy.db"), fixture.beside("restored.db"));
+    file::backup(fixture.file(), &copy).await.expect("a copy");
+    // A backup that others may read does not make a database that others may read.
+    fs::set_permissions(&copy, fs::Permissions::from_mode(0o644)).expect("a change");
+    let done = file::restore(&copy, &restored, false).await;
+    done.expect("a database");
+    let second = fixture.beside("second.db");
+    file::backup(fixture.file(), &second).await.expect("a copy");
+    let mode = |path: &Path| {
+        let metadata = fs::metadata(path).expect("a file");
+        metadata.permissions().mode() & 0o777
+    };
+    let beside = |end: &str| crate::store::private_file::beside(fixture.file(), end);
+    let files = [fixture.file().to_owned(), beside("-wal"), beside("-shm")];
+    for path in files.iter().chain([&restored, &second]) {
+        assert_eq!(mode(path), 0o600, "{}", path.display());
+    }
+    // The files of an older program are mended at the next start.
+    let database = fixture.file().to_owned();
+    fs::set_permissions(&database, fs::Permissions::from_mode(0o664)).expect("a change");
+    let fixture = fixture.reopen().await;
+    assert_eq!(mode(fixture.file()), 0o600);
+    fixture.store.close().await;
 }

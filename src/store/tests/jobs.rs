@@ -11,6 +11,7 @@ on_both! {
     a_change_is_seen_by_the_next_read,
     a_write_that_fails_harms_none_of_its_group,
     pages_cover_the_list_once_newest_first,
+    lists_are_newest_first_after_the_clock_was_set_back_and_the_server_started_again,
     lists_are_narrowed_by_state_and_label,
     a_queued_job_is_cancelled_and_paused_at_once,
     a_running_job_is_asked_and_a_pause_can_be_taken_back,
@@ -234,6 +235,35 @@ async fn pages_cover_the_list_once_newest_first(fixture: Fixture) {
         }
     }
     assert_eq!(seen, expected);
+}
+
+async fn lists_are_newest_first_after_the_clock_was_set_back_and_the_server_started_again(
+    fixture: Fixture,
+) {
+    let before = fixture.submit().await.id;
+    // A job of the days when the clock was ahead.
+    let pool = &fixture.store.database().writer_pool;
+    database::query(
+        "insert into jobs (id, name, labels, model, spec, status, queue_entry, last_event, created_at) \
+         select 'job_0fffffffffff7d8e9f00112233445566', name, labels, model, spec, status, queue_entry, \
+         last_event, created_at from jobs",
+    )
+    .execute(pool)
+    .await
+    .expect("a job");
+    let ahead: JobId = "job_0fffffffffff7d8e9f00112233445566"
+        .parse()
+        .expect("an identifier");
+    let fixture = fixture.reopen().await;
+    let first = fixture.submit().await.id;
+    let second = fixture.submit().await.id;
+    let filter = JobFilter {
+        limit: 10,
+        ..JobFilter::default()
+    };
+    let listed = fixture.store.jobs().list(&filter).await.expect("a list");
+    let listed: Vec<JobId> = listed.rows.iter().map(|row| row.id).collect();
+    assert_eq!(listed, [second, first, ahead, before]);
 }
 
 async fn lists_are_narrowed_by_state_and_label(fixture: Fixture) {

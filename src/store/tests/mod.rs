@@ -1,5 +1,6 @@
 //! The store against a fresh database each: fencing, replay, idempotency, group commit, paging.
 
+mod audit;
 mod backup;
 mod candidates;
 mod cluster;

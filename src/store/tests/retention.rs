@@ -96,7 +96,13 @@ async fn the_audit_log_never_changes_and_goes_with_age_alone(fixture: Fixture) {
     };
     assert_eq!(read().await[0].entry, entry);
     let pool = &fixture.store.database().writer_pool;
-    for change in ["update audit set who = 'nobody'", "delete from audit"] {
+    let mut changes = vec!["update audit set who = 'nobody'", "delete from audit"];
+    changes.push(pool.kind().either(
+        "insert or replace into audit (id, at, who, address, method, path, status, request_id) \
+         select id, at, 'nobody', address, method, path, status, request_id from audit",
+        "truncate audit",
+    ));
+    for change in changes {
         let refused = database::query(change).execute(pool).await;
         assert!(refused.is_err(), "{change}");
     }

@@ -38,6 +38,7 @@ pub mod segments;
 pub mod sensitivity;
 pub mod settings;
 pub mod shooting;
+pub mod smoothing;
 pub mod speculative_search;
 mod stage;
 mod standing;

@@ -46,7 +46,7 @@ const SCANNED_TOGETHER: usize = 32;
 const STRENGTH_DEVIATION: f64 = 4.0;
 
 /// Steps of the covariance between two samples.
-const COVARIANCE_STEPS: u32 = 2;
+pub const COVARIANCE_STEPS: u32 = 2;
 
 /// A number of a disturbance that is looked for, or given.
 #[derive(Clone, Copy, Debug, PartialEq)]

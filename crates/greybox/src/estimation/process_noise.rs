@@ -137,6 +137,7 @@ pub fn layout(disturbances: &[ProcessNoise], record: FilteredRecord) -> FilterLa
         starts: record.starts,
         n_inputs: record.n_inputs,
         longest_step: record.longest_step,
+        is_traced: false,
     }
 }
 
@@ -188,24 +189,42 @@ pub enum NoiseFault {
 /// # Errors
 /// Where the model or the problem does not allow it.
 pub fn filtered(problem: &Problem, noise: &NoiseModel) -> Result<Problem, NoiseFault> {
+    let layout = layout_of(problem, noise)?;
+    filtered_by(problem, noise, &layout)
+}
+
+/// The layout of the filter of a problem.
+///
+/// # Errors
+/// Where the problem does not allow a filter.
+pub(super) fn layout_of(problem: &Problem, noise: &NoiseModel) -> Result<FilterLayout, NoiseFault> {
     if problem.loss != Loss::Squared {
         return Err(NoiseFault::Robust);
     }
-    let experiments = problem.experiments.iter();
-    if experiments
-        .clone()
-        .any(|data| data.weights.iter().any(Option::is_some))
-    {
+    let mut experiments = problem.experiments.iter();
+    if experiments.any(|data| data.weights.iter().any(Option::is_some)) {
         return Err(NoiseFault::SamplesDiffer);
     }
-    let description = problem.model.description();
     let record = FilteredRecord {
         starts: starts(problem),
-        n_inputs: description.inputs.len(),
+        n_inputs: problem.model.description().inputs.len(),
         longest_step: longest_step(problem, noise.steps),
     };
-    let layout = layout(&noise.disturbances, record);
-    let model = problem.model.filtered(&layout).map_err(NoiseFault::Model)?;
+    Ok(layout(&noise.disturbances, record))
+}
+
+/// The problem whose outputs the filter with this layout expects.
+///
+/// # Errors
+/// Where the model does not allow a filter.
+pub(super) fn filtered_by(
+    problem: &Problem,
+    noise: &NoiseModel,
+    layout: &FilterLayout,
+) -> Result<Problem, NoiseFault> {
+    let description = problem.model.description();
+    let experiments = problem.experiments.iter();
+    let model = problem.model.filtered(layout).map_err(NoiseFault::Model)?;
     let mut next = Problem {
         model: Arc::new(model),
         experiments: Arc::new(

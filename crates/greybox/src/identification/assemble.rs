@@ -7,6 +7,7 @@ mod budget;
 mod constraints;
 mod coordinates;
 mod design;
+mod disturbance;
 mod experiment;
 mod forecast;
 mod noise;
@@ -19,6 +20,9 @@ mod trajectory;
 pub use crate::estimation::Finding;
 pub use assembly::{Assembly, problem};
 pub use design::{Assessments, COST_OF_JOB, Designing, PastResult, check_design, design};
+pub use disturbance::{
+    DatedEvent, DisturbancePath, ExperimentDisturbances, NamedPath, OutputInnovations, disturbances,
+};
 pub use forecast::{Identifiability, Prediction, flat_directions, forecast, unseen};
 pub use outcome::{Origin, outcome};
 pub use preflight::{Preflight, findings, preflight};

@@ -1,7 +1,7 @@
 //! What a report is made from.
 
 use crate::identification::JobSpec;
-use crate::identification::assemble::ExperimentTrajectory;
+use crate::identification::assemble::{ExperimentDisturbances, ExperimentTrajectory};
 use crate::identification::outcome::Outcome;
 use greybox_simulation::model::ModelDescription;
 use serde::Serialize;
@@ -26,6 +26,8 @@ pub struct Report<'a> {
     pub generations: &'a [GenerationCosts],
     /// Measured and simulated outputs.
     pub experiments: &'a [ExperimentTrajectory],
+    /// What acted on the plant beside its inputs; empty where the result has no process noise.
+    pub disturbances: &'a [ExperimentDisturbances],
 }
 
 /// What a generation of the search came to.

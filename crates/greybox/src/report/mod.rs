@@ -81,7 +81,7 @@ pub fn render(report: &Report<'_>) -> String {
     tables::estimates(&mut page, report.outcome);
     tables::budget(&mut page, report.outcome);
     tables::fit(&mut page, report.outcome);
-    process_noise::section(&mut page, report.outcome);
+    process_noise::section(&mut page, report);
     tables::model_search(&mut page, report.outcome);
     setup::model(&mut page, report);
     setup::recordings(&mut page, report);

@@ -4,12 +4,17 @@ use super::chart::{Chart, Series};
 use super::facts::{GenerationCosts, Report};
 use super::html::{escape, push};
 use super::residuals::{self, Diagnostics};
-use crate::identification::assemble::{ExperimentTrajectory, OutputTrajectory};
+use crate::identification::assemble::{
+    DisturbancePath, ExperimentDisturbances, ExperimentTrajectory, OutputTrajectory,
+};
 use crate::identification::outcome::ResidualReport;
 use greybox_recording::kept_indices;
 
 /// Points of a line at the most; the extremes of each stretch are kept.
 const POINTS: usize = 1500;
+
+/// Half the width of a 95 % interval, in standard deviations.
+const NORMAL_95: f64 = 1.959_964;
 
 const MEASURED: &str = "#8a93a0";
 const SIMULATED: &str = "#c8462f";
@@ -44,6 +49,51 @@ pub fn experiments(page: &mut String, report: &Report<'_>) {
         }
         page.push_str("</section>\n");
     }
+}
+
+/// A disturbance over time between the ends of its 95 % band; `label` names the quantity that it acts on.
+pub fn disturbance(
+    page: &mut String,
+    experiment: &ExperimentDisturbances,
+    disturbance: &DisturbancePath,
+    label: &str,
+) {
+    let path = &disturbance.path;
+    let end = |by: f64| -> Vec<f64> {
+        let values = path.values.iter().zip(&path.deviations);
+        values
+            .map(|(value, deviation)| value + by * deviation)
+            .collect()
+    };
+    let [lower, upper] = [-NORMAL_95, NORMAL_95].map(end);
+    let columns = [&path.values[..], &lower, &upper];
+    let kept = kept_indices(&columns, 0..experiment.time.len(), POINTS);
+    let series = [
+        ("disturbance", PLAIN),
+        ("95 % from", MEASURED),
+        ("to", MEASURED),
+    ];
+    let series = series.into_iter().zip(columns);
+    let series = series.map(|((name, colour), values)| Series {
+        name,
+        colour,
+        points: kept
+            .iter()
+            .map(|&k| (experiment.time[k], values[k]))
+            .collect(),
+    });
+    let label = format!("{label} [{}]", disturbance.unit);
+    let chart = Chart {
+        x_label: "time [s]",
+        y_label: &label,
+        series: series.collect(),
+        ..Chart::default()
+    };
+    figure(
+        page,
+        &chart,
+        "The disturbance as all samples show it, with its 95 % band.",
+    );
 }
 
 /// Measured and simulated over time.

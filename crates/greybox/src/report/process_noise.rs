@@ -1,6 +1,9 @@
 //! What moves the plant beside its inputs, in a report.
 
-use super::html::{escape, optional, push};
+use super::facts::Report;
+use super::html::{self, escape, optional, push};
+use super::plots;
+use crate::identification::assemble::{DatedEvent, DisturbancePath};
 use crate::identification::outcome::{DisturbanceReport, NoiseNumberReport, Outcome};
 use crate::identification::spec::{ActsOnSpec, NoiseKind};
 use greybox_numerics::digits::significant;
@@ -8,8 +11,12 @@ use greybox_numerics::digits::significant;
 /// Digits of the numbers.
 const DIGITS: usize = 3;
 
+/// Events of a disturbance that are listed at the most.
+const MOST_EVENTS: usize = 8;
+
 /// The disturbances, the noise models that were compared, and what the free run makes of the parameters.
-pub fn section(page: &mut String, outcome: &Outcome) {
+pub fn section(page: &mut String, report: &Report<'_>) {
+    let outcome = report.outcome;
     let Some(noise) = &outcome.process_noise else {
         return;
     };
@@ -61,11 +68,55 @@ pub fn section(page: &mut String, outcome: &Outcome) {
     push(
         page,
         format_args!(
-            "<p>The free run, which knows of no disturbance, makes of the same record: {}.</p>\n\
-             </section>\n",
+            "<p>The free run, which knows of no disturbance, makes of the same record: {}.</p>\n",
             escape(&free.join(", "))
         ),
     );
+    for (number, experiment) in report.disturbances.iter().enumerate() {
+        for disturbance in &experiment.disturbances {
+            let label = acted_on(&disturbance.acts_on);
+            plots::disturbance(page, experiment, disturbance, &label);
+            events(page, number, disturbance);
+        }
+    }
+    page.push_str("</section>\n");
+}
+
+/// The largest events of a disturbance.
+fn events(page: &mut String, experiment: usize, disturbance: &DisturbancePath) {
+    if disturbance.events.is_empty() {
+        return;
+    }
+    let mut largest: Vec<&DatedEvent> = disturbance.events.iter().collect();
+    largest.sort_by(|a, b| b.residual.abs().total_cmp(&a.residual.abs()));
+    let size = match disturbance.kind {
+        NoiseKind::White => "mean",
+        NoiseKind::Memory | NoiseKind::Walk => "change",
+    };
+    push(
+        page,
+        format_args!(
+            "<p>Events in {}, experiment {}, that the noise model does not expect: {}, the largest first.</p>\n\
+             <div class=\"scroll\"><table>\n<thead><tr><th>from [s]</th><th>to [s]</th>\
+             <th>{size} [{}]</th><th>t</th></tr></thead>\n",
+            escape(&acted_on(&disturbance.acts_on)),
+            experiment + 1,
+            largest.len(),
+            escape(&disturbance.unit)
+        ),
+    );
+    for event in largest.into_iter().take(MOST_EVENTS) {
+        let [size, residual] = [event.size, event.residual].map(|value| significant(value, DIGITS));
+        push(
+            page,
+            format_args!(
+                "<tr><td>{}</td><td>{}</td><td>{size}</td><td>{residual}</td></tr>\n",
+                html::number(event.start),
+                html::number(event.end)
+            ),
+        );
+    }
+    page.push_str("</table></div>\n");
 }
 
 /// The section in Markdown.
@@ -92,6 +143,7 @@ pub fn markdown(text: &mut String, outcome: &Outcome) {
     }
 }
 
+/// The quantity that a disturbance acts on.
 fn acted_on(acts_on: &ActsOnSpec) -> String {
     match acts_on {
         ActsOnSpec::Parameter(name) => name.clone(),

@@ -68,6 +68,18 @@ pub fn record(disturbed: Disturbed, seed: u64) -> Recording {
 
 /// A record of the rig whose slide has a dry friction [N], which the rig of [`RIG`] has not.
 pub fn record_with(disturbed: Disturbed, friction: f64, seed: u64) -> Recording {
+    record_with_truth(disturbed, friction, seed).recording
+}
+
+/// A record with what acted on the rig.
+pub struct TrueRecord {
+    pub recording: Recording,
+    /// What disturbed the rate of the velocity [m/s²]: a load with memory at each sample, a white load as its mean
+    /// from each sample to the next.
+    pub disturbance: Vec<f64>,
+}
+
+pub fn record_with_truth(disturbed: Disturbed, friction: f64, seed: u64) -> TrueRecord {
     let [mass, damping, stiffness] = TRUTH;
     let mut rng = stream(seed, 7, Purpose::Noise);
     let (mut x, mut v, mut force) = (0.0, 0.0, 10.0);
@@ -79,7 +91,7 @@ pub fn record_with(disturbed: Disturbed, friction: f64, seed: u64) -> Recording 
         Disturbed::Sensor => 1e-3 * normal(&mut rng),
         _ => 0.0,
     };
-    let (mut forces, mut positions) = (Vec::new(), Vec::new());
+    let (mut forces, mut positions, mut disturbance) = (Vec::new(), Vec::new(), Vec::new());
     let step = SAMPLE_TIME / SUBSTEPS as f64;
     for sample in 0..SAMPLES {
         if sample % 5 == 0 {
@@ -87,6 +99,7 @@ pub fn record_with(disturbed: Disturbed, friction: f64, seed: u64) -> Recording 
         }
         forces.push(force);
         positions.push(x + drift + 1e-4 * normal(&mut rng));
+        disturbance.push(load / mass);
         for _ in 0..SUBSTEPS {
             let push = |x: f64, v: f64| {
                 let rubbed = friction * (v / 1e-3).tanh();
@@ -97,7 +110,11 @@ pub fn record_with(disturbed: Disturbed, friction: f64, seed: u64) -> Recording 
             v += step * push(middle.0, middle.1);
             match disturbed {
                 Disturbed::Memory => load = next(load, 2.0, 0.5, step, &mut rng),
-                Disturbed::White => v += step.sqrt() / mass * normal(&mut rng),
+                Disturbed::White => {
+                    let kick = step.sqrt() / mass * normal(&mut rng);
+                    v += kick;
+                    disturbance[sample] += kick / SAMPLE_TIME;
+                }
                 Disturbed::Nothing | Disturbed::Sensor => {}
             }
         }
@@ -105,10 +122,11 @@ pub fn record_with(disturbed: Disturbed, friction: f64, seed: u64) -> Recording 
             drift = next(drift, 1e-3, 2.0, SAMPLE_TIME, &mut rng);
         }
     }
-    Recording::from_samples(
-        SAMPLE_TIME,
-        [("force", "N", forces), ("position", "m", positions)],
-    )
+    let signals = [("force", "N", forces), ("position", "m", positions)];
+    TrueRecord {
+        recording: Recording::from_samples(SAMPLE_TIME, signals),
+        disturbance,
+    }
 }
 
 /// The noise model that the data choose, and which parameters its intervals cover.

@@ -6,6 +6,7 @@
 mod coverage;
 mod jobs;
 mod nonlinear;
+mod smoothed;
 mod sums;
 
 use greybox::estimation::Problem;

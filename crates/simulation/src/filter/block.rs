@@ -3,6 +3,7 @@
 use super::covariance::StateCovariance;
 use super::layout::FilterLayout;
 use super::start::StartVariance;
+use super::trace::TraceLayout;
 use super::transition::{CovarianceStep, Matrix, StepCovariance};
 use crate::block::SimulationBlock;
 use crate::equations::{Equations, HeldQuantities};
@@ -42,6 +43,8 @@ pub struct FilterBlock<'a> {
     by_state: Matrix,
     /// The outputs of the model.
     row: Vec<Lanes>,
+    /// Φ since the last sample, where the filter is traced.
+    crossed: Option<Matrix>,
 }
 
 /// A disturbance of each candidate.
@@ -108,7 +111,9 @@ impl<'a> FilterBlock<'a> {
                 .map(|index| &noises[index]);
             noise.is_some_and(|noise| noise.kind == DisturbanceKind::White)
         };
-        let moved: Vec<usize> = (0..n_states).filter(|state| !is_white(state)).collect();
+        // A smoother follows white noise too.
+        let is_moved = |state: &usize| layout.is_traced || !is_white(state);
+        let moved: Vec<usize> = (0..n_states).filter(is_moved).collect();
         let starts: Vec<Vec<Option<f64>>> = members
             .iter()
             .map(|member| {
@@ -141,6 +146,7 @@ impl<'a> FilterBlock<'a> {
             jacobian: vec![zero; n_states * n_states],
             by_state: vec![zero; n_outputs * n_states],
             row: vec![zero; n_outputs],
+            crossed: layout.is_traced.then(|| vec![zero; n_states * n_states]),
         }
     }
 
@@ -163,9 +169,11 @@ impl<'a> FilterBlock<'a> {
                 self.begin();
             }
             self.correct(outputs);
+            self.begin_interval();
             if interval > 0.0 {
                 self.go_on(stretches.as_deref(), interval, stop)?;
             }
+            self.trace_interval(outputs);
             self.block.sample += 1;
         }
         Some(())
@@ -218,13 +226,25 @@ impl<'a> FilterBlock<'a> {
         equations.output_jacobian(&integrator.states, &self.row, &mut self.by_state);
         self.covariance.begin_sample();
         let n_states = integrator.states.len();
-        let (values, variances) = outputs.split_at_mut(self.row.len());
+        let trace = self.crossed.is_some().then_some(TraceLayout {
+            n_states,
+            n_outputs: self.row.len(),
+        });
+        if let Some(trace) = trace {
+            outputs[trace.mean()].copy_from_slice(&integrator.states);
+            outputs[trace.covariance()].copy_from_slice(&self.covariance.matrix);
+        }
+        let n_outputs = self.row.len();
         let first_measured = self.layout.n_inputs;
         for (output, by_state) in self.by_state.chunks_exact(n_states).enumerate() {
             let sensor = self.sensors[output];
             let predicted = self.covariance.predict(self.row[output], by_state, sensor);
-            values[output] = predicted.value;
-            variances[output] = predicted.variance;
+            outputs[output] = predicted.value;
+            outputs[n_outputs + output] = predicted.variance;
+            if let Some(trace) = trace {
+                outputs[trace.derivatives(output)].copy_from_slice(by_state);
+                outputs[trace.gain(output)].copy_from_slice(&self.covariance.gain);
+            }
             let measured = excitation.inputs[first_measured + output][*sample];
             if !measured.is_nan() {
                 self.covariance.correct(predicted, measured);
@@ -233,6 +253,22 @@ impl<'a> FilterBlock<'a> {
         let moved = self.covariance.states.iter().zip(&self.covariance.moved);
         for (state, moved) in moved {
             integrator.states[*state] += *moved;
+        }
+    }
+
+    /// Where the filter is traced, an interval begins with Φ = I.
+    fn begin_interval(&mut self) {
+        let n = self.covariance.states.len();
+        for (index, value) in self.crossed.iter_mut().flatten().enumerate() {
+            *value = Lanes::splat(if index % (n + 1) == 0 { 1.0 } else { 0.0 });
+        }
+    }
+
+    /// Where the filter is traced, Φ over the interval is answered with the sample before it.
+    fn trace_interval(&self, outputs: &mut [Lanes]) {
+        if let Some(crossed) = &self.crossed {
+            let first = outputs.len() - crossed.len();
+            outputs[first..].copy_from_slice(crossed);
         }
     }
 
@@ -309,6 +345,9 @@ impl<'a> FilterBlock<'a> {
         self.step.length = length;
         let matrix = &mut self.covariance.matrix;
         self.transition.carry(matrix, &self.step, self.block.follow);
+        if let Some(crossed) = &mut self.crossed {
+            self.transition.extend(crossed);
+        }
         Some(())
     }
 

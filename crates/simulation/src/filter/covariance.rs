@@ -12,7 +12,7 @@ pub struct StateCovariance {
     /// What the outputs of the sample so far have moved each state by.
     pub moved: Vec<Lanes>,
     /// P·cᵀ of the output at hand.
-    gain: Vec<Lanes>,
+    pub gain: Vec<Lanes>,
 }
 
 /// The expectation of an output before the output is read.

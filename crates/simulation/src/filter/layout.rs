@@ -17,6 +17,8 @@ pub struct FilterLayout {
     /// The longest step of the covariance `[s]`; the time between two samples is cut into steps
     /// that are not longer.
     pub longest_step: f64,
+    /// Whether each sample is answered with all that a smoother needs of it.
+    pub is_traced: bool,
 }
 
 /// Where the parameters of a disturbance stand.

@@ -3,6 +3,7 @@
 
 use super::block::{FilterBlock, FilterEquations};
 use super::layout::{FilterLayout, NoiseParameters};
+use super::trace::TraceLayout;
 use crate::program::Program;
 use crate::{Accuracy, BlockSimulator, CandidateBlock, DrivingInputs, Plant};
 use greybox_numerics::lanes::LANES;
@@ -30,7 +31,8 @@ pub enum LayoutFault {
 /// the model, then for each disturbance the strength `[unit·√s]` (for white noise and walks that
 /// of the rate's unit and of the quantity's unit per √s) and with memory the time constant `[s]`,
 /// then the standard deviation of each output's sensor. Its outputs are the model's as they are
-/// expected from all samples before, then for each of them the variance of its error.
+/// expected from all samples before, then for each of them the variance of its error; where the
+/// filter is traced, what a smoother needs stands behind them.
 ///
 /// A disturbance with memory has the variance strength²/(2·time constant).
 #[derive(Debug)]
@@ -69,7 +71,15 @@ impl FilteredPlant {
 
 impl Plant for FilteredPlant {
     fn n_outputs(&self) -> usize {
-        2 * self.program.n_outputs()
+        let n_outputs = self.program.n_outputs();
+        if !self.layout.is_traced {
+            return 2 * n_outputs;
+        }
+        let trace = TraceLayout {
+            n_states: self.layout.starts.len() + self.layout.disturbances.len(),
+            n_outputs,
+        };
+        trace.n_columns()
     }
 
     fn work_rate(&self, parameters: &[f64]) -> f64 {

@@ -94,6 +94,14 @@ impl StepCovariance {
         }
     }
 
+    /// Lets the transition over several steps go on by the step that was taken last.
+    #[inline(always)]
+    pub fn extend(&mut self, transition: &mut Matrix) {
+        let [product, ..] = &mut self.scratch;
+        multiply(self.n, &self.transition, transition, product);
+        transition.copy_from_slice(product);
+    }
+
     /// Φ and Qd of a step.
     #[inline(always)]
     fn take(&mut self, step: &CovarianceStep, follow: bool) {

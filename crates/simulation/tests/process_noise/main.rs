@@ -7,6 +7,7 @@
 #![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
 
 mod records;
+mod smoother;
 
 use greybox_simulation::Accuracy;
 use greybox_simulation::filter::{FilterLayout, StartVariance};
@@ -63,6 +64,7 @@ fn layout(acts_on: ActsOn, kind: DisturbanceKind, size: f64, starts: &[f64]) -> 
         starts: starts.iter().copied().map(StartVariance::Known).collect(),
         n_inputs: 0,
         longest_step: f64::INFINITY,
+        is_traced: false,
     }
 }
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from greybox import Client, Job, Problem, Result
-from greybox._frames import estimates, history, to_csv
+from greybox._frames import disturbance, estimates, history, to_csv
 
 
 def test_times_with_a_zone_become_instants_and_units_stand_in_brackets():
@@ -75,6 +75,14 @@ def test_estimates_and_histories_are_tables():
     frame = history([window, quiet])
     assert list(frame[("window", "number")]) == [0, 1]
     assert frame[("mass", "estimate")].notna().tolist() == [False, True]
+
+
+def test_a_disturbance_is_a_table_with_a_gap_at_its_last_sample():
+    series = {"value": [0.2, 0.3], "deviation": [0.1, 0.1], "t": [4.5, None]}
+    experiment = {"time_s": [0.0, 0.5], "disturbances": [{"acts_on": {"state": "velocity"}, **series}]}
+    frame = disturbance({"experiments": [experiment]})[0]
+    assert frame[("rate_of_velocity", "value")].loc[0.5] == 0.3
+    assert frame[("rate_of_velocity", "t")].isna().tolist() == [False, True]
 
 
 def test_a_next_step_is_submitted_as_the_changed_job():

@@ -7,6 +7,7 @@ import { get, send } from "../shell/api.js";
 import { facts, h, notice, problemBox } from "../shell/dom.js";
 import { instant } from "../shell/format.js";
 import { designPanel } from "./design.js";
+import { disturbancePanel } from "./disturbance.js";
 import { isFinished, JobFeed } from "./feed.js";
 import { livePanel } from "./live.js";
 import { progressPanel } from "./progress.js";
@@ -28,13 +29,15 @@ export function showJob(view, id) {
     progress: progressPanel(view),
     result: resultPanel(view),
     trajectory: trajectoryPanel(view, id),
+    disturbance: disturbancePanel(view, id),
   };
   const design = designPanel(view);
   const body = h("div", { hidden: true }, parts.actions, parts.about);
   // The result stands first once there is a result; until then the progress stands first.
   const arrange = (hasResult) => {
-    const { live, progress, result, trajectory } = panels;
-    const order = hasResult ? [result, trajectory, progress, live] : [progress, live, result, trajectory];
+    const { live, progress, result, trajectory, disturbance } = panels;
+    const shown = [result, trajectory, disturbance];
+    const order = hasResult ? [...shown, progress, live] : [progress, live, ...shown];
     body.append(...order.map(({ element }) => element), parts.spec);
   };
   view.root.append(h("div", { class: "title" }, heading, parts.state, parts.connection), outcome.place, body);
@@ -65,10 +68,11 @@ export function showJob(view, id) {
         return;
       }
       arrange(false);
-      panels.result.job(job).then((hasResult) => {
-        arrange(hasResult && isFinished(job));
-        if (hasResult) {
+      panels.result.job(job).then((result) => {
+        arrange(result !== null && isFinished(job));
+        if (result) {
           panels.trajectory.load(job);
+          panels.disturbance.load(job, result);
         }
       });
     },

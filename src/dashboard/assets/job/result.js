@@ -35,7 +35,7 @@ export function resultPanel(view) {
   };
   return {
     element,
-    // Answers whether the job has a result now.
+    // Answers the result, or null while there is none.
     async job(job) {
       state.job = job;
       state.turn += 1;
@@ -50,7 +50,7 @@ export function resultPanel(view) {
       );
       const result = isAtRest(job) ? await read(job, view, outcome) : null;
       if (turn !== state.turn) {
-        return false;
+        return null;
       }
       state.result = result;
       if (result) {
@@ -58,7 +58,7 @@ export function resultPanel(view) {
       } else {
         drawBest();
       }
-      return result !== null;
+      return result;
     },
     history(rows) {
       state.last = rows.at(-1) ?? null;

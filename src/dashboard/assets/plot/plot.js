@@ -25,6 +25,7 @@ const SPAN_WORDS = {
   missing: "missing",
   window: "used",
   excluded: "left out",
+  event: "event",
 };
 
 export function plot(options) {
@@ -269,9 +270,9 @@ class Plot {
       ],
       series: [
         {},
-        ...this.series.map(({ look, step, dash, bars, dots }) => ({
+        ...this.series.map(({ look, step, dash, bars, dots, thin }) => ({
           stroke: () => colour(look),
-          width: dots ? 0 : width(look),
+          width: dots ? 0 : thin ? 0.6 : width(look),
           dash: dash ?? (look === "faint" ? [6, 4] : undefined),
           spanGaps: false,
           fill: bars ? () => `${colour(look)}66` : undefined,

@@ -32,6 +32,13 @@ export function width(look) {
 }
 
 export function spanColour(kind) {
-  const colours = { held: "second", bad: "bad", missing: "bad", window: "first", excluded: "quiet" };
+  const colours = {
+    held: "second",
+    bad: "bad",
+    missing: "bad",
+    window: "first",
+    excluded: "quiet",
+    event: "simulated",
+  };
   return `${colour(colours[kind] ?? "quiet")}2b`;
 }

@@ -1,11 +1,11 @@
 //! Measured and simulated outputs of a result, side by side.
 
 use crate::estimation::Problem;
-use crate::estimation::problem::{Coordinate, Target};
+use crate::estimation::problem::{Coordinate, Experiment, Target};
 use crate::estimation::trajectory::{self, Errors};
 use crate::identification::DatasetId;
 use crate::identification::outcome::{Estimate, Outcome};
-use crate::identification::spec::JobSpec;
+use crate::identification::spec::{ExperimentSpec, JobSpec};
 use crate::uncertainty::assumed_values::{shown_by_sensors, take};
 use greybox_numerics::parsing::fault::Fault;
 use greybox_recording::Recording;
@@ -83,13 +83,10 @@ pub fn trajectory(
         .enumerate();
     let shown = experiments.map(|(number, ((spec, data), simulated))| {
         let deviation = |place: usize| Some(deviations.as_ref()?[number][place].clone());
-        let from = spec.window.and_then(|window| window.from_s).unwrap_or(0.0);
         let outputs = problem.outputs.iter().zip(&data.measured);
         ExperimentTrajectory {
             dataset: spec.dataset,
-            time: (0..data.samples)
-                .map(|k| from + data.instant(k) / clock)
-                .collect(),
+            time: instants(spec, data, clock),
             estimation_samples: data.estimation_samples,
             outputs: outputs
                 .enumerate()
@@ -105,6 +102,14 @@ pub fn trajectory(
         }
     });
     Ok(Some(shown.collect()))
+}
+
+/// The instants of an experiment, from the recording's first sample `[s]`; `clock` is how long one of the
+/// recording's seconds is.
+pub(super) fn instants(spec: &ExperimentSpec, data: &Experiment, clock: f64) -> Vec<f64> {
+    let from = spec.window.and_then(|window| window.from_s).unwrap_or(0.0);
+    let samples = 0..data.samples;
+    samples.map(|k| from + data.instant(k) / clock).collect()
 }
 
 /// The problem of a result, without the effects that it left out and with the values that it took as
@@ -200,7 +205,7 @@ fn errors(problem: &Problem, positions: &[f64], outcome: &Outcome) -> Option<Err
     })
 }
 
-fn difference(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
+pub(super) fn difference(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
     measured
         .iter()
         .zip(simulated)

@@ -192,7 +192,7 @@ impl ProcessNoiseSpec {
     }
 
     /// The disturbance of a simulation; none where a number is not given.
-    fn known(&self, model: &ModelDescription) -> Option<ProcessNoise> {
+    pub(crate) fn known(&self, model: &ModelDescription) -> Option<ProcessNoise> {
         let time_constant = match self.time_constant_s {
             Some(number) => Some(number.given()?),
             None => None,

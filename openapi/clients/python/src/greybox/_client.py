@@ -361,6 +361,11 @@ class Result:
         path = f"{self._job.path}/trajectory"
         return _frames.trajectory(self._job._client.get(path, max_points=max_points))[experiment]
 
+    def disturbance(self, experiment: int = 0, max_points: int = 2000) -> pd.DataFrame:
+        """What acted on the plant beside its inputs, with its error; the result has process noise."""
+        path = f"{self._job.path}/disturbance"
+        return _frames.disturbance(self._job._client.get(path, max_points=max_points))[experiment]
+
     def plot(self, experiment: int = 0) -> Any:
         """Measured and simulated outputs, and below them what is left; the axes."""
         import matplotlib.pyplot as plt

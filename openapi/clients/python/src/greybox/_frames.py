@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-__all__ = ["estimates", "history", "next_steps", "to_csv", "trajectory"]
+__all__ = ["disturbance", "estimates", "history", "next_steps", "to_csv", "trajectory"]
 
 
 def to_csv(frame: pd.DataFrame, units: Mapping[str, str] | None = None) -> str:
@@ -78,6 +78,21 @@ def trajectory(answer: dict[str, Any]) -> dict[int, pd.DataFrame]:
         for name, output in experiment["outputs"].items():
             for kind in ("measured", "simulated", "residual"):
                 columns[(name, kind)] = output[kind]
+        index = pd.Index(experiment["time_s"], name="time_s")
+        frames[number] = pd.DataFrame(columns, index=index, dtype=float)
+    return frames
+
+
+def disturbance(answer: dict[str, Any]) -> dict[int, pd.DataFrame]:
+    """The disturbances with their errors and t, a frame for each experiment. The columns have the names of the CSV."""
+    prefixes = {"parameter": "", "state": "rate_of_", "output": "sensor_of_"}
+    frames = {}
+    for number, experiment in enumerate(answer["experiments"]):
+        columns = {}
+        for disturbance in experiment["disturbances"]:
+            ((quantity, name),) = disturbance["acts_on"].items()
+            for kind in ("value", "deviation", "t"):
+                columns[(prefixes[quantity] + name, kind)] = disturbance[kind]
         index = pd.Index(experiment["time_s"], name="time_s")
         frames[number] = pd.DataFrame(columns, index=index, dtype=float)
     return frames
