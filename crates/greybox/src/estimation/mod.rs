@@ -24,6 +24,7 @@ pub mod hill_climb;
 pub mod leaders;
 pub mod loss;
 pub mod noise_ladder;
+mod noise_scan;
 pub mod objective;
 pub mod observer;
 pub mod prior;

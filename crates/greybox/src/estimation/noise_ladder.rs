@@ -5,11 +5,12 @@
 //! its descent begins; the Bayesian information criterion (G. Schwarz, *Annals of Statistics* 6, 1978)
 //! compares what the descents come to.
 
+use super::noise_scan::{NoiseScan, compared};
 use super::prior::Prior;
-use super::problem::{Coordinate, Problem};
+use super::problem::Problem;
 use super::process_noise::{NoiseFault, NoiseModel, NoiseNumber, ProcessNoise, filtered};
 use super::refine::{self, Linearisation};
-use super::sensitivity::{Directions, Neighbourhood, SHIFT, SensitivityError, Sides};
+use super::sensitivity::SensitivityError;
 use super::trajectory;
 use greybox_numerics::statistics;
 use greybox_simulation::Accuracy;
@@ -21,26 +22,9 @@ use std::sync::atomic::AtomicBool;
 /// Disturbed states at the most.
 const MOST_STATES: usize = 4;
 
-/// Strengths that are scanned, as shares of what makes the residuals of the free run.
-const SCANNED_STRENGTHS: [f64; 7] = [1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0, 3.0];
-
-/// The largest share of a point of which the likelihood says how large all noises are together.
-const LARGEST_SHARE: f64 = 1.0;
-
-/// Noises of the sensors that are scanned, as shares of the residuals of the free run. Where strengths and sensors
-/// are all unknown, one of the shares of a point is 1: the likelihood itself says how large all are together.
-const SCANNED_SENSORS: [f64; 6] = [1.0, 0.3, 0.1, 1e-2, 1e-3, 1e-5];
-
 /// The least noise of a sensor, as a share of the residuals of the free run: a position encoder may be so much
 /// better than the model.
 const LEAST_SENSOR: f64 = 1e-6;
-
-/// Memories that are scanned: the place between the time from sample to sample and the length of the
-/// record, on a logarithmic scale.
-const SCANNED_MEMORIES: [f64; 3] = [0.25, 0.5, 0.75];
-
-/// Points of a scan that are simulated, and held, at once.
-const SCANNED_TOGETHER: usize = 32;
 
 /// The standard deviation of the logarithm of a strength before the data are looked at.
 const STRENGTH_DEVIATION: f64 = 4.0;
@@ -275,7 +259,13 @@ impl NoiseFit<'_> {
         };
         let noise = self.model(sought, &strengths);
         let problem = filtered(self.problem, &noise)?;
-        let start = self.scan(&problem, &noise, &strengths);
+        let scan = NoiseScan {
+            estimate: self.estimate,
+            deviations: self.deviations,
+            noise: &noise,
+            strengths: &strengths,
+        };
+        let start = scan.best(&problem, self.stop);
         Ok(start.map(|start| NoiseTrial {
             noise,
             problem,
@@ -380,152 +370,4 @@ impl NoiseFit<'_> {
             steps: COVARIANCE_STEPS,
         }
     }
-
-    /// The best of a grid of noises at the free run's estimate: where a descent begins. Answers nothing when
-    /// `stop` was raised.
-    fn scan(&self, problem: &Problem, noise: &NoiseModel, strengths: &[f64]) -> Option<Vec<f64>> {
-        let is_concentrated = noise.sizes().all(NoiseNumber::is_unknown);
-        let points = self.grid(noise, strengths, is_concentrated);
-        let mut lowest: Option<(f64, Vec<f64>)> = None;
-        for part in points.chunks(SCANNED_TOGETHER) {
-            let around = compared(problem, part, self.stop)?;
-            for (place, point) in part.iter().enumerate() {
-                let (cost, by) = match is_concentrated {
-                    true => around.concentrated_cost(place),
-                    false => (around.cost(place), 1.0),
-                };
-                if lowest.as_ref().is_none_or(|(lowest, _)| cost < *lowest) {
-                    lowest = Some((cost, self.enlarged(problem, noise, point, by)));
-                }
-            }
-        }
-        lowest.map(|(_, point)| point)
-    }
-
-    /// Points of the free run's estimate with noises.
-    fn grid(&self, noise: &NoiseModel, strengths: &[f64], is_concentrated: bool) -> Vec<Vec<f64>> {
-        let mut grid = vec![GridPoint {
-            positions: self.estimate.to_vec(),
-            largest_share: 0.0,
-        }];
-        for (disturbance, scale) in noise.disturbances.iter().zip(strengths) {
-            let shares = SCANNED_STRENGTHS.iter();
-            let shares = shares.filter(|share| !is_concentrated || **share <= LARGEST_SHARE);
-            let shares: Vec<f64> = shares.copied().collect();
-            grid = extended(&grid, &scanned(disturbance.strength, &shares, &[*scale]));
-            if let Some(NoiseNumber::Unknown { .. }) = disturbance.time_constant {
-                let memories = SCANNED_MEMORIES.map(|position| Scanned {
-                    share: 0.0,
-                    positions: vec![position],
-                });
-                grid = extended(&grid, &memories);
-            }
-        }
-        // The sensors that are unknown are scanned together.
-        let sensors = noise.sensors.iter().zip(self.deviations);
-        let unknown: Vec<_> = sensors.filter(|(sensor, _)| sensor.is_unknown()).collect();
-        if let Some((first, _)) = unknown.first() {
-            let scales: Vec<f64> = unknown.iter().map(|(_, deviation)| **deviation).collect();
-            grid = extended(&grid, &scanned(**first, &SCANNED_SENSORS, &scales));
-        }
-        let points = grid.into_iter();
-        let points =
-            points.filter(|point| !is_concentrated || point.largest_share == LARGEST_SHARE);
-        points.map(|point| point.positions).collect()
-    }
-
-    /// A point with all strengths and sensors larger by a factor, as far as their ranges go.
-    fn enlarged(&self, problem: &Problem, noise: &NoiseModel, point: &[f64], by: f64) -> Vec<f64> {
-        let mut enlarged = point.to_vec();
-        // A disturbance has a strength, which is a size, and where it remembers a time constant, which is none.
-        let of_disturbances = noise.disturbances.iter().flat_map(|disturbance| {
-            let numbers = disturbance.numbers().zip([true, false]);
-            let unknown = numbers.filter(|(number, _)| number.is_unknown());
-            unknown.map(|(_, is_size)| is_size)
-        });
-        let is_size = of_disturbances.chain(std::iter::repeat(true));
-        let places = self.estimate.len()..problem.coordinates.len();
-        for (place, is_size) in places.zip(is_size) {
-            let coordinate = &problem.coordinates[place];
-            if is_size && by.is_finite() {
-                let value = by * coordinate.value(point[place]);
-                let Coordinate { lower, upper, .. } = *coordinate;
-                enlarged[place] = Scale::Log.position(value.clamp(lower, upper), lower, upper);
-            }
-        }
-        enlarged
-    }
-}
-
-/// Positions of one or more numbers of a grid.
-struct Scanned {
-    /// The share of the free run's residuals; 0 for what is no size.
-    share: f64,
-    positions: Vec<f64>,
-}
-
-/// A point of a grid.
-#[derive(Clone)]
-struct GridPoint {
-    positions: Vec<f64>,
-    /// The largest share of the free run's residuals among its noises.
-    largest_share: f64,
-}
-
-/// The positions of shares of scales within the range of an unknown, its middle where all lie outside; a given
-/// number has none.
-fn scanned(number: NoiseNumber, shares: &[f64], scales: &[f64]) -> Vec<Scanned> {
-    let NoiseNumber::Unknown { lower, upper, .. } = number else {
-        return Vec::new();
-    };
-    let first = scales[0];
-    let at = |share: f64| Scanned {
-        share,
-        // Ranges of sensors are proportional to their scales.
-        positions: vec![Scale::Log.position(share * first, lower, upper); scales.len()],
-    };
-    let inside = |scanned: &Scanned| (0.0..=1.0).contains(&scanned.positions[0]);
-    let within: Vec<Scanned> = shares
-        .iter()
-        .map(|share| at(*share))
-        .filter(inside)
-        .collect();
-    if within.is_empty() {
-        let middle = Scanned {
-            share: LARGEST_SHARE,
-            positions: vec![0.5; scales.len()],
-        };
-        return vec![middle];
-    }
-    within
-}
-
-/// The points of a grid, each with more numbers; the grid as it is where there are none.
-fn extended(grid: &[GridPoint], numbers: &[Scanned]) -> Vec<GridPoint> {
-    let points = grid.iter().flat_map(|point| {
-        let with = |scanned: &Scanned| GridPoint {
-            positions: [&point.positions[..], &scanned.positions].concat(),
-            largest_share: point.largest_share.max(scanned.share),
-        };
-        numbers.iter().map(with).collect::<Vec<_>>()
-    });
-    match numbers.is_empty() {
-        true => grid.iter().map(GridPoint::clone).collect(),
-        false => points.collect(),
-    }
-}
-
-/// Candidates of a problem, simulated finely. Answers nothing when `stop` was raised.
-fn compared<'a>(
-    problem: &'a Problem,
-    candidates: &[Vec<f64>],
-    stop: &AtomicBool,
-) -> Option<Neighbourhood<'a>> {
-    let nowhere = Directions {
-        from: &candidates[0],
-        vectors: &[],
-        shift: SHIFT,
-        sides: Sides::One,
-    };
-    Neighbourhood::simulate(problem, nowhere, candidates, (Accuracy::Full, stop))
 }

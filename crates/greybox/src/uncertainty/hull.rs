@@ -44,17 +44,11 @@ impl Hull<'_> {
     ) {
         for rival in rivals {
             for (index, described) in analysis.coordinates.iter_mut().enumerate() {
-                let ends = match rival.is_as_likely {
-                    true => rival.fit.interval(index),
-                    false => analysis.deviations[index].map(|deviation| {
-                        let half = NORMAL_95 * deviation;
-                        [-half, half].map(|half| rival.fit.positions[index] + half)
-                    }),
-                };
-                if let Some(ends) = ends {
-                    let coordinate = &self.problem.coordinates[index];
-                    described.cover(coordinate, self.positions[index], ends);
-                }
+                let coordinate = &self.problem.coordinates[index];
+                let ends = rival.ends(index, analysis.deviations[index]);
+                let position = self.positions[index];
+                let ends = ends.into_iter();
+                ends.for_each(|ends| described.cover(coordinate, position, ends));
             }
         }
     }

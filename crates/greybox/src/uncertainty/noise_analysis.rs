@@ -54,6 +54,18 @@ pub(super) struct Rival<'a> {
     pub is_as_likely: bool,
 }
 
+impl Rival<'_> {
+    /// The ends of what the other noise model says of a position: its 95 % interval where it is about as likely
+    /// as the one that was taken, else its estimate with the deviation of the one that was taken.
+    pub(super) fn ends(&self, index: usize, deviation: Option<f64>) -> Option<[f64; 2]> {
+        if self.is_as_likely {
+            return self.fit.interval(index);
+        }
+        let half = NORMAL_95 * deviation?;
+        Some([-half, half].map(|half| self.fit.positions[index] + half))
+    }
+}
+
 /// A noise model that was fitted.
 #[derive(Clone, Debug)]
 pub struct ComparedNoise {

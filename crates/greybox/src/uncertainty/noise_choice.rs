@@ -5,10 +5,10 @@
 //! not show it. And where the likeliest model's innovations follow each other as closely as those of a model
 //! that misses an effect, no likelihood can be relied on, and the free run stands with the hull of all.
 
-use super::noise_comparison::given;
 use super::residuals::{self, ResidualReport};
 use crate::estimation::noise_ladder::{self, FittedNoise};
 use crate::estimation::problem::Problem;
+use crate::estimation::process_noise::{NoiseNumber, ProcessNoise};
 use crate::estimation::trajectory;
 use std::sync::atomic::AtomicBool;
 
@@ -74,4 +74,26 @@ pub(super) fn chosen(weighed: &[Option<WeighedNoise>], stop: &AtomicBool) -> Opt
         Some((place, weighed)) if place > 0 && !weighed.misses_an_effect(stop)? => Some(place),
         _ => Some(0),
     }
+}
+
+/// The disturbances of a fit with the values of the estimate.
+fn given(fit: &FittedNoise) -> Vec<ProcessNoise> {
+    let mut values = fit.trial.problem.values(&fit.positions).into_iter();
+    let n_plant = fit.positions.len() - fit.trial.noise.unknowns();
+    values.by_ref().take(n_plant).for_each(drop);
+    let mut estimate = |number: NoiseNumber| match number {
+        NoiseNumber::Given(_) => number,
+        NoiseNumber::Unknown { .. } => NoiseNumber::Given(values.next().unwrap_or_default()),
+    };
+    let mut disturbances = Vec::new();
+    for noise in &fit.trial.noise.disturbances {
+        let strength = estimate(noise.strength);
+        let time_constant = noise.time_constant.map(&mut estimate);
+        disturbances.push(ProcessNoise {
+            strength,
+            time_constant,
+            ..noise.clone()
+        });
+    }
+    disturbances
 }

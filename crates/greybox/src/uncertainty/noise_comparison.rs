@@ -14,7 +14,7 @@ use super::solved::Solved;
 use super::{Analysis, covariance, fit, probes, residuals, rules, validation_start};
 use crate::estimation::noise_ladder::{self, FittedNoise, NoiseTrial};
 use crate::estimation::problem::Problem;
-use crate::estimation::process_noise::{NoiseModel, NoiseNumber, ProcessNoise, filtered};
+use crate::estimation::process_noise::{NoiseModel, NoiseNumber, filtered};
 use crate::estimation::report::Report;
 use crate::estimation::trajectory;
 use greybox_numerics::statistics;
@@ -225,28 +225,6 @@ fn moved(report: &Report, problem: &Problem, positions: &[f64]) -> Report {
         values: problem.values(positions),
         ..report.clone()
     }
-}
-
-/// The disturbances of a fit with the values that were found.
-pub(super) fn given(fit: &FittedNoise) -> Vec<ProcessNoise> {
-    let mut values = fit.trial.problem.values(&fit.positions).into_iter();
-    let n_plant = fit.positions.len() - fit.trial.noise.unknowns();
-    values.by_ref().take(n_plant).for_each(drop);
-    let mut found = |number: NoiseNumber| match number {
-        NoiseNumber::Given(_) => number,
-        NoiseNumber::Unknown { .. } => NoiseNumber::Given(values.next().unwrap_or_default()),
-    };
-    let mut disturbances = Vec::new();
-    for noise in &fit.trial.noise.disturbances {
-        let strength = found(noise.strength);
-        let time_constant = noise.time_constant.map(&mut found);
-        disturbances.push(ProcessNoise {
-            strength,
-            time_constant,
-            ..noise.clone()
-        });
-    }
-    disturbances
 }
 
 fn compared_fit(fit: &FittedNoise) -> ComparedFit {
