@@ -7,7 +7,7 @@
 use super::Analysis;
 use super::budget::{Line, SLIGHT_SHARE};
 use super::covariance::NORMAL_95;
-use super::noise_analysis::Rival;
+use super::noise_analysis::{FreeRunEstimate, Rival};
 use crate::estimation::problem::Problem;
 
 /// The estimate whose total intervals are widened.
@@ -50,6 +50,21 @@ impl Hull<'_> {
                 let ends = ends.into_iter();
                 ends.for_each(|ends| described.cover(coordinate, position, ends));
             }
+        }
+    }
+
+    /// Widens each total interval to where the free run puts the unknown, where the two do not agree.
+    pub fn cover_free_run(&self, analysis: &mut Analysis, free_run: &[FreeRunEstimate]) {
+        let described = analysis.coordinates.iter_mut().zip(free_run).enumerate();
+        for (index, (described, free)) in described {
+            let (coordinate, position) = (&self.problem.coordinates[index], self.positions[index]);
+            let deviation = analysis.deviations[index].unwrap_or_default();
+            let half = NORMAL_95 * deviation;
+            let by = free
+                .disagreement(coordinate, position, deviation)
+                .into_iter();
+            let ends = by.map(|by| [position + by - half, position + by + half]);
+            ends.for_each(|ends| described.cover(coordinate, position, ends));
         }
     }
 

@@ -2,10 +2,14 @@
 
 use super::covariance::NORMAL_95;
 use super::verdict::Trust;
+use crate::estimation::problem::Coordinate;
 use crate::estimation::process_noise::ProcessNoise;
 
 /// Criteria that differ by no more leave two noise models standing.
 const STANDING: f64 = 10.0;
+/// Standard deviations by which the free run and a right noise model do not differ by chance: the errors of the
+/// free run's blocks are too small in one record of ten.
+const FREE_RUN_DIFFERS: f64 = 4.0;
 
 /// What is said of the disturbances that move a plant.
 #[derive(Clone, Debug)]
@@ -43,6 +47,26 @@ impl NoiseAnalysis {
             let stands = is_as_likely || (!self.is_white && !compared.disturbances.is_empty());
             stands.then_some(Rival { fit, is_as_likely })
         })
+    }
+}
+
+impl FreeRunEstimate {
+    /// How far the free run puts a coordinate from a position with this deviation, where that is further than
+    /// both errors allow; none where the two agree.
+    ///
+    /// The errors of the free run are those of blocks of residuals, so that they hold for any disturbance. A
+    /// right noise model differs from the free run by chance alone (J. A. Hausman, *Econometrica* 46, 1978).
+    pub(super) fn disagreement(
+        &self,
+        coordinate: &Coordinate,
+        position: f64,
+        deviation: f64,
+    ) -> Option<f64> {
+        let Coordinate { lower, upper, .. } = *coordinate;
+        let free = coordinate.scale.position(self.value, lower, upper);
+        let error = self.standard_error? / coordinate.slope(free).abs();
+        let by = free - position;
+        (by.abs() > FREE_RUN_DIFFERS * error.hypot(deviation)).then_some(by)
     }
 }
 

@@ -307,6 +307,7 @@ impl DisturbedEstimate {
         hull.cover_windows(&mut analysis);
         hull.cover_moves(&mut analysis);
         hull.cover_rivals(&mut analysis, noise.rivals());
+        hull.cover_free_run(&mut analysis, &noise.free_run);
         analysis.estimation_fit.clone_from(&self.estimation_fit);
         analysis.validation_fit.clone_from(&self.validation_fit);
         let unknowns = self.estimate.estimate().report.positions.len();

@@ -103,20 +103,29 @@ impl Case<'_> {
 
     /// Other noise models that the data leave standing, and that put a parameter elsewhere.
     fn rivals(&self, noise: &NoiseAnalysis) -> Option<Doubt> {
+        let by_free_run = |index: usize| {
+            let (coordinate, free) = (&self.problem.coordinates[index], noise.free_run.get(index)?);
+            let position = self.report.positions[index];
+            let by = free.disagreement(coordinate, position, self.deviation(index)?);
+            by.map(f64::abs)
+        };
         let moved = |index: usize| {
             let position = self.report.positions[index];
             let moves = noise
                 .rivals()
                 .map(|rival| (rival.fit.positions[index] - position).abs());
-            moves.fold(0.0, f64::max)
+            moves.chain(by_free_run(index)).fold(0.0, f64::max)
         };
-        let why = match noise.is_white {
-            true => "other noise models explain the data about as well, and",
-            false => "no noise model leaves white innovations, and others than the likeliest",
+        let coordinates = 0..self.problem.coordinates.len();
+        let why = if coordinates.filter_map(by_free_run).next().is_some() {
+            "the free run is further off than its errors allow, as where the model misses an effect, and puts"
+        } else if noise.is_white {
+            "other noise models explain the data about as well, and put"
+        } else {
+            "no noise model leaves white innovations, and others than the likeliest put"
         };
-        let detail = format!(
-            "{why} put parameters elsewhere: the total intervals cover what each of them says"
-        );
+        let detail =
+            format!("{why} parameters elsewhere: the total intervals cover what each of them says");
         let moves = Moves {
             any: &moved,
             large: &moved,

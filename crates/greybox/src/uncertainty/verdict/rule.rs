@@ -304,7 +304,8 @@ rules! {
         grades: "By how far a parameter moves: moderate beyond one standard error and 0.2 % of the value, low beyond \
                  three and 25 %, or where half of the total interval is more than half of the value.",
         when: "Another noise model is within 10 of the lowest Bayesian criterion, or no noise model leaves white \
-               innovations, and another moves a parameter.",
+               innovations, and another moves a parameter. Or the free run, which knows of no disturbance, puts a \
+               parameter further off than four standard deviations of both errors.",
         meaning: "The data do not say what moves the plant. The total interval covers what each of them says. A noise \
                   model whose disturbance would have left more than a hundred times as much in the free run as was left \
                   is no explanation, and is not counted.",
