@@ -221,6 +221,7 @@ def main():
     parser.add_argument("--sizes", default="1,3", help="sizes of the effects")
     parser.add_argument("--only", help="one plant")
     parser.add_argument("--process-noise", default="none", help="none or auto")
+    parser.add_argument("--seed", type=int, default=7, help="of the excitation and of the noise")
     parser.add_argument("--json", help="file for all figures")
     options = parser.parse_args()
     sizes = [float(size) for size in options.sizes.split(",")]
@@ -233,7 +234,7 @@ def main():
             for size in sizes[:1] if wrong == "nothing" else sizes:
                 with tempfile.TemporaryDirectory() as folder:
                     on = {key: grown(name, key, value, size) for key, value in effects.items()}
-                    recording, output = recorded(options.program, folder, plant, on, 7)
+                    recording, output = recorded(options.program, folder, plant, on, options.seed)
                     for noise, times in NOISE.items():
                         result = estimated(options, folder, plant, recording, output, times)
                         kept.append(judged(plant, wrong, name, size, noise, result, counts))

@@ -1,4 +1,4 @@
-//! What is computed of a finished job for whoever looks at it, now or a moment ago.
+//! Trajectories and disturbances of finished jobs, computed when a client asks and kept for a while.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -11,7 +11,7 @@ use super::simulated::{CachedExperiment, ComputedCache};
 use greybox::identification::assemble::{ExperimentDisturbances, ExperimentTrajectory};
 use greybox::identification::{DatasetId, JobId};
 
-/// What is computed of an experiment of a finished job.
+/// A trajectory or disturbances of one experiment of a finished job.
 pub trait ComputedExperiment: CachedExperiment + Send + Sync + Sized + 'static {
     /// The recording.
     fn dataset(&self) -> DatasetId;

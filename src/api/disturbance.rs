@@ -12,7 +12,7 @@ use super::error::Answer;
 use super::extract::Named;
 use super::http_headers::{json, prefers};
 use super::query::Params;
-use super::trajectory::{TrajectoryQuery, finite, push, push_field};
+use super::trajectory::{ExperimentSpan, TrajectoryQuery, finite, push, push_field};
 use super::{ApiState, results};
 use greybox::identification::assemble::{
     DatedEvent, DisturbancePath, ExperimentDisturbances, NamedPath, OutputInnovations,
@@ -179,16 +179,12 @@ fn decimated(
     let disturbances = experiment.disturbances.iter();
     let states = experiment.states.iter();
     let outputs = experiment.outputs.iter();
-    let ends = [experiment.time.first(), experiment.time.last()];
-    let held_back = experiment.time.get(experiment.estimation_samples);
+    let span = ExperimentSpan::of(&experiment.time, experiment.estimation_samples);
     DisturbanceExperiment {
         experiment: number,
         dataset: experiment.dataset,
-        span_s: match ends {
-            [Some(first), Some(last)] => Some([*first, *last]),
-            _ => None,
-        },
-        estimation_until_s: held_back.or(experiment.time.last()).copied(),
+        span_s: span.span_s,
+        estimation_until_s: span.estimation_until_s,
         time_s: kept.iter().map(|&k| experiment.time[k]).collect(),
         disturbances: disturbances.map(|of| series(of, part, &kept)).collect(),
         states: states.map(|of| state_series(of, &kept)).collect(),

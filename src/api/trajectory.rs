@@ -178,22 +178,36 @@ fn decimated(
         residual: pick(&output.residual),
         deviation: output.deviation.as_deref().map(pick),
     };
-    let ends = [experiment.time.first(), experiment.time.last()];
-    let held_back = experiment.time.get(experiment.estimation_samples);
+    let span = ExperimentSpan::of(&experiment.time, experiment.estimation_samples);
     Experiment {
         experiment: number,
         dataset: experiment.dataset,
-        span_s: match ends {
-            [Some(first), Some(last)] => Some([*first, *last]),
-            _ => None,
-        },
-        estimation_until_s: held_back.or(experiment.time.last()).copied(),
+        span_s: span.span_s,
+        estimation_until_s: span.estimation_until_s,
         time_s: kept.iter().map(|&k| experiment.time[k]).collect(),
         outputs: experiment
             .outputs
             .iter()
             .map(|of| (of.name.clone(), output(of)))
             .collect(),
+    }
+}
+
+/// The instants of an experiment that a client draws its plots between.
+pub(super) struct ExperimentSpan {
+    /// The first and the last instant `[s]`; none where there is no sample.
+    pub span_s: Option<[f64; 2]>,
+    /// The instant at which the samples that are held back begin, or the last one `[s]`.
+    pub estimation_until_s: Option<f64>,
+}
+
+impl ExperimentSpan {
+    pub(super) fn of(time: &[f64], estimation_samples: usize) -> Self {
+        let (first, last) = (time.first().copied(), time.last().copied());
+        Self {
+            span_s: first.zip(last).map(|(first, last)| [first, last]),
+            estimation_until_s: time.get(estimation_samples).copied().or(last),
+        }
     }
 }
 

@@ -11,7 +11,7 @@ use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::Request;
 use http_body::{Frame, SizeHint};
 
-/// What is left of the body of a request.
+/// Whether the body of a request was read to its end.
 pub(super) struct UnreadBody {
     was_read: Arc<AtomicBool>,
 }

@@ -349,8 +349,8 @@ mod tests {
         put(folder.path(), &authority.issue("valid.example"));
         let tls = Tls::new(files(folder.path())).expect("sound files");
         for years in [[2000, 2001], [3000, 3001]] {
-            let other = authority.issue_for("other.example", years);
-            put(folder.path(), &other);
+            let certificate = authority.issue_for("other.example", years);
+            put(folder.path(), &certificate);
             let refused = tls.reload().expect_err("the time is not now");
             assert!(matches!(refused, TlsError::NotValidNow { .. }), "{refused}");
             assert!(speaks(&tls, &authority, "valid.example", None).await);

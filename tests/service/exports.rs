@@ -1,4 +1,4 @@
-//! What is exported: a text of a stranger stays a text in the program that opens the export.
+//! Exports: a text of a stranger stays a text in the program that opens the export.
 
 use greybox_service::access::Scope;
 use reqwest::Method;

@@ -1,4 +1,4 @@
-//! What is said of the disturbances that move a plant beside its inputs.
+//! The analysis of the disturbances that move a plant beside its inputs.
 
 use super::covariance::NORMAL_95;
 use super::verdict::Trust;
@@ -11,7 +11,7 @@ const STANDING: f64 = 10.0;
 /// free run's blocks are too small in one record of ten.
 const FREE_RUN_DIFFERS: f64 = 4.0;
 
-/// What is said of the disturbances that move a plant.
+/// The analysis of the disturbances that move a plant.
 #[derive(Clone, Debug)]
 pub struct NoiseAnalysis {
     /// The noise models that were compared, in the order in which they were tried.

@@ -66,7 +66,7 @@ impl RefitSequence for TrialFit {
     }
 }
 
-/// What is asked of an estimate beside its curvature is asked of the one that stands in the end.
+/// The request without profiles, bootstraps and Monte Carlo: noise models are compared by curvature alone.
 fn at_once(request: &Request) -> Request {
     Request {
         settings: Settings::default(),
@@ -96,7 +96,7 @@ impl NoiseComparison {
             return Some(None);
         };
         let residuals = residuals::report(moved, &trajectories);
-        let is_white = residuals.iter().all(|own| own.white != Some(false));
+        let is_white = residuals.iter().all(|output| output.white != Some(false));
         if is_white && !is_listed {
             return Some(None);
         }
@@ -287,7 +287,7 @@ impl DisturbedEstimate {
         self.estimate.sequences()
     }
 
-    /// What is said of the plant's unknowns and of what moves the plant.
+    /// The analysis of the plant's unknowns and of the disturbances that move the plant.
     pub fn analysis(&self) -> Option<Analysis> {
         let whole = self.estimate.unjudged()?;
         let n = self.report.positions.len();
@@ -355,7 +355,10 @@ impl DisturbedEstimate {
         NoiseAnalysis {
             compared: self.compared.clone(),
             chosen: self.chosen,
-            is_white: whole.residuals.iter().all(|own| own.white != Some(false)),
+            is_white: whole
+                .residuals
+                .iter()
+                .all(|output| output.white != Some(false)),
             log_likelihood: self.log_likelihood,
             disturbances,
             sensors: sensors.map(|sensor| numbers.next(*sensor)).collect(),

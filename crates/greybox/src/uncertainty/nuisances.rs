@@ -1,4 +1,4 @@
-//! What is taken as known takes part in the fit.
+//! Values that are taken as known take part in the fit.
 //!
 //! Constants with a tolerance, effects that are left out, gains, offsets and lags of sensors and the
 //! clock are nuisance unknowns whose tolerances are priors: the estimate is where the data and all

@@ -221,14 +221,14 @@ fn the_drive_under_a_white_force_from_its_position_alone() {
             ("coulomb_friction", 20.3935, 0.02),
             ("offset", -3.1648, 0.06),
         ] {
-            let found = outcome
+            let estimate = outcome
                 .parameter(name)
                 .expect("a free parameter")
                 .estimate
                 .estimate;
             assert!(
-                (found / published - 1.0).abs() < tolerance,
-                "{name} {found}, published {published}"
+                (estimate / published - 1.0).abs() < tolerance,
+                "{name} {estimate}, published {published}"
             );
         }
         let free = outcome.output_error["mass"].estimate;

@@ -26,8 +26,8 @@ fn identification(recording: Recording) -> Identification {
 }
 
 fn job(recording: Recording) -> Outcome {
-    let found = identification(recording).run();
-    found.unwrap_or_else(|error| panic!("{error}"))
+    let outcome = identification(recording).run();
+    outcome.unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// What the jobs over many records come to.
@@ -59,12 +59,12 @@ fn study(disturbed: Disturbed, friction: f64) -> Study {
             *study.reasons.entry(reason.code.to_string()).or_default() += 1;
         }
         for (place, name) in NAMES.iter().enumerate() {
-            let found = &outcome.parameter(name).unwrap().estimate;
-            let interval = found.total_interval.unwrap();
+            let estimate = &outcome.parameter(name).unwrap().estimate;
+            let interval = estimate.total_interval.unwrap();
             let ends = interval.lower.unwrap()..interval.upper.unwrap();
             study.covered[place] += usize::from(ends.contains(&TRUTH[place]));
-            study.high[place] += usize::from(found.trust == Some(Trust::High));
-            study.moderate[place] += usize::from(found.trust == Some(Trust::Moderate));
+            study.high[place] += usize::from(estimate.trust == Some(Trust::High));
+            study.moderate[place] += usize::from(estimate.trust == Some(Trust::Moderate));
         }
     }
     println!(
@@ -159,8 +159,8 @@ fn listed_disturbances_are_estimated_or_taken_as_they_are() {
             "model": model, "process_noise": [noise], "validation": {"fraction": 0.25}, "seed": 1
         });
         let recording = record_with(Disturbed::Memory, 0.0, 2);
-        let found = Identification::of_job(job, recording).run();
-        found.unwrap_or_else(|error| panic!("{error}"))
+        let outcome = Identification::of_job(job, recording).run();
+        outcome.unwrap_or_else(|error| panic!("{error}"))
     };
     let acts_on = json!({"state": "v"});
     let open = listed(json!({
@@ -168,11 +168,11 @@ fn listed_disturbances_are_estimated_or_taken_as_they_are() {
         "std": {"estimate": {}}, "time_constant_s": {"estimate": {"lower": 0.05, "upper": 5}}
     }));
     let noise = open.process_noise.as_ref().unwrap();
-    let found = &noise.disturbances[0];
+    let disturbance = &noise.disturbances[0];
     // 2 N on 10 kg that remember 0.5 s.
-    let std = found.std.as_ref().unwrap();
+    let std = disturbance.std.as_ref().unwrap();
     assert!((std.estimate / 0.2 - 1.0).abs() < 0.3, "{std:?}");
-    let memory = found.time_constant_s.as_ref().unwrap();
+    let memory = disturbance.time_constant_s.as_ref().unwrap();
     let interval = memory.confidence_interval.as_ref().unwrap();
     assert!(interval.lower.unwrap() < 0.5 && 0.5 < interval.upper.unwrap());
     let band = &noise.held_back["position"];
@@ -180,8 +180,8 @@ fn listed_disturbances_are_estimated_or_taken_as_they_are() {
     let given = listed(json!({
         "acts_on": acts_on, "kind": "memory", "std": 0.2, "time_constant_s": 0.5
     }));
-    let found = &given.process_noise.as_ref().unwrap().disturbances[0];
-    assert_eq!(found.std.as_ref().unwrap().standard_error, None);
+    let disturbance = &given.process_noise.as_ref().unwrap().disturbances[0];
+    assert_eq!(disturbance.std.as_ref().unwrap().standard_error, None);
     let [open, given] = [open, given].map(|outcome| outcome.parameter("mass").unwrap().clone());
     let [open, given] = [open.estimate, given.estimate];
     let error = open.standard_error.unwrap();

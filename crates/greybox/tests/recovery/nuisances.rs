@@ -1,4 +1,4 @@
-//! What is taken as known takes part in the fit: the error that a design promises is the error that
+//! Values that are taken as known take part in the fit: the error that a design promises is the error that
 //! estimates have, whatever the truth within the tolerance.
 //!
 //! A carriage of 95 kg on a guide with 200 N·s/m of viscous friction and 20 ± 2 N of Coulomb
@@ -146,15 +146,15 @@ impl Realised {
         let mut random = stream(seed, 2, Purpose::Assumptions);
         let friction = FRICTION + TOLERANCE * normal(&mut random);
         let outcome = estimated(model, recorded(force, friction, seed), &json!({}));
-        let known = mass(&outcome);
-        let interval = known.total_interval.as_ref().expect("an interval");
+        let estimate = mass(&outcome);
+        let interval = estimate.total_interval.as_ref().expect("an interval");
         let [lower, upper] = [interval.lower, interval.upper].map(|end| end.expect("closed"));
-        let is_trusted = known.trust == Some(Trust::High);
+        let is_trusted = estimate.trust == Some(Trust::High);
         if !is_trusted {
             println!("seed {seed}, {friction} N: {:?}", outcome.verdict.reasons);
         }
         Realised {
-            error: known.estimate - MASS,
+            error: estimate.estimate - MASS,
             is_covered: (lower..=upper).contains(&MASS),
             is_trusted,
         }
@@ -261,8 +261,8 @@ fn an_offset_of_a_sensor_is_taken_out_of_what_it_read() {
     let line = lines()
         .find(|line| line.assumption == "position.offset")
         .expect("a line");
-    let known = line.posterior.expect("it is known");
-    assert!((line.taken.expect("it moved") - offset).abs() < 4.0 * known.standard_error);
+    let posterior = line.posterior.expect("the data fix the offset");
+    assert!((line.taken.expect("it moved") - offset).abs() < 4.0 * posterior.standard_error);
     let total = mass(&outcome).total_standard_error.expect("a total");
     assert!((mass(&outcome).estimate - MASS).abs() < 4.0 * total);
     let residuals = &outcome.residuals["position"];

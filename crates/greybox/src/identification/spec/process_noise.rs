@@ -321,13 +321,13 @@ pub(super) fn read_of_job(
 /// The disturbances of a simulation, all of whose numbers are given; what is wrong is told.
 pub(super) fn read_known(field: &Field<'_>, model: &ModelDescription) -> Vec<ProcessNoise> {
     let listed = read_all(field, model);
-    let disturbances = listed.iter().filter_map(|own| {
-        let known = own.known(model);
-        if known.is_none() {
+    let disturbances = listed.iter().filter_map(|listed| {
+        let disturbance = listed.known(model);
+        if disturbance.is_none() {
             let detail = "a simulation estimates nothing: every number of a disturbance is given";
             field.fault("estimate_in_simulation", detail);
         }
-        known
+        disturbance
     });
     disturbances.collect()
 }

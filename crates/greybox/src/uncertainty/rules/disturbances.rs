@@ -24,12 +24,17 @@ impl Case<'_> {
             return Vec::new();
         };
         let mut doubts = Vec::new();
-        doubts.extend(noise.disturbances.iter().map(|own| self.disturbance(own)));
         doubts.extend(
             noise
                 .disturbances
                 .iter()
-                .filter_map(|own| self.dominates(own)),
+                .map(|estimate| self.disturbance(estimate)),
+        );
+        doubts.extend(
+            noise
+                .disturbances
+                .iter()
+                .filter_map(|estimate| self.dominates(estimate)),
         );
         doubts.extend(self.not_needed(noise));
         doubts.extend(self.rivals(noise));
@@ -87,7 +92,7 @@ impl Case<'_> {
         let mut without = noise
             .compared
             .iter()
-            .filter(|own| own.disturbances.is_empty());
+            .filter(|compared| compared.disturbances.is_empty());
         let without = without.next()?.fit.as_ref()?.log_likelihood;
         let gain = 2.0 * (noise.log_likelihood - without);
         if gain >= NOT_NEEDED {

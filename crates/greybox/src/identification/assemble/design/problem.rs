@@ -273,10 +273,10 @@ impl DesignProblem {
 /// the same.
 fn carry_on(next: &mut Problem, earlier: &Problem) {
     let taken = next.assumptions.iter().map(|assumption| {
-        let mut others = earlier.assumptions.iter();
-        let other =
-            others.find(|other| other.name == assumption.name && other.value == assumption.value);
-        other.map_or(assumption.value, |other| other.taken)
+        let mut of_earlier = earlier.assumptions.iter();
+        let same = of_earlier
+            .find(|before| before.name == assumption.name && before.value == assumption.value);
+        same.map_or(assumption.value, |before| before.taken)
     });
     let taken: Vec<f64> = taken.collect();
     take(next, &taken);
