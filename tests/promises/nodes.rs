@@ -7,6 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
+use tempfile::TempDir;
 
 use super::follower::Follower;
 use super::kill::{GENERATIONS, SAMPLES, check, follow_for, unbroken};
@@ -178,7 +179,7 @@ async fn together_and_alone(
     job: impl Fn(&str) -> Value,
     samples: usize,
     what: &str,
-) -> Option<[(Server, String); 2]> {
+) -> Option<[EndedJob; 2]> {
     let cluster = Cluster::start(cluster::new_database()?).await;
     let first = &cluster.nodes[0];
     let recording = plant::recording(samples);
@@ -201,7 +202,26 @@ async fn together_and_alone(
     let alone = server.submit(&job(&dataset), "alone").await;
     let alone = alone.expect("an answer");
     server.ended(&alone).await;
-    Some([(node, together), (server, alone)])
+    let together = EndedJob {
+        server: node,
+        id: together,
+        _folder: None,
+    };
+    let alone = EndedJob {
+        server,
+        id: alone,
+        _folder: Some(calm),
+    };
+    Some([together, alone])
+}
+
+/// A job that has ended, on a server that answers for it.
+struct EndedJob {
+    server: Server,
+    id: String,
+    /// The folder of the server's database, which stays as long as the server is asked: a new connection opens the
+    /// file again.
+    _folder: Option<TempDir>,
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -215,9 +235,14 @@ async fn an_analysis_that_nodes_do_together_comes_to_the_bits_of_one_alone() {
     let Some(both) = together_and_alone(thorough, FEW_SAMPLES, "refits").await else {
         return;
     };
-    let [together, alone] = both.map(|(server, id)| (server, format!("/v1/jobs/{id}/result")));
-    let together = together.0.show(&together.1).await;
-    let alone = alone.0.show(&alone.1).await;
+    let mut results = Vec::new();
+    for job in &both {
+        let path = format!("/v1/jobs/{}/result", job.id);
+        results.push(job.server.show(&path).await);
+    }
+    let [together, alone] = &results[..] else {
+        panic!("two results");
+    };
     assert!(alone.to_string().contains("bootstrap"), "{alone}");
     assert_eq!(together["parameters"], alone["parameters"]);
 }
@@ -233,7 +258,7 @@ async fn searches_that_nodes_do_together_come_to_the_bits_and_the_history_of_one
         return;
     };
     let mut seen: Vec<[Value; 3]> = Vec::new();
-    for (server, id) in &both {
+    for EndedJob { server, id, .. } in &both {
         let result = server.show(&format!("/v1/jobs/{id}/result")).await;
         let history = format!("/v1/jobs/{id}/generations?limit=1000");
         let history = server.show(&history).await["items"].clone();
