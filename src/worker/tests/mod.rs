@@ -380,7 +380,9 @@ fn live_and_crash(folder: &Path, slice_length: Duration, id: Option<JobId>) -> J
             .feed(server.store.clone(), id, seen.len() as i64)
             .next()
             .await;
-        assert!(news.expect("a read").is_some());
+        // A quick worker may have ended the job before its events were read: then nothing follows.
+        let has_ended = seen.iter().any(StoredEvent::is_last);
+        assert!(news.expect("a read").is_some() || has_ended);
         id
     });
     runtime.shutdown_timeout(PATIENCE);

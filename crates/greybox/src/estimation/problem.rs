@@ -102,6 +102,8 @@ pub enum Assumed {
     Model(Target),
     /// The size of an effect that the equations have no term for: a parameter behind those of the model.
     Probe(Target),
+    /// The gain or the offset of an input: a parameter behind those of the model.
+    Input(Target),
     /// A number of the sensor of an output, by the output's place among the compared ones.
     Sensor {
         /// The output.
@@ -114,11 +116,13 @@ pub enum Assumed {
 }
 
 impl Assumed {
-    /// The number of the model or of the probe; none for sensors and the clock.
+    /// The number of the model, of the probe or of the input; none for sensors and the clock.
     #[must_use]
     pub fn simulated(self) -> Option<Target> {
         match self {
-            Assumed::Model(target) | Assumed::Probe(target) => Some(target),
+            Assumed::Model(target) | Assumed::Probe(target) | Assumed::Input(target) => {
+                Some(target)
+            }
             Assumed::Sensor { .. } | Assumed::Clock => None,
         }
     }
@@ -153,11 +157,42 @@ pub struct Assumption {
     pub tolerance: f64,
     /// Whether the number is of an effect that is left out.
     pub is_absent_effect: bool,
+    /// Whether nobody declared the tolerance: the number stays at its value in every fit.
+    pub is_default: bool,
     /// The least and the largest possible value, where there are such.
     pub limits: [Option<f64>; 2],
 }
 
 impl Assumption {
+    /// A number of a sensor that is declared as exact but for a tolerance, above zero, SI.
+    #[must_use]
+    pub fn of_sensor(
+        output: &MeasuredOutput,
+        place: usize,
+        number: SensorNumber,
+        tolerance: f64,
+    ) -> Assumption {
+        let (word, unit, value) = match number {
+            SensorNumber::Gain => ("gain", "", 1.0),
+            SensorNumber::Offset => ("offset", &*output.unit, 0.0),
+            SensorNumber::Lag => ("lag", "s", 0.0),
+        };
+        Assumption {
+            name: format!("{}.{word}", output.name),
+            unit: unit.to_owned(),
+            target: Assumed::Sensor {
+                output: place,
+                number,
+            },
+            value,
+            taken: value,
+            tolerance,
+            is_absent_effect: false,
+            is_default: false,
+            limits: [(number == SensorNumber::Lag).then_some(0.0), None],
+        }
+    }
+
     /// How many standard deviations of the tolerance the value that is taken lies off the declared
     /// one.
     #[must_use]
@@ -200,6 +235,9 @@ pub struct Problem {
     pub loss: Loss,
     /// What is taken as known, but not exactly.
     pub assumptions: Arc<Vec<Assumption>>,
+    /// By its name in the budget, one standard deviation of what is not known of a number whose tolerance the
+    /// model and the sections of the job leave open, SI; 0 takes it as exact. What is not named has its default.
+    pub tolerances: Arc<BTreeMap<String, f64>>,
     /// What is known of several parameters together beside the data.
     pub joint_priors: Arc<Vec<JointPrior>>,
     /// Conditions that the parameters keep.

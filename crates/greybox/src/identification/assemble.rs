@@ -15,6 +15,7 @@ mod outcome;
 mod preflight;
 mod priors;
 mod process_noise;
+mod tolerances;
 mod trajectory;
 
 pub use crate::estimation::Finding;

@@ -9,8 +9,8 @@ use utoipa::ToSchema;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[non_exhaustive]
 pub struct BudgetLine {
-    /// The parameter, the state whose start is given, a number of a sensor such as
-    /// `position.gain`, or `clock`.
+    /// The parameter, the state whose start is given, a number of a sensor such as `position.gain` or of an
+    /// input such as `pump.input_gain`, a loss such as `level.quadratic_loss`, or `clock`.
     #[schema(example = "supply_pressure")]
     pub assumption: String,
     /// What kind of assumption.
@@ -27,6 +27,11 @@ pub struct BudgetLine {
     /// plausible size.
     #[schema(example = 7e4)]
     pub tolerance: f64,
+    /// Whether nobody declared the tolerance: `tolerances` of the job says otherwise by name. Absent where
+    /// somebody did.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[schema(required = false)]
+    pub by_default: bool,
     /// The SI unit of all numbers of the assumption.
     #[schema(example = "Pa")]
     pub unit: String,
@@ -60,6 +65,8 @@ pub enum AssumptionKind {
     AbsentEffect,
     /// The gain, the offset or the lag of an output's sensor.
     Sensor,
+    /// The gain or the offset of an input.
+    Input,
     /// The clock that samples are taken by.
     Clock,
 }

@@ -378,13 +378,17 @@ impl Run {
         let Some(report) = self.estimation.report(&self.problem, stopped) else {
             return Ok(None);
         };
-        // A run that was stopped is not kept waiting for the more thorough answers.
-        let request = match stopped {
-            Some(_) => &uncertainty::Request::default(),
-            None => &self.request,
+        let request = match (stopped, &self.stage) {
+            (None, _) => self.request.clone(),
+            // What the free run says is complete where only noise models were still compared.
+            (Some(_), RunStage::Analyse(analyser)) if analyser.compares_noise() => {
+                self.request.of_free_run()
+            }
+            // A run that was stopped is not kept waiting for the more thorough answers.
+            (Some(_), _) => uncertainty::Request::default(),
         };
         let refits = self.refits.clone();
-        let conclusion = uncertainty::conclude(&self.problem, &report, request, refits, hurry);
+        let conclusion = uncertainty::conclude(&self.problem, &report, &request, refits, hurry);
         let unanalysed = || uncertainty::unanalysed(&self.problem, &report);
         let conclusion = conclusion.unwrap_or_else(unanalysed);
         Ok(Some(assemble::outcome(&self.origin, &conclusion)))

@@ -37,6 +37,7 @@ mod own_parameters;
 mod parameter;
 mod prior;
 mod process_noise;
+mod tolerances;
 mod validation;
 mod window;
 
@@ -120,6 +121,14 @@ pub struct JobSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<ToleranceText>, nullable = false, example = "0.01 %")]
     pub clock_tolerance: Option<Tolerance>,
+    /// How well numbers are known that a model document takes as exact, by their names in the budget: one
+    /// standard deviation, SI, or of a gain a share such as `"1 %"`; 0 takes the number as exact, and `"*": 0`
+    /// all that are not named. What is not named has a small default.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schema(value_type = BTreeMap<String, ToleranceText>, required = false, example = json!({
+        "pump.input_gain": "1 %", "level.quadratic_loss": 0
+    }))]
+    pub tolerances: BTreeMap<String, Tolerance>,
     /// Conditions that the parameters keep, up to 16: comparisons of expressions in the language of
     /// model documents, numbers in SI units.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -321,6 +330,9 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let outputs =
         outputs.map(|field| outputs::read(&field, model, experiments.as_deref(), context.datasets));
     let clock_tolerance = outputs::tolerance(root.optional("clock_tolerance"));
+    let tolerances = root
+        .optional("tolerances")
+        .map(|field| tolerances::read(&field));
     let job_parameters = model.zip(parameters.as_ref().zip(experiments.as_deref()));
     let job_parameters = job_parameters.map(|(model, (shared, experiments))| JobParameters {
         model,
@@ -349,6 +361,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
             parameters: parameters?,
             outputs: outputs.unwrap_or_default(),
             clock_tolerance,
+            tolerances: tolerances.unwrap_or_default(),
             constraints,
             priors,
             method: method.unwrap_or_default(),

@@ -140,6 +140,12 @@ impl Analyser {
         self.request.settings.has_independent_refits() || !self.request.effects.is_empty()
     }
 
+    /// Whether the estimate of the free run stands and noise models are compared.
+    #[must_use]
+    pub fn compares_noise(&self) -> bool {
+        matches!(self.step, AnalysisStep::CompareNoise(_))
+    }
+
     /// Runs refits up to a quota, step after step: finished when no step waits for any, interrupted
     /// when `stop` was raised. What has finished by then is among `refits`.
     pub fn advance(&mut self, refits: &mut Refits, quota: Quota, stop: &AtomicBool) -> Advance {

@@ -20,7 +20,9 @@ pub fn take(problem: &mut Problem, values: &[f64]) {
             continue;
         }
         match assumption.target {
-            Assumed::Model(target) | Assumed::Probe(target) => assume(problem, target, *value),
+            Assumed::Model(target) | Assumed::Probe(target) | Assumed::Input(target) => {
+                assume(problem, target, *value);
+            }
             Assumed::Sensor { .. } => {}
             Assumed::Clock => {
                 let experiments = Arc::make_mut(&mut problem.experiments).iter_mut();

@@ -65,7 +65,7 @@ impl DrawnAssumptions {
             let z = draws.find(is_possible);
             let shift = z.map_or(0.0, shift);
             match assumption.target {
-                Assumed::Model(target) | Assumed::Probe(target) => {
+                Assumed::Model(target) | Assumed::Probe(target) | Assumed::Input(target) => {
                     assume(drawn, target, assumption.taken + shift);
                 }
                 sensor @ (Assumed::Sensor { .. } | Assumed::Clock) => {

@@ -15,6 +15,7 @@ mod direction;
 pub use direction::FlatDirection;
 
 use super::budget::{Budget, Extended};
+use super::probes;
 use crate::estimation::feasible;
 use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{self, SensitivityError, Sides};
@@ -164,7 +165,8 @@ pub fn flat_at(
 #[must_use]
 pub fn budget(problem: &Problem, forecast: &Forecast, stop: &AtomicBool) -> Option<Budget> {
     let middle = vec![0.5; problem.coordinates.len()];
-    let extended = Extended::new(problem, &middle, true);
+    let probed = probes::probed(problem, &middle, stop)?;
+    let extended = Extended::new(&probed, &middle, true);
     let around = extended.around(Accuracy::Full, stop)?;
     let pairs = problem.coordinates.iter().zip(&forecast.coordinates);
     let deviations: Vec<f64> = pairs

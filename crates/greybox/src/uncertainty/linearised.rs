@@ -11,6 +11,7 @@ use super::fit;
 use super::fit::Criteria;
 use super::identifiability::{self, FlatDirection};
 use super::monte_carlo;
+use super::probes;
 use super::profile::{self, Ends, Walk};
 use super::refits::RefitSequence;
 use super::residuals;
@@ -59,6 +60,17 @@ pub(super) struct FirstOrder {
     monte_carlo: Vec<DrawnFit>,
 }
 
+/// The derivatives at an estimate.
+#[derive(Clone, Copy)]
+struct Linearised<'a> {
+    /// The unknowns and all that is assumed.
+    extended: &'a Extended,
+    /// The simulations beside the estimate.
+    around: &'a Around<'a>,
+    /// The problem with the tolerances that nobody declared.
+    probed: &'a Problem,
+}
+
 /// The refits from which intervals are made.
 #[derive(Debug)]
 enum IntervalRefits {
@@ -83,7 +95,11 @@ impl LinearisedEstimate {
         stop: &AtomicBool,
     ) -> Option<LinearisedEstimate> {
         let positions = &report.positions;
-        let extended = Extended::new(problem, positions, request.thorough);
+        let probed = match request.thorough {
+            true => probes::probed(problem, positions, stop)?,
+            false => problem.clone(),
+        };
+        let extended = Extended::new(&probed, positions, request.thorough);
         let (trajectories, around) = rayon::join(
             || trajectory::simulate(problem, positions, stop),
             || extended.around(Accuracy::Full, stop),
@@ -105,7 +121,12 @@ impl LinearisedEstimate {
         };
         let residuals = residuals::report(problem, &trajectories);
         let estimate = estimate(trajectories, residuals);
-        let first_order = match FirstOrder::of(&estimate, &extended, &around, request, stop) {
+        let linearised = Linearised {
+            extended: &extended,
+            around: &around,
+            probed: &probed,
+        };
+        let first_order = match FirstOrder::of(&estimate, linearised, request, stop) {
             Ok(first_order) => Ok(Box::new(first_order)),
             Err(SensitivityError::Interrupted) => return None,
             Err(failure) => Err(NoDerivatives::Failed(failure)),
@@ -178,11 +199,15 @@ impl LinearisedEstimate {
 impl FirstOrder {
     fn of(
         estimate: &Arc<SimulatedEstimate>,
-        extended: &Extended,
-        around: &Around<'_>,
+        linearised: Linearised<'_>,
         request: &Request,
         stop: &AtomicBool,
     ) -> Result<FirstOrder, SensitivityError> {
+        let Linearised {
+            extended,
+            around,
+            probed,
+        } = linearised;
         let SimulatedEstimate {
             problem,
             report,
@@ -213,7 +238,7 @@ impl FirstOrder {
             NoiseLevels::of(problem, residuals).weights(),
         );
         let flat = identifiability::flat_at(problem, positions, &linear.factor, &weights, stop)?;
-        let resampling = |assumptions| Resampling {
+        let resampling = |estimate: &Arc<SimulatedEstimate>, assumptions| Resampling {
             estimate: Arc::clone(estimate),
             seed: request.seed,
             assumptions,
@@ -222,16 +247,20 @@ impl FirstOrder {
         let intervals = match settings.intervals {
             Intervals::Fisher => IntervalRefits::Fisher,
             Intervals::Profile => IntervalRefits::Profile(profile::walks(estimate, &linear, stop)?),
-            Intervals::Bootstrap => {
-                IntervalRefits::Bootstrap(resampling(None).fits(settings.bootstrap_samples))
-            }
+            Intervals::Bootstrap => IntervalRefits::Bootstrap(
+                resampling(estimate, None).fits(settings.bootstrap_samples),
+            ),
         };
         let monte_carlo = match settings.monte_carlo_samples {
             0 => Vec::new(),
             samples => {
-                let assumptions = DrawnAssumptions::of(estimate, &budget, stop);
+                let estimate = Arc::new(SimulatedEstimate {
+                    problem: probed.clone(),
+                    ..SimulatedEstimate::clone(estimate)
+                });
+                let assumptions = DrawnAssumptions::of(&estimate, &budget, stop);
                 let assumptions = assumptions.ok_or(SensitivityError::Interrupted)?;
-                resampling(Some(assumptions)).fits(samples)
+                resampling(&estimate, Some(assumptions)).fits(samples)
             }
         };
         Ok(FirstOrder {

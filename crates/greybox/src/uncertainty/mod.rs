@@ -50,6 +50,7 @@ pub mod windows;
 
 pub use analyser::{Analyser, Conclusion, conclude};
 pub use analysis::{Analysis, CoordinateUncertainty};
+pub use probes::{DefaultTolerance, default_tolerances};
 pub use refits::{Quota, Refits};
 pub use settings::{Intervals, Request, Settings, SoughtNoise};
 

@@ -9,7 +9,7 @@ use super::noise_analysis::{
 };
 use super::noise_choice::{self, WeighedNoise};
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
-use super::settings::{Request, Settings, SoughtNoise};
+use super::settings::{Request, SoughtNoise};
 use super::solved::Solved;
 use super::{Analysis, covariance, fit, probes, residuals, rules, validation_start};
 use crate::estimation::noise_ladder::{self, FittedNoise, NoiseTrial};
@@ -66,14 +66,6 @@ impl RefitSequence for TrialFit {
     }
 }
 
-/// The request without profiles, bootstraps and Monte Carlo: noise models are compared by curvature alone.
-fn at_once(request: &Request) -> Request {
-    Request {
-        settings: Settings::default(),
-        ..request.clone()
-    }
-}
-
 impl NoiseComparison {
     /// Begins the comparison at the declared values of what is taken as known; the residuals are those of the
     /// estimate that stands, with the values that the data put in their place. The inner answer is none where no noise is asked for, the residuals of the
@@ -110,7 +102,7 @@ impl NoiseComparison {
             trial,
             refit: None,
         });
-        let free_run = LinearisedEstimate::of(problem, report, &at_once(request), stop)?;
+        let free_run = LinearisedEstimate::of(problem, report, &request.at_once(), stop)?;
         Some(Some(NoiseComparison {
             problem: problem.clone(),
             report: report.clone(),
@@ -159,7 +151,7 @@ impl NoiseComparison {
             return Some(None);
         };
         let report = moved(&self.report, &problem, &fit.positions);
-        let estimate = LinearisedEstimate::of(&problem, &report, &at_once(request), stop)?;
+        let estimate = LinearisedEstimate::of(&problem, &report, &request.at_once(), stop)?;
         let Ok(free) = trajectory::simulate(&plant, of_plant, stop)? else {
             return Some(None);
         };

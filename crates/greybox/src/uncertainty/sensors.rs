@@ -158,7 +158,7 @@ impl Sensors {
         };
         let values = &outputs[index];
         match assumed {
-            Assumed::Model(_) | Assumed::Probe(_) => 0.0,
+            Assumed::Model(_) | Assumed::Probe(_) | Assumed::Input(_) => 0.0,
             Assumed::Sensor { output: shown, .. } if shown != output => 0.0,
             Assumed::Sensor { number, .. } => match number {
                 SensorNumber::Gain => values[sample],
@@ -256,6 +256,7 @@ mod tests {
                 "noise_std": NOISE, "gain_tolerance": "1 %", "lag_tolerance_s": 0.003,
             }},
             "clock_tolerance": "0.5 %",
+            "tolerances": {"y.offset": 0},
             "validation": {"fraction": 0},
             "seed": 1,
         });

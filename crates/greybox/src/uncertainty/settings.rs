@@ -108,3 +108,23 @@ pub struct Request {
     /// is drawn up, which takes many simulations.
     pub thorough: bool,
 }
+
+impl Request {
+    /// The request without profiles, bootstraps and Monte Carlo: what follows from the curvature alone.
+    #[must_use]
+    pub fn at_once(&self) -> Request {
+        Request {
+            settings: Settings::default(),
+            ..self.clone()
+        }
+    }
+
+    /// The request about the free run alone, at once.
+    #[must_use]
+    pub fn of_free_run(&self) -> Request {
+        Request {
+            noise: SoughtNoise::None,
+            ..self.at_once()
+        }
+    }
+}

@@ -6,7 +6,7 @@ use crate::estimation::report::Report;
 use greybox_simulation::single::Outputs;
 
 /// An estimate with its simulation.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct SimulatedEstimate {
     pub problem: Problem,
     pub report: Report,

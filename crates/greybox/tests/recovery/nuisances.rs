@@ -196,8 +196,9 @@ fn what_a_design_promises_is_realised_whatever_the_truth_within_the_tolerance() 
 fn a_number_within_its_tolerance_is_put_where_the_data_have_it_and_contradicts_nothing() {
     let model = carriage();
     let (force, _) = designed(&model);
-    let outcome = estimated(&model, recorded(&force, FRICTION + 0.25, 3), &json!({}));
-    let free = json!({"parameters": {
+    let exact = json!({"tolerances": {"*": 0}});
+    let outcome = estimated(&model, recorded(&force, FRICTION + 0.25, 3), &exact);
+    let free = json!({"tolerances": {"*": 0}, "parameters": {
         "mass": {"estimate": {}}, "viscous": {"estimate": {}},
         "friction": {"estimate": {"lower": 5, "upper": 40, "scale": "linear"},
                      "prior": {"mean": FRICTION, "std": TOLERANCE}}

@@ -5,7 +5,7 @@ use super::{ModelDescription, ParameterDescription, SignalDescription};
 use crate::Plant;
 use crate::filter::{FilterLayout, FilteredPlant, LayoutFault};
 use crate::native::{Dynamics, Native};
-use crate::program::{Losses, Program};
+use crate::program::{Probes, Program};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -93,29 +93,45 @@ impl Model {
         program.map_or_else(Vec::new, |program| program.driven_states())
     }
 
-    /// The model with losses of states that it may leave out: for each state a constant and a quadratic one are
-    /// parameters behind those of the model, 0 where nothing is said. Answers nothing for a model that is not a
-    /// document.
+    /// The inputs that act on the plant, by their places, but for those that decide between cases; none where the
+    /// equations are not those of a document.
     #[must_use]
-    pub fn with_losses(&self, losses: &[Losses]) -> Option<Model> {
+    pub fn acting_inputs(&self) -> Vec<usize> {
+        let program = self.program.as_ref();
+        program.map_or_else(Vec::new, |program| program.acting_inputs())
+    }
+
+    /// The model with probes, whose parameters stand behind those of the model: a gain is 1 and everything else 0
+    /// where nothing is said. Answers nothing for a model that is not a document.
+    #[must_use]
+    pub fn with_probes(&self, probes: &Probes) -> Option<Model> {
         let mut description = self.description.clone();
         let first = description.parameters.len();
-        let program = self.program.as_ref()?.with_losses(losses, first)?;
-        for loss in losses {
-            let state = &description.states[loss.state];
-            let (name, unit) = (state.name.clone(), format!("{}/s", state.unit));
+        let program = self.program.as_ref()?.with_probes(probes, first)?;
+        let mut probe = |name: String, unit: String, default: f64| {
+            description.parameters.push(ParameterDescription {
+                name: Cow::Owned(name),
+                unit: Cow::Owned(unit),
+                minimum: None,
+                ..ParameterDescription::known(
+                    "",
+                    ["", "", "What the model takes as exact or leaves out."],
+                    default,
+                    [0.0, 1.0],
+                )
+            });
+        };
+        for input in &probes.inputs {
+            let input = &self.description.inputs[*input];
+            probe(format!("{}.input_gain", input.name), String::new(), 1.0);
+            let unit = input.unit.to_string();
+            probe(format!("{}.input_offset", input.name), unit, 0.0);
+        }
+        for loss in &probes.losses {
+            let state = &self.description.states[loss.state];
+            let unit = format!("{}/s", state.unit);
             for kind in ["constant_loss", "quadratic_loss"] {
-                description.parameters.push(ParameterDescription {
-                    name: Cow::Owned(format!("{name}.{kind}")),
-                    unit: Cow::Owned(unit.clone()),
-                    minimum: None,
-                    ..ParameterDescription::known(
-                        "",
-                        ["", "", "An effect that the model leaves out."],
-                        0.0,
-                        [0.0, 1.0],
-                    )
-                });
+                probe(format!("{}.{kind}", state.name), unit.clone(), 0.0);
             }
         }
         Some(Model::of_program(description, program))

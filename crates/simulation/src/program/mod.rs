@@ -15,7 +15,7 @@ mod row;
 mod tangents;
 
 pub use disturbed::{ActsOn, Disturbance, DisturbanceKind};
-pub use probed::Losses;
+pub use probed::{Losses, Probes};
 pub use rewrite::{EquationGraph, Roots};
 
 use super::block::SimulationBlock;
@@ -93,14 +93,19 @@ impl Program {
         Some(self.with_equations(equations, last.map_or(0, |last| last + 1), sizes))
     }
 
-    /// The program with losses of states that their rates may leave out, whose parameters stand from
-    /// `first_parameter` on, a constant and a quadratic one for each state. Answers nothing where the
+    /// The program with probes, whose parameters stand from `first_parameter` on. Answers nothing where the
     /// equations would have too many nodes.
     #[must_use]
-    pub fn with_losses(&self, losses: &[Losses], first_parameter: usize) -> Option<Program> {
-        let equations = self.equations.with_losses(losses, first_parameter).ok()?;
-        let n_parameters = first_parameter + 2 * losses.len();
-        Some(self.with_equations(equations, n_parameters, &[]))
+    pub fn with_probes(&self, probes: &Probes, first_parameter: usize) -> Option<Program> {
+        let equations = self.equations.with_probes(probes, first_parameter).ok()?;
+        let n_probes = 2 * (probes.inputs.len() + probes.losses.len());
+        Some(self.with_equations(equations, first_parameter + n_probes, &[]))
+    }
+
+    /// The inputs that act on the plant, by their places, but for those that decide between cases.
+    #[must_use]
+    pub fn acting_inputs(&self) -> Vec<usize> {
+        self.equations.acting_inputs()
     }
 
     /// The program whose outputs are these states, then their rates. Answers nothing where the equations

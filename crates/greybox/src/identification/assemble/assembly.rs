@@ -1,7 +1,7 @@
 //! The problem of a specification and its recordings.
 
 use super::experiment::Cutter;
-use super::{Finding, assumption, constraints, coordinates, noise, priors};
+use super::{Finding, assumption, constraints, coordinates, noise, priors, tolerances};
 use crate::estimation::Problem;
 use crate::estimation::loss::Loss;
 use crate::estimation::problem::MeasuredOutput;
@@ -70,7 +70,7 @@ pub fn problem(
         .collect();
     let experiments = Arc::new(cuts.into_iter().map(|cut| cut.experiment).collect());
     let assumptions = assumption::assumptions(spec, description, &outputs);
-    let problem = Problem {
+    let mut problem = Problem {
         model: Arc::clone(model),
         parameters,
         coordinates,
@@ -81,10 +81,12 @@ pub fn problem(
             .huber_threshold
             .map_or(Loss::Squared, Loss::Huber),
         assumptions: Arc::new(assumptions),
+        tolerances: Arc::default(),
         joint_priors: Arc::new(priors::joint(spec, description)),
         constraints: Arc::new(constraints::compiled(spec, description)),
         innovations: None,
     };
+    problem.tolerances = Arc::new(tolerances::named(spec, &problem)?);
     constraints::check(&problem)?;
     if problem.n_residuals() <= problem.coordinates.len() {
         let detail = format!(

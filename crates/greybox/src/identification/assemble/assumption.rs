@@ -49,6 +49,7 @@ pub(super) fn assumptions(
                     taken: fixed.value,
                     tolerance,
                     is_absent_effect: false,
+                    is_default: false,
                     limits: [None, None],
                 });
             }
@@ -71,6 +72,7 @@ pub(super) fn assumptions(
                 taken: 1.0,
                 tolerance,
                 is_absent_effect: false,
+                is_default: false,
                 limits: [Some(0.0), None],
             }),
     );
@@ -78,39 +80,23 @@ pub(super) fn assumptions(
 }
 
 /// What is known of an output's sensor.
-fn of_sensor(
+fn of_sensor<'a>(
     said: &OutputSpec,
     place: usize,
-    output: &MeasuredOutput,
-) -> impl Iterator<Item = Assumption> {
-    let gain = said.gain_tolerance.map(|tolerance| tolerance.of(1.0));
+    output: &'a MeasuredOutput,
+) -> impl Iterator<Item = Assumption> + use<'a> {
     let numbers = [
-        (SensorNumber::Gain, "gain", "", 1.0, gain),
         (
-            SensorNumber::Offset,
-            "offset",
-            &*output.unit,
-            0.0,
-            said.offset_tolerance,
+            SensorNumber::Gain,
+            said.gain_tolerance.map(|tolerance| tolerance.of(1.0)),
         ),
-        (SensorNumber::Lag, "lag", "s", 0.0, said.lag_tolerance_s),
+        (SensorNumber::Offset, said.offset_tolerance),
+        (SensorNumber::Lag, said.lag_tolerance_s),
     ];
-    let known = numbers.map(|(number, word, unit, value, tolerance)| {
-        Some(Assumption {
-            name: format!("{}.{word}", output.name),
-            unit: unit.to_owned(),
-            target: Assumed::Sensor {
-                output: place,
-                number,
-            },
-            value,
-            taken: value,
-            tolerance: tolerance.filter(|tolerance| *tolerance > 0.0)?,
-            is_absent_effect: false,
-            limits: [(number == SensorNumber::Lag).then_some(0.0), None],
-        })
-    });
-    known.into_iter().flatten()
+    numbers.into_iter().filter_map(move |(number, tolerance)| {
+        let tolerance = tolerance.filter(|tolerance| *tolerance > 0.0)?;
+        Some(Assumption::of_sensor(output, place, number, tolerance))
+    })
 }
 
 /// The tolerance, where the value is not exact.
@@ -132,6 +118,7 @@ fn of_parameter(
         taken: fixed.value,
         tolerance: size(fixed)?,
         is_absent_effect: parameter.default == 0.0 && fixed.value == 0.0,
+        is_default: false,
         limits: [parameter.minimum, parameter.maximum],
     })
 }

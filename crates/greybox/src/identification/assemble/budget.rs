@@ -30,6 +30,7 @@ pub(super) fn lines(problem: &Problem, positions: &[f64], budget: &Budget) -> Ve
             kind: match assumption.target {
                 Assumed::Sensor { .. } => AssumptionKind::Sensor,
                 Assumed::Clock => AssumptionKind::Clock,
+                Assumed::Input(_) => AssumptionKind::Input,
                 Assumed::Probe(_) => AssumptionKind::AbsentEffect,
                 Assumed::Model(_) if assumption.is_absent_effect => AssumptionKind::AbsentEffect,
                 Assumed::Model(_) => AssumptionKind::Tolerance,
@@ -37,6 +38,7 @@ pub(super) fn lines(problem: &Problem, positions: &[f64], budget: &Budget) -> Ve
             value: assumption.value,
             taken: Some(assumption.taken).filter(|taken| *taken != assumption.value),
             tolerance: assumption.tolerance,
+            by_default: assumption.is_default,
             unit: assumption.unit.clone(),
             score: line.score.filter(|score| score.is_finite()),
             suggested: suggested(line.suggested),

@@ -184,9 +184,6 @@ impl Finished<'_> {
     /// A number that was taken as known is known better.
     pub(super) fn know_better(&self, line: usize) -> Option<Change> {
         let assumption = &self.conclusion.analysis.budget.lines[line].assumption;
-        if matches!(assumption.target, Assumed::Probe(_)) {
-            return None;
-        }
         let tolerance = rounded(assumption.tolerance / BETTER, DIGITS);
         let spec = self.changed(|spec| self.tighten(spec, assumption, tolerance));
         Some(Change {
@@ -205,6 +202,11 @@ impl Finished<'_> {
             value: assumption.value,
             tolerance: Some(Tolerance::Absolute(tolerance)),
         };
+        if assumption.is_default {
+            let tolerance = Tolerance::Absolute(tolerance);
+            spec.tolerances.insert(assumption.name.clone(), tolerance);
+            return;
+        }
         match assumption.target {
             Assumed::Model(target) => match (self.parameter(target), target) {
                 (Some(parameter), _) => {
@@ -228,7 +230,8 @@ impl Finished<'_> {
                     SensorNumber::Lag => output.lag_tolerance_s = Some(tolerance),
                 }
             }
-            Assumed::Probe(_) => {}
+            // Nobody declares these.
+            Assumed::Probe(_) | Assumed::Input(_) => {}
             Assumed::Clock => spec.clock_tolerance = Some(Tolerance::Absolute(tolerance)),
         }
     }
@@ -378,7 +381,7 @@ impl Finished<'_> {
                 let name = &self.conclusion.problem.outputs[output].name;
                 format!("the sensor's {number} of {}", name.replace('_', " "))
             }
-            Assumed::Probe(_) => assumption.name.clone(),
+            Assumed::Probe(_) | Assumed::Input(_) => assumption.name.clone(),
             Assumed::Clock => "the clock".to_owned(),
         }
     }

@@ -349,6 +349,7 @@ fn job_to_come(
         parameters: subject.parameters.clone(),
         outputs: outputs.collect(),
         clock_tolerance: None,
+        tolerances: past.map_or_else(BTreeMap::new, |past| past.spec.tolerances.clone()),
         constraints: past.map_or_else(Vec::new, |past| past.spec.constraints.clone()),
         priors: past.map_or_else(Vec::new, |past| past.spec.priors.clone()),
         method: Settings::default(),

@@ -261,6 +261,7 @@ fn contradiction_in_words(lines: &[&Line]) -> Option<String> {
     let advice = match assumption.target {
         Assumed::Model(_) => "free it with {\"estimate\": {}}, or measure it",
         Assumed::Probe(_) => "the equations have no such term: add it, as a parameter to estimate",
+        Assumed::Input(_) => "check how the input is scaled, or what acts beside it",
         Assumed::Sensor { .. } => "calibrate the sensor, or correct the recording for it",
         Assumed::Clock => "compare the clock with another, or correct the sample time for it",
     };

@@ -136,6 +136,7 @@ impl DesignProblem {
             loss: Loss::Squared,
             // Of sensors nothing is assumed: which of them there will be may be the question.
             assumptions: Arc::new(assumption::assumptions(&spec.job, description, &[])),
+            tolerances: Arc::default(),
             joint_priors: Arc::new(priors::joint(&spec.job, description)),
             constraints: Arc::new(constraints::compiled(&spec.job, description)),
             coordinates: coordinates.clone(),
