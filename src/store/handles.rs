@@ -211,9 +211,8 @@ impl Store {
         let exchange = match shared {
             None => JoinSet::new(),
             Some(shared) => {
-                let exchange = notifications
-                    .exchange(shared.options(), life, on_change.clone(), closing.clone())
-                    .await?;
+                let (heard, until) = (on_change.clone(), closing.clone());
+                let exchange = notifications.exchange(&shared, life, heard, until);
                 nodes.live_among_others(shared, on_change);
                 exchange
             }

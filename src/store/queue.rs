@@ -86,7 +86,7 @@ fn worker_lives(kind: Kind) -> String {
 pub(super) fn builder(pool: &Pool) -> ClientBuilder {
     match pool {
         Pool::Sqlite(pool) => Client::builder(pool.clone()),
-        Pool::Postgres(pool) => Client::builder(pool.clone()),
+        Pool::Postgres(pool, _) => Client::builder(pool.clone()),
     }
 }
 
