@@ -14,7 +14,7 @@ use super::cluster_notifications::ClusterNotifications;
 use super::comparisons::Comparisons;
 use super::damage::Damage;
 use super::database::{self, Kind};
-use super::datasets::{DatasetRow, Datasets};
+use super::datasets::{DatasetRow, Datasets, Turn};
 use super::deliveries::Deliveries;
 use super::error::StoreError;
 use super::events::JobEvents;
@@ -227,6 +227,7 @@ impl Store {
                 database: database.clone(),
                 rows: caches.datasets,
                 recordings: caches.recordings,
+                turn: Turn::default(),
             },
             submissions: Submissions::new(database.clone()),
             database,
