@@ -363,6 +363,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::config::DatabaseArguments;
     use crate::job::Status;
     use crate::store::{NewJob, Submitted};
     use crate::worker::tests::descent::{Descent, Gate};
@@ -379,7 +380,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let settings = Settings {
             listen: (std::net::Ipv4Addr::LOCALHOST, 0).into(),
-            database: Some(format!(
+            database: DatabaseArguments::of(format!(
                 "sqlite://{}",
                 folder.path().join("jobs.db").display()
             )),

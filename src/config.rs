@@ -24,7 +24,6 @@ use crate::store::{DatabaseSettings, Quotas, Retention};
 use crate::worker::WorkerSettings;
 
 pub use database::DatabaseArguments;
-use database::database_place;
 pub use error::SettingsError;
 use network::network;
 
@@ -66,10 +65,9 @@ pub struct Settings {
     #[arg(long, env = "GREYBOX_LISTEN", default_value_t = default_listen())]
     pub listen: SocketAddr,
 
-    /// Database: `sqlite://<path>` or `postgres://<user>@<host>/<database>` [default: the file
-    /// greybox.db in the user's data folder]
-    #[arg(long, env = "GREYBOX_DATABASE", value_name = "URL")]
-    pub database: Option<String>,
+    /// Which database
+    #[command(flatten)]
+    pub database: DatabaseArguments,
 
     /// Threads that compute [default: one for each processor]
     #[arg(long, env = "GREYBOX_THREADS")]
@@ -358,7 +356,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             listen: default_listen(),
-            database: None,
+            database: DatabaseArguments::default(),
             threads: None,
             jobs_at_once: None,
             slice_s: 10.0,
@@ -410,7 +408,7 @@ impl Settings {
             return Err(SettingsError::NodeBeat(self.node_beat_s));
         }
         Ok(DatabaseSettings {
-            place: database_place(self.database.as_deref())?,
+            place: self.database.place()?,
             readers: READERS,
             busy_timeout: BUSY_TIMEOUT,
             beat: Duration::from_secs_f64(self.node_beat_s),

@@ -92,7 +92,8 @@ const PLACES: &[(&str, &[&str])] = &[
     ("axum", &["src/api", "src/dashboard", "src/app", "src/config", "src/span.rs"]),
     ("hyper", &["src/app", "src/cli", "src/delivery"]),
     ("hyper_util", &["src/app", "src/cli", "src/delivery"]),
-    ("url", &["src/delivery"]),
+    // The address of a PostgreSQL is a URL too.
+    ("url", &["src/delivery", "src/store/postgres_address.rs"]),
     ("rustls", &["src/app", "src/cli", "src/delivery"]),
     ("tokio_rustls", &["src/app", "src/cli", "src/delivery"]),
     ("rustls_native_certs", &["src/delivery"]),

@@ -120,7 +120,7 @@ class Way:
     """A way to a port that can be cut, so that nothing comes through, and led to another port."""
 
     def __init__(self, port):
-        self.to, self.is_open = port, threading.Event()
+        self.to, self.is_open, self.losses = port, threading.Event(), 0
         self.is_open.set()
         self.listener = socket.create_server((HOST, 0))
         self.port, self.all = self.listener.getsockname()[1], []
@@ -143,9 +143,13 @@ class Way:
             threading.Thread(target=self.carry, args=(source, sink), daemon=True).start()
 
     def carry(self, source, sink):
+        losses = self.losses
         try:
             while piece := source.recv(65536):
                 self.is_open.wait()
+                if losses < self.losses:
+                    # It stays open, and nothing comes through any more.
+                    threading.Event().wait()
                 sink.sendall(piece)
         except OSError:
             pass
@@ -154,6 +158,10 @@ class Way:
                 end.shutdown(socket.SHUT_RDWR)
             except OSError:
                 pass
+
+    def lose(self):
+        """Loses all connections without telling either end."""
+        self.losses += 1
 
     def lead_to(self, port):
         """Breaks all connections off; new ones go to another port."""

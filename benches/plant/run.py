@@ -16,6 +16,7 @@ import sys
 import kept
 import nodes
 import outside
+import overlap
 import together
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -31,6 +32,7 @@ ALL = {
     "damage": kept.damage,
     "memory": kept.memory,
     **nodes.ALL,
+    **overlap.ALL,
     **together.ALL,
 }
 

@@ -1,13 +1,14 @@
 //! Whether the process lives, whether it can work, what it is, what it counted.
 
 use std::collections::HashMap;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
+use tokio::time::error::Elapsed;
 use utoipa::ToSchema;
 
 use super::ApiState;
@@ -16,12 +17,12 @@ use super::error::{Answer, Kind, Problem};
 use super::http_headers::json;
 use super::metric_lines;
 use crate::job::Status;
-use crate::store::{Damage, Meaning};
+use crate::store::{Damage, Meaning, StoreError};
 
 /// How long an unready client may wait before it asks again `[s]`.
 const RETRY_S: u32 = 2;
-/// How long a write may take.
-const LONGEST_PROBE: Duration = Duration::from_secs(5);
+/// How long the database may take to answer and to take a write: who asks has an answer within a second.
+const LONGEST_PROBE: Duration = Duration::from_millis(800);
 
 /// A word about the state of the process.
 #[derive(Serialize, ToSchema)]
@@ -82,23 +83,15 @@ pub async fn livez() -> Response {
               (status = 503, description = "Not ready; `detail` says why"))
 )]
 pub async fn readyz(State(state): State<ApiState>) -> Answer {
-    let not_ready = |detail: &str| Problem::new(Kind::Busy, detail).retry_after(RETRY_S);
-    if let Err(error) = state.store.ping().await {
-        state.store.damage().note(&error);
-        tracing::warn!(%error, "the database does not answer");
-        return Err(not_ready("the database does not answer"));
+    let begun = Instant::now();
+    let answers = tokio::time::timeout(LONGEST_PROBE, state.store.ping()).await;
+    if let Some(why) = why_not(&state, answers, "the database does not answer") {
+        return Err(not_ready(why));
     }
-    match tokio::time::timeout(LONGEST_PROBE, state.store.probe()).await {
-        Ok(Ok(())) => {}
-        Ok(Err(error)) => {
-            state.store.damage().note(&error);
-            tracing::warn!(%error, "the database takes no writes");
-            return Err(not_ready(match error.meaning() {
-                Meaning::NoRoom => "the disk is full: nothing can be stored",
-                _ => "the database cannot be written",
-            }));
-        }
-        Err(_) => return Err(not_ready("the database takes long to write")),
+    let left = LONGEST_PROBE.saturating_sub(begun.elapsed());
+    let writes = tokio::time::timeout(left, state.store.probe()).await;
+    if let Some(why) = why_not(&state, writes, "the database cannot be written") {
+        return Err(not_ready(why));
     }
     if !(state.workers_run)() {
         return Err(not_ready("the workers do not run"));
@@ -117,6 +110,28 @@ pub async fn readyz(State(state): State<ApiState>) -> Answer {
         ..Health::of("ready")
     };
     Ok(json(StatusCode::OK, &ready))
+}
+
+fn not_ready(detail: &str) -> Problem {
+    Problem::new(Kind::Busy, detail).retry_after(RETRY_S)
+}
+
+/// Why the server cannot work after the database was probed, in `otherwise` where the failure says nothing more.
+fn why_not(
+    state: &ApiState,
+    probed: Result<Result<(), StoreError>, Elapsed>,
+    otherwise: &'static str,
+) -> Option<&'static str> {
+    let Ok(probed) = probed else {
+        return Some("the database takes long to answer");
+    };
+    let error = probed.err()?;
+    state.store.damage().note(&error);
+    tracing::warn!(%error, otherwise);
+    Some(match error.meaning() {
+        Meaning::NoRoom => "the disk is full: nothing can be stored",
+        _ => otherwise,
+    })
 }
 
 /// Notes the damage that a request met.

@@ -1,6 +1,9 @@
 //! What is wrong with settings.
 
+use std::path::PathBuf;
+
 use crate::delivery::InvalidDestination;
+use crate::store::AddressError;
 
 /// A setting that cannot be.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -10,6 +13,23 @@ pub enum SettingsError {
         "the database is not given as sqlite://<path to a file> or postgres://<user>@<host>/<database>"
     )]
     Database,
+    /// The address of a PostgreSQL asks for what cannot be.
+    #[error("the address of the database: {0}")]
+    Address(AddressError),
+    /// The database is given by its address and by a file that holds an address.
+    #[error(
+        "the database is given twice: by its address (--database, GREYBOX_DATABASE) and by a file that holds an \
+         address (--database-file, GREYBOX_DATABASE_FILE); leave one of them away"
+    )]
+    TwoDatabases,
+    /// The file that holds the address of the database is of no use.
+    #[error("the file {} with the address of the database: {why}", path.display())]
+    DatabaseFile {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        why: String,
+    },
     /// Only a file can be meant.
     #[error("{0} is not a file; PostgreSQL has its own tools for this: pg_dump, pg_restore")]
     NotAFile(String),

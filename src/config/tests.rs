@@ -60,6 +60,37 @@ fn what_is_no_database_file_is_refused() {
 }
 
 #[test]
+fn the_address_of_the_database_may_stand_in_a_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("database");
+    let flag = format!("--database-file={}", file.display());
+    let missing = parse(&[&flag]).database().expect_err("there is no file");
+    assert!(
+        missing.to_string().contains(&*file.to_string_lossy()),
+        "{missing}"
+    );
+    std::fs::write(
+        &file,
+        "postgres://greybox:secret@db.plant.example/greybox\n",
+    )
+    .expect("a file");
+    let settings = parse(&[&flag]).database().expect("an address");
+    let place = settings.place.to_string();
+    assert_eq!(place, "postgres://db.plant.example:5432/greybox");
+    std::fs::write(&file, "greybox:secret").expect("a file");
+    let refused = parse(&[&flag]).database().expect_err("no address");
+    let text = refused.to_string();
+    assert!(
+        text.contains(&*file.to_string_lossy()) && !text.contains("secret"),
+        "{text}"
+    );
+    let both = parse(&[&flag, "--database=sqlite:///var/lib/greybox/jobs.db"]);
+    assert_eq!(both.database().err(), Some(SettingsError::TwoDatabases));
+    let other = parse(&["--database=postgres://h/d?sslmode=verify-ca"]);
+    assert!(matches!(other.database(), Err(SettingsError::Address(_))));
+}
+
+#[test]
 fn proxies_and_roles_are_read() {
     let settings = parse(&[
         "--trusted-proxy=10.0.0.7,fd00::/8",

@@ -16,7 +16,7 @@ const BYTES_TOGETHER: usize = 1 << 20;
 const ROWS_TOGETHER: usize = 100;
 
 /// What is copied; a table comes after those that its rows belong to.
-pub(super) const TABLES: [&str; 30] = [
+pub(super) const TABLES: [&str; 31] = [
     "jobs",
     "job_labels",
     "job_datasets",
@@ -26,6 +26,7 @@ pub(super) const TABLES: [&str; 30] = [
     "results",
     "datasets",
     "dataset_chunks",
+    "unfinished_datasets",
     "candidate_records",
     "candidates",
     "comparisons",

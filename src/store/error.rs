@@ -136,6 +136,15 @@ pub enum StoreError {
         /// The schema of this program.
         own: i64,
     },
+    /// A pooler stands before the database that gives a connection to one client after the other.
+    #[error(
+        "the pooler before the database {database} gives a connection to another client after each transaction; a \
+         server needs connections for itself: pool_mode = session"
+    )]
+    SharedSessions {
+        /// Where the database is.
+        database: String,
+    },
     /// A database that is to be copied into has something.
     #[error("the database {0} is not empty")]
     NotEmpty(String),
@@ -238,7 +247,10 @@ impl WriteFailure {
             (
                 None,
                 None,
-                sqlx::Error::PoolTimedOut | sqlx::Error::WorkerCrashed | sqlx::Error::Io(_),
+                sqlx::Error::PoolTimedOut
+                | sqlx::Error::WorkerCrashed
+                | sqlx::Error::Io(_)
+                | sqlx::Error::Tls(_),
             ) => Meaning::Unavailable,
             // A text that is none, a number where there has to be a text.
             (None, None, sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_)) => {

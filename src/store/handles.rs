@@ -14,7 +14,7 @@ use super::cluster_notifications::ClusterNotifications;
 use super::comparisons::Comparisons;
 use super::damage::Damage;
 use super::database::{self, Kind};
-use super::datasets::{DatasetRow, Datasets};
+use super::datasets::{DatasetRow, Datasets, Turn};
 use super::deliveries::Deliveries;
 use super::error::StoreError;
 use super::events::JobEvents;
@@ -211,9 +211,8 @@ impl Store {
         let exchange = match shared {
             None => JoinSet::new(),
             Some(shared) => {
-                let exchange = notifications
-                    .exchange(shared.options(), life, on_change.clone(), closing.clone())
-                    .await?;
+                let (heard, until) = (on_change.clone(), closing.clone());
+                let exchange = notifications.exchange(&shared, life, heard, until);
                 nodes.live_among_others(shared, on_change);
                 exchange
             }
@@ -228,6 +227,7 @@ impl Store {
                 database: database.clone(),
                 rows: caches.datasets,
                 recordings: caches.recordings,
+                turn: Turn::default(),
             },
             submissions: Submissions::new(database.clone()),
             database,

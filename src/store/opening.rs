@@ -8,8 +8,9 @@ use sqlx::PgConnection;
 use sqlx::postgres::PgConnectOptions;
 
 use super::database::postgres::{self, Use};
-use super::database::{Pool, sqlite};
+use super::database::{Losses, Pool, sqlite};
 use super::lock::FileLock;
+use super::postgres_address::{self, AddressError};
 use super::{StoreError, corrupt, private_file};
 
 /// Connections to PostgreSQL of the writer and of the queue.
@@ -25,6 +26,16 @@ pub enum DatabasePlace {
     File(PathBuf),
     /// A PostgreSQL server and a database there.
     Postgres(Box<PgConnectOptions>),
+}
+
+impl DatabasePlace {
+    /// The PostgreSQL of an address.
+    ///
+    /// # Errors
+    /// The text is no address, names files that cannot be read, or asks for half a check of the server.
+    pub fn of_postgres(address: &str) -> Result<Self, AddressError> {
+        Ok(Self::Postgres(Box::new(postgres_address::parse(address)?)))
+    }
 }
 
 impl fmt::Display for DatabasePlace {
@@ -81,6 +92,8 @@ pub(super) enum Access {
 #[derive(Clone)]
 pub(super) struct SharedPostgres {
     options: Box<PgConnectOptions>,
+    /// Whoever listens for changes notes when connections were lost.
+    pub(super) losses: Losses,
     /// How often a node says that it lives.
     pub(super) beat: Duration,
 }
@@ -91,6 +104,7 @@ impl SharedPostgres {
     pub(super) fn of(options: PgConnectOptions) -> Self {
         Self {
             options: Box::new(options),
+            losses: Losses::default(),
             beat: Duration::MAX,
         }
     }
@@ -172,20 +186,23 @@ impl Opened {
         settings: &DatabaseSettings,
         [writes, reads]: [Use; 2],
     ) -> Result<Self, StoreError> {
+        postgres::examine(options, &settings.place).await?;
         postgres::migrate(options, &settings.place).await?;
         let joined = postgres::join(options).await?;
         let joined = joined.ok_or_else(|| StoreError::Locked {
             database: settings.place.to_string(),
         })?;
-        let writer_pool = postgres::pool(options, WRITERS, writes).await?;
-        let readers = postgres::pool(options, settings.readers, reads).await?;
+        let losses = Losses::default();
+        let writer_pool = Pool::of_postgres(options, WRITERS, writes, &losses).await?;
+        let readers = Pool::of_postgres(options, settings.readers, reads, &losses).await?;
         drop(joined);
         Ok(Self {
             folder: std::env::temp_dir(),
-            writer_pool: Pool::Postgres(writer_pool),
-            readers: Pool::Postgres(readers),
+            writer_pool,
+            readers,
             access: Access::Shared(SharedPostgres {
                 options: Box::new(options.clone()),
+                losses,
                 beat: settings.beat,
             }),
         })

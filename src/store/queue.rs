@@ -36,6 +36,11 @@ const CLIENT_NAME: &str = "greybox-";
 /// (its `attempt`), not the entry's.
 const ENTRY_ATTEMPTS: i32 = i32::MAX;
 
+/// Of a queue, entries of jobs whose node was cut off come first: these jobs had their places.
+const CUT_OFF: i16 = 1;
+/// All other entries come in the order in which they were made.
+const USUAL: i16 = 2;
+
 /// How often River may write that there are new entries. Nobody reads it: a commit itself tells of
 /// them.
 const NOTIFY_COOLDOWN: Duration = Duration::from_hours(24);
@@ -86,7 +91,7 @@ fn worker_lives(kind: Kind) -> String {
 pub(super) fn builder(pool: &Pool) -> ClientBuilder {
     match pool {
         Pool::Sqlite(pool) => Client::builder(pool.clone()),
-        Pool::Postgres(pool) => Client::builder(pool.clone()),
+        Pool::Postgres(pool, _) => Client::builder(pool.clone()),
     }
 }
 
@@ -96,9 +101,15 @@ pub(super) fn inserter(pool: &Pool) -> Result<Client, StoreError> {
 }
 
 /// Adds an entry for a job in the caller's transaction and returns the entry's id.
-pub(super) async fn enqueue(tx: &mut Tx, job: JobId, project: &Project) -> Result<i64, StoreError> {
+async fn enqueue(
+    tx: &mut Tx,
+    job: JobId,
+    project: &Project,
+    priority: i16,
+) -> Result<i64, StoreError> {
     let queue = tx.queue.clone();
-    let insert = queue.insert(SliceOfJob { job }).opts(options(project));
+    let options = options(project).with_priority(priority);
+    let insert = queue.insert(SliceOfJob { job }).opts(options);
     let entry = match tx.transaction() {
         Transaction::Sqlite(transaction) => insert.tx(transaction).await?,
         Transaction::Postgres(transaction) => insert.tx(transaction).await?,
@@ -134,6 +145,7 @@ fn options(project: &Project) -> InsertOpts {
     InsertOpts::default()
         .with_queue(queue_of(project))
         .with_max_attempts(ENTRY_ATTEMPTS)
+        .with_priority(USUAL)
 }
 
 /// The queue in which slices of jobs wait.
@@ -295,7 +307,7 @@ pub(super) async fn reassign(tx: &mut Tx) -> Result<usize, StoreError> {
         .await?;
         let job = columns::parse_id(id)?;
         let project = columns::project(id, project)?;
-        renew(tx, job, &project).await?;
+        renew_as(tx, job, &project, CUT_OFF).await?;
     }
     Ok(stranded.len())
 }
@@ -318,7 +330,16 @@ async fn give_back(tx: &mut Tx, job: JobId, entry: i64) -> Result<(), StoreError
 
 /// Gives a job a new entry, which is the one that may begin its slices from now on.
 pub(super) async fn renew(tx: &mut Tx, job: JobId, project: &Project) -> Result<(), StoreError> {
-    let entry = enqueue(tx, job, project).await?;
+    renew_as(tx, job, project, USUAL).await
+}
+
+async fn renew_as(
+    tx: &mut Tx,
+    job: JobId,
+    project: &Project,
+    priority: i16,
+) -> Result<(), StoreError> {
+    let entry = enqueue(tx, job, project, priority).await?;
     database::query("update jobs set queue_entry = $1 where id = $2")
         .bind(entry)
         .bind(job.to_string())

@@ -10,7 +10,7 @@ use super::database::{self, Kind, QueryBuilder};
 use super::shared_database::Database;
 use super::streams::answers;
 use super::writer::{Tx, in_transaction};
-use super::{Change, StoreError, audit, idempotency};
+use super::{Change, StoreError, audit, datasets, idempotency};
 use crate::access::Project;
 
 /// Jobs that go in one transaction.
@@ -67,6 +67,7 @@ impl Tidied {
 /// Lets some of what is older than it is kept for go, and gives some space back. Says what went.
 pub(super) async fn tidy(database: &Database, retention: Retention) -> Result<Tidied, StoreError> {
     let tidied = in_transaction!(database, |tx| remove(tx, retention, Timestamp::now())).await?;
+    datasets::remove_abandoned(database).await?;
     in_transaction!(database, |tx| give_space_back(tx)).await?;
     Ok(tidied)
 }

@@ -6,7 +6,8 @@ use jiff::Timestamp;
 use sqlx::FromRow;
 
 use super::columns::{project, time};
-use super::database::{self, Pool, postgres, sqlite};
+use super::database::postgres::Use;
+use super::database::{self, Losses, Pool, sqlite};
 use super::opening::{Opened, PATIENCE_OF_A_COMMAND};
 use super::shared_database::Database;
 use super::writer::in_transaction;
@@ -226,7 +227,7 @@ async fn open(place: &DatabasePlace) -> Result<Pool, StoreError> {
             Pool::Sqlite(sqlite::writer(path, PATIENCE_OF_A_COMMAND).await?)
         }
         DatabasePlace::Postgres(options) => {
-            Pool::Postgres(postgres::pool(options, 1, postgres::Use::Writes).await?)
+            Pool::of_postgres(options, 1, Use::Writes, &Losses::default()).await?
         }
     };
     let newest: i64 = database::query_scalar("select max(version) from _sqlx_migrations")

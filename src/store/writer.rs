@@ -17,7 +17,7 @@ use riverqueue::Client;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
-use super::database::{self, Connection, Kind, Pool, Transaction, postgres};
+use super::database::{self, Connection, Kind, Pool, Transaction};
 use super::error::WriteFailure;
 use super::quotas::Quotas;
 use super::{Change, OnChange, StoreError};
@@ -144,11 +144,11 @@ impl Fence {
     }
 
     async fn pass(&self, tx: &mut Connection) -> Result<(), WriteFailure> {
-        let Connection::Postgres(connection) = tx else {
+        if tx.kind() == Kind::Sqlite {
             return Ok(());
-        };
+        }
         let failed = |error: sqlx::Error| WriteFailure::of_database(&error);
-        postgres::take_turn(connection).await.map_err(failed)?;
+        tx.take_turn().await.map_err(failed)?;
         let own = self.0.load(Ordering::Relaxed);
         if own == 0 {
             return Ok(());

@@ -2,7 +2,7 @@
 
 use greybox_service::access::Scope;
 use greybox_service::app::App;
-use greybox_service::config::Settings;
+use greybox_service::config::{DatabaseArguments, Settings};
 use greybox_service::store::tokens;
 use jiff::{SignedDuration, Timestamp};
 use reqwest::{Method, RequestBuilder};
@@ -353,7 +353,10 @@ async fn a_server_that_others_would_reach_without_a_token_does_not_start() {
     let folder = tempfile::tempdir().unwrap();
     let settings = Settings {
         listen: "0.0.0.0:0".parse().unwrap(),
-        database: Some(format!("sqlite://{}", folder.path().join("a.db").display())),
+        database: DatabaseArguments::of(format!(
+            "sqlite://{}",
+            folder.path().join("a.db").display()
+        )),
         ..Settings::default()
     };
     let refused = App::start(settings).await.err().expect("a refusal");

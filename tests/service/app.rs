@@ -4,7 +4,7 @@ use std::net::Ipv4Addr;
 
 use greybox_service::access::{Scope, Secret};
 use greybox_service::app::App;
-use greybox_service::config::Settings;
+use greybox_service::config::{DatabaseArguments, Settings};
 use greybox_service::store::DatabasePlace;
 use greybox_service::store::tokens::{self, NewToken};
 use jiff::Timestamp;
@@ -142,7 +142,7 @@ impl TestApp {
     async fn at(home: Home, change: impl FnOnce(&mut Settings)) -> Self {
         let mut settings = Settings {
             listen: (Ipv4Addr::LOCALHOST, 0).into(),
-            database: Some(home.url.clone()),
+            database: DatabaseArguments::of(&home.url),
             max_body_mib: 1,
             ..Settings::default()
         };

@@ -1,26 +1,42 @@
 //! Pools, connections and transactions of either database.
 
 use std::ops::{Deref, DerefMut};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use sqlx::pool::PoolConnection;
+use sqlx::postgres::PgConnectOptions;
 use sqlx::{Database, PgPool, Postgres, Sqlite, SqlitePool};
 
-use super::{Kind, postgres};
+use super::postgres::{self, Use};
+use super::{Kind, Losses};
+
+/// How long connections to a PostgreSQL may take to end; those that were lost never do.
+const LONGEST_CLOSE: Duration = Duration::from_secs(2);
 
 /// Connections of one database.
 #[derive(Clone, Debug)]
 pub(in crate::store) enum Pool {
     Sqlite(SqlitePool),
-    Postgres(PgPool),
+    Postgres(PgPool, Losses),
 }
 
 impl Pool {
+    /// Connections to a PostgreSQL for a use, at the most so many at the same time.
+    pub(in crate::store) async fn of_postgres(
+        options: &PgConnectOptions,
+        at_most: u32,
+        r#use: Use,
+        losses: &Losses,
+    ) -> Result<Self, sqlx::Error> {
+        let pool = postgres::pool(options, at_most, r#use, losses).await?;
+        Ok(Self::Postgres(pool, losses.clone()))
+    }
+
     /// Which database it is.
     pub(in crate::store) fn kind(&self) -> Kind {
         match self {
             Self::Sqlite(_) => Kind::Sqlite,
-            Self::Postgres(_) => Kind::Postgres,
+            Self::Postgres(..) => Kind::Postgres,
         }
     }
 
@@ -29,7 +45,9 @@ impl Pool {
         let asked = Instant::now();
         let connection = match self {
             Self::Sqlite(pool) => Connection::Sqlite(Held::Pooled(pool.acquire().await?)),
-            Self::Postgres(pool) => Connection::Postgres(Held::Pooled(pool.acquire().await?)),
+            Self::Postgres(pool, losses) => {
+                Connection::Postgres(Held::Pooled(pool.acquire().await?), losses.clone())
+            }
         };
         let waited = asked.elapsed().as_secs_f64();
         metrics::histogram!("greybox_connection_wait_seconds").record(waited);
@@ -40,10 +58,11 @@ impl Pool {
     pub(in crate::store) async fn begin_read(&self) -> Result<Connection, sqlx::Error> {
         Ok(match self {
             Self::Sqlite(pool) => Connection::Sqlite(Held::Transaction(pool.begin().await?)),
-            Self::Postgres(pool) => Connection::Postgres(Held::Transaction(
-                pool.begin_with("begin isolation level repeatable read read only")
-                    .await?,
-            )),
+            Self::Postgres(pool, losses) => {
+                let begin = pool.begin_with("begin isolation level repeatable read read only");
+                let transaction = losses.unless_lost(begin).await?;
+                Connection::Postgres(Held::Transaction(transaction), losses.clone())
+            }
         })
     }
 
@@ -53,16 +72,17 @@ impl Pool {
             Self::Sqlite(pool) => {
                 Connection::Sqlite(Held::Transaction(pool.begin_with("begin immediate").await?))
             }
-            Self::Postgres(pool) => Connection::Postgres(Held::Transaction(pool.begin().await?)),
+            Self::Postgres(pool, losses) => {
+                let transaction = losses.unless_lost(pool.begin()).await?;
+                Connection::Postgres(Held::Transaction(transaction), losses.clone())
+            }
         })
     }
 
     /// A transaction that writes while no other transaction does, for a command beside the servers of the database.
     pub(in crate::store) async fn begin_write_in_turn(&self) -> Result<Connection, sqlx::Error> {
         let mut transaction = self.begin_write().await?;
-        if let Connection::Postgres(connection) = &mut transaction {
-            postgres::take_turn(connection).await?;
-        }
+        transaction.take_turn().await?;
         Ok(transaction)
     }
 
@@ -70,7 +90,14 @@ impl Pool {
     pub(in crate::store) async fn close(&self) {
         match self {
             Self::Sqlite(pool) => pool.close().await,
-            Self::Postgres(pool) => pool.close().await,
+            Self::Postgres(pool, _) => {
+                if tokio::time::timeout(LONGEST_CLOSE, pool.close())
+                    .await
+                    .is_err()
+                {
+                    tracing::warn!("connections that do not end were left");
+                }
+            }
         }
     }
 }
@@ -78,7 +105,7 @@ impl Pool {
 /// One connection, in a transaction or not.
 pub(in crate::store) enum Connection {
     Sqlite(Held<Sqlite>),
-    Postgres(Held<Postgres>),
+    Postgres(Held<Postgres>, Losses),
 }
 
 impl Connection {
@@ -86,7 +113,18 @@ impl Connection {
     pub(in crate::store) fn kind(&self) -> Kind {
         match self {
             Self::Sqlite(_) => Kind::Sqlite,
-            Self::Postgres(_) => Kind::Postgres,
+            Self::Postgres(..) => Kind::Postgres,
+        }
+    }
+
+    /// Has a transaction of a PostgreSQL write while no other transaction does. A file has one that writes.
+    pub(in crate::store) async fn take_turn(&mut self) -> Result<(), sqlx::Error> {
+        match self {
+            Self::Sqlite(_) => Ok(()),
+            Self::Postgres(connection, losses) => {
+                let turn = postgres::take_turn(connection);
+                losses.unless_lost(turn).await
+            }
         }
     }
 
@@ -94,10 +132,10 @@ impl Connection {
     pub(in crate::store) fn transaction(&mut self) -> Option<Transaction<'_>> {
         match self {
             Self::Sqlite(Held::Transaction(transaction)) => Some(Transaction::Sqlite(transaction)),
-            Self::Postgres(Held::Transaction(transaction)) => {
+            Self::Postgres(Held::Transaction(transaction), _) => {
                 Some(Transaction::Postgres(transaction))
             }
-            Self::Sqlite(_) | Self::Postgres(_) => None,
+            Self::Sqlite(_) | Self::Postgres(..) => None,
         }
     }
 
@@ -105,8 +143,10 @@ impl Connection {
     pub(in crate::store) async fn commit(self) -> Result<(), sqlx::Error> {
         match self {
             Self::Sqlite(Held::Transaction(transaction)) => transaction.commit().await,
-            Self::Postgres(Held::Transaction(transaction)) => transaction.commit().await,
-            Self::Sqlite(_) | Self::Postgres(_) => Ok(()),
+            Self::Postgres(Held::Transaction(transaction), losses) => {
+                losses.unless_lost(transaction.commit()).await
+            }
+            Self::Sqlite(_) | Self::Postgres(..) => Ok(()),
         }
     }
 }

@@ -5,6 +5,7 @@
 
 mod connection;
 mod kind;
+mod losses;
 mod migrations;
 pub(super) mod postgres;
 mod query;
@@ -15,6 +16,7 @@ mod value;
 
 pub(super) use connection::{Connection, Pool, Target, Transaction};
 pub(super) use kind::Kind;
+pub(super) use losses::Losses;
 pub(super) use query::{Query, query, query_as, query_scalar};
 pub(super) use query_builder::{QueryBuilder, Separated};
 pub(super) use row::{Record, Row};

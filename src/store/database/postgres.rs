@@ -1,14 +1,17 @@
 //! PostgreSQL: a server of its own, with which many nodes work.
 
 use std::fmt;
+use std::net::IpAddr;
 use std::time::{Duration, Instant};
 
 use sqlx::migrate::Migrator;
 use sqlx::postgres::{PgConnectOptions, PgPoolOptions};
-use sqlx::{Connection as _, PgConnection, PgPool};
+use sqlx::{AssertSqlSafe, Connection as _, PgConnection, PgPool, Row as _};
 
+use super::Losses;
 use super::migrations::migrations_after;
 use crate::store::StoreError;
+use crate::store::node_name::node_name;
 
 /// The migrations that make the schema of a PostgreSQL database.
 pub(in crate::store) static SCHEMA: Migrator = sqlx::migrate!("./migrations/postgres");
@@ -31,6 +34,9 @@ const RETRY_INTERVAL: Duration = Duration::from_millis(50);
 /// How long a connection may be waited for.
 const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(10);
 
+/// A connection that does not answer within this time is replaced by a new one.
+const LONGEST_PING: Duration = Duration::from_millis(500);
+
 /// What connections are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::store) enum Use {
@@ -39,25 +45,70 @@ pub(in crate::store) enum Use {
     /// Reading and writing all there is, while no server works with the database; also bringing its schema
     /// up to date.
     Copies,
+    /// Saying that a node lives, and keeping those away that need the database alone.
+    Lives,
+    /// Telling other nodes of changes.
+    Tells,
+    /// Being told of changes by other nodes.
+    Listens,
 }
 
-/// Every statement of a server ends. A node that stands still in the middle of a transaction that writes holds
-/// up the others for a few seconds; then the server ends the transaction. Whether the machine at the other end
-/// is still there is found out soon.
-fn bounded(options: &PgConnectOptions, r#use: Use) -> PgConnectOptions {
-    let (statement, idle) = match r#use {
-        Use::Reads => ("60s", "60s"),
-        Use::Writes => ("60s", "5s"),
-        Use::Copies => ("0", "0"),
-    };
-    options.clone().options([
-        ("statement_timeout", statement),
-        ("lock_timeout", "20s"),
-        ("idle_in_transaction_session_timeout", idle),
-        ("tcp_keepalives_idle", "5"),
-        ("tcp_keepalives_interval", "2"),
-        ("tcp_keepalives_count", "3"),
-    ])
+impl Use {
+    /// What `pg_stat_activity` shows of a connection, after the name of the program.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Reads => "reads",
+            Self::Writes => "writes",
+            Self::Copies => "copies",
+            Self::Lives => "lives",
+            Self::Tells => "tells",
+            Self::Listens => "listens",
+        }
+    }
+
+    /// How long a statement may take, and how long a transaction may wait for its next statement.
+    fn limits(self) -> [&'static str; 2] {
+        match self {
+            Self::Writes => ["60s", "5s"],
+            Self::Copies => ["0", "0"],
+            Self::Reads | Self::Lives | Self::Tells | Self::Listens => ["60s", "60s"],
+        }
+    }
+}
+
+/// How the server is reached for a use. The name of the connection says which node uses it for what. Nothing is
+/// sent at the start that a pooler does not pass on.
+fn named(options: &PgConnectOptions, r#use: Use) -> PgConnectOptions {
+    let program = options.get_application_name().unwrap_or("greybox");
+    let name = format!("{program} {} {}", r#use.name(), node_name());
+    let options = options.clone().application_name(&name);
+    options.extra_float_digits(None::<i8>)
+}
+
+/// Sees to it that every statement of a server ends. A node that stands still in the middle of a transaction that
+/// writes holds up the others for a few seconds; then the server ends the transaction. Whether the machine at the
+/// other end is still there is found out soon.
+async fn bound(connection: &mut PgConnection, r#use: Use) -> Result<(), sqlx::Error> {
+    let [statement, idle] = r#use.limits();
+    let settings = format!(
+        "set statement_timeout = '{statement}'; set lock_timeout = '20s'; \
+         set idle_in_transaction_session_timeout = '{idle}'; \
+         set tcp_keepalives_idle = 5; set tcp_keepalives_interval = 2; set tcp_keepalives_count = 3"
+    );
+    sqlx::raw_sql(AssertSqlSafe(settings))
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+/// A connection for a use.
+pub(in crate::store) async fn connect(
+    options: &PgConnectOptions,
+    r#use: Use,
+) -> Result<PgConnection, sqlx::Error> {
+    let mut connection = PgConnection::connect_with(&named(options, r#use)).await?;
+    bound(&mut connection, r#use).await?;
+    Ok(connection)
 }
 
 /// Connections that are used at the same time, at the most.
@@ -65,13 +116,125 @@ pub(in crate::store) async fn pool(
     options: &PgConnectOptions,
     at_most: u32,
     r#use: Use,
-) -> Result<PgPool, StoreError> {
-    let pool = PgPoolOptions::new()
+    losses: &Losses,
+) -> Result<PgPool, sqlx::Error> {
+    let (before, after) = (options.clone(), (options.clone(), losses.clone()));
+    PgPoolOptions::new()
         .max_connections(at_most)
         .acquire_timeout(ACQUIRE_TIMEOUT)
-        .connect_with(bounded(options, r#use))
-        .await?;
-    Ok(pool)
+        .after_connect(move |connection, _| Box::pin(bound(connection, r#use)))
+        .test_before_acquire(false)
+        .before_acquire(move |connection, _| {
+            let options = before.clone();
+            Box::pin(async move {
+                replace_lost(connection, &options, r#use).await?;
+                Ok(true)
+            })
+        })
+        .after_release(move |connection, pooled| {
+            let (options, losses) = after.clone();
+            Box::pin(async move {
+                while losses.concern(pooled.age)
+                    && let Err(error) = replace_lost(connection, &options, r#use).await
+                {
+                    tracing::warn!(%error, "a lost connection is not replaced yet");
+                    tokio::time::sleep(RETRY_INTERVAL).await;
+                }
+                Ok(true)
+            })
+        })
+        .connect_with(named(options, r#use))
+        .await
+}
+
+/// Puts a new connection in the place of one that does not answer. The lost one is dropped and not closed: with TLS
+/// the end of a connection waits for the other side, which may never answer.
+async fn replace_lost(
+    connection: &mut PgConnection,
+    options: &PgConnectOptions,
+    r#use: Use,
+) -> Result<(), sqlx::Error> {
+    let answer = tokio::time::timeout(LONGEST_PING, connection.ping()).await;
+    if !matches!(answer, Ok(Ok(()))) {
+        let replacing = tokio::time::timeout(ACQUIRE_TIMEOUT, connect(options, r#use));
+        *connection = replacing
+            .await
+            .map_err(|_too_long| sqlx::Error::PoolTimedOut)??;
+    }
+    Ok(())
+}
+
+/// Looks at the way to a PostgreSQL: refuses a pooler that does not keep a connection for a client, and warns where
+/// what is stored goes over a network in the clear.
+pub(in crate::store) async fn examine(
+    options: &PgConnectOptions,
+    database: impl fmt::Display,
+) -> Result<(), StoreError> {
+    let examined = tokio::time::timeout(ACQUIRE_TIMEOUT, examine_unbounded(options)).await;
+    let way = examined.map_err(|_too_long| sqlx::Error::PoolTimedOut)??;
+    if !way.keeps_sessions {
+        return Err(StoreError::SharedSessions {
+            database: database.to_string(),
+        });
+    }
+    if way.is_in_the_clear {
+        tracing::warn!(
+            %database,
+            "what is stored goes over the network in the clear; the address takes sslmode=verify-full"
+        );
+    }
+    Ok(())
+}
+
+/// The way to a PostgreSQL.
+struct Way {
+    /// Whether a connection of a client is one connection of the database for as long as it lasts.
+    keeps_sessions: bool,
+    /// Whether others on the network can read what is sent.
+    is_in_the_clear: bool,
+}
+
+/// A pooler that works by transactions or statements gives the connection of a client that is in no transaction to
+/// the next client, or gives the client one after the other.
+async fn examine_unbounded(options: &PgConnectOptions) -> Result<Way, sqlx::Error> {
+    let named = named(options, Use::Lives);
+    let mut idle = PgConnection::connect_with(&named).await?;
+    let mut working = PgConnection::connect_with(&named).await?;
+    let before = [backend(&mut idle).await?, backend(&mut idle).await?];
+    sqlx::raw_sql("begin").execute(&mut working).await?;
+    let other = backend(&mut working).await?;
+    let after = backend(&mut idle).await?;
+    sqlx::raw_sql("rollback").execute(&mut working).await?;
+    let keeps_sessions = before == [after; 2] && other != after;
+    let transport = sqlx::raw_sql(
+        "select ssl, host(inet_client_addr()) from pg_stat_ssl where pid = pg_backend_pid()",
+    );
+    let transport = transport.fetch_optional(&mut idle).await?;
+    let is_in_the_clear = match transport {
+        Some(row) => {
+            let address: Option<String> = row.try_get(1)?;
+            goes_in_the_clear(row.try_get(0)?, address.as_deref())
+        }
+        None => false,
+    };
+    idle.close().await?;
+    working.close().await?;
+    Ok(Way {
+        keeps_sessions,
+        is_in_the_clear,
+    })
+}
+
+/// The process of the database that works for a connection.
+async fn backend(connection: &mut PgConnection) -> Result<i32, sqlx::Error> {
+    let row = sqlx::raw_sql("select pg_backend_pid()");
+    row.fetch_one(connection).await?.try_get(0)
+}
+
+/// Whether others can read what comes from a client of this address; a client of a socket has no address.
+fn goes_in_the_clear(is_encrypted: bool, address: Option<&str>) -> bool {
+    let address: Option<IpAddr> = address.and_then(|address| address.parse().ok());
+    !is_encrypted && address.is_some_and(|address| !address.to_canonical().is_loopback())
 }
 
 /// The schema of a database.
@@ -119,7 +282,7 @@ pub(in crate::store) async fn migrate(
     options: &PgConnectOptions,
     database: impl fmt::Display,
 ) -> Result<(), StoreError> {
-    let mut turn = PgConnection::connect_with(options).await?;
+    let mut turn = PgConnection::connect_with(&named(options, Use::Copies)).await?;
     sqlx::query("select pg_advisory_lock($1)")
         .bind(MIGRATION)
         .execute(&mut turn)
@@ -151,7 +314,7 @@ pub(in crate::store) async fn migrate(
         }
         Some(_) | None => None,
     };
-    let pool = pool(options, 2, Use::Copies).await?;
+    let pool = pool(options, 2, Use::Copies, &Losses::default()).await?;
     riverqueue::migrate::PostgresMigrator::new(pool.clone())
         .migrate_up()
         .await?;
@@ -183,7 +346,7 @@ async fn hold(
     options: &PgConnectOptions,
     lock: &'static str,
 ) -> Result<Option<PgConnection>, sqlx::Error> {
-    let mut connection = PgConnection::connect_with(&bounded(options, Use::Reads)).await?;
+    let mut connection = connect(options, Use::Lives).await?;
     let began = Instant::now();
     loop {
         let held: bool = sqlx::query_scalar(lock)
@@ -208,4 +371,23 @@ pub(in crate::store) async fn take_turn(connection: &mut PgConnection) -> Result
         .execute(connection)
         .await?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_way_through_the_machine_itself_needs_no_tls() {
+        assert!(goes_in_the_clear(false, Some("192.0.2.7")));
+        assert!(!goes_in_the_clear(true, Some("192.0.2.7")));
+        for address in [
+            None,
+            Some("127.0.0.1"),
+            Some("::1"),
+            Some("::ffff:127.0.0.1"),
+        ] {
+            assert!(!goes_in_the_clear(false, address), "{address:?}");
+        }
+    }
 }

@@ -99,8 +99,11 @@ impl Query {
                 let done = self.sqlite()?.execute(&mut **connection).await?;
                 done.rows_affected()
             }
-            Connection::Postgres(connection) => {
-                let done = self.postgres()?.execute(&mut **connection).await?;
+            Connection::Postgres(connection, losses) => {
+                let statement = self.postgres()?;
+                let done = losses
+                    .unless_lost(statement.execute(&mut **connection))
+                    .await?;
                 done.rows_affected()
             }
         })
@@ -116,8 +119,11 @@ impl Query {
                 let rows = self.sqlite()?.fetch_all(&mut **connection).await?;
                 rows.into_iter().map(Row::Sqlite).collect()
             }
-            Connection::Postgres(connection) => {
-                let rows = self.postgres()?.fetch_all(&mut **connection).await?;
+            Connection::Postgres(connection, losses) => {
+                let statement = self.postgres()?;
+                let rows = losses
+                    .unless_lost(statement.fetch_all(&mut **connection))
+                    .await?;
                 rows.into_iter().map(Row::Postgres).collect()
             }
         })
@@ -133,8 +139,11 @@ impl Query {
                 let row = self.sqlite()?.fetch_optional(&mut **connection).await?;
                 row.map(Row::Sqlite)
             }
-            Connection::Postgres(connection) => {
-                let row = self.postgres()?.fetch_optional(&mut **connection).await?;
+            Connection::Postgres(connection, losses) => {
+                let statement = self.postgres()?;
+                let row = losses
+                    .unless_lost(statement.fetch_optional(&mut **connection))
+                    .await?;
                 row.map(Row::Postgres)
             }
         })
@@ -157,7 +166,7 @@ impl Query {
                 let query = self.sqlite();
                 query.map(|query| query.fetch(pool).map_ok(Row::Sqlite).boxed())
             }
-            Pool::Postgres(pool) => {
+            Pool::Postgres(pool, _) => {
                 let query = self.postgres();
                 query.map(|query| query.fetch(pool).map_ok(Row::Postgres).boxed())
             }

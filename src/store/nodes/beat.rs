@@ -1,5 +1,6 @@
 //! A node of a PostgreSQL says that it lives, and finds those that no longer do.
 
+use std::io::ErrorKind;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -17,6 +18,9 @@ use crate::store::{Change, OnChange};
 
 /// How long a beat may take: after that its connection is given up and another one made.
 const LONGEST_BEAT: Duration = Duration::from_secs(2);
+
+/// How soon a beat that failed is tried again: until it succeeds the silence of others is not counted.
+const RETRY_INTERVAL: Duration = Duration::from_millis(250);
 
 /// What a node needs to say that it lives and to take over from others.
 pub(super) struct Beats {
@@ -43,12 +47,12 @@ impl Beats {
                 _ = due.tick() => {}
             }
             let beat = tokio::time::timeout(LONGEST_BEAT, self.beat(&mut connection)).await;
-            let beat = beat.unwrap_or_else(|_too_long| {
-                Err(sqlx::Error::Io(std::io::ErrorKind::TimedOut.into()))
-            });
+            let beat =
+                beat.unwrap_or_else(|_too_long| Err(sqlx::Error::Io(ErrorKind::TimedOut.into())));
             match beat {
                 Ok(live) if live.iter().any(|node| node.life == self.database.life) => {
-                    self.look(&mut watch, &live);
+                    let silent = self.look(&mut watch, &live);
+                    note(&mut connection, &silent).await;
                 }
                 Ok(_without_this_one) => {
                     tracing::error!("other nodes have declared this one dead");
@@ -59,6 +63,7 @@ impl Beats {
                     tracing::warn!(%error, "this node could not say that it lives");
                     metrics::counter!("greybox_node_beats_missed_total").increment(1);
                     connection = None;
+                    due.reset_after(RETRY_INTERVAL.min(self.shared.beat));
                 }
             }
         }
@@ -77,12 +82,18 @@ impl Beats {
             .bind(self.database.life)
             .execute(&mut *connection)
             .await?;
-        sqlx::query_as("select life, beat, beat_ms from nodes where state = 'live' order by life")
-            .fetch_all(connection)
-            .await
+        sqlx::query_as(
+            "select life, beat, beat_ms, \
+             case when silent_beat = beat then silence_ms else 0 end as silence_ms \
+             from nodes where state = 'live' order by life",
+        )
+        .fetch_all(connection)
+        .await
     }
 
-    fn look(&self, watch: &mut Watch, live: &[Beat]) {
+    /// Looks at the counters of all nodes and has the jobs of dead ones taken over. Answers the nodes whose
+    /// counters stand still.
+    fn look(&self, watch: &mut Watch, live: &[Beat]) -> Vec<Beat> {
         metrics::gauge!("greybox_nodes").set(u32::try_from(live.len()).unwrap_or(u32::MAX));
         let own = live
             .iter()
@@ -99,8 +110,34 @@ impl Beats {
             (self.on_change)(Change::Missed);
         }
         let own_ms = i64::try_from(self.shared.beat.as_millis()).unwrap_or(i64::MAX);
-        for dead in watch.observe(own_ms, live) {
-            tokio::spawn(take_over(self.database.clone(), dead));
+        let silent = watch.observe(own_ms, live);
+        for dead in silent.iter().filter(|node| node.is_dead(own_ms)) {
+            tokio::spawn(take_over(self.database.clone(), *dead));
+        }
+        silent
+    }
+}
+
+/// Notes for how long counters have stood still, for observers that begin later. A counter that was raised since
+/// is left alone. A connection on which that fails is given up.
+async fn note(connection: &mut Option<PgConnection>, silent: &[Beat]) {
+    for node in silent {
+        let Some(open) = connection else {
+            return;
+        };
+        let noting = sqlx::query(
+            "update nodes set silent_beat = beat, silence_ms = \
+             case when silent_beat = beat then greatest(silence_ms, $3) else $3 end \
+             where life = $1 and beat = $2 and state = 'live'",
+        )
+        .bind(node.life)
+        .bind(node.beat)
+        .bind(node.silence_ms)
+        .execute(open);
+        let noted = tokio::time::timeout(LONGEST_BEAT, noting).await;
+        if !matches!(noted, Ok(Ok(_))) {
+            tracing::warn!(node = node.life, "the silence of a node could not be noted");
+            *connection = None;
         }
     }
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use crate::store::database::{self, Kind};
+use crate::store::node_name::node_name;
 use crate::store::writer::{Tx, Writer};
 use crate::store::{Change, StoreError, queue};
 
@@ -36,7 +37,7 @@ async fn begin_in(tx: &mut Tx, beat: Duration) -> Result<i64, StoreError> {
         "insert into nodes (life, name, beat_ms, state, begun_at) values ($1, $2, $3, 'live', $4)",
     )
     .bind(life)
-    .bind(name())
+    .bind(node_name())
     .bind(i64::try_from(beat.as_millis()).unwrap_or(i64::MAX))
     .bind(Timestamp::now().to_string())
     .execute(&mut **tx)
@@ -46,12 +47,6 @@ async fn begin_in(tx: &mut Tx, beat: Duration) -> Result<i64, StoreError> {
         .execute(&mut **tx)
         .await?;
     Ok(life)
-}
-
-/// The machine and the process.
-fn name() -> String {
-    let machine = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    format!("{}:{}", machine.trim(), std::process::id())
 }
 
 /// Notes that a life was cut off, and what that says of the jobs.

@@ -1,13 +1,14 @@
 //! Which of the other nodes no longer say that they live.
 //!
-//! A node is dead when its counter has stood still while the observer raised its own five times. No clock
+//! A node is dead when its counter has stood still while observers raised their own five times. No clock
 //! decides: a database that stands still stops all counters together, and an observer that stands still
-//! sees nothing.
+//! sees nothing. The database holds how long a counter has stood still, so that an observer goes on where
+//! another one ended.
 
 use std::collections::HashMap;
 
-/// Own beats for which the counter of another may stand still.
-const PATIENCE: u32 = 5;
+/// Beats of an observer for which the counter of another node may stand still.
+const PATIENCE: i64 = 5;
 
 /// The counter of a node that lives.
 #[derive(Clone, Copy, Debug, sqlx::FromRow)]
@@ -16,19 +17,27 @@ pub(super) struct Beat {
     pub(super) beat: i64,
     /// How often it is raised [ms].
     pub(super) beat_ms: i64,
+    /// For how long the counter has stood still at the least, counted in the beats of observers [ms].
+    pub(super) silence_ms: i64,
+}
+
+impl Beat {
+    /// Whether observers whose counters are raised every `own_ms` take the node for dead.
+    pub(super) fn is_dead(&self, own_ms: i64) -> bool {
+        let own_ms = own_ms.max(1);
+        let own_beats_for_one = self.beat_ms.max(1).div_euclid(own_ms)
+            + i64::from(self.beat_ms.max(1).rem_euclid(own_ms) > 0);
+        self.silence_ms
+            >= PATIENCE
+                .saturating_mul(own_beats_for_one)
+                .saturating_mul(own_ms)
+    }
 }
 
 /// The counters of other nodes as they were last seen.
 pub(super) struct Watch {
     life: i64,
-    seen: HashMap<i64, Standstill>,
-}
-
-#[derive(Clone, Copy)]
-struct Standstill {
-    beat: i64,
-    /// Own beats since it was raised.
-    own_beats: u32,
+    seen: HashMap<i64, Beat>,
 }
 
 impl Watch {
@@ -40,34 +49,32 @@ impl Watch {
         }
     }
 
-    /// Takes the counters as they are after an own beat, which come every `own_ms`; answers those of
-    /// nodes that are dead.
+    /// Takes the counters as they are after an own beat, which come every `own_ms`; answers those that
+    /// stand still, with their silence up to now. What another observer counted holds where it is more than
+    /// was counted here.
     pub(super) fn observe(&mut self, own_ms: i64, live: &[Beat]) -> Vec<Beat> {
-        self.seen
-            .retain(|life, _| live.iter().any(|node| node.life == *life));
         let others = live.iter().filter(|node| node.life != self.life);
-        let dead = others.filter(|node| {
-            let own_beats = match self.seen.get(&node.life) {
-                Some(seen) if seen.beat == node.beat => seen.own_beats + 1,
-                _ => 0,
+        let seen = others.map(|node| {
+            let silence_ms = match self.seen.get(&node.life) {
+                Some(before)
+                    if before.beat == node.beat && node.silence_ms <= before.silence_ms =>
+                {
+                    before.silence_ms.saturating_add(own_ms)
+                }
+                _ => node.silence_ms,
             };
-            let seen = Standstill {
-                beat: node.beat,
-                own_beats,
-            };
-            self.seen.insert(node.life, seen);
-            own_beats >= patience(own_ms, node.beat_ms)
+            (
+                node.life,
+                Beat {
+                    silence_ms,
+                    ..*node
+                },
+            )
         });
-        dead.copied().collect()
+        self.seen = seen.collect();
+        let silent = self.seen.values().filter(|node| node.silence_ms > 0);
+        silent.copied().collect()
     }
-}
-
-/// Own beats for which the counter of a node may stand still that is raised every `other_ms`.
-fn patience(own_ms: i64, other_ms: i64) -> u32 {
-    let own_beats_for_one = other_ms
-        .unsigned_abs()
-        .div_ceil(own_ms.unsigned_abs().max(1));
-    PATIENCE.saturating_mul(u32::try_from(own_beats_for_one.max(1)).unwrap_or(u32::MAX))
 }
 
 #[cfg(test)]
@@ -79,6 +86,14 @@ mod tests {
             life,
             beat,
             beat_ms: 1000,
+            silence_ms: 0,
+        }
+    }
+
+    fn standing_still(silence_ms: i64) -> Beat {
+        Beat {
+            silence_ms,
+            ..node(2, 7)
         }
     }
 
@@ -86,9 +101,8 @@ mod tests {
     fn dead_after(own_ms: i64, beat_at: impl Fn(i64) -> Beat) -> Option<i64> {
         let mut watch = Watch::of(1);
         (0..100).find(|at| {
-            !watch
-                .observe(own_ms, &[node(1, *at), beat_at(*at)])
-                .is_empty()
+            let silent = watch.observe(own_ms, &[node(1, *at), beat_at(*at)]);
+            silent.iter().any(|node| node.is_dead(own_ms))
         })
     }
 
@@ -118,5 +132,40 @@ mod tests {
         let mut watch = Watch::of(1);
         let found = (0..100).map(|_| watch.observe(1000, &[node(1, 0)]));
         assert!(found.flatten().next().is_none());
+    }
+    #[test]
+    fn an_observer_goes_on_where_another_one_ended() {
+        // The database holds what the observer before wrote. The first look of an observer counts nothing.
+        let mut silence_ms = 0;
+        for (beats, expected_ms) in [(2, 1000), (3, 3000), (3, 5000)] {
+            let mut watch = Watch::of(1);
+            for _ in 0..beats {
+                let silent = watch.observe(1000, &[standing_still(silence_ms)]);
+                silence_ms = silent.first().map_or(0, |node| node.silence_ms);
+            }
+            assert_eq!(silence_ms, expected_ms);
+        }
+        assert!(standing_still(silence_ms).is_dead(1000));
+    }
+
+    #[test]
+    fn observers_together_count_no_more_than_one_of_them() {
+        let mut watches = [Watch::of(1), Watch::of(3)];
+        let mut silence_ms = 0;
+        for turn in 0..5 {
+            for watch in &mut watches {
+                let silent = watch.observe(
+                    1000,
+                    &[Beat {
+                        silence_ms,
+                        ..node(2, 7)
+                    }],
+                );
+                let counted = silent.first().map_or(0, |node| node.silence_ms);
+                assert!(counted <= turn * 1000, "{counted} ms after {turn} beats");
+                silence_ms = silence_ms.max(counted);
+            }
+        }
+        assert_eq!(silence_ms, 4000);
     }
 }

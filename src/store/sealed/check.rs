@@ -4,8 +4,8 @@ use futures_util::TryStreamExt;
 use sqlx::postgres::PgConnectOptions;
 
 use super::{Sealed, TABLES};
-use crate::store::database::postgres::{self, Use};
-use crate::store::database::{Connection, Pool, QueryBuilder, Row, Value, query_scalar};
+use crate::store::database::postgres::Use;
+use crate::store::database::{Connection, Losses, Pool, QueryBuilder, Row, Value, query_scalar};
 use crate::store::{AuditHead, StoreError, audit, schema_version};
 
 /// Damaged rows that are named; the others are counted.
@@ -32,7 +32,7 @@ pub struct Checked {
 /// # Errors
 /// The database does not answer or has another schema.
 pub async fn check_postgres(options: &PgConnectOptions) -> Result<Checked, StoreError> {
-    let pool = Pool::Postgres(postgres::pool(options, 1, Use::Copies).await?);
+    let pool = Pool::of_postgres(options, 1, Use::Copies, &Losses::default()).await?;
     let checked = check_schema_and_rows(&pool).await;
     pool.close().await;
     checked
@@ -60,7 +60,7 @@ async fn check_schema_and_rows(pool: &Pool) -> Result<Checked, StoreError> {
 /// # Errors
 /// The database does not answer, or a row cannot be read.
 pub async fn seal_postgres(options: &PgConnectOptions) -> Result<u64, StoreError> {
-    let pool = Pool::Postgres(postgres::pool(options, 1, Use::Copies).await?);
+    let pool = Pool::of_postgres(options, 1, Use::Copies, &Losses::default()).await?;
     let sealed = seal_all(&pool).await;
     pool.close().await;
     sealed

@@ -1,6 +1,9 @@
-//! A PostgreSQL of the tests' own, from the system's package; it ends and goes with the tests.
+//! A PostgreSQL of the tests' own, from the system's package; it ends and goes with the tests. It listens on a socket
+//! in its folder and on the loopback interface, there with TLS: its certificate is for `localhost`, and the
+//! authority that signed it is `authority.pem` in the folder.
 
 use std::io::Write;
+use std::net::{Ipv4Addr, TcpListener};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -8,16 +11,21 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
+use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, IsCa, KeyPair};
+
 /// How long it may take to begin.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Ends the server and removes its folder when its input ends: when the process of the tests does.
-const KEEPER: &str = "\"$0/postgres\" -D \"$1/data\" -k \"$1\" -c listen_addresses= -c fsync=off \
-                      -c max_connections=400 >\"$1/log\" 2>&1 & read _; kill -QUIT $!; wait; rm -rf \"$1\"";
+const KEEPER: &str = "\"$0/postgres\" -D \"$1/data\" -k \"$1\" -p \"$2\" -c listen_addresses=127.0.0.1 \
+                      -c fsync=off -c max_connections=400 -c ssl=on -c ssl_cert_file=\"$1/server.pem\" \
+                      -c ssl_key_file=\"$1/server.key\" >\"$1/log\" 2>&1 & \
+                      read _; kill -QUIT $!; wait; rm -rf \"$1\"";
 
 struct Cluster {
     programs: PathBuf,
     folder: PathBuf,
+    port: String,
     /// Its input is open for as long as this process lives.
     _keeper: Child,
 }
@@ -29,14 +37,14 @@ pub(super) fn new_database() -> Option<String> {
     let cluster = CLUSTER.get_or_init(Cluster::start).as_ref()?;
     let name = format!("test_{}", NEXT.fetch_add(1, Ordering::Relaxed));
     let made = Command::new(cluster.programs.join("createdb"))
-        .args(["--username=postgres", "--host"])
+        .args(["--username=postgres", "--port", &cluster.port, "--host"])
         .arg(&cluster.folder)
         .arg(&name)
         .status();
     assert!(made.expect("createdb").success(), "createdb failed");
-    let folder = cluster.folder.display();
+    let (folder, port) = (cluster.folder.display(), &cluster.port);
     Some(format!(
-        "postgres://postgres@localhost/{name}?host={folder}"
+        "postgres://postgres@localhost:{port}/{name}?host={folder}"
     ))
 }
 
@@ -72,18 +80,22 @@ impl Cluster {
             .stdout(Stdio::null())
             .status();
         assert!(made.expect("initdb").success(), "initdb failed");
+        certify(&folder, user);
+        let port = free_port();
         let keeper = run(Path::new("/bin/sh"))
             .args(["-c", KEEPER])
             .arg(&programs)
             .arg(&folder)
+            .arg(&port)
             .stdin(Stdio::piped())
             .spawn()
             .expect("a shell");
         let began = Instant::now();
         let answers = || {
             let mut asked = Command::new(programs.join("pg_isready"));
-            let asked = asked.arg("--quiet").arg("--host").arg(&folder).status();
-            asked.expect("pg_isready").success()
+            let asked = asked.args(["--quiet", "--port", &port, "--host"]);
+            let status = asked.arg(&folder).status();
+            status.expect("pg_isready").success()
         };
         while !answers() {
             assert!(began.elapsed() < PATIENCE, "PostgreSQL does not begin");
@@ -91,8 +103,41 @@ impl Cluster {
         Some(Self {
             programs,
             folder,
+            port,
             _keeper: keeper,
         })
+    }
+}
+
+/// A port that nobody listens on and that the system gives to no connection.
+fn free_port() -> String {
+    let first = 10_000 + std::process::id() % 10_000;
+    let ports = (first..20_000).chain(10_000..first).map(|port| port as u16);
+    let mut free = ports.filter(|port| TcpListener::bind((Ipv4Addr::LOCALHOST, *port)).is_ok());
+    free.next().expect("a free port").to_string()
+}
+
+/// Makes an authority, and a certificate of the server with its key.
+fn certify(folder: &Path, user: Option<(u32, u32)>) {
+    let mut authority = CertificateParams::default();
+    authority.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+    let key = || KeyPair::generate().expect("a key");
+    let authority = CertifiedIssuer::self_signed(authority, key()).expect("an authority");
+    let server = CertificateParams::new(["localhost".to_owned()]).expect("parameters");
+    let server_key = key();
+    let server = server.signed_by(&server_key, &authority);
+    for (name, text) in [
+        ("authority.pem", authority.pem()),
+        ("server.pem", server.expect("a certificate").pem()),
+        ("server.key", server_key.serialize_pem()),
+    ] {
+        let path = folder.join(name);
+        std::fs::write(&path, text).expect("a file");
+        let private = std::os::unix::fs::PermissionsExt::from_mode(0o600);
+        std::fs::set_permissions(&path, private).expect("its mode");
+        if let Some((id, group)) = user {
+            std::os::unix::fs::chown(&path, Some(id), Some(group)).expect("its owner");
+        }
     }
 }
 

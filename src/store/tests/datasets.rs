@@ -9,6 +9,9 @@ on_both! {
     a_recording_is_kept_while_a_job_needs_it,
     a_job_on_a_recording_that_is_not_there_is_refused,
     a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_scratch,
+    a_large_recording_that_comes_twice_at_once_is_stored_once,
+    a_large_recording_that_does_not_read_back_leaves_nothing,
+    the_parts_of_a_server_that_is_gone_go,
 }
 use greybox::intake::{self, MediaKind};
 use greybox::recording::{Recording, Signal, TimeAxis, Warning};
@@ -173,6 +176,78 @@ async fn a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_sc
             assert!(back.values == stored.values, "{}", back.name);
         }
     }
+}
+
+/// Recordings whose samples come in several chunks.
+fn large(digest: &str) -> NewDataset {
+    let values: Vec<f64> = (0..200_000).map(f64::from).collect();
+    new_dataset(digest, recording(uniform(200_000), values))
+}
+
+/// Chunks of recordings, and recordings on their way in.
+async fn parts(fixture: &Fixture) -> [i64; 2] {
+    let mut counts = [0; 2];
+    for (count, table) in counts
+        .iter_mut()
+        .zip(["dataset_chunks", "unfinished_datasets"])
+    {
+        let mut query = database::QueryBuilder::new("select count(*) from ");
+        query.push(table);
+        let counted = query.build_query_scalar();
+        *count = counted
+            .fetch_one(fixture.store.readers())
+            .await
+            .expect("a count");
+    }
+    counts
+}
+
+async fn a_large_recording_that_comes_twice_at_once_is_stored_once(fixture: Fixture) {
+    let datasets = fixture.store.datasets();
+    let (first, second) = tokio::join!(
+        datasets.insert(large("sha256:1")),
+        datasets.insert(large("sha256:1"))
+    );
+    let (first, second) = (first.expect("a dataset"), second.expect("a dataset"));
+    assert_eq!(first.0, second.0);
+    assert!(first.1 != second.1);
+    assert_eq!(parts(&fixture).await, [4, 0]);
+    let read = datasets.recording(first.0.id).await.expect("a read");
+    assert_eq!(
+        read.expect("a recording").signals[1].values[199_999],
+        199_999.0
+    );
+    let removed = datasets.delete(first.0.id).await.expect("a removal");
+    assert_eq!(removed, DatasetRemoval::Removed);
+    assert_eq!(parts(&fixture).await, [0, 0]);
+}
+
+async fn a_large_recording_that_does_not_read_back_leaves_nothing(fixture: Fixture) {
+    let mut new = large("sha256:1");
+    // The samples of the last signal are in a column that is not there.
+    let mut wide = recording(uniform(1), vec![1.0]);
+    wide.signals.push(wide.signals[0].clone());
+    let wide = new_dataset("sha256:2", wide).recording;
+    new.recording.header.signals[1] = wide.header.signals[2].clone();
+    let refused = fixture.store.datasets().insert(new).await;
+    assert!(refused.is_err());
+    assert_eq!(parts(&fixture).await, [0, 0]);
+}
+
+async fn the_parts_of_a_server_that_is_gone_go(fixture: Fixture) {
+    let stored = fixture.store.datasets().insert(large("sha256:1")).await;
+    stored.expect("a dataset");
+    for statement in [
+        "insert into unfinished_datasets (dataset, life) values ('ds_gone', 0)",
+        "insert into dataset_chunks (dataset, position, chunk, samples, seal) \
+         select 'ds_gone', position, chunk, samples, seal from dataset_chunks",
+    ] {
+        full::execute(&fixture, statement).await.expect("rows");
+    }
+    assert_eq!(parts(&fixture).await, [8, 1]);
+    let tidied = fixture.store.tidy(Retention::default()).await;
+    tidied.expect("a tidy store");
+    assert_eq!(parts(&fixture).await, [4, 0]);
 }
 
 fn bits(values: &[f64]) -> Vec<u64> {

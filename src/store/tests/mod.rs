@@ -17,6 +17,7 @@ mod retention;
 mod slices;
 mod streams;
 mod upgrades;
+mod ways;
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -78,6 +78,11 @@ async fn a_server_that_says_no_more_that_it_lives_writes_nothing_more_and_others
     fixture.store.nodes().close().await;
     let is_in_charge = async || other.nodes().is_in_charge();
     until("another is in charge", is_in_charge).await;
+    let silence_ms: i64 = database::query_scalar("select silence_ms from nodes where life = 1")
+        .fetch_one(other.readers())
+        .await
+        .expect("a silence");
+    assert!(silence_ms > 0, "an observer that begins goes on with it");
     let record = fixture
         .store
         .slices()
