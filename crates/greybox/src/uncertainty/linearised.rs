@@ -11,6 +11,7 @@ use super::fit;
 use super::fit::Criteria;
 use super::identifiability::{self, FlatDirection};
 use super::monte_carlo;
+use super::posterior::{Posterior, PosteriorChains};
 use super::profile::{self, Ends, Walk};
 use super::refits::RefitSequence;
 use super::residuals;
@@ -20,6 +21,7 @@ use super::weighing::Seen;
 use super::windows::{self, WindowAgreement};
 use super::{Analysis, CoordinateUncertainty, Intervals, Request, analysis};
 use crate::estimation::loss::Loss;
+use crate::estimation::observer::PosteriorRow;
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
 use crate::estimation::sensitivity::SensitivityError;
@@ -66,6 +68,7 @@ enum IntervalRefits {
     Fisher,
     Profile(Vec<Walk>),
     Bootstrap(Vec<DrawnFit>),
+    Posterior(Box<PosteriorChains>),
 }
 
 /// The intervals of all coordinates, made in one way.
@@ -121,6 +124,17 @@ impl LinearisedEstimate {
         match &mut self.first_order {
             Ok(first_order) => first_order.sequences(),
             Err(_) => Vec::new(),
+        }
+    }
+
+    /// Returns how far the chains of a posterior came, a row for each look at them; empty where none was asked for.
+    pub fn posterior_looks(&self) -> &[PosteriorRow] {
+        match &self.first_order {
+            Ok(first_order) => match &first_order.intervals {
+                IntervalRefits::Posterior(chains) => chains.looks(),
+                _ => &[],
+            },
+            Err(_) => &[],
         }
     }
 
@@ -225,6 +239,12 @@ impl FirstOrder {
             Intervals::Bootstrap => {
                 IntervalRefits::Bootstrap(resampling(None).fits(settings.bootstrap_samples))
             }
+            Intervals::Posterior => {
+                let generations = settings.posterior_generations;
+                let chains = PosteriorChains::begin(estimate, request.seed, generations, stop);
+                let chains = chains.ok_or(SensitivityError::Interrupted)?;
+                IntervalRefits::Posterior(Box::new(chains))
+            }
         };
         let monte_carlo = match settings.monte_carlo_samples {
             0 => Vec::new(),
@@ -254,6 +274,10 @@ impl FirstOrder {
                 &mut []
             }
             IntervalRefits::Bootstrap(drawn) => &mut drawn[..],
+            IntervalRefits::Posterior(chains) => {
+                sequences.push(&mut **chains);
+                &mut []
+            }
         };
         let drawn = drawn.iter_mut().chain(&mut self.monte_carlo);
         sequences.extend(drawn.map(|fit| fit as &mut dyn RefitSequence));
@@ -266,6 +290,7 @@ impl FirstOrder {
             IntervalRefits::Fisher => true,
             IntervalRefits::Profile(walks) => walks.iter().all(|walk| walk.next().is_none()),
             IntervalRefits::Bootstrap(drawn) => drawn.iter().all(|fit| fit.next().is_none()),
+            IntervalRefits::Posterior(chains) => chains.next().is_none(),
         };
         intervals && self.monte_carlo.iter().all(|fit| fit.next().is_none())
     }
@@ -281,7 +306,11 @@ impl FirstOrder {
         } = estimate;
         let linear = &self.linear;
         let mut coordinates = analysis::coordinates(problem, report, Some(linear));
-        self.improve_intervals(&mut coordinates, estimate);
+        let posterior = match &self.intervals {
+            IntervalRefits::Posterior(chains) => Some(Box::new(chains.posterior()?)),
+            _ => None,
+        };
+        self.improve_intervals(&mut coordinates, estimate, posterior.as_deref());
         let deviations: Vec<Option<f64>> = (0..report.positions.len())
             .map(|index| linear.deviation(index))
             .collect();
@@ -325,6 +354,7 @@ impl FirstOrder {
             windows: self.windows.clone(),
             bindings: constrained.map_or_else(Vec::new, |constrained| constrained.bindings()),
             noise: None,
+            posterior,
             judgement: Judgement::default(),
         })
     }
@@ -334,6 +364,7 @@ impl FirstOrder {
         &self,
         coordinates: &mut [CoordinateUncertainty],
         estimate: &SimulatedEstimate,
+        posterior: Option<&Posterior>,
     ) {
         let (problem, positions) = (&estimate.problem, &estimate.report.positions);
         let closed = |(low, high)| (Some(low), Some(high));
@@ -364,6 +395,13 @@ impl FirstOrder {
                 intervals.map(|intervals| IntervalEnds {
                     method: "bootstrap",
                     ends: intervals.into_iter().map(closed).collect(),
+                })
+            }
+            IntervalRefits::Posterior(_) => {
+                let drawn = posterior.filter(|posterior| posterior.draws > 0);
+                drawn.map(|posterior| IntervalEnds {
+                    method: "posterior",
+                    ends: posterior.ends().map(closed).collect(),
                 })
             }
         };
