@@ -226,22 +226,26 @@ impl JobSpec {
                           `method.huber_threshold` gives up: leave one of them out";
             job.fault("contradiction", detail);
         }
-        if self.uncertainty.intervals == Intervals::Profile {
-            let detail = "profile intervals follow the likelihood of normal noise, which \
-                          `method.huber_threshold` gives up: ask for `bootstrap`";
+        if matches!(
+            self.uncertainty.intervals,
+            Intervals::Profile | Intervals::Posterior
+        ) {
+            let detail = "profile intervals and draws from the posterior follow the likelihood of \
+                          normal noise, which `method.huber_threshold` gives up: ask for `bootstrap`";
             job.fault("contradiction", detail);
         }
     }
 
-    /// What listed disturbances ask of the rest of the job: intervals from the curvature of the likelihood.
+    /// What listed disturbances ask of the rest of the job: intervals from the curvature of the likelihood, or
+    /// from draws.
     fn check_noise(&self, job: &Object<'_>) {
         if !matches!(self.process_noise, JobNoiseSpec::Listed(_)) {
             return;
         }
         if self.uncertainty.has_independent_refits() {
             let detail = "with `process_noise` the intervals follow from the curvature of the \
-                          likelihood: leave `uncertainty.intervals` and \
-                          `uncertainty.monte_carlo_samples` out";
+                          likelihood, or from draws: leave `uncertainty.intervals` out or ask for \
+                          `posterior`, and leave `uncertainty.monte_carlo_samples` out";
             job.fault("contradiction", detail);
         }
         if self.method.huber_threshold.is_some() {
