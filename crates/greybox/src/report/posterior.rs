@@ -98,20 +98,20 @@ fn cells(posterior: &PosteriorReport) -> Vec<String> {
 }
 
 /// One unknown of a corner plot.
-struct Column {
+struct CornerColumn {
     values: Vec<f64>,
     low: f64,
     high: f64,
     label: String,
 }
 
-impl Column {
+impl CornerColumn {
     /// None where all draws are one number.
-    fn of(draws: &PosteriorDraws, index: usize) -> Option<Column> {
+    fn of(draws: &PosteriorDraws, index: usize) -> Option<CornerColumn> {
         let values: Vec<f64> = draws.rows.iter().map(|row| row[index]).collect();
         let [low, high] = SHOWN.map(|share| statistics::quantile(&values, share));
         let (low, high) = (low?, high?);
-        (low < high).then(|| Column {
+        (low < high).then(|| CornerColumn {
             values,
             low,
             high,
@@ -126,17 +126,29 @@ impl Column {
     }
 }
 
-/// The corner of a panel, counted in panels from the upper left one.
-fn corner_of(column: usize, row: usize) -> (f64, f64) {
-    let at = |place: usize| place as f64 * (PANEL + GAP);
-    (MARGIN + at(column), at(row) + GAP)
+/// Where the upper left corner of a panel is.
+#[derive(Clone, Copy)]
+struct PanelCorner {
+    x: f64,
+    y: f64,
+}
+
+impl PanelCorner {
+    /// The panel of this column and row, both counted from the upper left one.
+    fn of(column: usize, row: usize) -> PanelCorner {
+        let at = |place: usize| place as f64 * (PANEL + GAP);
+        PanelCorner {
+            x: MARGIN + at(column),
+            y: at(row) + GAP,
+        }
+    }
 }
 
 /// Each unknown over each other one, and how often it has which value.
 fn corner(page: &mut String, draws: &PosteriorDraws) {
     let unknowns = 0..draws.names.len().min(MOST_UNKNOWNS);
-    let columns: Vec<Column> = unknowns
-        .filter_map(|index| Column::of(draws, index))
+    let columns: Vec<CornerColumn> = unknowns
+        .filter_map(|index| CornerColumn::of(draws, index))
         .collect();
     if columns.is_empty() {
         return;
@@ -151,9 +163,9 @@ fn corner(page: &mut String, draws: &PosteriorDraws) {
     );
     for (row, up) in columns.iter().enumerate() {
         for (place, across) in columns.iter().enumerate().take(row) {
-            dots(page, [across, up], corner_of(place, row));
+            dots(page, [across, up], PanelCorner::of(place, row));
         }
-        histogram(page, up, corner_of(row, row));
+        histogram(page, up, PanelCorner::of(row, row));
         labels(page, up, row, columns.len());
     }
     let first = match draws.names.len() > MOST_UNKNOWNS {
@@ -169,15 +181,17 @@ fn corner(page: &mut String, draws: &PosteriorDraws) {
     );
 }
 
-fn frame(page: &mut String, (x, y): (f64, f64)) {
+fn frame(page: &mut String, at: PanelCorner) {
+    let PanelCorner { x, y } = at;
     push(
         page,
         format_args!("<path class=\"axis\" d=\"M{x:.1} {y:.1}h{PANEL}v{PANEL}h-{PANEL}z\"/>\n"),
     );
 }
 
-fn dots(page: &mut String, [across, up]: [&Column; 2], (x, y): (f64, f64)) {
-    frame(page, (x, y));
+fn dots(page: &mut String, [across, up]: [&CornerColumn; 2], at: PanelCorner) {
+    let PanelCorner { x, y } = at;
+    frame(page, at);
     let every = across.values.len().div_ceil(MOST_DOTS);
     let pairs = across.values.iter().zip(&up.values).step_by(every.max(1));
     let mut path = String::new();
@@ -196,8 +210,9 @@ fn dots(page: &mut String, [across, up]: [&Column; 2], (x, y): (f64, f64)) {
     );
 }
 
-fn histogram(page: &mut String, column: &Column, (x, y): (f64, f64)) {
-    frame(page, (x, y));
+fn histogram(page: &mut String, column: &CornerColumn, at: PanelCorner) {
+    let PanelCorner { x, y } = at;
+    frame(page, at);
     let mut counts = [0_usize; BARS];
     for place in column
         .values
@@ -224,8 +239,8 @@ fn histogram(page: &mut String, column: &Column, (x, y): (f64, f64)) {
 }
 
 /// The label of an unknown along the bottom and, where it stands above others, along the left.
-fn labels(page: &mut String, column: &Column, place: usize, n: usize) {
-    let (x, y) = corner_of(place, n - 1);
+fn labels(page: &mut String, column: &CornerColumn, place: usize, n: usize) {
+    let PanelCorner { x, y } = PanelCorner::of(place, n - 1);
     let (middle, below) = (x + 0.5 * PANEL, y + PANEL + 14.0);
     push(
         page,
@@ -241,8 +256,8 @@ fn labels(page: &mut String, column: &Column, place: usize, n: usize) {
         ),
     );
     if place > 0 {
-        let (_, y) = corner_of(0, place);
-        let (x, y) = (MARGIN - 12.0, y + 0.5 * PANEL);
+        let panel = PanelCorner::of(0, place);
+        let (x, y) = (MARGIN - 12.0, panel.y + 0.5 * PANEL);
         push(
             page,
             format_args!(

@@ -23,7 +23,7 @@ use super::simulated_estimate::SimulatedEstimate;
 use crate::estimation::log_posterior::{self, LogPosterior, NoiseLevel, OutputNoise};
 use crate::estimation::loss::Loss;
 use crate::estimation::observer::PosteriorRow;
-use chains::{ChainStates, Proposer};
+use chains::{ChainProposer, ChainStates};
 use greybox_numerics::rng::{self, Purpose};
 use greybox_numerics::statistics;
 use minima::Minima;
@@ -186,7 +186,7 @@ impl RefitSequence for PosteriorChains {
             0 => self.first_states(&density, stop)?,
             _ => self.states.clone(),
         };
-        let proposer = Proposer {
+        let proposer = ChainProposer {
             minima: &self.minima,
             deviations: &self.deviations,
             archive: &self.archive,

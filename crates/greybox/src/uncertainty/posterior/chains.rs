@@ -39,7 +39,7 @@ pub(super) struct ChainStates {
 
 /// What proposals are made from.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Proposer<'a> {
+pub(super) struct ChainProposer<'a> {
     pub minima: &'a Minima,
     /// The standard deviation of each position about the first minimum.
     pub deviations: &'a [f64],
@@ -50,15 +50,15 @@ pub(super) struct Proposer<'a> {
 }
 
 /// Where a chain may move.
-struct Move {
+struct ProposedMove {
     positions: Vec<f64>,
     /// The logarithm of how much likelier the way back is proposed than the way there.
     log_way_back: f64,
 }
 
 /// A move and what decides whether the chain makes it.
-struct Proposal {
-    to: Move,
+struct ChainProposal {
+    to: ProposedMove,
     /// The logarithm of a uniform random number, which the gain has to exceed.
     log_threshold: f64,
 }
@@ -67,14 +67,14 @@ impl ChainStates {
     /// Moves every chain once, in the generation of this number. Answers nothing, with nothing changed, when `stop` was raised.
     pub fn advance(
         &mut self,
-        proposer: Proposer<'_>,
+        proposer: ChainProposer<'_>,
         generation: u64,
         density: &LogPosterior<'_>,
         stop: &AtomicBool,
     ) -> Option<()> {
         let chains = self.positions.iter().enumerate();
         let proposals = chains.map(|(chain, at)| proposer.propose(generation, chain, at));
-        let proposals: Vec<Proposal> = proposals.collect();
+        let proposals: Vec<ChainProposal> = proposals.collect();
         let candidates: Vec<Vec<f64>> = proposals
             .iter()
             .map(|proposal| proposal.to.positions.clone())
@@ -91,8 +91,8 @@ impl ChainStates {
     }
 }
 
-impl Proposer<'_> {
-    fn propose(&self, generation: u64, chain: usize, at: &[f64]) -> Proposal {
+impl ChainProposer<'_> {
+    fn propose(&self, generation: u64, chain: usize, at: &[f64]) -> ChainProposal {
         let rng =
             &mut rng::stream_of_search(self.seed, chain as u32, generation, Purpose::Posterior);
         let kind = rng::unit(rng);
@@ -104,21 +104,21 @@ impl Proposer<'_> {
             let whole = generation.is_multiple_of(WHOLE_STEPS);
             self.by_a_difference(at, whole, rng)
         };
-        Proposal {
+        ChainProposal {
             to,
             log_threshold: libm::log(rng::unit(rng)),
         }
     }
 
-    fn about_a_minimum(&self, at: &[f64], rng: &mut impl Rng) -> Move {
+    fn about_a_minimum(&self, at: &[f64], rng: &mut impl Rng) -> ProposedMove {
         let drawn = self.minima.draw(rng);
-        Move {
+        ProposedMove {
             log_way_back: self.minima.log_density(at) - self.minima.log_density(&drawn),
             positions: drawn,
         }
     }
 
-    fn by_a_difference(&self, at: &[f64], whole: bool, rng: &mut impl Rng) -> Move {
+    fn by_a_difference(&self, at: &[f64], whole: bool, rng: &mut impl Rng) -> ProposedMove {
         let share = match whole {
             true => 1.0,
             false => 2.38 / (2.0 * at.len() as f64).sqrt(),
@@ -129,7 +129,7 @@ impl Proposer<'_> {
             let jitter = JITTER * self.deviations[place] * rng::normal(rng);
             *position += share * (first[place] - second[place]) + jitter;
         }
-        Move {
+        ProposedMove {
             positions: moved,
             log_way_back: 0.0,
         }
@@ -137,7 +137,7 @@ impl Proposer<'_> {
 
     /// Moves along the line through a draw of the archive. Positions are measured in the standard
     /// deviations about the minimum.
-    fn along_a_line(&self, at: &[f64], rng: &mut impl Rng) -> Move {
+    fn along_a_line(&self, at: &[f64], rng: &mut impl Rng) -> ProposedMove {
         let [through, first, second] = self.different(rng);
         let [least, most] = SNOOKER_STEPS;
         let share = least + (most - least) * rng::unit(rng);
@@ -151,13 +151,13 @@ impl Proposer<'_> {
         let step = share * difference / length;
         if !step.is_finite() {
             // The chain stands at the draw itself: there is no line.
-            return Move {
+            return ProposedMove {
                 positions: at.to_vec(),
                 log_way_back: f64::NEG_INFINITY,
             };
         }
         let moved = at.iter().zip(&line).map(|(x, part)| x + step * part);
-        Move {
+        ProposedMove {
             positions: moved.collect(),
             log_way_back: (at.len() as f64 - 1.0) * libm::log((1.0 + step).abs()),
         }

@@ -24,12 +24,12 @@ const ATTEMPTS: usize = 20;
 /// The minima of the cost with the curvature at each.
 #[derive(Debug)]
 pub(super) struct Minima {
-    minima: Vec<Minimum>,
+    minima: Vec<LaplaceMinimum>,
 }
 
-/// A minimum of the cost.
+/// A minimum of the cost, with the information there.
 #[derive(Debug)]
-struct Minimum {
+struct LaplaceMinimum {
     middle: DVector<f64>,
     /// The upper triangle R of the information RᵀR.
     triangle: DMatrix<f64>,
@@ -53,7 +53,7 @@ impl Minima {
                 Ok(linearisation) => {
                     let factor = linearisation.triangle.factor();
                     let weight = independent_share / linearisation.residual_variance;
-                    minima.extend(Minimum::of(middle, &factor, weight));
+                    minima.extend(LaplaceMinimum::of(middle, &factor, weight));
                 }
                 Err(SensitivityError::Interrupted) => return None,
                 Err(SensitivityError::Failed(_)) => {}
@@ -119,15 +119,15 @@ impl Minima {
     }
 }
 
-impl Minimum {
+impl LaplaceMinimum {
     /// None where the information is not finite.
-    fn of(middle: Vec<f64>, factor: &DMatrix<f64>, weight: f64) -> Option<Minimum> {
+    fn of(middle: Vec<f64>, factor: &DMatrix<f64>, weight: f64) -> Option<LaplaceMinimum> {
         let n = middle.len();
         let range = DMatrix::identity(n, n) * RANGE_INFORMATION;
         let information = factor.transpose() * factor * weight + range;
         let lower = information.cholesky()?.l();
         let is_finite = lower.iter().all(|entry| entry.is_finite());
-        is_finite.then(|| Minimum {
+        is_finite.then(|| LaplaceMinimum {
             middle: DVector::from_vec(middle),
             triangle: lower.transpose(),
         })
