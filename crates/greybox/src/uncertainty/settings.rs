@@ -53,6 +53,14 @@ impl FlatDirections {
 
 words!(Intervals, FlatDirections);
 
+/// Generations of the chains of a posterior, where a job does not say.
+const USUAL_GENERATIONS: u32 = 10_000;
+
+/// Whether generations of chains need not be written: specifications without them keep the digests that they had.
+fn are_usual_generations(generations: &u32) -> bool {
+    *generations == USUAL_GENERATIONS
+}
+
 settings! {
     /// What a job says under `uncertainty`.
     #[schema(as = UncertaintySettings)]
@@ -63,7 +71,8 @@ settings! {
         bootstrap_samples: u32 = 200, from 40, to 10_000;
         /// Generations of the 32 chains of a posterior at the most, 500 to 100 000: they end earlier where R̂ is
         /// below 1.01 and the effective sample sizes are above 400.
-        posterior_generations: u32 = 10_000, from 500, to 100_000;
+        #[serde(skip_serializing_if = "are_usual_generations")]
+        posterior_generations: u32 = USUAL_GENERATIONS, from 500, to 100_000;
         /// Fits in which the noise and all that is taken as known are drawn anew, 100 to 100 000, to check
         /// the total uncertainty by (JCGM 101); 0: none.
         monte_carlo_samples: u32 = 0, from 0, to 100_000, unless too_few_fits;
