@@ -60,7 +60,7 @@ impl FromQuery for EventsQuery {
 
 /// Follow a job.
 ///
-/// Server-sent events `state`, `generation`, `refinement`, `result` and, always last, `end`, with
+/// Server-sent events `state`, `generation`, `refinement`, `posterior`, `result` and, always last, `end`, with
 /// ids 1, 2, 3 … without a gap. Each event is stored before it is sent; a client that comes back
 /// with `Last-Event-ID` misses none.
 #[utoipa::path(
@@ -131,7 +131,7 @@ pub struct StreamedEvent {
     /// 1, 2, 3 … without a gap.
     #[schema(example = "17")]
     pub id: String,
-    /// `state`, `generation`, `refinement`, `result` or `end`.
+    /// `state`, `generation`, `refinement`, `posterior`, `result` or `end`.
     #[schema(example = "refinement")]
     pub event: String,
     /// One line of JSON, an `Event`.

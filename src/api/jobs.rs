@@ -83,6 +83,8 @@ struct Links {
     trajectory: String,
     /// What acted on the plant beside its inputs, where the result has process noise.
     disturbance: String,
+    /// Draws from the posterior distribution, where the job asks for them.
+    posterior: String,
     /// The result as one page for the file.
     report: String,
     /// POST here to end the job.
@@ -98,6 +100,7 @@ impl From<&JobRow> for Job {
             result: format!("{path}/result"),
             trajectory: format!("{path}/trajectory"),
             disturbance: format!("{path}/disturbance"),
+            posterior: format!("{path}/posterior"),
             report: format!("{path}/report"),
             cancel: format!("{path}/cancel"),
             job: path,

@@ -36,6 +36,7 @@ pub mod monitors;
 pub mod openapi;
 pub mod origin;
 pub mod page;
+pub mod posterior;
 pub mod query;
 mod rates;
 pub mod report;

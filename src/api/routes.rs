@@ -14,8 +14,8 @@ use super::http_headers::tagged_json;
 use super::state::ApiState;
 use super::{
     audit, authorise, candidates, changes, comparisons, datasets, designs, disturbance, events,
-    health, job_list, jobs, models, monitors, report, results, session, simulations, streams,
-    submit, trajectory, verdict_rules, webhooks,
+    health, job_list, jobs, models, monitors, posterior, report, results, session, simulations,
+    streams, submit, trajectory, verdict_rules, webhooks,
 };
 
 /// Every resource of the service, with its description.
@@ -57,6 +57,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(results::result))
         .routes(routes!(trajectory::trajectory))
         .routes(routes!(disturbance::disturbance))
+        .routes(routes!(posterior::posterior))
         .routes(routes!(report::report))
         .routes(routes!(verdict_rules::list))
         .routes(routes!(session::sign_in, session::show, session::sign_out))

@@ -36,6 +36,7 @@ impl SpecKey {
             parameters,
             outputs,
             clock_tolerance,
+            tolerances,
             constraints,
             priors,
             validation,
@@ -50,7 +51,7 @@ impl SpecKey {
             labels: _,
         } = spec;
         let data = (experiments, outputs, clock_tolerance, validation);
-        let together = (constraints, priors, process_noise);
+        let together = (constraints, priors, process_noise, tolerances);
         Self::digest(&(model, (parameters, together), data))
     }
 

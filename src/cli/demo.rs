@@ -139,6 +139,7 @@ async fn follow(client: &Client, job: &Value) -> Result<(), CommandError> {
             "finding" => show_finding(&event.data),
             "generation" => show_generation(&mut progress, &event.data, generations),
             "refinement" => show_refinement(&mut progress, &event.data),
+            "posterior" => show_posterior(&mut progress, &event.data),
             "end" => {
                 progress.finish();
                 return ended(client, id, &event.data["status"]).await;
@@ -167,6 +168,11 @@ fn show_refinement(progress: &mut Progress, data: &Value) {
     if let (Some(iteration), Some(cost)) = (data["iteration"].as_u64(), data["cost"].as_f64()) {
         progress.update(1.0, progress::refinement(iteration, cost));
     }
+}
+
+fn show_posterior(progress: &mut Progress, data: &Value) {
+    let counts = ["generation", "generations"].map(|field| data[field].as_u64().unwrap_or(0));
+    progress.update(1.0, progress::posterior(counts, data["r_hat"].as_f64()));
 }
 
 async fn ended(client: &Client, id: &str, status: &Value) -> Result<(), CommandError> {

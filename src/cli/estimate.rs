@@ -6,7 +6,9 @@ use super::{assignments, files, table};
 use crate::job::candidate::{self, Selection};
 use crate::job::{Candidate, CandidateColumn, GenerationEvent};
 use clap::Args;
-use greybox::estimation::{Advance, Finding, GenerationRow, Observer, RefinementRow, StopReason};
+use greybox::estimation::{
+    Advance, Finding, GenerationRow, Observer, PosteriorRow, RefinementRow, StopReason,
+};
 use greybox::identification::{Identification, IdentificationError, JobSpec, Outcome, Run};
 use greybox::recording::Recording;
 use serde_json::{Value, json};
@@ -256,5 +258,11 @@ impl Observer for SearchWatcher {
 
     fn refinement(&mut self, row: &RefinementRow) {
         self.message = progress::refinement(u64::from(row.iteration), row.cost);
+    }
+
+    fn posterior(&mut self, row: &PosteriorRow) {
+        let counts = [row.generation, row.generations].map(u64::from);
+        let r_hat = row.convergence.map(|convergence| convergence.r_hat);
+        self.message = progress::posterior(counts, r_hat);
     }
 }

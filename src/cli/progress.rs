@@ -80,6 +80,15 @@ pub fn generation<'a>(
     text
 }
 
+/// How far the chains of a posterior came, in words.
+pub fn posterior(counts: [u64; 2], r_hat: Option<f64>) -> String {
+    let r_hat = r_hat.map_or("-".to_owned(), super::table::short);
+    format!(
+        "posterior {} of at most {}  R̂ {r_hat}",
+        counts[0], counts[1]
+    )
+}
+
 /// An iteration of the refinement in words.
 pub fn refinement(iteration: u64, cost: f64) -> String {
     format!("refinement {iteration}  cost {}", super::table::short(cost))

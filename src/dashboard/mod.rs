@@ -119,7 +119,7 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
     "data": "datasets.js" "upload.js";
     "docs": "guide.css" "reference.js";
     "job": "design.js" "disturbance.js" "disturbance_words.js" "feed.js" "heat.js" "job.js" "live.js"
-        "profiles.js" "progress.js" "residuals.js" "result.js" "tables.js" "trajectory.js" "verdict.js";
+        "posterior.js" "profiles.js" "progress.js" "residuals.js" "result.js" "tables.js" "trajectory.js" "verdict.js";
     "list": "filter.js" "jobs.css" "jobs.js" "rows.js";
     "model": "description.js" "editor.js" "equation.js" "excitation.js" "language.js" "models.js"
         "parameters.js" "picture.js" "signals.js" "simulation.js" "sliders.js" "trial.js";

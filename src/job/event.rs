@@ -7,9 +7,10 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::{ResultOfJob, Status};
-use greybox::estimation::{Finding, GenerationRow};
+use greybox::estimation::{Finding, GenerationRow, PosteriorRow};
 use greybox::identification::design::{Design, RankedProposal};
 use greybox::identification::outcome::{Fit, ParameterEstimate};
+use greybox::numerics::convergence::Convergence;
 use greybox::report::GenerationCosts;
 
 /// One event of a job.
@@ -36,6 +37,8 @@ pub enum Event {
         /// The cost that the iteration reached.
         cost: f64,
     },
+    /// `posterior`: the chains of a posterior were looked at.
+    Posterior(PosteriorEvent),
     /// `result`: the job has an estimate.
     #[schema(title = "ResultEvent")]
     Result {
@@ -165,6 +168,36 @@ impl GenerationEvent {
     }
 }
 
+/// How far the chains of a posterior came.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct PosteriorEvent {
+    /// How many generations the chains moved.
+    pub generation: u32,
+    /// Generations at the most.
+    pub generations: u32,
+    /// The largest R̂ of an unknown over the second half of the generations; `null` where an unknown has not
+    /// moved.
+    pub r_hat: Option<f64>,
+    /// The smallest effective sample size of an unknown, for the middle of its distribution.
+    pub ess_bulk: Option<f64>,
+    /// The smallest effective sample size of an unknown, for the tails of its distribution.
+    pub ess_tail: Option<f64>,
+}
+
+impl From<&PosteriorRow> for PosteriorEvent {
+    fn from(row: &PosteriorRow) -> Self {
+        let figure = |of: fn(Convergence) -> f64| row.convergence.map(of);
+        let finite = |figure: Option<f64>| figure.filter(|value| value.is_finite());
+        Self {
+            generation: row.generation,
+            generations: row.generations,
+            r_hat: finite(figure(|convergence| convergence.r_hat)),
+            ess_bulk: finite(figure(|convergence| convergence.ess_bulk)),
+            ess_tail: finite(figure(|convergence| convergence.ess_tail)),
+        }
+    }
+}
+
 impl Event {
     /// The event of a result: of an estimate, or of a design.
     pub fn of_result(result: &ResultOfJob) -> Event {
@@ -186,6 +219,7 @@ impl Event {
             Event::Finding(_) => "finding",
             Event::Generation(_) => "generation",
             Event::Refinement { .. } => "refinement",
+            Event::Posterior(_) => "posterior",
             Event::Design(_) => "design",
             Event::Result { .. } | Event::DesignResult { .. } => "result",
             Event::End { .. } => "end",
@@ -218,6 +252,22 @@ mod tests {
             cost: 0.5,
         };
         assert_eq!(refinement.data(), r#"{"iteration":3,"cost":0.5}"#);
+
+        let row = PosteriorRow {
+            stretch: 25,
+            generation: 250,
+            generations: 10_000,
+            convergence: Some(Convergence {
+                r_hat: 1.25,
+                ess_bulk: 120.0,
+                ess_tail: f64::INFINITY,
+            }),
+        };
+        let posterior = Event::Posterior(PosteriorEvent::from(&row));
+        assert_eq!(
+            posterior.data(),
+            r#"{"generation":250,"generations":10000,"r_hat":1.25,"ess_bulk":120.0,"ess_tail":null}"#
+        );
 
         let result = Event::of_result(&ResultOfJob::sample(StopReason::Stagnation, "mass", 58.0));
         assert_eq!(

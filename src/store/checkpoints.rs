@@ -14,7 +14,7 @@ use greybox::identification::JobId;
 pub struct Checkpoint {
     /// The method's own state.
     pub state: Vec<u8>,
-    /// Iterations of the refinement that went before it.
+    /// Iterations of the refinement and looks at the chains of a posterior that went before it.
     pub refinements: u32,
 }
 

@@ -5,9 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use super::run::{Advance, Assignment, Helped, Row, Run, Share, StopReason, unread};
+use crate::job::event::PosteriorEvent;
 use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, ResultOfJob};
 use crate::store::SharedPart;
-use greybox::estimation::{Finding, GenerationRow, Observer, Progress, RefinementRow};
+use greybox::estimation::{
+    Finding, GenerationRow, Observer, PosteriorRow, Progress, RefinementRow,
+};
 use greybox::identification::{self, IdentificationError, JobSpec, Part};
 use greybox::model::Model;
 use greybox::parsing::Fault;
@@ -153,6 +156,10 @@ impl Observer for Rows<'_> {
             iteration: row.iteration,
             cost: row.cost,
         });
+    }
+
+    fn posterior(&mut self, row: &PosteriorRow) {
+        (self.rows)(Row::Posterior(PosteriorEvent::from(row)));
     }
 }
 

@@ -23,7 +23,8 @@ pub(super) struct Recorder {
     reported: Reported,
     /// The newest generation, while no event tells of it.
     unreported: Option<GenerationEvent>,
-    /// Iterations of the refinement so far, in this slice and before it.
+    /// Iterations of the refinement and looks at the chains of a posterior so far, in this slice and before
+    /// it.
     refinements: u32,
     /// Findings that no event tells of yet.
     findings: Vec<Finding>,
@@ -58,7 +59,7 @@ impl Recorder {
         self.candidates
     }
 
-    /// Iterations of the refinement so far.
+    /// Iterations of the refinement and looks at the chains of a posterior so far.
     pub(super) fn refinements(&self) -> u32 {
         self.refinements
     }
@@ -92,14 +93,20 @@ impl Recorder {
                 }
             }
             Row::Refinement { iteration, cost } => {
-                self.report(now);
-                self.refinements += 1;
-                if self.refinements > self.reported.refinements {
-                    self.report_findings();
-                    self.reported.refinements = self.refinements;
-                    self.events.push(Event::Refinement { iteration, cost });
-                }
+                self.follow_search(Event::Refinement { iteration, cost }, now);
             }
+            Row::Posterior(look) => self.follow_search(Event::Posterior(look), now),
+        }
+    }
+
+    /// Takes in an event of what follows a search, unless it was told before.
+    fn follow_search(&mut self, event: Event, now: Timestamp) {
+        self.report(now);
+        self.refinements += 1;
+        if self.refinements > self.reported.refinements {
+            self.report_findings();
+            self.reported.refinements = self.refinements;
+            self.events.push(event);
         }
     }
 

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use greybox::estimation::Finding;
 pub use greybox::estimation::{Advance, Share, StopReason};
 
-use crate::job::event::DesignEvent;
+use crate::job::event::{DesignEvent, PosteriorEvent};
 use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, ResultOfJob};
 use crate::store::{JobRow, ModelRow, SharedPart};
 use greybox::estimation::Progress;
@@ -131,4 +131,6 @@ pub enum Row {
         /// The cost that it reached.
         cost: f64,
     },
+    /// The chains of a posterior were looked at.
+    Posterior(PosteriorEvent),
 }

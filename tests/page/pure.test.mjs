@@ -490,6 +490,22 @@ test("the profile of a linear model is drawn as the parabola that it is", () => 
   }
 });
 
+const { barCounts, cornerColumn } = await part("job/posterior.js");
+
+test("a corner plot shows the range of nearly all draws, and how many fall into each bar", () => {
+  const rows = Array.from({ length: 1001 }, (_, k) => [k / 1000, 7]);
+  rows[500] = [1e6, 7];
+  const draws = { names: ["spring_rate", "fixed"], units: ["N/m", "1"], rows };
+  const column = cornerColumn(draws, 0);
+  assert.equal(column.label, "spring rate [N/m]");
+  assert.ok(column.low < 0.01 && column.high > 0.99 && column.high < 1.1);
+  const counts = barCounts(column.places);
+  assert.equal(counts.length, 20);
+  assert.ok(counts.every((count) => count >= 48 && count <= 52));
+  // Draws that are all one number have no range.
+  assert.equal(cornerColumn(draws, 1), null);
+});
+
 const { sentence } = await part("job/disturbance_words.js");
 
 test("a disturbance is told in the plant's words", () => {

@@ -36,18 +36,28 @@ impl Follower {
 
     /// Receives events after those it has, until the stream ends or breaks.
     pub async fn follow(mut self, server: &Server) -> Self {
-        self.receive(server).await;
+        self.receive(server, |_| false).await;
+        self
+    }
+
+    /// Receives events after those it has, until they are enough, or the stream ends or breaks.
+    pub async fn follow_until(
+        mut self,
+        server: &Server,
+        is_enough: impl Fn(&[Event]) -> bool,
+    ) -> Self {
+        self.receive(server, is_enough).await;
         self
     }
 
     /// Receives events for a while.
     pub async fn follow_for(mut self, server: &Server, while_: Duration) -> Self {
         // What was received before the time was up is kept.
-        let _ = tokio::time::timeout(while_, self.receive(server)).await;
+        let _ = tokio::time::timeout(while_, self.receive(server, |_| false)).await;
         self
     }
 
-    async fn receive(&mut self, server: &Server) {
+    async fn receive(&mut self, server: &Server, is_enough: impl Fn(&[Event]) -> bool) {
         let last = self.events.last().map_or(0, |event| event.id);
         let request = server
             .get(&format!("/v1/jobs/{}/events", self.job))
@@ -57,7 +67,9 @@ impl Follower {
         };
         let mut body = answer.bytes_stream();
         let mut received = Vec::new();
-        while let Some(Ok(bytes)) = body.next().await {
+        while !is_enough(&self.events)
+            && let Some(Ok(bytes)) = body.next().await
+        {
             received.extend_from_slice(&bytes);
             // An event counts when the empty line after it has come.
             while let Some(end) = received.windows(2).position(|pair| pair == b"\n\n") {

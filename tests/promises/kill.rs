@@ -21,13 +21,13 @@ pub const SAMPLES: usize = 1000;
 pub const GENERATIONS: u32 = 150;
 
 /// Fast slices, many threads: as unlike the unbroken run as can be.
-const BROKEN: Options = Options {
+pub const BROKEN: Options = Options {
     node_beat_s: 0.02,
     ..Options::new(2, 0.01)
 };
 
 /// One slice, one thread.
-const UNBROKEN: Options = Options::new(1, 3600.0);
+pub const UNBROKEN: Options = Options::new(1, 3600.0);
 
 /// What a job comes to.
 #[derive(Debug, PartialEq)]

@@ -6,7 +6,7 @@
 //! | P1 an accepted job survives kill -9 | [`kill`] |
 //! | P2 one terminal state, one result | [`kill`] |
 //! | P3 a crash costs at most a slice | [`kill`], [`disk`] |
-//! | P4 the same bits whatever the threads, slices, nodes and crashes | [`kill`], [`nodes`] |
+//! | P4 the same bits whatever the threads, slices, nodes and crashes | [`kill`], [`nodes`], [`posterior`] |
 //! | P5 event ids without gap or repeat | [`kill`] |
 //! | P6 cancel and pause within 2 s | [`stop`] |
 //! | P7 an orderly end within 5 s | [`stop`] |
@@ -30,6 +30,7 @@ mod kill;
 mod memory;
 mod nodes;
 mod plant;
+mod posterior;
 mod server;
 mod stop;
 mod streams;

@@ -14,6 +14,7 @@ mod datasets;
 
 mod designs;
 mod disturbances;
+mod posteriors;
 
 mod problems;
 

@@ -2,6 +2,7 @@
 //! side by side, and the [reading](parsing) of what is submitted.
 
 pub mod chain;
+pub mod convergence;
 pub mod digits;
 pub mod dimension;
 pub mod eigenvalues;

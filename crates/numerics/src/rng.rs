@@ -37,6 +37,8 @@ pub enum Purpose {
     Assumptions = 10,
     /// Points where the constraints of a problem may hold.
     Constraints = 11,
+    /// Draws from a posterior distribution.
+    Posterior = 12,
 }
 
 /// The stream of a seed, a generation and a purpose.

@@ -89,7 +89,7 @@ pub struct Reported {
     /// The last generation with an event, of a design how many experiments the last event told of;
     /// 0 for none.
     pub generation: u32,
-    /// Refinements with an event.
+    /// Iterations of the refinement and looks at the chains of a posterior with an event.
     pub refinements: u32,
     /// When the last generation's event was made [ms since 1970].
     pub at_ms: i64,

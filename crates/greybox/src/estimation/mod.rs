@@ -22,6 +22,7 @@ pub mod feasible;
 pub mod floor;
 pub mod hill_climb;
 pub mod leaders;
+pub mod log_posterior;
 pub mod loss;
 pub mod noise_ladder;
 mod noise_scan;
@@ -47,7 +48,7 @@ pub mod stop_reason;
 mod totals;
 pub mod trajectory;
 
-pub use observer::{Finding, GenerationRow, Observer, RefinementRow, Simulated};
+pub use observer::{Finding, GenerationRow, Observer, PosteriorRow, RefinementRow, Simulated};
 pub use problem::Problem;
 pub use progress::{Advance, Phase, Progress};
 pub use report::Report;

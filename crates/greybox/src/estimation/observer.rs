@@ -2,6 +2,7 @@
 
 use super::objective::Evaluation;
 use super::problem::Problem;
+use greybox_numerics::convergence::Convergence;
 use greybox_numerics::json;
 use greybox_simulation::SimulationFailure;
 use serde::{Deserialize, Serialize};
@@ -17,6 +18,8 @@ pub trait Observer {
     fn generation(&mut self, _row: &GenerationRow) {}
     /// The refinement has finished an iteration.
     fn refinement(&mut self, _row: &RefinementRow) {}
+    /// The chains of a posterior have been looked at.
+    fn posterior(&mut self, _row: &PosteriorRow) {}
 }
 
 impl Observer for () {}
@@ -125,6 +128,20 @@ pub struct RefinementRow {
     pub iteration: u32,
     /// The cost that the iteration reached.
     pub cost: f64,
+}
+
+/// How far the chains of a posterior came.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PosteriorRow {
+    /// How many stretches of the chains have finished.
+    pub stretch: u32,
+    /// How many generations the chains moved.
+    pub generation: u32,
+    /// Generations at the most.
+    pub generations: u32,
+    /// The worst figures of all unknowns, of the second half of the generations; none where an unknown has
+    /// not moved.
+    pub convergence: Option<Convergence>,
 }
 
 /// What a run has done so far.

@@ -5,11 +5,15 @@
 //! experiments, and initial states of single experiments. A candidate is a vector of *positions*,
 //! one for each coordinate, from 0 (lower bound) to 1 (upper bound) along the coordinate's scale.
 
+mod assumption;
 mod experiment;
 mod innovations;
+mod target;
 
+pub use assumption::{Assumed, Assumption, SensorNumber};
 pub use experiment::{Experiment, UnknownStart};
 pub use innovations::Innovations;
+pub use target::Target;
 
 use super::loss::Loss;
 use super::prior::{JointPrior, Prior, PriorRow};
@@ -37,40 +41,6 @@ pub struct MeasuredOutput {
     pub residual_scale: f64,
 }
 
-/// What a coordinate stands for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Target {
-    /// A parameter that all experiments share but those with a value of their own, by its place
-    /// in the model's description.
-    Parameter(usize),
-    /// A parameter of one experiment, both by their places.
-    ExperimentParameter {
-        /// The experiment.
-        experiment: usize,
-        /// The parameter.
-        parameter: usize,
-    },
-    /// A state at the first sample of an experiment, both by their places.
-    InitialState {
-        /// The experiment.
-        experiment: usize,
-        /// The state.
-        state: usize,
-    },
-}
-
-impl Target {
-    /// The experiment that the unknown belongs to; none: all experiments.
-    #[must_use]
-    pub fn experiment(self) -> Option<usize> {
-        match self {
-            Target::Parameter(_) => None,
-            Target::ExperimentParameter { experiment, .. }
-            | Target::InitialState { experiment, .. } => Some(experiment),
-        }
-    }
-}
-
 /// One unknown number.
 #[derive(Clone, Debug)]
 pub struct Coordinate {
@@ -93,112 +63,6 @@ pub struct Coordinate {
     pub scale: Scale,
     /// The prior knowledge of the unknown, where the job gives any.
     pub prior: Option<Prior>,
-}
-
-/// What an assumption stands for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Assumed {
-    /// A number of the model.
-    Model(Target),
-    /// The size of an effect that the equations have no term for: a parameter behind those of the model.
-    Probe(Target),
-    /// The gain or the offset of an input: a parameter behind those of the model.
-    Input(Target),
-    /// A number of the sensor of an output, by the output's place among the compared ones.
-    Sensor {
-        /// The output.
-        output: usize,
-        /// Which number.
-        number: SensorNumber,
-    },
-    /// The clock that the samples of all recordings are taken by.
-    Clock,
-}
-
-impl Assumed {
-    /// The number of the model, of the probe or of the input; none for sensors and the clock.
-    #[must_use]
-    pub fn simulated(self) -> Option<Target> {
-        match self {
-            Assumed::Model(target) | Assumed::Probe(target) | Assumed::Input(target) => {
-                Some(target)
-            }
-            Assumed::Sensor { .. } | Assumed::Clock => None,
-        }
-    }
-}
-
-/// The numbers of a sensor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SensorNumber {
-    /// What the sensor multiplies its signal by.
-    Gain,
-    /// What the sensor adds.
-    Offset,
-    /// How late the sensor is `[s]`.
-    Lag,
-}
-
-/// A number that is taken as known, and how well it is: numbers of the model stand first.
-#[derive(Clone, Debug)]
-pub struct Assumption {
-    /// The name of the number, which no other assumption has.
-    pub name: String,
-    /// The SI unit of the number.
-    pub unit: String,
-    /// What the assumption stands for.
-    pub target: Assumed,
-    /// The value that the job declares, SI.
-    pub value: f64,
-    /// The value that the problem is solved with, SI: the declared one, or where the data put the
-    /// number within its tolerance.
-    pub taken: f64,
-    /// One standard deviation of what is not known of the number, above zero, SI.
-    pub tolerance: f64,
-    /// Whether the number is of an effect that is left out.
-    pub is_absent_effect: bool,
-    /// Whether nobody declared the tolerance: the number stays at its value in every fit.
-    pub is_default: bool,
-    /// The least and the largest possible value, where there are such.
-    pub limits: [Option<f64>; 2],
-}
-
-impl Assumption {
-    /// A number of a sensor that is declared as exact but for a tolerance, above zero, SI.
-    #[must_use]
-    pub fn of_sensor(
-        output: &MeasuredOutput,
-        place: usize,
-        number: SensorNumber,
-        tolerance: f64,
-    ) -> Assumption {
-        let (word, unit, value) = match number {
-            SensorNumber::Gain => ("gain", "", 1.0),
-            SensorNumber::Offset => ("offset", &*output.unit, 0.0),
-            SensorNumber::Lag => ("lag", "s", 0.0),
-        };
-        Assumption {
-            name: format!("{}.{word}", output.name),
-            unit: unit.to_owned(),
-            target: Assumed::Sensor {
-                output: place,
-                number,
-            },
-            value,
-            taken: value,
-            tolerance,
-            is_absent_effect: false,
-            is_default: false,
-            limits: [(number == SensorNumber::Lag).then_some(0.0), None],
-        }
-    }
-
-    /// How many standard deviations of the tolerance the value that is taken lies off the declared
-    /// one.
-    #[must_use]
-    pub fn off(&self) -> f64 {
-        (self.taken - self.value) / self.tolerance
-    }
 }
 
 impl Coordinate {

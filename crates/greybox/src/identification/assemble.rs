@@ -12,6 +12,7 @@ mod experiment;
 mod forecast;
 mod noise;
 mod outcome;
+mod posterior;
 mod preflight;
 mod priors;
 mod process_noise;

@@ -106,6 +106,7 @@ impl Finished<'_> {
             (Rule::WorseOnValidation, _) => self.whole_recordings().into_iter().collect(),
             (Rule::StartsDisagree | Rule::Plateau, _) => vec![self.search_longer()],
             (Rule::NotFinished | Rule::NotAnalysed, _) => self.run_longer().into_iter().collect(),
+            (Rule::PosteriorNotConverged, _) => self.draw_longer().into_iter().collect(),
             (Rule::Drift, _) => self.halves(),
             (Rule::NoBudget, _) if self.was_stopped() => self.run_longer().into_iter().collect(),
             (Rule::NoBudget, _) => self.halves(),

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 mod interval;
+mod posterior;
 mod process_noise;
 mod search;
 mod verdict;
@@ -23,6 +24,7 @@ pub use crate::uncertainty::residuals::{InputCorrelation, ResidualReport};
 pub use crate::uncertainty::selection::TriedModel;
 pub use crate::uncertainty::verdict::{Rule, Trust};
 pub use interval::{ConfidenceInterval, Correlation, ProfilePoint, TotalInterval};
+pub use posterior::{PosteriorDraws, PosteriorQuantile, PosteriorReport};
 pub use process_noise::{
     BandReport, ComparedNoiseReport, DisturbanceReport, InnovationReport, NoiseNumberReport,
     OutputErrorEstimate, ProcessNoiseReport,
@@ -92,6 +94,10 @@ pub struct Outcome {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schema(required = false)]
     pub output_error: BTreeMap<String, OutputErrorEstimate>,
+    /// Draws from the posterior distribution, where `uncertainty.intervals` asks for them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub posterior: Option<PosteriorDraws>,
     /// What made this result; equal engines make equal bits.
     pub engine: Engine,
 }
@@ -220,6 +226,11 @@ pub struct Estimate {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub monte_carlo: Option<MonteCarlo>,
+    /// What draws from the posterior distribution say of the value, where `uncertainty.intervals` asks for
+    /// them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub posterior: Option<PosteriorReport>,
     /// How far the total interval can be relied on.
     #[serde(default)]
     pub trust: Option<Trust>,
@@ -315,6 +326,7 @@ mod tests {
                 }),
                 profile: Vec::new(),
                 monte_carlo: None,
+                posterior: None,
                 trust: Some(Trust::High),
                 prior_shift: None,
                 lower: 20.0,

@@ -254,7 +254,12 @@ impl Run {
                 advance => advance,
             },
             RunStage::Analyse(analyser) => {
+                let stretches = self.refits.stretches_of_chains();
                 let advance = analyser.advance(&mut self.refits, self.quota, stop);
+                let looks = analyser.posterior_looks().iter();
+                looks
+                    .filter(|look| look.stretch > stretches)
+                    .for_each(|look| observer.posterior(look));
                 if let (Advance::Finished, Some(conclusion)) = (advance, analyser.conclusion()) {
                     self.stage = RunStage::Concluded(Box::new(conclusion));
                 }

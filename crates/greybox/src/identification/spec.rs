@@ -235,22 +235,26 @@ impl JobSpec {
                           `method.huber_threshold` gives up: leave one of them out";
             job.fault("contradiction", detail);
         }
-        if self.uncertainty.intervals == Intervals::Profile {
-            let detail = "profile intervals follow the likelihood of normal noise, which \
-                          `method.huber_threshold` gives up: ask for `bootstrap`";
+        if matches!(
+            self.uncertainty.intervals,
+            Intervals::Profile | Intervals::Posterior
+        ) {
+            let detail = "profile intervals and draws from the posterior follow the likelihood of \
+                          normal noise, which `method.huber_threshold` gives up: ask for `bootstrap`";
             job.fault("contradiction", detail);
         }
     }
 
-    /// What listed disturbances ask of the rest of the job: intervals from the curvature of the likelihood.
+    /// What listed disturbances ask of the rest of the job: intervals from the curvature of the likelihood, or
+    /// from draws.
     fn check_noise(&self, job: &Object<'_>) {
         if !matches!(self.process_noise, JobNoiseSpec::Listed(_)) {
             return;
         }
         if self.uncertainty.has_independent_refits() {
             let detail = "with `process_noise` the intervals follow from the curvature of the \
-                          likelihood: leave `uncertainty.intervals` and \
-                          `uncertainty.monte_carlo_samples` out";
+                          likelihood, or from draws: leave `uncertainty.intervals` out or ask for \
+                          `posterior`, and leave `uncertainty.monte_carlo_samples` out";
             job.fault("contradiction", detail);
         }
         if self.method.huber_threshold.is_some() {
@@ -326,13 +330,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
         (Some(model), Some(search)) => model_search::freed(parameters, model, search),
         _ => parameters,
     });
-    let outputs = root.optional("outputs");
-    let outputs =
-        outputs.map(|field| outputs::read(&field, model, experiments.as_deref(), context.datasets));
-    let clock_tolerance = outputs::tolerance(root.optional("clock_tolerance"));
-    let tolerances = root
-        .optional("tolerances")
-        .map(|field| tolerances::read(&field));
+    let measurement = Measurement::read(&mut root, model, experiments.as_deref(), context);
     let job_parameters = model.zip(parameters.as_ref().zip(experiments.as_deref()));
     let job_parameters = job_parameters.map(|(model, (shared, experiments))| JobParameters {
         model,
@@ -359,9 +357,9 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
             model: model?.name.to_string(),
             experiments: experiments?,
             parameters: parameters?,
-            outputs: outputs.unwrap_or_default(),
-            clock_tolerance,
-            tolerances: tolerances.unwrap_or_default(),
+            outputs: measurement.outputs,
+            clock_tolerance: measurement.clock_tolerance,
+            tolerances: measurement.tolerances,
             constraints,
             priors,
             method: method.unwrap_or_default(),
@@ -380,6 +378,34 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     }
     root.finish();
     spec
+}
+
+/// How well outputs, inputs and the clock are known.
+struct Measurement {
+    outputs: BTreeMap<String, OutputSpec>,
+    clock_tolerance: Option<Tolerance>,
+    tolerances: BTreeMap<String, Tolerance>,
+}
+
+impl Measurement {
+    fn read(
+        root: &mut Object<'_>,
+        model: Option<&ModelDescription>,
+        experiments: Option<&[ExperimentSpec]>,
+        context: &Context<'_>,
+    ) -> Measurement {
+        let outputs = root.optional("outputs");
+        let outputs =
+            outputs.map(|field| outputs::read(&field, model, experiments, context.datasets));
+        let clock_tolerance = outputs::tolerance(root.optional("clock_tolerance"));
+        let tolerances = root.optional("tolerances");
+        let tolerances = tolerances.map(|field| tolerances::read(&field));
+        Measurement {
+            outputs: outputs.unwrap_or_default(),
+            clock_tolerance,
+            tolerances: tolerances.unwrap_or_default(),
+        }
+    }
 }
 
 fn check_parameters(job: &Object<'_>, parameters: JobParameters<'_>, search: Option<&ModelSearch>) {

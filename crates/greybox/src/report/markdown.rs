@@ -36,6 +36,7 @@ pub fn render(report: &Report<'_>) -> String {
     }
     estimates(&mut text, outcome);
     super::process_noise::markdown(&mut text, outcome);
+    super::posterior::markdown(&mut text, outcome);
     fit(&mut text, outcome);
     budget(&mut text, outcome);
     text.push_str("\n## Model\n\n```text\n");

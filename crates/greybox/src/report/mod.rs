@@ -10,6 +10,7 @@ mod facts;
 mod html;
 pub mod markdown;
 mod plots;
+mod posterior;
 mod process_noise;
 pub mod residuals;
 mod setup;
@@ -88,6 +89,7 @@ pub fn render(report: &Report<'_>) -> String {
     setup::fixed(&mut page, report);
     plots::experiments(&mut page, report);
     tables::correlation(&mut page, report.outcome);
+    posterior::section(&mut page, report.outcome);
     plots::search(&mut page, report);
     tables::starts(&mut page, report.outcome);
     setup::sign_off(&mut page);

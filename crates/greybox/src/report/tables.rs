@@ -1,6 +1,7 @@
 //! The tables of a report.
 
 use super::html::{escape, number, optional, push, with_code};
+use crate::identification::budget::BudgetLine;
 use crate::identification::outcome::{
     Estimate, InitialStateEstimate, Outcome, OutputFit, ParameterEstimate, Trust,
 };
@@ -126,6 +127,15 @@ fn end(value: Option<f64>) -> String {
     value.map_or_else(|| "open".to_owned(), number)
 }
 
+/// The tolerance of a line, and whether nobody declared it.
+fn tolerance(line: &BudgetLine) -> String {
+    let size = significant(line.tolerance, 3);
+    match line.by_default {
+        true => format!("{size} (default)"),
+        false => size,
+    }
+}
+
 /// What was taken as known, and what it does.
 pub fn budget(page: &mut String, outcome: &Outcome) {
     if outcome.budget.is_empty() {
@@ -162,7 +172,7 @@ pub fn budget(page: &mut String, outcome: &Outcome) {
                  <td>{}</td><td>{}</td></tr>\n",
                 escape(&line.assumption),
                 number(line.value),
-                significant(line.tolerance, 3),
+                tolerance(line),
                 escape(&line.unit),
                 three(line.score),
                 three(line.unnoticed_up_to),

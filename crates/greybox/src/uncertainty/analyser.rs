@@ -16,6 +16,7 @@ use super::selection::{AfterRound, Elimination, Selected, Selection};
 use super::solved::Solved;
 use super::{Analysis, Request, validation_start};
 use crate::estimation::Advance;
+use crate::estimation::observer::PosteriorRow;
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -293,6 +294,16 @@ impl Analyser {
             estimate,
             selection,
         })))
+    }
+
+    /// Returns how far the chains of a posterior came, a row for each look at them; empty where none was asked for.
+    #[must_use]
+    pub fn posterior_looks(&self) -> &[PosteriorRow] {
+        match &self.step {
+            AnalysisStep::Examine(examined) => examined.estimate.posterior_looks(),
+            AnalysisStep::ExamineDisturbed(examined) => examined.estimate.posterior_looks(),
+            _ => &[],
+        }
     }
 
     /// The conclusion; none before all refits have finished.

@@ -8,6 +8,7 @@ use super::fit::{Criteria, OutputFit};
 use super::identifiability::FlatDirection;
 use super::monte_carlo::MonteCarlo;
 use super::noise_analysis::NoiseAnalysis;
+use super::posterior::Posterior;
 use super::profile::Ends;
 use super::residuals::ResidualReport;
 use super::verdict::{Doubt, Judgement, Rule, Trust};
@@ -86,6 +87,8 @@ pub struct Analysis {
     pub bindings: Vec<Binding>,
     /// What moves the plant beside its inputs, where that was looked for and found.
     pub noise: Option<Box<NoiseAnalysis>>,
+    /// The draws from the posterior distribution, where they were asked for.
+    pub posterior: Option<Box<Posterior>>,
     /// Whether the numbers can be trusted.
     pub judgement: Judgement,
 }
@@ -111,6 +114,9 @@ impl Analysis {
         for drift in &mut self.drifts {
             drift.moves.truncate(n);
         }
+        self.posterior = self
+            .posterior
+            .map(|posterior| Box::new(posterior.of_first(n)));
         if let Some(windows) = &mut self.windows {
             windows.spreads.truncate(n);
             windows.scatters.truncate(n);
@@ -156,6 +162,7 @@ pub(super) fn undetermined(problem: &Problem, report: &Report, reason: String) -
         windows: None,
         bindings: Vec::new(),
         noise: None,
+        posterior: None,
         judgement: Judgement::default(),
     }
 }

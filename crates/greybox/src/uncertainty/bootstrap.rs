@@ -53,7 +53,7 @@ impl RefitSequence for DrawnFit {
             })
     }
 
-    fn task(&self) -> RefitTask<'_> {
+    fn run(&self, stop: &AtomicBool) -> Option<Refit> {
         let resampling = &self.resampling;
         let mut drawn = resampling.resampled(self.sample);
         if let Some(assumptions) = &resampling.assumptions {
@@ -64,6 +64,7 @@ impl RefitSequence for DrawnFit {
             start: resampling.estimate.report.positions.clone(),
             accuracy: Accuracy::Full,
         }
+        .run(stop)
     }
 
     fn follow(&mut self, refit: &Refit, _stop: &AtomicBool) -> Option<()> {

@@ -11,6 +11,7 @@ use super::fit;
 use super::fit::Criteria;
 use super::identifiability::{self, FlatDirection};
 use super::monte_carlo;
+use super::posterior::{Posterior, PosteriorChains};
 use super::probes;
 use super::profile::{self, Ends, Walk};
 use super::refits::RefitSequence;
@@ -21,6 +22,7 @@ use super::weighing::Seen;
 use super::windows::{self, WindowAgreement};
 use super::{Analysis, CoordinateUncertainty, Intervals, Request, analysis};
 use crate::estimation::loss::Loss;
+use crate::estimation::observer::PosteriorRow;
 use crate::estimation::problem::Problem;
 use crate::estimation::report::Report;
 use crate::estimation::sensitivity::SensitivityError;
@@ -78,6 +80,7 @@ enum IntervalRefits {
     Fisher,
     Profile(Vec<Walk>),
     Bootstrap(Vec<DrawnFit>),
+    Posterior(Box<PosteriorChains>),
 }
 
 /// The intervals of all coordinates, made in one way.
@@ -145,6 +148,17 @@ impl LinearisedEstimate {
         }
     }
 
+    /// Returns how far the chains of a posterior came, a row for each look at them; empty where none was asked for.
+    pub fn posterior_looks(&self) -> &[PosteriorRow] {
+        match &self.first_order {
+            Ok(first_order) => match &first_order.intervals {
+                IntervalRefits::Posterior(chains) => chains.looks(),
+                _ => &[],
+            },
+            Err(_) => &[],
+        }
+    }
+
     /// The estimate.
     pub fn estimate(&self) -> &SimulatedEstimate {
         &self.estimate
@@ -196,6 +210,45 @@ impl LinearisedEstimate {
     }
 }
 
+impl IntervalRefits {
+    /// The refits that a request asks for.
+    fn of(
+        estimate: &Arc<SimulatedEstimate>,
+        linear: &Linear,
+        request: &Request,
+        stop: &AtomicBool,
+    ) -> Result<IntervalRefits, SensitivityError> {
+        let settings = &request.settings;
+        Ok(match settings.intervals {
+            Intervals::Fisher => IntervalRefits::Fisher,
+            Intervals::Profile => IntervalRefits::Profile(profile::walks(estimate, linear, stop)?),
+            Intervals::Bootstrap => {
+                let resampling = resampling(estimate, request, None);
+                IntervalRefits::Bootstrap(resampling.fits(settings.bootstrap_samples))
+            }
+            Intervals::Posterior => {
+                let generations = settings.posterior_generations;
+                let chains = PosteriorChains::begin(estimate, request.seed, generations, stop);
+                let chains = chains.ok_or(SensitivityError::Interrupted)?;
+                IntervalRefits::Posterior(Box::new(chains))
+            }
+        })
+    }
+}
+
+/// Fits to data that are drawn anew, with `assumptions` drawn too where there are any.
+fn resampling(
+    estimate: &Arc<SimulatedEstimate>,
+    request: &Request,
+    assumptions: Option<DrawnAssumptions>,
+) -> Resampling {
+    Resampling {
+        estimate: Arc::clone(estimate),
+        seed: request.seed,
+        assumptions,
+    }
+}
+
 impl FirstOrder {
     fn of(
         estimate: &Arc<SimulatedEstimate>,
@@ -238,20 +291,8 @@ impl FirstOrder {
             NoiseLevels::of(problem, residuals).weights(),
         );
         let flat = identifiability::flat_at(problem, positions, &linear.factor, &weights, stop)?;
-        let resampling = |estimate: &Arc<SimulatedEstimate>, assumptions| Resampling {
-            estimate: Arc::clone(estimate),
-            seed: request.seed,
-            assumptions,
-        };
-        let settings = &request.settings;
-        let intervals = match settings.intervals {
-            Intervals::Fisher => IntervalRefits::Fisher,
-            Intervals::Profile => IntervalRefits::Profile(profile::walks(estimate, &linear, stop)?),
-            Intervals::Bootstrap => IntervalRefits::Bootstrap(
-                resampling(estimate, None).fits(settings.bootstrap_samples),
-            ),
-        };
-        let monte_carlo = match settings.monte_carlo_samples {
+        let intervals = IntervalRefits::of(estimate, &linear, request, stop)?;
+        let monte_carlo = match request.settings.monte_carlo_samples {
             0 => Vec::new(),
             samples => {
                 let estimate = Arc::new(SimulatedEstimate {
@@ -260,7 +301,7 @@ impl FirstOrder {
                 });
                 let assumptions = DrawnAssumptions::of(&estimate, &budget, stop);
                 let assumptions = assumptions.ok_or(SensitivityError::Interrupted)?;
-                resampling(&estimate, Some(assumptions)).fits(samples)
+                resampling(&estimate, request, Some(assumptions)).fits(samples)
             }
         };
         Ok(FirstOrder {
@@ -283,6 +324,10 @@ impl FirstOrder {
                 &mut []
             }
             IntervalRefits::Bootstrap(drawn) => &mut drawn[..],
+            IntervalRefits::Posterior(chains) => {
+                sequences.push(&mut **chains);
+                &mut []
+            }
         };
         let drawn = drawn.iter_mut().chain(&mut self.monte_carlo);
         sequences.extend(drawn.map(|fit| fit as &mut dyn RefitSequence));
@@ -295,6 +340,7 @@ impl FirstOrder {
             IntervalRefits::Fisher => true,
             IntervalRefits::Profile(walks) => walks.iter().all(|walk| walk.next().is_none()),
             IntervalRefits::Bootstrap(drawn) => drawn.iter().all(|fit| fit.next().is_none()),
+            IntervalRefits::Posterior(chains) => chains.next().is_none(),
         };
         intervals && self.monte_carlo.iter().all(|fit| fit.next().is_none())
     }
@@ -310,7 +356,11 @@ impl FirstOrder {
         } = estimate;
         let linear = &self.linear;
         let mut coordinates = analysis::coordinates(problem, report, Some(linear));
-        self.improve_intervals(&mut coordinates, estimate);
+        let posterior = match &self.intervals {
+            IntervalRefits::Posterior(chains) => Some(Box::new(chains.posterior()?)),
+            _ => None,
+        };
+        self.improve_intervals(&mut coordinates, estimate, posterior.as_deref());
         let deviations: Vec<Option<f64>> = (0..report.positions.len())
             .map(|index| linear.deviation(index))
             .collect();
@@ -354,6 +404,7 @@ impl FirstOrder {
             windows: self.windows.clone(),
             bindings: constrained.map_or_else(Vec::new, |constrained| constrained.bindings()),
             noise: None,
+            posterior,
             judgement: Judgement::default(),
         })
     }
@@ -363,6 +414,7 @@ impl FirstOrder {
         &self,
         coordinates: &mut [CoordinateUncertainty],
         estimate: &SimulatedEstimate,
+        posterior: Option<&Posterior>,
     ) {
         let (problem, positions) = (&estimate.problem, &estimate.report.positions);
         let closed = |(low, high)| (Some(low), Some(high));
@@ -393,6 +445,13 @@ impl FirstOrder {
                 intervals.map(|intervals| IntervalEnds {
                     method: "bootstrap",
                     ends: intervals.into_iter().map(closed).collect(),
+                })
+            }
+            IntervalRefits::Posterior(_) => {
+                let drawn = posterior.filter(|posterior| posterior.draws > 0);
+                drawn.map(|posterior| IntervalEnds {
+                    method: "posterior",
+                    ends: posterior.ends().map(closed).collect(),
                 })
             }
         };

@@ -3,7 +3,7 @@
 //! An [`Analyser`] weighs outputs of unknown noise by what is left of each (`reweighting`) and leaves
 //! out what the data do not support, where that is asked for ([`selection`]); then it
 //! linearises the residuals at the estimate and derives standard errors and intervals
-//! ([`covariance`]; on request better ones, [`profile`] and `bootstrap`), says what the numbers
+//! ([`covariance`]; on request better ones, [`profile`], `bootstrap` and [`posterior`]), says what the numbers
 //! that are taken as known add to them and whether the residuals contradict one ([`budget`]) or ask
 //! for an unknown that changes within the record ([`drift`]), looks at what the model leaves
 //! unexplained ([`residuals`], [`fit`]), and says in words what follows ([`verdict`]). A fit per
@@ -31,6 +31,7 @@ pub mod noise_analysis;
 mod noise_choice;
 mod noise_comparison;
 mod nuisances;
+pub mod posterior;
 mod probes;
 pub mod profile;
 pub mod refits;

@@ -9,10 +9,11 @@ use super::noise_analysis::{
 };
 use super::noise_choice::{self, WeighedNoise};
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
-use super::settings::{Request, SoughtNoise};
+use super::settings::{Intervals, Request, SoughtNoise};
 use super::solved::Solved;
 use super::{Analysis, covariance, fit, probes, residuals, rules, validation_start};
 use crate::estimation::noise_ladder::{self, FittedNoise, NoiseTrial};
+use crate::estimation::observer::PosteriorRow;
 use crate::estimation::problem::Problem;
 use crate::estimation::process_noise::{NoiseModel, NoiseNumber, filtered};
 use crate::estimation::report::Report;
@@ -52,18 +53,29 @@ impl RefitSequence for TrialFit {
         is_open.then_some(RefitName::ProcessNoise { model: self.model })
     }
 
-    fn task(&self) -> RefitTask<'_> {
+    fn run(&self, stop: &AtomicBool) -> Option<Refit> {
         RefitTask {
             problem: Cow::Borrowed(&self.trial.problem),
             start: self.trial.start.clone(),
             accuracy: Accuracy::Full,
         }
+        .run(stop)
     }
 
     fn follow(&mut self, refit: &Refit, _stop: &AtomicBool) -> Option<()> {
         self.refit = Some(refit.clone());
         Some(())
     }
+}
+
+/// The request about the noise model that is taken: draws from its posterior, where they are asked for.
+fn of_taken(request: &Request) -> Request {
+    let mut taken = request.at_once();
+    if request.settings.intervals == Intervals::Posterior {
+        taken.settings.intervals = Intervals::Posterior;
+        taken.settings.posterior_generations = request.settings.posterior_generations;
+    }
+    taken
 }
 
 impl NoiseComparison {
@@ -151,7 +163,7 @@ impl NoiseComparison {
             return Some(None);
         };
         let report = moved(&self.report, &problem, &fit.positions);
-        let estimate = LinearisedEstimate::of(&problem, &report, &request.at_once(), stop)?;
+        let estimate = LinearisedEstimate::of(&problem, &report, &of_taken(request), stop)?;
         let Ok(free) = trajectory::simulate(&plant, of_plant, stop)? else {
             return Some(None);
         };
@@ -277,6 +289,11 @@ pub(super) struct DisturbedEstimate {
 impl DisturbedEstimate {
     pub fn sequences(&mut self) -> Vec<&mut dyn RefitSequence> {
         self.estimate.sequences()
+    }
+
+    /// Returns how far the chains of a posterior came, a row for each look at them; empty where none was asked for.
+    pub fn posterior_looks(&self) -> &[PosteriorRow] {
+        self.estimate.posterior_looks()
     }
 
     /// The analysis of the plant's unknowns and of the disturbances that move the plant.

@@ -232,7 +232,7 @@ impl RefitSequence for NuisanceFit {
         self.step.as_ref().map(|_| RefitName::Nuisances { round })
     }
 
-    fn task(&self) -> RefitTask<'_> {
+    fn run(&self, stop: &AtomicBool) -> Option<Refit> {
         let (problem, start) = match &self.step {
             Some(step) => (&step.problem, &step.start),
             None => (&self.problem, &self.report.positions),
@@ -242,6 +242,7 @@ impl RefitSequence for NuisanceFit {
             start: start.clone(),
             accuracy: Accuracy::Full,
         }
+        .run(stop)
     }
 
     fn follow(&mut self, refit: &Refit, stop: &AtomicBool) -> Option<()> {

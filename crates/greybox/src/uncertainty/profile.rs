@@ -193,12 +193,13 @@ impl RefitSequence for Walk {
         is_sought.then(|| RefitName::profile(self.coordinate, self.position))
     }
 
-    fn task(&self) -> RefitTask<'_> {
+    fn run(&self, stop: &AtomicBool) -> Option<Refit> {
         RefitTask {
             problem: Cow::Borrowed(&self.reduced),
             start: self.guess(),
             accuracy: Accuracy::Full,
         }
+        .run(stop)
     }
 
     fn follow(&mut self, refit: &Refit, _stop: &AtomicBool) -> Option<()> {

@@ -25,6 +25,10 @@ pub struct Refit {
     pub positions: Vec<f64>,
     /// The cost at these positions; none where they could not be simulated.
     pub cost: Option<f64>,
+    /// Where the refit is a stretch of the chains of a posterior, whose positions then stand one after the
+    /// other, the logarithm of the density of each chain.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub log_densities: Vec<f64>,
 }
 
 /// What a refit fits.
@@ -36,11 +40,12 @@ pub(super) struct RefitTask<'a> {
 
 impl RefitTask<'_> {
     /// Descends from the start. Answers nothing when `stop` was raised.
-    fn run(self, stop: &AtomicBool) -> Option<Refit> {
+    pub fn run(self, stop: &AtomicBool) -> Option<Refit> {
         let descent = refine::descend(&self.problem, self.start, self.accuracy, stop)?;
         Some(Refit {
             positions: descent.positions,
             cost: descent.cost,
+            log_densities: Vec::new(),
         })
     }
 }
@@ -50,8 +55,13 @@ pub(super) trait RefitSequence: Send {
     /// Returns the name of the next refit; none where the sequence has ended.
     fn next(&self) -> Option<RefitName>;
 
-    /// Returns what the next refit fits.
-    fn task(&self) -> RefitTask<'_>;
+    /// Returns for how many refits of a quota the next one counts.
+    fn effort(&self) -> u32 {
+        1
+    }
+
+    /// Runs the next refit. Answers nothing when `stop` was raised.
+    fn run(&self, stop: &AtomicBool) -> Option<Refit>;
 
     /// Goes on from what the next refit came to. Answers nothing, with nothing changed, when `stop`
     /// was raised.
@@ -128,6 +138,14 @@ impl Refits {
         &self.finished
     }
 
+    /// How many stretches of the chains of a posterior have finished.
+    #[must_use]
+    pub fn stretches_of_chains(&self) -> u32 {
+        let names = self.finished.keys();
+        let stretches = names.filter(|name| matches!(name, RefitName::Posterior { .. }));
+        stretches.count() as u32
+    }
+
     /// Adds a refit that another node ran, by the text of its name. A text that names no refit adds
     /// nothing: the refit is then run here.
     pub fn add(&mut self, name: &str, refit: Refit) {
@@ -200,13 +218,16 @@ impl Refits {
         left: &AtomicU32,
         stop: &AtomicBool,
     ) -> Vec<(RefitName, Refit)> {
-        let take_one = |left: u32| left.checked_sub(1);
-        let is_allowed = || left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, take_one);
+        let is_allowed = |effort: u32| {
+            let take = |left: u32| (left > 0).then(|| left.saturating_sub(effort));
+            left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, take)
+        };
         let mut new = Vec::new();
         while let Some(name) = sequence.next() {
             let finished = self.finished.get(&name).cloned();
             let is_new = finished.is_none();
-            let run = || is_allowed().ok().and_then(|_| sequence.task().run(stop));
+            let allowed = || is_allowed(sequence.effort()).ok();
+            let run = || allowed().and_then(|_| sequence.run(stop));
             let Some(refit) = finished.or_else(run) else {
                 break;
             };

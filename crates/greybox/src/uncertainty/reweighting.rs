@@ -77,12 +77,13 @@ impl RefitSequence for Reweighting {
         (!self.stands).then_some(RefitName::Reweighted { round: self.fits })
     }
 
-    fn task(&self) -> RefitTask<'_> {
+    fn run(&self, stop: &AtomicBool) -> Option<Refit> {
         RefitTask {
             problem: Cow::Borrowed(&self.problem),
             start: self.report.positions.clone(),
             accuracy: Accuracy::Full,
         }
+        .run(stop)
     }
 
     fn follow(&mut self, refit: &Refit, stop: &AtomicBool) -> Option<()> {

@@ -3,6 +3,7 @@
 mod assumptions;
 mod disturbances;
 mod noise;
+mod posterior;
 mod width;
 
 use super::Analysis;
@@ -62,6 +63,7 @@ impl Case<'_> {
         doubts.extend(self.validation());
         doubts.extend(self.starts());
         doubts.extend(self.minima());
+        doubts.extend(self.posterior());
         doubts
     }
 

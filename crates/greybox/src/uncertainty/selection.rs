@@ -275,7 +275,7 @@ impl RefitSequence for ModelFit {
         })
     }
 
-    fn task(&self) -> RefitTask<'_> {
+    fn run(&self, stop: &AtomicBool) -> Option<Refit> {
         let (problem, start, accuracy) = match &self.stage {
             FitStage::Coarse { problem, start } => (problem, start, Accuracy::Screening),
             FitStage::Fine(coarse) | FitStage::Fitted(coarse) => {
@@ -287,6 +287,7 @@ impl RefitSequence for ModelFit {
             start: start.clone(),
             accuracy,
         }
+        .run(stop)
     }
 
     fn follow(&mut self, refit: &Refit, stop: &AtomicBool) -> Option<()> {

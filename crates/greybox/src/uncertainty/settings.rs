@@ -20,6 +20,9 @@ pub enum Intervals {
     /// From refits to data made of the simulation and its own residuals, drawn in blocks where
     /// they have a memory.
     Bootstrap,
+    /// From draws from the posterior distribution: the likelihood with the priors. An unknown without a prior
+    /// has a uniform one along the scale of its search range.
+    Posterior,
 }
 
 /// What to do where the data do not see a change of an unknown, or of a combination of unknowns.
@@ -50,6 +53,14 @@ impl FlatDirections {
 
 words!(Intervals, FlatDirections);
 
+/// Generations of the chains of a posterior, where a job does not say.
+const USUAL_GENERATIONS: u32 = 10_000;
+
+/// Whether generations of chains need not be written: specifications without them keep the digests that they had.
+fn are_usual_generations(generations: &u32) -> bool {
+    *generations == USUAL_GENERATIONS
+}
+
 settings! {
     /// What a job says under `uncertainty`.
     #[schema(as = UncertaintySettings)]
@@ -58,6 +69,10 @@ settings! {
         intervals: Intervals = Intervals::default();
         /// Refits of a bootstrap, 40 to 10 000.
         bootstrap_samples: u32 = 200, from 40, to 10_000;
+        /// Generations of the 32 chains of a posterior at the most, 500 to 100 000: they end earlier where R̂ is
+        /// below 1.01 and the effective sample sizes are above 400.
+        #[serde(skip_serializing_if = "are_usual_generations")]
+        posterior_generations: u32 = USUAL_GENERATIONS, from 500, to 100_000;
         /// Fits in which the noise and all that is taken as known are drawn anew, 100 to 100 000, to check
         /// the total uncertainty by (JCGM 101); 0: none.
         monte_carlo_samples: u32 = 0, from 0, to 100_000, unless too_few_fits;
@@ -77,7 +92,8 @@ impl Settings {
     /// Whether there are many refits that do not depend on each other.
     #[must_use]
     pub fn has_independent_refits(&self) -> bool {
-        self.intervals != Intervals::Fisher || self.monte_carlo_samples > 0
+        matches!(self.intervals, Intervals::Profile | Intervals::Bootstrap)
+            || self.monte_carlo_samples > 0
     }
 }
 

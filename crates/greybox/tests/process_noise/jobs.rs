@@ -187,3 +187,36 @@ fn listed_disturbances_are_estimated_or_taken_as_they_are() {
     let error = open.standard_error.unwrap();
     assert!((open.estimate - given.estimate).abs() < error);
 }
+
+#[test]
+fn draws_from_the_posterior_are_those_of_the_likelihood_of_the_filter() {
+    let recording = record_with(Disturbed::Memory, 0.0, 3);
+    let mut job = json!({
+        "model": serde_json::from_str::<Value>(RIG).unwrap(),
+        "process_noise": [{
+            "acts_on": {"state": "v"}, "kind": "memory",
+            "std": {"estimate": {}}, "time_constant_s": {"estimate": {}},
+        }],
+        "validation": {"fraction": 0},
+        "seed": 1,
+    });
+    let by_curvature = Identification::of_job(job.clone(), recording.clone()).run();
+    job["uncertainty"] = json!({"intervals": "posterior", "posterior_generations": 500});
+    let drawn = Identification::of_job(job, recording).run();
+    let (by_curvature, drawn) = (by_curvature.unwrap(), drawn.unwrap());
+    for name in NAMES {
+        let [narrow, wide] = [&by_curvature, &drawn].map(|outcome| {
+            let estimate = &outcome.parameter(name).unwrap().estimate;
+            estimate.confidence_interval.clone().unwrap()
+        });
+        assert_eq!(wide.method, "posterior");
+        // A rig is nearly linear, so that both are the same but for the draws.
+        let width = narrow.upper.unwrap() - narrow.lower.unwrap();
+        for (drawn, end) in [(wide.lower, narrow.lower), (wide.upper, narrow.upper)] {
+            let off = (drawn.unwrap() - end.unwrap()) / width;
+            assert!(off.abs() < 0.1, "{name}: {off}");
+        }
+    }
+    let names = drawn.posterior.unwrap().names;
+    assert_eq!(names, NAMES, "the noise is summed out");
+}

@@ -22,6 +22,8 @@ export class JobFeed {
     this.observer = observer;
     this.job = null;
     this.refinements = new Map();
+    // The last look at the chains of a posterior.
+    this.look = null;
     this.findings = new Map();
     this.rows = new Map();
     this.design = null;
@@ -93,6 +95,10 @@ export class JobFeed {
     });
     on("refinement", (row) => {
       this.refinements.set(row.iteration, row);
+      this.draw();
+    });
+    on("posterior", (look) => {
+      this.look = look;
       this.draw();
     });
     on("state", ({ status }) => {

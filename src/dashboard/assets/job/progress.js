@@ -11,6 +11,7 @@ export function progressPanel(view) {
   const numbers = h("div", {});
   const findingsPlace = h("div", {});
   const refinement = h("p", { class: "quiet" });
+  const posterior = h("p", { class: "quiet" });
   const cost = plot({
     title: "Cost in the search, by generation",
     signal: view.signal,
@@ -37,6 +38,7 @@ export function progressPanel(view) {
     findingsPlace,
     h("div", { class: "pair" }, cost.element, credit.element),
     refinement,
+    posterior,
   );
   return {
     element,
@@ -46,7 +48,7 @@ export function progressPanel(view) {
       bar.hidden = isFinished(job);
       numbers.replaceChildren(counts(job, progress));
     },
-    history(rows, { refinements, findings }) {
+    history(rows, { refinements, look, findings }) {
       const column = (name) => rows.map((row) => row[name] ?? null);
       const generations = column("generation");
       cost.set(generations, [column("best_cost"), column("mean_cost")]);
@@ -55,6 +57,7 @@ export function progressPanel(view) {
       credit.element.hidden = rows.length > 0 && credits.every((value) => value === null);
       credit.set(generations, [credits]);
       refinement.textContent = refinementText([...refinements.values()]);
+      posterior.textContent = look ? posteriorText(look) : "";
       findingsPlace.replaceChildren(...(findings.size ? [warningList([...findings.values()])] : []));
     },
   };
@@ -81,4 +84,9 @@ function refinementText(rows) {
   }
   const last = rows.reduce((a, b) => (b.iteration > a.iteration ? b : a));
   return `Refinement: ${rows.length} iterations, cost ${number(last.cost, 6)}.`;
+}
+
+function posteriorText({ generation, generations, r_hat, ess_bulk, ess_tail }) {
+  const least = Math.min(ess_bulk ?? 0, ess_tail ?? 0);
+  return `Draws from the posterior: generation ${count(generation)} of at most ${count(generations)}, R̂ ${number(r_hat, 4)} (below 1.01 is asked for), at least ${number(least, 3)} effective draws (more than 400 are).`;
 }

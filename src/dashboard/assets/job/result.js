@@ -9,6 +9,7 @@ import { facts, h, notice, quoted } from "../shell/dom.js";
 import { count, number, words } from "../shell/format.js";
 import { prepare } from "../shell/prepared.js";
 import { isAtRest, isFinished } from "./feed.js";
+import { posteriorPart } from "./posterior.js";
 import { profiled, profilesPart } from "./profiles.js";
 import { residualsPart, startsPart } from "./residuals.js";
 import {
@@ -109,6 +110,7 @@ function report(result, { job, model, rules, view }) {
     Object.keys(result.residuals ?? {}).length > 0 &&
       folded("Residuals: spread, memory, spectrum", () => residualsPart(view, job, result, model)),
     profiled(result).length > 0 && folded("Likelihood profiles", () => profilesPart(view, result)),
+    result.posterior && folded("Draws from the posterior", () => posteriorPart(job, result)),
     starts.length > 1 && folded(`${starts.length} starts of the refinement`, () => startsPart(view, starts)),
     folded("How it was found, in numbers", () => search(result)),
     downloads(result, job),

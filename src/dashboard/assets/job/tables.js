@@ -260,7 +260,7 @@ export function budgetTable({ budget, parameters }) {
   const lines = [...budget].sort((a, b) => largest(b) - largest(a));
   const columns = ["Value", "Residuals pull", "Would explain them", ...keys.map(words)];
   const cells = lines.map((line) => {
-    const { value, tolerance, unit, score, suggested } = line;
+    const { value, tolerance, unit, score, suggested, by_default } = line;
     const pull =
       score === null
         ? { text: "–", title: "the residuals cannot tell it from the unknowns" }
@@ -270,7 +270,10 @@ export function budgetTable({ budget, parameters }) {
             title: Math.abs(score) > 4 ? "the residuals contradict it" : null,
           };
     return [
-      { text: `${number(value, 4)} ± ${number(tolerance, 2)} ${unit === "1" ? "" : unit}` },
+      {
+        text: `${number(value, 4)} ± ${number(tolerance, 2)} ${unit === "1" ? "" : unit}`,
+        title: by_default ? "nobody declared the tolerance" : null,
+      },
       pull,
       { text: suggested ? `${number(suggested.value, 4)} ± ${number(suggested.standard_error, 2)}` : "–" },
       ...keys.map((key) => {
@@ -299,6 +302,9 @@ export function budgetTable({ budget, parameters }) {
       "p",
       { class: "quiet" },
       "Each parameter's column: which share of what is not known of it comes from which assumption. Beyond ± 4 σ the residuals contradict the value.",
+      budget.some((line) => line.by_default)
+        ? " A model document takes some of them as exact: their tolerances are defaults, and `tolerances` of the job says otherwise."
+        : "",
     ),
   );
 }

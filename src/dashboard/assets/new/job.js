@@ -33,6 +33,7 @@ const TITLES = {
   cma_es: "CMA-ES",
   multistart_lm: "least squares from many starts",
   profile: "likelihood profile",
+  posterior: "draws from the posterior",
 };
 
 export function showNewJob(view) {

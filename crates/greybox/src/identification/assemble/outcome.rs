@@ -1,6 +1,6 @@
 //! The result document of a run.
 
-use super::process_noise;
+use super::{posterior, process_noise};
 use crate::estimation::problem::{Coordinate, Experiment, Problem, Target};
 use crate::estimation::report::Report;
 use crate::identification::JobSpec;
@@ -87,6 +87,10 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
         output_error: analysis.noise.as_ref().map_or_else(BTreeMap::new, |noise| {
             process_noise::output_error(problem, noise)
         }),
+        posterior: analysis
+            .posterior
+            .as_ref()
+            .and_then(|drawn| posterior::draws(problem, drawn)),
         engine: Engine {
             seed: origin.spec.seed,
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -148,6 +152,8 @@ fn estimates(
         let uncertainty = &analysis.coordinates[index];
         let missing = analysis.missing.as_deref();
         let mut estimate = estimate(coordinate, report.values[index], uncertainty, missing);
+        let drawn = analysis.posterior.as_ref();
+        estimate.posterior = drawn.and_then(|drawn| posterior::report(drawn, index));
         let names = problem.outputs.iter().map(|output| output.name.clone());
         estimate.output_change = names
             .zip(uncertainty.output_changes.iter().copied())
@@ -213,6 +219,7 @@ fn estimate(
                 upper: upper.and_then(finite),
             }),
         monte_carlo: uncertainty.monte_carlo,
+        posterior: None,
         trust: Some(uncertainty.trust),
         prior_shift: uncertainty.prior_shift.and_then(finite),
         lower: coordinate.lower,

@@ -22,6 +22,10 @@ const MOST_CANDIDATES: u32 = 10_000;
 const FEWEST_FURTHER_SEARCHES: u32 = 8;
 /// Further searches at the most.
 const MOST_FURTHER_SEARCHES: u32 = 31;
+/// Longer chains of a posterior have so many times the generations.
+const MORE_GENERATIONS: u32 = 4;
+/// Generations of the chains of a posterior at the most.
+const MOST_GENERATIONS: u32 = 100_000;
 /// A longer run has so many times the time.
 const MORE_TIME: f64 = 3.0;
 /// The longest run that is proposed `[s]`: a day, which a server allows where its settings do not
@@ -196,6 +200,18 @@ impl Finished<'_> {
             label: "Run it longer".to_owned(),
             why: format!("Up to {} s.", short(longer, DIGITS)),
             spec: self.changed(|spec| spec.limits.max_duration_s = longer),
+        })
+    }
+
+    /// Longer chains of a posterior, where they can be longer.
+    pub(super) fn draw_longer(&self) -> Option<Change> {
+        let generations = self.spec.uncertainty.posterior_generations;
+        let more = generations.saturating_mul(MORE_GENERATIONS);
+        let more = more.min(MOST_GENERATIONS);
+        (more > generations).then(|| Change {
+            label: "Draw longer".to_owned(),
+            why: format!("Up to {more} generations of the chains."),
+            spec: self.changed(|spec| spec.uncertainty.posterior_generations = more),
         })
     }
 

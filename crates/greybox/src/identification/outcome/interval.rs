@@ -15,7 +15,8 @@ pub struct ConfidenceInterval {
     /// The upper end.
     pub upper: Option<f64>,
     /// How the interval was made: `fisher` (curvature at the estimate), `fisher_coloured` (that, widened for
-    /// residuals with a memory), `profile` (likelihood profile) or `bootstrap`.
+    /// residuals with a memory), `profile` (likelihood profile), `bootstrap`, `posterior` (quantiles of draws) or
+    /// `constrained` (curvature within the constraints).
     #[schema(example = "fisher")]
     pub method: String,
 }

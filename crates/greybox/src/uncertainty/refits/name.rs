@@ -48,6 +48,11 @@ pub enum RefitName {
         /// Which of the drawings.
         sample: u32,
     },
+    /// A stretch of the chains of a posterior.
+    Posterior {
+        /// How many stretches went before.
+        stretch: u32,
+    },
 }
 
 impl RefitName {
@@ -66,7 +71,9 @@ impl RefitName {
     #[must_use]
     pub fn number(&self) -> Option<u64> {
         match self {
-            RefitName::Reweighted { .. } | RefitName::Nuisances { .. } => None,
+            RefitName::Reweighted { .. }
+            | RefitName::Nuisances { .. }
+            | RefitName::Posterior { .. } => None,
             _ => Some(number_of(&self.group())),
         }
     }
@@ -81,6 +88,7 @@ impl RefitName {
             RefitName::Profile { coordinate, .. } => format!("profile/{coordinate}"),
             RefitName::Bootstrap { sample } => format!("bootstrap/{sample}"),
             RefitName::MonteCarlo { sample } => format!("monte_carlo/{sample}"),
+            RefitName::Posterior { stretch } => format!("posterior/{stretch}"),
         }
     }
 }
@@ -152,6 +160,9 @@ fn parsed(text: &str) -> Option<RefitName> {
         "monte_carlo" => RefitName::MonteCarlo {
             sample: which.parse().ok()?,
         },
+        "posterior" => RefitName::Posterior {
+            stretch: which.parse().ok()?,
+        },
         _ => return None,
     })
 }
@@ -181,7 +192,7 @@ mod tests {
         assert_eq!(number, Some(16_165_969_476_279_261_050));
     }
 
-    /// The texts are those that checkpoints of commit 2eabe3d carry, with `nuisances` beside them.
+    /// The texts are those that checkpoints of commit 2eabe3d carry, with `nuisances` and `posterior` beside them.
     #[test]
     fn names_are_written_as_they_were_and_read_back() {
         let effects = |effects: &[&str], is_fine| RefitName::Effects {
@@ -203,6 +214,7 @@ mod tests {
             (RefitName::profile(0, 0.0), "profile/0/0e0"),
             (RefitName::Bootstrap { sample: 63 }, "bootstrap/63"),
             (RefitName::MonteCarlo { sample: 0 }, "monte_carlo/0"),
+            (RefitName::Posterior { stretch: 7 }, "posterior/7"),
         ];
         for (name, text) in names {
             assert_eq!(name.to_string(), text);

@@ -320,6 +320,14 @@ rules! {
         meaning: "Something changes within the record, or the model misses an effect that shows more in some windows.",
         advice: "Estimate from each window alone and look at what changes.",
     }
+    PosteriorNotConverged = "posterior_not_converged", PosteriorNotConverged {
+        title: "The draws from the posterior have not converged",
+        grades: "Moderate for the parameters that it names.",
+        when: "Draws from the posterior were asked for, and R̂ of the chains of an unknown is 1.01 or more, an \
+               effective sample size of the middle or of the tails is 400 or less, or no chain could begin.",
+        meaning: "The chains have not seen all of the distribution: its quantiles may be off.",
+        advice: "Ask for more `uncertainty.posterior_generations`.",
+    }
     NoBudget = "no_budget", NoBudget {
         title: "No uncertainty budget",
         grades: "Moderate.",
