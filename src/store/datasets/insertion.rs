@@ -179,9 +179,9 @@ async fn insert_in_parts(
 
 /// A recording that is to be stored in parts.
 enum Begun {
-    /// It is stored already.
+    /// The recording is stored already.
     Stored(Box<DatasetRow>),
-    /// Its parts may come.
+    /// The row waits for its parts.
     Unfinished(Box<NewRow>),
 }
 

@@ -60,7 +60,7 @@ pub(super) struct Description {
 }
 
 impl Description {
-    /// What is stored of a recording beside its samples.
+    /// A recording without its samples, as it is stored.
     pub(super) fn of(recording: &ReceivedRecording) -> Self {
         Self {
             start: recording.header.start,

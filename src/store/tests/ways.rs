@@ -255,7 +255,7 @@ struct Way {
 impl Way {
     async fn to(port: u16) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
-        let own = listener.local_addr().expect("an address").port();
+        let near_port = listener.local_addr().expect("an address").port();
         let losses = watch::Sender::new(());
         let told = losses.clone();
         tokio::spawn(async move {
@@ -264,7 +264,10 @@ impl Way {
                 tokio::spawn(carry(near, port, told.subscribe()));
             }
         });
-        Self { port: own, losses }
+        Self {
+            port: near_port,
+            losses,
+        }
     }
 }
 

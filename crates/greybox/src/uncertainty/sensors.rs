@@ -163,7 +163,19 @@ impl Sensors {
             Assumed::Sensor { number, .. } => match number {
                 SensorNumber::Gain => values[sample],
                 SensorNumber::Offset => 1.0,
-                SensorNumber::Lag => -slope(values, &self.instants[experiment], sample),
+                SensorNumber::Lag => {
+                    // An expected sample rests on the samples before, so that the next one knows the error of
+                    // this one: a slope that looked at it would pull at the lag of every sensor.
+                    let after = match problem.innovations {
+                        Some(_) => sample,
+                        None => (sample + 1).min(values.len().saturating_sub(1)),
+                    };
+                    -slope(
+                        values,
+                        &self.instants[experiment],
+                        [sample.saturating_sub(1), after],
+                    )
+                }
             },
             Assumed::Clock => self.clocks.as_ref().map_or(0.0, |[slow, fast]| {
                 let of = |side: &[Outputs]| side[experiment][index][sample];
@@ -211,12 +223,8 @@ fn instants(experiment: &Experiment) -> Vec<f64> {
     }
 }
 
-/// How fast a signal moves at a sample, by its neighbours `[1/s]`.
-fn slope(values: &[f64], instants: &[f64], sample: usize) -> f64 {
-    let (before, after) = (
-        sample.saturating_sub(1),
-        (sample + 1).min(values.len().saturating_sub(1)),
-    );
+/// How fast a signal moves from one sample to another `[1/s]`.
+fn slope(values: &[f64], instants: &[f64], [before, after]: [usize; 2]) -> f64 {
     let time = instants[after] - instants[before];
     if time > 0.0 {
         (values[after] - values[before]) / time

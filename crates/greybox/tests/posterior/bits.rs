@@ -1,5 +1,5 @@
-//! The same specification, data and seed give the same draws, whatever the number of threads and however
-//! often the run is saved and resumed.
+//! Draws are equal for equal specification, data and seed, whatever the number of threads and however often the
+//! run is saved and resumed.
 
 use greybox::demo::{self, Demo};
 use greybox::estimation::observer::PosteriorRow;

@@ -5,7 +5,7 @@ use greybox::model::Model;
 use greybox::numerics::rng::{Purpose, normal, stream};
 use greybox::{Identification, Recording};
 
-/// What is seen is the square of the unknown.
+/// A plant that shows the square of its unknown.
 const SQUARE: &str = r#"{
     "name": "square", "title": "square",
     "inputs": {"drive": {"unit": "1"}},

@@ -43,6 +43,8 @@ struct Study {
     moderate: [usize; 3],
     /// How often each reason is given.
     reasons: BTreeMap<String, usize>,
+    /// The farthest that the residuals of a record pull at an assumption, standard deviations of noise.
+    farthest_pull: f64,
 }
 
 fn study(disturbed: Disturbed, friction: f64) -> Study {
@@ -58,6 +60,8 @@ fn study(disturbed: Disturbed, friction: f64) -> Study {
         for reason in &outcome.verdict.reasons {
             *study.reasons.entry(reason.code.to_string()).or_default() += 1;
         }
+        let pulls = outcome.budget.iter().filter_map(|line| line.score);
+        study.farthest_pull = pulls.map(f64::abs).fold(study.farthest_pull, f64::max);
         for (place, name) in NAMES.iter().enumerate() {
             let estimate = &outcome.parameter(name).unwrap().estimate;
             let interval = estimate.total_interval.unwrap();
@@ -80,6 +84,8 @@ fn assert_right(study: &Study, noise: &str) {
     let least = (0.9 * records() as f64) as usize - usize::from(records() < 100);
     assert!(study.chosen.get(noise).is_some_and(|count| *count >= least));
     assert_covers(study.covered, RIGHT_SHARE);
+    // Of 700 standard normal numbers one is beyond 5 in 2500 studies.
+    assert!(study.farthest_pull < 5.0, "{}", study.farthest_pull);
     assert!(
         study.high.iter().all(|count| *count >= least),
         "{:?}",
