@@ -1,8 +1,8 @@
 //! Draws from the posterior distribution of the unknowns.
 //!
-//! The density is that of [`log_posterior`](crate::estimation::log_posterior): the likelihood of the free run,
-//! or of the innovations where disturbances move the plant, with the priors. 32 chains ([`chains`]) begin
-//! at draws about the estimate and its twins ([`minima`]) and move until R̂ is below 1.01 and the
+//! The density is that of [`log_posterior`]: the likelihood of the free run,
+//! or of the innovations where disturbances move the plant, with the priors. 32 chains (`chains`) begin
+//! at draws about the estimate and its twins (`minima`) and move until R̂ is below 1.01 and the
 //! effective sample sizes of the middle and of the tails are above 400 for every unknown
 //! ([`greybox_numerics::convergence`]), or until the generations that were asked for are over. The first half
 //! of the generations is taken for the way to the distribution and not counted.
