@@ -141,7 +141,7 @@ fn default_sensors(problem: &Problem) -> Vec<Assumption> {
         ];
         numbers.map(|(number, tolerance)| Assumption {
             is_default: true,
-            ..Assumption::of_sensor([&output.name, &output.unit], place, number, tolerance)
+            ..Assumption::of_sensor(&output.name, &output.unit, place, number, tolerance)
         })
     });
     let is_open = |default: &Assumption| {

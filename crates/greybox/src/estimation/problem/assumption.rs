@@ -75,7 +75,8 @@ impl Assumption {
     /// the output, and `place` its place among the compared ones.
     #[must_use]
     pub fn of_sensor(
-        [output, unit]: [&str; 2],
+        output: &str,
+        unit: &str,
         place: usize,
         number: SensorNumber,
         tolerance: f64,

@@ -96,7 +96,8 @@ fn of_sensor<'a>(
     numbers.into_iter().filter_map(move |(number, tolerance)| {
         let tolerance = tolerance.filter(|tolerance| *tolerance > 0.0)?;
         Some(Assumption::of_sensor(
-            [&output.name, &output.unit],
+            &output.name,
+            &output.unit,
             place,
             number,
             tolerance,
