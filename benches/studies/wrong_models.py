@@ -220,7 +220,7 @@ def main():
     parser.add_argument("--program", default=PROGRAM)
     parser.add_argument("--sizes", default="1,3", help="sizes of the effects")
     parser.add_argument("--only", help="one plant")
-    parser.add_argument("--process-noise", default="none", help="none or auto")
+    parser.add_argument("--process-noise", default="auto", help="none or auto")
     parser.add_argument("--seed", type=int, default=7, help="of the excitation and of the noise")
     parser.add_argument("--json", help="file for all figures")
     options = parser.parse_args()

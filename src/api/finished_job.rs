@@ -115,16 +115,16 @@ impl FinishedJob {
     fn without_disturbance(&self) -> Problem {
         let detail = match (
             &self.outcome.process_noise,
-            self.spec.process_noise.is_none(),
+            self.spec.looks_for_disturbances(),
         ) {
             (Some(_), _) => {
                 "the result has no disturbance: of the noise models that were compared, `none` was chosen"
             }
-            (None, true) => {
-                "the result has no process noise: the job does not ask for it; submit the job with \
+            (None, false) => {
+                "the result has no process noise: the job says that nothing acts; submit the job with \
                  `\"process_noise\": \"auto\"`"
             }
-            (None, false) => {
+            (None, true) => {
                 "the result has no process noise: the residuals of the free run are white, or the job ended \
                  before noise models were compared"
             }

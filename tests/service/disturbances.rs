@@ -152,10 +152,43 @@ async fn a_part_of_a_disturbance_has_every_sample_and_the_events_of_the_part() {
 async fn a_result_without_process_noise_says_why_there_is_no_disturbance() {
     let app = TestApp::start().await;
     let dataset = app.store_drive().await;
-    let id = app.submit(&drive_job(&dataset)).await;
-    app.ended(&id).await;
-    let problem = app.get(&format!("/v1/jobs/{id}/disturbance")).await;
-    let problem = problem.problem(409);
-    let detail = problem["detail"].as_str().unwrap();
-    assert!(detail.contains("the job does not ask for it"), "{detail}");
+    let answers = [
+        ("none", "the job says that nothing acts"),
+        ("auto", "the residuals of the free run are white"),
+    ];
+    for (choice, why) in answers {
+        let mut job = drive_job(&dataset);
+        job["process_noise"] = json!(choice);
+        let id = app.submit(&job).await;
+        app.ended(&id).await;
+        let problem = app.get(&format!("/v1/jobs/{id}/disturbance")).await;
+        let problem = problem.problem(409);
+        let detail = problem["detail"].as_str().unwrap();
+        assert!(detail.contains(why), "{detail}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn disturbances_are_looked_for_unless_the_job_says_otherwise_or_needs_a_free_run() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let asked = [
+        (json!({}), "auto"),
+        (json!({"process_noise": "none"}), "none"),
+        (json!({"uncertainty": {"intervals": "posterior"}}), "auto"),
+        (json!({"uncertainty": {"intervals": "bootstrap"}}), "none"),
+        (json!({"uncertainty": {"monte_carlo_samples": 100}}), "none"),
+        (
+            json!({"method": {"huber_threshold": 1.5}, "outputs": {"position": {"noise_std": 1e-3}}}),
+            "none",
+        ),
+    ];
+    for (more, expected) in asked {
+        let mut job = drive_job(&dataset);
+        let object = job.as_object_mut().unwrap();
+        object.extend(more.as_object().unwrap().clone());
+        let id = app.submit(&job).await;
+        let stored = app.get(&format!("/v1/jobs/{id}")).await.json();
+        assert_eq!(stored["spec"]["process_noise"], expected, "{more}");
+    }
 }

@@ -112,12 +112,21 @@ impl Sample<'_> {
 }
 
 /// What acts on the plant over a stretch of time.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct HeldQuantities<R> {
     /// The quantities as the stretch begins.
     pub values: Vec<R>,
     /// How fast the first of them move [1/s]; empty where all stand still.
     pub slopes: Vec<R>,
+}
+
+impl<R> Default for HeldQuantities<R> {
+    fn default() -> HeldQuantities<R> {
+        HeldQuantities {
+            values: Vec::new(),
+            slopes: Vec::new(),
+        }
+    }
 }
 
 impl<R: Real> HeldQuantities<R> {

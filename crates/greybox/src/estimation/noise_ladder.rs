@@ -29,8 +29,17 @@ const LEAST_SENSOR: f64 = 1e-6;
 /// The standard deviation of the logarithm of a strength before the data are looked at.
 const STRENGTH_DEVIATION: f64 = 4.0;
 
-/// Steps of the covariance between two samples.
+/// Residuals of a record whose beginning says where its estimate is, and that is long to go through.
+const LONG_RECORD: usize = 8000;
+
+/// The share of a long record that is gone through first.
+const BEGINNING: f64 = 0.25;
+
+/// Steps of the covariance between two samples, where one is not enough.
 pub const COVARIANCE_STEPS: u32 = 2;
+
+/// One step is enough where more change the logarithm of the likelihood by less.
+const SAME_LIKELIHOOD: f64 = 0.05;
 
 /// A number of a disturbance that is looked for, or given.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -157,6 +166,23 @@ pub fn fit(
 }
 
 impl NoiseTrial {
+    /// A start near the estimate: that of the trial or, where a long record is likelier there, the end of a descent
+    /// over a part of the record. Answers nothing when `stop` was raised.
+    #[must_use]
+    pub fn near_start(&self, stop: &AtomicBool) -> Option<Vec<f64>> {
+        let start = self.start.clone();
+        if self.problem.n_residuals() < LONG_RECORD {
+            return Some(start);
+        }
+        let beginning = self.problem.beginning(BEGINNING);
+        let descent = refine::descend(&beginning, start.clone(), Accuracy::Screening, stop)?;
+        let starts = [start, descent.positions];
+        let around = compared(&self.problem, &starts, stop)?;
+        let is_likelier = around.cost(1) < around.cost(0);
+        let [start, nearer] = starts;
+        Some(if is_likelier { nearer } else { start })
+    }
+
     /// What a descent came to; the inner answer is none where it cannot be simulated. Answers nothing when
     /// `stop` was raised.
     #[must_use]
@@ -265,11 +291,39 @@ impl NoiseFit<'_> {
             noise: &noise,
             strengths: &strengths,
         };
-        let start = scan.best(&problem, self.stop);
-        Ok(start.map(|start| NoiseTrial {
-            noise,
-            problem,
-            start,
+        match scan.best(&problem, self.stop) {
+            Some(start) => self.close_enough(NoiseTrial {
+                noise,
+                problem,
+                start,
+            }),
+            None => Ok(None),
+        }
+    }
+
+    /// The trial with as many steps of the covariance as the likelihood at its start needs. Answers nothing when
+    /// `stop` was raised.
+    fn close_enough(&self, trial: NoiseTrial) -> Result<Option<NoiseTrial>, NoiseFault> {
+        let noise = NoiseModel {
+            steps: COVARIANCE_STEPS,
+            ..trial.noise.clone()
+        };
+        let problem = filtered(self.problem, &noise)?;
+        let start = std::slice::from_ref(&trial.start);
+        let likelihoods = [&trial.problem, &problem].map(|problem| {
+            let around = compared(problem, start, self.stop)?;
+            Some(around.log_likelihood(0).unwrap_or(f64::NAN))
+        });
+        let [Some(coarse), Some(fine)] = likelihoods else {
+            return Ok(None);
+        };
+        Ok(Some(match (coarse - fine).abs() < SAME_LIKELIHOOD {
+            true => trial,
+            false => NoiseTrial {
+                noise,
+                problem,
+                start: trial.start,
+            },
         }))
     }
 
@@ -367,7 +421,7 @@ impl NoiseFit<'_> {
         NoiseModel {
             disturbances: disturbed.collect(),
             sensors: sensors.collect(),
-            steps: COVARIANCE_STEPS,
+            steps: 1,
         }
     }
 }

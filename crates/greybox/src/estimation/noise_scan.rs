@@ -97,21 +97,13 @@ impl NoiseScan<'_> {
     fn enlarged(&self, problem: &Problem, simulated: &SimulatedPoint<'_>) -> Vec<f64> {
         let SimulatedPoint { point, by, .. } = *simulated;
         let mut enlarged = point.to_vec();
-        // A disturbance has a strength, which is a size, and where it remembers a time constant, which is none.
-        let of_disturbances = self.noise.disturbances.iter().flat_map(|disturbance| {
-            let numbers = disturbance.numbers().zip([true, false]);
-            let unknown = numbers.filter(|(number, _)| number.is_unknown());
-            unknown.map(|(_, is_size)| is_size)
-        });
-        let is_size = of_disturbances.chain(std::iter::repeat(true));
-        let places = self.estimate.len()..problem.coordinates.len();
-        for (place, is_size) in places.zip(is_size) {
+        let innovations = problem.innovations.iter();
+        let places = innovations.flat_map(|innovations| &innovations.sizes);
+        for &place in places.filter(|_| by.is_finite()) {
             let coordinate = &problem.coordinates[place];
-            if is_size && by.is_finite() {
-                let value = by * coordinate.value(point[place]);
-                let Coordinate { lower, upper, .. } = *coordinate;
-                enlarged[place] = Scale::Log.position(value.clamp(lower, upper), lower, upper);
-            }
+            let value = by * coordinate.value(point[place]);
+            let Coordinate { lower, upper, .. } = *coordinate;
+            enlarged[place] = Scale::Log.position(value.clamp(lower, upper), lower, upper);
         }
         enlarged
     }

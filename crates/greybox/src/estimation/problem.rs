@@ -135,6 +135,21 @@ impl Problem {
         self
     }
 
+    /// The problem of the first part of each experiment that is estimated from, so large a share of it.
+    #[must_use]
+    pub fn beginning(&self, share: f64) -> Problem {
+        let experiments = self.experiments.iter();
+        let estimated = experiments.filter(|data| data.estimation_samples > 0);
+        let first = estimated.map(|data| {
+            let samples = (share * data.estimation_samples as f64).ceil();
+            data.part(0, samples as usize)
+        });
+        Problem {
+            experiments: Arc::new(first.collect()),
+            ..self.clone()
+        }
+    }
+
     /// The clock of the recordings that is taken: how long one of their seconds is `[s]`.
     #[must_use]
     pub fn clock(&self) -> f64 {

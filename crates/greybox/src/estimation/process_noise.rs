@@ -239,6 +239,7 @@ pub(super) fn filtered_by(
                 .iter()
                 .map(|sensor| sensor.least().powi(2))
                 .collect(),
+            sizes: sizes(problem.coordinates.len(), noise),
         })),
         ..problem.clone()
     };
@@ -257,6 +258,20 @@ pub(super) fn filtered_by(
         add(&mut next, &format!("noise of {}", output.name), sensor);
     }
     Ok(next)
+}
+
+/// The places of the coordinates that say how large noises are, behind so many of the plant.
+fn sizes(n_plant: usize, noise: &NoiseModel) -> Vec<usize> {
+    // A disturbance has a strength, which is a size, and where it remembers a time constant, which is none.
+    let of_disturbances = noise.disturbances.iter();
+    let of_disturbances = of_disturbances.flat_map(|noise| noise.numbers().zip([true, false]));
+    let of_sensors = noise.sensors.iter().map(|sensor| (*sensor, true));
+    let unknown = of_disturbances
+        .chain(of_sensors)
+        .filter(|(number, _)| number.is_unknown());
+    let places = unknown.zip(n_plant..);
+    let places = places.filter_map(|((_, is_size), place)| is_size.then_some(place));
+    places.collect()
 }
 
 /// Adds a number to the parameters, and to the unknowns where it is one.

@@ -42,9 +42,14 @@ fn smallest_progress(accuracy: Accuracy) -> (f64, f64) {
     }
 }
 /// A fine descent ends within so many standard errors of its minimum: polishing a short record
-/// costs nothing, and its standard errors are large.
-fn polished(rows: usize) -> f64 {
-    if rows <= SHORT { 1e-8 } else { 1e-4 }
+/// costs nothing, and its standard errors are large. Noise models are compared by differences of their likelihoods,
+/// which a thousandth of a standard error changes by a millionth.
+fn polished(problem: &Problem, rows: usize) -> f64 {
+    match problem.innovations {
+        _ if rows <= SHORT => 1e-8,
+        Some(_) => 1e-3,
+        None => 1e-4,
+    }
 }
 /// The last step is at most so many standard errors long, and not simulated any more.
 const NEAR: f64 = 1e-2;
@@ -64,6 +69,12 @@ const DAMPING_FACTORS: [f64; 8] = [1e-4, 1.0, 1e2, 1e-2, 10.0, 1e-1, 1e4, 1e-3];
 const ENOUGH: f64 = 0.999;
 /// At least so many others.
 const FEWEST_OTHERS: usize = 3;
+/// A smaller damping changes no step.
+const NEGLIGIBLE_DAMPING: f64 = 1e-6;
+/// Standard errors from the minimum within which steps are stretched: further off the way there is no straight one.
+const STRETCHED_WITHIN: f64 = 3.0;
+/// Shorter and longer steps that are tried in place of negligible dampings, relative to the last good one.
+const STRETCHES: [f64; 8] = [1.0, 0.7, 1.4, 0.5, 2.0, 0.85, 1.2, 0.25];
 const FIRST_DAMPING: f64 = 1e-3;
 /// Where none of them gains anything, so many times larger ones are tried.
 const DAMPING_RISE: f64 = 1e5;
@@ -118,10 +129,19 @@ pub fn descend_at_most(
     Some(descent)
 }
 
+/// A step that is tried.
+#[derive(Clone)]
+struct Trial {
+    damping: f64,
+    /// How much longer the step is than the linear model has it.
+    stretch: f64,
+    /// Where the step leads.
+    positions: Vec<f64>,
+}
+
 /// What one iteration leads to.
 struct Step {
-    damping: f64,
-    positions: Vec<f64>,
+    trial: Trial,
     cost: f64,
     /// The residuals linearised there, if they are.
     linearisation: Option<Linearisation>,
@@ -131,12 +151,19 @@ impl Step {
     /// No damping leads anywhere.
     fn nowhere() -> Step {
         Step {
-            damping: FIRST_DAMPING,
-            positions: Vec::new(),
+            trial: Trial {
+                damping: FIRST_DAMPING,
+                stretch: 1.0,
+                positions: Vec::new(),
+            },
             cost: f64::INFINITY,
             linearisation: None,
         }
     }
+}
+
+fn unstretched() -> f64 {
+    1.0
 }
 
 /// A minimum of the cost.
@@ -172,6 +199,9 @@ pub struct Descent {
     pub coarse_cost: Option<f64>,
     accuracy: Accuracy,
     damping: f64,
+    /// How much longer the last step was than the linear model had it.
+    #[serde(default = "unstretched")]
+    stretch: f64,
     /// How far the linear model's minimum was away, in standard errors.
     distance: Option<f64>,
     /// How much of the distance before that was left.
@@ -202,6 +232,7 @@ impl Descent {
             coarse_cost: None,
             accuracy: Accuracy::Screening,
             damping: FIRST_DAMPING,
+            stretch: unstretched(),
             distance: None,
             shrinkage: 1.0,
             linearisation: None,
@@ -311,38 +342,73 @@ impl Descent {
     ) -> Option<Step> {
         let least = self.columns(problem) as usize + FEWEST_OTHERS;
         let others = FEWEST_OTHERS + least.next_multiple_of(LANES) - least;
-        let factors = DAMPING_FACTORS.iter().take(1 + others);
-        let dampings = factors.map(|factor| (self.damping * factor).max(SMALLEST_DAMPING));
-        let trials = trial_steps(problem, linearisation, &self.positions, dampings);
+        let trials = self.trials(problem, linearisation, 1 + others);
         let Some((boldest, others)) = trials.split_first() else {
             return Some(Step::nowhere());
         };
-        let middle = (&boldest.1[..], sides(problem, self.accuracy));
-        let beside: Vec<Vec<f64>> = others.iter().map(|(_, moved)| moved.clone()).collect();
+        let middle = (&boldest.positions[..], sides(problem, self.accuracy));
+        let beside: Vec<Vec<f64>> = others.iter().map(|trial| trial.positions.clone()).collect();
         let around = Neighbourhood::along_axes(problem, middle, &beside, (self.accuracy, stop))?;
         self.evaluations += self.columns(problem) + others.len() as u64;
         let bold = Linearisation::of(&around).ok();
         let bold = bold.map(|bold| Step {
-            damping: boldest.0,
-            positions: boldest.1.clone(),
+            trial: boldest.clone(),
             cost: bold.cost,
             linearisation: Some(bold),
         });
-        let others = others
-            .iter()
-            .enumerate()
-            .map(|(place, (damping, moved))| Step {
-                damping: *damping,
-                positions: moved.clone(),
-                cost: around.cost(place),
-                linearisation: None,
-            });
+        let others = others.iter().enumerate().map(|(place, trial)| Step {
+            trial: trial.clone(),
+            cost: around.cost(place),
+            linearisation: None,
+        });
         let other = others.min_by(|a, b| a.cost.total_cmp(&b.cost));
         let gain = |step: &Step| linearisation.cost - step.cost;
         let share = if middle.1 == Sides::One { ENOUGH } else { 1.0 };
         let enough = other.as_ref().map(|other| share * gain(other).max(0.0));
         let best = bold.filter(|bold| enough.is_none_or(|enough| gain(bold) >= enough));
         Some(best.or(other).unwrap_or_else(Step::nowhere))
+    }
+
+    /// The steps that are tried, the boldest first. Where dampings change nothing any more, shorter and longer steps
+    /// are tried in their place: innovations that are not as the noise model has them have another curvature than
+    /// the expected one, by a factor that the descent learns.
+    fn trials(
+        &self,
+        problem: &Problem,
+        linearisation: &Linearisation,
+        at_most: usize,
+    ) -> Vec<Trial> {
+        let is_undamped = self.damping < NEGLIGIBLE_DAMPING && problem.innovations.is_some();
+        let is_curved = self
+            .distance
+            .is_none_or(|distance| distance > STRETCHED_WITHIN);
+        if !is_undamped || is_curved {
+            let factors = DAMPING_FACTORS.iter().take(at_most);
+            let dampings = factors.map(|factor| (self.damping * factor).max(SMALLEST_DAMPING));
+            let trials = trial_steps(problem, linearisation, &self.positions, dampings);
+            let undamped = trials.into_iter().map(|(damping, positions)| Trial {
+                damping,
+                stretch: 1.0,
+                positions,
+            });
+            return undamped.collect();
+        }
+        let Some(outlook) = linearisation.moved(problem, &self.positions, self.damping) else {
+            return Vec::new();
+        };
+        let stretches = STRETCHES.iter().take(at_most);
+        let stretched = stretches.filter_map(|factor| {
+            let stretch = factor * self.stretch;
+            let pairs = self.positions.iter().zip(&outlook.positions);
+            let moved = pairs.map(|(here, there)| here + stretch * (there - here));
+            let moved = moved.map(|position| position.clamp(0.0, 1.0)).collect();
+            Some(Trial {
+                damping: self.damping,
+                stretch,
+                positions: feasible::nearest(problem, moved)?,
+            })
+        });
+        stretched.collect()
     }
 
     /// Takes a step, if it gains anything, and ends where that is not worth another.
@@ -354,7 +420,7 @@ impl Descent {
             self.end = Some(DescentEnd::Converged);
             return;
         }
-        let pairs = step.positions.iter().zip(&self.positions);
+        let pairs = step.trial.positions.iter().zip(&self.positions);
         let distance = pairs
             .map(|(new, old)| (new - old).abs())
             .fold(0.0, f64::max);
@@ -367,9 +433,10 @@ impl Descent {
         } else if self.iterations >= most_iterations(self.accuracy, rows) {
             self.end = Some(DescentEnd::IterationLimit);
         }
-        self.positions = step.positions;
+        self.positions = step.trial.positions;
         self.cost = Some(step.cost);
-        self.damping = step.damping;
+        self.damping = step.trial.damping;
+        self.stretch = step.trial.stretch;
         self.is_counted = step.linearisation.is_some();
         self.linearisation = step.linearisation;
     }
@@ -390,7 +457,7 @@ impl Descent {
             self.shrinkage = before.map_or(1.0, |before| distance / before);
             let gained = linearisation.cost * (1.0 - outlook.gain);
             let is_there = distance < NEAR
-                && distance * self.shrinkage < polished(linearisation.triangle.rows());
+                && distance * self.shrinkage < polished(problem, linearisation.triangle.rows());
             let minimum = Minimum {
                 positions: outlook.positions,
                 cost: gained,

@@ -15,7 +15,7 @@ use uuid::Uuid;
 use super::id::DatasetId;
 use crate::estimation::Settings;
 pub use crate::estimation::settings::MethodName;
-use crate::uncertainty::{self, Intervals};
+use crate::uncertainty::{self, Intervals, SoughtNoise};
 use greybox_numerics::parsing::Fault;
 use greybox_recording::Summary;
 use greybox_simulation::model::{ModelDescription, Tolerance, ToleranceText};
@@ -146,10 +146,11 @@ pub struct JobSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub model_search: Option<ModelSearch>,
-    /// What may move the plant beside its inputs and was not recorded: `"none"`, `"auto"` or a list.
-    #[serde(default, skip_serializing_if = "JobNoiseSpec::is_none")]
-    #[schema(required = false)]
-    pub process_noise: JobNoiseSpec,
+    /// What may move the plant beside its inputs and was not recorded: `"none"`, `"auto"` or a list. Left out,
+    /// it is `"auto"`; with Huber's loss, and with intervals or samples from refits, it is `"none"`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub process_noise: Option<JobNoiseSpec>,
     /// How closely the estimate's uncertainty is looked at.
     #[serde(default)]
     #[schema(required = false)]
@@ -248,7 +249,7 @@ impl JobSpec {
     /// What listed disturbances ask of the rest of the job: intervals from the curvature of the likelihood, or
     /// from draws.
     fn check_noise(&self, job: &Object<'_>) {
-        if !matches!(self.process_noise, JobNoiseSpec::Listed(_)) {
+        if !matches!(self.process_noise, Some(JobNoiseSpec::Listed(_))) {
             return;
         }
         if self.uncertainty.has_independent_refits() {
@@ -274,11 +275,28 @@ impl JobSpec {
         parameters.has_unknowns()
     }
 
+    /// The disturbances that are looked for in the job's model. A specification that was completed before there
+    /// were any says nothing of them, and has none.
+    #[must_use]
+    pub fn sought_noise(&self, model: &ModelDescription) -> SoughtNoise {
+        let noise = self.process_noise.as_ref();
+        noise.map_or(SoughtNoise::None, |noise| noise.sought(model))
+    }
+
+    /// Whether disturbances are looked for, where the data show any.
+    #[must_use]
+    pub fn looks_for_disturbances(&self) -> bool {
+        let none = JobNoiseSpec::Choice(NoiseChoice::None);
+        self.process_noise
+            .as_ref()
+            .is_some_and(|noise| *noise != none)
+    }
+
     /// What is asked about the estimate, once it stands.
     #[must_use]
     pub fn request(&self, model: &ModelDescription) -> uncertainty::Request {
         uncertainty::Request {
-            noise: self.process_noise.sought(model),
+            noise: self.sought_noise(model),
             settings: self.uncertainty.clone(),
             seed: self.seed,
             effects: self
@@ -338,12 +356,13 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
         experiments,
     });
     let (constraints, priors) = read_together(&mut root, job_parameters);
-    let method = root.optional("method").map(|field| method::read(&field));
-    let process_noise = process_noise::read_of_job(root.optional("process_noise"), model);
-    let uncertainty = root.optional("uncertainty");
-    let uncertainty = uncertainty.map(|field| uncertainty::Settings::read(&field));
-    let validation = root.optional("validation");
-    let validation = validation.map(|field| ValidationSpec::read(&field));
+    let method = said_or_default(root.optional("method"), method::read);
+    let uncertainty = said_or_default(root.optional("uncertainty"), uncertainty::Settings::read);
+    let process_noise = match root.optional("process_noise") {
+        Some(field) => process_noise::read_of_job(&field, model),
+        None => JobNoiseSpec::unsaid(&method, &uncertainty),
+    };
+    let validation = said_or_default(root.optional("validation"), ValidationSpec::read);
     let limits = root.optional("limits");
     let limits = limits.map(|field| limits::read(&field, context.max_duration_s));
     let seed = seed(root.optional("seed"));
@@ -362,11 +381,11 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
             tolerances: measurement.tolerances,
             constraints,
             priors,
-            method: method.unwrap_or_default(),
+            method,
             model_search,
-            process_noise,
-            uncertainty: uncertainty.unwrap_or_default(),
-            validation: validation.unwrap_or_default(),
+            process_noise: Some(process_noise),
+            uncertainty,
+            validation,
             limits: limits.unwrap_or_else(|| LimitsSpec::within(context.max_duration_s)),
             seed: seed?,
         })
@@ -378,6 +397,11 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     }
     root.finish();
     spec
+}
+
+/// A section of a document, or the default where there is none.
+fn said_or_default<T: Default>(field: Option<Field<'_>>, read: impl FnOnce(&Field<'_>) -> T) -> T {
+    field.map_or_else(T::default, |field| read(&field))
 }
 
 /// How well outputs, inputs and the clock are known.

@@ -7,8 +7,9 @@
 //! the step comes to the next one, the last step to the conclusion. Refits that are finished when
 //! the analysis begins are not run again, so an analysis that was saved goes on with the same bits.
 
+use super::disturbed_estimate::DisturbedEstimate;
 use super::linearised::LinearisedEstimate;
-use super::noise_comparison::{DisturbedEstimate, NoiseComparison};
+use super::noise_comparison::NoiseComparison;
 use super::nuisances::NuisanceFit;
 use super::refits::{Quota, RefitSequence, Refits};
 use super::reweighting::Reweighting;

@@ -124,6 +124,23 @@ impl Analysis {
         self
     }
 
+    /// Takes over from the free run how outputs change with each unknown, and how far the data go from priors and
+    /// beyond constraints: a noise model excuses what they contradict.
+    pub(super) fn take_over(&mut self, free_run: &Analysis) {
+        for (described, free) in self.coordinates.iter_mut().zip(&free_run.coordinates) {
+            described.output_changes.clone_from(&free.output_changes);
+            let shifts = [described.prior_shift, free.prior_shift];
+            let shifts = shifts.into_iter().flatten();
+            described.prior_shift = shifts.max_by(|a, b| a.abs().total_cmp(&b.abs()));
+        }
+        for binding in &mut self.bindings {
+            let mut of_free_run = free_run.bindings.iter();
+            let same = of_free_run.find(|free| free.constraint == binding.constraint);
+            let deviations = same.map_or(0.0, |free| free.deviations);
+            binding.deviations = binding.deviations.max(deviations);
+        }
+    }
+
     pub(super) fn judge(&mut self, judgement: Judgement) {
         for (coordinate, trust) in self.coordinates.iter_mut().zip(&judgement.coordinates) {
             coordinate.trust = *trust;

@@ -74,7 +74,7 @@ pub struct Line {
 
 /// Under a noise model an effect that would explain no more of the residuals' mean square than this share is a
 /// detail of the model: in a long record every detail is beyond chance.
-pub(super) const SLIGHT_SHARE: f64 = 0.05;
+pub(super) const SLIGHT_SHARE: f64 = 0.04;
 
 /// What an assumption contributes to a coordinate, positions.
 #[derive(Clone, Copy, Debug)]

@@ -19,6 +19,7 @@ pub mod budget;
 pub mod constrained;
 pub mod covariance;
 pub mod design;
+mod disturbed_estimate;
 mod drawn_assumptions;
 pub mod drift;
 pub mod fit;

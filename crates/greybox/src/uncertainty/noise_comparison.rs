@@ -1,31 +1,22 @@
 //! Noise models fitted from the estimate of the free run, and the analysis of the one that is taken.
 
-use super::analysis::CoordinateUncertainty;
-use super::hull::Hull;
+use super::disturbed_estimate::DisturbedEstimate;
 use super::linearised::LinearisedEstimate;
-use super::noise_analysis::{
-    Band, ComparedFit, ComparedNoise, DisturbanceEstimate, FreeRunEstimate, NoiseAnalysis,
-    NoiseEstimate,
-};
+use super::noise_analysis::{ComparedFit, ComparedNoise};
 use super::noise_choice::{self, WeighedNoise};
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use super::settings::{Intervals, Request, SoughtNoise};
 use super::solved::Solved;
-use super::{Analysis, covariance, fit, probes, residuals, rules, validation_start};
+use super::{fit, probes, residuals, validation_start};
 use crate::estimation::noise_ladder::{self, FittedNoise, NoiseTrial};
-use crate::estimation::observer::PosteriorRow;
-use crate::estimation::problem::Problem;
-use crate::estimation::process_noise::{NoiseModel, NoiseNumber, filtered};
+use crate::estimation::problem::{Assumption, Problem};
+use crate::estimation::process_noise::filtered;
 use crate::estimation::report::Report;
 use crate::estimation::trajectory;
 use greybox_numerics::statistics;
 use greybox_simulation::Accuracy;
-use greybox_simulation::single::Outputs;
 use std::borrow::Cow;
 use std::sync::atomic::AtomicBool;
-
-/// Lags over which the errors of what was held back are told to hang together.
-const BAND_LAGS: usize = 100;
 
 /// Noise models that are fitted to an estimate of the free run.
 #[derive(Debug)]
@@ -35,6 +26,9 @@ pub(super) struct NoiseComparison {
     /// What the free run makes of the unknowns.
     free_run: Box<LinearisedEstimate>,
     trials: Vec<TrialFit>,
+    /// The free run with what is taken as known where the data and the tolerances put it; none where nothing was
+    /// moved.
+    moved_free_run: Option<TrialFit>,
     /// Whether the noise model was listed in the job, so that the data do not choose it.
     is_listed: bool,
 }
@@ -47,6 +41,27 @@ struct TrialFit {
     refit: Option<Refit>,
 }
 
+impl TrialFit {
+    fn all(trials: Vec<NoiseTrial>, first: u32) -> Vec<TrialFit> {
+        let numbered = trials.into_iter().zip(first..);
+        let open = numbered.map(|(trial, model)| TrialFit {
+            model,
+            trial,
+            refit: None,
+        });
+        open.collect()
+    }
+
+    /// The fit when the descent has finished; the inner answer is none where it failed. Answers nothing when
+    /// `stop` was raised.
+    fn fitted(&self, stop: &AtomicBool) -> Option<Option<FittedNoise>> {
+        match self.refit.as_ref().filter(|refit| refit.cost.is_some()) {
+            Some(refit) => self.trial.clone().fitted(refit.positions.clone(), stop),
+            None => Some(None),
+        }
+    }
+}
+
 impl RefitSequence for TrialFit {
     fn next(&self) -> Option<RefitName> {
         let is_open = self.refit.is_none();
@@ -56,7 +71,7 @@ impl RefitSequence for TrialFit {
     fn run(&self, stop: &AtomicBool) -> Option<Refit> {
         RefitTask {
             problem: Cow::Borrowed(&self.trial.problem),
-            start: self.trial.start.clone(),
+            start: self.trial.near_start(stop)?,
             accuracy: Accuracy::Full,
         }
         .run(stop)
@@ -108,24 +123,26 @@ impl NoiseComparison {
         let Ok(trials) = trials else {
             return Some(None);
         };
-        let trials = trials?.into_iter().zip(0..);
-        let trials = trials.map(|(trial, model)| TrialFit {
-            model,
-            trial,
-            refit: None,
-        });
+        let trials = TrialFit::all(trials?, 0);
+        let moved_free_run = match has_moved(moved) && !is_listed {
+            true => noise_ladder::trials(moved, at, &[Vec::new()], stop),
+            false => Ok(Some(Vec::new())),
+        };
+        let moved_free_run = moved_free_run.unwrap_or_else(|_| Some(Vec::new()))?;
+        let moved_free_run = TrialFit::all(moved_free_run, trials.len() as u32).pop();
         let free_run = LinearisedEstimate::of(problem, report, &request.at_once(), stop)?;
         Some(Some(NoiseComparison {
             problem: problem.clone(),
             report: report.clone(),
             free_run: Box::new(free_run),
-            trials: trials.collect(),
+            trials,
+            moved_free_run,
             is_listed,
         }))
     }
 
     pub fn sequences(&mut self) -> Vec<&mut dyn RefitSequence> {
-        let trials = self.trials.iter_mut();
+        let trials = self.trials.iter_mut().chain(&mut self.moved_free_run);
         trials
             .map(|trial| trial as &mut dyn RefitSequence)
             .collect()
@@ -146,6 +163,9 @@ impl NoiseComparison {
         let Some(weighed) = &fits[chosen] else {
             return Some(None);
         };
+        if self.is_explained_by_what_is_known(weighed.fit.bic, stop)? {
+            return Some(None);
+        }
         let is_free_run = weighed.fit.trial.noise.disturbances.is_empty();
         if is_free_run && !(self.can_examine_free_run(request) && weighed.misses_an_effect(stop)?) {
             return Some(None);
@@ -202,12 +222,7 @@ impl NoiseComparison {
         let deviations = noise_ladder::residual_deviations(&self.problem, positions, stop)?;
         let mut weighed = Vec::new();
         for trial in &self.trials {
-            let refit = trial.refit.as_ref().filter(|refit| refit.cost.is_some());
-            let fit = match refit {
-                Some(refit) => trial.trial.clone().fitted(refit.positions.clone(), stop)?,
-                None => None,
-            };
-            weighed.push(match fit {
+            weighed.push(match trial.fitted(stop)? {
                 Some(fit) => Some(WeighedNoise::of(&self.problem, &deviations, fit, stop)?),
                 None => None,
             });
@@ -215,11 +230,37 @@ impl NoiseComparison {
         Some(weighed)
     }
 
+    /// Whether the free run with what is taken as known where the data and the tolerances put it is likelier than
+    /// a noise model with this criterion: what was known with a tolerance then needs no disturbance. Answers
+    /// nothing when `stop` was raised.
+    fn is_explained_by_what_is_known(&self, bic: f64, stop: &AtomicBool) -> Option<bool> {
+        let Some(trial) = &self.moved_free_run else {
+            return Some(false);
+        };
+        let Some(fit) = trial.fitted(stop)? else {
+            return Some(false);
+        };
+        let problem = &fit.trial.problem;
+        let each = libm::log(problem.n_residuals() as f64);
+        let off = problem.assumptions.iter().map(Assumption::off);
+        let of_moved: f64 = off
+            .filter(|off| *off != 0.0)
+            .map(|off| off * off + each)
+            .sum();
+        Some(fit.bic + of_moved < bic)
+    }
+
     /// Whether the free run can be examined beside the noise models that were fitted: not where refits are asked
     /// for, or values that are taken as known may have been moved.
     fn can_examine_free_run(&self, request: &Request) -> bool {
         !request.settings.has_independent_refits() && self.problem.assumptions.is_empty()
     }
+}
+
+/// Whether something that is taken as known is not at its declared value.
+fn has_moved(problem: &Problem) -> bool {
+    let mut assumptions = problem.assumptions.iter();
+    assumptions.any(|assumption| assumption.off() != 0.0)
 }
 
 /// The report of a run whose estimate was moved.
@@ -260,199 +301,4 @@ fn shares(problem: &Problem, made: &[f64]) -> Vec<Option<f64>> {
         Some((made / (deviation * deviation)).min(1.0)).filter(|share| share.is_finite())
     };
     made.iter().enumerate().map(share).collect()
-}
-
-/// The estimate under the noise model that was taken.
-#[derive(Debug)]
-pub(super) struct DisturbedEstimate {
-    /// The problem of the plant, with the starts of experiments that only validate.
-    pub plant: Problem,
-    /// What the run came to, at the plant's unknowns.
-    pub report: Report,
-    /// The estimate of the plant's unknowns and those of the noise.
-    estimate: LinearisedEstimate,
-    /// How well the free run at the estimate follows the data that were estimated from.
-    estimation_fit: Vec<fit::OutputFit>,
-    /// How well it follows the data that were held back.
-    validation_fit: Vec<fit::OutputFit>,
-    noise: NoiseModel,
-    /// For each disturbance the share of each output's variance that it makes.
-    shares: Vec<Vec<Option<f64>>>,
-    compared: Vec<ComparedNoise>,
-    chosen: usize,
-    log_likelihood: f64,
-    /// The analysis of the free run's own estimate, and its values.
-    free_run: Analysis,
-    free_run_values: Vec<f64>,
-}
-
-impl DisturbedEstimate {
-    pub fn sequences(&mut self) -> Vec<&mut dyn RefitSequence> {
-        self.estimate.sequences()
-    }
-
-    /// Returns how far the chains of a posterior came, a row for each look at them; empty where none was asked for.
-    pub fn posterior_looks(&self) -> &[PosteriorRow] {
-        self.estimate.posterior_looks()
-    }
-
-    /// The analysis of the plant's unknowns and of the disturbances that move the plant.
-    pub fn analysis(&self) -> Option<Analysis> {
-        let whole = self.estimate.unjudged()?;
-        let n = self.report.positions.len();
-        let noise = self.noise_analysis(&whole, n);
-        let mut analysis = whole.of_first(n);
-        for (described, free) in analysis
-            .coordinates
-            .iter_mut()
-            .zip(&self.free_run.coordinates)
-        {
-            described.output_changes.clone_from(&free.output_changes);
-        }
-        let hull = Hull {
-            problem: &self.plant,
-            positions: &self.report.positions,
-        };
-        hull.cover_windows(&mut analysis);
-        hull.cover_moves(&mut analysis);
-        hull.cover_rivals(&mut analysis, noise.rivals());
-        hull.cover_free_run(&mut analysis, &noise.free_run);
-        analysis.estimation_fit.clone_from(&self.estimation_fit);
-        analysis.validation_fit.clone_from(&self.validation_fit);
-        let unknowns = self.estimate.estimate().report.positions.len();
-        analysis.criteria =
-            fit::likelihood_criteria(self.log_likelihood, self.plant.n_residuals(), unknowns);
-        analysis.noise = Some(Box::new(noise));
-        analysis.judge(rules::judge(&self.plant, &self.report, &analysis));
-        Some(analysis)
-    }
-
-    fn noise_analysis(&self, whole: &Analysis, n: usize) -> NoiseAnalysis {
-        let values = &self.estimate.estimate().report.values;
-        let mut numbers = NoiseNumbers::new(&whole.coordinates[n..], &values[n..]);
-        let mut place = n;
-        let mut disturbances = Vec::new();
-        for (sought, shares) in self.noise.disturbances.iter().zip(&self.shares) {
-            let strength = numbers.next(sought.strength);
-            let time_constant = sought.time_constant.map(|number| numbers.next(number));
-            let unknowns = sought
-                .numbers()
-                .filter(|number| number.is_unknown())
-                .count();
-            let correlation = match (unknowns, &whole.correlation) {
-                (2, Some(rows)) => rows[place][place + 1],
-                _ => 0.0,
-            };
-            place += unknowns;
-            disturbances.push(DisturbanceEstimate {
-                sought: sought.clone(),
-                strength,
-                time_constant,
-                std: time_constant.map(|memory| standard_deviation(strength, memory, correlation)),
-                shares: shares.clone(),
-            });
-        }
-        let sensors = self.noise.sensors.iter();
-        let free = self.free_run.coordinates.iter().zip(&self.free_run_values);
-        let free_run = |(described, value): (&CoordinateUncertainty, &f64)| FreeRunEstimate {
-            value: *value,
-            standard_error: described.standard_error,
-            trust: described.trust,
-        };
-        let outputs = 0..self.plant.outputs.len();
-        let simulated = self.estimate.estimate();
-        NoiseAnalysis {
-            compared: self.compared.clone(),
-            chosen: self.chosen,
-            is_white: whole
-                .residuals
-                .iter()
-                .all(|output| output.white != Some(false)),
-            log_likelihood: self.log_likelihood,
-            disturbances,
-            sensors: sensors.map(|sensor| numbers.next(*sensor)).collect(),
-            free_run: free.map(free_run).collect(),
-            bands: outputs
-                .map(|output| band(&simulated.problem, &simulated.trajectories, output))
-                .collect(),
-        }
-    }
-}
-
-/// The numbers of a noise model as an analysis found them: those of disturbances, then those of sensors.
-struct NoiseNumbers<'a> {
-    /// The values and errors of the coordinates behind those of the plant.
-    found: std::slice::Iter<'a, CoordinateUncertainty>,
-    values: std::slice::Iter<'a, f64>,
-}
-
-impl<'a> NoiseNumbers<'a> {
-    fn new(coordinates: &'a [CoordinateUncertainty], values: &'a [f64]) -> NoiseNumbers<'a> {
-        NoiseNumbers {
-            found: coordinates.iter(),
-            values: values.iter(),
-        }
-    }
-
-    /// The next number: the given one, or that of the next coordinate.
-    fn next(&mut self, number: NoiseNumber) -> NoiseEstimate {
-        if let NoiseNumber::Given(value) = number {
-            return NoiseEstimate {
-                value,
-                relative_error: None,
-            };
-        }
-        let value = self.values.next().copied().unwrap_or(f64::NAN);
-        let error = self.found.next().and_then(|found| found.standard_error);
-        NoiseEstimate {
-            value,
-            relative_error: error.map(|error| error / value),
-        }
-    }
-}
-
-/// The standard deviation of a disturbance with memory: its strength over √(2·time constant).
-fn standard_deviation(
-    strength: NoiseEstimate,
-    memory: NoiseEstimate,
-    correlation: f64,
-) -> NoiseEstimate {
-    let errors = [strength, memory].map(|number| number.relative_error);
-    let [of_strength, of_memory] = errors.map(Option::unwrap_or_default);
-    let variance = of_strength * of_strength + 0.25 * of_memory * of_memory
-        - correlation * of_strength * of_memory;
-    let is_known = errors.iter().any(Option::is_some);
-    NoiseEstimate {
-        value: strength.value / (2.0 * memory.value).sqrt(),
-        relative_error: is_known.then(|| variance.max(0.0).sqrt()),
-    }
-}
-
-/// How what was held back of an output lies within the band that is expected of it; none where nothing was
-/// held back.
-fn band(problem: &Problem, trajectories: &[Outputs], output: usize) -> Option<Band> {
-    let innovations = problem.innovations.as_deref()?;
-    let index = problem.outputs[output].index;
-    let mut series: Vec<Vec<f64>> = Vec::new();
-    for (data, outputs) in problem.experiments.iter().zip(trajectories) {
-        let (expected, variances) = (&outputs[index], &outputs[innovations.n_outputs + index]);
-        let held_back = data.scored_from..data.samples;
-        let errors = held_back.map(|sample| {
-            (data.measured[output][sample] - expected[sample]) / variances[sample].sqrt()
-        });
-        series.push(errors.collect());
-    }
-    let present = series.iter().flatten().filter(|error| !error.is_nan());
-    let samples = present.clone().count();
-    let inside = present
-        .clone()
-        .filter(|error| error.abs() <= covariance::NORMAL_95)
-        .count();
-    let mean_square = statistics::mean(present.map(|error| error * error))?;
-    Some(Band {
-        samples,
-        inside: inside as f64 / samples as f64,
-        mean_square,
-        effective_samples: residuals::independent_squares(&series, BAND_LAGS),
-    })
 }

@@ -122,7 +122,7 @@ fn the_hoop_and_its_other_recording() {
     let outcome = identify(
         "hoop",
         random,
-        &json!({"experiments": [{"signals": signals}]}),
+        &json!({"experiments": [{"signals": signals}], "process_noise": "none"}),
     );
     assert!(rmse(&outcome, "measured_speed") <= 0.50);
     let found = outcome.parameters.iter();
@@ -143,7 +143,7 @@ fn the_hoop_and_its_other_recording() {
         fixed,
         &json!({
         "experiments": [{"signals": signals}], "parameters": fixed_at,
-        "method": {"population": 4, "generations": 1}}),
+        "method": {"population": 4, "generations": 1}, "process_noise": "none"}),
     );
     assert!(rmse(&tested, "measured_speed") <= 0.50);
 }

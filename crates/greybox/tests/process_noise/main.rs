@@ -93,16 +93,15 @@ impl Record {
         identification.hold_back(0.0).problem().unwrap()
     }
 
-    /// Compares the maximum from a start that is off with the reference.
-    fn check(&self) {
+    /// The problem of the filter, whose noises are looked for within a factor to both sides of their true values.
+    fn filtered(&self, factor: f64) -> Problem {
         let reference = self.reference();
-        let problem = self.problem();
         let is_remembered = self.kind == DisturbanceKind::Memory;
         let unknown = |name: &str| {
-            let [lower, upper] = self.range(name);
+            let value = reference["values"][name].as_f64().unwrap();
             NoiseNumber::Unknown {
-                lower,
-                upper,
+                lower: value / factor,
+                upper: value * factor,
                 prior: None,
             }
         };
@@ -119,7 +118,14 @@ impl Record {
             sensors: vec![unknown("noise_std")],
             steps: 2,
         };
-        let filtered = filtered(&problem, &noise).unwrap();
+        filtered(&self.problem(), &noise).unwrap()
+    }
+
+    /// Compares the maximum from a start that is off with the reference.
+    fn check(&self) {
+        let reference = self.reference();
+        let filtered = self.filtered(10.0);
+        let is_remembered = self.kind == DisturbanceKind::Memory;
         let mut names = self.unknowns.clone();
         names.push("strength");
         if is_remembered {
@@ -168,6 +174,38 @@ fn rig() -> Value {
     })
 }
 
+fn white_force() -> Record {
+    Record {
+        name: "rig_white_force",
+        input: "force",
+        output: "position",
+        unknowns: vec!["mass", "damping", "stiffness"],
+        states: rig(),
+        acts_on: ActsOn::Parameter(3),
+        kind: DisturbanceKind::White,
+    }
+}
+
+/// A linear step of a logarithm is half a unit at the most: it would take 23 of them alone.
+#[test]
+fn noises_that_begin_a_hundred_thousand_times_too_large_are_found_in_few_iterations() {
+    let (factor, too_large) = (1e6_f64, 1e5_f64);
+    let filtered = white_force().filtered(factor);
+    let noise = 0.5 + 0.5 * too_large.ln() / factor.ln();
+    let never = AtomicBool::new(false);
+    let descend_from = |noise: f64| {
+        let start = vec![0.55, 0.45, 0.53, noise, noise];
+        descend(&filtered, start, Accuracy::Full, &never).unwrap()
+    };
+    let (far, near) = (descend_from(noise), descend_from(0.52));
+    println!(
+        "{} iterations, {} from near",
+        far.iterations, near.iterations
+    );
+    assert!(far.iterations <= 16, "{}", far.iterations);
+    assert!((far.cost.unwrap() / near.cost.unwrap() - 1.0).abs() < 1e-8);
+}
+
 #[test]
 fn a_force_with_memory_has_the_maximum_of_an_independent_program() {
     Record {
@@ -184,16 +222,7 @@ fn a_force_with_memory_has_the_maximum_of_an_independent_program() {
 
 #[test]
 fn a_white_force_has_the_maximum_of_an_independent_program() {
-    Record {
-        name: "rig_white_force",
-        input: "force",
-        output: "position",
-        unknowns: vec!["mass", "damping", "stiffness"],
-        states: rig(),
-        acts_on: ActsOn::Parameter(3),
-        kind: DisturbanceKind::White,
-    }
-    .check();
+    white_force().check();
 }
 
 #[test]

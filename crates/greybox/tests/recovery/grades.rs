@@ -22,9 +22,10 @@ fn swinging(noise: f64, swing: f64) -> Recording {
     recording(signals, SAMPLE_TIME, SAMPLES)
 }
 
-/// The job of the lag with its noise declared, or not.
+/// The job of the lag with its noise declared, or not, and nothing else that acts.
 fn with_noise(declared: Option<f64>) -> Value {
     let mut job = job(&json!({"gain": gain(json!({}))}));
+    job["process_noise"] = json!("none");
     job["outputs"] = match declared {
         Some(noise) => json!({"y": {"noise_std": noise}}),
         None => json!({}),

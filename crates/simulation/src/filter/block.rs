@@ -45,6 +45,19 @@ pub struct FilterBlock<'a> {
     row: Vec<Lanes>,
     /// Φ since the last sample, where the filter is traced.
     crossed: Option<Matrix>,
+    /// The rates where the Jacobian was taken last.
+    rates: Vec<Lanes>,
+    /// The mean at both ends of a step.
+    ends: [StepEnd; 2],
+    /// What acts on the plant as a step begins.
+    held: HeldQuantities<Lanes>,
+}
+
+/// The mean at one end of a step.
+#[derive(Clone, Default)]
+struct StepEnd {
+    states: Vec<Lanes>,
+    rates: Vec<Lanes>,
 }
 
 /// A disturbance of each candidate.
@@ -147,6 +160,9 @@ impl<'a> FilterBlock<'a> {
             by_state: vec![zero; n_outputs * n_states],
             row: vec![zero; n_outputs],
             crossed: layout.is_traced.then(|| vec![zero; n_states * n_states]),
+            rates: vec![zero; n_states],
+            ends: <[StepEnd; 2]>::default(),
+            held: HeldQuantities::default(),
         }
     }
 
@@ -283,14 +299,18 @@ impl<'a> FilterBlock<'a> {
         let longest = self.layout.longest_step;
         let n_steps = (interval / longest).ceil().max(1.0);
         let Some(stretches) = stretches else {
-            let held = self.block.held.clone();
-            return self.cross(held, Lanes::splat(interval), n_steps, stop);
+            let mut held = std::mem::take(&mut self.held);
+            held.values.clone_from(&self.block.held.values);
+            held.slopes.clone_from(&self.block.held.slopes);
+            let crossed = self.cross(&mut held, Lanes::splat(interval), n_steps, stop);
+            self.held = held;
+            return crossed;
         };
         for (index, stretch) in stretches.iter().enumerate() {
             if index > 0 {
                 self.block.equations.act(&stretch.held);
             }
-            self.cross(stretch.held.clone(), stretch.duration, n_steps, stop)?;
+            self.cross(&mut stretch.held.clone(), stretch.duration, n_steps, stop)?;
         }
         Some(())
     }
@@ -299,7 +319,7 @@ impl<'a> FilterBlock<'a> {
     #[inline(always)]
     fn cross(
         &mut self,
-        mut held: HeldQuantities<Lanes>,
+        held: &mut HeldQuantities<Lanes>,
         duration: Lanes,
         n_steps: f64,
         stop: &AtomicBool,
@@ -308,9 +328,9 @@ impl<'a> FilterBlock<'a> {
         for step in 0..n_steps as usize {
             if step > 0 && !held.slopes.is_empty() {
                 held.go_on(length);
-                self.block.equations.act(&held);
+                self.block.equations.act(held);
             }
-            self.step_over(&held, length, stop)?;
+            self.step_over(held, length, stop)?;
         }
         Some(())
     }
@@ -323,25 +343,28 @@ impl<'a> FilterBlock<'a> {
         length: Lanes,
         stop: &AtomicBool,
     ) -> Option<()> {
-        let zero = Lanes::splat(0.0);
-        let start = self.block.integrator.states.clone();
-        let start_rates = self.take_jacobian(0, zero);
+        self.take_jacobian(0, Lanes::splat(0.0));
+        self.take_end(0);
         let SimulationBlock {
             equations,
             integrator,
             ..
         } = &mut self.block;
         integrator.integrate(equations, held, length, stop)?;
-        let end_rates = self.take_jacobian(2, length);
+        self.take_jacobian(2, length);
+        self.take_end(1);
         // Between them the mean is a cubic through both ends and their slopes.
-        let end = self.block.integrator.states.clone();
+        let [start, end] = &self.ends;
         let (half, eighth) = (Lanes::splat(0.5), length * Lanes::splat(0.125));
         for (index, state) in self.block.integrator.states.iter_mut().enumerate() {
-            *state = (start[index] + end[index]) * half
-                + (start_rates[index] - end_rates[index]) * eighth;
+            *state = (start.states[index] + end.states[index]) * half
+                + (start.rates[index] - end.rates[index]) * eighth;
         }
         self.take_jacobian(1, length * half);
-        self.block.integrator.states = end;
+        self.block
+            .integrator
+            .states
+            .clone_from(&self.ends[1].states);
         self.step.length = length;
         let matrix = &mut self.covariance.matrix;
         self.transition.carry(matrix, &self.step, self.block.follow);
@@ -351,19 +374,26 @@ impl<'a> FilterBlock<'a> {
         Some(())
     }
 
-    /// Takes the Jacobian and what disturbances add, of the step's start, middle or end, at the
-    /// states as they stand. Answers the rates there.
+    /// Takes the mean at one end of a step.
     #[inline(always)]
-    fn take_jacobian(&mut self, place: usize, elapsed: Lanes) -> Vec<Lanes> {
+    fn take_end(&mut self, place: usize) {
+        let end = &mut self.ends[place];
+        end.states.clone_from(&self.block.integrator.states);
+        end.rates.clone_from(&self.rates);
+    }
+
+    /// Takes the rates, the Jacobian and what disturbances add, of the step's start, middle or end, at the
+    /// states as they stand.
+    #[inline(always)]
+    fn take_jacobian(&mut self, place: usize, elapsed: Lanes) {
         let SimulationBlock {
             equations,
             integrator,
             ..
         } = &mut self.block;
         let states = &integrator.states;
-        let mut rates = states.clone();
-        equations.rates(states, elapsed, &mut rates);
-        equations.jacobian(states, elapsed, &rates, &mut self.jacobian);
+        equations.rates(states, elapsed, &mut self.rates);
+        equations.jacobian(states, elapsed, &self.rates, &mut self.jacobian);
         let moved = &self.covariance.states;
         let n = states.len();
         let entries = moved
@@ -373,7 +403,6 @@ impl<'a> FilterBlock<'a> {
             *entry = self.jacobian[index];
         }
         self.take_diffusion(place);
-        rates
     }
 
     /// What disturbances add in a second where the Jacobian was taken last.

@@ -7,4 +7,7 @@ pub struct Innovations {
     pub n_outputs: usize,
     /// For each compared output the least variance that its sensor can have.
     pub least_variances: Vec<f64>,
+    /// The places of the coordinates that are the logarithm of how large a noise is: strengths of disturbances and
+    /// standard deviations of sensors.
+    pub sizes: Vec<usize>,
 }

@@ -1,7 +1,7 @@
 //! The residuals linearised at a candidate, and what the linear model promises.
 
 use crate::estimation::feasible::{self, Limit};
-use crate::estimation::problem::Problem;
+use crate::estimation::problem::{Coordinate, Problem};
 use crate::estimation::sensitivity::{Neighbourhood, SensitivityError, Sides};
 use greybox_numerics::least_squares::{RowGatherer, Triangle};
 use greybox_simulation::{Accuracy, SimulationFailure};
@@ -21,6 +21,9 @@ pub(super) fn sides(problem: &Problem, accuracy: Accuracy) -> Sides {
 
 /// The smallest damping of a step.
 pub(super) const SMALLEST_DAMPING: f64 = 1e-14;
+
+/// A step does not make a variance smaller than this share of what it was.
+const SMALLEST_VARIANCE: f64 = 1e-3;
 
 /// The residuals linearised at a candidate.
 #[derive(Clone, Debug)]
@@ -98,7 +101,9 @@ impl Linearisation {
             let inequalities = feasible::inequalities(&self.limits, positions);
             self.triangle.damped_step_within(damping, &inequalities)?
         };
-        let pairs = positions.iter().zip(step.iter());
+        let mut along: Vec<f64> = step.iter().copied().collect();
+        bend(problem, &mut along);
+        let pairs = positions.iter().zip(along);
         let moved = pairs.map(|(z, d)| (z + d).clamp(0.0, 1.0)).collect();
         let sum = self.cost * self.triangle.rows() as f64;
         Some(Outlook {
@@ -119,6 +124,21 @@ impl Linearisation {
     pub fn distance(&self, from: &[f64], to: &[f64]) -> f64 {
         let step: Vec<f64> = from.iter().zip(to).map(|(a, b)| a - b).collect();
         (self.triangle.movement(&step) / self.residual_variance).sqrt()
+    }
+}
+
+/// Bends steps to smaller noises as the likelihood of a variance bends. A standard deviation that is e^d times the
+/// likeliest one linearises to a step of (e^(−2d) − 1)/2 of its logarithm, no longer than 1/2 however far it has to
+/// go; half the logarithm of 1 plus twice that step is −d.
+fn bend(problem: &Problem, step: &mut [f64]) {
+    let innovations = problem.innovations.iter();
+    for &place in innovations.flat_map(|innovations| &innovations.sizes) {
+        let Coordinate { lower, upper, .. } = problem.coordinates[place];
+        if step[place] < 0.0 {
+            let range = libm::log(upper / lower);
+            let variance = (1.0 + 2.0 * range * step[place]).max(SMALLEST_VARIANCE);
+            step[place] = 0.5 * libm::log(variance) / range;
+        }
     }
 }
 

@@ -102,7 +102,7 @@ pub fn problem(
 
 /// Whether the disturbances that the job lists can be filtered.
 fn check_filter(spec: &JobSpec, problem: &Problem) -> Result<(), Vec<Fault>> {
-    let SoughtNoise::Listed(listed) = spec.process_noise.sought(problem.model.description()) else {
+    let SoughtNoise::Listed(listed) = spec.sought_noise(problem.model.description()) else {
         return Ok(());
     };
     let unit = NoiseNumber::Given(1.0);

@@ -56,7 +56,7 @@ impl Finished<'_> {
     /// The data choose a noise model, where the job has none and its model can be filtered.
     pub(super) fn look_for_disturbances(&self) -> Option<Change> {
         let model = &self.conclusion.problem.model;
-        let is_possible = self.spec.process_noise.is_none()
+        let is_possible = !self.spec.looks_for_disturbances()
             && self.spec.method.huber_threshold.is_none()
             && !model.driven_states().is_empty();
         is_possible.then(|| Change {
@@ -65,7 +65,7 @@ impl Finished<'_> {
                   and a sensor that drifts."
                 .to_owned(),
             spec: self.changed(|spec| {
-                spec.process_noise = JobNoiseSpec::Choice(NoiseChoice::Auto);
+                spec.process_noise = Some(JobNoiseSpec::Choice(NoiseChoice::Auto));
             }),
         })
     }

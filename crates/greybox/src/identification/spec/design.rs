@@ -16,8 +16,8 @@ pub use instants::InstantsPlan;
 use super::initial_state::read_initial_state;
 use super::outputs::check_output;
 use super::{
-    ExperimentRole, ExperimentSpec, InitialStateSpec, JobNoiseSpec, JobSpec, LimitsSpec, MAX_SEED,
-    OutputSpec, ParameterSpec, parameter, read_model,
+    ExperimentRole, ExperimentSpec, InitialStateSpec, JobSpec, LimitsSpec, MAX_SEED, OutputSpec,
+    ParameterSpec, parameter, read_model,
 };
 use crate::estimation::Settings;
 use crate::identification::{DatasetId, JobId, Outcome};
@@ -354,7 +354,7 @@ fn job_to_come(
         priors: past.map_or_else(Vec::new, |past| past.spec.priors.clone()),
         method: Settings::default(),
         model_search: None,
-        process_noise: JobNoiseSpec::default(),
+        process_noise: None,
         uncertainty: uncertainty::Settings::default(),
         validation: super::ValidationSpec::default(),
         limits: LimitsSpec::default(),

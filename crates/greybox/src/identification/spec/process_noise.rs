@@ -2,10 +2,11 @@
 
 use super::parameter::check_range;
 use super::{PriorSpec, entries, prior};
+use crate::estimation::Settings;
 use crate::estimation::noise_ladder::{SoughtDisturbance, SoughtNumber};
 use crate::estimation::prior::Prior;
 use crate::estimation::process_noise::{NoiseNumber, ProcessNoise};
-use crate::uncertainty::SoughtNoise;
+use crate::uncertainty::{self, SoughtNoise};
 use greybox_numerics::parsing::reader::{Field, Object, did_you_mean};
 use greybox_simulation::model::{ModelDescription, Scale};
 use greybox_simulation::program::{ActsOn, Disturbance, DisturbanceKind};
@@ -36,17 +37,16 @@ pub enum NoiseChoice {
     Auto,
 }
 
-impl Default for JobNoiseSpec {
-    fn default() -> JobNoiseSpec {
-        JobNoiseSpec::Choice(NoiseChoice::None)
-    }
-}
-
 impl JobNoiseSpec {
-    /// Whether nothing moves the plant beside its inputs.
-    #[must_use]
-    pub fn is_none(&self) -> bool {
-        *self == JobNoiseSpec::default()
+    /// What holds where a job says nothing: the data decide, unless the job asks for an answer that only a free
+    /// run can give.
+    pub(super) fn unsaid(method: &Settings, uncertainty: &uncertainty::Settings) -> JobNoiseSpec {
+        let needs_free_run =
+            method.huber_threshold.is_some() || uncertainty.has_independent_refits();
+        JobNoiseSpec::Choice(match needs_free_run {
+            true => NoiseChoice::None,
+            false => NoiseChoice::Auto,
+        })
     }
 
     /// The disturbances that are looked for in a model.
@@ -303,18 +303,12 @@ impl From<DisturbanceKind> for NoiseKind {
 }
 
 /// What a job says of its disturbances; what is wrong is told.
-pub(super) fn read_of_job(
-    field: Option<Field<'_>>,
-    model: Option<&ModelDescription>,
-) -> JobNoiseSpec {
-    let Some(field) = field else {
-        return JobNoiseSpec::default();
-    };
+pub(super) fn read_of_job(field: &Field<'_>, model: Option<&ModelDescription>) -> JobNoiseSpec {
     if field.value.is_string() {
         let choice = field.choice(&[("none", NoiseChoice::None), ("auto", NoiseChoice::Auto)]);
-        return choice.map_or_else(JobNoiseSpec::default, JobNoiseSpec::Choice);
+        return JobNoiseSpec::Choice(choice.unwrap_or(NoiseChoice::None));
     }
-    let listed = model.map(|model| read_all(&field, model));
+    let listed = model.map(|model| read_all(field, model));
     JobNoiseSpec::Listed(listed.unwrap_or_default())
 }
 

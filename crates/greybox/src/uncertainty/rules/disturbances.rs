@@ -100,7 +100,7 @@ impl Case<'_> {
         }
         let detail = format!(
             "the record is about as likely without any disturbance (twice the logarithm of the \
-             ratio is {}): leave `process_noise` out",
+             ratio is {}): say `\"process_noise\": \"none\"`",
             short(gain)
         );
         Some(Doubt::new(Rule::NoiseNotNeeded, Trust::High, detail))

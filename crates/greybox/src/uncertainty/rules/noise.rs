@@ -3,7 +3,7 @@
 
 use super::Case;
 use crate::uncertainty::fit::OutputFit;
-use crate::uncertainty::residuals::ResidualReport;
+use crate::uncertainty::residuals::{InputCorrelation, ResidualReport};
 use crate::uncertainty::verdict::{Doubt, Rule, Subject, Trust};
 
 /// chi²/n above which the model is wrong.
@@ -12,6 +12,8 @@ const MISFIT: f64 = 1.5;
 const SLIGHT_MISFIT: f64 = 1.15;
 /// A correlation of simulated and measured samples below which the two go opposite ways.
 const OPPOSITE: f64 = -0.5;
+/// A correlation of errors of prediction with an input beyond which the trust is low.
+const GRAVE_CORRELATION: f64 = 0.25;
 /// A fit below which a noise level would have to be declared to tell noise from misfit [%].
 const PLAIN_FIT: f64 = 90.0;
 
@@ -96,11 +98,25 @@ impl Case<'_> {
                     correlation.correlation.unwrap_or_default(),
                     correlation.lag
                 );
-                let doubt = Doubt::new(Rule::ResidualsFollowInput, Trust::Moderate, detail);
+                let doubt = Doubt::new(
+                    Rule::ResidualsFollowInput,
+                    self.trust_beside(correlation),
+                    detail,
+                );
                 doubts.push(doubt.about(Subject::Output(output)));
             }
         }
         doubts
+    }
+
+    /// The trust beside residuals that follow an input. A right noise model leaves errors of prediction that follow
+    /// nothing: where they follow an input closely, the filter has excused a part of the model.
+    fn trust_beside(&self, correlation: &InputCorrelation) -> Trust {
+        let closely = correlation.correlation.unwrap_or_default().abs() > GRAVE_CORRELATION;
+        match closely && self.analysis.noise.is_some() {
+            true => Trust::Low,
+            false => Trust::Moderate,
+        }
     }
 }
 

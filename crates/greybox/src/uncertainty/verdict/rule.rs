@@ -202,7 +202,7 @@ rules! {
     }
     ResidualsFollowInput = "residuals_follow_input", Misfit {
         title: "Residuals that follow an input",
-        grades: "Moderate.",
+        grades: "Moderate; low where noise models were compared and the correlation is beyond 0.25.",
         when: "The residuals are correlated with what an input was, at some lag.",
         meaning: "The model misses a part of the input's effect, such as a gain, an offset or a delay.",
         advice: "Free that part, or add it to the model.",
