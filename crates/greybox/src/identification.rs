@@ -5,8 +5,10 @@
 //! tests and the benchmarks go through the same two types; what a program says is checked by the
 //! same reader as what a client submits, so the faults have the same words and the same places.
 
+mod advice;
 pub mod assemble;
 pub mod budget;
+mod checkpoint;
 mod description;
 pub mod design;
 mod error;
@@ -17,13 +19,15 @@ pub mod outcome;
 mod run;
 pub mod simulation;
 pub mod spec;
+mod tried;
 
+pub use checkpoint::{Checkpoint, Part};
 pub use description::Identification;
 pub use error::IdentificationError;
 pub use experiment::Experiment;
 pub use id::{DatasetId, InvalidId, JobId};
 pub use outcome::Outcome;
-pub use run::{Checkpoint, Part, Run};
+pub use run::Run;
 pub use spec::JobSpec;
 
 #[cfg(test)]

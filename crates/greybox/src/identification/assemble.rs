@@ -4,6 +4,7 @@
 mod assembly;
 mod assumption;
 mod budget;
+mod changed;
 mod constraints;
 mod coordinates;
 mod design;
@@ -21,6 +22,7 @@ mod trajectory;
 
 pub use crate::estimation::Finding;
 pub use assembly::{Assembly, problem};
+pub use changed::changed;
 pub use design::{Assessments, COST_OF_JOB, Designing, PastResult, check_design, design};
 pub use disturbance::{
     DatedEvent, DisturbancePath, ExperimentDisturbances, NamedPath, OutputInnovations, disturbances,

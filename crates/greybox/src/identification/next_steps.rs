@@ -11,10 +11,12 @@ mod patch;
 mod tests;
 
 use super::JobSpec;
+use super::tried::{TriedStep, Tries};
 use crate::uncertainty::Conclusion;
 use crate::uncertainty::verdict::{Doubt, Rule, Subject};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::collections::BTreeSet;
 use utoipa::ToSchema;
 
 /// Steps for one reason at the most.
@@ -23,7 +25,7 @@ const MOST_STEPS: usize = 4;
 const DIGITS: usize = 4;
 
 /// A change to the specification that answers a reason of the verdict.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[non_exhaustive]
 pub struct NextStep {
     /// A few words for people.
@@ -37,6 +39,20 @@ pub struct NextStep {
     #[schema(value_type = Object,
              example = json!({"parameters": {"mass": {"estimate": {"upper": 320.0}}}}))]
     pub patch: Value,
+    /// What the step would change, where it was tried: a step that needs the recordings to be cut anew, another search
+    /// or more time is not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub tried: Option<TriedStep>,
+}
+
+/// A step that can be tried.
+#[derive(Clone, Debug)]
+pub(super) struct OpenStep {
+    /// The text of the step's patch.
+    pub(super) patch: String,
+    /// The changed specification.
+    pub(super) spec: JobSpec,
 }
 
 /// A changed specification, before it is compared with the one that it comes from.
@@ -52,6 +68,8 @@ pub(super) struct Finished<'a> {
     pub(super) spec: &'a JobSpec,
     /// What was concluded.
     pub(super) conclusion: &'a Conclusion,
+    /// The steps that were tried.
+    pub(super) tries: &'a Tries,
 }
 
 impl Finished<'_> {
@@ -61,6 +79,20 @@ impl Finished<'_> {
         let changes = self.changes(doubt).into_iter();
         let steps = changes.filter_map(|change| self.step(change));
         steps.take(MOST_STEPS).collect()
+    }
+
+    /// The steps of all doubts, the gravest first, each once.
+    pub(super) fn open_steps(&self) -> Vec<OpenStep> {
+        let doubts = self.conclusion.analysis.judgement.doubts.iter();
+        let changes = doubts.flat_map(|doubt| self.changes(doubt).into_iter().take(MOST_STEPS));
+        let steps = changes.filter_map(|change| {
+            let spec = change.spec.clone();
+            let patch = self.step(change)?.patch.to_string();
+            Some(OpenStep { patch, spec })
+        });
+        let mut seen = BTreeSet::new();
+        let each_once = steps.filter(|step| seen.insert(step.patch.clone()));
+        each_once.collect()
     }
 
     fn changes(&self, doubt: &Doubt) -> Vec<Change> {
@@ -121,10 +153,19 @@ impl Finished<'_> {
         if !change.spec.estimates_anything(description) {
             return None;
         }
+        let patch = patch::between(&document(self.spec), &document(&change.spec))?;
+        let tried = self.tries.get(&patch.to_string()).cloned().flatten();
+        let trust = self.conclusion.analysis.judgement.trust;
+        let words = tried.as_ref().map(|tried| tried.in_words(trust));
         Some(NextStep {
             label: change.label,
-            why: change.why,
-            patch: patch::between(&document(self.spec), &document(&change.spec))?,
+            why: [Some(change.why), words]
+                .into_iter()
+                .flatten()
+                .collect::<Vec<_>>()
+                .join(" "),
+            patch,
+            tried,
         })
     }
 

@@ -15,6 +15,7 @@ mod search;
 mod verdict;
 
 pub use super::next_steps::NextStep;
+pub use super::tried::{TriedParameter, TriedStep};
 pub use crate::estimation::floor::FloorReport;
 pub use crate::estimation::report::{SearchEnd, StartReport};
 pub use crate::estimation::stop_reason::StopReason;

@@ -7,20 +7,21 @@
 //! their parts ([`Run::take_parts`]), with the same bits.
 
 use super::IdentificationError;
+use super::advice::Advised;
+use super::checkpoint::{Checkpoint, Part};
+use super::next_steps::{Finished, OpenStep};
+use super::tried::Tries;
 use crate::estimation::{
-    Advance, Estimation, EstimationCheckpoint, Finding, Observer, Phase, Problem, Progress,
-    SearchUpdate, Share, StopReason,
+    Advance, Estimation, Finding, Observer, Phase, Problem, Progress, Share, StopReason,
 };
 use crate::identification::assemble::{self, Assembly, Origin};
 use crate::identification::{JobSpec, Outcome};
 use crate::uncertainty::identifiability::FlatDirection;
-use crate::uncertainty::refits::{Division, Refit, RefitName};
+use crate::uncertainty::refits::Division;
 use crate::uncertainty::{self, Analyser, Conclusion, Quota, Refits};
 use greybox_recording::Recording;
 use greybox_simulation::model::Model;
-use serde::{Deserialize, Serialize};
 use std::borrow::Borrow;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -77,6 +78,8 @@ pub struct Run {
     estimation: Estimation,
     /// Finished refits of the analysis.
     refits: Refits,
+    /// The next steps that were tried.
+    tries: Tries,
     /// The refits that a unit of the analysis runs.
     quota: Quota,
 }
@@ -93,51 +96,19 @@ enum RunStage {
     Estimate,
     /// The estimate stands and is analysed.
     Analyse(Box<Analyser>),
+    /// The estimate is analysed, and the next steps of its verdict are tried.
+    Advise(Box<Advising>),
     /// The run has ended with an estimate.
     Concluded(Box<Conclusion>),
     /// The run has ended, and no candidate could be simulated.
     WithoutEstimate,
 }
 
-/// All that is needed to resume a run.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Checkpoint {
-    #[serde(flatten)]
-    estimation: EstimationCheckpoint,
-    /// Finished refits of the analysis.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    refits: BTreeMap<RefitName, Refit>,
-}
-
-/// What one node did of a run and another takes over.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Part {
-    /// A refit of the analysis.
-    Refit(Refit),
-    /// An update of a search.
-    Search(SearchUpdate),
-}
-
-impl Part {
-    fn of_search(update: SearchUpdate) -> (String, Part) {
-        (update.name(), Part::Search(update))
-    }
-
-    /// Whether the part is a refit.
-    #[must_use]
-    pub fn is_refit(&self) -> bool {
-        matches!(self, Part::Refit(_))
-    }
-
-    /// How many generations the part has.
-    #[must_use]
-    pub fn generations(&self) -> usize {
-        match self {
-            Part::Refit(_) => 0,
-            Part::Search(update) => update.generations(),
-        }
-    }
+/// A conclusion with the next step that is about to be tried.
+#[derive(Debug)]
+struct Advising {
+    conclusion: Conclusion,
+    step: OpenStep,
 }
 
 /// The refits of a unit of the analysis, where no other node runs any.
@@ -178,10 +149,15 @@ impl Run {
         checkpoint: Checkpoint,
     ) -> Result<Run, IdentificationError> {
         let problem = assembled(spec, model, recordings)?.problem;
-        let Checkpoint { estimation, refits } = checkpoint;
+        let Checkpoint {
+            estimation,
+            refits,
+            tries,
+        } = checkpoint;
         let estimation = Estimation::resume(&problem, &spec.method, spec.seed, estimation)?;
         let mut run = Run::of(spec, problem, estimation);
         run.refits = Refits::from(refits);
+        run.tries = tries;
         if run.estimation.phase() == Phase::Analyse {
             run.stage = run.analysis();
         }
@@ -200,6 +176,7 @@ impl Run {
             stage: RunStage::Estimate,
             estimation,
             refits: Refits::default(),
+            tries: Tries::new(),
             quota: QUOTA_ALONE,
         }
     }
@@ -230,6 +207,7 @@ impl Run {
         Checkpoint {
             estimation: self.estimation.checkpoint(),
             refits: self.refits.finished().clone(),
+            tries: self.tries.clone(),
         }
     }
 
@@ -260,10 +238,28 @@ impl Run {
                 looks
                     .filter(|look| look.stretch > stretches)
                     .for_each(|look| observer.posterior(look));
-                if let (Advance::Finished, Some(conclusion)) = (advance, analyser.conclusion()) {
-                    self.stage = RunStage::Concluded(Box::new(conclusion));
+                let (Advance::Finished, Some(conclusion)) = (advance, analyser.conclusion()) else {
+                    return advance;
+                };
+                // A run that is resumed after each unit comes to a step in the unit that ends its analysis.
+                match self.advise(conclusion) {
+                    Advance::Working => self.advance(stop, observer),
+                    advance => advance,
                 }
-                advance
+            }
+            RunStage::Advise(advising) => {
+                let Advising { conclusion, step } = &**advising;
+                let advised = Advised {
+                    spec: &self.origin.spec,
+                    problem: &self.problem,
+                    conclusion,
+                };
+                let Some(tried) = advised.tried(&step.spec, stop) else {
+                    return Advance::Interrupted;
+                };
+                self.tries.insert(step.patch.clone(), tried);
+                let conclusion = conclusion.clone();
+                self.advise(conclusion)
             }
             RunStage::Refused(_) | RunStage::Concluded(_) | RunStage::WithoutEstimate => {
                 Advance::Finished
@@ -291,6 +287,31 @@ impl Run {
             observer.finding(&finding);
         }
         Some(RunStage::Estimate)
+    }
+
+    /// Tries the next steps of a conclusion, or ends where enough of them have been tried.
+    fn advise(&mut self, conclusion: Conclusion) -> Advance {
+        let finished = Finished {
+            spec: &self.origin.spec,
+            conclusion: &conclusion,
+            tries: &self.tries,
+        };
+        let fitted = self.tries.values().flatten().count();
+        let mut open = finished.open_steps().into_iter();
+        let step = match fitted < self.request.settings.tried_steps as usize {
+            true => open.find(|step| !self.tries.contains_key(&step.patch)),
+            false => None,
+        };
+        match step {
+            Some(step) => {
+                self.stage = RunStage::Advise(Box::new(Advising { conclusion, step }));
+                Advance::Working
+            }
+            None => {
+                self.stage = RunStage::Concluded(Box::new(conclusion));
+                Advance::Finished
+            }
+        }
     }
 
     /// The stage that follows when the estimation has finished.
@@ -376,7 +397,20 @@ impl Run {
                 return Err(IdentificationError::NotIdentifiable(grounds.clone()));
             }
             RunStage::Concluded(conclusion) if stopped.is_none() => {
-                return Ok(Some(assemble::outcome(&self.origin, conclusion)));
+                return Ok(Some(assemble::outcome(
+                    &self.origin,
+                    conclusion,
+                    &self.tries,
+                )));
+            }
+            // A step that was not tried is no part of the result that is missing.
+            RunStage::Advise(advising) => {
+                let conclusion = &advising.conclusion;
+                return Ok(Some(assemble::outcome(
+                    &self.origin,
+                    conclusion,
+                    &self.tries,
+                )));
             }
             _ => {}
         }
@@ -396,7 +430,11 @@ impl Run {
         let conclusion = uncertainty::conclude(&self.problem, &report, &request, refits, hurry);
         let unanalysed = || uncertainty::unanalysed(&self.problem, &report);
         let conclusion = conclusion.unwrap_or_else(unanalysed);
-        Ok(Some(assemble::outcome(&self.origin, &conclusion)))
+        Ok(Some(assemble::outcome(
+            &self.origin,
+            &conclusion,
+            &self.tries,
+        )))
     }
 
     /// Goes on to the end, or until `stop` is raised; then the outcome is the best so far, and

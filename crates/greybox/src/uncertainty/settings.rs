@@ -61,6 +61,14 @@ fn are_usual_generations(generations: &u32) -> bool {
     *generations == USUAL_GENERATIONS
 }
 
+/// Next steps that are tried, where a job does not say.
+const USUAL_TRIES: u32 = 4;
+
+/// Whether the number of tries need not be written: specifications without it keep the digests that they had.
+fn are_usual_tries(tries: &u32) -> bool {
+    *tries == USUAL_TRIES
+}
+
 settings! {
     /// What a job says under `uncertainty`.
     #[schema(as = UncertaintySettings)]
@@ -76,6 +84,10 @@ settings! {
         /// Fits in which the noise and all that is taken as known are drawn anew, 100 to 100 000, to check
         /// the total uncertainty by (JCGM 101); 0: none.
         monte_carlo_samples: u32 = 0, from 0, to 100_000, unless too_few_fits;
+        /// How many next steps of the verdict are tried before they are offered, 0 to 16: the job is fitted anew with
+        /// each, from its estimate.
+        #[serde(skip_serializing_if = "are_usual_tries")]
+        tried_steps: u32 = USUAL_TRIES, from 0, to 16;
         /// What to do where the data do not see a change of an unknown, or of a combination of unknowns.
         flat_directions: FlatDirections = FlatDirections::default();
     }

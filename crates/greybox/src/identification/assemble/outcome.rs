@@ -10,6 +10,7 @@ use crate::identification::outcome::{
     ModelSearchReport, Outcome, ParameterEstimate, ProfilePoint, Reason, SearchReport,
     TotalInterval, ValidationStart, Verdict,
 };
+use crate::identification::tried::Tries;
 use crate::uncertainty::selection::Selection;
 use crate::uncertainty::verdict::{Doubt, Grade};
 use crate::uncertainty::{Analysis, Conclusion, CoordinateUncertainty, fit};
@@ -27,9 +28,9 @@ pub struct Origin {
     pub dataset_digests: Vec<String>,
 }
 
-/// The result document of an analysed run.
+/// The result document of an analysed run, with the next steps that were tried.
 #[must_use]
-pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
+pub fn outcome(origin: &Origin, conclusion: &Conclusion, tries: &Tries) -> Outcome {
     let Conclusion {
         problem,
         report,
@@ -44,6 +45,7 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion) -> Outcome {
         verdict: verdict(&Finished {
             spec: &origin.spec,
             conclusion,
+            tries,
         }),
         parameters,
         initial_states,

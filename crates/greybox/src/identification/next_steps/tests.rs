@@ -179,6 +179,7 @@ fn every_patch_for_every_rule_makes_a_specification_that_can_be_read() {
         let finished = Finished {
             spec: &spec,
             conclusion: &conclusion,
+            tries: &Tries::new(),
         };
         for (rule, subject) in Rule::ALL
             .iter()
@@ -250,6 +251,21 @@ fn followed(job: &Value, outcome: &Outcome, code: Rule, stiffness: f64) -> (Next
     (step, outcome)
 }
 
+/// Whether a step was tried, with the estimates and the trust that the job with the step comes to.
+fn was_told_what_it_comes_to(step: &NextStep, outcome: &Outcome) {
+    let tried = step.tried.as_ref().expect("it was tried");
+    assert!(step.why.contains("Tried: "), "{}", step.why);
+    assert_eq!(tried.trust, outcome.verdict.trust);
+    for parameter in &outcome.parameters {
+        let (expected, tried) = (&parameter.estimate, &tried.parameters[&parameter.name]);
+        let error = expected.total_standard_error.expect("an error");
+        let off = (tried.estimate - expected.estimate) / error;
+        // A search may end in another of the minima that a friction near 0 has.
+        assert!(off.abs() < 0.2, "{}: {off}", parameter.name);
+        assert_eq!(Some(tried.trust), expected.trust);
+    }
+}
+
 fn is_told(outcome: &Outcome, code: Rule) -> bool {
     let mut reasons = outcome.verdict.reasons.iter();
     reasons.any(|reason| reason.code == code)
@@ -269,6 +285,7 @@ fn a_range_that_cuts_the_estimate_off_is_widened_until_it_does_not() {
         json!({"parameters": {"mass": {"estimate": {"upper": 15.0}}}})
     );
     assert!(!is_told(&outcome, Rule::AtBound), "{:#?}", outcome.verdict);
+    was_told_what_it_comes_to(&step, &outcome);
     let mass = outcome
         .parameter("mass")
         .expect("it is free")
@@ -293,6 +310,17 @@ fn an_effect_that_the_data_ask_for_is_found_by_the_next_step_of_a_misfit() {
         "{search:?}"
     );
     assert!(!is_told(&outcome, Rule::Misfit), "{:#?}", outcome.verdict);
+    was_told_what_it_comes_to(&step, &outcome);
+    let change = step.tried.and_then(|tried| tried.bic_change);
+    assert!(change.is_some_and(|change| change < -100.0), "{change:?}");
+    let silent = json!({"uncertainty": {"tried_steps": 0}});
+    let silent = run(patch::applied(&job, &silent), 5.0);
+    let mut steps = silent
+        .verdict
+        .reasons
+        .iter()
+        .flat_map(|reason| &reason.next);
+    assert!(steps.all(|step| step.tried.is_none() && !step.why.contains("Tried")));
 }
 
 #[test]

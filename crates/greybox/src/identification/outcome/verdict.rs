@@ -18,7 +18,7 @@ pub struct Verdict {
 }
 
 /// One thing that speaks against a result.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[non_exhaustive]
 pub struct Reason {
     /// What kind of doubt, for programs; `GET /v1/verdict-rules` explains each.
