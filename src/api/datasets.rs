@@ -100,8 +100,8 @@ pub struct ReadingQuery {
     /// The zone of times without an offset, by its IANA name.
     #[param(example = "Europe/Berlin")]
     pub tz: Option<String>,
-    /// What numbers of time are: a unit (`ms`), the sample time of a counter (`10ms`) or serial days
-    /// (`excel`); of dates, whether the day (`dmy`) or the month (`mdy`) comes first.
+    /// What numbers of time are: a unit (`ms`), the sample time of a counter (`10ms`), serial days
+    /// (`excel`, `datenum`, `julian`) or a program's count (`labview`, `filetime`, `ticks`); of dates, whether the day (`dmy`) or the month (`mdy`) comes first.
     #[param(example = "ms")]
     pub time_unit: Option<String>,
     /// What separates a number's fraction: `.` or `,`.

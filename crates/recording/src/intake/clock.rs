@@ -5,8 +5,10 @@
 //! the numbers leaves no doubt about; else it is asked for.
 
 mod names;
+mod spelling;
 
 use super::cell::Cell;
+use super::epochs::Epoch;
 use super::options::{Options, TimeUnit};
 use super::stamp::{self, Stamp};
 use super::units;
@@ -15,12 +17,10 @@ use crate::{DoubleHour, TICK, Warning, is_beyond_nanoseconds, nanoseconds};
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
 use names::{COUNTERS, TIMES};
+use spelling::Spelling;
 
 /// Unix times of plants: 1990 to 2100 `[s]`.
 const UNIX: std::ops::Range<f64> = 631_152_000.0..4_102_444_800.0;
-
-/// Serial days of the same years: 1990 to 2100.
-const SERIAL_DAYS: std::ops::Range<f64> = 32_874.0..73_051.0;
 
 /// Nanoseconds of a second.
 const NANOSECONDS: f64 = 1e9;
@@ -70,17 +70,6 @@ enum TimeKind {
     },
     /// Instants, in nanoseconds of Unix time.
     Absolute { spelling: Spelling, first: i64 },
-}
-
-/// How an instant is written.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Spelling {
-    /// Text.
-    Stamp { day_first: Option<bool> },
-    /// A number of units since 1970, of so many seconds each.
-    Unix { factor: f64 },
-    /// Days since 1899-12-30 in local time.
-    SerialDays,
 }
 
 impl Clock {
@@ -288,7 +277,7 @@ impl Clock {
     fn numbers(&mut self, value: f64) -> Result<TimeNumbers, ClockFault> {
         let factor = match self.options.unit {
             Some(TimeUnit::Seconds(factor)) => Some(factor),
-            Some(TimeUnit::Excel) => return Ok(TimeNumbers::Instants(Spelling::SerialDays)),
+            Some(TimeUnit::Counted(epoch)) => return Ok(TimeNumbers::Instants(epoch.into())),
             Some(TimeUnit::Dates { .. }) | None if !self.recorded_unit.is_empty() => {
                 let unit = units::parse_time(&self.recorded_unit).ok_or_else(|| {
                     let (unit, known_units) = (&self.recorded_unit, units::known_times());
@@ -299,11 +288,24 @@ impl Clock {
             }
             _ => None,
         };
+        let is_said = matches!(self.options.unit, Some(TimeUnit::Seconds(_)));
+        let is_whole = factor.is_none_or(|factor| factor == 1.0);
+        if !is_said && is_whole && Epoch::LabView.numbers().contains(&value) {
+            return self.asked("may be seconds since 1904 (LabVIEW) or Unix times after 2055");
+        }
+        let unix = |factor: f64| TimeNumbers::Instants(Spelling::Unix { before: 0, factor });
         if let Some(factor) = factor {
             return Ok(match UNIX.contains(&(value * factor)) {
-                true => TimeNumbers::Instants(Spelling::Unix { factor }),
+                true => unix(factor),
                 false => TimeNumbers::Seconds(factor),
             });
+        }
+        // Ticks of today are Unix nanoseconds of 1990, in which nobody records to the nanosecond.
+        let of_windows = [Epoch::FileTime, Epoch::Ticks];
+        let mut of_windows = of_windows.into_iter();
+        if let Some(epoch) = of_windows.find(|epoch| epoch.numbers().contains(&value)) {
+            self.guessed_unit = Some(epoch.words());
+            return Ok(TimeNumbers::Instants(epoch.into()));
         }
         let scales = [
             (1.0, "Unix seconds"),
@@ -314,38 +316,47 @@ impl Clock {
         for (factor, name) in scales {
             if UNIX.contains(&(value * factor)) {
                 self.guessed_unit = Some(name);
-                return Ok(TimeNumbers::Instants(Spelling::Unix { factor }));
+                return Ok(unix(factor));
             }
         }
         self.small_numbers(value)
     }
 
+    /// The fault that asks what the numbers of the time are.
+    fn asked(&self, what: &str) -> Result<TimeNumbers, ClockFault> {
+        let epochs = Epoch::OF_PROGRAMS.map(|epoch| format!("`{}`", epoch.option()));
+        let detail = format!(
+            "`{}` {what}; say what its numbers are with `time_unit`: a unit (s, ms, …), the sample time of a \
+             counter (10ms), `excel` or {}",
+            self.name,
+            epochs.join(", ")
+        );
+        Err(("time_unit_needed", detail))
+    }
+
     /// What numbers without a unit are that are no Unix times.
     fn small_numbers(&mut self, value: f64) -> Result<TimeNumbers, ClockFault> {
-        let asked = |what: &str| {
-            let detail = format!(
-                "`{}` {what}; say what its numbers are with `time_unit`: a unit (s, ms, …), the \
-                 sample time of a counter (10ms) or `excel`",
-                self.name
-            );
-            Err(("time_unit_needed", detail))
-        };
         let letters = self.name.chars().filter(|c| c.is_alphanumeric());
         let name: String = letters.flat_map(char::to_lowercase).collect();
-        if SERIAL_DAYS.contains(&value) && name.contains("date") {
-            self.guessed_unit = Some("serial days of a spreadsheet");
-            return Ok(TimeNumbers::Instants(Spelling::SerialDays));
-        }
-        if SERIAL_DAYS.contains(&value) && value.fract() != 0.0 {
-            return asked("may be serial days of a spreadsheet or seconds");
+        for epoch in [Epoch::Excel, Epoch::Datenum, Epoch::Julian] {
+            if !epoch.numbers().contains(&value) {
+                continue;
+            }
+            if epoch.is_named_by(&name) {
+                self.guessed_unit = Some(epoch.words());
+                return Ok(TimeNumbers::Instants(epoch.into()));
+            }
+            if epoch != Epoch::Excel || value.fract() != 0.0 {
+                return self.asked(&format!("may be {} or seconds", epoch.words()));
+            }
         }
         if COUNTERS.contains(&name.as_str()) && !self.is_said {
-            return asked("counts samples");
+            return self.asked("counts samples");
         }
         if TIMES.contains(&name.as_str()) || self.is_said {
             return Ok(TimeNumbers::Seconds(1.0));
         }
-        asked("does not say its unit")
+        self.asked("does not say its unit")
     }
 
     /// An instant in nanoseconds of Unix time.
@@ -356,21 +367,29 @@ impl Clock {
         before: Option<i64>,
     ) -> Result<i64, ClockFault> {
         match spelling {
-            Spelling::Unix { factor } => {
+            Spelling::Unix {
+                before: earlier,
+                factor,
+            } => {
                 let exact = match cell {
                     Cell::Integer(number) => Some(*number),
                     Cell::Text(text) => text.trim().parse().ok(),
                     _ => None,
                 };
                 let whole = (factor * NANOSECONDS).round() as i64;
-                let exact = exact.and_then(|number: i64| number.checked_mul(whole));
+                let exact =
+                    exact.and_then(|number: i64| number.checked_sub(earlier)?.checked_mul(whole));
                 // A double of a Unix time in seconds is good to a quarter of a microsecond.
-                let rounded = || Ok((self.number(cell)? * factor * 1e6).round() as i64 * 1000);
+                let rounded = || {
+                    let number = self.number(cell)? - earlier as f64;
+                    Ok((number * factor * 1e6).round() as i64 * 1000)
+                };
                 exact.map_or_else(rounded, Ok)
             }
-            Spelling::SerialDays => {
+            Spelling::Days { before: earlier } => {
                 // Spreadsheets write days to eleven digits or so behind the point: a microsecond.
-                let tens_of_microseconds = (self.number(cell)? * 86_400e5).round() as i64;
+                let days = self.number(cell)? - earlier;
+                let tens_of_microseconds = (days * 86_400e5).round() as i64;
                 let microseconds = tens_of_microseconds.saturating_mul(10);
                 let local =
                     stamp::from_serial_days(microseconds).ok_or_else(|| not_a_time(cell))?;

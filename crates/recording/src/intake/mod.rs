@@ -17,6 +17,7 @@ mod clock;
 mod column;
 mod csv;
 mod encoding;
+mod epochs;
 mod error;
 mod format;
 mod historian;

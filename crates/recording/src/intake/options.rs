@@ -1,5 +1,6 @@
 //! What a source does not say itself: options that come with it, and are kept with what was read.
 
+use super::epochs::Epoch;
 use super::error::{ReadError, ReadingFault, ReadingFaults};
 use super::format::Format;
 use super::quality::Scheme;
@@ -88,8 +89,8 @@ impl ReadingPurpose {
 pub(super) enum TimeUnit {
     /// Numbers whose unit is this many seconds.
     Seconds(f64),
-    /// Days since the beginning of 1900, as spreadsheets count them.
-    Excel,
+    /// Numbers that count from an instant of their own.
+    Counted(Epoch),
     /// Not numbers: dates whose day stands before the month, or behind it.
     Dates { day_first: bool },
 }
@@ -260,14 +261,17 @@ fn zone(text: &str) -> Result<TimeZone, String> {
 
 fn time_unit(text: &str) -> Result<TimeUnit, String> {
     match text {
-        "excel" => return Ok(TimeUnit::Excel),
         "dmy" => return Ok(TimeUnit::Dates { day_first: true }),
         "mdy" => return Ok(TimeUnit::Dates { day_first: false }),
         _ => {}
     }
+    if let Some(epoch) = Epoch::named(text) {
+        return Ok(TimeUnit::Counted(epoch));
+    }
     duration(text).map(TimeUnit::Seconds).ok_or_else(|| {
         format!(
-            "`{text}` is no unit of time ({}), sample time (such as 10ms), `excel`, `dmy` or `mdy`",
+            "`{text}` is no unit of time ({}), sample time (such as 10ms), `excel`, `datenum`, `julian`, \
+             `labview`, `filetime`, `ticks`, `dmy` or `mdy`",
             units::known_times()
         )
     })

@@ -48,10 +48,57 @@ pub fn parse(text: &str) -> Option<RecordedUnit> {
     if text.is_empty() {
         return Some(RecordedUnit::NONE);
     }
-    exact(text)
-        .or_else(|| of_any_case(text))
+    if let Some(row) = exact(text) {
+        return Some(row.unit());
+    }
+    if may_be_two(text) {
+        return None;
+    }
+    of_any_case(text)
+        .or_else(|| of_degrees(text))
         .map(UnitRow::unit)
+        .or_else(|| pressure(text))
         .or_else(|| compound(text))
+}
+
+/// Whether a text means one unit by its letters and another one in another case, such as `mPa` and `MV`, or a unit
+/// that plants write for something else: such a text is asked about.
+fn may_be_two(text: &str) -> bool {
+    /// Tesla, giga and mega, which plants write for temperatures, grams and metres; a gigaradian, for degrees.
+    const OF_OTHERS: [&str; 4] = ["M", "T", "G", "Grad"];
+    let by_letters = || compound(text).map(|unit| (unit.si, unit.factor));
+    OF_OTHERS.contains(&text)
+        || of_any_case(text).is_some_and(|row| {
+            let in_other_case = (Cow::Borrowed(row.si), row.factor);
+            by_letters().is_some_and(|letters| letters != in_other_case)
+        })
+}
+
+/// `deg C`, `Grad Celsius` and `° F`: a scale of temperature behind a word for degrees.
+fn of_degrees(text: &str) -> Option<&'static UnitRow> {
+    let (degrees, scale) = text.split_once(' ')?;
+    let degrees = degrees.to_lowercase();
+    if !["deg", "degree", "degrees", "grad", "°"].contains(&degrees.as_str()) {
+        return None;
+    }
+    match scale.trim().to_lowercase().as_str() {
+        "c" | "celsius" => exact("degC"),
+        "f" | "fahrenheit" => exact("degF"),
+        _ => None,
+    }
+}
+
+/// A pressure with a word for what it is measured from: `bar g`, `mbar (abs)`, `bar ü`.
+fn pressure(text: &str) -> Option<RecordedUnit> {
+    let (unit, reference) = text.split_once([' ', '(', '_'])?;
+    let row = exact(unit).or_else(|| of_any_case(unit))?;
+    let is_plain = row.si == "Pa" && row.offset == 0.0;
+    let reference = reference.trim_matches([' ', '(', ')', '.']).to_lowercase();
+    match reference.as_str() {
+        "g" | "gauge" | "ü" | "rel" if is_plain => Some(gauge("", row.factor).unit()),
+        "a" | "abs" | "absolute" if is_plain => Some(row.unit()),
+        _ => None,
+    }
 }
 
 /// The unit of time that `text` names.
@@ -65,9 +112,17 @@ pub fn parse_time(text: &str) -> Option<RecordedUnit> {
 #[must_use]
 pub fn unknown(text: &str) -> String {
     let names = TABLE.iter().flat_map(|row| row.names.split(' '));
+    if may_be_two(text) {
+        let other = of_any_case(text).and_then(|row| row.names.split(' ').next());
+        let other = other.map_or_else(String::new, |other| format!(" or `{other}`"));
+        return format!(
+            "unit `{text}` may be what its letters say{other}: say which with `units`, such as \
+             `units=name:unit`"
+        );
+    }
     let hint = did_you_mean(text, names);
     let text = super::error::excerpt(text);
-    format!("unit `{text}` is not known{hint}")
+    format!("unit `{text}` is not known{hint}; say another with `units`")
 }
 
 /// The first name of every unit of time, for messages.
@@ -314,11 +369,11 @@ const TABLE: &[UnitRow] = &[
     row("bar", "Pa", 1e5),
     row("mbar", "Pa", 1e2),
     row("psi", "Pa", POUND * G_N / (INCH * INCH)),
-    row("kgf/cm² kgf/cm2 at", "Pa", G_N * 1e4),
+    row("kgf/cm² kgf/cm2 kp/cm² kp/cm2 at", "Pa", G_N * 1e4),
     row("mmHg Torr", "Pa", MMHG),
     row("inHg", "Pa", 25.4 * MMHG),
-    row("mmH2O mmH₂O", "Pa", G_N),
-    row("inH2O inH₂O", "Pa", 25.4 * G_N),
+    row("mmH2O mmH₂O mmWC mmWS", "Pa", G_N),
+    row("inH2O inH₂O inWC inWG", "Pa", 25.4 * G_N),
     row("atm", "Pa", ATMOSPHERE),
     row("bara bar(a) bar_a", "Pa", 1e5),
     row("psia psi(a)", "Pa", POUND * G_N / (INCH * INCH)),
@@ -330,16 +385,17 @@ const TABLE: &[UnitRow] = &[
     row("N", "N", 1.0),
     row("kN", "N", 1e3),
     row("MN", "N", 1e6),
-    row("kgf", "N", G_N),
+    row("daN", "N", 1e1),
+    row("kgf kp", "N", G_N),
     row("lbf", "N", POUND * G_N),
     row("kg", "kg", 1.0),
     row("g", "kg", 1e-3),
     row("t", "kg", 1e3),
     row("lb", "kg", POUND),
-    row("V", "V", 1.0),
+    row("V Volt Volts", "V", 1.0),
     row("mV", "V", 1e-3),
     row("kV", "V", 1e3),
-    row("A", "A", 1.0),
+    row("A Amp Amps Ampere", "A", 1.0),
     row("mA", "A", 1e-3),
     row("K", "K", 1.0),
     affine("degC °C ℃ celsius", "K", 1.0, 273.15),
@@ -358,6 +414,11 @@ const TABLE: &[UnitRow] = &[
         row("Nm3/h Nm³/h Nm^3/h", "m³/s", 1.0 / 3600.0),
         "cubic metres at normal conditions (0 °C, 101325 Pa), not at those of the plant",
     ),
+    remarked(
+        row("Sm3/h Sm³/h Sm^3/h", "m³/s", 1.0 / 3600.0),
+        "cubic metres at standard conditions (15 °C, 101325 Pa), not at those of the plant",
+    ),
+    row("cfm ft³/min ft3/min", "m³/s", FOOT * FOOT * FOOT / 60.0),
     row("l/s L/s", "m³/s", 1e-3),
     row("l/min L/min lpm", "m³/s", 1e-3 / 60.0),
     row("l/h L/h", "m³/s", 1e-3 / 3600.0),
@@ -378,7 +439,11 @@ const TABLE: &[UnitRow] = &[
     row("rev", "rad", 2.0 * PI),
     row("rad/s", "rad/s", 1.0),
     row("deg/s °/s", "rad/s", PI / 180.0),
-    row("rpm RPM 1/min rev/min", "rad/s", PI / 30.0),
+    row("rpm RPM U/min rev/min", "rad/s", PI / 30.0),
+    remarked(
+        row("1/min", "rad/s", PI / 30.0),
+        "`1/min` was read as revolutions per minute, in rad/s",
+    ),
     row("rad/s² rad/s2 rad/s^2", "rad/s²", 1.0),
     row("m/s", "m/s", 1.0),
     row("mm/s", "m/s", 1e-3),
@@ -394,6 +459,8 @@ const TABLE: &[UnitRow] = &[
     row("W", "W", 1.0),
     row("mW", "W", 1e-3),
     row("kW", "W", 1e3),
+    row("hp", "W", 550.0 * FOOT * POUND * G_N),
+    row("PS", "W", 75.0 * G_N),
     row("MW", "W", 1e6),
     row("J", "J", 1.0),
     row("kJ", "J", 1e3),
@@ -405,7 +472,21 @@ const TABLE: &[UnitRow] = &[
     row("N/mm", "N/m", 1e3),
     row("N·s/m N*s/m Ns/m", "N·s/m", 1.0),
     row("kg/m³ kg/m3", "kg/m³", 1.0),
-    row("1 -", "1", 1.0),
+    row("m²/s m2/s m^2/s", "m²/s", 1.0),
+    row("cSt mm²/s mm2/s", "m²/s", 1e-6),
+    row("Pa·s Pa*s Pas", "Pa·s", 1.0),
+    row("cP mPa·s mPa*s mPas", "Pa·s", 1e-3),
+    row(
+        "kg·s^-3·K^-1 W/m²K W/m2K W/(m²K) W/(m2K)",
+        "kg·s^-3·K^-1",
+        1.0,
+    ),
+    row("1 - pH count counts", "1", 1.0),
+    row("ppm", "1", 1e-6),
+    remarked(
+        row("%RH %rH", "1", 1e-2),
+        "a relative humidity, as a share of saturation",
+    ),
     row("% pct percent", "1", 1e-2),
     row("‰", "1", 1e-3),
 ];

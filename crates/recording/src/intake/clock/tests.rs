@@ -70,6 +70,41 @@ fn numbers_that_may_be_anything_are_asked_about() {
     assert_eq!(read(&mut days, "45353.5"), Err("time_unit_needed"));
 }
 
+/// Noon of 2 March 2024 as each program counts it, and a second later; a Julian day begins at noon.
+#[test]
+fn counts_of_programs_are_told_by_their_size_or_asked_about() {
+    let told = [
+        ("ts", "133538544000000000", "133538544010000000"),
+        ("ts", "638449776000000000", "638449776010000000"),
+        ("datenum", "739313.5", "739313.500011574"),
+        ("julian date", "2460372", "2460372.000011574"),
+    ];
+    for (name, first, second) in told {
+        let mut clock = clock(name, "", &[("tz", "UTC")]);
+        assert_eq!(read(&mut clock, first), Ok(0.0), "{name} {first}");
+        let seconds = read(&mut clock, second).unwrap();
+        assert!((seconds - 1.0).abs() < 1e-4, "{name} {seconds}");
+        assert_eq!(start(&clock), "2024-03-02T12:00:00Z", "{name} {first}");
+        assert_eq!(clock.notes()[0].code, "time_unit_from_size");
+    }
+    let asked = [
+        ("time", "", "739313.5", "datenum"),
+        ("time", "", "2460372", "julian"),
+        ("time", "", "3792225600", "labview"),
+        ("time", "s", "3792225600", "labview"),
+    ];
+    for (name, unit, number, option) in asked {
+        let mut open = clock(name, unit, &[]);
+        assert_eq!(read(&mut open, number), Err("time_unit_needed"), "{number}");
+        let mut said = clock(name, unit, &[("time_unit", option), ("tz", "UTC")]);
+        assert_eq!(read(&mut said, number), Ok(0.0), "{number}");
+        assert_eq!(start(&said), "2024-03-02T12:00:00Z", "{number}");
+    }
+    let mut seconds = clock("time", "", &[("time_unit", "s")]);
+    assert_eq!(read(&mut seconds, "739313.5"), Ok(0.0));
+    assert_eq!(read(&mut seconds, "739314.5"), Ok(1.0));
+}
+
 #[test]
 fn serial_days_are_local_times() {
     let mut clock = clock("Date", "", &[("tz", "Europe/Berlin")]);

@@ -32,6 +32,11 @@ fn customary_units_agree_with_the_published_factors() {
         ("gpm", 6.309_020e-5),
         ("kgf/cm2", 9.806_65e4),
         ("rpm", 1.047_198e-1),
+        ("hp", 7.456_999e2),
+        ("cfm", 4.719_474e-4),
+        ("inWC", 2.490_889e2),
+        ("cP", 1e-3),
+        ("cSt", 1e-6),
         ("deg", 1.745_329e-2),
         ("l/min", 1.666_667e-5),
     ] {
@@ -63,6 +68,21 @@ fn plants_spellings_are_understood() {
         ("mmHg", "Pa", 133.322_387_415),
         ("Ohm", "Ω", 1.0),
         ("C", "K", 274.15),
+        ("Grad C", "K", 274.15),
+        ("DEG C", "K", 274.15),
+        ("° F", "K", 255.927_777_777_777_8),
+        ("bar g", "Pa", 201_325.0),
+        ("bar (a)", "Pa", 1e5),
+        ("mbar ü", "Pa", 101_425.0),
+        ("W/m²K", "kg·s^-3·K^-1", 1.0),
+        ("U/min", "rad/s", PI / 30.0),
+        ("1/min", "rad/s", PI / 30.0),
+        ("Sm3/h", "m³/s", 1.0 / 3600.0),
+        ("%RH", "1", 0.01),
+        ("AMPS", "A", 1.0),
+        ("pH", "1", 1.0),
+        ("daN", "N", 10.0),
+        ("bar·g", "kg^2·m^-1·s^-2", 100.0),
         ("kN/mm", "N/m", 1e6),
         ("m3/(h bar)", "kg^-1·m^4·s", 1e-5 / 3600.0),
         ("l/(min·bar)", "kg^-1·m^4·s", 1e-8 / 60.0),
@@ -76,10 +96,15 @@ fn plants_spellings_are_understood() {
             "{text}: {unit:?}"
         );
     }
-    for text in ["barg", "C", "Nm3/h"] {
+    for text in ["barg", "bar g", "C", "Nm3/h", "1/min", "%RH"] {
         assert!(!parse(text).unwrap().remark.is_empty(), "{text}");
     }
     assert!(parse("mw").is_none(), "milliwatt or megawatt");
+    for text in ["mPa", "MV", "MA", "Mm", "M", "T", "G", "Grad"] {
+        assert!(parse(text).is_none(), "{text}");
+        assert!(unknown(text).contains("say which with `units`"), "{text}");
+    }
+    assert!(unknown("mPa").contains("`MPa`"));
     assert!(unknown("degCC").contains("did you mean `degC`"));
     assert!(!unknown("parsec").contains("mbar"));
 }
