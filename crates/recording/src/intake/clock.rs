@@ -429,7 +429,7 @@ impl Clock {
             let detail = format!(
                 "timestamp `{}` has no time zone offset; write it as 2026-03-02T08:15:00Z or say \
                  the zone with `tz`, such as Europe/Berlin",
-                shown(cell)
+                cell
             );
             return Err(("no_offset", detail));
         };
@@ -472,21 +472,10 @@ fn unix_nanoseconds(instant: Timestamp) -> Option<i64> {
     i64::try_from(instant.as_nanosecond()).ok()
 }
 
-fn shown(cell: &Cell<'_>) -> String {
-    match cell {
-        Cell::Text(text) => super::error::excerpt(text.trim()),
-        Cell::Integer(number) => number.to_string(),
-        Cell::Number(number) => number.to_string(),
-        Cell::Bool(value) => value.to_string(),
-        Cell::Empty => String::new(),
-        Cell::Other(kind) => (*kind).to_owned(),
-    }
-}
-
 fn not_a_time(cell: &Cell<'_>) -> ClockFault {
     let detail = format!(
         "`{}` is neither a finite number nor a timestamp such as 2026-03-02T08:15:00Z",
-        shown(cell)
+        cell
     );
     ("not_a_time", detail)
 }

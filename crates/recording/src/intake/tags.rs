@@ -18,6 +18,7 @@ use crate::{
 use std::collections::HashMap;
 use tag::{Common, Tag};
 
+mod course;
 mod tag;
 
 /// The most samples of a source that is held in memory until its end, all tags together.
@@ -233,7 +234,7 @@ impl<'o> Tags<'o> {
             let (kind, detail) = match self.scheme {
                 Some(_) => (
                     "unknown_quality",
-                    format!("{code:?} is no code of quality here"),
+                    format!("`{code}` is no code of quality here"),
                 ),
                 None => (
                     "quality_scheme_needed",
@@ -425,6 +426,9 @@ impl<'o> Tags<'o> {
             )));
         }
         self.check_common(points as usize)?;
+        let courses = self.tags.iter_mut();
+        self.notes
+            .extend(courses.filter_map(|tag| tag.settle_course(fastest)));
         let detail = format!(
             "the signals have instants of their own; they were put on a grid of {} s, {reason}: \
              held ones keep their last value, others are interpolated linearly",

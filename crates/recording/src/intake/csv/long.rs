@@ -8,9 +8,12 @@ use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::quality::Scheme;
 use super::super::tags::{Quality, RawSample, Tags};
+use super::super::{units, value};
+use super::header::time_name_and_unit;
 use super::rows::{BoundedRows, is_empty, line_of, read_row, texts};
 use crate::ReceivedRecording;
 use ::csv::{ByteRecord, Reader};
+use std::collections::HashSet;
 use std::io::Read;
 
 /// Where in a row things stand.
@@ -27,7 +30,8 @@ impl LongColumns {
     /// What the titles say, where there are a time, a tag and a value among them.
     pub(super) fn of(titles: &[&str]) -> Option<Self> {
         let plain = |title: &&str| -> String {
-            let letters = title.chars().filter(|c| c.is_alphanumeric());
+            let (name, _) = units::name_and_unit(title);
+            let letters = name.chars().filter(|c| c.is_alphanumeric());
             letters.flat_map(char::to_lowercase).collect()
         };
         let titles: Vec<String> = titles.iter().map(plain).collect();
@@ -68,29 +72,101 @@ impl LongColumns {
                 "channel",
                 "name",
                 "path",
+                "tagid",
+                "metric",
+                "device",
+                "item",
+                "measurement",
+                "messstelle",
+                "messpunkt",
+                "kanal",
             ])?,
-            value: find(&["value", "val", "v", "vvalue", "reading", "floatvalue"])?,
+            value: find(&[
+                "value",
+                "val",
+                "v",
+                "vvalue",
+                "reading",
+                "floatvalue",
+                "wert",
+                "messwert",
+                "avg",
+                "average",
+                "mean",
+                "data",
+            ])?,
             quality: qualities.find_map(|(name, scheme)| Some((find(&[name])?, scheme))),
             unit: find(&["unit", "units", "uom", "engunits", "unitsabbreviation"]),
         })
     }
 }
 
-/// Reads all rows.
+impl LongColumns {
+    /// The columns by what stands in them, below any titles: a column of words that repeat beside times that repeat,
+    /// and a column of numbers. None where the rows are no such list, or several columns have numbers.
+    pub(super) fn guessed(rows: &[Vec<String>]) -> Option<Self> {
+        let tag = Self::mixed_column(rows)?;
+        let width = rows.iter().map(Vec::len).max().unwrap_or(0);
+        let is_number = |column: usize| {
+            let mut fields = rows
+                .iter()
+                .map(|row| row.get(column).map_or("", String::as_str));
+            fields.all(|field| value::number(field, None).is_some())
+        };
+        let mut numbers = (1..width).filter(|column| *column != tag && is_number(*column));
+        match (numbers.next(), numbers.next()) {
+            (Some(value), None) => Some(Self {
+                time: 0,
+                tag,
+                value,
+                quality: None,
+                unit: None,
+            }),
+            _ => None,
+        }
+    }
+
+    /// The column of words that tells apart rows of one time, where the times of the first column repeat.
+    pub(super) fn mixed_column(rows: &[Vec<String>]) -> Option<usize> {
+        let width = rows.iter().map(Vec::len).max().unwrap_or(0);
+        let field = |row: &Vec<String>, column: usize| row.get(column).cloned().unwrap_or_default();
+        let times: HashSet<String> = rows.iter().map(|row| field(row, 0)).collect();
+        let is_word = |text: &str| {
+            text.chars().any(char::is_alphabetic) && value::number(text, None).is_none()
+        };
+        let tells_apart = |column: &usize| {
+            let words = rows.iter().map(|row| field(row, *column));
+            let words: Vec<String> = words.collect();
+            let different: HashSet<&String> = words.iter().collect();
+            let pairs = rows.iter().zip(&words);
+            let pairs: HashSet<(String, &String)> =
+                pairs.map(|(row, word)| (field(row, 0), word)).collect();
+            words.iter().all(|word| is_word(word))
+                && (2..=words.len() / 2).contains(&different.len())
+                && pairs.len() == rows.len()
+        };
+        let repeat = times.len() < rows.len();
+        (1..width).find(tells_apart).filter(|_| repeat)
+    }
+}
+
+/// Reads all rows; `guessed` are the columns by what stands in them, where their titles do not say it.
 pub(super) fn read(
     mut rows: Reader<BoundedRows<impl Read>>,
+    guessed: Option<LongColumns>,
     options: &Options,
     memory: &Memory,
 ) -> Result<ReceivedRecording, ReadError> {
     let mut record = ByteRecord::new();
     read_row(&mut rows, &mut record)?;
     let titles = texts(&record)?;
-    let places = LongColumns::of(&titles).ok_or_else(|| {
+    let places = LongColumns::of(&titles).or(guessed).ok_or_else(|| {
         let detail = "a row for each sample needs columns for the time, the tag and the value, \
                       such as timestamp,tag,value";
         invalid(ReadingFault::at_line("columns_missing", 1, None, detail))
     })?;
-    let clock = Clock::new(titles[places.time], "", options);
+    let (name, unit) = time_name_and_unit(titles[places.time]);
+    let clock = Clock::new(name, unit, options);
     let scheme = places.quality.and_then(|(_, scheme)| scheme);
     let mut tags = Tags::new(clock, options, scheme, memory);
     while !tags.is_full() && read_row(&mut rows, &mut record)? {

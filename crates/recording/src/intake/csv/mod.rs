@@ -17,6 +17,7 @@ mod simulink;
 mod sniff;
 mod table;
 
+use super::error::{ReadingFault, invalid};
 use super::memory::Memory;
 use super::options::{Decimal, Options};
 use super::{Format, ReadError};
@@ -25,7 +26,7 @@ use ::csv::{ByteRecord, Reader, ReaderBuilder};
 use header::Header;
 pub(super) use header::time_name_and_unit;
 use rows::{BoundedRows, read_row};
-use sniff::Sniff;
+use sniff::{Fractions, Sniff};
 use std::io::Read;
 use table::CsvTable;
 
@@ -51,10 +52,21 @@ pub(super) fn receive_as(
     let sniff = Sniff::new(text.head);
     let mut notes = Vec::new();
     let mut options = options.clone();
-    if options.decimal.is_none() && sniff.has_decimal_commas() {
-        options.decimal = Some(Decimal::Comma);
-        let detail = "numbers have a decimal comma; `decimal` says otherwise".to_owned();
-        notes.push(Warning::of_recording("decimal_comma", detail));
+    match sniff.fractions() {
+        _ if options.decimal.is_some() => {}
+        Fractions::Point => {}
+        Fractions::Comma => {
+            options.decimal = Some(Decimal::Comma);
+            let detail = "numbers have a decimal comma; `decimal` says otherwise".to_owned();
+            notes.push(Warning::of_recording("decimal_comma", detail));
+        }
+        Fractions::Open { column } => {
+            let title = sniff.title(column);
+            let detail = "the points may stand before fractions or between thousands, as in `1.052` beside `998`: \
+                          say `decimal`, `.` or `,`";
+            let fault = ReadingFault::at_line("decimal_unclear", 1, Some(title), detail);
+            return Err(invalid(fault));
+        }
     }
     let rows = ReaderBuilder::new()
         .delimiter(sniff.delimiter)
@@ -63,7 +75,7 @@ pub(super) fn receive_as(
         // Every row ends with its line, the last one too.
         .from_reader(BoundedRows::of(text.whole.chain(&b"\n"[..])));
     let mut received = match format {
-        Format::LongCsv => long::read(rows, &options, memory),
+        Format::LongCsv => long::read(rows, sniff.guessed_columns(), &options, memory),
         Format::SimulinkCsv => simulink::read(rows, &options, memory),
         Format::InfluxCsv => influx::read(rows, &options, memory),
         _ => wide(rows, &sniff, &options, scratch),
@@ -78,6 +90,18 @@ fn wide(
     options: &Options,
     scratch: Option<NewScratch>,
 ) -> Result<ReceivedRecording, ReadError> {
+    if let Some(title) = sniff.mixed_column() {
+        let detail = format!(
+            "rows of one time differ by `{title}`, and several columns have numbers: send a row for each sample \
+             with columns `timestamp`, `tag` and `value`, or a column for each signal"
+        );
+        return Err(invalid(ReadingFault::at_line(
+            "layout_unclear",
+            1,
+            None,
+            detail,
+        )));
+    }
     let mut record = ByteRecord::new();
     read_row(&mut rows, &mut record)?;
     let header = Header::parse(&record, options)?;

@@ -2,7 +2,7 @@
 
 use super::super::options::Decimal;
 use super::super::{Format, value};
-use super::long;
+use super::long::LongColumns;
 use ::csv::ReaderBuilder;
 
 /// Rows that are looked at.
@@ -63,10 +63,23 @@ impl Sniff {
             return Format::SimulinkCsv;
         }
         let titles: Vec<&str> = first.iter().map(String::as_str).collect();
-        match long::LongColumns::of(&titles) {
+        match LongColumns::of(&titles).or_else(|| self.guessed_columns()) {
             Some(_) => Format::LongCsv,
             None => Format::WideCsv,
         }
+    }
+
+    /// The columns of a row for each sample, by what stands in the first rows.
+    pub(super) fn guessed_columns(&self) -> Option<LongColumns> {
+        LongColumns::guessed(self.rows.get(1..)?)
+    }
+
+    /// The title of the column whose words tell apart rows of one time: such a text has a row for each sample, or for
+    /// each device.
+    pub(super) fn mixed_column(&self) -> Option<&str> {
+        let (titles, rows) = self.rows.split_first()?;
+        let column = LongColumns::mixed_column(rows)?;
+        titles.get(column).map(String::as_str)
     }
 
     /// The fields of a column below the header.
@@ -75,24 +88,75 @@ impl Sniff {
         below.filter_map(|row| row.get(index).cloned()).collect()
     }
 
-    /// Whether there are numbers that can only have a decimal comma, and none with a point.
-    pub(super) fn has_decimal_commas(&self) -> bool {
+    /// How the numbers of all columns together write fractions: whether they have a decimal comma, or cannot tell.
+    pub(super) fn fractions(&self) -> Fractions {
         if self.delimiter == b',' {
-            return false;
+            return Fractions::Point;
         }
-        let mut has_comma = false;
-        for field in self.rows.iter().skip(1).flatten() {
-            if field.contains('.') && value::number(field, None).is_some() {
-                return false;
-            }
+        let fields = || self.rows.iter().skip(1).flatten();
+        let is_clear_point = |field: &String| {
+            field.contains('.') && value::number(field, None).is_some() && !is_in_thousands(field)
+        };
+        if fields().any(is_clear_point) {
+            return Fractions::Point;
+        }
+        let is_comma = |field: &String| {
             let fraction = field.split_once(',').map(|(_, fraction)| fraction);
             let is_number = value::number(field, Some(Decimal::Comma)).is_some();
             // `1,234` may be a thousand and more.
             let is_clear = |fraction: &str| fraction.len() != 3 || field.starts_with("0,");
-            has_comma |= is_number && fraction.is_some_and(is_clear);
+            is_number && fraction.is_some_and(is_clear)
+        };
+        if fields().any(is_comma) {
+            return Fractions::Comma;
         }
-        has_comma
+        // Who writes three digits behind a point writes them behind 998 too.
+        let width = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        let is_open = |column: usize| {
+            let fields = || self.rows.iter().skip(1).filter_map(|row| row.get(column));
+            let is_whole = |field: &String| {
+                field.len() == 3 && field.bytes().all(|digit| digit.is_ascii_digit())
+            };
+            fields().any(is_whole) && fields().any(|field| is_in_thousands(field))
+        };
+        match (0..width).find(|column| is_open(*column)) {
+            Some(column) => Fractions::Open { column },
+            None => Fractions::Point,
+        }
     }
+
+    /// The title of a column.
+    pub(super) fn title(&self, column: usize) -> &str {
+        let titles = self.rows.first();
+        titles
+            .and_then(|titles| titles.get(column))
+            .map_or("", String::as_str)
+    }
+}
+
+/// How numbers write fractions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Fractions {
+    /// With a point, or not at all.
+    Point,
+    /// With a comma.
+    Comma,
+    /// The points of a column may stand before fractions or between thousands.
+    Open { column: usize },
+}
+
+/// Whether the points of a number may stand between its thousands: `1.052`, `12.345.678`.
+fn is_in_thousands(field: &str) -> bool {
+    let mut groups = field.trim_start_matches('-').split('.');
+    let is_of_digits = |group: &str| group.bytes().all(|digit| digit.is_ascii_digit());
+    let first = groups.next().unwrap_or_default();
+    let begins = (1..=3).contains(&first.len()) && !first.starts_with('0') && is_of_digits(first);
+    let mut count = 0;
+    let go_on = groups.all(|group| {
+        count += 1;
+        group.len() == 3 && is_of_digits(group)
+    });
+    begins && go_on && count > 0
 }
 
 /// The delimiter that stands most often in the header row, outside quotes.
@@ -125,12 +189,23 @@ mod tests {
     }
 
     #[test]
-    fn a_comma_is_a_decimal_one_only_where_it_cannot_be_another() {
-        let decimal = |text: &str| Sniff::new(text.as_bytes()).has_decimal_commas();
-        assert!(decimal("t;a\n0;0,5\n"));
-        assert!(decimal("t;a\n0;12,25\n"));
-        assert!(!decimal("t;a\n0;1,234\n"));
-        assert!(!decimal("t;a\n0;1,5\n1;2.5\n"));
-        assert!(!decimal("t,a\n0,5\n"));
+    fn fractions_are_judged_over_all_columns_together() {
+        let fractions = |text: &str| Sniff::new(text.as_bytes()).fractions();
+        assert_eq!(fractions("t;a\n0;0,5\n"), Fractions::Comma);
+        assert_eq!(fractions("t;a\n0;12,25\n"), Fractions::Comma);
+        assert_eq!(fractions("t;a\n0;1,234\n"), Fractions::Point);
+        assert_eq!(fractions("t;a\n0;1,5\n1;2.5\n"), Fractions::Point);
+        assert_eq!(fractions("t,a\n0,5\n"), Fractions::Point);
+        assert_eq!(
+            fractions("t;p;T\n0;998;20,5\n1;1.052;20,6\n"),
+            Fractions::Comma
+        );
+        assert_eq!(
+            fractions("t;p\n0;998\n1;1.052\n"),
+            Fractions::Open { column: 1 }
+        );
+        assert_eq!(fractions("t;p\n0;998\n1;1.052\n2;1.05\n"), Fractions::Point);
+        assert_eq!(fractions("t;p\n0.001;1\n0.002;1\n"), Fractions::Point);
+        assert_eq!(fractions("t;p\n1.052;1\n1.053;1\n"), Fractions::Point);
     }
 }

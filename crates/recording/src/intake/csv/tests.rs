@@ -273,3 +273,91 @@ proptest! {
         let _ = read(bytes.as_slice(), &Options::default());
     }
 }
+
+/// A pressure at 1 Hz beside a tag of its own instants.
+fn beside_a_pressure(tag: &str, samples: &[(u32, f64)]) -> String {
+    let mut text = "time [s],tag,value\n".to_owned();
+    for k in 0..60_u32 {
+        text += &format!("{k},PT,{}\n", 1.0 + 0.01 * f64::from(k * k % 17));
+        for (_, value) in samples.iter().filter(|(instant, _)| *instant == k) {
+            text += &format!("{k},{tag},{value}\n");
+        }
+    }
+    text
+}
+
+#[test]
+fn a_command_that_is_recorded_when_it_changes_is_no_ramp() {
+    let text = beside_a_pressure("CMD", &[(0, 20.0), (10, 80.0), (37, 20.0)]);
+    let recording = parse(&text).unwrap();
+    let commands = values(&recording, "CMD");
+    assert_eq!(
+        (commands[5], commands[10], commands[36]),
+        (20.0, 80.0, 80.0)
+    );
+    assert_eq!(commands[59], 20.0, "it stands after the last change");
+    let told = recording.notes.iter().find(|note| note.code == "held");
+    assert_eq!(told.and_then(|note| note.signal.as_deref()), Some("CMD"));
+    let mut options = Options::default();
+    options.set("interpolation", "CMD:linear").unwrap();
+    let moving = read(text.as_bytes(), &options).unwrap();
+    assert_eq!(values(&moving, "CMD")[5], 50.0);
+}
+
+#[test]
+fn a_measurement_moves_between_its_samples_and_uneven_instants_are_told() {
+    let even: Vec<(u32, f64)> = (0..12).map(|k| (5 * k, f64::from(k * k))).collect();
+    let uneven: Vec<(u32, f64)> = (0..10)
+        .map(|k| (k * (k + 3) / 2, f64::from(k * k)))
+        .collect();
+    for (samples, code) in [(even, None), (uneven, Some("may_be_held"))] {
+        let recording = parse(&beside_a_pressure("TT", &samples)).unwrap();
+        let between = f64::midpoint(samples[3].1, samples[4].1);
+        let middle = u32::midpoint(samples[3].0, samples[4].0);
+        let temperature = values(&recording, "TT")[middle as usize];
+        assert!(
+            (temperature - between).abs() < 3.0,
+            "{temperature} {between}"
+        );
+        assert_ne!(temperature, samples[3].1);
+        let mut told = recording.notes.iter().map(|note| &*note.code);
+        assert_eq!(told.find(|told| told.contains("held")), code);
+    }
+}
+
+#[test]
+fn a_row_for_each_sample_is_told_by_what_stands_in_it_whatever_its_titles() {
+    for titles in [
+        "time [s],metric,avg",
+        "time [s],Messstelle,Wert",
+        "time [s],where,how much",
+    ] {
+        let rows = (0..8).flat_map(|k| ["PT", "TT"].map(|tag| format!("{k},{tag},{k}.5\n")));
+        let text = format!("{titles}\n{}", rows.collect::<String>());
+        let recording = parse(&text).unwrap();
+        let names: Vec<&str> = recording
+            .signals
+            .iter()
+            .map(|signal| &*signal.name)
+            .collect();
+        assert_eq!(names, ["PT", "TT"], "{titles}");
+        assert_eq!(values(&recording, "TT")[7], 7.5, "{titles}");
+        assert!(recording.notes.is_empty(), "{:?}", recording.notes);
+    }
+    let rows = (0..8).flat_map(|k| ["A", "B"].map(|unit| format!("{k},{unit},{k}.5,3\n")));
+    let text = format!("time [s],machine,p,T\n{}", rows.collect::<String>());
+    assert_eq!(codes(&text), ["layout_unclear"]);
+}
+
+#[test]
+fn thousands_of_a_german_file_are_no_fractions() {
+    let recording = parse("t;p;T\n0;998;20,5\n1;1.052;20,6\n2;1.101;20,7\n").unwrap();
+    assert_eq!(values(&recording, "p"), [998.0, 1052.0, 1101.0]);
+    assert_eq!(values(&recording, "T"), [20.5, 20.6, 20.7]);
+    let unclear = "t;p\n0;998\n1;1.052\n2;1.101\n";
+    assert_eq!(codes(unclear), ["decimal_unclear"]);
+    let mut options = Options::default();
+    options.set("decimal", ".").unwrap();
+    let said = read(unclear.as_bytes(), &options).unwrap();
+    assert_eq!(values(&said, "p"), [998.0, 1.052, 1.101]);
+}
