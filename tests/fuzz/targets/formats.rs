@@ -8,12 +8,13 @@ use libfuzzer_sys::fuzz_target;
 use std::sync::LazyLock;
 
 /// What `format` may name.
-const FORMATS: [&str; 20] = [
+const FORMATS: [&str; 21] = [
     "json",
     "wide_csv",
     "senseye",
     "ignition",
     "long_csv",
+    "paired_csv",
     "aveva_sql",
     "simulink_csv",
     "influx_csv",

@@ -13,6 +13,8 @@ pub enum Format {
     WideCsv,
     /// A row for each sample: time, tag, value, quality. Also SQL exports of AVEVA Historian.
     LongCsv,
+    /// A column for each signal with a time or a quality of its own beside it.
+    PairedCsv,
     /// Simulink Simulation Data Inspector: rows of units and interpolation, several time columns.
     SimulinkCsv,
     /// InfluxDB's annotated CSV.
@@ -45,13 +47,14 @@ pub enum Format {
     Excel,
 }
 
-const NAMES: [(&str, Format); 21] = [
+const NAMES: [(&str, Format); 22] = [
     ("json", Format::Json),
     ("wide_csv", Format::WideCsv),
     ("senseye", Format::WideCsv),
     ("ignition", Format::WideCsv),
     ("long_csv", Format::LongCsv),
     ("aveva_sql", Format::LongCsv),
+    ("paired_csv", Format::PairedCsv),
     ("simulink_csv", Format::SimulinkCsv),
     ("influx_csv", Format::InfluxCsv),
     ("influx_line_protocol", Format::InfluxLines),

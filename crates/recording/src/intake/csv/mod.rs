@@ -7,11 +7,12 @@
 //!
 //! Of a text with a column for each signal (`table`) memory holds the values (eight bytes each)
 //! or, where there is a scratch, a few MiB of them; never the text. Those with a row for each sample
-//! (`long`), of Simulink (`simulink`) and of InfluxDB (`influx`) are held as tags.
+//! (`long`), with times or qualities beside each signal (`paired`), of Simulink (`simulink`) and of InfluxDB (`influx`) are held as tags.
 
 mod header;
 mod influx;
 mod long;
+mod paired;
 mod rows;
 mod simulink;
 mod sniff;
@@ -76,6 +77,7 @@ pub(super) fn receive_as(
         .from_reader(BoundedRows::of(text.whole.chain(&b"\n"[..])));
     let mut received = match format {
         Format::LongCsv => long::read(rows, sniff.guessed_columns(), &options, memory),
+        Format::PairedCsv => paired::read(rows, sniff.paired_columns(), &options, memory),
         Format::SimulinkCsv => simulink::read(rows, &options, memory),
         Format::InfluxCsv => influx::read(rows, &options, memory),
         _ => wide(rows, &sniff, &options, scratch),

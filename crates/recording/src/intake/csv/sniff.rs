@@ -3,6 +3,7 @@
 use super::super::options::Decimal;
 use super::super::{Format, value};
 use super::long::LongColumns;
+use super::paired::PairedColumns;
 use ::csv::ReaderBuilder;
 
 /// Rows that are looked at.
@@ -63,10 +64,23 @@ impl Sniff {
             return Format::SimulinkCsv;
         }
         let titles: Vec<&str> = first.iter().map(String::as_str).collect();
-        match LongColumns::of(&titles).or_else(|| self.guessed_columns()) {
-            Some(_) => Format::LongCsv,
+        if LongColumns::of(&titles)
+            .or_else(|| self.guessed_columns())
+            .is_some()
+        {
+            return Format::LongCsv;
+        }
+        match self.paired_columns() {
+            Some(_) => Format::PairedCsv,
             None => Format::WideCsv,
         }
+    }
+
+    /// The columns of signals with a time or a quality of their own beside them.
+    pub(super) fn paired_columns(&self) -> Option<PairedColumns> {
+        let (titles, rows) = self.rows.split_first()?;
+        let titles: Vec<&str> = titles.iter().map(String::as_str).collect();
+        PairedColumns::of(&titles, rows)
     }
 
     /// The columns of a row for each sample, by what stands in the first rows.

@@ -361,3 +361,40 @@ fn thousands_of_a_german_file_are_no_fractions() {
     let said = read(unclear.as_bytes(), &options).unwrap();
     assert_eq!(values(&said, "p"), [998.0, 1.052, 1.101]);
 }
+
+#[test]
+fn a_signal_keeps_the_times_and_the_quality_that_stand_beside_it() {
+    let mut text = "PT Time [s],PT [bar],TT Time [s],TT [degC]\n".to_owned();
+    for k in 0..20_u32 {
+        let (k, late) = (f64::from(k), f64::from(k) + 0.5);
+        text += &format!("{k},{},{late},{}\n", 1.0 + 0.1 * k, 20.0 + late);
+    }
+    let recording = parse(&text).unwrap();
+    assert_eq!(recording.source.format, "paired_csv");
+    let temperature = values(&recording, "TT");
+    assert!(
+        (temperature[7] - (273.15 + 27.0)).abs() < 1e-9,
+        "{temperature:?}"
+    );
+    let pressure = values(&recording, "PT");
+    assert!((pressure[7] - 1.7e5).abs() < 1e-6, "{pressure:?}");
+
+    let text =
+        "time [s],PT [bar],PT.Quality,TT [degC]\n0,1,192,20\n1,0,0,21\n2,3,64,22\n3,4,192,23\n";
+    assert_eq!(codes(text), ["quality_scheme_needed"; 2], "0 and 64");
+    let mut options = Options::default();
+    options.set("quality_scheme", "opc_da").unwrap();
+    let recording = read(text.as_bytes(), &options).unwrap();
+    let names: Vec<&str> = recording
+        .signals
+        .iter()
+        .map(|signal| &*signal.name)
+        .collect();
+    assert_eq!(names, ["PT", "TT"]);
+    let rated = recording.signal("PT").unwrap();
+    assert_eq!(rated.classes.len(), 2, "{:?}", rated.classes);
+    // A cycle time is a signal, and so is a status of nothing.
+    let plain =
+        parse("time [s],cycle_time [s],p,valve_status\n0,3,1,0\n1,2,1,1\n2,4,1,0\n").unwrap();
+    assert_eq!(plain.signals.len(), 3);
+}

@@ -1,0 +1,178 @@
+//! A column for each signal, with times or codes of quality of its own beside it:
+//! `PT Time [s],PT [bar],TT Time [s],TT [degC]` and `time,PT [bar],PT.Quality`.
+
+use super::super::cell::Cell;
+use super::super::clock::Clock;
+use super::super::error::{ReadError, ReadingFault, invalid};
+use super::super::memory::Memory;
+use super::super::options::Options;
+use super::super::tags::{Quality, RawSample, Tags};
+use super::super::{stamp, units, value};
+use super::header::time_name_and_unit;
+use super::rows::{BoundedRows, is_empty, line_of, read_row, texts};
+use crate::ReceivedRecording;
+use ::csv::{ByteRecord, Reader};
+use std::io::Read;
+
+/// Words that call a column a time.
+const TIMES: [&str; 5] = ["time", "timestamp", "datetime", "zeit", "zeitstempel"];
+
+/// Words that call a column the quality of another.
+const QUALITIES: [&str; 6] = [
+    "quality",
+    "qual",
+    "status",
+    "statuscode",
+    "qualität",
+    "qualitaet",
+];
+
+/// A signal with the columns beside it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct SeriesColumns {
+    time: usize,
+    value: usize,
+    quality: Option<usize>,
+}
+
+/// The columns of all signals.
+#[derive(Debug)]
+pub(super) struct PairedColumns(Vec<SeriesColumns>);
+
+impl PairedColumns {
+    /// What the titles say, with the first rows below them; none where the signals share one time and have no
+    /// quality.
+    pub(super) fn of(titles: &[&str], rows: &[Vec<String>]) -> Option<PairedColumns> {
+        let is_time = |column: usize| is_called_time(titles[column]) && runs(rows, column);
+        let times: Vec<usize> = (0..titles.len())
+            .filter(|column| is_time(*column))
+            .collect();
+        let follows = |pair: &[usize]| pair[1] > pair[0] + 1;
+        let last = *times.last()?;
+        let are_paired = times.len() > 1
+            && times[0] == 0
+            && times.windows(2).all(follows)
+            && last + 1 < titles.len();
+        let times = match are_paired {
+            true => times,
+            false => vec![0],
+        };
+        let names: Vec<&str> = titles
+            .iter()
+            .map(|title| units::name_and_unit(title).0)
+            .collect();
+        let quality_of = |name: &str| {
+            let is_its = |title: &&str| rated_by(title) == Some(name);
+            titles.iter().position(is_its)
+        };
+        let is_rating = |column: usize| {
+            let rated = rated_by(titles[column]);
+            rated.is_some_and(|rated| names.contains(&rated))
+        };
+        let is_signal = |column: &usize| !times.contains(column) && !is_rating(*column);
+        let signals = (0..titles.len()).filter(is_signal);
+        let series: Vec<SeriesColumns> = signals
+            .map(|value| SeriesColumns {
+                time: times
+                    .iter()
+                    .rfind(|time| **time < value)
+                    .copied()
+                    .unwrap_or(0),
+                value,
+                quality: quality_of(names[value]),
+            })
+            .collect();
+        let has_quality = series.iter().any(|series| series.quality.is_some());
+        (are_paired || has_quality).then_some(PairedColumns(series))
+    }
+}
+
+/// Whether the first or the last word of a title is that of a time.
+fn is_called_time(title: &str) -> bool {
+    let (name, _) = time_name_and_unit(title);
+    let name = name.to_lowercase();
+    let mut words = name.split(|symbol: char| !symbol.is_alphanumeric());
+    let first = words.next().unwrap_or_default();
+    TIMES.contains(&first) || words.next_back().is_some_and(|last| TIMES.contains(&last))
+}
+
+/// The name of the signal whose quality a column holds, by its title.
+fn rated_by(title: &str) -> Option<&str> {
+    let (name, word) = title.rsplit_once(['.', ' ', '_', ':', '/'])?;
+    QUALITIES
+        .contains(&word.to_lowercase().as_str())
+        .then(|| name.trim())
+}
+
+/// Whether a column holds timestamps, or numbers that rise.
+fn runs(rows: &[Vec<String>], column: usize) -> bool {
+    let fields = rows.iter().filter_map(|row| row.get(column));
+    let fields: Vec<&String> = fields.filter(|field| !field.is_empty()).collect();
+    if fields.iter().all(|field| stamp::looks_like_one(field)) {
+        return !fields.is_empty();
+    }
+    let numbers = fields.iter().map(|field| value::number(field, None));
+    let numbers: Option<Vec<f64>> = numbers.collect();
+    numbers.is_some_and(|numbers| {
+        numbers.len() > 1 && numbers.windows(2).all(|pair| pair[1] > pair[0])
+    })
+}
+
+/// Reads all rows.
+pub(super) fn read(
+    mut rows: Reader<BoundedRows<impl Read>>,
+    columns: Option<PairedColumns>,
+    options: &Options,
+    memory: &Memory,
+) -> Result<ReceivedRecording, ReadError> {
+    let mut record = ByteRecord::new();
+    read_row(&mut rows, &mut record)?;
+    let titles = texts(&record)?;
+    let Some(PairedColumns(columns)) = columns else {
+        let detail = "a time or a quality of its own stands beside each signal, such as `PT Time [s],PT [bar],\
+                      TT Time [s],TT [degC]` or `time,PT [bar],PT.Quality`";
+        return Err(invalid(ReadingFault::at_line(
+            "columns_missing",
+            1,
+            None,
+            detail,
+        )));
+    };
+    let (name, unit) = time_name_and_unit(titles[columns.first().map_or(0, |series| series.time)]);
+    let mut tags = Tags::new(Clock::new(name, unit, options), options, None, memory);
+    let mut series = Vec::new();
+    for columns in columns {
+        let title = titles[columns.value];
+        let (name, unit) = units::name_and_unit(title);
+        let place = |code, detail: String| ReadingFault::at_line(code, 1, Some(title), detail);
+        if let Some(tag) = tags.tag(name, &place) {
+            tags.describe(tag, Some(unit), None, &place);
+            series.push((tag, columns));
+        }
+    }
+    while !tags.is_full() && read_row(&mut rows, &mut record)? {
+        if is_empty(&record) {
+            continue;
+        }
+        let line = line_of(&record);
+        let fields = texts(&record)?;
+        let field = |place: usize| fields.get(place).copied().unwrap_or_default();
+        for (tag, columns) in &series {
+            if field(columns.time).is_empty() {
+                continue;
+            }
+            let sample = RawSample {
+                tag: *tag,
+                time: Cell::Text(field(columns.time)),
+                value: Cell::Text(field(columns.value)),
+                quality: match columns.quality {
+                    Some(quality) => Quality::Code(Cell::Text(field(quality))),
+                    None => Quality::Unsaid,
+                },
+            };
+            let place = |code, detail: String| ReadingFault::at_line(code, line, None, detail);
+            tags.push(&sample, &place);
+        }
+    }
+    tags.into_received("paired_csv")
+}
