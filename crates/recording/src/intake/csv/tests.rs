@@ -398,3 +398,24 @@ fn a_signal_keeps_the_times_and_the_quality_that_stand_beside_it() {
         parse("time [s],cycle_time [s],p,valve_status\n0,3,1,0\n1,2,1,1\n2,4,1,0\n").unwrap();
     assert_eq!(plain.signals.len(), 3);
 }
+
+#[test]
+fn a_gap_that_is_filled_because_the_source_says_so_is_told() {
+    let samples: Vec<(u32, f64)> = (0..12).chain(40..52).map(|k| (k, f64::from(k))).collect();
+    let text = beside_a_pressure("FT", &samples);
+    let mut options = Options::default();
+    options.set("interpolation", "FT:linear").unwrap();
+    let recording = read(text.as_bytes(), &options).unwrap();
+    let told = recording
+        .notes
+        .iter()
+        .find(|note| note.code == "bridged_gap");
+    assert!(
+        told.is_some_and(|told| told.detail.contains("29 s")),
+        "{told:?}"
+    );
+    assert_eq!(values(&recording, "FT")[20], 20.0);
+    let unsaid = parse(&text).unwrap();
+    assert!(values(&unsaid, "FT")[20].is_nan());
+    assert!(unsaid.notes.iter().all(|note| note.code != "may_be_held"));
+}

@@ -4,7 +4,7 @@
 //! instants. A line between two of them would be a ramp that nobody commanded.
 
 use super::tag::Tag;
-use crate::{Interpolation, Warning};
+use crate::{Interpolation, Warning, shown};
 
 /// A tag of more different values is no command by its values alone.
 const FEW_VALUES: usize = 8;
@@ -12,24 +12,28 @@ const FEW_VALUES: usize = 8;
 /// The median interval of a tag that is recorded on change is so many times that of the fastest tag.
 const FAR_APART: f64 = 10.0;
 
-/// The longest interval of a tag at uneven instants is so many times the shortest.
+/// A long interval of a tag at uneven instants is so many times a short one.
 const UNEVEN: f64 = 3.0;
 
 impl Tag {
     /// Settles how the tag goes on from one sample to the next, where nobody says so, beside a fastest tag of this
     /// median interval `[s]`; what was assumed is told.
     pub(super) fn settle_course(&mut self, fastest: f64) -> Option<Warning> {
-        if self.column.interpolation.is_some() || self.instants.len() < 2 {
-            return None;
-        }
         let mut intervals: Vec<f64> = self
             .instants
             .windows(2)
             .map(|pair| pair[1] - pair[0])
             .collect();
         intervals.sort_unstable_by(f64::total_cmp);
-        let median = intervals[intervals.len() / 2];
-        let is_uneven = intervals[intervals.len() - 1] > UNEVEN * intervals[0];
+        let median = *intervals.get(intervals.len() / 2)?;
+        match self.column.interpolation {
+            Some(Interpolation::Hold) => return None,
+            Some(Interpolation::Linear) => return self.bridged(&intervals, median),
+            None => {}
+        }
+        // A tenth at either end may be gaps and jitter.
+        let [short, long] = [1, 9].map(|tenths| intervals[intervals.len() * tenths / 10]);
+        let is_uneven = long > UNEVEN * short;
         if !is_uneven && median < FAR_APART * fastest {
             return None;
         }
@@ -55,5 +59,19 @@ impl Tag {
                           `hold` for a command that is recorded when it changes";
             Warning::of_signal("may_be_held", &self.column.name, detail.to_owned())
         })
+    }
+
+    /// Tells of gaps that are filled because the source says that the tag goes straight on.
+    fn bridged(&self, intervals: &[f64], median: f64) -> Option<Warning> {
+        let gaps = intervals
+            .iter()
+            .filter(|interval| **interval > FAR_APART * median);
+        let (count, longest) = (gaps.count(), intervals.last().copied()?);
+        let detail = format!(
+            "{count} gaps, the longest of {} s, were filled on a straight line, because the source says that it goes \
+             straight on; leave them out of a job with `exclude`, or say another `interpolation`",
+            shown(longest)
+        );
+        (count > 0).then(|| Warning::of_signal("bridged_gap", &self.column.name, detail))
     }
 }
