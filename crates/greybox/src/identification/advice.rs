@@ -1,8 +1,8 @@
 //! Next steps of a verdict, tried before they are offered.
 //!
 //! A step changes the specification. Where that changes the problem without the recordings being cut anew, the
-//! changed problem is fitted from the estimate at hand, under the noise model at hand, and concluded as a job of its
-//! own would be, but for the search.
+//! changed problem is fitted from the estimate at hand and concluded as a job of its own would be, but for the search:
+//! by the free run where its residuals are then white, else under the noise model at hand.
 
 use super::JobSpec;
 use super::assemble;
@@ -31,8 +31,7 @@ impl Advised<'_> {
     /// What a changed specification comes to; the inner answer is none where it needs the recordings again, or
     /// cannot be fitted. Answers nothing when `stop` was raised.
     pub fn tried(&self, spec: &JobSpec, stop: &AtomicBool) -> Option<Option<TriedStep>> {
-        // Noise models that are compared anew take as long as the job itself.
-        let problem = match spec.process_noise == self.spec.process_noise {
+        let problem = match self.asks_the_same(spec) {
             true => assemble::changed(self.problem, self.spec, spec),
             false => None,
         };
@@ -56,13 +55,30 @@ impl Advised<'_> {
             twins: Vec::new(),
             ..self.conclusion.report.clone()
         };
-        let request = Request {
-            noise: self.noise(),
-            ..spec.request(problem.model.description()).at_once()
+        let free_run = spec.request(problem.model.description()).of_free_run();
+        let conclude =
+            |request| uncertainty::conclude(&problem, &report, request, Refits::default(), stop);
+        let concluded = conclude(&free_run)?;
+        let mut residuals = concluded.analysis.residuals.iter();
+        let is_explained = residuals.all(|output| output.white != Some(false));
+        let concluded = match self.noise() {
+            SoughtNoise::None => concluded,
+            _ if is_explained => concluded,
+            noise => conclude(&Request {
+                noise,
+                ..free_run.clone()
+            })?,
         };
-        let concluded =
-            uncertainty::conclude(&problem, &report, &request, Refits::default(), stop)?;
         Some(Some(self.compared(&concluded)))
+    }
+
+    /// Whether a changed specification searches as the job at hand did, and asks the same of the estimate: a longer
+    /// search, more time and another comparison of noise models take as long as a job of their own.
+    fn asks_the_same(&self, spec: &JobSpec) -> bool {
+        spec.method == self.spec.method
+            && spec.limits == self.spec.limits
+            && spec.uncertainty == self.spec.uncertainty
+            && spec.process_noise == self.spec.process_noise
     }
 
     /// Where the fit of an unknown begins: at the estimate at hand, at what the residuals ask for, or where it is
