@@ -83,7 +83,8 @@ fn the_lift_cylinder_of_the_crane_and_what_its_recording_cannot_tell_apart() {
         "cylinder_length": "cylinder_length", "piston_pressure": "piston_side_pressure"}}],
         "outputs": {"cylinder_length": {"noise_std": 3e-4}, "piston_pressure": {"noise_std": 7e4}},
         // There are several local minima; about one search in four finds the lowest.
-        "method": {"population": 40, "generations": 120, "restarts": 12}}),
+        "method": {"population": 40, "generations": 120, "restarts": 12},
+        "process_noise": "none"}),
     );
     assert!(rmse(&outcome, "cylinder_length") <= 0.60e-3);
     assert!(rmse(&outcome, "piston_pressure") <= 0.80e5);

@@ -5,6 +5,7 @@ use greybox::recording::{Recording, Signal, TimeAxis};
 use greybox::{Identification, IdentificationError};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::{Map, Value, json};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
@@ -108,15 +109,21 @@ fn recording(random: &mut impl Rng) -> Recording {
     Recording::new(time, signals)
 }
 
-/// Runs the job, and stops it where it has not ended by itself. Answers how long it took to end
-/// then; none where it had ended.
-fn stopped(job: Value, recording: Recording, patience: Duration) -> Option<Duration> {
+/// Runs the job on these threads, and stops it where it has not ended by itself. Answers how long it
+/// took to end then; none where it had ended.
+fn stopped(
+    threads: &ThreadPool,
+    job: Value,
+    recording: Recording,
+    patience: Duration,
+) -> Option<Duration> {
     let stop = AtomicBool::new(false);
     let (sender, ended) = mpsc::channel();
     std::thread::scope(|scope| {
         scope.spawn(|| {
-            let found = Identification::of_job(job.clone(), recording).run_observed(&stop, &mut ());
-            if let Err(IdentificationError::Invalid(faults)) = &found {
+            let identification = Identification::of_job(job.clone(), recording);
+            let outcome = threads.install(|| identification.run_observed(&stop, &mut ()));
+            if let Err(IdentificationError::Invalid(faults)) = &outcome {
                 // A parameter that no expression uses cannot be told from any other.
                 assert!(!faults.is_empty());
             }
@@ -138,13 +145,16 @@ fn stopped(job: Value, recording: Recording, patience: Duration) -> Option<Durat
 
 #[test]
 fn whatever_the_equations_do_a_job_ends_when_it_is_told_to() {
+    // The threads that all tests share may be busy with one long fit each.
+    let threads = ThreadPoolBuilder::new().num_threads(2);
+    let threads = threads.build().expect("two threads can be started");
     let mut longest = Duration::ZERO;
     let mut count = 0;
     for seed in 0..DOCUMENTS {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let (job, recording) = (job(&mut random), recording(&mut random));
         let patience = Duration::from_millis(random.random_range(1..60));
-        if let Some(took) = stopped(job, recording, patience) {
+        if let Some(took) = stopped(&threads, job, recording, patience) {
             count += 1;
             if took > longest {
                 println!("document {seed}: {took:?}");
