@@ -1,19 +1,22 @@
 """What becomes of a DataFrame on its way to the server, and of an answer on its way back."""
 
+import asyncio
+import gzip
+import io
 import json
 
 import httpx
 import pandas as pd
 import pytest
 
-from greybox import Client, Job, Problem, Result
-from greybox._frames import disturbance, estimates, history, to_csv
+from greybox_client import AsyncClient, Client, Job, Problem, Result
+from greybox_client._frames import disturbance, estimates, history, packed, timed, to_csv
 
 
 def test_times_with_a_zone_become_instants_and_units_stand_in_brackets():
     index = pd.date_range("2026-03-02 09:15", periods=2, freq="s", tz="Europe/Berlin")
     frame = pd.DataFrame({"position": [0.1, None]}, index=index)
-    assert to_csv(frame, {"position": "mm"}) == (
+    assert to_csv(timed(frame, {"position": "mm"})) == (
         "time,position [mm]\n2026-03-02T08:15:00+00:00,0.1\n2026-03-02T08:15:01+00:00,\n"
     )
 
@@ -21,18 +24,85 @@ def test_times_with_a_zone_become_instants_and_units_stand_in_brackets():
 def test_numbers_and_durations_are_seconds():
     values = pd.DataFrame({"a": [1, 2]}, index=[0.0, 0.5])
     durations = values.set_axis(pd.to_timedelta([0, 500], unit="ms"))
-    assert to_csv(values) == to_csv(durations) == "time [s],a\n0.0,1\n0.5,2\n"
+    assert to_csv(timed(values)) == to_csv(timed(durations)) == "time [s],a\n0.0,1\n0.5,2\n"
 
 
 def test_times_without_a_zone_are_asked_about():
     frame = pd.DataFrame({"a": [1]}, index=pd.DatetimeIndex(["2026-03-02"]))
     with pytest.raises(ValueError, match="no zone"):
-        to_csv(frame)
+        timed(frame)
+    assert to_csv(timed(frame, zone="Europe/Berlin")) == "time,a\n2026-03-01T23:00:00+00:00,1\n"
 
 
 def test_units_of_columns_that_are_not_there_are_refused():
     with pytest.raises(ValueError, match="velocity"):
-        to_csv(pd.DataFrame({"a": [1]}), {"velocity": "m/s"})
+        timed(pd.DataFrame({"a": [1]}), {"velocity": "m/s"})
+
+
+def test_a_table_is_packed_without_a_loss():
+    pyarrow = pytest.importorskip("pyarrow.parquet")
+    index = pd.date_range("2026-03-02 09:15", periods=3, freq="250ms", tz="Europe/Berlin")
+    content, headers = packed(timed(pd.DataFrame({"a": [1.5, None, 3e-9]}, index=index), {"a": "mm"}))
+    assert headers == {"Content-Type": "application/vnd.apache.parquet"}
+    table = pyarrow.read_table(io.BytesIO(content)).to_pandas()
+    assert list(table.columns) == ["time", "a [mm]"]
+    assert list(table["time"]) == list(index.tz_convert("UTC"))
+    assert table["a [mm]"].isna().tolist() == [False, True, False] and table["a [mm]"][2] == 3e-9
+
+
+def test_without_pyarrow_a_table_is_csv_packed_by_gzip(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    content, headers = packed(timed(pd.DataFrame({"a": [1, 2]}, index=[0.0, 0.5])))
+    assert headers["Content-Encoding"] == "gzip"
+    assert gzip.decompress(content) == b"time [s],a\n0.0,1\n0.5,2\n"
+
+
+def test_a_file_is_sent_as_it_is_and_by_its_name(tmp_path):
+    sent = []
+
+    def answer(request):
+        sent.append((request.content, request.headers["content-type"], dict(request.url.params)))
+        return httpx.Response(201, json={"id": "ds_1", "samples": 2, "signals": [], "name": "run.json"})
+
+    file = tmp_path / "run.json"
+    file.write_text("{}")
+    recording = Client(transport=httpx.MockTransport(answer)).upload(file, tz="Europe/Berlin")
+    assert sent == [(b"{}", "application/json", {"name": "run.json", "tz": "Europe/Berlin"})]
+    assert repr(recording) == "<Dataset ds_1: run.json, 2 samples of 0 signals>"
+
+
+def test_a_model_and_what_to_estimate_are_watched():
+    sent = []
+
+    def answer(request):
+        sent.append(json.loads(request.content))
+        return httpx.Response(201, json={"id": "mon_1"})
+
+    api = Client(transport=httpx.MockTransport(answer))
+    api.watch("rig-4", "single_rod_servo", window_s=60, estimate={"mass": (20, 120)}, fix={"damping": 5})
+    parameters = {"mass": {"estimate": {"lower": 20, "upper": 120}}, "damping": {"value": 5}}
+    assert sent[0]["job"] == {"model": "single_rod_servo", "experiments": [{}], "parameters": parameters}
+
+
+def test_a_job_is_awaited():
+    answers = {"/v1/jobs/job_1": {"id": "job_1", "status": "succeeded"}}
+    result = {"parameters": [], "verdict": {"trust": "high", "reasons": []}}
+    events = b'id: 1\nevent: state\ndata: {}\n\nid: 2\nevent: end\ndata: {"status":"succeeded"}\n\n'
+
+    def answer(request):
+        if request.url.path.endswith("/events"):
+            return httpx.Response(200, content=events)
+        return httpx.Response(200, json=answers.get(request.url.path, result))
+
+    async def work():
+        async with AsyncClient(transport=httpx.MockTransport(answer)) as api:
+            job = await api.job("job_1")
+            names = [event.name async for event in job.events()]
+            return names, await job.result()
+
+    names, came = asyncio.run(work())
+    assert names == ["state", "end"]
+    assert repr(came) == "<Result of job_1: 0 parameters, trust high>" and "trust high" in came._repr_html_()
 
 
 def test_a_refusal_lists_all_faults():
@@ -45,7 +115,7 @@ def test_a_refusal_lists_all_faults():
 
 
 def test_events_are_taken_up_where_the_stream_broke_off(monkeypatch):
-    monkeypatch.setattr("greybox._client._RETRY_S", 0)
+    monkeypatch.setattr("greybox_client._client._RETRY_S", 0)
     asked = []
 
     class Broken(httpx.SyncByteStream):

@@ -10,7 +10,7 @@ from importlib import import_module
 import pandas as pd
 import pytest
 
-from greybox import Client, Problem
+from greybox_client import Client, Problem
 
 URL = os.environ.get("GREYBOX_URL")
 GENERATED = os.environ.get("GENERATED")

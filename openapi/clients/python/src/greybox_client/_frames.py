@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import gzip
+import importlib.util
+import io
 from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
 
-__all__ = ["disturbance", "estimates", "history", "next_steps", "to_csv", "trajectory"]
+__all__ = ["disturbance", "estimates", "history", "next_steps", "packed", "timed", "to_csv", "trajectory"]
 
 
-def to_csv(frame: pd.DataFrame, units: Mapping[str, str] | None = None) -> str:
+def timed(frame: pd.DataFrame, units: Mapping[str, str] | None = None, zone: str | None = None) -> pd.DataFrame:
     """The frame as the server takes it: times in the first column, a unit in brackets.
 
-    The index is the time: instants with their zone, durations, or numbers of seconds. Missing samples
-    stay missing. Raises ValueError where instants have no zone, or a unit names no column.
+    The index is the time: instants with their zone or those of `zone`, durations, or numbers of seconds. Missing
+    samples stay missing. Raises ValueError where instants have no zone, or a unit names no column.
     """
     units = dict(units or {})
     unknown = [name for name in units if name not in frame.columns]
@@ -22,21 +25,39 @@ def to_csv(frame: pd.DataFrame, units: Mapping[str, str] | None = None) -> str:
         raise ValueError(f"units name columns that are not there: {', '.join(map(str, unknown))}")
     index = frame.index
     if isinstance(index, pd.DatetimeIndex):
-        if index.tz is None:
-            raise ValueError(
-                "the times have no zone; say it with frame.tz_localize('Europe/Berlin')"
-            )
-        times = [instant.isoformat() for instant in index.tz_convert("UTC")]
-        title = "time"
+        if index.tz is None and zone is None:
+            raise ValueError("the times have no zone; say it with tz='Europe/Berlin', or frame.tz_localize(...)")
+        local = index.tz_localize(zone) if index.tz is None else index
+        times, title = pd.Index(local.tz_convert("UTC")), "time"
     elif isinstance(index, pd.TimedeltaIndex):
-        times, title = index.total_seconds().tolist(), "time [s]"
+        times, title = pd.Index(index.total_seconds()), "time [s]"
     elif pd.api.types.is_numeric_dtype(index):
-        times, title = index.tolist(), "time [s]"
+        times, title = pd.Index(index), "time [s]"
     else:
         raise ValueError("the index is the time: instants, durations, or numbers of seconds")
     named = {name: f"{name} [{units[name]}]" if name in units else str(name) for name in frame.columns}
-    text = frame.rename(columns=named).set_axis(pd.Index(times, name=title), axis=0)
-    return text.to_csv(lineterminator="\n")
+    table = frame.rename(columns=named).reset_index(drop=True)
+    table.insert(0, title, times)
+    return table
+
+
+def packed(table: pd.DataFrame) -> tuple[bytes, dict[str, str]]:
+    """The bytes of a table with its times in the first column, and the headers that say what they are: Parquet where
+    pyarrow is installed, else CSV packed by gzip."""
+    if importlib.util.find_spec("pyarrow") is not None:
+        buffer = io.BytesIO()
+        table.to_parquet(buffer, engine="pyarrow", index=False)
+        return buffer.getvalue(), {"Content-Type": "application/vnd.apache.parquet"}
+    text = to_csv(table).encode()
+    return gzip.compress(text, compresslevel=1), {"Content-Type": "text/csv", "Content-Encoding": "gzip"}
+
+
+def to_csv(table: pd.DataFrame) -> str:
+    """A table with its times in the first column as CSV; instants are written in UTC."""
+    first = table.columns[0]
+    if isinstance(table[first].dtype, pd.DatetimeTZDtype):
+        table = table.assign(**{str(first): table[first].map(lambda instant: instant.isoformat())})
+    return table.to_csv(index=False, lineterminator="\n")
 
 
 def next_steps(reasons: list[dict[str, Any]]) -> pd.DataFrame:
@@ -60,6 +81,7 @@ def estimates(parameters: list[dict[str, Any]]) -> pd.DataFrame:
                 "unit": known["unit"],
                 "estimate": known["estimate"],
                 "standard_error": known.get("standard_error"),
+                "total_standard_error": known.get("total_standard_error"),
                 "lower": interval.get("lower"),
                 "upper": interval.get("upper"),
                 "total_lower": total.get("lower"),
@@ -119,6 +141,6 @@ def history(windows: list[dict[str, Any]]) -> pd.DataFrame:
         rows.append(row)
     frame = pd.DataFrame(rows)
     if rows:
-        frame.columns = pd.MultiIndex.from_tuples(frame.columns)
+        frame.columns = pd.MultiIndex.from_tuples([tuple(column) for column in frame.columns])
         frame = frame.sort_values(("window", "number")).reset_index(drop=True)
     return frame

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import json as _json
 import time
 import uuid
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar, Union
 
 import httpx
 import pandas as pd
@@ -19,6 +21,19 @@ _WAIT_S = 30
 #: How soon a stream that broke off is taken up again [s].
 _RETRY_S = 2.0
 _ENDED = ("succeeded", "failed", "cancelled")
+
+#: The type of a file by the end of its name; everything else goes as CSV, and the server looks at it.
+_TYPES = {
+    ".json": "application/json",
+    ".parquet": "application/vnd.apache.parquet",
+    ".txt": "text/plain",
+    ".xlsx": "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet",
+}
+
+#: What is sent as a recording: a frame, a text, bytes, or the path of a file.
+Data = Union[pd.DataFrame, str, bytes, Path]
+
+Self = TypeVar("Self", bound="_Resource")
 
 
 class Problem(Exception):
@@ -87,25 +102,28 @@ class Client:
 
     def upload(
         self,
-        data: pd.DataFrame | str | bytes,
+        data: Data,
         name: str | None = None,
         units: Mapping[str, str] | None = None,
-        content_type: str = "text/csv",
+        content_type: str | None = None,
         **options: str,
     ) -> Dataset:
-        """Stores a recording: a DataFrame whose index is the time, or the bytes of a historian's answer.
+        """Stores a recording: a DataFrame whose index is the time, the path of a file, or the text or bytes of
+        a historian's answer.
 
-        `units` are those of columns; `options` are those of the upload, such as `tz`, `format`
-        or `missing`.
+        `units` are those of columns; `options` are those of the upload, such as `tz`, `format` or `missing`.
+        `tz` is also the zone of a frame whose times have none.
         """
+        if isinstance(data, Path) and name is None:
+            name = data.name
         return Dataset(self, self._send("/v1/datasets", data, units, content_type, {"name": name, **options}))
 
     def append(
         self,
         stream: str,
-        data: pd.DataFrame | str | bytes,
+        data: Data,
         units: Mapping[str, str] | None = None,
-        content_type: str = "text/csv",
+        content_type: str | None = None,
         **options: Any,
     ) -> dict[str, Any]:
         """Adds samples to a stream; answers what became of them."""
@@ -114,18 +132,25 @@ class Client:
     def _send(
         self,
         path: str,
-        data: pd.DataFrame | str | bytes,
+        data: Data,
         units: Mapping[str, str] | None,
-        content_type: str,
+        content_type: str | None,
         options: Mapping[str, Any],
     ) -> dict[str, Any]:
-        if isinstance(data, pd.DataFrame):
-            data = _frames.to_csv(data, units)
-        elif units:
-            options = {**options, "units": _json.dumps(dict(units))}
-        content = data.encode() if isinstance(data, str) else data
         params = {key: value for key, value in options.items() if value is not None}
-        return self.post(path, content=content, params=params, headers={"Content-Type": content_type})
+        headers: dict[str, str] = {}
+        if isinstance(data, pd.DataFrame):
+            frame = _frames.timed(data, units, params.pop("tz", None))
+            content, headers = _frames.packed(frame)
+        else:
+            if units:
+                params["units"] = _json.dumps(dict(units))
+            if isinstance(data, Path):
+                content_type = content_type or _TYPES.get(data.suffix.lower())
+            content = data.read_bytes() if isinstance(data, Path) else data.encode() if isinstance(data, str) else data
+        headers.setdefault("Content-Type", content_type or "text/csv")
+        answer: dict[str, Any] = self.post(path, content=content, params=params, headers=headers)
+        return answer
 
     def submit(
         self,
@@ -142,14 +167,7 @@ class Client:
         `fix` those that are known. `more` is any other part of a job, such as `outputs` or `method`.
         The same `key` never makes two jobs.
         """
-        parameters: dict[str, Any] = dict(more.pop("parameters", {}))
-        for name, range_ in (estimate or {}).items():
-            if not isinstance(range_, Mapping):
-                lower, upper = range_
-                range_ = {"estimate": {"lower": lower, "upper": upper}}
-            parameters[name] = range_
-        for name, value in (fix or {}).items():
-            parameters[name] = {"value": value}
+        parameters = {**more.pop("parameters", {}), **_parameters(estimate, fix)}
         dataset = recording.id if isinstance(recording, Dataset) else recording
         experiment = {"dataset": dataset, **more.pop("experiment", {})}
         document = {"model": model, "experiments": [experiment], "parameters": parameters, **more}
@@ -163,12 +181,21 @@ class Client:
     def watch(
         self,
         stream: str,
-        job: Mapping[str, Any],
+        job: Mapping[str, Any] | str,
         window_s: float,
         every_s: float | None = None,
+        estimate: Mapping[str, Any] | None = None,
+        fix: Mapping[str, float] | None = None,
         **more: Any,
     ) -> Monitor:
-        """Watches a stream: `job` is done on each window of so many seconds."""
+        """Watches a stream: `job` is done on each window of so many seconds.
+
+        The job is a document, or the name of a model with `estimate` and `fix` as for `submit`.
+        """
+        if isinstance(job, str):
+            job = {"model": job, "experiments": [{}]}
+        if estimate or fix:
+            job = {**job, "parameters": {**job.get("parameters", {}), **_parameters(estimate, fix)}}
         window = {"length_s": window_s, **more.pop("window", {})}
         if every_s is not None:
             window["every_s"] = every_s
@@ -203,6 +230,19 @@ class Client:
                 time.sleep(_RETRY_S)
 
 
+def _parameters(estimate: Mapping[str, Any] | None, fix: Mapping[str, float] | None) -> dict[str, Any]:
+    """Unknown parameters with their bounds, and known ones with their values, as a job says them."""
+    parameters: dict[str, Any] = {}
+    for name, bounds in (estimate or {}).items():
+        if not isinstance(bounds, Mapping):
+            lower, upper = bounds
+            bounds = {"estimate": {"lower": lower, "upper": upper}}
+        parameters[name] = bounds
+    for name, value in (fix or {}).items():
+        parameters[name] = {"value": value}
+    return parameters
+
+
 def _refuse(response: httpx.Response) -> None:
     if not response.is_error:
         return
@@ -224,6 +264,10 @@ def _patched(value: Any, patch: Any) -> Any:
         else:
             result[name] = _patched(result.get(name), part)
     return result
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
 def _events(lines: Iterator[str]) -> Iterator[Event]:
@@ -252,19 +296,23 @@ class _Resource:
         return self.document[name]
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.id}>"
+        facts = ", ".join(str(fact) for fact in self._facts() if fact)
+        return f"<{type(self).__name__} {self.id}{': ' + facts if facts else ''}>"
+
+    def _facts(self) -> list[Any]:
+        return [self.document.get("name"), self.document.get("status")]
 
     @property
     def id(self) -> str:
         """The identifier."""
-        return self.document["id"]
+        return str(self.document["id"])
 
     @property
     def path(self) -> str:
         """Where it is."""
         return f"{self._path}/{self.id}"
 
-    def refresh(self) -> Any:
+    def refresh(self: Self) -> Self:
         """Asks the server how it stands."""
         self.document = self._client.get(self.path)
         return self
@@ -279,6 +327,19 @@ class Dataset(_Resource):
 
     _path = "/v1/datasets"
 
+    def _facts(self) -> list[Any]:
+        samples, signals = self.document.get("samples"), self.document.get("signals", [])
+        return [self.document.get("name"), f"{samples} samples of {len(signals)} signals"]
+
+    def _repr_html_(self) -> str:
+        return f"<p>{_escaped(repr(self))}</p>{self.signals.to_html()}"
+
+    @property
+    def signals(self) -> pd.DataFrame:
+        """Each signal with its unit and its range, SI."""
+        columns = ["name", "unit", "recorded_unit", "missing", "min", "mean", "max"]
+        return pd.DataFrame(self.document.get("signals", []), columns=columns).set_index("name")
+
     @property
     def warnings(self) -> pd.DataFrame:
         """What is odd about it."""
@@ -286,8 +347,6 @@ class Dataset(_Resource):
 
     def frame(self) -> pd.DataFrame:
         """All samples, in SI."""
-        import io
-
         answer = self._client.request("GET", f"{self.path}/samples", headers={"Accept": "text/csv"})
         return pd.read_csv(io.StringIO(answer.text), index_col=0)
 
@@ -300,7 +359,7 @@ class Job(_Resource):
     @property
     def status(self) -> str:
         """Where it stood when it was last asked."""
-        return self.document["status"]
+        return str(self.document["status"])
 
     def wait(self, timeout_s: float | None = None) -> Job:
         """Returns when the job has ended; raises TimeoutError where that takes too long."""
@@ -339,10 +398,19 @@ class Result:
         """Estimates, standard errors and intervals, a row for each parameter."""
         return _frames.estimates(self.document["parameters"])
 
+    def __repr__(self) -> str:
+        trust, count = self.verdict["trust"], len(self.document["parameters"])
+        return f"<Result of {self._job.id}: {count} parameters, trust {trust}>"
+
+    def _repr_html_(self) -> str:
+        reasons = "".join(f"<li>{_escaped(reason['detail'])}</li>" for reason in self.verdict["reasons"])
+        return f"<p>{_escaped(repr(self))}</p>{self.parameters.to_html()}<ul>{reasons}</ul>"
+
     @property
     def verdict(self) -> dict[str, Any]:
         """How far to trust them, and why not."""
-        return self.document["verdict"]
+        verdict: dict[str, Any] = self.document["verdict"]
+        return verdict
 
     @property
     def next_steps(self) -> pd.DataFrame:
@@ -367,16 +435,19 @@ class Result:
         return _frames.disturbance(self._job._client.get(path, max_points=max_points))[experiment]
 
     def plot(self, experiment: int = 0) -> Any:
-        """Measured and simulated outputs, and below them what is left; the axes."""
+        """Measured and simulated outputs, and below them what is left, in SI; the axes."""
         import matplotlib.pyplot as plt
 
-        frame = self.trajectory(experiment)
-        outputs = list(dict.fromkeys(name for name, _ in frame.columns))
+        answer = self._job._client.get(f"{self._job.path}/trajectory", max_points=2000)
+        frame = _frames.trajectory(answer)[experiment]
+        units = {name: output["unit"] for name, output in answer["experiments"][experiment]["outputs"].items()}
+        outputs = list(units)
         _, axes = plt.subplots(2 * len(outputs), 1, sharex=True, squeeze=False)
         for place, name in enumerate(outputs):
             above, below = axes[2 * place, 0], axes[2 * place + 1, 0]
-            frame[name][["measured", "simulated"]].plot(ax=above, title=name)
-            frame[name]["residual"].plot(ax=below, ylabel="residual")
+            unit = f" [{units[name]}]"
+            frame[name][["measured", "simulated"]].plot(ax=above, title=name, ylabel=f"{name}{unit}")
+            frame[name]["residual"].plot(ax=below, ylabel=f"residual{unit}")
         axes[-1, 0].set_xlabel("time [s]")
         return axes[:, 0]
 
@@ -403,7 +474,8 @@ class Monitor(_Resource):
         import matplotlib.pyplot as plt
 
         frame = self.history()
-        names = list(dict.fromkeys(name for name, _ in frame.columns if name != "window"))
+        units = {entry["name"]: entry["unit"] for window in self._pages("windows") for entry in window["parameters"]}
+        names = list(units)
         _, axes = plt.subplots(max(len(names), 1), 1, sharex=True, squeeze=False)
         for axis, name in zip(axes[:, 0], names):
             known = frame[frame[(name, "estimate")].notna()]
@@ -411,7 +483,7 @@ class Monitor(_Resource):
             axis.plot(times, own["estimate"], marker=".")
             lower, upper = (own[end].astype(float) for end in ("lower", "upper"))
             axis.fill_between(times, lower, upper, alpha=0.3)
-            axis.set_ylabel(name)
+            axis.set_ylabel(f"{name} [{units[name]}]")
         return axes[:, 0]
 
     def _pages(self, what: str) -> Iterator[dict[str, Any]]:
