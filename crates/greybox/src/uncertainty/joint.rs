@@ -220,26 +220,28 @@ impl Joint {
     /// The mean square of an unknown's error, with the variance that noise alone gives it.
     #[must_use]
     pub fn total(&self, unknown: usize, noise: f64) -> Option<f64> {
-        let moves = self.moves(unknown)?;
-        let spread = moves.dot(&(&self.posterior * &moves));
-        let shift = moves.dot(&self.middle);
-        let told = spread + shift * shift;
-        let assumed = match self.is_contradicted() {
-            true => told.max(moves.norm_squared()),
-            false => told,
-        };
-        Some(noise + assumed)
+        Some(noise + self.added(unknown)?.sum())
     }
 
-    /// What an assumption contributes to an unknown: the standard deviation, and its share of the
-    /// variance of all assumptions together (below zero where it makes up for others).
+    /// What each assumption adds to the mean square of an unknown's error: below zero where it makes up for others.
+    /// Where the residuals would have the assumptions elsewhere than they were taken, that counts too.
+    fn added(&self, unknown: usize) -> Option<DVector<f64>> {
+        let moves = self.moves(unknown)?;
+        let spread = &self.posterior * &moves;
+        let shift = moves.dot(&self.middle);
+        let told = moves.component_mul(&(spread + &self.middle * shift));
+        let declared = moves.component_mul(&moves);
+        let is_wider = self.is_contradicted() && declared.sum() > told.sum();
+        Some(if is_wider { declared } else { told })
+    }
+
+    /// What an assumption contributes to an unknown: the root mean square of its own error, and what it adds to the
+    /// mean square of all.
     #[must_use]
     pub fn contribution(&self, unknown: usize, assumption: usize) -> Option<(f64, f64)> {
-        let moves = self.moves(unknown)?;
-        let share = moves[assumption];
-        let joint = self.posterior.column(assumption).dot(&moves);
-        let deviation = share.abs() * self.posterior[(assumption, assumption)].sqrt();
-        Some((deviation, share * joint))
+        let own = self.posterior[(assumption, assumption)] + self.middle[assumption].powi(2);
+        let deviation = self.moves(unknown)?[assumption].abs() * own.sqrt();
+        Some((deviation, self.added(unknown)?[assumption]))
     }
 
     /// What the mean square of an unknown's error would be, were the tolerance of an assumption
@@ -440,11 +442,13 @@ mod tests {
 
     #[test]
     fn contributions_sum_up_to_what_the_assumptions_add() {
-        let (joint, (all, alone)) = (joint(1.0), closed_form(1.0));
-        for unknown in 0..2 {
-            let parts = (0..2).map(|index| joint.contribution(unknown, index).unwrap().1);
-            let added = all[(unknown, unknown)] - alone[(unknown, unknown)];
-            assert!((parts.sum::<f64>() - added).abs() < 1e-10);
+        for size in [0.01, 1.0, 100.0] {
+            let joint = joint(size);
+            for unknown in 0..2 {
+                let parts = (0..2).map(|index| joint.contribution(unknown, index).unwrap().1);
+                let added = joint.total(unknown, 0.0).unwrap();
+                assert!((parts.sum::<f64>() / added - 1.0).abs() < 1e-10);
+            }
         }
     }
 

@@ -2,7 +2,31 @@
 
 use crate::estimation::problem::{Assumed, Problem};
 use crate::identification::budget::{AssumptionKind, BudgetContribution, BudgetLine, Suggested};
+use crate::uncertainty::Analysis;
 use crate::uncertainty::budget::{Budget, Line};
+
+/// The lines of the budget of a result. Where a total standard error covers more than the budget, such as other noise
+/// models, each share is that of the whole.
+pub(super) fn of_result(
+    problem: &Problem,
+    positions: &[f64],
+    analysis: &Analysis,
+) -> Vec<BudgetLine> {
+    let mut budget = lines(problem, positions, &analysis.budget);
+    let coordinates = problem.coordinates.iter().zip(&analysis.coordinates);
+    let totals = analysis.budget.totals.iter().zip(positions);
+    for ((coordinate, described), (total, position)) in coordinates.zip(totals) {
+        let (Some(total), Some(reported)) = (*total, described.total_error) else {
+            continue;
+        };
+        let covered = (total * coordinate.slope(*position).abs() / reported).powi(2);
+        let contributions = budget
+            .iter_mut()
+            .filter_map(|line| line.contributions.get_mut(&coordinate.name));
+        contributions.for_each(|contribution| contribution.share *= covered);
+    }
+    budget
+}
 
 /// The lines of a budget at some positions of a problem.
 pub(super) fn lines(problem: &Problem, positions: &[f64], budget: &Budget) -> Vec<BudgetLine> {

@@ -67,7 +67,7 @@ pub fn outcome(origin: &Origin, conclusion: &Conclusion, tries: &Tries) -> Outco
             .iter()
             .map(|flat| flat.words.clone())
             .collect(),
-        budget: super::budget::lines(problem, &report.positions, &analysis.budget),
+        budget: super::budget::of_result(problem, &report.positions, analysis),
         fit: Fit {
             estimation: problem.by_output(&analysis.estimation_fit),
             validation: problem.by_output(&analysis.validation_fit),
