@@ -81,7 +81,7 @@ pub fn render(report: &Report<'_>) -> String {
     verdict(&mut page, report.outcome);
     tables::estimates(&mut page, report.outcome);
     tables::budget(&mut page, report.outcome);
-    tables::fit(&mut page, report.outcome);
+    tables::fit(&mut page, report);
     process_noise::section(&mut page, report);
     tables::model_search(&mut page, report.outcome);
     setup::model(&mut page, report);

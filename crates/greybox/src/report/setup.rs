@@ -59,7 +59,7 @@ pub fn model(page: &mut String, report: &Report<'_>) {
 /// The recordings, an experiment after the other.
 pub fn recordings(page: &mut String, report: &Report<'_>) {
     page.push_str(
-        "<section>\n<h2>Recordings</h2>\n<table>\n<thead><tr><th>experiment</th>\
+        "<section>\n<h2>Recordings</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>experiment</th>\
          <th class=\"words\">recording</th><th class=\"words\">recorded</th><th>samples</th>\
          <th>used [s]</th><th class=\"words\">for</th></tr></thead>\n",
     );
@@ -95,20 +95,32 @@ pub fn recordings(page: &mut String, report: &Report<'_>) {
             ),
         );
     }
-    page.push_str("</table>\n</section>\n");
+    page.push_str("</table></div>\n</section>\n");
 }
 
-/// The parameters that were not estimated, with how well each is known; nothing where all were.
+/// The parameters that were not estimated, with how well each is known, and the effects that the data did not
+/// support; nothing where all were estimated.
 pub fn fixed(page: &mut String, report: &Report<'_>) {
     let mut rows = String::new();
     for about in &report.model.parameters {
-        let Some(ParameterSpec::Fixed(fixed)) = report.spec.parameters.get(&*about.name) else {
-            continue;
-        };
-        let tolerance = match fixed.tolerance.or(about.tolerance) {
-            None => "exact".to_owned(),
-            Some(Tolerance::Absolute(deviation)) => significant(deviation, 3),
-            Some(Tolerance::Percent(share)) => format!("{} %", significant(share, 3)),
+        let estimated = report.outcome.parameters.iter();
+        let is_estimated = estimated
+            .clone()
+            .any(|parameter| parameter.name == about.name);
+        let (value, tolerance) = match report.spec.parameters.get(&*about.name) {
+            Some(ParameterSpec::Fixed(fixed)) => {
+                let tolerance = match fixed.tolerance.or(about.tolerance) {
+                    None => "exact".to_owned(),
+                    Some(Tolerance::Absolute(deviation)) => significant(deviation, 3),
+                    Some(Tolerance::Percent(share)) => format!("{} %", significant(share, 3)),
+                };
+                (fixed.value, tolerance)
+            }
+            Some(_) if !is_estimated => (
+                about.default,
+                "left out: the data do not support it".to_owned(),
+            ),
+            _ => continue,
         };
         push(
             &mut rows,
@@ -116,7 +128,7 @@ pub fn fixed(page: &mut String, report: &Report<'_>) {
                 "<tr><td>{} ({})</td><td>{}</td><td>{tolerance}</td><td>{}</td></tr>\n",
                 escape(&about.name),
                 escape(&about.symbol),
-                number(fixed.value),
+                number(value),
                 escape(&about.unit)
             ),
         );
@@ -127,8 +139,8 @@ pub fn fixed(page: &mut String, report: &Report<'_>) {
     push(
         page,
         format_args!(
-            "<section>\n<h2>Taken as fixed</h2>\n<table>\n<thead><tr><th>parameter</th><th>value</th>\
-             <th>± (one standard deviation)</th><th>unit</th></tr></thead>\n{rows}</table>\n</section>\n"
+            "<section>\n<h2>Taken as fixed</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>parameter</th><th>value</th>\
+             <th>± (one standard deviation)</th><th>unit</th></tr></thead>\n{rows}</table></div>\n</section>\n"
         ),
     );
 }

@@ -1,5 +1,6 @@
 //! The tables of a report.
 
+use super::Report;
 use super::html::{escape, number, optional, push, with_code};
 use crate::identification::budget::BudgetLine;
 use crate::identification::outcome::{
@@ -184,7 +185,13 @@ pub fn budget(page: &mut String, outcome: &Outcome) {
 }
 
 /// How well the outputs are followed, and what the residuals look like.
-pub fn fit(page: &mut String, outcome: &Outcome) {
+pub fn fit(page: &mut String, report: &Report<'_>) {
+    let outcome = report.outcome;
+    let unit = |output: &str| {
+        let outputs = report.model.outputs.iter();
+        let named = outputs.clone().find(|signal| signal.name == output);
+        named.map_or_else(String::new, |signal| signal.unit.to_string())
+    };
     page.push_str(
         "<section>\n<h2>Fit</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>output</th><th>data</th>\
          <th>fit [%]</th><th>RMSE</th><th>largest error</th><th>samples</th></tr></thead>\n",
@@ -195,7 +202,7 @@ pub fn fit(page: &mut String, outcome: &Outcome) {
     ];
     for (data, fits) in parts {
         for (output, fit) in fits.iter().filter(|(_, fit)| fit.samples > 0) {
-            fit_row(page, output, data, fit);
+            fit_row(page, (output, &unit(output)), data, fit);
         }
     }
     page.push_str(
@@ -203,13 +210,13 @@ pub fn fit(page: &mut String, outcome: &Outcome) {
          <th>chi²/n</th><th>correlation with the next</th><th>white</th><th>Ljung–Box p</th>\
          <th class=\"words\">follow an input</th></tr></thead>\n",
     );
-    for (output, report) in &outcome.residuals {
-        let white = match report.white {
+    for (output, residuals) in &outcome.residuals {
+        let white = match residuals.white {
             Some(true) => "yes",
             Some(false) => "no",
             None => "too few to tell",
         };
-        let follow: Vec<String> = report
+        let follow: Vec<String> = residuals
             .inputs
             .iter()
             .map(|(input, following)| {
@@ -219,20 +226,21 @@ pub fn fit(page: &mut String, outcome: &Outcome) {
                 format!("{}: {word} ({correlation})", escape(input))
             })
             .collect();
-        let outliers = report
+        let outliers = residuals
             .outliers
             .map_or_else(String::new, |count| format!("<br>{count} outliers"));
         push(
             page,
             format_args!(
-                "<tr><td>{}</td><td>{} ({}){outliers}</td><td>{}</td><td>{}</td><td>{white}</td>\
+                "<tr><td>{}</td><td>{} {} ({}){outliers}</td><td>{}</td><td>{}</td><td>{white}</td>\
                  <td>{}</td><td class=\"words\">{}</td></tr>\n",
                 escape(output),
-                significant(report.noise_std, 3),
-                escape(&report.noise_std_source),
-                optional(report.chi_square_per_sample),
-                optional(report.lag_1_autocorrelation),
-                optional(report.ljung_box_p.map(|p| (1e3 * p).round() / 1e3)),
+                significant(residuals.noise_std, 3),
+                escape(&unit(output)),
+                escape(&residuals.noise_std_source),
+                optional(residuals.chi_square_per_sample),
+                optional(residuals.lag_1_autocorrelation),
+                optional(residuals.ljung_box_p.map(|p| (1e3 * p).round() / 1e3)),
                 follow.join("<br>")
             ),
         );
@@ -251,15 +259,16 @@ pub fn fit(page: &mut String, outcome: &Outcome) {
     );
 }
 
-fn fit_row(page: &mut String, output: &str, data: &str, fit: &OutputFit) {
+fn fit_row(page: &mut String, (output, unit): (&str, &str), data: &str, fit: &OutputFit) {
+    let quantity = |value: Option<f64>| format!("{} {}", optional(value), escape(unit));
     push(
         page,
         format_args!(
             "<tr><td>{}</td><td>{data}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
             escape(output),
             optional(fit.fit_percent),
-            optional(fit.rmse),
-            optional(fit.max_abs_error),
+            quantity(fit.rmse),
+            quantity(fit.max_abs_error),
             fit.samples
         ),
     );
