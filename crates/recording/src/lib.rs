@@ -45,5 +45,5 @@ pub use rows::{Merged, RowColumn, RowSignal, Rows};
 pub use signal::{Class, ClassCounts, ClassSpan, Interpolation, NamedSignal, Signal};
 pub use source::RecordingSource;
 pub use split::{Split, TimeWindow};
-pub use summary::{SignalSummary, Summary};
+pub use summary::{Conversion, SignalSummary, Summary};
 pub use warning::{TimeSpan, Warning};

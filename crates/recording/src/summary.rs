@@ -1,5 +1,6 @@
 //! What a recording holds, in a few numbers.
 
+use super::intake::units;
 use super::profile::SignalProfile;
 use super::quality::{self, QualityReport};
 use super::rows::RowSample;
@@ -52,6 +53,10 @@ pub struct SignalSummary {
     pub unit: String,
     /// The unit as it was recorded.
     pub recorded_unit: String,
+    /// How values in the unit as it was recorded become SI; absent where no unit was said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub conversion: Option<Conversion>,
     /// How the signal goes on between samples; `null` where nothing said so.
     #[serde(default)]
     #[schema(required = false)]
@@ -69,6 +74,17 @@ pub struct SignalSummary {
     pub max: Option<f64>,
     /// The mean; `null` when every sample is missing.
     pub mean: Option<f64>,
+}
+
+/// How a recorded value becomes SI: `factor × value + offset`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Conversion {
+    /// What a recorded value is multiplied with.
+    #[schema(example = 1e-3)]
+    pub factor: f64,
+    /// What is added to the product, SI.
+    #[schema(example = 0.0)]
+    pub offset: f64,
 }
 
 impl Recording {
@@ -184,6 +200,7 @@ fn of_signal(signal: &NamedSignal, profile: &SignalProfile, samples: usize) -> S
         name: signal.name.clone(),
         unit: signal.unit.clone(),
         recorded_unit: signal.recorded_unit.clone(),
+        conversion: conversion_of(&signal.recorded_unit),
         interpolation: signal.interpolation,
         quality: (!counts.all_good()).then_some(counts),
         missing: profile.missing,
@@ -191,6 +208,14 @@ fn of_signal(signal: &NamedSignal, profile: &SignalProfile, samples: usize) -> S
         max: values.map(|values| values.max.value),
         mean: values.map(|values| values.mean),
     }
+}
+
+fn conversion_of(recorded_unit: &str) -> Option<Conversion> {
+    let unit = units::parse(recorded_unit).filter(|_| !recorded_unit.is_empty())?;
+    Some(Conversion {
+        factor: unit.factor,
+        offset: unit.offset,
+    })
 }
 
 #[cfg(test)]
