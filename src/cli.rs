@@ -15,6 +15,7 @@ mod files;
 mod health;
 mod manual;
 mod progress;
+mod reading;
 mod record;
 mod serve;
 mod simulate;

@@ -2,6 +2,7 @@
 //! them finds what the others miss.
 
 use super::error::CommandError;
+use super::reading::Reading;
 use super::{estimate, files};
 use crate::job::comparison::{self, Comparison, Spread, Trial};
 use clap::Args;
@@ -43,15 +44,14 @@ pub struct Arguments {
     #[arg(long, short)]
     output: Option<PathBuf>,
 
-    /// The recording's time column [default: the first]
-    #[arg(long)]
-    time: Option<String>,
+    #[command(flatten)]
+    reading: Reading,
 }
 
 /// Runs all of them, one after the other, and shows a table.
 pub fn compare(arguments: &Arguments) -> Result<(), CommandError> {
     let methods = methods(&arguments.methods)?;
-    let recording = files::recording(&arguments.recording, arguments.time.as_deref())?;
+    let recording = files::recording(&arguments.recording, &arguments.reading)?;
     let job = &arguments.job;
     let identification = estimate::identification(recording, job, arguments.model.as_deref())?;
     let assembly = identification.assembly();

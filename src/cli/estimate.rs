@@ -2,6 +2,7 @@
 
 use super::error::CommandError;
 use super::progress::{self, Progress};
+use super::reading::Reading;
 use super::{assignments, files, table};
 use crate::job::candidate::{self, Selection};
 use crate::job::{Candidate, CandidateColumn, GenerationEvent};
@@ -59,9 +60,8 @@ pub struct Arguments {
     #[arg(long)]
     candidates: Option<PathBuf>,
 
-    /// The recording's time column [default: the first]
-    #[arg(long)]
-    time: Option<String>,
+    #[command(flatten)]
+    reading: Reading,
 
     /// Threads that compute [default: one for each processor]
     #[arg(long)]
@@ -70,7 +70,7 @@ pub struct Arguments {
 
 /// Estimates, and shows what came of it.
 pub fn estimate(arguments: &Arguments) -> Result<(), CommandError> {
-    let (recording, digest) = files::recorded(&arguments.recording, arguments.time.as_deref())?;
+    let (recording, digest) = files::recorded(&arguments.recording, &arguments.reading)?;
     let source = arguments.job.as_deref().unwrap_or(Path::new("the job"));
     let identification = asked(arguments, recording)?;
     let (spec, _) = identification

@@ -1,6 +1,7 @@
 //! Reading and writing the files that commands are given.
 
 use super::error::CommandError;
+use super::reading::{self, Reading};
 use greybox::intake;
 use greybox::model::{Catalogue, Model, document as model_document};
 use greybox::parsing::{json, yaml};
@@ -13,13 +14,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// A recording of any format that the service takes.
-pub fn recording(path: &Path, time: Option<&str>) -> Result<Recording, CommandError> {
+pub fn recording(path: &Path, reading: &Reading) -> Result<Recording, CommandError> {
     let file = File::open(path).map_err(|error| unreadable(path, &error))?;
-    parsed(path, file, time)
+    parsed(path, file, reading)
 }
 
 /// A recording with the digest of its bytes; that of standard input where the path is `-`.
-pub fn recorded(path: &Path, time: Option<&str>) -> Result<(Recording, String), CommandError> {
+pub fn recorded(path: &Path, reading: &Reading) -> Result<(Recording, String), CommandError> {
     let mut bytes = Vec::new();
     let read = if path == Path::new("-") {
         std::io::stdin().lock().read_to_end(&mut bytes)
@@ -28,25 +29,19 @@ pub fn recorded(path: &Path, time: Option<&str>) -> Result<(Recording, String), 
     };
     read.map_err(|error| unreadable(path, &error))?;
     let digits = hex::encode(Sha256::digest(&bytes));
-    let recording = parsed(path, &bytes[..], time)?;
+    let recording = parsed(path, &bytes[..], reading)?;
     Ok((recording, format!("sha256:{digits}")))
 }
 
-fn parsed(path: &Path, text: impl Read, time: Option<&str>) -> Result<Recording, CommandError> {
+fn parsed(path: &Path, text: impl Read, reading: &Reading) -> Result<Recording, CommandError> {
     let kind = match ends_with(path, &["json"]) {
         true => intake::MediaKind::Json,
         false => intake::MediaKind::Text,
     };
-    let mut options = intake::Options::default();
-    options.time = time.map(str::to_owned);
-    let read = intake::read(text, kind, &options);
-    read.map_err(|error| match error.faults() {
+    let read = intake::read(text, kind, &reading.options()?);
+    read.map_err(|error| match &reading::faults(path, &error)[..] {
         [] => unreadable(path, &error),
-        faults => CommandError::inputs(
-            faults
-                .iter()
-                .map(|fault| format!("{}: {fault}", path.display())),
-        ),
+        faults => CommandError::inputs(faults.iter().cloned()),
     })
 }
 

@@ -2,6 +2,7 @@
 
 use super::error::CommandError;
 use super::files;
+use super::reading::Reading;
 use clap::Args;
 use greybox::identification::simulation;
 use greybox::identification::spec::simulation::SimulationSpec;
@@ -30,15 +31,14 @@ pub struct Arguments {
     #[arg(long, short)]
     output: Option<PathBuf>,
 
-    /// The recording's time column [default: the first]
-    #[arg(long)]
-    time: Option<String>,
+    #[command(flatten)]
+    reading: Reading,
 }
 
 /// Writes the outputs.
 pub fn simulate(arguments: &Arguments) -> Result<(), CommandError> {
     let model = files::model(&arguments.model)?;
-    let recording = files::recording(&arguments.recording, arguments.time.as_deref())?;
+    let recording = files::recording(&arguments.recording, &arguments.reading)?;
     let parameters = arguments.parameters.as_deref();
     let values = parameters.map_or(Ok(json!({})), files::document)?;
     let document = json!({

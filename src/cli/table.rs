@@ -1,7 +1,7 @@
 //! A result as people read it: a table of parameters (Markdown), the verdict and how well the outputs fit.
 
 use comfy_table::{Table, presets};
-use greybox::identification::outcome::{Estimate, Outcome, OutputFit};
+use greybox::identification::outcome::{Estimate, Outcome, OutputFit, Trust};
 use greybox::numerics::digits::significant;
 use std::collections::BTreeMap;
 
@@ -20,8 +20,10 @@ fn estimates(outcome: &Outcome, truths: Option<&[(String, f64)]>) -> String {
         "parameter",
         "unit",
         "estimate",
-        "std. error",
-        "interval",
+        "±",
+        "noise alone",
+        "95 % interval",
+        "trust",
         "",
     ];
     if truths.is_some() {
@@ -45,22 +47,26 @@ fn estimates(outcome: &Outcome, truths: Option<&[(String, f64)]>) -> String {
     table.trim_fmt()
 }
 
-/// `truth`: no such column, a column without a value, or a value.
+/// A row shows the error and the interval with all that was taken as known, and the error of noise alone beside
+/// them; `truth`: no such column, a column without a value, or a value.
 fn row(name: String, unit: &str, estimate: &Estimate, truth: Option<Option<f64>>) -> Vec<String> {
     let number = |value: Option<f64>| value.map_or("-".to_owned(), short);
-    let interval = estimate
-        .confidence_interval
-        .as_ref()
-        .map_or("-".to_owned(), |interval| {
-            let (lower, upper) = (number(interval.lower), number(interval.upper));
-            format!("{lower} to {upper} ({:.0} %)", 100.0 * interval.level)
-        });
+    let total = estimate
+        .total_interval
+        .map(|total| (total.lower, total.upper));
+    let noise = estimate.confidence_interval.as_ref();
+    let interval = total.or(noise.map(|noise| (noise.lower, noise.upper)));
+    let end = |value: Option<f64>| value.map_or("open".to_owned(), short);
     let mut cells = vec![
         name,
         unit.to_owned(),
         short(estimate.estimate),
+        number(estimate.total_standard_error.or(estimate.standard_error)),
         number(estimate.standard_error),
-        interval,
+        interval.map_or("-".to_owned(), |(lower, upper)| {
+            format!("{} to {}", end(lower), end(upper))
+        }),
+        estimate.trust.map_or("-", Trust::name).to_owned(),
         remark(estimate).to_owned(),
     ];
     if let Some(truth) = truth {
@@ -129,10 +135,11 @@ mod tests {
     }
 
     #[test]
-    fn a_row_shows_truth_and_error_where_the_truth_is_known() {
+    fn a_row_shows_the_total_interval_and_the_truth_where_it_is_known() {
         let estimate = estimate(serde_json::json!({
-            "estimate": 59.0, "standard_error": 0.5,
+            "estimate": 59.0, "standard_error": 0.5, "total_standard_error": 4.0, "trust": "moderate",
             "confidence_interval": {"level": 0.95, "lower": 58.0, "upper": null, "method": "profile"},
+            "total_interval": {"level": 0.95, "lower": 51.0, "upper": null},
             "lower": 20.0, "upper": 120.0, "at_bound": false, "identifiable": true,
         }));
         let cells = row("mass (M)".to_owned(), "kg", &estimate, Some(Some(50.0)));
@@ -142,13 +149,15 @@ mod tests {
             "50.000",
             "59.000",
             "+18.00 %",
+            "4.0000",
             "0.50000",
-            "58.000 to - (95 %)",
+            "51.000 to open",
+            "moderate",
             "",
         ];
         assert_eq!(cells, expected);
         let cells = row("mass (M)".to_owned(), "kg", &estimate, None);
-        assert_eq!(cells.len(), 6);
+        assert_eq!(cells.len(), 8);
     }
 
     #[test]
