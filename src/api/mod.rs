@@ -16,6 +16,7 @@ pub mod client;
 pub mod comparisons;
 mod computed;
 pub mod datasets;
+pub mod demonstration;
 pub mod designs;
 pub mod disturbance;
 pub mod error;

@@ -13,9 +13,9 @@ use utoipa_axum::routes;
 use super::http_headers::tagged_json;
 use super::state::ApiState;
 use super::{
-    audit, authorise, candidates, changes, comparisons, datasets, designs, disturbance, events,
-    health, job_list, jobs, models, monitors, posterior, report, results, session, simulations,
-    streams, submit, trajectory, verdict_rules, webhooks,
+    audit, authorise, candidates, changes, comparisons, datasets, demonstration, designs,
+    disturbance, events, health, job_list, jobs, models, monitors, posterior, report, results,
+    session, simulations, streams, submit, trajectory, verdict_rules, webhooks,
 };
 
 /// Every resource of the service, with its description.
@@ -42,6 +42,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(monitors::alarms))
         .routes(routes!(monitors::events::events))
         .routes(routes!(simulations::simulate))
+        .routes(routes!(demonstration::show))
         .routes(routes!(designs::design))
         .routes(routes!(comparisons::submit_comparison, comparisons::list))
         .routes(routes!(comparisons::show))

@@ -58,9 +58,30 @@ pub static GUIDES: [Guide; 10] = [
 
 /// Writes the guide as a page without a script.
 pub fn page(guide: &Guide) -> String {
+    framed(guide.title, Some(guide.name), &guide.markdown())
+}
+
+/// Writes the index of the guides as a page: the title of each, with its first paragraph.
+pub fn index() -> String {
+    let mut text = "# Docs\n\n".to_owned();
+    for guide in &GUIDES {
+        let paragraphs = guide.source.split("\n\n");
+        let first = paragraphs
+            .skip(1)
+            .find(|text| !text.starts_with(['#', '|', '`', '-', '<']));
+        let (name, title, first) = (guide.name, guide.title, first.unwrap_or_default());
+        writeln!(text, "## [{title}](/docs/{name})\n\n{first}\n")
+            .expect("writing to a string does not fail");
+    }
+    text += "## [API reference](/docs)\n\nEvery request with its parameters, answers and faults.\n";
+    framed("Docs", None, &text)
+}
+
+/// Puts a text beside the links to all guides, of which one may be the current one.
+fn framed(title: &str, current: Option<&str>, markdown: &str) -> String {
     let mut links = String::new();
     for entry in &GUIDES {
-        let current = if entry.name == guide.name {
+        let current = if Some(entry.name) == current {
             " aria-current=\"page\""
         } else {
             ""
@@ -73,9 +94,9 @@ pub fn page(guide: &Guide) -> String {
         .expect("writing to a string does not fail");
     }
     include_str!("assets/docs/guide.html")
-        .replace("{title}", guide.title)
+        .replace("{title}", title)
         .replace("{links}", &links)
-        .replace("{body}", &body(&guide.markdown()))
+        .replace("{body}", &body(markdown))
 }
 
 /// Writes Markdown as HTML; headings can be linked to by their words.
@@ -154,6 +175,18 @@ mod tests {
             let heading = format!("<h2 id=\"{rule}\">");
             assert_eq!(page.matches(&heading).count(), 1, "{rule}");
         }
+    }
+
+    #[test]
+    fn the_index_has_each_guide_with_a_paragraph() {
+        let page = index();
+        let chapters: Vec<&str> = page.split("<h2").skip(1).collect();
+        assert_eq!(chapters.len(), GUIDES.len() + 1);
+        assert!(
+            chapters
+                .iter()
+                .all(|chapter| chapter.contains("<a href=\"/docs") && chapter.contains("<p>"))
+        );
     }
 
     #[test]

@@ -28,6 +28,7 @@ pub fn job(demo: Demo) -> Value {
     }
     json!({
         "name": format!("demonstration {}", demo.letter()),
+        "labels": { "demonstration": demo.letter().to_string().to_lowercase() },
         "model": model().description().name,
         "experiments": [{ "signals": signals }],
         "parameters": free_parameters(demo),

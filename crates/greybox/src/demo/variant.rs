@@ -1,5 +1,8 @@
 //! Which recordings there are, and what tells them apart.
 
+use serde::Deserialize;
+use utoipa::ToSchema;
+
 /// The time from one sample to the next `[s]`.
 pub const SAMPLE_TIME: f64 = 0.01;
 
@@ -7,7 +10,8 @@ pub const SAMPLE_TIME: f64 = 0.01;
 pub const SAMPLES: usize = 12_000;
 
 /// One of the recordings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
 pub enum Demo {
     /// The nominal rig under a rich excitation.
     A,
