@@ -1,7 +1,7 @@
 //! This module serves the pages for people, which are embedded in the program.
 //!
-//! `/` is the dashboard, `/docs` the API reference, and `/docs/start` and its neighbours are the
-//! guides, whose texts stand in `docs/`. The pages are files without a build step: plain
+//! `/` is the dashboard, `/docs` the API reference, `/docs/` the index of the guides, and `/docs/start` and
+//! its neighbours are the guides, whose texts stand in `docs/`. The pages are files without a build step: plain
 //! HTML, CSS and ES modules that talk to the same HTTP interface as every other client. They fetch
 //! nothing from elsewhere, and a strict Content-Security-Policy holds them to it.
 
@@ -108,6 +108,12 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
             REFERENCE_POLICY,
         ),
     ];
+    assets.push(Asset {
+        path: "/docs/".into(),
+        content_type: HTML,
+        policy: DASHBOARD_POLICY,
+        bytes: guides::index().into(),
+    });
     assets.extend(embedded());
     assets.extend(GUIDES.iter().flat_map(guide));
     assets
@@ -118,14 +124,14 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
     "compare": "differences.js" "jobs.js" "methods.js";
     "data": "datasets.js" "upload.js";
     "docs": "guide.css" "reference.js";
-    "job": "design.js" "disturbance.js" "disturbance_words.js" "feed.js" "heat.js" "job.js" "live.js"
+    "job": "ancestry.js" "design.js" "disturbance.js" "disturbance_words.js" "effects.js" "feed.js" "heat.js" "job.js" "live.js"
         "posterior.js" "profiles.js" "progress.js" "residuals.js" "result.js" "tables.js" "trajectory.js" "verdict.js";
-    "list": "filter.js" "jobs.css" "jobs.js" "rows.js";
+    "list": "bulk.js" "filter.js" "jobs.css" "jobs.js" "rows.js" "start.js";
     "model": "description.js" "editor.js" "equation.js" "excitation.js" "language.js" "models.js"
         "parameters.js" "picture.js" "signals.js" "simulation.js" "sliders.js" "trial.js";
-    "new": "draft.js" "job.css" "job.js" "model.js" "parameters.js" "preflight.js" "recordings.js"
-        "trial.js";
-    "plot": "axes.js" "group.js" "math.js" "plot.css" "plot.js" "save.js" "theme.js" "units.js";
+    "new": "draft.js" "fields.js" "job.css" "job.js" "measurement.js" "model.js" "parameters.js" "preflight.js"
+        "recordings.js" "search.js" "trial.js";
+    "plot": "axes.js" "clock.js" "group.js" "math.js" "plot.css" "plot.js" "save.js" "theme.js" "units.js";
     "shell": "api.js" "description.js" "dom.js" "format.js" "icon.svg" "main.js" "prepared.js" "session.js"
         "style.css";
     "text": "document.js" "editor.js";

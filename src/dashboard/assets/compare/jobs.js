@@ -116,7 +116,7 @@ function shown(value) {
   if (value === undefined) {
     return h("span", { class: "quiet" }, "not said");
   }
-  return typeof value === "number" ? number(value, 8) : String(value);
+  return typeof value === "number" && !Number.isInteger(value) ? number(value, 8) : String(value);
 }
 
 // The table shows one parameter of all jobs, an interval below the other on a common range.

@@ -2,9 +2,12 @@
 // These pages show datasets: the list with an upload, and a single dataset with its quality report and
 // plots.
 
+import { clockOf } from "../plot/clock.js";
 import { PlotGroup } from "../plot/group.js";
+import { withGaps } from "../plot/math.js";
 import { plot } from "../plot/plot.js";
 import { download } from "../plot/save.js";
+import { recordedUnit, toShown } from "../plot/units.js";
 import { get, items, query, request, send } from "../shell/api.js";
 import { facts, h, notice, table, warningList } from "../shell/dom.js";
 import { count, duration, instant, number, quantity, unitText, words } from "../shell/format.js";
@@ -25,7 +28,6 @@ const COLUMNS = [
 const SIGNAL_COLUMNS = [
   { title: "Signal" },
   { title: "Unit" },
-  { title: "Recorded in" },
   { title: "Missing", numeric: true },
   { title: "Least", numeric: true },
   { title: "Mean", numeric: true },
@@ -107,6 +109,8 @@ function datasetParts(view, dataset, outcome) {
       ["Samples", count(dataset.samples)],
       ["Duration", duration(dataset.duration_s)],
       ["Sample time", sampleTime(dataset)],
+      ["First sample", clockOf(dataset)?.text(0) ?? "its source did not say when"],
+      ["Time zone", dataset.start ? dataset.zone || "UTC" : null],
       ["Created", instant(dataset.created_at)],
       ["Digest", h("code", { class: "digest" }, dataset.digest)],
     ]),
@@ -116,15 +120,16 @@ function datasetParts(view, dataset, outcome) {
     table(
       "Signals",
       SIGNAL_COLUMNS,
-      dataset.signals.map((signal) => [
-        words(signal.name),
-        unitText(signal.unit),
-        signal.recorded_unit ?? "",
-        count(signal.missing),
-        number(signal.min),
-        number(signal.mean),
-        number(signal.max),
-      ]),
+      dataset.signals.map((signal) => {
+        const unit = recordedUnit(signal) ?? { name: signal.unit, factor: 1, offset: 0 };
+        const values = [signal.min, signal.mean, signal.max];
+        return [
+          words(signal.name),
+          unitText(unit.name),
+          count(signal.missing),
+          ...values.map((value) => number(toShown(value, unit))),
+        ];
+      }),
     ),
     plots(view, dataset, outcome),
   ];
@@ -154,6 +159,7 @@ export function signalPlots({ view, dataset, names, failed, onBrush = null, span
   const signals = names.some((name) => name.includes(",")) ? null : names.join(",");
   const group = new PlotGroup({
     full: [0, dataset.duration_s],
+    clock: clockOf(dataset),
     signal: view.signal,
     failed,
     load: async (from, to, pixels, abort) => {
@@ -169,14 +175,18 @@ export function signalPlots({ view, dataset, names, failed, onBrush = null, span
       title: words(name),
       height,
       x: { label: "time", unit: "s" },
-      y: { label: words(name), unit: signal.unit },
+      y: { label: words(name), unit: signal.unit, recorded: recordedUnit(signal) },
       onBrush,
       group,
       signal: view.signal,
       spans: [...spans, ...oddSpans(dataset, name)],
       series: [{ name: words(name), look: "first", step: signal.interpolation === "hold" }],
     });
-    group.feed(chart, ({ time_s: time, signals: columns }) => [time, [columns[name].values]]);
+    const gaps = oddSpans(dataset, name).filter(({ kind }) => kind === "missing");
+    group.feed(chart, ({ time_s: time, signals: columns }) => {
+      const [times, values] = withGaps(time, columns[name].values, gaps);
+      return [times, [values]];
+    });
     return { name, chart };
   });
   group.start();

@@ -2,10 +2,11 @@
 // The page of a single job shows its state and the actions on it, the progress of the search, and the
 // result.
 
-import { badge } from "../list/rows.js";
+import { badge, trustBadge } from "../list/rows.js";
 import { get, send } from "../shell/api.js";
 import { facts, h, notice, problemBox } from "../shell/dom.js";
 import { instant } from "../shell/format.js";
+import { FOLLOWS } from "../shell/prepared.js";
 import { designPanel } from "./design.js";
 import { disturbancePanel } from "./disturbance.js";
 import { isFinished, JobFeed } from "./feed.js";
@@ -33,12 +34,18 @@ export function showJob(view, id) {
   };
   const design = designPanel(view);
   const body = h("div", { hidden: true }, parts.actions, parts.about);
-  // The result stands first once there is a result; until then the progress stands first.
+  const columns = [h("div", {}), h("div", {})];
+  const workbench = h("div", { class: "workbench" }, columns);
+  const below = h("div", {});
+  // The result stands first once there is a result; until then the progress stands first. A wide page has the
+  // numbers and the plots beside each other.
   const arrange = (hasResult) => {
     const { live, progress, result, trajectory, disturbance } = panels;
-    const shown = [result, trajectory, disturbance];
-    const order = hasResult ? [...shown, progress, live] : [progress, live, ...shown];
-    body.append(...order.map(({ element }) => element), parts.spec);
+    const elements = (...shown) => shown.map(({ element }) => element);
+    columns[0].replaceChildren(...elements(...(hasResult ? [result] : [progress])));
+    columns[1].replaceChildren(...elements(...(hasResult ? [trajectory, disturbance] : [live, result])));
+    below.replaceChildren(...elements(...(hasResult ? [progress, live] : [trajectory, disturbance])));
+    body.append(workbench, below, parts.spec);
   };
   view.root.append(h("div", { class: "title" }, heading, parts.state, parts.connection), outcome.place, body);
 
@@ -47,7 +54,7 @@ export function showJob(view, id) {
     job: () => {
       const job = feed.job;
       body.hidden = false;
-      heading.textContent = job.name || job.id;
+      heading.textContent = job.name || `Unnamed job, ${job.model}`;
       document.title = `${heading.textContent} · greybox`;
       if (job.kind === "design") {
         design.job(job);
@@ -71,6 +78,8 @@ export function showJob(view, id) {
       panels.result.job(job).then((result) => {
         arrange(result !== null && isFinished(job));
         if (result) {
+          // The grade stands beside the state: a job that succeeded may have numbers that must not be used.
+          parts.state.replaceChildren(badge(job.status), " ", ...trust(result));
           panels.trajectory.load(job);
           panels.disturbance.load(job, result);
         }
@@ -95,6 +104,11 @@ export function showJob(view, id) {
   feed.start();
 }
 
+/** @param {any} result */
+function trust({ verdict }) {
+  return verdict?.trust ? [h("span", {}, "trust "), trustBadge(verdict.trust)] : [];
+}
+
 function asProblem(error) {
   return { title: error.title, detail: error.detail ?? error.title, errors: error.errors };
 }
@@ -112,10 +126,13 @@ function about(job) {
     );
     return link;
   });
+  // The job that this one follows stands with the result.
   const labels = Object.entries(job.labels ?? {})
+    .filter(([name]) => name !== FOLLOWS)
     .map(([name, value]) => `${name}: ${value}`)
     .join(", ");
   return facts([
+    ["Job", h("code", { class: "digest" }, job.id)],
     ["Model", job.model],
     [
       datasets.length > 1 ? "Datasets" : "Dataset",

@@ -40,15 +40,19 @@ export function progressPanel(view) {
     refinement,
     posterior,
   );
+  const state = { job: null, last: null };
+  const tell = () => state.job && numbers.replaceChildren(counts(state.job, state.last));
   return {
     element,
     job(job) {
-      const progress = job.progress ?? {};
-      bar.value = job.status === "succeeded" ? 1 : (progress.fraction ?? 0);
+      state.job = job;
+      bar.value = job.status === "succeeded" ? 1 : (job.progress?.fraction ?? 0);
       bar.hidden = isFinished(job);
-      numbers.replaceChildren(counts(job, progress));
+      tell();
     },
     history(rows, { refinements, look, findings }) {
+      state.last = rows.at(-1) ?? null;
+      tell();
       const column = (name) => rows.map((row) => row[name] ?? null);
       const generations = column("generation");
       cost.set(generations, [column("best_cost"), column("mean_cost")]);
@@ -63,17 +67,23 @@ export function progressPanel(view) {
   };
 }
 
-function counts(job, progress) {
-  const limit = progress.generations ? ` of at most ${count(progress.generations)}` : "";
+// The search's own numbers are those of its last generation; what followed the search has a cost of its
+// own, which counts all samples.
+function counts(job, last) {
+  const { phase, generation, generations, evaluations, eta_s: left } = job.progress ?? {};
+  const at = Math.max(generation ?? 0, last?.generation ?? 0);
+  const limit = generations ? ` of at most ${count(generations)}` : "";
   return facts([
-    ["Phase", isFinished(job) ? null : words(progress.phase ?? "waiting")],
-    ["Generation", progress.generation === undefined ? null : `${count(progress.generation)}${limit}`],
-    ["Evaluations", progress.evaluations === undefined ? null : count(progress.evaluations)],
-    ["Best cost in the search", number(progress.best_cost)],
-    ["Best credit", number(progress.best_credit, 3)],
+    ["Phase", isFinished(job) ? null : words(phase ?? "waiting")],
+    ["Generation", job.progress || last ? `${count(at)}${limit}` : null],
+    ["Evaluations", evaluations === undefined ? null : count(evaluations)],
+    ["Best cost in the search", last && number(last.best_cost)],
+    ["Best credit", last && number(last.best_credit, 3)],
     [
-      "Time left",
-      job.status === "running" && Number.isFinite(progress.eta_s) ? duration(progress.eta_s) : null,
+      "Time left, at the most",
+      job.status === "running" && Number.isFinite(left)
+        ? `${duration(left)}; most searches end earlier`
+        : null,
     ],
   ]);
 }

@@ -4,10 +4,12 @@
 
 import { patched } from "../new/draft.js";
 import { download } from "../plot/save.js";
-import { get } from "../shell/api.js";
+import { get, query } from "../shell/api.js";
 import { facts, h, notice, quoted } from "../shell/dom.js";
 import { count, number, words } from "../shell/format.js";
 import { prepare } from "../shell/prepared.js";
+import { ancestryPart, followed } from "./ancestry.js";
+import { effectsPart } from "./effects.js";
 import { isAtRest, isFinished } from "./feed.js";
 import { posteriorPart } from "./posterior.js";
 import { profiled, profilesPart } from "./profiles.js";
@@ -25,7 +27,16 @@ import { conclusions } from "./verdict.js";
 export function resultPanel(view) {
   const outcome = notice();
   const content = h("div", {});
-  const state = { view, job: null, model: null, rules: null, result: null, last: null, turn: 0 };
+  const state = {
+    view,
+    job: null,
+    model: null,
+    rules: null,
+    truths: null,
+    result: null,
+    last: null,
+    turn: 0,
+  };
   const element = h("section", { "aria-label": "Estimate" }, h("h2", {}, "Estimate"), outcome.place, content);
 
   const drawBest = () => {
@@ -49,6 +60,7 @@ export function resultPanel(view) {
         ({ data }) => data.items,
         () => null,
       );
+      state.truths ??= await truthsOf(job, view);
       const result = isAtRest(job) ? await read(job, view, outcome) : null;
       if (turn !== state.turn) {
         return null;
@@ -66,6 +78,17 @@ export function resultPanel(view) {
       drawBest();
     },
   };
+}
+
+// The parameters that the recording of a demonstration was made with; null for every other job.
+async function truthsOf({ labels }, view) {
+  const letter = labels?.demonstration;
+  return letter
+    ? get(`/v1/demonstration${query({ recording: letter })}`, view.signal).then(
+        ({ data }) => data.true_parameters,
+        () => null,
+      )
+    : null;
 }
 
 async function read(job, view, outcome) {
@@ -94,13 +117,15 @@ function bestSoFar({ last, job, model }) {
 }
 
 /** @param {any} result */
-function report(result, { job, model, rules, view }) {
+function report(result, { job, model, rules, truths, view }) {
   const part = job.status === "succeeded" ? "" : " (best so far)";
   const { initial_states: states = [], starts = [], correlation, budget = [] } = result;
   return [
     verdictBox(result, job, rules ?? []),
+    ancestryPart(view, job, result),
+    result.model_search && effectsPart(result.model_search),
     h("h3", {}, `Parameters${part}`),
-    parameterTable(result.parameters ?? [], job, model),
+    parameterTable(result.parameters ?? [], job, model, truths),
     states.length > 0 && h("div", {}, h("h3", {}, "Initial states"), initialStateTable(states)),
     h("h3", {}, "Fit"),
     fitTable(result.fit, model),
@@ -139,6 +164,8 @@ const GRADES = {
   low: "Low trust: do not use the numbers before this is settled.",
 };
 const POINTS_SHOWN = 4;
+const NO_STEP =
+  "No change of this job is left that promises more: what is missing has to come from the plant, as another recording, a declared noise or another model.";
 
 function verdictBox(result, job, rules) {
   const { trust, summary, reasons = [] } = result.verdict ?? {};
@@ -153,11 +180,17 @@ function verdictBox(result, job, rules) {
       quoted(text),
       next.length > 0 &&
         h(
-          "div",
-          { class: "actions next" },
+          "ul",
+          { class: "next" },
           next.map(({ label, why, patch }) => {
-            const onclick = () => prepare(again(patched(job.spec, patch), label));
-            return h("button", { type: "button", class: "small", title: why, onclick }, label);
+            const onclick = () => prepare(followed(patched(job.spec, patch), label, job.id));
+            return h(
+              "li",
+              {},
+              h("button", { type: "button", class: "small", onclick }, label),
+              " ",
+              h("span", { class: "quiet" }, quoted(why)),
+            );
           }),
         ),
     );
@@ -168,6 +201,7 @@ function verdictBox(result, job, rules) {
     h("p", { class: "grade" }, h("strong", {}, GRADES[trust])),
     summary && h("p", {}, quoted(summary)),
     points.length > 0 && h("ol", {}, points.slice(0, POINTS_SHOWN).map(item)),
+    points.length > 0 && !points.some(({ next }) => next.length) && h("p", {}, NO_STEP),
     rest.length > 0 &&
       h(
         "details",
@@ -191,12 +225,6 @@ function verdictBox(result, job, rules) {
         ),
       ),
   );
-}
-
-// The job to run next gets a name of its own, and no seed, so that the server draws a new seed.
-function again({ seed, ...spec }, label) {
-  const name = (spec.name ?? "").replace(/ · .*$/, "");
-  return { ...spec, name: `${name ? `${name} · ` : ""}${label.toLowerCase()}`.slice(0, 200) };
 }
 
 function search(result) {

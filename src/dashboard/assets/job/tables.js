@@ -18,6 +18,9 @@ const ESTIMATE_COLUMNS = [
   { title: "Trust" },
 ];
 
+// The truth is known of a demonstration alone.
+const TRUE_COLUMN = { title: "True value", numeric: true };
+
 const FIT_COLUMNS = [
   { title: "Data" },
   { title: "Output" },
@@ -76,21 +79,20 @@ export function bestTable(row, job, model) {
  * @param {import("page/api").Schemas["ParameterEstimate"][]} parameters
  * @param {any} job
  * @param {import("page/api").Schemas["ModelDescription"] | null} model
+ * @param {Record<string, number> | null} [truths]
  */
-export function parameterTable(parameters, job, model) {
+export function parameterTable(parameters, job, model, truths = null) {
   const scale = (/** @type {any} */ { name, experiment }) => {
     const source =
       experiment === undefined || experiment === null ? job?.spec : job?.spec?.experiments?.[experiment];
     return source?.parameters?.[name]?.estimate?.scale ?? described(model, "parameters", name).scale;
   };
-  return table(
-    "Estimated parameters",
-    ESTIMATE_COLUMNS,
-    parameters.map((parameter) =>
-      estimateRow(ofExperiment(parameter.name, parameter.experiment), parameter, scale(parameter)),
-    ),
-    { empty: "No parameter was free." },
-  );
+  const rows = parameters.map((parameter) => {
+    const row = estimateRow(ofExperiment(parameter.name, parameter.experiment), parameter, scale(parameter));
+    return truths ? row.toSpliced(2, 0, number(truths[parameter.name], 5)) : row;
+  });
+  const columns = truths ? ESTIMATE_COLUMNS.toSpliced(2, 0, TRUE_COLUMN) : ESTIMATE_COLUMNS;
+  return table("Estimated parameters", columns, rows, { empty: "No parameter was free.", stacked: true });
 }
 
 function ofExperiment(name, experiment) {
@@ -105,6 +107,7 @@ export function initialStateTable(states) {
     "Estimated initial states",
     ESTIMATE_COLUMNS,
     states.map((state) => estimateRow(ofExperiment(state.state, state.experiment), state)),
+    { stacked: true },
   );
 }
 
@@ -204,7 +207,7 @@ export function fitTable(fit, model) {
       ];
     }),
   );
-  return table("Fit of the outputs", FIT_COLUMNS, rows);
+  return table("Fit of the outputs", FIT_COLUMNS, rows, { stacked: true });
 }
 
 /**
@@ -239,7 +242,7 @@ export function correlationTable({ names, matrix, condition_number: condition })
       const value = matrix[i]?.[k];
       return value === null || value === undefined
         ? { text: "–" }
-        : { text: i === k ? "1" : number(value, 2), value: i === k ? 0 : value };
+        : { text: i === k ? "1" : number(value, Math.abs(value) > 0.99 ? 4 : 2), value: i === k ? 0 : value };
     }),
     h(
       "p",
@@ -288,16 +291,31 @@ export function budgetTable({ budget, parameters }) {
       }),
     ];
   });
+  // Each column sums to 100 %: with the noise, and with what the total covers beside the budget.
+  const remainders = keys.map((key) =>
+    remainderOf(
+      parameters.find((parameter) => keyOf(parameter) === key),
+      budget,
+    ),
+  );
+  const row = (part, title) => [
+    ...Array.from({ length: 3 }, () => ({ text: "" })),
+    ...remainders.map((remainder) => ({
+      text: remainder ? `${number(100 * remainder[part], 2)} %` : "–",
+      title,
+    })),
+  ];
+  const names = lines.map(({ assumption }) => words(assumption));
+  names.push("noise alone");
+  cells.push(row("noise", "what noise alone leaves unknown"));
+  if (remainders.some((remainder) => remainder?.beside > 0.005)) {
+    names.push("explanations beside this one");
+    cells.push(row("beside", "other noise models, windows or changes that the total interval covers"));
+  }
   return h(
     "div",
     {},
-    heatTable(
-      "Uncertainty budget",
-      lines.map(({ assumption }) => words(assumption)),
-      columns,
-      (i, k) => cells[i][k],
-      { corner: "Taken as known" },
-    ),
+    heatTable("Uncertainty budget", names, columns, (i, k) => cells[i][k], { corner: "Taken as known" }),
     h(
       "p",
       { class: "quiet" },
@@ -307,6 +325,21 @@ export function budgetTable({ budget, parameters }) {
         : "",
     ),
   );
+}
+
+// The shares of the total's square that no assumption has: that of noise alone, and that of what the total
+// covers beside the budget; null where the total is not known.
+/** @param {any} parameter @param {import("page/api").Schemas["BudgetLine"][]} budget */
+export function remainderOf(parameter, budget) {
+  const { standard_error: error, total_standard_error: total } = parameter;
+  if (!(error >= 0) || !(total > 0)) {
+    return null;
+  }
+  const noise = (error / total) ** 2;
+  const assumed = budget
+    .map(({ contributions }) => contributions[keyOf(parameter)]?.share ?? 0)
+    .reduce((sum, share) => sum + share, 0);
+  return { noise, beside: Math.max(0, 1 - noise - assumed) };
 }
 
 /** @param {import("page/api").Schemas["StartReport"][]} starts */

@@ -3,8 +3,10 @@
 // experiment after the other. The plots of an experiment share cursor and part; each part is read from
 // the server by itself.
 
+import { clockOf } from "../plot/clock.js";
 import { PlotGroup } from "../plot/group.js";
 import { plot } from "../plot/plot.js";
+import { recordedUnit } from "../plot/units.js";
 import { get, query } from "../shell/api.js";
 import { h, notice } from "../shell/dom.js";
 import { words } from "../shell/format.js";
@@ -34,8 +36,12 @@ export function trajectoryPanel(view, id) {
       try {
         const { data } = await get(`/v1/jobs/${id}/trajectory?max_points=2`, signal);
         charts.replaceChildren();
+        const recordings = await Promise.all(
+          data.experiments.map(({ dataset }) => recordingOf(dataset, signal)),
+        );
         for (const [k, experiment] of data.experiments.entries()) {
-          draw({ place: charts, id, job, experiment, k, number: data.experiments.length, signal, outcome });
+          const { length: number } = data.experiments;
+          draw({ place: charts, id, job, experiment, k, number, recording: recordings[k], signal, outcome });
         }
       } catch (error) {
         outcome.fail(error);
@@ -44,7 +50,15 @@ export function trajectoryPanel(view, id) {
   };
 }
 
-function draw({ place, id, job, experiment, k, number, signal, outcome }) {
+// The recording is null where it is deleted; the plots then do without its clock and its units.
+function recordingOf(dataset, signal) {
+  return get(`/v1/datasets/${dataset}`, signal).then(
+    ({ data }) => data,
+    () => null,
+  );
+}
+
+function draw({ place, id, job, experiment, k, number, recording, signal, outcome }) {
   const specification = job?.spec?.experiments?.[k] ?? {};
   if (number > 1) {
     const role = specification.role === "validation" ? ", which only checks" : "";
@@ -56,6 +70,7 @@ function draw({ place, id, job, experiment, k, number, signal, outcome }) {
   const group = new PlotGroup({
     full,
     signal,
+    clock: clockOf(recording),
     failed: (error) => outcome.fail(error),
     load: (from, to, pixels, abort) =>
       read({ id, k, experiment, inputs, full, from, to, pixels, abort, outputs: outputs.length }),
@@ -63,7 +78,9 @@ function draw({ place, id, job, experiment, k, number, signal, outcome }) {
   place.append(group.toolbar);
   const spans = shaded(experiment, specification, full);
   const x = { label: "time", unit: "s" };
+  const signalNamed = (name) => recording?.signals.find((entry) => entry.name === name);
   for (const name of outputs) {
+    const recorded = recordedUnit(signalNamed(specification.signals?.[name] ?? name));
     const { unit, deviation } = experiment.outputs[name];
     // The band is where the simulated output lies with 95 % under the errors of the estimates.
     const band = deviation
@@ -75,7 +92,7 @@ function draw({ place, id, job, experiment, k, number, signal, outcome }) {
     const compared = plot({
       title: `${words(name)}, measured and simulated`,
       x,
-      y: { label: words(name), unit },
+      y: { label: words(name), unit, recorded },
       height: 260,
       group,
       spans,
@@ -86,7 +103,7 @@ function draw({ place, id, job, experiment, k, number, signal, outcome }) {
     const residual = plot({
       title: `${words(name)}, residual (measured − simulated)`,
       x,
-      y: { label: "residual", unit, difference: true },
+      y: { label: "residual", unit, difference: true, recorded },
       height: 150,
       group,
       spans,
@@ -105,13 +122,12 @@ function draw({ place, id, job, experiment, k, number, signal, outcome }) {
     group.feed(residual, ({ shown }) => [shown.time_s, [shown.outputs[name].residual]]);
     place.append(compared.element, residual.element);
   }
-  const recorded = [...new Set(inputs.map(([, signal]) => signal))];
-  for (const name of recorded) {
+  for (const name of new Set(inputs.map(([, signal]) => signal))) {
     const input = inputs.find(([, signal]) => signal === name)[0];
     const driven = plot({
       title: `${words(input)}, input`,
       x,
-      y: { label: words(input), unit: "" },
+      y: { label: words(input), unit: "", recorded: recordedUnit(signalNamed(name)) },
       height: 130,
       group,
       spans,

@@ -25,7 +25,8 @@ export function toQuery({ sort, descending, ...filter }) {
 export const matches = (job, filter) => matcher(filter)(job);
 
 // A matcher answers whether a filter lets a job through. Every word of the filter's text has to stand
-// somewhere in what the list shows of the job. The words are split once for all jobs.
+// somewhere in what the list shows of the job; a word that begins with `job_` is an id, or the beginning of
+// one. The words are split once for all jobs.
 export function matcher(filter) {
   const words = (filter.text ?? "").toLowerCase().split(/\s+/).filter(Boolean);
   return (job) =>
@@ -35,7 +36,7 @@ export function matcher(filter) {
     (!filter.method || job.method === filter.method) &&
     (!filter.dataset || job.datasets.some(({ id }) => id === filter.dataset)) &&
     (!filter.label || hasLabel(job.labels, filter.label)) &&
-    words.every((word) => textOf(job).includes(word));
+    words.every((word) => (word.startsWith("job_") ? job.id.startsWith(word) : textOf(job).includes(word)));
 }
 
 function hasLabel(labels, text) {
@@ -51,7 +52,6 @@ function textOf(job) {
   if (text === undefined) {
     text = [
       job.name,
-      job.id,
       job.model,
       job.method,
       job.status,

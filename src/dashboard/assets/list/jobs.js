@@ -6,8 +6,10 @@ import { get, query } from "../shell/api.js";
 import { described, namesIn } from "../shell/description.js";
 import { h, notice } from "../shell/dom.js";
 import { count, words } from "../shell/format.js";
+import { BulkActions } from "./bulk.js";
 import { arranged, fromQuery, matcher, toQuery } from "./filter.js";
 import { JobRows } from "./rows.js";
+import { startPanel } from "./start.js";
 
 const FIRST_PAGE = 100;
 const PAGE = 500;
@@ -23,6 +25,7 @@ export function showJobs(view) {
       h("h1", { tabindex: "-1" }, "Jobs"),
       h("a", { class: "button primary", href: "#/new" }, "New job"),
       list.compare,
+      list.bulk.element,
       list.connection,
     ),
     list.fields(),
@@ -30,6 +33,7 @@ export function showJobs(view) {
     list.summary,
     list.rows.element,
     list.emptyNote,
+    list.start,
   );
   list.follow();
 }
@@ -46,7 +50,9 @@ class JobList {
     this.loaded = false;
     this.outcome = notice();
     this.summary = h("p", { class: "quiet", role: "status" }, "Loading …");
-    this.emptyNote = h("p", { hidden: true });
+    this.emptyNote = h("p", { hidden: true }, "No job is like this.");
+    // Who has no job yet gets to know what this is.
+    this.start = h("div", { hidden: true }, startPanel(view));
     this.connection = h("span", { class: "quiet", role: "status" });
     this.rows = new JobRows({ sorted: (key) => this.sort(key), chosen: () => this.choose() });
     this.compare = h(
@@ -60,6 +66,9 @@ class JobList {
       },
       "Compare",
     );
+    // Only jobs that the list shows are acted on; a filter may hide others that were selected.
+    const selected = () => this.rows.jobs.filter(({ id }) => this.rows.selected.has(id));
+    this.bulk = new BulkActions(selected, this.outcome);
     this.rows.order(this.filter.sort, this.filter.descending);
     const resized = () => this.rows.draw();
     addEventListener("resize", resized, { signal: view.signal });
@@ -155,6 +164,7 @@ class JobList {
     this.compare.disabled = chosen < COMPARED[0] || chosen > COMPARED[1];
     this.compare.textContent = chosen ? `Compare ${chosen}` : "Compare";
     this.compare.title = this.compare.disabled ? "Select two to ten jobs" : "";
+    this.bulk.draw();
   }
 
   // The address follows the filter, without a step in the history for each letter.
@@ -180,16 +190,13 @@ class JobList {
     this.sorted ??= arranged(this.jobs.values(), { sort, descending, trusts: this.trusts }, Date.now());
     const shown = this.sorted.filter(matcher(this.filter));
     this.rows.show(shown);
+    this.bulk.draw();
     const all = this.jobs.size;
     this.summary.textContent =
       shown.length === all ? `${count(all)} jobs` : `${count(shown.length)} of ${count(all)} jobs`;
-    this.emptyNote.hidden = !this.loaded || shown.length > 0;
+    this.emptyNote.hidden = !this.loaded || all === 0 || shown.length > 0;
     this.rows.element.hidden = shown.length === 0;
-    this.emptyNote.replaceChildren(
-      ...(all
-        ? ["No job is like this."]
-        : ["No jobs yet. ", h("a", { href: "#/new" }, "Make the first one"), "."]),
-    );
+    this.start.hidden = !this.loaded || all > 0;
   }
 
   take(job) {

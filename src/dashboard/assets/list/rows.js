@@ -4,6 +4,7 @@
 
 import { h } from "../shell/dom.js";
 import { duration, instant, words } from "../shell/format.js";
+import { FOLLOWS } from "../shell/prepared.js";
 import { seconds } from "./filter.js";
 
 const ROW = 44;
@@ -40,6 +41,11 @@ export class JobRows {
       }
       return cell;
     };
+    this.all = h("input", {
+      type: "checkbox",
+      "aria-label": "Select all jobs that the list shows",
+      onchange: ({ target }) => this.selectAll(target.checked),
+    });
     // The spacer spans the columns of the narrowest page; more columns would take room there.
     const spacer = () => h("tr", { "aria-hidden": "true" }, h("td", { colspan: "4" }));
     this.above = spacer();
@@ -49,16 +55,7 @@ export class JobRows {
       "table",
       { class: "jobs" },
       h("caption", { class: "unseen" }, "Jobs"),
-      h(
-        "thead",
-        {},
-        h(
-          "tr",
-          {},
-          h("th", { scope: "col" }, h("span", { class: "unseen" }, "Select")),
-          COLUMNS.map(heading),
-        ),
-      ),
+      h("thead", {}, h("tr", {}, h("th", { scope: "col" }, this.all), COLUMNS.map(heading))),
       this.body,
     );
     this.element = h(
@@ -78,8 +75,19 @@ export class JobRows {
     }
   }
 
+  selectAll(wanted) {
+    for (const { id } of this.jobs) {
+      wanted ? this.selected.add(id) : this.selected.delete(id);
+    }
+    for (const [id, { box }] of this.rows) {
+      box.checked = this.selected.has(id);
+    }
+    this.chosen();
+  }
+
   show(jobs) {
     this.jobs = jobs;
+    this.all.checked = jobs.length > 0 && jobs.every(({ id }) => this.selected.has(id));
     this.table.setAttribute("aria-rowcount", String(jobs.length + 1));
     this.draw();
   }
@@ -135,7 +143,7 @@ export class JobRows {
     const cells = COLUMNS.map(({ wide }) => h("td", { class: wide ? "wide" : null }));
     cells[2].append(link);
     cells[8].append(instant(job.created_at));
-    return { element: h("tr", {}, h("td", {}, box), cells), link, cells, job: null };
+    return { element: h("tr", {}, h("td", {}, box), cells), box, link, cells, job: null };
   }
 
   fill(row, job) {
@@ -143,7 +151,7 @@ export class JobRows {
     row.job = job;
     put(cells[0], job.status, () => [badge(job.status), progress(job)]);
     put(cells[1], job.trust ?? "", () => (job.trust ? [trustBadge(job.trust)] : []));
-    link.textContent = job.name || job.id;
+    link.textContent = job.name || `unnamed, ${job.model}`;
     link.title = job.id;
     const recordings = job.datasets.map(({ id, name }) => name ?? id).join(", ");
     text(cells[3], recordings);
@@ -152,6 +160,7 @@ export class JobRows {
     text(
       cells[6],
       Object.entries(job.labels)
+        .filter(([name]) => name !== FOLLOWS)
         .map(([name, value]) => `${name}: ${value}`)
         .join(", "),
     );

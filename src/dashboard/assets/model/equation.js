@@ -119,6 +119,9 @@ export function parse(text) {
   }
 }
 
+// A letter has an index of a few letters or digits behind it; small letters alone are a word, as in `area`.
+const INDEXED = /^([A-Z\u0370-\u03ff])([A-Za-z0-9]{0,3})$|^([a-z])([0-9]{0,3}|[A-Za-z][0-9]{0,2})$/;
+
 // Splits a name into a base and a lowered index: `Km`, `p1`, `K_m` and `tau1` have an index.
 export function parted(name) {
   const [, greek] = GREEK_NAME.exec(name) ?? [];
@@ -129,8 +132,8 @@ export function parted(name) {
     const [base, ...index] = name.split("_");
     return [base, index.join(" ")];
   }
-  const [, base, index] = /^([A-Za-z\u0370-\u03ff])([A-Za-z0-9]{0,3})$/.exec(name) ?? [];
-  return base ? [base, index] : [name, ""];
+  const [, capital, after, small, behind] = INDEXED.exec(name) ?? [];
+  return capital || small ? [capital ?? small, after ?? behind] : [name, ""];
 }
 
 const MATH = "http://www.w3.org/1998/Math/MathML";

@@ -2,6 +2,8 @@
 // This module writes the parameters of a model as rows of a form, and a row as an entry of a
 // specification. Its functions are pure, so that they can be tested without a page.
 
+import { numberOf } from "../shell/format.js";
+
 // A row has the entry of the specification for a parameter, and the values of the model where there is
 // no entry.
 export function parameterRows(model, entries = {}) {
@@ -26,11 +28,9 @@ export function parameterRows(model, entries = {}) {
 export function entryOf(row) {
   const { about } = row;
   if (!row.free) {
-    const entry = { value: row.value };
-    if (row.tolerance !== "" && row.tolerance !== null && row.tolerance !== undefined) {
-      entry.tolerance = toleranceOf(row.tolerance);
-    }
-    const usual = !about.unknown_by_default && row.value === about.default && entry.tolerance === undefined;
+    const tolerance = toleranceOf(row.tolerance);
+    const entry = tolerance === undefined ? { value: row.value } : { value: row.value, tolerance };
+    const usual = !about.unknown_by_default && row.value === about.default && tolerance === undefined;
     return usual ? undefined : entry;
   }
   const estimate = {};
@@ -44,11 +44,10 @@ export function entryOf(row) {
   return usual ? undefined : entry;
 }
 
-// A tolerance of `1 %` stays a share; `0.5` becomes a number in the parameter's unit.
-function toleranceOf(text) {
-  if (typeof text === "number") {
-    return text;
-  }
-  const bare = text.trim();
-  return bare.endsWith("%") || Number.isNaN(Number(bare)) ? bare : Number(bare);
+// A tolerance of `1 %` stays a share; `0.5` becomes a number in the unit of what is known, and an empty
+// text is no tolerance.
+export function toleranceOf(text) {
+  const bare = String(text ?? "").trim();
+  const number = numberOf(bare);
+  return bare === "" ? undefined : Number.isNaN(number) ? bare : number;
 }

@@ -9,10 +9,21 @@ export function experimentOf(dataset, model) {
   return { dataset: dataset.id, signals };
 }
 
+// What a specification says by the names of its model.
+const OF_THE_MODEL = [
+  "parameters",
+  "outputs",
+  "tolerances",
+  "process_noise",
+  "model_search",
+  "constraints",
+  "priors",
+];
+
 // Gives the specification of the same job for another model. Settings of parameters, outputs and states
 // belong to the former model and are left out.
 export function withModel(spec, model, datasets) {
-  const { parameters, outputs, model_search: search, constraints, priors, ...rest } = spec;
+  const rest = Object.fromEntries(Object.entries(spec).filter(([name]) => !OF_THE_MODEL.includes(name)));
   const experiments = (spec.experiments ?? []).map((experiment) => {
     const dataset = datasets.get(experiment.dataset);
     const { parameters: parametersOfExperiment, initial_state: states, ...kept } = experiment;

@@ -5,36 +5,19 @@
 
 import { MODEL_WORDS } from "../model/language.js";
 import { get, items, request } from "../shell/api.js";
-import { defaultAt, described, namesIn } from "../shell/description.js";
+import { described } from "../shell/description.js";
 import { h, keepingFocus, notice } from "../shell/dom.js";
-import { numberOf, words } from "../shell/format.js";
 import { prepared } from "../shell/prepared.js";
 import { placed, readText } from "../text/document.js";
 import { Editor, editorLibrary } from "../text/editor.js";
-import {
-  changed,
-  conditionsOf,
-  conditionText,
-  experimentOf,
-  labelsOf,
-  labelText,
-  priorOfResult,
-  withModel,
-} from "./draft.js";
+import { changed, experimentOf, withModel } from "./draft.js";
+import { measurementPart } from "./measurement.js";
 import { modelPart } from "./model.js";
 import { parametersPart } from "./parameters.js";
 import { preflightPart } from "./preflight.js";
 import { recordingsPart } from "./recordings.js";
+import { searchPart } from "./search.js";
 import { tryPart } from "./trial.js";
-
-// What methods and intervals are called on the page; a name without a title stands for itself.
-const TITLES = {
-  icra_genetic: "ICRA credits and a genetic search",
-  cma_es: "CMA-ES",
-  multistart_lm: "least squares from many starts",
-  profile: "likelihood profile",
-  posterior: "draws from the posterior",
-};
 
 export function showNewJob(view) {
   const place = h("div", {}, h("p", { class: "quiet" }, "Loading …"));
@@ -119,15 +102,20 @@ class NewJob {
       language: MODEL_WORDS,
       words: (before) => this.words(before),
     });
-    this.parts = [recordingsPart(this), modelPart(this), parametersPart(this), tryPart(this)];
+    this.parts = [
+      recordingsPart(this),
+      modelPart(this),
+      parametersPart(this),
+      tryPart(this),
+      measurementPart(this),
+      searchPart(this),
+    ];
     this.preflight = preflightPart(this);
-    this.search = h("div", {});
     this.reports = new WeakMap();
     this.guided = h(
       "div",
       { class: "steps", onchange: ({ target }) => this.reports.set(target, target.value) },
       this.parts.map(({ element }) => element),
-      h("section", {}, h("h2", {}, "How to look, and what to call it"), this.search),
     );
     this.json = h("div", { hidden: true }, this.text.element);
     this.button = h(
@@ -211,14 +199,14 @@ class NewJob {
       this.text.value = JSON.stringify(this.spec, null, 2);
       this.text.mark([]);
     }
-    this.redraw(from);
+    this.redraw();
     this.button.disabled = !this.spec.model || !(this.spec.experiments?.length > 0);
     this.preflight.check();
   }
 
   // The form is drawn once the focus has come to rest: a field that loses the focus reports its change
   // before the next field has the focus.
-  redraw(from = null) {
+  redraw() {
     clearTimeout(this.redrawing);
     this.redrawing = setTimeout(() => {
       const typed = this.beingTyped();
@@ -229,9 +217,6 @@ class NewJob {
       keepingFocus(this.guided, () => {
         for (const part of this.parts) {
           part.draw();
-        }
-        if (from !== "search") {
-          this.drawSearch();
         }
       });
     }, 0);
@@ -299,163 +284,6 @@ class NewJob {
       ...this.spec,
       experiments: [...(this.spec.experiments ?? []), experimentOf(dataset, this.model)],
     });
-  }
-
-  drawSearch() {
-    const { spec } = this;
-    const put =
-      (path, read = (value) => value || undefined) =>
-      (event) =>
-        this.at(path, read(event.target.value), "search");
-    const whole = (value) =>
-      value.trim() === "" ? undefined : Number.isFinite(numberOf(value)) ? numberOf(value) : value;
-    const usual = (path) => defaultAt(this.description, "JobSpec", path);
-    const chosen = (title, path, value, schema, shown) =>
-      h(
-        "label",
-        {},
-        title,
-        h(
-          "select",
-          { onchange: put(path) },
-          namesIn(this.description, schema).map((name) =>
-            h("option", { value: name, selected: name === (value ?? usual(path)) }, shown(name)),
-          ),
-        ),
-      );
-    const titled = (name) => TITLES[name] ?? words(name);
-    const field = (title, path, value, options = {}) =>
-      h(
-        "label",
-        {},
-        title,
-        h("input", {
-          type: "text",
-          value: value ?? "",
-          onchange: put(path, options.read),
-          placeholder: options.hint ?? usual(path),
-          size: options.size ?? "12",
-        }),
-      );
-    const share = spec.validation?.fraction;
-    this.search.replaceChildren(
-      h(
-        "div",
-        { class: "fields" },
-        field("Name of the job", ["name"], spec.name, { size: "24", hint: "rig 4, commissioning" }),
-        field("Labels", ["labels"], labelText(spec.labels), {
-          read: labelsOf,
-          size: "20",
-          hint: "site=hall 2, rig=4",
-        }),
-        field(
-          "Held back to check, %",
-          ["validation", "fraction"],
-          share === undefined || share === null ? "" : 100 * share,
-          {
-            size: "6",
-            hint: "0",
-            read: (value) => (Number.isFinite(numberOf(value)) ? numberOf(value) / 100 : undefined),
-          },
-        ),
-        field("Conditions", ["constraints"], conditionText(spec.constraints), {
-          read: conditionsOf,
-          size: "28",
-          hint: "tau1 < tau2; k1 + k2 <= 1",
-        }),
-        this.knownFromJob(),
-      ),
-      h(
-        "details",
-        { open: this.open },
-        h(
-          "summary",
-          {
-            onclick: () => {
-              this.open = !this.open;
-            },
-          },
-          "Settings of the search",
-        ),
-        h(
-          "div",
-          { class: "fields" },
-          chosen("Method", ["method", "name"], spec.method?.name, "MethodName", titled),
-          field("Candidates", ["method", "population"], spec.method?.population, {
-            read: whole,
-            size: "8",
-          }),
-          field("Generations at the most", ["method", "generations"], spec.method?.generations, {
-            read: whole,
-            size: "8",
-          }),
-          field("Searches", ["method", "restarts"], spec.method?.restarts, {
-            read: whole,
-            size: "6",
-          }),
-          chosen(
-            "Intervals",
-            ["uncertainty", "intervals"],
-            spec.uncertainty?.intervals,
-            "Intervals",
-            (name) => (name === usual(["uncertainty", "intervals"]) ? "as usual" : titled(name)),
-          ),
-          field(
-            "Fits of a Monte Carlo analysis",
-            ["uncertainty", "monte_carlo_samples"],
-            spec.uncertainty?.monte_carlo_samples,
-            { read: whole, size: "8" },
-          ),
-          field("Longest time, s", ["limits", "max_duration_s"], spec.limits?.max_duration_s, {
-            read: whole,
-            size: "8",
-          }),
-          field("Seed", ["seed"], spec.seed, { read: whole, size: "10", hint: "drawn" }),
-        ),
-      ),
-    );
-  }
-
-  // The estimate of an earlier job, with its correlations, becomes a prior of this job.
-  knownFromJob() {
-    const priors = this.spec.priors ?? [];
-    if (priors.length > 0) {
-      const names = priors
-        .flatMap(({ parameters }) => parameters)
-        .map((name) => name.replaceAll("_", " "))
-        .join(", ");
-      return h(
-        "p",
-        {},
-        `Known beforehand: ${names} `,
-        h("button", { type: "button", onclick: () => this.at(["priors"], undefined) }, "Forget"),
-      );
-    }
-    const take = async ({ target }) => {
-      const id = target.value.trim();
-      if (id === "") {
-        return;
-      }
-      try {
-        /** @type {{ data: any }} */
-        const { data } = await get(`/v1/jobs/${encodeURIComponent(id)}/result`, this.view.signal);
-        const names = new Set((this.model?.parameters ?? []).map(({ name }) => name));
-        const prior = priorOfResult({
-          ...data,
-          parameters: (data.parameters ?? []).filter(({ name }) => names.has(name)),
-        });
-        this.outcome.clear();
-        this.at(["priors"], prior && [prior]);
-      } catch (error) {
-        this.outcome.fail(error);
-      }
-    };
-    return h(
-      "label",
-      {},
-      "Known from a job",
-      h("input", { type: "text", size: "28", placeholder: "job_…", onchange: take }),
-    );
   }
 
   // The same specification has the same idempotency key, however often the reader presses the button.

@@ -5,8 +5,9 @@
 import { entryOf, parameterRows } from "../model/parameters.js";
 import { namesIn } from "../shell/description.js";
 import { h } from "../shell/dom.js";
-import { number, numberOf, unitText, words } from "../shell/format.js";
+import { number, unitText, words } from "../shell/format.js";
 import { changed } from "./draft.js";
+import { field } from "./fields.js";
 
 // Above this share of the range a standard error says little more than the range.
 const WEAK = 0.25;
@@ -121,29 +122,6 @@ function parameterRow(job, row, several) {
   );
 }
 
-function field(label, text, act, options = {}) {
-  const input = h("input", {
-    type: "text",
-    inputmode: "decimal",
-    value: text,
-    "aria-label": label,
-    size: options.size ?? "9",
-    placeholder: options.hint,
-    onchange: () => {
-      const bare = input.value.trim();
-      const value = options.text ? bare : bare === "" ? null : numberOf(bare);
-      const wrong = typeof value === "number" && Number.isNaN(value);
-      wrong ? input.setAttribute("aria-invalid", "true") : input.removeAttribute("aria-invalid");
-      if (!wrong) {
-        act(value);
-      }
-    },
-  });
-  return input;
-}
-
-const shown = (value) => (value === null || value === undefined ? "" : String(value));
-
 function fields(job, row, put) {
   const { about } = row;
   const name = words(about.name);
@@ -151,9 +129,9 @@ function fields(job, row, put) {
     return h(
       "span",
       { class: "together" },
-      field(`${name}, value`, shown(row.value), (value) => put({ value: value ?? about.default })),
+      field(`${name}, value`, row.value, (value) => put({ value: value ?? about.default })),
       "±",
-      field(`${name}, tolerance`, shown(row.tolerance), (tolerance) => put({ tolerance }), {
+      field(`${name}, tolerance`, row.tolerance, (tolerance) => put({ tolerance }), {
         text: true,
         size: "7",
         hint: toleranceHint(about),
@@ -164,9 +142,9 @@ function fields(job, row, put) {
   return h(
     "span",
     { class: "together" },
-    field(`${name}, lower bound`, shown(row.lower), (lower) => put({ lower: lower ?? about.lower })),
+    field(`${name}, lower bound`, row.lower, (lower) => put({ lower: lower ?? about.lower })),
     "…",
-    field(`${name}, upper bound`, shown(row.upper), (upper) => put({ upper: upper ?? about.upper })),
+    field(`${name}, upper bound`, row.upper, (upper) => put({ upper: upper ?? about.upper })),
     h(
       "select",
       { "aria-label": `${name}, scale`, onchange: (event) => put({ scale: event.target.value }) },
@@ -179,11 +157,11 @@ function fields(job, row, put) {
           "span",
           { class: "together prior" },
           "95 % sure between",
-          field(`${name}, prior from`, shown(prior?.[0]), (low) =>
+          field(`${name}, prior from`, prior?.[0], (low) =>
             put({ prior: { range_95: [low ?? row.lower, prior?.[1] ?? row.upper] } }),
           ),
           "and",
-          field(`${name}, prior to`, shown(prior?.[1]), (high) =>
+          field(`${name}, prior to`, prior?.[1], (high) =>
             put({ prior: { range_95: [prior?.[0] ?? row.lower, high ?? row.upper] } }),
           ),
           row.prior.range_95 ? "" : h("span", { class: "quiet" }, JSON.stringify(row.prior)),
@@ -249,7 +227,7 @@ function ownFields(job, row, entries) {
         `${k + 1}:`,
         field(
           `${words(about.name)}, value in experiment ${k + 1}`,
-          shown(entry.value),
+          entry.value,
           (value) => job.at(["experiments", k, "parameters", about.name, "value"], value ?? about.default),
           { size: "7" },
         ),

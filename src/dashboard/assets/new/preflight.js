@@ -28,6 +28,7 @@ export function preflightPart(job) {
         headers: { "content-type": "application/json" },
       });
       job.predictions = data.identifiability?.predictions ?? [];
+      job.budget = data.budget ?? [];
       job.markFaults([]);
       state.textContent = "The job can start.";
       content.replaceChildren(...outlook(data));
@@ -125,7 +126,7 @@ function outlook({ identifiability, findings, predicted_cost: cost, budget }) {
             h(
               "li",
               {},
-              `${words(assumption)}: ${number(100 * share, 2)} % of what will not be known of ${words(parameter)}`,
+              `${words(assumption)}: ${share < 1 ? `${number(100 * share, 2)} %` : "as good as all"} of what will not be known of ${words(parameter)}`,
             ),
           ),
         ),

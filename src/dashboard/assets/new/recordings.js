@@ -5,10 +5,25 @@
 import { signalPlots } from "../data/datasets.js";
 import { uploader } from "../data/upload.js";
 import { inputSet, likeness } from "../model/signals.js";
+import { namesIn } from "../shell/description.js";
 import { h, notice } from "../shell/dom.js";
-import { count, duration, numberOf, words } from "../shell/format.js";
+import { count, duration, number, numberOf, words } from "../shell/format.js";
+import { heldBack } from "./search.js";
 
 const PLOTS_AT_ONCE = 4;
+// What dragging across a plot does.
+const DRAGS = [
+  ["window", "chooses what is used"],
+  ["leave_out", "leaves a stretch out"],
+  ["look", "only looks closer"],
+];
+const CLASSES = {
+  uncertain: "uncertain by its source",
+  substituted: "substituted by its source",
+  frozen: "frozen",
+  spike: "spikes",
+};
+const round = (value) => Number(value.toPrecision(6));
 
 export function recordingsPart(job) {
   const list = h("div", {});
@@ -108,7 +123,12 @@ class ExperimentPart {
       onchange: () => this.takeWindow(),
     });
     this.signals = h("div", { class: "fields" });
-    this.brushing = h("input", { type: "checkbox", checked: true });
+    this.leftOut = h("div", { class: "leave-out" });
+    this.brushing = h(
+      "select",
+      {},
+      DRAGS.map(([name, text]) => h("option", { value: name }, text)),
+    );
     this.element = h("div", { class: "panel experiment" }, this.head, this.outcome.place);
     if (!this.recording) {
       this.element.append(h("p", {}, "This recording is not on the server."));
@@ -121,9 +141,10 @@ class ExperimentPart {
         h("label", {}, "Use from, s", this.from),
         h("label", {}, "to, s", this.to),
         h("button", { type: "button", onclick: () => this.window(null) }, "All of it"),
-        h("label", { class: "inline" }, this.brushing, "dragging across a plot chooses the window"),
+        h("label", {}, "Dragging across a plot", this.brushing),
       ),
       this.plots(),
+      this.leftOut,
       h("h3", {}, "What the model sees"),
       this.signals,
     );
@@ -135,8 +156,8 @@ class ExperimentPart {
     const names = this.recording.signals.map(({ name }) => name);
     const view = { signal: this.leave.signal };
     const onBrush = {
-      active: () => this.brushing.checked,
-      take: (part) => this.window(part),
+      active: () => this.brushing.value !== "look",
+      take: (part) => (this.brushing.value === "leave_out" ? this.leaveOut(part) : this.window(part)),
       end: (side, x) => {
         const [from, to] = this.chosen();
         this.window(side === 0 ? [x, to] : [from, x]);
@@ -174,11 +195,47 @@ class ExperimentPart {
     return [from ?? 0, to ?? this.recording.duration_s];
   }
 
+  // The stretch that was dragged across, within the recording.
+  stretch(part) {
+    return [Math.max(0, Math.min(...part)), Math.min(this.recording.duration_s, Math.max(...part))];
+  }
+
+  leaveOut(part) {
+    const [from_s, to_s] = this.stretch(part).map(round);
+    const spans = this.experiment.exclude?.spans ?? [];
+    this.job.at(["experiments", this.k, "exclude", "spans"], [...spans, { from_s, to_s }]);
+  }
+
+  // Samples that the source or the quality report doubts, and stretches that were dragged across.
+  drawLeftOut() {
+    const { job, k } = this;
+    const { classes = [], spans = [] } = this.experiment.exclude ?? {};
+    const put = (member, list) =>
+      job.at(["experiments", k, "exclude", member], list.length ? list : undefined);
+    const boxes = namesIn(job.description, "ExcludedClass").map((name) => {
+      const onchange = ({ target }) =>
+        put("classes", target.checked ? [...classes, name] : classes.filter((kind) => kind !== name));
+      const box = h("input", { type: "checkbox", checked: classes.includes(name), onchange });
+      return h("label", { class: "inline" }, box, CLASSES[name] ?? words(name));
+    });
+    const stretches = spans.map((span, place) => {
+      const text = `${span.signals ? `${span.signals.join(", ")}, ` : ""}${number(span.from_s)} to ${number(span.to_s)} s`;
+      const onclick = () =>
+        put(
+          "spans",
+          spans.filter((_, other) => other !== place),
+        );
+      return h(
+        "button",
+        { type: "button", class: "small", "aria-label": `use ${text} again`, onclick },
+        `${text} ×`,
+      );
+    });
+    this.leftOut.replaceChildren(h("span", {}, "Leave out:"), ...boxes, ...stretches);
+  }
+
   window(part) {
-    const round = (value) => Number(value.toPrecision(6));
-    const [from, to] = part
-      ? [Math.max(0, Math.min(...part)), Math.min(this.recording.duration_s, Math.max(...part))]
-      : [0, Infinity];
+    const [from, to] = part ? this.stretch(part) : [0, Infinity];
     const window = {};
     if (from > 0) {
       window.from_s = round(from);
@@ -202,9 +259,12 @@ class ExperimentPart {
       to: to_s,
       kind: "excluded",
     }));
+    const isChecked = this.experiment.role === "validation";
+    const share = isChecked ? 1 : heldBack(this.job);
+    const held = share > 0 ? [{ from: to - share * (to - from), to, kind: "held" }] : [];
     this.drawn?.forEach(({ chart }) => {
       const odd = chart.spans.filter(({ kind }) => kind === "bad" || kind === "missing");
-      chart.setSpans([...(whole ? [] : [{ from, to, kind: "window" }]), ...excluded, ...odd]);
+      chart.setSpans([...(whole ? [] : [{ from, to, kind: "window" }]), ...held, ...excluded, ...odd]);
     });
   }
 
@@ -241,6 +301,7 @@ class ExperimentPart {
     this.from.value = from === undefined || from === null ? "" : String(from);
     this.to.value = to === undefined || to === null ? "" : String(to);
     this.shade();
+    this.drawLeftOut();
     this.drawSignals();
   }
 

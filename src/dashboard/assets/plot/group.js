@@ -3,22 +3,25 @@
 // of the part are read from the server whenever the part changes, so that every zoom shows all samples.
 
 import { h } from "../shell/dom.js";
+import { onUnits, preferClock, showsClock } from "./units.js";
 
 const WAIT_MS = 90;
 
 export class PlotGroup {
   /**
    * `full` is the whole range. `load(from, to, pixels, signal)` reads a part; both ends are null for the
-   * whole range. `failed` is called with an error.
+   * whole range. `failed` is called with an error. `clock` is that of the recording, or null.
    *
    * @param {{
    *   full: any,
    *   signal?: AbortSignal,
    *   failed?: (error: any) => void,
+   *   clock?: ReturnType<typeof import("./clock.js").clockOf>,
    *   load?: (from: number, to: number, pixels: number, abort: AbortSignal) => Promise<any>,
    * }} options
    */
-  constructor({ full = null, load = null, signal = null, failed = () => {} }) {
+  constructor({ full = null, load = null, signal = null, failed = () => {}, clock = null }) {
+    this.clock = clock;
     this.full = full;
     this.load = load;
     this.signal = signal;
@@ -38,8 +41,25 @@ export class PlotGroup {
       button("◀", "Earlier", () => this.move(-0.5)),
       button("▶", "Later", () => this.move(0.5)),
       button("All", "Show all", () => this.show(null)),
+      this.clockChoice() ?? "",
       this.place,
     );
+  }
+
+  // Time axes show the clock of the recording, or the seconds since its first sample.
+  clockChoice() {
+    if (!this.clock) {
+      return null;
+    }
+    const box = h("input", {
+      type: "checkbox",
+      checked: showsClock(),
+      onchange: () => preferClock(box.checked),
+    });
+    onUnits(() => {
+      box.checked = showsClock();
+    }, this.signal);
+    return h("label", { class: "inline" }, box, "time of day");
   }
 
   add(plot) {

@@ -44,3 +44,28 @@ export function profileCurve(profile) {
   });
   return points;
 }
+
+// Puts a gap into a column wherever a span without samples lies between two instants, so that no line is drawn
+// across the span: gives the instants and the values.
+/**
+ * @param {number[]} xs
+ * @param {(number | null)[]} ys
+ * @param {{ from: number, to: number }[]} spans
+ */
+export function withGaps(xs, ys, spans) {
+  const middles = spans.map(({ from, to }) => (from + to) / 2).sort((a, b) => a - b);
+  const [times, values] = [[], []];
+  let next = 0;
+  xs.forEach((x, k) => {
+    while (next < middles.length && middles[next] < x) {
+      if (k > 0 && middles[next] > xs[k - 1]) {
+        times.push(middles[next]);
+        values.push(null);
+      }
+      next += 1;
+    }
+    times.push(x);
+    values.push(ys[k]);
+  });
+  return [times, values];
+}

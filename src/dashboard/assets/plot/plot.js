@@ -16,7 +16,7 @@ import { axis as axisOf, rangeOf } from "./axes.js";
 import { nearest } from "./math.js";
 import { saveMenu } from "./save.js";
 import { colour, onTheme, spanColour, width } from "./theme.js";
-import { choices, onUnits, prefer, shownUnit, toShown } from "./units.js";
+import { choices, onUnits, prefer, shownUnit, showsClock, toShown } from "./units.js";
 
 const CHARACTER = 7.2;
 const SPAN_WORDS = {
@@ -71,7 +71,7 @@ class Plot {
     });
     this.readout = h("output", { class: "readout" });
     this.element = h("figure", { class: "chart" }, this.caption, this.surface, this.readout);
-    this.unit = shownUnit(y.unit, y.difference);
+    this.unit = shownUnit(y.unit, y);
     this.head();
     group?.add(this);
     this.resized = new ResizeObserver(() => this.fit());
@@ -91,7 +91,7 @@ class Plot {
   // The head has the title, the choice of the unit, the legend of lines and spans, and the menu to
   // save.
   head() {
-    const possible = choices(this.y.unit, this.y.difference);
+    const possible = choices(this.y.unit, this.y);
     const unitText = this.unit.name && this.unit.name !== "1" ? `[${this.unit.name}]` : "";
     const unit =
       possible.length > 1
@@ -124,7 +124,7 @@ class Plot {
   }
 
   changeUnit() {
-    this.unit = shownUnit(this.y.unit, this.y.difference);
+    this.unit = shownUnit(this.y.unit, this.y);
     this.head();
     this.rebuild();
   }
@@ -234,7 +234,6 @@ class Plot {
       ticks: { stroke: line, width: 1, size: 4 },
       font: "12px system-ui, sans-serif",
     };
-    const unit = this.x.unit ? ` [${this.x.unit}]` : "";
     return {
       width: wide,
       height: this.height,
@@ -250,13 +249,10 @@ class Plot {
       axes: [
         {
           ...axis,
-          size: 30,
-          label: `${this.x.label}${unit}`,
           labelSize: 18,
           labelFont: "12px system-ui, sans-serif",
           labelGap: 0,
-          space: 70,
-          values: (_, splits) => splits.map((value) => number(value, 7)),
+          ...this.across(),
         },
         {
           ...axis,
@@ -305,6 +301,29 @@ class Plot {
         setCursor: [(chart) => this.moved(chart)],
       },
     };
+  }
+
+  // The axis along the bottom: of the clock of the recording, or of the numbers.
+  across() {
+    const { clock } = this;
+    const unit = this.x.unit ? ` [${this.x.unit}]` : "";
+    return clock
+      ? {
+          size: 44,
+          label: `${this.x.label} [${clock.zone}]`,
+          splits: (chart, _, from, to) => clock.ticks(from, to, Math.max(2, chart.width / 110)),
+          values: (chart, splits) => clock.texts(splits, chart.scales.x.min),
+        }
+      : {
+          size: 30,
+          label: `${this.x.label}${unit}`,
+          space: 70,
+          values: (_, splits) => splits.map((value) => number(value, 7)),
+        };
+  }
+
+  get clock() {
+    return showsClock() ? (this.group?.clock ?? null) : null;
   }
 
   drawSpans(chart) {
@@ -381,8 +400,11 @@ class Plot {
     );
     this.readout.textContent = [
       `${this.x.label} ${quantity(number(this.xs[index], 7), this.x.unit)}`,
+      this.group?.clock?.text(this.xs[index]),
       ...texts,
-    ].join(" · ");
+    ]
+      .filter(Boolean)
+      .join(" · ");
   }
 
   key(event) {

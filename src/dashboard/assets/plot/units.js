@@ -34,11 +34,20 @@ export function plain(unit) {
   return (unit ?? "").replaceAll("²", "2").replaceAll("³", "3").replaceAll("^", "").replaceAll("·", "*");
 }
 
-// Gives the units that a quantity can be shown in, SI first. A difference of temperatures has no zero,
-// so it stays in kelvin.
-export function choices(unit, difference = false) {
-  const units = table[plain(unit)] ?? [{ name: unit ?? "", factor: 1, offset: 0 }];
+// Gives the units that a quantity can be shown in: the one that it was recorded in, then SI and what else
+// the server offers. A difference of temperatures has no zero, so it stays in kelvin.
+export function choices(unit, { difference = false, recorded = null } = {}) {
+  const offered = table[plain(unit)] ?? [{ name: unit ?? "", factor: 1, offset: 0 }];
+  const same = ({ factor, offset }) => factor === recorded?.factor && offset === recorded?.offset;
+  const first = offered.find(same) ?? recorded;
+  const units = first ? [first, ...offered.filter((other) => other !== first)] : offered;
   return units.filter(({ offset }) => !(difference && offset));
+}
+
+// The unit that a signal was recorded in; null where the server does not say how it is converted.
+export function recordedUnit(signal) {
+  const { recorded_unit: name, conversion } = signal ?? {};
+  return name && conversion ? { name, ...conversion } : null;
 }
 
 // A gap (null) stays a gap, and a missing sample (undefined) stays missing.
@@ -56,9 +65,9 @@ function read() {
   }
 }
 
-// Gives the unit that the reader has chosen, SI where there is no choice.
-export function shownUnit(unit, difference = false) {
-  const possible = choices(unit, difference);
+// Gives the unit that the reader has chosen, and where there is no choice the unit of the recording or SI.
+export function shownUnit(unit, options = {}) {
+  const possible = choices(unit, options);
   return possible.find(({ name }) => name === preferred[plain(unit)]) ?? possible[0];
 }
 
@@ -71,6 +80,14 @@ export function prefer(unit, name) {
   }
   tell();
 }
+
+const CLOCK = "time axis";
+
+// Whether time axes show the clock of the recording, where it has one, and not the seconds since its first
+// sample.
+export const showsClock = () => preferred[CLOCK] !== "seconds";
+
+export const preferClock = (clock) => prefer(CLOCK, clock ? "clock" : "seconds");
 
 function tell() {
   for (const watcher of watchers) {

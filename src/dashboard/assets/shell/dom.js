@@ -29,18 +29,24 @@ export function svg(tag, attributes = {}, ...children) {
   return fill(document.createElementNS(SVG, tag), attributes, children);
 }
 
-// The table scrolls by itself where the page is narrow.
-export function table(caption, columns, rows, { empty = "Nothing here yet." } = {}) {
+// The table scrolls by itself where the page is narrow; a stacked table has its cells below each other there,
+// each with the title of its column.
+export function table(caption, columns, rows, { empty = "Nothing here yet.", stacked = false } = {}) {
   if (rows.length === 0) {
     return h("p", { class: "quiet" }, empty);
   }
-  const cell = (column, content) => h("td", { class: column.numeric ? "number" : null }, content);
+  const cell = (column, content) =>
+    h(
+      "td",
+      { class: column.numeric ? "number" : null, "data-title": stacked ? column.title : null },
+      content,
+    );
   return h(
     "div",
     { class: "scroll", tabindex: "0", role: "region", "aria-label": caption },
     h(
       "table",
-      {},
+      { class: stacked ? "stacked" : null },
       h("caption", { class: "unseen" }, caption),
       h(
         "thead",

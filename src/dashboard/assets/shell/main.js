@@ -9,6 +9,7 @@ import { isKnown, showSignIn } from "./session.js";
 
 /** @type {[RegExp, () => Promise<any>, string][]} */
 const VIEWS = [
+  [/^\/$/, () => import("../list/start.js"), "showStart"],
   [/^\/jobs$/, () => import("../list/jobs.js"), "showJobs"],
   [/^\/jobs\/([^/]+)$/, () => import("../job/job.js"), "showJob"],
   [/^\/datasets$/, () => import("../data/datasets.js"), "showDatasets"],

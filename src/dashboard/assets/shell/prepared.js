@@ -1,6 +1,9 @@
 // @ts-check
 // A specification goes from one page of this tab to another through the storage of the tab.
 
+// The label of a prepared job that names the job before it.
+export const FOLLOWS = "follows";
+
 // Stores a specification for another page of this tab, and gives the key that the page finds it by.
 export function keep(spec) {
   const key = `prepared-${Date.now().toString(36)}`;

@@ -1,0 +1,153 @@
+// @ts-check
+// This module says what a job changed against the job that it was prepared from. A prepared job has the
+// label `follows`, which names the job before it.
+
+import { sideBySide } from "../compare/differences.js";
+import { trustBadge } from "../list/rows.js";
+import { get } from "../shell/api.js";
+import { h, table } from "../shell/dom.js";
+import { number, unitText, withError, words } from "../shell/format.js";
+import { FOLLOWS } from "../shell/prepared.js";
+
+/** @typedef {import("page/api").Schemas["Outcome"]} Outcome */
+
+// So many jobs of a line are shown; further ones are reached from the first that is shown.
+const MOST_ANCESTORS = 6;
+const COLUMNS = [
+  { title: "Parameter" },
+  { title: "Before", numeric: true },
+  { title: "Now", numeric: true },
+  { title: "Unit" },
+  { title: "Moved by, ±", numeric: true },
+  { title: "Trust" },
+];
+
+// The job to run next names the job that it follows, and has no seed, so that the server draws a new one.
+export function followed({ seed, ...spec }, label, id) {
+  const name = (spec.name ?? "").replace(/ · .*$/, "");
+  return {
+    ...spec,
+    name: `${name ? `${name} · ` : ""}${label.toLowerCase()}`.slice(0, 200),
+    labels: { ...spec.labels, [FOLLOWS]: id },
+  };
+}
+
+// By how much the criterion fell or rose, where both results come from the same samples and are judged
+// alike, and null where they are not.
+/** @param {Outcome} before @param {Outcome} now */
+export function criterionChange(before, now) {
+  const samples = ({ fit }) =>
+    JSON.stringify(Object.entries(fit.estimation).map(([output, { samples }]) => [output, samples]));
+  const alike =
+    samples(before) === samples(now) &&
+    Boolean(before.process_noise) === Boolean(now.process_noise) &&
+    String(before.engine.dataset_digests) === String(now.engine.dataset_digests);
+  const change = (now.criteria.bic ?? NaN) - (before.criteria.bic ?? NaN);
+  return alike && Number.isFinite(change) ? change : null;
+}
+
+// The parameters of both results, with how far each has moved in standard errors of the result before.
+/** @param {Outcome} before @param {Outcome} now */
+export function moves(before, now) {
+  const error = (estimate) => estimate?.total_standard_error ?? estimate?.standard_error ?? NaN;
+  return sideBySide([before, now]).map(({ key, unit, parameters: [old, recent] }) => ({
+    key,
+    unit,
+    old,
+    recent,
+    moved: old && recent ? (recent.estimate - old.estimate) / error(old) : NaN,
+  }));
+}
+
+/**
+ * The part is empty until the job before it has been read, and stays so where there is none.
+ *
+ * @param {any} view
+ * @param {any} job
+ * @param {Outcome} result
+ */
+export function ancestryPart(view, job, result) {
+  const place = h("div", { class: "ancestry" });
+  line(view, job).then(
+    async ([parent, ...older]) => {
+      if (!parent) {
+        return;
+      }
+      const before = await get(`/v1/jobs/${parent.id}/result`, view.signal).then(
+        ({ data }) => data,
+        () => null,
+      );
+      const ancestors = [...older.reverse(), parent];
+      place.replaceChildren(
+        h(
+          "p",
+          { class: "quiet" },
+          ancestors.map((ancestor) => [
+            h("a", { href: `#/jobs/${ancestor.id}` }, ancestor.name || ancestor.id),
+            " → ",
+          ]),
+          "this job",
+        ),
+        ...(before ? [comparison(before, result)] : []),
+      );
+    },
+    () => {},
+  );
+  return place;
+}
+
+// Reads the jobs that a job follows, the nearest first.
+async function line(view, job) {
+  const ancestors = [];
+  let id = job.labels?.[FOLLOWS];
+  while (id && ancestors.length < MOST_ANCESTORS) {
+    const answer = await get(`/v1/jobs/${encodeURIComponent(id)}`, view.signal).catch(() => null);
+    if (!answer) {
+      break;
+    }
+    ancestors.push(answer.data);
+    id = answer.data.labels?.[FOLLOWS];
+  }
+  return ancestors;
+}
+
+/** @param {Outcome} before @param {Outcome} now */
+function comparison(before, now) {
+  const change = criterionChange(before, now);
+  const value = (estimate) =>
+    estimate
+      ? withError(estimate.estimate, estimate.total_standard_error ?? estimate.standard_error).join(" ± ")
+      : "–";
+  const rows = moves(before, now).map(({ key, unit, old, recent, moved }) => [
+    words(key),
+    value(old),
+    value(recent),
+    unitText(unit),
+    number(moved, 2),
+    [old?.trust && trustBadge(old.trust), " → ", recent?.trust && trustBadge(recent.trust)],
+  ]);
+  return h(
+    "details",
+    { open: true },
+    h("summary", {}, "What changed against the job before"),
+    h(
+      "p",
+      {},
+      "Trust ",
+      trustBadge(before.verdict.trust),
+      " → ",
+      trustBadge(now.verdict.trust),
+      change === null ? "" : `; Schwarz's criterion ${criterionWords(change)}`,
+      ".",
+    ),
+    table("Estimates before and now", COLUMNS, rows, { stacked: true }),
+  );
+}
+
+// Below zero the data ask for the change.
+export function criterionWords(change) {
+  const size = number(Math.abs(change), 3);
+  return change < 0
+    ? `lower by ${size}: the data ask for the change`
+    : `higher by ${size}: the data do not ask for the change`;
+}

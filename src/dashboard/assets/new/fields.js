@@ -1,0 +1,90 @@
+// @ts-check
+// This module makes the fields of the form of a new job. A field reports a value where its text is one,
+// and is marked where it is none.
+
+import { defaultAt, namesIn } from "../shell/description.js";
+import { h } from "../shell/dom.js";
+import { numberOf, words } from "../shell/format.js";
+
+// Writes a value as a field shows it.
+export const shown = (value) => (value === null || value === undefined ? "" : String(value));
+
+// A field without a title of its own, for a table. It reports a number, null where it is empty, or
+// the text where `text` is set.
+/**
+ * @param {string} label
+ * @param {unknown} value
+ * @param {(value: any) => void} act
+ * @param {{ size?: string, hint?: string, text?: boolean }} [options]
+ */
+export function field(label, value, act, { size = "9", hint, text = false } = {}) {
+  const input = h("input", {
+    type: "text",
+    inputmode: text ? null : "decimal",
+    value: shown(value),
+    "aria-label": label,
+    size,
+    placeholder: hint,
+    onchange: () => {
+      const bare = input.value.trim();
+      const read = text ? bare : bare === "" ? null : numberOf(bare);
+      const wrong = typeof read === "number" && Number.isNaN(read);
+      wrong ? input.setAttribute("aria-invalid", "true") : input.removeAttribute("aria-invalid");
+      if (!wrong) {
+        act(read);
+      }
+    },
+  });
+  return input;
+}
+
+// A field with its title above it. An empty field leaves the specification without the member.
+/**
+ * @param {string} title
+ * @param {unknown} value
+ * @param {(value: any) => void} act
+ * @param {{ size?: string, hint?: string, text?: boolean, help?: string }} [options]
+ */
+export function titledField(title, value, act, { help, ...options } = {}) {
+  const input = field(title, value, (read) => act(read === null || read === "" ? undefined : read), options);
+  return h("label", { title: help }, title, input);
+}
+
+// A choice with its title above it. A chosen default leaves the specification without the member.
+/**
+ * @param {string} title
+ * @param {[string, string][]} options
+ * @param {string} value
+ * @param {(value: string) => void} act
+ */
+export function choice(title, options, value, act) {
+  return h(
+    "label",
+    {},
+    title,
+    h(
+      "select",
+      { onchange: ({ target }) => act(target.value) },
+      options.map(([name, text]) => h("option", { value: name, selected: name === value }, text)),
+    ),
+  );
+}
+
+// The members of a job below a path, with the defaults that the server gives them.
+export function membersOf(job) {
+  const usual = (path) => defaultAt(job.description, "JobSpec", path);
+  const at = (path) => path.reduce((owner, name) => owner?.[name], job.spec);
+  const put = (path) => (value) => job.at(path, value);
+  return {
+    usual,
+    at,
+    put,
+    number: (title, path, options = {}) =>
+      titledField(title, at(path), put(path), { hint: shown(usual(path)), size: "8", ...options }),
+    named: (title, path, schema, titles = {}) => {
+      const options = namesIn(job.description, schema).map((name) => [name, titles[name] ?? words(name)]);
+      const act = (name) => job.at(path, name === usual(path) ? undefined : name);
+      return choice(title, options, at(path) ?? usual(path), act);
+    },
+  };
+}

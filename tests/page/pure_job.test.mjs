@@ -1,0 +1,156 @@
+// The tests call the parts of the page that judge, compare and date jobs, without a page. They run with
+// `node --test tests/page/pure_job.test.mjs`.
+
+import assert from "node:assert/strict";
+import test from "node:test";
+
+const part = (name) => import(new URL(`../../src/dashboard/assets/${name}`, import.meta.url));
+const { criterionChange, followed, moves } = await part("job/ancestry.js");
+const { judged } = await part("job/effects.js");
+const { clockOf } = await part("plot/clock.js");
+const { choices, recordedUnit, shownUnit, toShown } = await part("plot/units.js");
+const { withGaps } = await part("plot/math.js");
+const { toleranceOf } = await part("model/parameters.js");
+const { matches } = await part("list/filter.js");
+const { parted } = await part("model/equation.js");
+
+const RESULT = {
+  engine: { dataset_digests: ["sha256:1"] },
+  fit: { estimation: { position: { samples: 900 } }, validation: {} },
+  criteria: { bic: 100 },
+  parameters: [
+    { name: "mass", unit: "kg", estimate: 95, standard_error: 0.1, total_standard_error: 0.5, trust: "low" },
+  ],
+};
+
+test("a prepared job names the job that it follows and draws a new seed", () => {
+  const spec = { name: "rig 4 · free friction", seed: 7, labels: { site: "hall 2" }, model: "servo" };
+  assert.deepEqual(followed(spec, "Widen the range", "job_1"), {
+    name: "rig 4 · widen the range",
+    labels: { site: "hall 2", follows: "job_1" },
+    model: "servo",
+  });
+});
+
+test("moves are counted in total errors of the result before", () => {
+  const now = {
+    ...RESULT,
+    criteria: { bic: 88 },
+    parameters: [
+      { name: "mass", unit: "kg", estimate: 96, standard_error: 0.1 },
+      { name: "friction", unit: "N", estimate: 20, standard_error: 1 },
+    ],
+  };
+  const rows = moves(RESULT, now);
+  assert.deepEqual(
+    rows.map(({ key }) => key),
+    ["mass", "friction"],
+  );
+  assert.equal(rows[0].moved, 2);
+  assert.ok(Number.isNaN(rows[1].moved));
+  assert.equal(criterionChange(RESULT, now), -12);
+});
+
+test("criteria of other samples, other recordings or a noise model are not compared", () => {
+  const change = (part) => criterionChange(RESULT, { ...RESULT, ...part });
+  assert.equal(change({}), 0);
+  assert.equal(change({ fit: { estimation: { position: { samples: 600 } } } }), null);
+  assert.equal(change({ engine: { dataset_digests: ["sha256:2"] } }), null);
+  assert.equal(change({ process_noise: { chosen: "white" } }), null);
+  assert.equal(change({ criteria: { bic: null } }), null);
+});
+
+test("an effect is judged by the best model with it against the best model without it", () => {
+  const model = (effects, bic) => ({ effects, bic, unknowns: 2, estimation: {}, validation: {} });
+  const search = {
+    supported: ["friction"],
+    compared_on: "validation",
+    tried: [
+      model(["friction"], 10),
+      model(["friction", "delay"], 19),
+      model([], 60),
+      model(["delay", "dead_band"], null),
+    ],
+  };
+  assert.deepEqual(judged(search), [
+    { name: "friction", supported: true, change: -50 },
+    { name: "delay", supported: false, change: 9 },
+    { name: "dead_band", supported: false, change: null },
+  ]);
+});
+
+test("a clock tells the local time of each sample, also over a change of summer time", () => {
+  assert.equal(clockOf({ start: null }), null);
+  const clock = clockOf({ start: "2026-03-29T00:30:00Z", zone: "Europe/Berlin" });
+  assert.equal(clock.text(0, 0), "2026-03-29 01:30:00");
+  assert.equal(clock.text(0.25, 3), "2026-03-29 01:30:00.250");
+  // At 02:00 clocks went on to 03:00.
+  assert.equal(clock.text(3600, 0), "2026-03-29 03:30:00");
+  assert.equal(clockOf({ start: "2026-03-29T00:30:00Z" }).text(60, 0), "2026-03-29 00:31:00");
+  assert.equal(clockOf({ start: "2026-03-29T00:30:00Z", zone: "Nowhere/At_all" }).zone, "UTC");
+});
+
+test("ticks of a clock stand at round local times, and name the day where it begins", () => {
+  const clock = clockOf({ start: "2026-01-01T22:52:10Z", zone: "+01:00" });
+  const ticks = clock.ticks(0, 1200, 5);
+  assert.deepEqual(clock.texts(ticks), ["23:55\n2026-01-01", "00:00\n2026-01-02", "00:05", "00:10"]);
+  // The day is not cut off at the left edge.
+  assert.deepEqual(clock.texts(clock.ticks(170, 1200, 4), 170)[1], "00:00\n2026-01-02");
+  assert.deepEqual(clock.texts(clock.ticks(0, 2, 4)), [
+    "23:52:10.0\n2026-01-01",
+    "23:52:10.5",
+    "23:52:11.0",
+    "23:52:11.5",
+    "23:52:12.0",
+  ]);
+});
+
+test("a signal is shown in the unit that it was recorded in, until the reader chooses another", () => {
+  const signal = { recorded_unit: "degC", conversion: { factor: 1, offset: 273.15 } };
+  const recorded = recordedUnit(signal);
+  assert.equal(toShown(293.15, shownUnit("K", { recorded })), 20);
+  assert.equal(recordedUnit({ recorded_unit: "" }), null);
+  // A difference of temperatures has no zero.
+  assert.deepEqual(
+    choices("K", { recorded, difference: true }).map(({ name }) => name),
+    ["K"],
+  );
+  const share = recordedUnit({ recorded_unit: "%", conversion: { factor: 0.01, offset: 0 } });
+  assert.equal(toShown(0.5, shownUnit("1", { recorded: share })), 50);
+});
+
+test("a tolerance is a number, a share, or nothing", () => {
+  assert.equal(toleranceOf("0,5"), 0.5);
+  assert.equal(toleranceOf("1 %"), "1 %");
+  assert.equal(toleranceOf(" "), undefined);
+});
+
+test("a number in a search is no part of an id", () => {
+  const job = { id: "job_0198777", name: "rig 4", model: "servo", labels: {}, datasets: [] };
+  assert.ok(!matches(job, { text: "777" }));
+  assert.ok(matches(job, { text: "job_0198" }));
+  assert.ok(!matches(job, { text: "job_777" }));
+});
+
+test("a word has no index", () => {
+  assert.deepEqual(parted("area"), ["area", ""]);
+  assert.deepEqual(parted("lag"), ["lag", ""]);
+  assert.deepEqual(parted("Km"), ["K", "m"]);
+  assert.deepEqual(parted("p1"), ["p", "1"]);
+  assert.deepEqual(parted("Rth"), ["R", "th"]);
+});
+
+test("no line crosses a span without samples", () => {
+  const spans = [
+    { from: 2, to: 8 },
+    { from: 20, to: 30 },
+  ];
+  assert.deepEqual(withGaps([0, 1, 2, 8, 9], [1, 2, 3, 4, 5], spans), [
+    [0, 1, 2, 5, 8, 9],
+    [1, 2, 3, null, 4, 5],
+  ]);
+  assert.deepEqual(withGaps([0, 1], [1, 2], []), [
+    [0, 1],
+    [1, 2],
+  ]);
+});

@@ -1,0 +1,350 @@
+// The tests use the page in a browser, against a running server, as an engineer works with it: all that a
+// job can say is said in the form, advice is followed by clicks, every number of a result is that of the
+// API, and many jobs are dealt with at once.
+//
+// The variables that name the server and the browser are described in server.mjs and browser.mjs.
+
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import { launch, open, PATIENCE, picture, SIZES, says, specification, text, tools } from "./browser.mjs";
+import { base, ended, JOB, post, recording } from "./server.mjs";
+
+const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
+const shared = { browser: null, csv: "", dataset: null };
+
+before(async () => {
+  if (skip) {
+    return;
+  }
+  Object.assign(shared, await launch());
+  shared.csv = await recording();
+  shared.dataset = (await post("/v1/datasets?name=workbench", shared.csv, "text/csv")).id;
+});
+
+after(() => shared.browser?.close());
+
+const api = async (address) => (await fetch(base + address)).json();
+
+async function finished(job) {
+  const { id } = await post("/v1/jobs", job);
+  assert.equal((await ended(id)).status, "succeeded");
+  return id;
+}
+
+// Types into a field as a person does, and leaves it.
+async function fill(page, label, words) {
+  const field = `input[aria-label='${label}']`;
+  await page.waitForSelector(field, PATIENCE);
+  await page.click(field, { count: 3 });
+  await page.keyboard.type(words);
+  await page.keyboard.press("Tab");
+}
+
+const said = (page, path, value) =>
+  page.waitForFunction(
+    (path, value) => {
+      const spec = JSON.parse(document.querySelector("#panel-json .editor").getText());
+      const member = path.reduce((owner, name) => owner?.[name], spec);
+      return JSON.stringify(member) === value;
+    },
+    PATIENCE,
+    path,
+    JSON.stringify(value),
+  );
+
+test("what is known of a measurement is said in the form, and the job is what the form says", {
+  skip,
+}, async () => {
+  const page = await open(`/#/new?dataset=${shared.dataset}&model=positioning_drive`);
+  await says(page, "The job can start.");
+  // What is held back is what the server holds back, and is shaded.
+  assert.equal(
+    await page.$eval("::-p-xpath(//label[contains(., 'Held back')]/input)", (input) => input.value),
+    "25",
+  );
+  await page.waitForSelector(".experiment .legend .swatch.held", PATIENCE);
+  await fill(page, "position, noise", "0,00002");
+  await said(page, ["outputs", "position", "noise_std"], 2e-5);
+  await fill(page, "position, gain of the sensor", "0.1 %");
+  await said(page, ["outputs", "position", "gain_tolerance"], "0.1 %");
+  await fill(page, "position, lag of the sensor", "1e-5");
+  await said(page, ["outputs", "position", "lag_tolerance_s"], 1e-5);
+  await page.select("::-p-xpath(//label[contains(., 'What moved the plant')]/select)", "none");
+  await said(page, ["process_noise"], "none");
+  await page.$eval("::-p-xpath(//label[contains(., 'Outliers count')]/input)", (input) => {
+    input.value = "3";
+    input.dispatchEvent(new Event("change", { bubbles: true }));
+  });
+  await said(page, ["method", "huber_threshold"], 3);
+  await page.click("::-p-text(spikes)");
+  await said(page, ["experiments", 0, "exclude", "classes"], ["spike"]);
+  await says(page, "The job can start.");
+  await picture(page, "new-job-measurement");
+  await page.click("aside .primary");
+  await page.waitForFunction(() => location.hash.startsWith("#/jobs/job_"), PATIENCE);
+  const id = (await page.evaluate(() => location.hash)).split("/").at(-1);
+  const { spec } = await ended(id);
+  assert.equal(spec.outputs.position.noise_std, 2e-5);
+  assert.equal(spec.outputs.position.gain_tolerance, "0.1 %");
+  assert.equal(spec.process_noise, "none");
+  assert.equal(spec.validation.fraction, 0.25);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("a stretch is left out by dragging, and used again by a click", { skip }, async () => {
+  const page = await open(`/#/new?dataset=${shared.dataset}&model=positioning_drive`);
+  await page.waitForSelector(".surface:not(.empty) .u-over", PATIENCE);
+  await page.select("::-p-xpath(//label[contains(., 'Dragging across')]/select)", "leave_out");
+  const over = await page.$(".experiment .u-over");
+  await over.scrollIntoView();
+  const box = await over.boundingBox();
+  await page.mouse.move(box.x + 0.5 * box.width, box.y + 20);
+  await page.mouse.down();
+  await page.mouse.move(box.x + 0.6 * box.width, box.y + 20, { steps: 5 });
+  await page.mouse.up();
+  const { from_s: from, to_s: to } = (await specification(page)).experiments[0].exclude.spans[0];
+  assert.ok(Math.abs(from - 3) < 0.1 && Math.abs(to - 3.6) < 0.1, `${from} to ${to}`);
+  await (await page.waitForSelector("button[aria-label^='use '][aria-label$=' again']", PATIENCE)).click();
+  await said(page, ["experiments", 0, "exclude"], undefined);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("a prepared job tells what changed against the job that it follows", { skip }, async () => {
+  const job = { ...JOB(shared.dataset, "icra_genetic"), process_noise: "none" };
+  job.parameters = { mass: { estimate: { lower: 10, upper: 60 } } };
+  const parent = await finished(job);
+  const page = await open(`/#/jobs/${parent}`);
+  await (
+    await page.waitForSelector("::-p-xpath(//button[contains(., 'Widen the range of mass')])", PATIENCE)
+  ).click();
+  await says(page, "The job can start.");
+  await page.click("aside .primary");
+  await page.waitForFunction(
+    (parent) => location.hash.startsWith("#/jobs/job_") && !location.hash.endsWith(parent),
+    PATIENCE,
+    parent,
+  );
+  const id = (await page.evaluate(() => location.hash)).split("/").at(-1);
+  await page.waitForSelector(".ancestry table", PATIENCE);
+  assert.ok(await page.$(`.ancestry a[href='#/jobs/${parent}']`));
+  const [before, now] = await Promise.all([parent, id].map((id) => api(`/v1/jobs/${id}/result`)));
+  const cells = await page.$$eval(".ancestry tbody tr", (rows) =>
+    rows.map((row) => [...row.cells].map((cell) => cell.innerText)),
+  );
+  const mass = cells.find(([name]) => name === "mass");
+  const near = (text, value) =>
+    assert.ok(Math.abs(numberIn(text) - value) <= 1e-2 * Math.abs(value), `${text}: ${value}`);
+  near(mass[1], before.parameters[0].estimate);
+  near(mass[2], now.parameters[0].estimate);
+  assert.equal(mass[5].replace(/\s+/g, " "), `${before.parameters[0].trust} → ${now.parameters[0].trust}`);
+  await picture(page, "job-ancestry");
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+// Reads the first number of a text as the page writes numbers.
+function numberIn(text) {
+  const plain = text
+    .replace(
+      /·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/,
+      (_, digits) =>
+        `e${[...digits]
+          .map((digit) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹".indexOf(digit))
+          .map((k) => (k === 0 ? "-" : k - 1))
+          .join("")}`,
+    )
+    .replaceAll("−", "-")
+    .replaceAll("\u202f", "");
+  return Number(/-?\d+\.?\d*(e-?\d+)?/.exec(plain)?.[0] ?? NaN);
+}
+
+// Jobs of different kinds: of low trust, at a bound, bound by a constraint, of two outputs, with a model search.
+const KINDS = {
+  "of low trust": { outputs: { position: { noise_std: 2e-7 } } },
+  "at a bound": { parameters: { mass: { estimate: { lower: 10, upper: 60 } } } },
+  "bound by a constraint": { constraints: ["mass <= 90"] },
+  "with a model search": { model_search: { effects: ["coulomb_friction", "input_delay"] } },
+  "with a selection": { experiments: "window" },
+};
+
+test("every number of a result is that of the API, for jobs of different kinds", { skip }, async () => {
+  for (const [kind, change] of Object.entries(KINDS)) {
+    const job = { ...JOB(shared.dataset, "icra_genetic"), process_noise: "none", ...change, name: kind };
+    if (change.experiments) {
+      const [experiment] = JOB(shared.dataset, "icra_genetic").experiments;
+      job.experiments = [{ ...experiment, window: { from_s: 1, to_s: 5 } }];
+    }
+    const id = await finished(job);
+    const result = await api(`/v1/jobs/${id}/result`);
+    const page = await open(`/#/jobs/${id}`);
+    await page.waitForSelector(".verdict .grade", PATIENCE);
+    assert.match(await text(page, ".title"), new RegExp(`trust ${result.verdict.trust}`), kind);
+    const table = (name) =>
+      page.$$eval(`[aria-label='${name}'] tbody tr`, (rows) =>
+        rows.map((row) => [...row.cells].map((cell) => cell.innerText)),
+      );
+    const close = (text, value, share, place) => {
+      const shown = numberIn(text);
+      const isSame =
+        value === null || value === undefined
+          ? Number.isNaN(shown) || text === "open"
+          : Math.abs(shown - value) <= share * Math.abs(value) + 1e-300;
+      assert.ok(isSame, `${kind}, ${place}: the page says ${text}, the API ${value}`);
+    };
+    const rows = await table("Estimated parameters");
+    assert.equal(rows.length, result.parameters.length, kind);
+    for (const [k, parameter] of result.parameters.entries()) {
+      const [, estimate, error, unit, interval, , trust] = rows[k];
+      close(estimate, parameter.estimate, 0.02, "estimate");
+      close(error, parameter.total_standard_error ?? parameter.standard_error, 0.06, "total standard error");
+      assert.equal(unit, parameter.unit === "1" ? "–" : parameter.unit);
+      const total = parameter.total_interval ?? parameter.confidence_interval;
+      if (total) {
+        close(interval.split("…")[0], total.lower, 0.02, "lower end");
+        close(interval.split("…")[1], total.upper, 0.02, "upper end");
+      }
+      assert.ok(trust.includes(parameter.trust ?? ""), `${kind}: ${trust}`);
+    }
+    const fits = await table("Fit of the outputs");
+    for (const [data, output, fit, rmse, largest, samples] of fits) {
+      const values = result.fit[data][output];
+      close(fit, values.fit_percent, 0.001, "fit");
+      close(rmse, values.rmse, 0.001, "RMSE");
+      close(largest, values.max_abs_error, 0.001, "largest error");
+      assert.equal(Number(samples.replaceAll("\u202f", "")), values.samples);
+    }
+    await budgetAddsUp(page, kind);
+    if (result.model_search) {
+      await says(page, "Effects that the data decided about");
+      for (const effect of ["coulomb friction", "input delay"]) {
+        const isSupported = result.model_search.supported.includes(effect.replace(" ", "_"));
+        await says(page, `${effect}: ${isSupported ? "supported" : "not supported"}`);
+      }
+    }
+    assert.deepEqual(page.faults, [], kind);
+    await page.close();
+  }
+});
+
+// Each parameter's column of the budget sums to a hundred per cent.
+async function budgetAddsUp(page, kind) {
+  const summary = await page.$("::-p-xpath(//summary[contains(., 'uncertainty budget')])");
+  if (!summary) {
+    return;
+  }
+  await summary.click();
+  await page.waitForSelector("[aria-label='Uncertainty budget'] tbody tr, .heat tbody tr", PATIENCE);
+  const sums = await page.evaluate(() => {
+    const caption = [...document.querySelectorAll("caption")].find(
+      (caption) => caption.textContent === "Uncertainty budget",
+    );
+    const rows = [...caption.closest("table").tBodies[0].rows].map((row) =>
+      [...row.cells].slice(4).map((cell) => cell.textContent),
+    );
+    return rows[0].map((_, k) =>
+      rows.reduce((sum, row) => sum + (Number(row[k].replace("−", "-").replace(" %", "")) || 0), 0),
+    );
+  });
+  for (const sum of sums.filter((sum) => sum !== 0)) {
+    // Shares below half a per cent are not written.
+    assert.ok(Math.abs(sum - 100) < 4, `${kind}: the budget sums to ${sums} %`);
+  }
+}
+
+test("a newcomer sees what this is, and tries it with one click", { skip }, async () => {
+  const page = await open("/#/");
+  await says(page, "finds the physical parameters");
+  await picture(page, "start");
+  await page.click("::-p-text(Try it with the demonstration rig)");
+  await page.waitForFunction(() => location.hash.startsWith("#/jobs/job_"), PATIENCE);
+  const id = (await page.evaluate(() => location.hash)).split("/").at(-1);
+  await ended(id);
+  await page.waitForSelector(".verdict .grade", PATIENCE);
+  await says(page, "True value");
+  const { true_parameters: truths } = await api("/v1/demonstration");
+  const rows = await page.$$eval("[aria-label='Estimated parameters'] tbody tr", (rows) =>
+    rows.map((row) => [...row.cells].map((cell) => cell.innerText)),
+  );
+  const { parameters } = await api(`/v1/jobs/${id}/result`);
+  for (const [k, { name }] of parameters.entries()) {
+    assert.ok(Math.abs(numberIn(rows[k][2]) / truths[name] - 1) < 1e-3, `${name}: ${rows[k][2]}`);
+  }
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("forty jobs are found by their label and cancelled at once", { skip }, async () => {
+  const job = { ...JOB(shared.dataset, "icra_genetic"), labels: { batch: "forty" } };
+  // Long jobs, so that none has ended before it is cancelled.
+  job.method = {
+    name: "icra_genetic",
+    population: 400,
+    generations: 100_000,
+    stagnation_generations: 0,
+    noise_floor: false,
+  };
+  const ids = [];
+  for (let k = 0; k < 40; k += 1) {
+    ids.push((await post("/v1/jobs", { ...job, seed: k })).id);
+  }
+  const page = await open("/#/jobs?label=batch%3Aforty");
+  await says(page, "40 of ");
+  await page.click("input[aria-label='Select all jobs that the list shows']");
+  await page.click("::-p-text(Cancel 40)");
+  for (const id of ids) {
+    assert.equal((await ended(id)).status, "cancelled");
+  }
+  page.on("dialog", (dialog) => dialog.accept());
+  await (await page.waitForSelector("::-p-text(Delete 40)", PATIENCE)).click();
+  await says(page, "No job is like this.");
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("a recording shows its time of day, its units and its gaps", { skip }, async () => {
+  const rows = Array.from({ length: 200 }, (_, k) => {
+    const instant = new Date(Date.UTC(2026, 2, 29, 0, 30) + 60_000 * k).toISOString().slice(0, 19);
+    return `${instant}Z,${20 + (k % 7)},${k % 50}`;
+  });
+  const csv = `time,oven [degC],valve [%]\n${rows.join("\n")}\n`;
+  const { id } = await post("/v1/datasets?name=oven&tz=Europe%2FBerlin", csv, "text/csv");
+  const page = await open(`/#/datasets/${id}`);
+  await page.waitForSelector(".surface:not(.empty) .u-over", PATIENCE);
+  await says(page, "2026-03-29 ");
+  const cells = await page.$$eval("[aria-label='Signals'] tbody tr", (rows) =>
+    rows.map((row) => [...row.cells].map((cell) => cell.innerText)),
+  );
+  assert.equal(numberIn(cells[0][3]), 20);
+  assert.equal(numberIn(cells[0][5]), 26);
+  assert.equal(numberIn(cells[1][5]), 49);
+  await page.focus(".surface");
+  await page.keyboard.press("Home");
+  assert.match(await text(page, ".readout"), /2026-03-29 \d\d:30:00\.000 · oven 20/);
+  await picture(page, "dataset-clock");
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("the new parts are accessible and fit a phone, in both schemes", { skip }, async () => {
+  for (const size of SIZES) {
+    for (const address of ["/#/", `/#/new?dataset=${shared.dataset}&model=positioning_drive`, "/docs/"]) {
+      const page = await open(address, size);
+      await page.waitForSelector("h1", PATIENCE);
+      if (address.includes("new?")) {
+        await says(page, "The job can start.");
+      }
+      await page.evaluate(shared.checker);
+      const { violations } = await page.evaluate(() => globalThis.axe.run());
+      assert.deepEqual(
+        violations.map(({ id, nodes }) => `${id}: ${nodes[0].html}`),
+        [],
+        `${address} ${size.width} ${size.scheme}`,
+      );
+      const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+      assert.ok(wide <= size.width, `${address} is ${wide} px wide at ${size.width}`);
+      await page.close();
+    }
+  }
+});
