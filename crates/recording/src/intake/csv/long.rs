@@ -10,9 +10,9 @@ use super::super::quality::Scheme;
 use super::super::tags::{Quality, RawSample, Tags};
 use super::super::{units, value};
 use super::header::time_name_and_unit;
-use super::rows::{BoundedRows, is_empty, line_of, read_row, texts};
+use super::rows::{TableRows, is_empty, line_of, read_row, texts};
 use crate::ReceivedRecording;
-use ::csv::{ByteRecord, Reader};
+use ::csv::ByteRecord;
 use std::collections::HashSet;
 use std::io::Read;
 
@@ -152,7 +152,7 @@ impl LongColumns {
 
 /// Reads all rows; `guessed` are the columns by what stands in them, where their titles do not say it.
 pub(super) fn read(
-    mut rows: Reader<BoundedRows<impl Read>>,
+    mut rows: TableRows<'_, impl Read>,
     guessed: Option<LongColumns>,
     options: &Options,
     memory: &Memory,

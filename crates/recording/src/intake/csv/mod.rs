@@ -14,8 +14,10 @@ mod influx;
 mod long;
 mod paired;
 mod rows;
+mod shape;
 mod simulink;
 mod sniff;
+mod split_time;
 mod table;
 
 use super::error::{ReadingFault, invalid};
@@ -23,10 +25,10 @@ use super::memory::Memory;
 use super::options::{Decimal, Options};
 use super::{Format, ReadError};
 use crate::{NewScratch, ReceivedRecording, Warning};
-use ::csv::{ByteRecord, Reader, ReaderBuilder};
+use ::csv::ByteRecord;
 use header::Header;
 pub(super) use header::time_name_and_unit;
-use rows::{BoundedRows, read_row};
+use rows::{TableRows, read_row};
 use sniff::{Fractions, Sniff};
 use std::io::Read;
 use table::CsvTable;
@@ -69,12 +71,14 @@ pub(super) fn receive_as(
             return Err(invalid(fault));
         }
     }
-    let rows = ReaderBuilder::new()
-        .delimiter(sniff.delimiter)
-        .flexible(true)
-        .has_headers(false)
-        // Every row ends with its line, the last one too.
-        .from_reader(BoundedRows::of(text.whole.chain(&b"\n"[..])));
+    if let Some(fault) = sniff.shape.fault() {
+        return Err(invalid(fault));
+    }
+    notes.extend(sniff.shape.notes());
+    // Every row ends with its line, the last one too.
+    let whole = text.whole.chain(&b"\n"[..]);
+    let rows = TableRows::of(whole, sniff.delimiter, &sniff.shape);
+    let repeated = rows.repeated();
     let mut received = match format {
         Format::LongCsv => long::read(rows, sniff.guessed_columns(), &options, memory),
         Format::PairedCsv => paired::read(rows, sniff.paired_columns(), &options, memory),
@@ -82,12 +86,16 @@ pub(super) fn receive_as(
         Format::InfluxCsv => influx::read(rows, &options, memory),
         _ => wide(rows, &sniff, &options, scratch),
     }?;
+    if repeated.get() > 0 {
+        let detail = format!("{} rows left out that repeat the titles", repeated.get());
+        notes.push(Warning::of_recording("repeated_titles", detail));
+    }
     received.header.notes.splice(0..0, notes);
     Ok(received)
 }
 
 fn wide(
-    mut rows: Reader<BoundedRows<impl Read>>,
+    mut rows: TableRows<'_, impl Read>,
     sniff: &Sniff,
     options: &Options,
     scratch: Option<NewScratch>,
@@ -116,5 +124,7 @@ fn wide(
     table.into_received()
 }
 
+#[cfg(test)]
+mod layouts;
 #[cfg(test)]
 mod tests;

@@ -1,41 +1,46 @@
 //! What the first lines of a CSV tell: its delimiter, its kind, and how it writes numbers.
 
+use super::super::format::HEAD_BYTES;
 use super::super::options::Decimal;
 use super::super::{Format, value};
 use super::long::LongColumns;
 use super::paired::PairedColumns;
-use ::csv::ReaderBuilder;
+use super::rows::{TableRows, read_row, read_text_row, rows_of};
+use super::shape::Shape;
+use ::csv::ByteRecord;
 
 /// Rows that are looked at.
 const ROWS: usize = 50;
 
+/// Rows among which the titles are looked for.
+const TOP_ROWS: usize = 100;
+
 /// The first rows of a text.
 pub(super) struct Sniff {
     pub(super) delimiter: u8,
+    pub(super) shape: Shape,
     rows: Vec<Vec<String>>,
 }
 
 impl Sniff {
     pub(super) fn new(head: &[u8]) -> Self {
-        let start = head.trim_ascii_start();
-        let first_line = start.split(|byte| *byte == b'\n').next().unwrap_or(start);
-        let delimiter = delimiter(first_line);
-        // The last line of the head may be cut.
+        // The last line of a head may be cut, and that of a whole text is not.
         let whole = match head.iter().rposition(|byte| *byte == b'\n') {
-            Some(end) => &head[..end],
-            None => head,
+            Some(end) if head.len() as u64 >= HEAD_BYTES => &head[..end],
+            _ => head,
         };
-        let reader = ReaderBuilder::new()
-            .delimiter(delimiter)
-            .flexible(true)
-            .has_headers(false)
-            .from_reader(whole);
-        let records = reader.into_byte_records().take(ROWS).flatten();
+        let (delimiter, shape) = shape_of(whole);
+        let mut table = TableRows::of(whole, delimiter, &shape);
         let field = |field: &[u8]| String::from_utf8_lossy(field).trim().to_owned();
-        let rows = records.map(|record| record.iter().map(field).collect());
+        let mut record = ByteRecord::new();
+        let mut rows = Vec::new();
+        while rows.len() < ROWS && read_row(&mut table, &mut record).is_ok_and(|is_one| is_one) {
+            rows.push(record.iter().map(field).collect());
+        }
         Self {
             delimiter,
-            rows: rows.collect(),
+            shape,
+            rows,
         }
     }
 
@@ -44,24 +49,8 @@ impl Sniff {
         let Some(first) = self.rows.first() else {
             return Format::WideCsv;
         };
-        let has = |name: &str| first.iter().any(|title| title == name);
-        let is_annotation = |title: &String| {
-            ["#group", "#datatype", "#default", "#constant"].contains(&title.as_str())
-        };
-        if first.first().is_some_and(is_annotation) || (has("_time") && has("_value")) {
-            return Format::InfluxCsv;
-        }
-        let times = first
-            .iter()
-            .filter(|title| title.eq_ignore_ascii_case("time"));
-        let second = self.rows.get(1).into_iter().flatten();
-        let is_description = |field: &String| {
-            ["Unit:", "Interp:", "Type:"]
-                .iter()
-                .any(|key| field.starts_with(key))
-        };
-        if times.count() > 1 || second.clone().any(is_description) {
-            return Format::SimulinkCsv;
+        if let Some(format) = described(&self.rows) {
+            return format;
         }
         let titles: Vec<&str> = first.iter().map(String::as_str).collect();
         if LongColumns::of(&titles)
@@ -146,6 +135,65 @@ impl Sniff {
             .and_then(|titles| titles.get(column))
             .map_or("", String::as_str)
     }
+}
+
+/// The format of rows that describe themselves.
+fn described(rows: &[Vec<String>]) -> Option<Format> {
+    let first = rows.first()?;
+    let has = |name: &str| first.iter().any(|title| title == name);
+    let is_annotation =
+        |title: &String| ["#group", "#datatype", "#default", "#constant"].contains(&title.as_str());
+    if first.first().is_some_and(is_annotation) || (has("_time") && has("_value")) {
+        return Some(Format::InfluxCsv);
+    }
+    let times = first
+        .iter()
+        .filter(|title| title.eq_ignore_ascii_case("time"));
+    let mut second = rows.get(1).into_iter().flatten();
+    let is_description = |field: &String| {
+        let mut keys = ["Unit:", "Interp:", "Type:"].iter();
+        keys.any(|key| field.starts_with(key))
+    };
+    let is_simulink = times.count() > 1 || second.any(is_description);
+    is_simulink.then_some(Format::SimulinkCsv)
+}
+
+/// The delimiter of a text and the shape of its rows: those with the most columns of data.
+fn shape_of(text: &[u8]) -> (u8, Shape) {
+    let start = text.trim_ascii_start();
+    let first_line = start.split(|byte| *byte == b'\n').next().unwrap_or(start);
+    let likely = delimiter(first_line);
+    let first = first_rows(text, likely);
+    let words = |record: &ByteRecord| {
+        let fields = record
+            .iter()
+            .map(|field| String::from_utf8_lossy(field).trim().to_owned());
+        fields.collect::<Vec<String>>()
+    };
+    let described = described(&first.iter().take(2).map(words).collect::<Vec<_>>());
+    let plain = (likely, Shape::plain(&first));
+    if described.is_some() {
+        return plain;
+    }
+    let all = [likely, b'\t', b';', b','].map(|delimiter| {
+        let shape = Shape::of(&first_rows(text, delimiter));
+        shape.map(|shape| (delimiter, shape))
+    });
+    // Of several with as many columns the last is taken, which is the likely one.
+    let best = all.into_iter().rev().flatten();
+    best.max_by_key(|(_, shape)| shape.columns())
+        .unwrap_or(plain)
+}
+
+fn first_rows(text: &[u8], delimiter: u8) -> Vec<ByteRecord> {
+    let mut rows = rows_of(text, delimiter);
+    let mut first = Vec::new();
+    let mut record = ByteRecord::new();
+    while first.len() < TOP_ROWS && read_text_row(&mut rows, &mut record).is_ok_and(|is_one| is_one)
+    {
+        first.push(record.clone());
+    }
+    first
 }
 
 /// How numbers write fractions.

@@ -1,0 +1,222 @@
+//! Tables in the layouts that loggers, spreadsheets and scripts write.
+
+use crate::intake::{self, MediaKind, Options, ReadError};
+use crate::{Recording, TimeAxis};
+use std::fmt::Write as _;
+
+fn read(text: &str, options: &[(&str, &str)]) -> Result<Recording, ReadError> {
+    let mut read_options = Options::default();
+    for (option, value) in options {
+        read_options.set(option, value).unwrap();
+    }
+    intake::read(text.as_bytes(), MediaKind::Csv, &read_options)
+}
+
+fn parse(text: &str) -> Recording {
+    read(text, &[("tz", "UTC")]).unwrap_or_else(|error| panic!("{text}\n{error}"))
+}
+
+fn codes(text: &str) -> Vec<&'static str> {
+    let error = read(text, &[]).expect_err(text);
+    error.faults().iter().map(|fault| fault.code).collect()
+}
+
+/// Whether a warning of that code is told.
+fn tells(recording: &Recording, code: &str) -> bool {
+    recording.notes.iter().any(|note| note.code == code)
+}
+
+/// Checks that a text is 1.0, 1.1 and 1.2 bar as `PT` and 20, 21 and 22 °C as `TT`, every tenth of a second.
+fn check(text: &str) -> Recording {
+    let recording = parse(text);
+    let uniform = TimeAxis::Uniform {
+        sample_time: 0.1,
+        samples: 3,
+    };
+    assert_eq!(recording.time, uniform, "{text}");
+    for (name, expected) in [
+        ("PT", [1.0e5, 1.1e5, 1.2e5]),
+        ("TT", [293.15, 294.15, 295.15]),
+    ] {
+        let signal = recording.signal(name).unwrap_or_else(|| panic!("{text}"));
+        let pairs = signal.values.iter().zip(expected);
+        assert!(
+            pairs
+                .clone()
+                .all(|(value, expected)| (value - expected).abs() < 1e-6),
+            "{text}: {:?}",
+            signal.values
+        );
+        assert_eq!(pairs.count(), 3);
+    }
+    recording
+}
+
+const ROWS: &str = "0,1.0,20\n0.1,1.1,21\n0.2,1.2,22\n";
+const TITLES: &str = "Time [s],PT [bar],TT [degC]";
+
+#[test]
+fn a_row_of_units_stands_below_the_titles() {
+    for units in [
+        "s,bar,degC",
+        "[s],[bar],[°C]",
+        "(s),(bar),(DEG C)",
+        "s;bar;degC",
+    ] {
+        let text = format!("Time,PT,TT\n{units}\n{ROWS}");
+        let text = match units.contains(';') {
+            true => text.replace(',', ";"),
+            false => text,
+        };
+        assert!(tells(&check(&text), "row_of_units"), "{text}");
+    }
+    let clock =
+        "Zeit,PT,TT\nhh:mm:ss,bar,°C\n08:15:00.0,1.0,20\n08:15:00.1,1.1,21\n08:15:00.2,1.2,22\n";
+    assert!(tells(&check(clock), "times_without_date"));
+    let dimensionless = parse("Time,PT,n\ns,bar,-\n0,1,2\n1,1,3\n");
+    assert_eq!(dimensionless.signal("n").unwrap().unit, "1");
+    let recording = parse("t,A,V\n0,1,2\n1,1,3\n");
+    assert_eq!(recording.signals[0].name, "A", "titles that are units");
+    assert_eq!(
+        codes("Time,PT,TT\ns,bar,parsec\n0,1,2\n1,1,3\n"),
+        ["unknown_unit"]
+    );
+    assert_eq!(codes("t,PT [bar]\ns,kPa\n0,1\n1,1\n"), ["units_differ"]);
+    let long = "timestamp,tag,value,unit\n0,PT,1,bar\n0,TT,20,degC\n1,PT,1,bar\n1,TT,21,degC\n";
+    assert_eq!(parse(&long.replace("timestamp", "time")).signals.len(), 2);
+}
+
+#[test]
+fn lines_before_the_titles_are_left_out_and_it_is_told() {
+    for before in [
+        "Test rig 4\n",
+        "Test rig 4\n\nExported;2026-03-02\n\n",
+        "\"Rig 4, run 3\"\nSampling,100,ms\nOperator,Smith\n",
+        "Rig 4,,\nDate,2026-03-02,\n,,\n",
+        "# made by hand, on rig 4, twice\n#\n",
+        "sep=,\n",
+    ] {
+        let recording = check(&format!("{before}{TITLES}\n{ROWS}"));
+        assert!(tells(&recording, "lines_left_out"), "{before}");
+        assert!(!tells(&recording, "row_of_units"), "{before}");
+        check(&format!("{before}Time,PT,TT\ns,bar,degC\n{ROWS}"));
+    }
+    let commented = check(&format!("# rig 4\n# {TITLES}\n{ROWS}"));
+    assert_eq!(commented.signals[0].name, "PT");
+    let semicolons = format!("Rig 4, run 3, hot\nStart: 08:15\n{TITLES}\n{ROWS}");
+    let semicolons = semicolons
+        .replace(',', ";")
+        .replace("4; run 3;", "4, run 3,");
+    check(&semicolons.replace('.', ","));
+    let error = read(&format!("Rig 4\n\n{TITLES}\n{ROWS}0.3,x,1\n"), &[]).unwrap_err();
+    assert_eq!(error.faults()[0].line, Some(7), "{error}");
+    let two = format!("pressure time,left,right\n{TITLES}\n{ROWS}");
+    assert_eq!(codes(&two), ["titles_unclear"]);
+}
+
+#[test]
+fn a_date_and_a_time_in_two_columns_are_one_time() {
+    let rows = |separator: &str, clocks: [&str; 3], fraction: &str| -> String {
+        let rows = clocks.iter().enumerate().map(|(k, clock)| {
+            let row = [
+                "2.3.2026",
+                clock,
+                &format!("1{fraction}{k}"),
+                &format!("2{k}"),
+            ]
+            .join(separator);
+            row + "\n"
+        });
+        rows.collect()
+    };
+    let clocks = ["08:15:00.0", "08:15:00.1", "08:15:00.2"];
+    let text = format!("Date,Time,PT [bar],TT [degC]\n{}", rows(",", clocks, "."));
+    let recording = check(&text);
+    assert!(tells(&recording, "joined_time"));
+    let start = recording.start.map(|start| start.to_string());
+    assert_eq!(start.as_deref(), Some("2026-03-02T08:15:00Z"));
+    let clocks = clocks.map(|clock| clock.replace('.', ","));
+    let rows = rows(";", clocks.each_ref().map(|clock| &**clock), ",");
+    check(&format!("Datum;Uhrzeit;PT [bar];TT [degC]\n{rows}"));
+    check(&format!("Datum;Uhrzeit;PT;TT\n;hh:mm:ss;bar;°C\n{rows}"));
+    let text = "Time,ms,PT [bar],TT [degC]\n2026-03-02 08:15:00,900,1.0,20\n2026-03-02 08:15:01,0,1.1,21\n\
+                2026-03-02 08:15:01,100,1.2,22\n";
+    check(text);
+    let three = text
+        .replace("Time,", "Date,Time,")
+        .replace("02 08", "02,08");
+    check(&three);
+    let late = format!("{three}2026-03-02,08:15:01,1200,1.3,23\n");
+    assert!(read(&late, &[("tz", "UTC")]).is_err());
+    let swapped = text.replace("Time,", "Time,Date,");
+    check(
+        &swapped
+            .replace("2026-03-02 08:15:00", "08:15:00,2026-03-02")
+            .replace("2026-03-02 08:15:01", "08:15:01,2026-03-02"),
+    );
+}
+
+#[test]
+fn letters_and_offsets_behind_a_time_are_its_zone() {
+    for (stamp, utc) in [
+        ("2026-07-02 08:15:00 CEST", "06:15:00"),
+        ("2026-07-02 08:15:00 UTC", "08:15:00"),
+        ("02.07.2026 08:15:00 MESZ", "06:15:00"),
+        ("02.07.2026 08:15:00 +0530", "02:45:00"),
+        ("02.07.2026 08:15:00Z", "08:15:00"),
+        ("2026-07-02 08:15:00 EEST", "05:15:00"),
+    ] {
+        let text = format!(
+            "t,a\n{stamp},1\n{},2\n",
+            stamp.replace(":00 ", ":01 ").replace(":00Z", ":01Z")
+        );
+        let recording = read(&text, &[]).unwrap_or_else(|error| panic!("{stamp}: {error}"));
+        let start = recording.start.unwrap().to_string();
+        assert_eq!(start, format!("2026-07-02T{utc}Z"), "{stamp}");
+    }
+    let text = "t,a\n2026-07-02 08:15:00 BST,1\n2026-07-02 08:15:01 BST,2\n";
+    let error = read(text, &[]).unwrap_err();
+    assert_eq!(error.faults()[0].code, "ambiguous_zone");
+    assert!(error.faults()[0].detail.contains("`tz`"), "{error}");
+    let london = read(text, &[("tz", "Europe/London")]).unwrap();
+    assert_eq!(london.start.unwrap().to_string(), "2026-07-02T07:15:00Z");
+    assert!(read(text, &[("tz", "Europe/Berlin")]).is_err());
+}
+
+#[test]
+fn milliseconds_may_stand_behind_a_colon() {
+    let mut text = "t,PT [bar],TT [degC]\n".to_owned();
+    for k in 0..3 {
+        writeln!(text, "02.03.2026 08:15:00:{k}00,1.{k},2{k}").unwrap();
+    }
+    check(&text);
+    assert!(
+        read(&text.replace("00,1", ",1"), &[("tz", "UTC")]).is_err(),
+        "one digit"
+    );
+}
+
+#[test]
+fn the_indices_of_pandas_are_understood() {
+    let numbered =
+        check(",time [s],PT [bar],TT [degC]\n0,0.0,1.0,20\n1,0.1,1.1,21\n2,0.2,1.2,22\n");
+    assert!(tells(&numbered, "row_numbers"));
+    check("Unnamed: 0,time,PT [bar],TT [degC]\n0,0.0,1.0,20\n1,0.1,1.1,21\n2,0.2,1.2,22\n");
+    let text = ",PT [bar],TT [degC]\n0 days 00:00:00,1.0,20\n0 days 00:00:00.100000,1.1,21\n\
+                0 days 00:00:00.200000,1.2,22\n";
+    check(text);
+    check(&text.replace("0 days 00:00:00", "1 days 10:00:00"));
+    check(&text.replace("0 days 00", "-1 days +00"));
+    assert_eq!(codes(",a\n0,1\n1,2\n2,3\n"), ["time_unit_needed"; 3]);
+}
+
+#[test]
+fn the_titles_of_joined_files_are_left_out() {
+    let mut rows = ROWS.split_inclusive('\n');
+    let first = rows.next().unwrap();
+    let text = format!(
+        "Rig 4\n{TITLES}\n{first}Rig 4\n{TITLES}\n{}",
+        rows.collect::<String>()
+    );
+    assert!(tells(&check(&text), "repeated_titles"));
+}
