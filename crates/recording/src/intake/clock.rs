@@ -30,7 +30,7 @@ const NANOSECONDS: f64 = 1e9;
 pub(super) type ClockFault = (&'static str, String);
 
 /// Reads the times of one source.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Clock {
     /// The name that the source has for the time.
     name: String,
@@ -55,7 +55,7 @@ pub(super) struct Clock {
     offset: Option<String>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct ClockOptions {
     zone: Option<(String, TimeZone)>,
     unit: Option<TimeUnit>,

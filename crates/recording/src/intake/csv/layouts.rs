@@ -220,3 +220,59 @@ fn the_titles_of_joined_files_are_left_out() {
     );
     assert!(tells(&check(&text), "repeated_titles"));
 }
+
+#[test]
+fn rows_that_share_a_second_are_spread_over_it_and_it_is_told() {
+    let text = |counts: &[usize]| {
+        let mut text = "time,PT [bar],TT [degC]\n".to_owned();
+        for (second, count) in counts.iter().enumerate() {
+            for k in 0..*count {
+                writeln!(text, "2026-03-02 08:15:{second:02},{second}.{k},{k}").unwrap();
+            }
+        }
+        text
+    };
+    let recording = parse(&text(&[10, 10, 10]));
+    assert!(tells(&recording, "spread_rows"), "{:?}", recording.notes);
+    assert_eq!(
+        (recording.time.samples(), recording.time.sample_time()),
+        (30, 0.1)
+    );
+    let begun = parse(&text(&[3, 10, 10, 10, 4]));
+    assert_eq!((begun.time.samples(), begun.time.sample_time()), (37, 0.1));
+    assert_eq!(begun.start.unwrap().to_string(), "2026-03-02T08:15:00.7Z");
+    let lost = parse(&text(&[10, 10, 9, 10, 10, 11, 10, 10]));
+    assert_eq!(lost.time.samples(), 80);
+    assert_eq!(lost.time.instant(79), 7.9);
+    let stuck = read(&text(&[10, 10, 10, 25, 10, 10, 10]), &[("tz", "UTC")]).unwrap_err();
+    assert_eq!(
+        (stuck.faults()[0].code, stuck.faults()[0].line),
+        ("repeated_time", Some(52))
+    );
+    let uneven = read(&text(&[10, 3, 7, 1, 30, 2, 5]), &[("tz", "UTC")]).unwrap_err();
+    assert_eq!(uneven.faults()[0].code, "repeated_time");
+    let again: String = ROWS
+        .split_inclusive('\n')
+        .flat_map(|row| [row, row])
+        .collect();
+    assert!(tells(
+        &check(&format!("{TITLES}\n{again}")),
+        "duplicate_time"
+    ));
+}
+
+#[test]
+fn the_newest_row_may_come_first() {
+    let rows: String = ROWS.split_inclusive('\n').rev().collect();
+    assert!(tells(&check(&format!("{TITLES}\n{rows}")), "newest_first"));
+    let stamped = rows
+        .replace("0.", "2026-03-02T08:15:00.")
+        .replace("0,1.0", "2026-03-02T08:15:00,1.0");
+    let stamped = check(&format!("{TITLES}\n{stamped}").replace("Time [s]", "Time"));
+    assert_eq!(stamped.start.unwrap().to_string(), "2026-03-02T08:15:00Z");
+    let error = read(&format!("{TITLES}\n{rows}0.3,1,2\n"), &[]).unwrap_err();
+    assert_eq!(
+        (error.faults()[0].code, error.faults()[0].line),
+        ("time_backwards", Some(3))
+    );
+}

@@ -12,6 +12,7 @@
 mod header;
 mod influx;
 mod long;
+mod order;
 mod paired;
 mod rows;
 mod shape;
@@ -84,7 +85,13 @@ pub(super) fn receive_as(
         Format::PairedCsv => paired::read(rows, sniff.paired_columns(), &options, memory),
         Format::SimulinkCsv => simulink::read(rows, &options, memory),
         Format::InfluxCsv => influx::read(rows, &options, memory),
-        _ => wide(rows, &sniff, &options, scratch),
+        _ => {
+            let sniffed = SniffedText {
+                head: text.head,
+                whole: rows,
+            };
+            wide(sniffed, &sniff, &options, scratch)
+        }
     }?;
     if repeated.get() > 0 {
         let detail = format!("{} rows left out that repeat the titles", repeated.get());
@@ -95,7 +102,7 @@ pub(super) fn receive_as(
 }
 
 fn wide(
-    mut rows: TableRows<'_, impl Read>,
+    text: SniffedText<'_, TableRows<'_, impl Read>>,
     sniff: &Sniff,
     options: &Options,
     scratch: Option<NewScratch>,
@@ -112,12 +119,14 @@ fn wide(
             detail,
         )));
     }
+    let mut rows = text.whole;
     let mut record = ByteRecord::new();
     read_row(&mut rows, &mut record)?;
     let header = Header::parse(&record, options)?;
-    let times = sniff.column(header.time);
+    let times = sniff.column(text.head, header.time);
+    let are_repeated = sniff.are_repeated(header.time);
     let mut table = CsvTable::new(header, options, scratch);
-    table.look_ahead(times.iter().map(String::as_str));
+    table.look_ahead(&times, are_repeated);
     while !table.is_full() && read_row(&mut rows, &mut record)? {
         table.push(&record).map_err(ReadError::Scratch)?;
     }

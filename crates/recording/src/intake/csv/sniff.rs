@@ -24,23 +24,12 @@ pub(super) struct Sniff {
 
 impl Sniff {
     pub(super) fn new(head: &[u8]) -> Self {
-        // The last line of a head may be cut, and that of a whole text is not.
-        let whole = match head.iter().rposition(|byte| *byte == b'\n') {
-            Some(end) if head.len() as u64 >= HEAD_BYTES => &head[..end],
-            _ => head,
-        };
+        let whole = without_cut_line(head);
         let (delimiter, shape) = shape_of(whole);
-        let mut table = TableRows::of(whole, delimiter, &shape);
-        let field = |field: &[u8]| String::from_utf8_lossy(field).trim().to_owned();
-        let mut record = ByteRecord::new();
-        let mut rows = Vec::new();
-        while rows.len() < ROWS && read_row(&mut table, &mut record).is_ok_and(|is_one| is_one) {
-            rows.push(record.iter().map(field).collect());
-        }
         Self {
             delimiter,
+            rows: table_rows(whole, delimiter, &shape, ROWS),
             shape,
-            rows,
         }
     }
 
@@ -85,10 +74,23 @@ impl Sniff {
         titles.get(column).map(String::as_str)
     }
 
-    /// The fields of a column below the header.
-    pub(super) fn column(&self, index: usize) -> Vec<String> {
-        let below = self.rows.iter().skip(1);
-        below.filter_map(|row| row.get(index).cloned()).collect()
+    /// The fields of a column below the header, as far as the head of the text goes.
+    pub(super) fn column(&self, head: &[u8], index: usize) -> Vec<String> {
+        let field = |row: Vec<String>| row.into_iter().nth(index).unwrap_or_default();
+        let rows = table_rows(
+            without_cut_line(head),
+            self.delimiter,
+            &self.shape,
+            usize::MAX,
+        );
+        rows.into_iter().skip(1).map(field).collect()
+    }
+
+    /// Whether the first rows that share the field of a column are the same row again.
+    pub(super) fn are_repeated(&self, column: usize) -> bool {
+        let pairs = self.rows.windows(2).skip(1);
+        let mut of_one_time = pairs.filter(|pair| pair[0].get(column) == pair[1].get(column));
+        of_one_time.all(|pair| pair[0] == pair[1])
     }
 
     /// How the numbers of all columns together write fractions: whether they have a decimal comma, or cannot tell.
@@ -135,6 +137,26 @@ impl Sniff {
             .and_then(|titles| titles.get(column))
             .map_or("", String::as_str)
     }
+}
+
+/// A head up to its last line, which may be cut; that of a whole text is not.
+fn without_cut_line(head: &[u8]) -> &[u8] {
+    match head.iter().rposition(|byte| *byte == b'\n') {
+        Some(end) if head.len() as u64 >= HEAD_BYTES => &head[..end],
+        _ => head,
+    }
+}
+
+/// The first rows of a table, so many at the most, with that of its titles.
+fn table_rows(text: &[u8], delimiter: u8, shape: &Shape, most: usize) -> Vec<Vec<String>> {
+    let mut table = TableRows::of(text, delimiter, shape);
+    let field = |field: &[u8]| String::from_utf8_lossy(field).trim().to_owned();
+    let mut record = ByteRecord::new();
+    let mut rows = Vec::new();
+    while rows.len() < most && read_row(&mut table, &mut record).is_ok_and(|is_one| is_one) {
+        rows.push(record.iter().map(field).collect());
+    }
+    rows
 }
 
 /// The format of rows that describe themselves.
