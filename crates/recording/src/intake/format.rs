@@ -94,6 +94,8 @@ impl MediaKind {
             "application/json" => Some(Self::Json),
             "text/plain" => Some(Self::Text),
             "application/octet-stream"
+            | "application/gzip"
+            | "application/x-gzip"
             | "application/vnd.apache.parquet"
             | "application/vnd.apache.arrow.file"
             | "application/vnd.apache.arrow.stream"
