@@ -86,6 +86,7 @@ pub(super) fn is_data(field: &str) -> bool {
         || is_number(Decimal::Point)
         || is_number(Decimal::Comma)
         || stamp::is_one(field)
+        || value::with_unit(field).is_some_and(|(number, _)| is_data(number))
 }
 
 fn time_column(titles: &[&str], wanted: Option<&str>) -> Option<usize> {

@@ -276,3 +276,64 @@ fn the_newest_row_may_come_first() {
         ("time_backwards", Some(3))
     );
 }
+
+#[test]
+fn numbers_in_quotes_may_have_decimal_commas_or_thousands() {
+    let text = format!("{TITLES}\n{ROWS}");
+    let commas = text
+        .replace("1.0", "\"1,0\"")
+        .replace("1.1", "\"1,1\"")
+        .replace("1.2", "\"1,2\"")
+        .replace("0.1", "\"0,1\"")
+        .replace("0.2", "\"0,2\"");
+    assert!(tells(&check(&commas), "decimal_comma"));
+    let mixed = commas.replace("\"0,1\"", "0.1").replace("\"0,2\"", "0.2");
+    let error = read(&mixed, &[]).unwrap_err();
+    assert!(error.faults()[0].detail.contains("decimal="), "{error}");
+    let error = read(&mixed, &[("decimal", ",")]).unwrap_err();
+    assert_eq!(
+        error.faults()[0].code,
+        "not_a_time",
+        "no time is ten times itself"
+    );
+    let thousands = "t,p\n0,\"1,052.3\"\n1,\"12,345,678.0\"\n2,998.5\n";
+    let values = &parse(thousands).signals[0].values;
+    assert_eq!(values, &[1052.3, 12_345_678.0, 998.5]);
+    let unclear = "t,p\n0,\"1,052\"\n1,998\n2,997\n";
+    let error = read(unclear, &[]).unwrap_err();
+    assert!(error.faults()[0].detail.contains("decimal="), "{error}");
+    let said = read(unclear, &[("decimal", ".")]).unwrap();
+    assert_eq!(said.signals[0].values, [1052.0, 998.0, 997.0]);
+    let groups = read("t,p\n0,\"1,05,2.3\"\n1,1\n2,3\n", &[]);
+    assert!(groups.is_err());
+}
+
+#[test]
+fn units_may_stand_in_the_cells() {
+    let text = "Time [s],PT,TT\n0,1.0 bar,20°C\n0.1,1.1 bar,21 degC\n0.2,1.2 Bar,22 °C\n";
+    assert!(tells(&check(text), "unit_from_cells"));
+    check(&text.replace("PT", "PT [bar]"));
+    check(&text.replace(',', ";").replace('.', ","));
+    for wrong in ["1.1 psi", "1.1"] {
+        let error = read(&text.replace("1.1 bar", wrong), &[]).unwrap_err();
+        let fault = &error.faults()[0];
+        assert_eq!(
+            (fault.code, fault.line),
+            ("units_differ", Some(3)),
+            "{wrong}"
+        );
+    }
+    let words = parse("t,a,state\n0,1,2 of 3\n1,2,3 of 3\n");
+    assert!(tells(&words, "text_column"));
+}
+
+#[test]
+fn units_of_many_trades_are_known() {
+    for unit in [
+        "%RH", "ppm", "pH", "cP", "cSt", "U/min", "cfm", "Sm3/h", "inWC", "daN", "kp", "hp",
+        "W/m²K", "counts", "Volts", "AMPS", "DEG C",
+    ] {
+        let recording = parse(&format!("t,a [{unit}]\n0,1\n1,2\n"));
+        assert_eq!(recording.signals[0].recorded_unit, unit);
+    }
+}

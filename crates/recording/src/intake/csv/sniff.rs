@@ -95,19 +95,21 @@ impl Sniff {
 
     /// How the numbers of all columns together write fractions: whether they have a decimal comma, or cannot tell.
     pub(super) fn fractions(&self) -> Fractions {
-        if self.delimiter == b',' {
-            return Fractions::Point;
-        }
-        let fields = || self.rows.iter().skip(1).flatten();
-        let is_clear_point = |field: &String| {
-            field.contains('.') && value::number(field, None).is_some() && !is_in_thousands(field)
+        let plain = |field: &String| match value::with_unit(field) {
+            Some((number, _)) => number.to_owned(),
+            None => field.clone(),
+        };
+        let fields = || self.rows.iter().skip(1).flatten().map(plain);
+        let is_in_thousands = |field: &str| value::is_in_thousands(field, '.');
+        let is_clear_point = |field: String| {
+            field.contains('.') && value::number(&field, None).is_some() && !is_in_thousands(&field)
         };
         if fields().any(is_clear_point) {
             return Fractions::Point;
         }
-        let is_comma = |field: &String| {
+        let is_comma = |field: String| {
             let fraction = field.split_once(',').map(|(_, fraction)| fraction);
-            let is_number = value::number(field, Some(Decimal::Comma)).is_some();
+            let is_number = value::number(&field, Some(Decimal::Comma)).is_some();
             // `1,234` may be a thousand and more.
             let is_clear = |fraction: &str| fraction.len() != 3 || field.starts_with("0,");
             is_number && fraction.is_some_and(is_clear)
@@ -118,11 +120,14 @@ impl Sniff {
         // Who writes three digits behind a point writes them behind 998 too.
         let width = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let is_open = |column: usize| {
-            let fields = || self.rows.iter().skip(1).filter_map(|row| row.get(column));
-            let is_whole = |field: &String| {
+            let fields = || {
+                let fields = self.rows.iter().skip(1).filter_map(|row| row.get(column));
+                fields.map(plain)
+            };
+            let is_whole = |field: String| {
                 field.len() == 3 && field.bytes().all(|digit| digit.is_ascii_digit())
             };
-            fields().any(is_whole) && fields().any(|field| is_in_thousands(field))
+            fields().any(is_whole) && fields().any(|field| is_in_thousands(&field))
         };
         match (0..width).find(|column| is_open(*column)) {
             Some(column) => Fractions::Open { column },
@@ -227,20 +232,6 @@ pub(super) enum Fractions {
     Comma,
     /// The points of a column may stand before fractions or between thousands.
     Open { column: usize },
-}
-
-/// Whether the points of a number may stand between its thousands: `1.052`, `12.345.678`.
-fn is_in_thousands(field: &str) -> bool {
-    let mut groups = field.trim_start_matches('-').split('.');
-    let is_of_digits = |group: &str| group.bytes().all(|digit| digit.is_ascii_digit());
-    let first = groups.next().unwrap_or_default();
-    let begins = (1..=3).contains(&first.len()) && !first.starts_with('0') && is_of_digits(first);
-    let mut count = 0;
-    let go_on = groups.all(|group| {
-        count += 1;
-        group.len() == 3 && is_of_digits(group)
-    });
-    begins && go_on && count > 0
 }
 
 /// The delimiter that stands most often in the header row, outside quotes.
